@@ -31,12 +31,12 @@ def main() -> None:
     args = arguments()
     if args.scene is not None:
         sys.exit(one(args))
-    folder = Path(args.folder or f"invariance-{args.seed}")
+    folder = Path(args.folder or f"invariance-{args.seed}{'-laws' * args.laws}")
     folder.mkdir(exist_ok=True)
     log, began = folder / "scenes.jsonl", time.monotonic()
     done = campaign.kept(log)
     open_ = [n for n in range(args.first, args.first + args.scenes) if n not in done]
-    jobs = [(args.seed, n, args.solver, args.checks) for n in open_]
+    jobs = [(args.seed, n, args.solver, args.checks, args.laws) for n in open_]
     for i, record in enumerate(campaign.examined(jobs, args.jobs)):
         campaign.keep(log, record)
         done[record.number] = record
@@ -51,9 +51,9 @@ def main() -> None:
     text = report(records, args.seed)
     print(text)
     if args.page:
-        alone = f" --solver {args.solver}" if args.solver else ""
+        alone = (" --laws" if args.laws else "") + (f" --solver {args.solver}" if args.solver else "")
         made = stamp(f"invariance --scenes {len(records)} --seed {args.seed}{alone} --page", "h5py")
-        write(PAGE, "invariances", f"{text}\n\n{made}")
+        write(PAGE, "laws" if args.laws else "invariances", f"{text}\n\n{made}")
     sys.exit(1 if any(r.violations for r in records) else 0)
 
 
@@ -67,6 +67,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--checks", type=int, default=campaign.DRAWN,
                         help="per scene, drawn by lot, beside those that need no further solution")
     parser.add_argument("--solver", choices=list(SOLVERS), help="this one alone")
+    parser.add_argument("--laws", action="store_true", help="scenes whose materials yield, follow a curve or relax")
     parser.add_argument("--folder", help="where records and counterexamples go (default: invariance-SEED)")
     parser.add_argument("--minutes", type=float, help="stop after so many")
     parser.add_argument("--keep-large", action="store_true", help="do not make counterexamples small")
@@ -77,7 +78,7 @@ def arguments() -> argparse.Namespace:
 
 def one(args: argparse.Namespace) -> int:
     """Tell what each check finds in one scene; return 1 where one is violated."""
-    case = scene(args.seed, args.scene, args.solver)
+    case = scene(args.seed, args.scene, args.solver, args.laws)
     path = Path(f"scene-{args.seed}-{args.scene}.yaml")
     campaign.write_case(path, case, f"scene {args.scene} of seed {args.seed}")
     item = Scene(case, (args.seed, args.scene))
@@ -97,7 +98,7 @@ def shrink(folder: Path, records: list[campaign.Record], args: argparse.Namespac
             path = folder / f"{record.number}-{name.replace(' ', '-')}.yaml"
             if seen[name, record.solver] > SHRUNK or path.exists() or "itself failed" in what:
                 continue
-            case = campaign.counterexample(args.seed, record.number, args.solver, name)
+            case = campaign.counterexample(args.seed, record.number, args.solver, name, args.laws)
             campaign.write_case(path, case, f"{name}, scene {record.number} of seed {args.seed}\n{what}")
             print(f"wrote {path}", file=sys.stderr)
 

@@ -50,15 +50,15 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
                 new[at, l] = h
                 new[i, l] -= g * h
                 slope[i, i, l] -= g * takes
-    at = (2 + terms) * n
+    before, at = (1 + terms) * n, (2 + terms) * n
     for i in range(n):
         for j in range(i, n):
             half = 0.25 if i == j else 0.5
             for l in range(lanes):
                 taken, other = new[i, l] - old[i, l], new[j, l] - old[j, l]
-                bears = eps[i, l] - old[at - n + i, l] - taken
+                bears = eps[i, l] - old[before + i, l] - taken
                 new[at, l] = old[at, l] + half * (
-                    bears * other + (eps[j, l] - old[at - n + j, l] - other) * taken)
+                    bears * other + (eps[j, l] - old[before + j, l] - other) * taken)
             at += 1
     at = (1 + terms) * n
     for i in range(n):

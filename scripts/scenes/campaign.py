@@ -65,9 +65,9 @@ def outcome(item: Scene, check: Check) -> tuple[str, str]:
     return ("held" if found.ratio <= 1.0 else "announced"), ""
 
 
-def examine(seed: int, number: int, solver: str | None = None, drawn: int = DRAWN) -> Record:
+def examine(seed: int, number: int, solver: str | None = None, drawn: int = DRAWN, laws: bool = False) -> Record:
     """Try one scene."""
-    case = scene(seed, number, solver)
+    case = scene(seed, number, solver, laws)
     item = Scene(case, (seed, number))
     record = Record(number, item.solver)
     rng = random.Random(f"draw {seed} {number}")
@@ -88,7 +88,7 @@ def examine(seed: int, number: int, solver: str | None = None, drawn: int = DRAW
     return record
 
 
-def examined(jobs: Iterable[tuple[int, int, str | None, int]], processes: int) -> Iterator[Record]:
+def examined(jobs: Iterable[tuple[int, int, str | None, int, bool]], processes: int) -> Iterator[Record]:
     """Yield what came of scenes, in the order in which they are done."""
     if processes == 1:
         yield from (examine(*job) for job in jobs)
@@ -97,7 +97,7 @@ def examined(jobs: Iterable[tuple[int, int, str | None, int]], processes: int) -
         yield from pool.imap_unordered(examine_job, jobs)
 
 
-def examine_job(job: tuple[int, int, str | None, int]) -> Record:
+def examine_job(job: tuple[int, int, str | None, int, bool]) -> Record:
     """Try one scene, told in one value."""
     return examine(*job)
 
@@ -120,10 +120,10 @@ def keep(log: Path, record: Record) -> None:
         file.write(json.dumps(asdict(record)) + "\n")
 
 
-def counterexample(seed: int, number: int, solver: str | None, name: str) -> Data:
+def counterexample(seed: int, number: int, solver: str | None, name: str, laws: bool = False) -> Data:
     """Return the smallest scene found that violates a check as a scene does."""
     check = next(c for c in CHECKS if c.name == name)
-    case = scene(seed, number, solver)
+    case = scene(seed, number, solver, laws)
 
     def finding(case: Data) -> Any:
         try:

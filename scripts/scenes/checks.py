@@ -10,15 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import motions, rearrange
+from . import laws, motions, rearrange
 from .answer import Answer, answer
 from .balance import Resultant
 from .compare import ILL, Finding, Scene, agree, announced, refusals, total_load
-from .shapes import Array, Data, at, extent
+from .shapes import Array, Data, at, extent, has_laws
 from .similar import INNER, Similarity, UnfitError
 
 LINEAR = ("linear_static",)
-STATIC = ("linear_static", "static", "path")
+STATIC = ("linear_static", "static", "path", "quasi_static")
 MODES = ("eigen", "buckling")
 MOTION = ("dynamic",)
 ALL = (*STATIC, *MODES, *MOTION)
@@ -97,6 +97,8 @@ def nodes(found: Answer, name: str) -> Array | None:
 
 def split(scene: Scene) -> Finding:
     """Cut a body at a node, or a rigid one anywhere, and weld it again."""
+    if has_laws(scene.case, fibres=True):
+        raise UnfitError("fibres are sampled at the ends of bodies")
     ways = [(name, *way) for name in scene.case["bodies"] for way in rearrange.splits(scene.case, name)]
     if not ways:
         raise UnfitError("no body can be cut without another mesh")
@@ -199,6 +201,7 @@ def along(load: Data, found: Answer, probe: str) -> float:
 
 def other_steps(scene: Scene) -> Finding:
     """Raise the load in other steps."""
+    laws.without_laws(scene.case)
     steps = scene.rng.choice([n for n in (1, 3, 7, 20, 40) if n != scene.case["solver"].get("steps", 10)])
     return agree(scene, answer({**scene.case, "solver": {**scene.case["solver"], "steps": steps}}))
 
@@ -234,7 +237,8 @@ CHECKS = (
     Check("momentum of what is free", MOTION, motions.momentum, weight=0),
     Check("energy and angular momentum", MOTION, motions.conserved, weight=0),
     Check("from a file in between", MOTION, motions.from_file, weight=3),
-    Check("stopped and resumed", MOTION, motions.resumed, weight=3),
+    Check("stopped and resumed", (*MOTION, "quasi_static"), motions.resumed, weight=3),
+    Check("what is lost stays lost", MOTION, laws.lost, weight=2),
 )
 
 

@@ -37,7 +37,8 @@ DISTURBED = 1e-7
 DISTURBABLE = ("E", "rho", "EA", "kGA", "EI", "rhoA", "rhoI", "mass", "inertia", "stiffness", "damping", "value",
            "velocity", "omega", "tension", "axial", "curvature", "gradient")
 # what a warning must speak of to explain that two answers differ
-ANNOUNCED = ("round-off", "unstable", "critical point", "negative pivots", "jumps", "not known")
+ANNOUNCED = ("round-off", "unstable", "critical point", "negative pivots", "jumps", "not known",
+             "were not found")
 
 
 # what a nonlinear computation that fails says: it warns of no answer by giving none
@@ -116,7 +117,8 @@ class Scene:
         assert base.state is not None
         d = base.state.d if self.moved else np.zeros_like(base.state.d)
         follows = self.moved and (self.solver != "eigen" or solver.get("about") == "static")
-        return uncertainty(base.model, d, base.state.t) + (NEWTON if follows else 0.0)
+        over_time = solver.get("tolerance", NEWTON) if self.solver == "quasi_static" else 0.0
+        return uncertainty(base.model, d, base.state.t) + (NEWTON if follows else 0.0) + over_time
 
     @cached_property
     def growth(self) -> dict[str, float]:

@@ -12,12 +12,15 @@ from ancf2d.solvers.schemes import INTEGRATORS, SCHEMES
 
 from .amplitudes import random_amplitude
 from .bodies import SOMEWHERE, type_of
+from .laws import give_laws
 from .shapes import Data, at, extent, is_rigid, length, mass_per_length, point, stiffness
 from .similar import INNER, ODD
 from .supports import Supported
 
 # shares of the solvers: linear ones are cheap and many, motions cost thirty times as much
 SOLVERS = {"linear_static": 64, "eigen": 15, "buckling": 11, "static": 6, "path": 2, "dynamic": 2}
+# those of scenes whose materials remember; half of the static ones go over time
+REMEMBERING = {"static": 50, "path": 10, "dynamic": 30, "eigen": 10}
 # SciPy's integrators call Python at every stage, and explicit ones take steps as short as the fastest vibration: theirs
 # are a smaller share of the motions, and these are shorter
 METHODS = tuple(name for name in INTEGRATORS if name not in SCHEMES)
@@ -25,12 +28,19 @@ SHORT = 0.01
 NAMES = ("a", "b", "c", "d")
 
 
-def scene(seed: int, number: int, solver: str | None = None) -> Data:
-    """Return the scene of a number as the data of a case; the same in every process."""
+def scene(seed: int, number: int, solver: str | None = None, laws: bool = False) -> Data:
+    """Return the scene of a number as the data of a case; the same in every process.
+
+    ``laws``: its materials remember.
+    """
     rng = random.Random(f"scene {seed} {number}")
-    kind = solver or rng.choices(list(SOLVERS), list(SOLVERS.values()))[0]
+    shares = REMEMBERING if laws else SOLVERS
+    kind = solver or rng.choices(list(shares), list(shares.values()))[0]
     # plain numbers, as files have them
-    made: Data = json.loads(json.dumps(Maker(rng, kind).made()))
+    maker = Maker(rng, kind)
+    made: Data = json.loads(json.dumps(maker.made()))
+    if laws:
+        give_laws(made, rng, maker.period)
     return made
 
 

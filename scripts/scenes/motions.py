@@ -20,6 +20,7 @@ from .shapes import (
     Array,
     Data,
     extent,
+    has_laws,
     has_mass,
     is_rigid,
     is_straight,
@@ -153,7 +154,7 @@ def from_file(scene: Scene) -> Finding:
     case, base, solver = scene.case, scene.base, scene.case["solver"]
     if base.refusal:
         return refusals(base, base)
-    if varies_in_time(case) or method(case) in WITH_MEMORY or (
+    if has_laws(case) or varies_in_time(case) or method(case) in WITH_MEMORY or (
             "dt" not in solver and solver.get("method") in INTEGRATORS and INTEGRATORS[method(case)].scipy):
         raise UnfitError("the rest depends on more than the state in between")
     cut = solver["t_end"] / 2 if "dt" not in solver else solver["dt"] * (round(solver["t_end"] / solver["dt"]) // 2)
@@ -210,7 +211,8 @@ def stays(scene: Scene) -> Finding:
         return refusals(base, base)
     if scene.blunt:
         return Finding(refusal=ILL)
-    if varies_in_time(case) or "steady_rotation" in case or not all(has_mass(b) for b in case["bodies"].values()):
+    if has_laws(case) or varies_in_time(case) or "steady_rotation" in case or not all(
+            has_mass(b) for b in case["bodies"].values()):
         raise UnfitError("its loads vary, or something has no mass")
     if base.summary.get("energy", {}).get("strain", 0.0) == 0.0:
         raise UnfitError("nothing is strained")

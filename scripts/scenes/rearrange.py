@@ -137,11 +137,15 @@ def with_parameter(text: str, of_s: str) -> str:
     return re.sub(r"\bs\b", f"({of_s})", text)
 
 
+# what is the same along a body
+FIXED = ("damping", "layers", "hardening", "stress_strain", "viscoelastic")
+
+
 def change_profiles(body: Data, change: Callable[[Any], Any]) -> None:
     """Change the numbers of section and material of a body, which may be tables over s."""
     for key in ("section", "material"):
         if key in body:
-            body[key] = {k: v if k in ("damping", "layers") else change(v) for k, v in body[key].items()}
+            body[key] = {k: v if k in FIXED else change(v) for k, v in body[key].items()}
 
 
 # ---------------------------------------------------------------------- split

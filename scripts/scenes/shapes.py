@@ -242,3 +242,10 @@ def extent(case: Data) -> float:
     found = [b["geometry"] for b in case["bodies"].values()]
     points = np.array([position(g, s) for g in found for s in (0.0, 0.25, 0.5, 0.75, 1.0)])
     return float(max(np.ptp(points, axis=0).max(), *(length(g) for g in found)))
+
+
+def has_laws(case: Data, fibres: bool = False) -> bool:
+    """Return whether a material of a scene remembers, or has fibres of their own."""
+    keys = {"yield", "stress_strain"} | (set() if fibres else {"viscoelastic"})
+    return any(keys & set(material) for body in case["bodies"].values() for material in (
+        body.get("material", {}), *(layer["material"] for layer in body.get("section", {}).get("layers", ()))))

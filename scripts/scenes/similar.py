@@ -17,7 +17,8 @@ DIMENSIONS = {
     "height": (1, 0, 0), "width": (1, 0, 0), "A": (2, 0, 0), "I": (4, 0, 0), "EA": (0, 1, 0), "kGA": (0, 1, 0),
     "EI": (2, 1, 0), "rhoA": (-2, 1, 2), "rhoI": (0, 1, 2), "E": (-2, 1, 0), "rho": (-4, 1, 2), "radius": (1, 0, 0),
     "axis": (1, 0, 0), "kelvin_voigt": (0, 0, 1), "mass": (-1, 1, 2), "inertia": (1, 1, 2), "length": (1, 0, 0),
-    "alpha": (0, 0, -1),
+    "alpha": (0, 0, -1), "yield": (-2, 1, 0), "isotropic": (-2, 1, 0), "kinematic": (-2, 1, 0), "stress": (-2, 1, 0),
+    "time": (0, 0, 1),
     "beta": (0, 0, 1), "omega": (0, 0, -1), "t_end": (0, 0, 1), "dt": (0, 0, 1), "interval": (0, 0, 1)}
 # of springs, by type
 SPRINGS = {"translational": {"stiffness": (-1, 1, 0), "damping": (-1, 1, 1)},
@@ -94,7 +95,7 @@ class Similarity:
 
     def case(self, case: Data) -> Data:
         """Return the scene as it is elsewhere. Raises UnfitError where the format has no words for it."""
-        return _Case(self, case["solver"]["type"] == "dynamic").everything(case)
+        return _Case(self, case["solver"]["type"] in ("dynamic", "quasi_static")).everything(case)
 
 
 class _Case:
@@ -115,6 +116,8 @@ class _Case:
     def general(self, value: Any, key: str = "") -> Any:
         """Return anything whose keys say what it is."""
         to = self.to
+        if key in DIMENSIONS and isinstance(value, list):
+            return [v * to.unit(DIMENSIONS[key]) for v in value]
         if key in DIMENSIONS and isinstance(value, dict):
             return {**value, "value": [v * to.unit(DIMENSIONS[key]) for v in value["value"]]}
         if key == "material":

@@ -404,3 +404,19 @@ def test_a_cycle_of_motion_loses_the_energy_of_the_loss_modulus(kind: tuple[str,
     assert abs(coarse) < 5e-3
     assert 3.8 < coarse / fine < 4.2
     assert abs(off("radau5", 0.0125)) < 1e-6
+
+
+def test_the_balance_of_energy_of_a_beam_that_bends_is_of_second_order() -> None:
+    """Two strains in each section and two points to each, beside the bar's one above."""
+    body = {"geometry": h.line(LENGTH), "element": h.element("reissner3", 2), "material": material(CYCLE["terms"]),
+            "section": {"height": SIZE, "width": SIZE}}
+
+    def drift(dt: float) -> float:
+        return float(ancf2d.solve(h.load(
+            {"beam": body}, {"type": "dynamic", "t_end": 0.5, "dt": dt, "method": "newmark", "estimate": False},
+            bc=[{"type": "clamp", "at": "beam@0"}], output={"interval": 0.5}, loads=[
+                {"type": "force", "at": "beam@1", "value": [0, -1e-3 * E * SIZE**4 / LENGTH**2],
+                 "amplitude": {"type": "expression", "value": "sin(12*t)^2"}}])).summary["energy_drift"])
+    coarse, fine = drift(0.01), drift(0.005)
+    assert coarse < 5e-3
+    assert 3.5 < coarse / fine < 4.5
