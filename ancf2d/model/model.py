@@ -339,6 +339,11 @@ class Model:
         return Feedback(self, list(getattr(self.timing, "answers", {}).values()))
 
     @property
+    def hardens(self) -> bool:
+        """Whether fibres yield."""
+        return any(not law.elastic for pool in self.pools for law in pool.plan.section.laws)
+
+    @property
     def hinges(self) -> bool:
         """Whether fibres yield that in the end bear hardly more, so that a section of such turns as a hinge."""
         return any(law.flows for pool in self.pools for law in pool.plan.section.laws)

@@ -35,6 +35,8 @@ STATES = 200
 BEGIN, AHEAD = 1e-3, 0.02
 # share of the energy that may be lost without a word
 LOST = 0.01
+# the same of a motion of fibres that yield, whatever is estimated
+FIBRES = 0.1
 # share of the energy that contact may add without a word
 GAINED = 0.02
 # share of the kinetic energy of initial velocities that supports and joints may change without a word
@@ -274,6 +276,7 @@ class Run:
             state.warnings.append(f"the motion has gained {100 * self.balance.gain:.2g} % of its energy from nothing: "
                                   f"the steps are too long for the layer of contact ({names}). Use shorter steps, or "
                                   "a (smaller) tolerance, a less stiff law, or no law")
+        state.warnings += fibres_warning(self.model, self.balance.drift)
         if self.spec.dt is None:
             state.warnings += wound_warning(self.model, state.d)
         if self.estimate is not None:
@@ -323,6 +326,14 @@ def drift_warning(drift: float, estimate: float | None) -> list[str]:
         return []
     return [f"the steps are too long for part of the motion: the energy balance is off by {100 * drift:.2g} %, but the "
             f"estimated error is {100 * estimate:.2g} %. Shorter steps show which is right"]
+
+
+def fibres_warning(model: Model, drift: float) -> list[str]:
+    """Return what is to be said of a balance of energy that is far off where fibres yield."""
+    if drift <= FIBRES or not model.hardens:
+        return []
+    return [f"the energy balance is off by {100 * drift:.2g} %: fibres remember the peaks of vibrations that steps do "
+            "not resolve. Use shorter steps, or radau5, which damps them"]
 
 
 def solve_dynamic(model: Model, spec: Dynamic, kept: dict[str, Array] | None = None) -> Iterator[State]:

@@ -137,7 +137,11 @@ def corrected(problem: Quadratic, s: complex, x: Complex) -> tuple[complex, Comp
     """
     weights, gap = problem.weights**2, 1.0
     for _ in range(NEWTON):
-        factors = Factors(problem.matrix(s if s.imag else s.real))
+        try:
+            factors = Factors(problem.matrix(s if s.imag else s.real))
+        except ZeroDivisionError:
+            # -1/tau of a term: there the stiffness has no limit
+            return s, x, 1.0
         u = factors.solve(problem.slope(s, x) if s.imag else problem.slope(s, x).real)
         if factors.singular or not np.isfinite(u).all() or not u.any():
             break

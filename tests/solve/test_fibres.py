@@ -298,6 +298,18 @@ def test_a_bar_yields_in_motion(method: str, monkeypatch: pytest.MonkeyPatch) ->
     np.testing.assert_array_equal(last.d[:len(done.d[-1])], done.d[-1])
 
 
+def test_motions_that_unresolved_vibrations_carry_away_are_told() -> None:
+    """A bar is pulled and pushed to 1.3 of its yield force, with steps of 25 periods of its vibrations."""
+    body = {"geometry": h.line(LENGTH), "element": h.element("reissner3", 1), "section": {
+        "height": HEIGHT, "width": WIDTH}, "material": {**STEEL, "rho": 7850, "hardening": {"kinematic": 0.1 * E}}}
+    told = [any("the energy balance is off" in w for w in ancf2d.solve(h.load({"rod": body}, {
+        "type": "dynamic", "t_end": 1.0, "dt": 0.02, "method": method, "estimate": False},
+        bc=[{"type": "clamp", "at": "rod@0"}], output={"interval": 0.1}, loads=[
+            {"type": "force", "at": "rod@1", "value": [1.3 * HEIGHT * WIDTH * YIELD, 0],
+             "amplitude": {"type": "sine", "frequency": 1.0}}])).warnings) for method in ("newmark", "radau5")]
+    assert told == [True, False]
+
+
 def test_the_balance_of_energy_is_of_the_order_of_the_motion() -> None:
     """The drift of a bar that hardens falls with the square of the step, as the error of Newmark's method does."""
     period = 2 * np.pi * LENGTH * np.sqrt(7850 / (3 * E))

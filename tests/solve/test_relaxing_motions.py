@@ -17,6 +17,7 @@ from ancf2d.solvers.inputs import Inputs, outputs
 from ancf2d.solvers.linear import full_mass
 from ancf2d.solvers.linearised import Linearised, base_state
 from ancf2d.solvers.projected import Quadratic
+from ancf2d.solvers.relaxing import corrected
 
 TERMS = {"zener": ZENER, "prony": PRONY}
 SECTION = {"height": SIZE, "width": SIZE}
@@ -174,3 +175,13 @@ def test_section_forces_are_those_of_the_complex_modulus(kind: tuple[str, str | 
         response = solved(case, type="frequency_response", inputs=["heat"], frequencies=[slow]).summary["response"]
         held.append(complex(*(response["heat"]["inside"]["N"][part][0] for part in ("re", "im"))))
     assert abs(held[0] / (complex_modulus(2j * np.pi * slow, PRONY) * held[1]) - 1.0) < 1e-6
+
+
+def test_no_eigenvalue_is_sought_where_the_stiffness_has_no_limit() -> None:
+    """At s = -1/tau, the pole of E(s), Newton's method ends with nothing found."""
+    (_, tau), = ZENER
+    model = build_model(h.load({"beam": {
+        "geometry": h.line(1.0), "element": h.element("reissner3", 2), "material": material(ZENER),
+        "section": {"height": SIZE, "width": SIZE}}}, "eigen", bc=[{"type": "clamp", "at": "beam@0"}]))
+    problem = Quadratic(Linearised(base_state(model, "reference")), relaxes=True)
+    assert corrected(problem, complex(-1.0 / tau), np.ones(problem.n, dtype=complex))[2] == 1.0
