@@ -21,6 +21,7 @@ from . import calls
 from .compiled_laws import call_accept, call_forces, part
 from .consistent import allowed_rates, constraint_matrix
 from .dynamics import to_full, to_unknowns
+from .lowlevel.arrays import copy, copy_rows
 from .lowlevel.jit import addressed_with_memory, inner, inner_with_memory
 from .lowlevel.records import whole
 from .points import add_to, amplitude_of, fields_of_item, rates_of_item
@@ -133,7 +134,7 @@ def _answer(p, w, factors, items, rate, slips, answers, W, P):  # type: ignore[n
         w.other[:] = 0.0
         rate[j] = calls.point_slip(p.calls, (whole(p.points), items[j], w.d, w.v, w.amps, w.other))
         to_unknowns(p, w.other, slips[j], False)
-        answers[j] = slips[j]
+        copy(slips[j], answers[j])
         calls.solve(p.calls, (p, factors, answers[j]))
     for j in range(count):
         at = p.place[p.points.multiplier[items[j]]]
@@ -201,7 +202,7 @@ def _second_rates(p, w, z, v, a, items, out):  # type: ignore[no-untyped-def]
             w.other[:] = 0.0
             rate = calls.point_slip(p.calls, (whole(p.points), items[j], w.d, w.v, w.amps, w.other))
             out[j] += side * rate / (2.0 * time)
-    w.amps[:] = amps
+    copy_rows(amps, w.amps)
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
 

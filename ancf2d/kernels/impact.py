@@ -31,6 +31,7 @@ from .compiled_laws import call_forces
 from .consistent import consistent, constraint_matrix
 from .dynamics import to_full, twice_kinetic
 from .friction import drag, point_hold, point_slip, rub, rubs, take_hold
+from .lowlevel.arrays import copy
 from .lowlevel.jit import addressed_with_memory, inner_with_memory, kernel_with_memory
 from .lowlevel.records import whole
 from .motion import evaluate
@@ -234,7 +235,10 @@ def _bounce(p, w, s, end, t, h, bounce, approach, how, conserves):  # type: igno
     # with friction, energy is not quite that
     for attempt in range(MOST_BOUNCES if rubs(p) else 3):
         if attempt > 0:
-            end.z[:], end.v[:], end.a[:], how[:] = z, v, a, sides
+            copy(z, end.z)
+            copy(v, end.v)
+            copy(a, end.a)
+            copy(sides, how)
             for i in range(len(how)):
                 if p.points.restitution[i] >= 0.0:
                     p.points.mem[i, HELD] = how[i]
