@@ -17,7 +17,7 @@ from .newton import MAX_ITERATIONS, TOLERANCE, NewtonResult, check_sound, newton
 from .state import State
 from .static import STEPS, March
 from .strides import Path
-from .system import System, Turned
+from .system import UNIT_ROUNDOFF, System, Turned
 
 # shares of the whole time: the first step, the longest one, and one that is too short to go on
 FIRST, LONGEST, SHORTEST = 1e-6, 1e-2, 1e-12
@@ -134,15 +134,16 @@ class Course:
                 continue
             # so that errors sum up to the tolerance, in whatever decade of time since the last break they are made
             share = AGE * step / (self.t + step - self.begin)
-            allowed = self.spec.tolerance * share * max(self.size, self.system.norm(
-                result.d[self.model.numbering.where]))
+            size = max(self.size, self.system.norm(result.d[self.model.numbering.where]))
+            # what is less is round-off of the positions, as where loads have hardly begun
+            allowed = max(self.spec.tolerance * share * size, UNIT_ROUNDOFF * self.model.extent)
             grows = SAFE * (allowed / error) ** (1.0 / ORDER) if error > 0.0 else MOST
             if error > allowed and step > SHORTEST * end:
                 self._restore(kept)
                 self.h, self.refused = max(LEAST, grows) * step, self.refused + 1
                 continue
             # a step that was cut to end at the stop says little of the next
-            self.h = max(h if step < h else 0.0, min(MOST, max(LEAST, grows)) * step)
+            self.h = max(h if step < h else SHORTEST * end, min(MOST, max(LEAST, grows)) * step)
             yield self._accept(result, stop if step == left else self.t + step)
 
     def _tried(self, h: float) -> tuple[NewtonResult, float]:

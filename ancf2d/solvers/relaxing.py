@@ -93,8 +93,8 @@ class Projected:
         T = self._unit_mass(K, M)
         self.W = T.T @ self.space.V
         self.K, self.C = T.T @ K @ T, T.T @ C @ T
-        self.terms = [term for k, one in enumerate(problem.small.relaxing)
-                      for term in self._terms(k, one.terms, np.array([one.stiffness(x) for x in self.W]))]
+        self.terms = [term for k, one in enumerate(problem.small.relaxing) for term in self._terms(
+            k, one.terms, np.array([one.stiffness(x) for x in self.W]).reshape(-1, problem.n))]
 
     @staticmethod
     def _unit_mass(K: Array, M: Array) -> Array:

@@ -420,3 +420,19 @@ def test_the_balance_of_energy_of_a_beam_that_bends_is_of_second_order() -> None
     coarse, fine = drift(0.01), drift(0.005)
     assert coarse < 5e-3
     assert 3.5 < coarse / fine < 4.5
+
+
+def test_time_goes_on_where_nothing_moves_but_by_round_off() -> None:
+    """A triangle of rigid links is held, and loaded; a beam beside it, which relaxes, is not."""
+    body = {"geometry": h.line(0.1), "element": h.element("reissner3", 1), "material": material(ZENER),
+            "section": {"height": 0.003, "width": 0.006}}
+    ends = {"c": [-0.229, 0.028], "d": [-0.071, -0.039]}
+    links = {name: {"geometry": {"type": "line", "start": [-0.07, 0.054], "end": end},
+                    "element": {"type": "rigid", "mass": 0.05, "inertia": 1e-3}} for name, end in ends.items()}
+    done = ancf2d.solve(h.load(
+        {"beam": body, **links}, {"type": "quasi_static", "t_end": 1.0, "tolerance": 2.7e-5},
+        bc=[{"type": "clamp", "at": "beam@0"}, {"type": "pin", "at": "c@1"}, {"type": "pin", "at": "d@1"}],
+        joints=[{"type": "pin", "between": ["c@0", "d@0"]}], output={"probes": {"corner": "c@0"}},
+        loads=[{"type": "distributed", "on": "d", "value": [0.2, 1.0]}]))
+    assert done.course_t[-1] == 1.0
+    assert np.abs(done.course["corner"]["ux"]).max() < 1e-12

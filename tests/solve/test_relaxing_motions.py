@@ -185,3 +185,11 @@ def test_no_eigenvalue_is_sought_where_the_stiffness_has_no_limit() -> None:
         "section": {"height": SIZE, "width": SIZE}}}, "eigen", bc=[{"type": "clamp", "at": "beam@0"}]))
     problem = Quadratic(Linearised(base_state(model, "reference")), relaxes=True)
     assert corrected(problem, complex(-1.0 / tau), np.ones(problem.n, dtype=complex))[2] == 1.0
+
+
+def test_a_free_beam_that_relaxes_has_three_rigid_modes() -> None:
+    """Asked for as many, there is no other shape whose relaxation is sought."""
+    found = ancf2d.solve(h.load({"beam": {
+        "geometry": h.line(1.0), "element": h.element("reissner3", 2), "material": material(ZENER),
+        "section": {"height": SIZE, "width": SIZE}}}, {"type": "eigen", "modes": 3})).summary["frequencies"]
+    assert [f["kind"] for f in found] == ["rigid"] * 3
