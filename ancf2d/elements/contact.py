@@ -298,6 +298,33 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     return 0.0, -held * speed(work, w, m)
 
 
+def _match(f, u0, u1, work, after, before, m):  # type: ignore[no-untyped-def]
+    """Scale the force f (m,) in the middle of a step, or one at its ends where f vanishes, to do this work.
+
+    So an obstacle pushes along its normal alone. Where that would take more force than at any of the three places, as
+    where a point passes along a curve, the change of f of least size does."""
+    along, square, least_work = 0.0, 0.0, work
+    sizes = work_vector(3)
+    for i in range(m):
+        sizes[0] += f[i] * f[i]
+        sizes[1] += after[i] * after[i]
+        sizes[2] += before[i] * before[i]
+        square += (u1[i] - u0[i]) * (u1[i] - u0[i])
+        least_work -= f[i] * (u1[i] - u0[i])
+    push = f if sizes[0] > 0.0 else (after if sizes[1] > 0.0 else before)
+    own = sizes[0] if sizes[0] > 0.0 else (sizes[1] if sizes[1] > 0.0 else sizes[2])
+    for i in range(m):
+        along += push[i] * (u1[i] - u0[i])
+    most = (1.0 + 1e-6) * max(sizes[0], sizes[1], sizes[2])
+    if work * along > 0.0 and work * work * own <= most * along * along:
+        share = work / along
+        for i in range(m):
+            f[i] = share * push[i]
+    elif square > 0.0:
+        for i in range(m):
+            f[i] += least_work / square * (u1[i] - u0[i])
+
+
 def over_step(law, extra):  # type: ignore[no-untyped-def]
     """Return the forces of a step that do the difference of the energy as work (Gonzalez 1996), from a law.
 
@@ -328,14 +355,7 @@ def over_step(law, extra):  # type: ignore[no-untyped-def]
                 lost = 0.0
             for i in range(m):
                 keep[4, i] -= f[i]
-        square, work = 0.0, after - before
-        for i in range(m):
-            change = u1[i] - u0[i]
-            square += change * change
-            work -= f[i] * change
-        if square > 0.0:
-            for i in range(m):
-                f[i] += work / square * (u1[i] - u0[i])
+        _match(f, u0, u1, after - before, keep[3], keep[2], m)
         for i in range(m):
             f[i] += keep[4, i]
         return after if extra == 0 else 0.0, lost

@@ -356,7 +356,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             continue
         hit = sooner != 0.0
         work, lost = _work_of_step(m, p, w, s, at, t, h) if plan.tracks else (0.0, 0.0)
-        if p.sided and plan.dt > 0.0 and gains(m, p, w, s, plan, t, h, work - lost):
+        if p.sided and plan.dt > 0.0 and gains(m, p, w, s, plan, t, h, work - lost, hit):
             _shorten(m, s, plan, NOT_CONVERGED, h, relative)
             continue
         inside, at_end = _passed(rows, next_wanted, end, NEAR * h)

@@ -210,11 +210,11 @@ def aim(m, p, w, s, at, t, h, room, aims):  # type: ignore[no-untyped-def]
 
 
 @inner
-def gains(m, p, w, s, plan, t, h, given):  # type: ignore[no-untyped-def]
+def gains(m, p, w, s, plan, t, h, given, hit):  # type: ignore[no-untyped-def]
     """Return whether a fixed step makes energy beside what is given: what bounces may spin too fast for it."""
     rise = -calls.lost_in_impact(p.calls, (p, w, s, m, t, h, plan.tracks)) - given
     for k in range(len(w.amps)):
-        if w.amps[k, 1] != 0.0:
+        if hit and w.amps[k, 1] != 0.0:
             # what moves gives some in an impact
             return False
     kinetic = 0.5 * max(twice_kinetic(p, w, s.v), twice_kinetic(p, w, m.end.v))
