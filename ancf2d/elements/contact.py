@@ -65,7 +65,7 @@ from .contact_geometry import (
     spread_both,
     stand,
 )
-from .point_laws import APART, PointLaw, work_matrix, work_vector
+from .point_laws import APART, PointLaw, match_work, work_matrix, work_vector
 
 
 def normal(par, z, nx, ny, work, out, add):  # type: ignore[no-untyped-def]
@@ -174,6 +174,31 @@ def fields_of(par):  # type: ignore[no-untyped-def]
     return (3 if int(par[SECTION]) == OF_THETA else 2) * int(par[TERMS]) + pose
 
 
+def _stiffen(par, z, nx, ny, k, force, held, stick, work, H, C):  # type: ignore[no-untyped-def]
+    """Add the derivatives of the force of a layer to H and C, from what ``compliant`` leaves in work."""
+    body, pose = count_of(par)
+    n, weight, stiffness, damping = body + pose, par[WEIGHT], par[STIFFNESS], par[DAMPING]
+    for i in range(n):
+        N, T, slope = work[NORMAL + i], work[TANGENT + i], 0.0
+        for j in range(n):
+            x, y = work[BY_BY + 8 * i + j], work[BY_BY + 64 + 8 * i + j]
+            bend = nx * x + ny * y + k * T * work[TANGENT + j]
+            slope += bend * work[RATES + j]
+            turn = nx * y - ny * x - k * (N * work[TANGENT + j] + T * work[NORMAL + j])
+            work[MATRIX + 8 * i + j] = stick * T * work[TANGENT + j] - force * bend - held * turn
+        # of the force, with the sign turned
+        work[SLOPE + i] = weight * (stiffness * N + damping * slope)
+    for i in range(n):
+        for j in range(n):
+            work[MATRIX + 8 * i + j] += work[ROW + i] * work[SLOPE + j]
+    spread_both(par, z, work, H, 0, 1.0)
+    if damping > 0.0:
+        for i in range(n):
+            for j in range(n):
+                work[MATRIX + 8 * i + j] = work[ROW + i] * work[NORMAL + j]
+        spread_both(par, z, work, C, 0, weight * damping)
+
+
 def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     """Pressure max(0, -k g - c dg/dt) per length at a point, with friction that is elastic up to Coulomb's limit.
 
@@ -183,10 +208,8 @@ def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     z, weight, stiffness, damping = par[HOME], par[WEIGHT], par[STIFFNESS], par[DAMPING]
     stand(par, p0, u, z, work)
     g, nx, ny, k, s, ds = gap_at(par, work[RHO], work[RHO + 1], -1.0)
-    if g >= 0.0:
-        return 0.0, APART if g > reach(par, p0, u, z) else 0.0
-    if is_back(par, nx, ny, work):
-        return 0.0, 0.0
+    if g >= 0.0 or is_back(par, nx, ny, work):
+        return 0.0, APART if g >= 0.0 and g > reach(par, p0, u, z) else 0.0
     body, pose = count_of(par)
     n, rate = body + pose, 0.0
     entries(par, w, z, work, RATES)
@@ -214,25 +237,7 @@ def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     spread(par, z, work, FORCE, 0, f, 0)
     if len(H) == 0:
         return energy, power
-    for i in range(n):
-        N, T, slope = work[NORMAL + i], work[TANGENT + i], 0.0
-        for j in range(n):
-            x, y = work[BY_BY + 8 * i + j], work[BY_BY + 64 + 8 * i + j]
-            bend = nx * x + ny * y + k * T * work[TANGENT + j]
-            slope += bend * work[RATES + j]
-            turn = nx * y - ny * x - k * (N * work[TANGENT + j] + T * work[NORMAL + j])
-            work[MATRIX + 8 * i + j] = stick * T * work[TANGENT + j] - force * bend - held * turn
-        # of the force, with the sign turned
-        work[SLOPE + i] = weight * (stiffness * N + damping * slope)
-    for i in range(n):
-        for j in range(n):
-            work[MATRIX + 8 * i + j] += work[ROW + i] * work[SLOPE + j]
-    spread_both(par, z, work, H, 0, 1.0)
-    if damping > 0.0:
-        for i in range(n):
-            for j in range(n):
-                work[MATRIX + 8 * i + j] = work[ROW + i] * work[NORMAL + j]
-        spread_both(par, z, work, C, 0, weight * damping)
+    _stiffen(par, z, nx, ny, k, force, held, stick, work, H, C)
     return energy, power
 
 
@@ -298,33 +303,6 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     return 0.0, -held * speed(work, w, m)
 
 
-def _match(f, u0, u1, work, after, before, m):  # type: ignore[no-untyped-def]
-    """Scale the force f (m,) in the middle of a step, or one at its ends where f vanishes, to do this work.
-
-    So an obstacle pushes along its normal alone. Where that would take more force than at any of the three places, as
-    where a point passes along a curve, the change of f of least size does."""
-    along, square, least_work = 0.0, 0.0, work
-    sizes = work_vector(3)
-    for i in range(m):
-        sizes[0] += f[i] * f[i]
-        sizes[1] += after[i] * after[i]
-        sizes[2] += before[i] * before[i]
-        square += (u1[i] - u0[i]) * (u1[i] - u0[i])
-        least_work -= f[i] * (u1[i] - u0[i])
-    push = f if sizes[0] > 0.0 else (after if sizes[1] > 0.0 else before)
-    own = sizes[0] if sizes[0] > 0.0 else (sizes[1] if sizes[1] > 0.0 else sizes[2])
-    for i in range(m):
-        along += push[i] * (u1[i] - u0[i])
-    most = (1.0 + 1e-6) * max(sizes[0], sizes[1], sizes[2])
-    if work * along > 0.0 and work * work * own <= most * along * along:
-        share = work / along
-        for i in range(m):
-            f[i] = share * push[i]
-    elif square > 0.0:
-        for i in range(m):
-            f[i] += least_work / square * (u1[i] - u0[i])
-
-
 def over_step(law, extra):  # type: ignore[no-untyped-def]
     """Return the forces of a step that do the difference of the energy as work (Gonzalez 1996), from a law.
 
@@ -355,7 +333,7 @@ def over_step(law, extra):  # type: ignore[no-untyped-def]
                 lost = 0.0
             for i in range(m):
                 keep[4, i] -= f[i]
-        _match(f, u0, u1, after - before, keep[3], keep[2], m)
+        match_work(f, u0, u1, after - before, keep[3], keep[2], m)
         for i in range(m):
             f[i] += keep[4, i]
         return after if extra == 0 else 0.0, lost

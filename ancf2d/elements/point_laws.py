@@ -52,6 +52,31 @@ def turn_hessian(px, py, at, factor, H):  # type: ignore[no-untyped-def]
     H[at + 1, at + 1] -= 2.0 * px * py * q
 
 
+def match_work(f, u0, u1, work, after, before, m):  # type: ignore[no-untyped-def]
+    """Scale the force f (m,) in the middle of a step, or one at its ends where f vanishes, to do this work.
+
+    So an obstacle pushes along its normal alone. Where that would take more force than at any of the three places, as
+    where a point passes along a curve, the change of f of least size does (Gonzalez 2000).
+    """
+    along, square, least_work = 0.0, 0.0, work
+    middle, end, start = 0.0, 0.0, 0.0
+    for i in range(m):
+        change = u1[i] - u0[i]
+        middle, end, start = middle + f[i] * f[i], end + after[i] * after[i], start + before[i] * before[i]
+        square, least_work = square + change * change, least_work - f[i] * change
+    push = f if middle > 0.0 else (after if end > 0.0 else before)
+    own = middle if middle > 0.0 else (end if end > 0.0 else start)
+    for i in range(m):
+        along += push[i] * (u1[i] - u0[i])
+    if work * along > 0.0 and work * work * own <= (1.0 + 1e-6) * max(middle, end, start) * along * along:
+        share = work / along
+        for i in range(m):
+            f[i] = share * push[i]
+    elif square > 0.0:
+        for i in range(m):
+            f[i] += least_work / square * (u1[i] - u0[i])
+
+
 def with_multiplier(g, u, f, H):  # type: ignore[no-untyped-def]
     """Turn the gradient in f and the Hessian in H into those of lambda g, lambda the last field."""
     m = len(u) - 1

@@ -138,7 +138,7 @@ def two_pulleys(first: float, second: float, pull: float, radius: float, **how: 
             {"name": "brake", "type": "clamp", "at": "driven@0.5"}],
         loads=[{"type": "force", "at": "driver@0.5", "value": [-pull, 0],
                 "amplitude": {"type": "table", "t": [0, 0.2], "value": [0, 1]}}],
-        obstacles={name: {"type": "circle", "center": [x, 0], "radius": radius * (1 + 2e-5), "on": name2}
+        obstacles={name: {"type": "circle", "center": [x, 0], "radius": radius * (1 + 2e-4), "on": name2}
                    for name, x, name2 in (("one", 0, "driver"), ("two", apart, "driven"))},
         contacts=[{"between": ["belt", "one"], "friction": first, **grip},
                   {"between": ["belt", "two"], "friction": second, **grip}])
