@@ -14,7 +14,7 @@ import ancf2d
 from ancf2d.solvers.dynamic import solve_dynamic
 from ancf2d.study.run import prepare
 
-STEPS, STEP = 400, 1e-3
+STEPS, STEP = 4000, 1e-3
 METHODS = ("radau5", "radau9", "generalized_alpha")
 MOTOR = {"type": "moment", "at": "arm@0", "value": 1, "amplitude": {"type": "expression"}}
 SPRING = {"type": "rotational", "between": [[0, 0], "arm@0"], "stiffness": 4, "damping": 0.8}
