@@ -2,7 +2,8 @@
 
     python -m scripts.scenes.touching --scenes 1000 --seed 1 --jobs 2
 
-Positions of points follow from the states that are stored, one of every step; distances are those of this module.
+Positions of points follow from the states that are stored: at the end of every step, of fixed steps that were not made
+in parts. Ways are looked at between states with one step between them. Distances are those of this module.
 Prints a table and what was violated, and exits with 1 where anything was.
 """
 
@@ -144,7 +145,9 @@ def judged(seed: int, number: int, case: Data | None = None) -> Verdict:
         out.failure = f"{type(error).__name__}: {' '.join(str(error).split())}"
         return out
     out.warnings = solution.warnings
-    size = solution.model.extent
+    size, steps = solution.model.extent, solution.results.history["t"]
+    # where a step was made again in parts, points went around corners between
+    whole = np.diff(np.searchsorted(steps, solution.t + 1e-9 * solution.t[-1])) == 1
     for pair in solution.model.contacts:
         # Gauss points of layers, and free points that stand elsewhere in every state, are no places of their own
         S = sorted({float(s) for s, spot in zip(pair.s, pair.spots, strict=True) if not spot.free})
@@ -154,7 +157,7 @@ def judged(seed: int, number: int, case: Data | None = None) -> Verdict:
         gaps = distance(case["obstacles"][pair.name.removeprefix("on ")], X)
         if pair.item.law is None and pair.item.side == "axis":
             out.depth = max(out.depth, -float(gaps.min()) / size)
-        out.passage = max(out.passage, _passage(case["obstacles"][pair.name.removeprefix("on ")], X, gaps) / size)
+        out.passage = max(out.passage, _passage(case["obstacles"][pair.name.removeprefix("on ")], X, gaps, whole) / size)
     energies = solution.energies
     free = energies["kinetic"] + energies["strain"] + energies["potential"] - energies["work"]
     most = float(np.ptp(energies["potential"]) + (energies["kinetic"] + energies["strain"]).max())
@@ -211,11 +214,14 @@ def distance(obstacle: Data, X: Array) -> Array:
     return np.where(crossings % 2 == 1, -best, best)
 
 
-def _passage(obstacle: Data, X: Array, gaps: Array) -> float:
-    """Return how deep the straight way of a point in a step leads through an obstacle that both its ends are out of."""
+def _passage(obstacle: Data, X: Array, gaps: Array, whole: npt.NDArray[np.bool_]) -> float:
+    """Return how deep the straight way of a point in a step leads through an obstacle that both its ends are out of.
+
+    ``whole`` (states - 1,): which of the ways are of one step.
+    """
     way = np.diff(X, axis=0)
     far = np.hypot(way[..., 0], way[..., 1]) > gaps[:-1] + gaps[1:]
-    asked = far & (gaps[:-1] > 0.0) & (gaps[1:] > 0.0)
+    asked = far & (gaps[:-1] > 0.0) & (gaps[1:] > 0.0) & whole[:, None]
     if not asked.any():
         return 0.0
     s = np.linspace(0.0, 1.0, SAMPLES)[:, None, None]

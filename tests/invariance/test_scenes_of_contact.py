@@ -34,6 +34,8 @@ def test_distances_are_those_of_plane_geometry() -> None:
 def test_a_way_that_leads_through_an_obstacle_is_seen() -> None:
     disc = {"type": "circle", "center": [0, 0], "radius": 0.1}
     X = np.array([[[-1.0, 0.0]], [[1.0, 0.0]]])
-    assert touching._passage(disc, X, touching.distance(disc, X)) == pytest.approx(0.1, abs=0.01)
+    one, parts = np.array([True]), np.array([False])
+    assert touching._passage(disc, X, touching.distance(disc, X), one) == pytest.approx(0.1, abs=0.01)
+    assert touching._passage(disc, X, touching.distance(disc, X), parts) == 0.0
     beside = X + np.array([0.0, 0.2])
-    assert touching._passage(disc, beside, touching.distance(disc, beside)) == 0.0
+    assert touching._passage(disc, beside, touching.distance(disc, beside), one) == 0.0
