@@ -145,9 +145,12 @@ def two_pulleys(first: float, second: float, pull: float, radius: float, **how: 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("first", "second"), [(0.2, 0.5), (0.5, 0.3)])
+@pytest.mark.parametrize(("first", "second"), [(0.5, 0.3)])
 def test_a_belt_bears_the_torque_at_which_it_slips_on_one_of_two_pulleys(first: float, second: float) -> None:
-    """T1/T2 = exp(mu pi) of the pulley that grips less, T1 + T2 = the force that pulls them apart."""
+    """T1/T2 = exp(mu pi) of the pulley that grips less, T1 + T2 = the force that pulls them apart.
+
+    Here the driven one, and in ``cases/contact/two_pulleys.yaml`` the other.
+    """
     pull, radius = 20.0, 0.05
     model = two_pulleys(first, second, pull, radius)
     ratio = reference.capstan(1.0, min(first, second), math.pi)
