@@ -149,15 +149,16 @@ def judged(seed: int, number: int, case: Data | None = None) -> Verdict:
     # where a step was made again in parts, points went around corners between
     whole = np.diff(np.searchsorted(steps, solution.t + 1e-9 * solution.t[-1])) == 1
     for pair in solution.model.contacts:
+        obstacle = case["obstacles"][pair.name.removeprefix("on ")]
         # Gauss points of layers, and free points that stand elsewhere in every state, are no places of their own
         S = sorted({float(s) for s, spot in zip(pair.s, pair.spots, strict=True) if not spot.free})
         X = _places(solution, pair.body, S)
         for k, t in enumerate(solution.t):
             X[k] = _seen(X[k], pair.frame.origin, pair.frame.pose(solution.d[k], float(t)))
-        gaps = distance(case["obstacles"][pair.name.removeprefix("on ")], X)
+        gaps = distance(obstacle, X)
         if pair.item.law is None and pair.item.side == "axis":
             out.depth = max(out.depth, -float(gaps.min()) / size)
-        out.passage = max(out.passage, _passage(case["obstacles"][pair.name.removeprefix("on ")], X, gaps, whole) / size)
+        out.passage = max(out.passage, _passage(obstacle, X, gaps, whole) / size)
     energies = solution.energies
     free = energies["kinetic"] + energies["strain"] + energies["potential"] - energies["work"]
     most = float(np.ptp(energies["potential"]) + (energies["kinetic"] + energies["strain"]).max())
