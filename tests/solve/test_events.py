@@ -143,8 +143,13 @@ def test_a_load_acts_between_two_conditions(method: str) -> None:
     assert solved.summary["energy_drift"] < 1e-7
 
 
-def test_the_order_is_kept_over_ten_conditions() -> None:
-    """Five pulses between places: x'' = -30 x + f, each piece a sine about f/30, joined where x reaches a place."""
+@pytest.mark.parametrize(("method", "dt", "order"), [("radau5", 0.01, 5), ("radau9", 0.08, None),
+                                                     ("generalized_alpha", 0.005, 2), ("energy_momentum", 0.005, 2)])
+def test_the_order_is_kept_over_ten_conditions(method: str, dt: float, order: int | None) -> None:
+    """Five pulses between places: x'' = -30 x + f, each piece a sine about f/30, joined where x reaches a place.
+
+    Pieces last between 0.01 and 0.02: `radau9` leaves round-off alone, whatever its steps.
+    """
     places = [0.05 + 0.06 * k for k in range(10)]
     pulses = [{"type": "force", "at": "bar@0", "value": [3, 0],
                "active": {"after": f"end.ux > {places[2 * k]}", "until": f"end.ux > {places[2 * k + 1]}"}}
@@ -158,20 +163,23 @@ def test_the_order_is_kept_over_ten_conditions() -> None:
 
         s = brentq(lambda s, place=place: course(s) - place, 0.0, 0.1, xtol=1e-15)
         t, x, v = t + s, place, -w * (x - rest) * math.sin(w * s) + v * math.cos(w * s)
-    t_end = 0.4
+    t_end = 0.16
     exact = x * math.cos(w * (t_end - t)) + v / w * math.sin(w * (t_end - t))
 
     def end(dt: float) -> Any:
         return run(loads=pulses, springs=[{**SPRING, "stiffness": 30}], initial={"velocity": [5, 0]},
-                   solver={"type": "dynamic", "t_end": t_end, "dt": dt, "estimate": False, "method": "radau5"})
-    coarse, fine = end(0.2), end(0.1)
+                   solver={"type": "dynamic", "t_end": t_end, "dt": dt, "estimate": False, "method": method})
+    coarse, fine = end(dt), end(dt / 2)
     assert len(fine.summary["events"]) == 10
-    assert fine.summary["events"][-1]["t"] == pytest.approx(t, abs=1e-7)
+    assert fine.summary["events"][-1]["t"] == pytest.approx(t, abs=1e-4 if order == 2 else 1e-7)
     errors = [abs(float(s.probes["end"]["ux"]) - exact) for s in (coarse, fine)]
-    assert math.log2(errors[0] / errors[1]) > 4.3
+    if order is None:
+        assert max(errors) < 1e-12
+    else:
+        assert math.log2(errors[0] / errors[1]) > order - 0.7
 
 
-@pytest.mark.parametrize("shift", [0.0, 0.02, 0.05, 0.0834])
+@pytest.mark.parametrize("shift", [0.0, 0.05, 0.0834])
 @pytest.mark.parametrize("condition", ["end.ux > {}", "(end.ux > {})*(t > 0)", "{} < end.ux < 9"])
 def test_what_holds_for_a_thousandth_of_a_step_is_found(condition: str, shift: float) -> None:
     """x = 1/3 sin 3 t, above its height less 1e-6 for 9e-4 s: in steps of 0.5 s and less, wherever they end."""

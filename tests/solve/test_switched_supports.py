@@ -234,6 +234,36 @@ def test_a_joint_begins_where_points_meet(kind: str, types: tuple[str, str]) -> 
         assert solved.summary["energy"]["dissipated"] == pytest.approx(lost, abs=1e-6)
     assert solved.summary["energy_drift"] < 1e-4
 
+
+@pytest.mark.parametrize("method", ["radau5", *SECOND, "DOP853"])
+@pytest.mark.parametrize("active", [{"from": 0.4}, {"after": "left.y < 0.6"}])
+def test_a_slider_begins_where_the_point_comes_onto_its_line(method: str, active: Any) -> None:
+    """A rod upright at v = (2, -1) meets the line y = (x - 1.8)/3 + 0.6 with its lower end, and slides on along it.
+
+    The impulse P acts across the line, on the end: v+ = v + P n/m, omega+ = P n_x/(m L/6), n . v+_end = 0.
+    """
+    rod = {**ROD, "geometry": {"type": "line", "start": [1, 1], "end": [1, 2]}}
+    n = np.array([-1.0, 3.0]) / math.sqrt(10)
+    solved = solve(method, bodies={"rod": rod}, t_end=0.8, initial={"velocity": [2, -1]},
+                   joints=[{"name": "rail", "type": "slider", "at": "rod@0", "through": [-1.2, -0.4],
+                            "along": [3, 1], "active": active}])
+    near = 1e-5 if method in SECOND else 1e-7
+    P = -(n @ [2, -1]) / (1 + 3 * n[0] ** 2)
+    v, omega = np.array([2, -1]) + P * n, 6 * P * n[0]
+    event, = solved.summary["events"]
+    assert (event["what"], event["t"]) == ("rail begins", pytest.approx(0.4, abs=near))
+    lost = 0.5 * 5 - 0.5 * (v @ v) - 0.5 * omega**2 / 12
+    assert solved.summary["energy"]["dissipated"] == pytest.approx(lost, abs=near)
+    t, left = solved.course_t, solved.course["left"]
+    off = n[0] * (left["x"] - 1.8) + n[1] * (left["y"] - 0.6)
+    assert off[t < 0.39] == pytest.approx(n @ [2, -1] * (t[t < 0.39] - 0.4), abs=near)
+    assert off[t > 0.41] == pytest.approx(0 * t[t > 0.41], abs=near)
+    # nothing acts along the line: the centre keeps its speed along it
+    along = np.array([n[1], -n[0]])
+    assert solved.summary["momentum"]["linear"] @ along == pytest.approx(along @ [2, -1], abs=10 * near)
+    assert solved.summary["energy_drift"] < 1e-6
+
+
 @pytest.mark.parametrize("method", ["radau5", "energy_momentum", "DOP853"])
 @pytest.mark.parametrize("active", [{"to": 0.4}, {"from": 0.4}, {"until": "bead.x > 2.3"}, {"after": "bead.y > 0"}])
 def test_a_bead_comes_onto_a_bar_or_leaves_it(method: str, active: Any) -> None:
