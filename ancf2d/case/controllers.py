@@ -30,7 +30,8 @@ class Equations(NamedTuple):
     """A controller as equations; its states are named CONTROLLER:STATE.
 
     initial : values at t = 0, as trees in quantities of the motion; rates : of the states, 0 where they are held;
-    samples : what states become at every multiple of ``sample``, from those before; output : tree.
+    samples : what states become at every multiple of ``sample``, from those before; output : tree; given : expressions
+    of the case by what messages call them.
     """
 
     initial: dict[str, Tree]
@@ -38,6 +39,7 @@ class Equations(NamedTuple):
     output: Tree
     sample: float | None
     samples: dict[str, Tree]
+    given: dict[str, Tree]
 
 
 def equations(name: str, controller: Controller) -> Equations:
@@ -47,7 +49,13 @@ def equations(name: str, controller: Controller) -> Equations:
     own: dict[str, Tree] = {state: Quantity(f"{name}:{state}") for state in controller.rate}
     trees = {f"{name}:{state}": renamed(syntax(text), own) for state, text in controller.rate.items()}
     initial: dict[str, Tree] = {f"{name}:{s}": Constant(controller.initial.get(s, 0.0)) for s in controller.rate}
-    return Equations(initial, trees, renamed(syntax(controller.output), own), None, {})
+    output = renamed(syntax(controller.output), own)
+    given = {_called(text, f"{name}.rate.{state}"): trees[f"{name}:{state}"] for state, text in controller.rate.items()}
+    return Equations(initial, trees, output, None, {}, {**given, _called(controller.output, f"{name}.output"): output})
+
+
+def _called(text: str, place: str) -> str:
+    return f"the expression '{text}' in controllers.{place}"
 
 
 def _continuous(name: str, pid: Pid) -> Equations:
@@ -63,7 +71,8 @@ def _continuous(name: str, pid: Pid) -> Equations:
         state, gain = f"{name}:integral", _times(Constant(pid.ki), e)
         total = _plus(total, Quantity(state))
         initial[state], rates[state] = Constant(0.0), _stopped(gain, total, pid.limit)
-    return Equations(initial, rates, _limited(total, pid.limit), None, {})
+    return Equations(initial, rates, _limited(total, pid.limit), None, {},
+                     {_called(pid.input, f"{name}.input"): e})
 
 
 def _sampled(name: str, pid: Pid, step: float) -> Equations:
@@ -77,7 +86,8 @@ def _sampled(name: str, pid: Pid, step: float) -> Equations:
     samples = {output: _limited(_plus(fixed, added), pid.limit), f"{name}:integral": added,
                f"{name}:filtered": _plus(before, _times(Constant(step), change))}
     initial: dict[str, Tree] = {output: Constant(0.0), f"{name}:integral": Constant(0.0), f"{name}:filtered": e}
-    return Equations(initial, {state: Constant(0.0) for state in initial}, Quantity(output), step, samples)
+    return Equations(initial, {state: Constant(0.0) for state in initial}, Quantity(output), step, samples,
+                     {_called(pid.input, f"{name}.input"): e})
 
 
 def _limited(value: Tree, limit: tuple[float, float] | None) -> Tree:

@@ -113,7 +113,7 @@ class Feedback:
         out: list[str] = []
 
         def add(name: str, above: tuple[str, ...]) -> None:
-            for tree in self.controllers[name].samples.values():
+            for tree in self.controllers[name].given.values():
                 for other in named_in(tree):
                     if other in found and other not in (*out, *above, name):
                         add(other, (*above, name))
@@ -211,9 +211,16 @@ class Feedback:
         if math.isfinite(value):
             return value
         used = {name: float(f"{x:.6g}") for name, x in zip(self.names, values, strict=True)}
-        what = f"the controller's {what}" if ":" in what else what
+        what = next(self._origins(t, values), f"the controller's {what}" if ":" in what else what)
         raise ComputationError(f"{what} has no value: it divides by zero, or a square root or a power is not real",
                                at={"t": t, **used}, advice="guard the expression with 'a if c else b'")
+
+    def _origins(self, t: float, values: Array) -> Iterator[str]:
+        """Yield what controllers are given that has no value, first what others follow from."""
+        for name in self._ordered(tuple(self.controllers)):
+            for what, tree in self.controllers[name].given.items():
+                if not math.isfinite(value_at(self._program([(tree, 1.0)]), 0, t, values.tolist())[0]):
+                    yield what
 
 
 def _conditions(model: Any) -> Iterator[Waiting]:

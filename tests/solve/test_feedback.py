@@ -181,7 +181,12 @@ def test_a_spring_by_formula_is_the_spring_that_it_says():
     ({"springs": [{"type": "rotational", "between": [[0, 0], "arm@0"], "force": "sqrt(0.1 - u)"}]},
      "formula 'sqrt", "u", 0.1),
     ({"loads": [{"type": "distributed", "on": "arm", "value": [0, "10*sqrt(0.1 - vy)"]}]}, "formula '10", "vy", 0.1),
-    ({"solver": {"until": "1 + sqrt(0.1 - hub.theta) > 2"}}, "condition '1 [+] sqrt", "hub.theta", 0.1)])
+    ({"solver": {"until": "1 + sqrt(0.1 - hub.theta) > 2"}}, "condition '1 [+] sqrt", "hub.theta", 0.1),
+    # what follows from it has none, either: another controller, and a condition on that
+    ({"solver": {"until": "second > 2"}, "controllers": {
+        "second": {"type": "state", "rate": {"z": "-z"}, "output": "z + first"},
+        "first": {"type": "pid", "input": "sqrt(0.1 - hub.theta)", "kp": 1}}},
+     "expression 'sqrt.*' in controllers.first.input", "hub.theta", 0.1)])
 def test_an_expression_without_a_value_is_told(more: dict, what: str, name: str, bound: float) -> None:
     """sqrt(0.1 - x) has none beyond 0.1, wherever it stands; the message has the value of x."""
     scene = {**arm("1 + sqrt(0.1 - hub.theta)" if not more else "1"), "initial": {"rotation_rate": {"omega": 0.05}},
