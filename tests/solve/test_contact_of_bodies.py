@@ -11,6 +11,7 @@ import pytest
 from motions import ride, rigid
 
 from ancf2d.errors import CaseError, ComputationError
+from ancf2d.interactions.body_contact import BodyPair
 from ancf2d.solvers.contact import contact_report, touches
 from ancf2d.solvers.fields import FieldReader
 from ancf2d.solvers.schemes import method_problems
@@ -279,6 +280,26 @@ def test_restitution_is_that_of_two_bodies(restitution):
     # of equal masses
     np.testing.assert_allclose(at, [0.5 * (1 - restitution), 0.5 * (1 + restitution)], atol=1e-9)
     assert found.rows[-1].lost == pytest.approx(0.5 * (1 - restitution**2), abs=1e-9)
+
+
+@pytest.mark.slow
+def test_how_newtons_method_weighs_gaps_beside_forces_decides_nothing(monkeypatch):
+    """The constant c of Alart & Curnier, 1 N/m for rigid bodies: the same motion with 1e-6 and 1e6 times as much."""
+    ways, own = [], BodyPair._law
+    aslant = thrown((1.0, -0.3), ([0, 0.3], [1, 0.3]), ([1.2035, 0], [2.2035, 0.2]), restitution=0.5)
+    lying = {**thrown((0.0, -1.0), ([0, 0.3], [1, 0.3]), ([-1, 0], [2, 0])),
+             "bc": clamps("two@0"), "loads": [{"type": "gravity", "value": [0, -9.81]}]}
+    for factor in (1.0, 1e-6, 1e6):
+        def law(pair, spot, factor=factor):
+            weight, c, *rest = own(pair, spot)
+            return weight, factor * c, *rest
+
+        monkeypatch.setattr(BodyPair, "_law", law)
+        found = [ride(scene, 0.5, dt=0.01, method="generalized_alpha") for scene in (aslant, lying)]
+        assert all(one.rows[-1].lost > 0.01 for one in found)
+        ways.append(np.concatenate([one.full()[0] for one in found]))
+    np.testing.assert_allclose(ways[1], ways[0], atol=1e-10)
+    np.testing.assert_allclose(ways[2], ways[0], atol=1e-10)
 
 
 @pytest.mark.parametrize("dt", [0.3, 0.02])
