@@ -42,7 +42,7 @@ ANNOUNCED = ("round-off", "unstable", "critical point", "negative pivots", "jump
 
 
 # what a nonlinear computation that fails says: it warns of no answer by giving none
-FAILED = ("no equilibrium was found", "did not converge")
+FAILED = ("no equilibrium was found", "did not converge", "its element is inverted")
 
 
 def disturbed(case: Data, by: float, rng: random.Random) -> Data:
@@ -171,8 +171,13 @@ class Scene:
             across = min((math.sqrt(3.0 * EI / EA) for EA, EI in (
                 stiffness(b) for b in self.case["bodies"].values() if not is_rigid(b))), default=L)
             mass = sum(mass_per_length(b) * length(b["geometry"]) for b in self.case["bodies"].values())
-            out |= {"force": F, "moment": F * L, "velocity": V, "rate": max(V / min(L, across), base.largest("rate")),
-                    "momentum": mass * V}
+            arm = min(L, across)
+            out |= {"force": F, "moment": F * L, "velocity": V, "rate": max(V / arm, base.largest("rate")),
+                    "rotation": max(turn, L / arm), "momentum": mass * V}
+            if "dt" not in self.case["solver"] and base.model is not None:
+                # the size of steps depends on how axes lie: they agree within the tolerance, elements being stiffer
+                shortest = min((float(np.min(m.lengths)) for m in base.model.meshes.values()), default=L)
+                out["force"] += EA * L / shortest
         return out
 
     def allowed(self, kind: str, value: Any) -> Any:
