@@ -48,7 +48,8 @@ def flatten(stored: dict[str, Any]) -> dict[str, float]:
 def scales(values: dict[str, float]) -> dict[str, float]:
     """Return the size of each kind of value; what is zero by symmetry is judged against the others.
 
-    A rotation counts as displacement over length, a moment as force times length, energy as moment.
+    A rotation counts as displacement over length, a moment as force times length or as energy: supports of what strains
+    itself bear nothing but round-off.
     """
     size = dict.fromkeys(set(KINDS.values()), 0.0)
     for key, value in values.items():
@@ -57,7 +58,7 @@ def scales(values: dict[str, float]) -> dict[str, float]:
             size[kind] = max(size[kind], abs(value))
     length = max(size["length"], size["displacement"]) or 1.0
     size["angle"] = max(size["angle"], size["displacement"] / length)
-    size["force"] = max(size["force"], size["moment"] / length)
+    size["force"] = max(size["force"], max(size["moment"], size["energy"]) / length)
     size["moment"] = max(size["moment"], size["force"] * length)
     return size
 
