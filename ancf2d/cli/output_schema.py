@@ -37,7 +37,7 @@ _FAILED: Schema = {"reason": _is("string", "why it failed"), "at": AT, "advice":
                    "residuals": _list(NUMBER_OR_NONE), "problems": _list(PROBLEM)}
 _WARNINGS = _list(TEXT, "as on stderr")
 _ELEMENT: Schema = {"element": TEXT, "formulation": TEXT}
-_ACCURACY = _is("object?", "of the goal, or of a motion's time steps: estimate (relative), wanted, achieved, "
+_ACCURACY = _is("object?", "of the goal, or of time or load steps: estimate (relative), wanted, achieved, "
                 "by_body (parts of the estimate), ...")
 
 

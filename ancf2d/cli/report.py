@@ -44,6 +44,8 @@ def run_report(summary: dict[str, Any], units: Units, extent: float, unbalanced:
     lines.append(f"{summary['status']}: {', '.join(facts)}, {duration(summary['wall_s'])}")
     if summary["solver"] == "dynamic":
         lines += motion_lines(summary, labels)
+    elif error := _accuracy(summary.get("accuracy") or {}):
+        lines.append(f"error     {error}")
     if summary["solver"] == "static" and summary.get("load_factor", 1.0) != 1.0:
         lines.append(f"load factor {number(summary['load_factor'])}")
     floors = round_off_floors(summary, extent, unbalanced)
@@ -271,13 +273,14 @@ def _steps(summary: dict[str, Any], time: str) -> str:
 
 
 def _accuracy(found: dict[str, Any]) -> str:
-    """Return what is known of the error in time."""
+    """Return what is known of the error of steps."""
     if found.get("estimate") is None:
         return ""
     if found.get("wanted") is not None:
         # said with the goal already, over meshes and steps
         return ""
-    return f"about {found['estimate']:.2g} from the time steps (not the mesh), relative to the largest displacements"
+    return (f"about {found['estimate']:.2g} from the {found['of']} (not the mesh), relative to the largest "
+            "displacements")
 
 
 def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: bool) -> int:

@@ -272,7 +272,7 @@ def _tight(loaded: LoadedCase) -> LoadedCase:
     if not isinstance(solver, Static):
         return loaded
     tolerance = min(solver.tolerance or TIGHT, TIGHT)
-    return replace(loaded, case=replace(loaded.case, solver=replace(solver, tolerance=tolerance)))
+    return replace(loaded, case=replace(loaded.case, solver=replace(solver, tolerance=tolerance, verify=False)))
 
 
 def varied(loaded: LoadedCase, variable: Variable, h: float) -> LoadedCase:

@@ -147,7 +147,7 @@ def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, wa
 
 
 def _checked(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Iterator[State]:
-    """Return the states, their modes checked on a finer mesh where the case asks for that."""
+    """Return the states, their modes or load steps checked where the case asks for that."""
     if not getattr(loaded.case.solver, "verify", False):
         return states
     from .verify import verified

@@ -1,4 +1,7 @@
-"""Modes checked on a mesh twice as fine: what has no counterpart there belongs to the mesh, not to the beam."""
+"""Modes checked on a mesh twice as fine, load steps by steps half as long.
+
+A mode that has no counterpart on the finer mesh belongs to the mesh, not to the beam.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +11,19 @@ from typing import Any, cast
 
 import numpy as np
 
-from ..case import Eigen, LoadedCase, refined
+from ..case import Eigen, LoadedCase, Static, refined
 from ..elements.shape import Array
+from ..errors import ComputationError
 from ..model.build import build_model
 from ..model.model import Model
 from ..model.points import dot
 from ..solvers.classify import GAPS, Classifier
 from ..solvers.eigen import renumber, solve_eigen
+from ..solvers.energy import Kinds
+from ..solvers.registry import solve
 from ..solvers.section_motions import class_motions, interpolation
 from ..solvers.state import State
+from ..solvers.static import STEPS
 
 # a counterpart's frequency lies within this share of the mode's own ...
 NEAR = 0.15
@@ -72,6 +79,33 @@ class Fields:
 
 
 def verified(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Iterator[State]:
+    """Yield the states of a solver, with what is found of their modes or load steps."""
+    return (_modes if loaded.case.solver.vibrates else _load_steps)(loaded, model, states)
+
+
+def _load_steps(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Iterator[State]:
+    """Yield the states; the report of the last tells the error of displacements that load steps leave.
+
+    It is twice the difference to steps half as long, as of errors of first order, relative to the largest displacement.
+    """
+    spec = cast(Static, loaded.case.solver)
+    steps = 2 * (spec.steps or STEPS)
+    x = Kinds(model).place
+    for state in states:
+        if state.t == spec.end:
+            finer = replace(loaded, case=replace(loaded.case, solver=replace(spec, steps=steps, verify=False)))
+            try:
+                *_, other = solve(build_model(finer))
+            except ComputationError as error:
+                state.warnings.append(f"load steps are not verified, as {steps} steps fail: {error}")
+            else:
+                off, size = (float(np.hypot(d[x], d[x + 1]).max(initial=0.0)) for d in (state.d - other.d, state.d))
+                state.report["accuracy"] = {"estimate": 2.0 * off / size if size else 0.0, "order": None,
+                                            "of": "load steps", "steps": steps}
+        yield state
+
+
+def _modes(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Iterator[State]:
     """Yield the states with each mode's ``verified`` and, by it, its kind; numbers are counted again."""
     for state in states:
         entries: list[dict[str, Any]] = state.report["frequencies"]

@@ -178,6 +178,28 @@ def test_load_steps_end_where_a_load_turns_back(kind: str) -> None:
     assert {0.2, 0.6} <= {round(s.t, 9) for s in found.states}
 
 
+def test_the_error_of_load_steps_is_told() -> None:
+    """A load that turns beyond yield, beside fine steps; nothing is off where the way does not count."""
+    def tip(steps: int, verify: bool = False, **more: Any) -> tuple[Any, Any]:
+        found = ancf2d.solve({
+            "bodies": {"rod": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
+                               "section": {"height": 0.04, "width": 0.02}, "element": {"type": "reissner3", "count": 4},
+                               "material": {"E": 2e11, "nu": 0.3, **more}}},
+            "boundary_conditions": [{"type": "clamp", "at": "rod@0"}],
+            "loads": [{"type": "force", "at": "rod@1", "value": value, "amplitude": {"type": "expression", "value": f}}
+                      for value, f in (([0, 2100], "sin(4*t)"), ([150000, 0], "1 - cos(4*t)"))],
+            "solver": {"type": "static", "steps": steps, "verify": verify}, "output": {"probes": {"tip": "rod@1"}}})
+        return found.probes["tip"], found.accuracy
+    steel = {"yield": 2.5e8, "hardening": {"isotropic": 2e9}}
+    exact, _ = tip(640, **steel)
+    for steps in (10, 20):
+        found, told = tip(steps, True, **steel)
+        off = np.hypot(found["ux"] - exact["ux"], found["uy"] - exact["uy"]) / np.hypot(exact["ux"], exact["uy"])
+        assert 1.0 < told["estimate"] / off < 3.0
+        assert (told["of"], told["steps"]) == ("load steps", 2 * steps)
+    assert tip(4, True)[1]["estimate"] < 1e-9
+
+
 def test_a_curve_tells_hardening_or_is_elastic() -> None:
     strain, stress = [FIRST, 2 * FIRST, 4 * FIRST], [YIELD, 1.1 * YIELD, 1.6 * YIELD]
     pull = {"type": "table", "t": [0, 0.4, 1], "value": [0, 6 * FIRST, 3 * FIRST]}

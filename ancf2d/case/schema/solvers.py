@@ -119,6 +119,8 @@ class Static(Kind):
         example={"load_factor": 1})
     branch: BranchAt | None = key(Record(BranchAt), "Where to leave the path, and to which side (arc_length)",
                                   default=None, example={"at": 1, "direction": 1})
+    verify: bool = key(Flag(), "Solve once more with load steps half as long, and tell the error that steps leave, as "
+                       "where fibres yield (method newton)", default=False)
 
     @property
     def on_path(self) -> bool:
@@ -142,6 +144,9 @@ class Static(Kind):
 
     def check(self) -> Iterator[Issue]:
         """Yield ends of the path that the method cannot find."""
+        if self.verify and self.on_path:
+            yield Issue(("verify",), f"{{}}.verify compares states at equal load factors, which method {self.method} "
+                        "does not have", "method: newton")
         if isinstance(self.until, LimitPoints) and self.method != "arc_length":
             yield Issue(("until",), f"{{}}: limit points cannot be passed with method "
                         f"{self.method}", "method: arc_length")
