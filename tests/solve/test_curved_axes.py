@@ -220,8 +220,9 @@ def test_what_is_no_smooth_axis_is_refused_in_words(geometry: dict[str, Any], sa
 
 
 def scene(turn: complex = 1.0, shift: complex = 0.0, size: float = 1.0, mirror: bool = False) -> dict[str, Any]:
-    """A clamped spline with a tendon along it, one to the ground and a force, in another place, size or handedness.
+    """A clamped spline in another place, size or handedness.
 
+    It has a tendon along it, one to the ground, a force, and a line load and a natural curvature that vary along it.
     Lengths grow with ``size``, stresses stay.
     """
     def at(x: float, y: float) -> complex:
@@ -229,12 +230,16 @@ def scene(turn: complex = 1.0, shift: complex = 0.0, size: float = 1.0, mirror: 
 
     side, (fx, fy) = -1.0 if mirror else 1.0, (2.0, -1.0)
     force = turn * size**2 * complex(fx, -fy if mirror else fy)
+    line = [{"s": [0, 0.4, 1], "value": [q / size, 3.0 * q / size, 0.0]} for q in (force.real, force.imag)]
+    bend = {"s": [0, 0.7, 1], "value": [side * k / size for k in (0.0, 0.2, 0.1)]}
     ground = at(1.0, 1.5)
     points = [[p.real, p.imag] for p in (at(*p) for p in POINTS)]
     return {"bodies": {"a": {**body({"type": "spline", "points": points}, "reissner3", 12),
                              "section": {"height": H * size, "width": B * size}}},
             "bc": [{"type": "clamp", "at": "a@0"}],
             "loads": [{"type": "force", "at": "a@1", "value": [force.real, force.imag]},
+                      {"type": "distributed", "on": "a", "value": line},
+                      {"type": "eigenstrain", "on": "a", "curvature": bend},
                       {"type": "tendon", "on": "a", "y": 0.03 * side * size, "to": 0.8, "tension": 900.0 * size**2},
                       {"type": "tendon", "through": [{"at": "a@0.6", "y": -0.04 * side * size}, "a@1",
                                                      [ground.real, ground.imag]],
@@ -244,7 +249,7 @@ def scene(turn: complex = 1.0, shift: complex = 0.0, size: float = 1.0, mirror: 
 @pytest.mark.parametrize("change", [
     {"turn": np.exp(2.1j)}, {"shift": 30 - 7j}, {"size": 1e-3}, {"mirror": True},
     {"turn": np.exp(-1j), "shift": 2 + 1j, "size": 10.0, "mirror": True}])
-def test_a_spline_with_tendons_is_the_same_elsewhere(change: dict[str, Any]) -> None:
+def test_a_spline_with_all_that_varies_is_the_same_elsewhere(change: dict[str, Any]) -> None:
     """Turned, shifted, scaled, mirrored."""
     def found(**change: Any) -> complex:
         data = scene(**change)
