@@ -43,7 +43,7 @@ def test_steps_that_vary_and_were_given_up() -> None:
 
 
 def test_estimate_of_the_error() -> None:
-    assert lines(accuracy={"estimate": 1.26e-3})["error"] == (
+    assert lines(accuracy={"estimate": 1.26e-3, "of": "time steps"})["error"] == (
         "about 0.0013 from the time steps (not the mesh), relative to the largest displacements")
     # of a wanted accuracy the table of its solves tells
     assert "error" not in lines(accuracy={"estimate": 1e-3, "wanted": 1e-2, "achieved": True})
