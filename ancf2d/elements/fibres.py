@@ -99,33 +99,51 @@ def curve(E: float, points: tuple[tuple[float, float], ...], elastic: bool) -> U
     return Uniaxial(E, tuple(plastic[:last]), tuple(t for _, t in points[:last]), tuple(rates))
 
 
-def _stress(ref, law, e, p, a):  # type: ignore[no-untyped-def]
-    """Return stress and tangent of a fibre strained by e, and its plastic strains p and a after the step.
+def _along(ref, law, eps, bend, row, stress, tangent, lanes):  # type: ignore[no-untyped-def]
+    """Fill stress and tangent of an elastic fibre, whose law's numbers stand in ``ref`` from row ``law`` on."""
+    line = law + 4
+    for _ in range(int(ref[law + 3, 0])):
+        at, start, rise = ref[line, 0], ref[line + 1, 0], ref[line + 2, 0]
+        for l in range(lanes):
+            e = eps[0, l] - ref[row, l] * eps[bend, l]
+            beyond = abs(e) - at
+            size = start + rise * beyond
+            stress[l] = stress[l] if beyond < 0.0 else size if e >= 0.0 else -size
+            tangent[l] = tangent[l] if beyond < 0.0 else rise
+        line += 3
 
-    The numbers of its law stand in ``ref`` from row ``law`` on.
+
+def _yielded(ref, law, eps, bend, row, p, a, over, gone, stress, tangent, lanes):  # type: ignore[no-untyped-def]
+    """Fill stress and tangent of a plastic fibre with plastic strains p and a; ``over`` and ``gone`` become the new.
+
+    What the stress exceeds that of yielding by is taken line by line of the curve, without a branch in the lanes.
     """
-    E, K, lines, k, line = ref[law + 1, 0], ref[law + 2, 0], int(ref[law + 3, 0]), 1, law + 4
-    if ref[law, 0] > 0.0:
-        size = abs(e)
-        while k < lines and ref[line + 3, 0] <= size:
-            k, line = k + 1, line + 3
-        stress = ref[line + 1, 0] + ref[line + 2, 0] * (size - ref[line, 0])
-        return stress if e >= 0.0 else -stress, ref[line + 2, 0], p, a
-    pull = E * (e - p) - K * p
-    while k < lines and ref[line + 3, 0] <= a:
-        k, line = k + 1, line + 3
-    over = abs(pull) - ref[line + 1, 0] - ref[line + 2, 0] * (a - ref[line, 0])
-    if over <= BEYOND * ref[law + 5, 0]:
-        return E * (e - p), E, p, a
-    gone, stiff = a, E + K + ref[line + 2, 0]
-    while k < lines and over > (ref[line + 3, 0] - gone) * stiff:
-        over -= (ref[line + 3, 0] - gone) * stiff
-        gone = ref[line + 3, 0]
-        k, line = k + 1, line + 3
-        stiff = E + K + ref[line + 2, 0]
-    gone += over / stiff
-    p += gone - a if pull > 0.0 else a - gone
-    return E * (e - p), E * max((stiff - E) / stiff, LEFT), p, gone
+    E, K, lines = ref[law + 1, 0], ref[law + 2, 0], int(ref[law + 3, 0])
+    for k in range(lines):
+        at, start, rise = ref[law + 4 + 3 * k, 0], ref[law + 5 + 3 * k, 0], ref[law + 6 + 3 * k, 0]
+        for l in range(lanes):
+            stress[l] = start + rise * (a[l] - at) if k == 0 or a[l] >= at else stress[l]
+    least = BEYOND * ref[law + 5, 0]
+    for l in range(lanes):
+        e = eps[0, l] - ref[row, l] * eps[bend, l]
+        beyond = abs(E * (e - p[l]) - K * p[l]) - stress[l]
+        over[l] = beyond if beyond > least else 0.0
+        gone[l] = a[l]
+        tangent[l] = E
+    for k in range(lines):
+        end = ref[law + 7 + 3 * k, 0] if k + 1 < lines else np.inf
+        stiff = E + K + ref[law + 6 + 3 * k, 0]
+        soft = E * max((stiff - E) / stiff, LEFT)
+        for l in range(lanes):
+            room, rest = max(end - gone[l], 0.0), over[l]
+            left = rest - room * stiff
+            tangent[l] = soft if rest > 0.0 and room > 0.0 else tangent[l]
+            gone[l] += room if left > 0.0 else rest / stiff
+            over[l] = left if left > 0.0 else 0.0
+    for l in range(lanes):
+        e, strain = eps[0, l] - ref[row, l] * eps[bend, l], gone[l] - a[l]
+        strain = p[l] + (strain if E * (e - p[l]) - K * p[l] > 0.0 else -strain)
+        over[l], stress[l] = strain, E * (e - strain)
 
 
 def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
@@ -138,6 +156,8 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
     """
     last, n = len(ref) - 1, len(eps)
     bend, first, force = 1 if n == 2 else 2, int(ref[last - 1, 0]), 2 * (n + int(ref[last, 0]))
+    # rows that are filled last
+    stress, tangent = new[force + 2], slope[bend, 0]
     for i in range(2 * n):
         for l in range(lanes):
             new[i, l] = 0.0
@@ -148,18 +168,27 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
         row, state = first + 3 * f, 2 * n + 2 * f
         law = int(ref[row + 2, 0])
         E = ref[law + 1, 0]
+        p, a, p_new, a_new = old[state], old[state + 1], new[state], new[state + 1]
+        if ref[law, 0] > 0.0:
+            _along(ref, law, eps, bend, row, stress, tangent, lanes)
+            for l in range(lanes):
+                p_new[l], a_new[l] = p[l], a[l]
+        else:
+            _yielded(ref, law, eps, bend, row, p, a, p_new, a_new, stress, tangent, lanes)
+        for l in range(lanes):
+            y, w = ref[row, l], ref[row + 1, l]
+            new[force, l] += w * stress[l]
+            new[force + 1, l] -= w * y * stress[l]
         for l in range(lanes):
             y, w = ref[row, l], ref[row + 1, l]
             e = eps[0, l] - y * eps[bend, l]
-            stress, tangent, p, a = _stress(ref, law, e, old[state, l], old[state + 1, l])
-            new[state, l], new[state + 1, l] = p, a
-            lack, soft, size = w * (E * e - stress), w * (E - tangent), w * E * (abs(e) + abs(p))
-            new[force, l] += w * stress
-            new[force + 1, l] -= w * y * stress
+            lack, size = w * (E * e - stress[l]), w * E * (abs(e) + abs(p_new[l]))
             new[0, l] += lack
             new[bend, l] -= y * lack
             new[n, l] += size
             new[n + bend, l] += abs(y) * size
+        for l in range(lanes):
+            y, soft = ref[row, l], ref[row + 1, l] * (E - tangent[l])
             slope[0, 0, l] += soft
             slope[0, bend, l] -= y * soft
             slope[bend, bend, l] += y * y * soft
@@ -261,11 +290,12 @@ class _Sample:
             at[law] = first + 3 * len(y) + len(numbers)
             numbers += law.numbers
         det = np.asarray(section.EA * section.EI - section.ES**2)
-        columns: list[Any] = [section.EI / det, section.ES / det, section.EA / det]
-        for f in range(len(y)):
-            columns += [y[f], w[f], at[laws[f // self.points]]]
-        columns += [*numbers, first, len(y)]
-        return B, np.hstack([ref, *(np.broadcast_to(c, n)[:, None] for c in columns)]), D
+        own = np.empty((n, 3 + 3 * len(y)))
+        for k, compliance in enumerate((section.EI, section.ES, section.EA)):
+            own[:, k] = compliance / det
+        own[:, 3::3], own[:, 4::3], own[:, 5::3] = y.T, w.T, np.repeat([at[law] for law in laws], self.points)
+        shared = np.broadcast_to([*numbers, first, len(y)], (n, len(numbers) + 2))
+        return B, np.hstack([ref, own, shared]), D
 
 
 @dataclass(frozen=True)
