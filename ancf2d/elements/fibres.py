@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -146,6 +145,28 @@ def _yielded(ref, law, eps, bend, row, p, a, over, gone, stress, tangent, lanes)
         over[l], stress[l] = strain, E * (e - strain)
 
 
+def _add_fibre(ref, row, E, eps, bend, p, stress, tangent, new, slope, force, lanes):  # type: ignore[no-untyped-def]
+    """Add what a fibre with plastic strains p bears to the sums of its section, and lacks of the elastic fibre."""
+    n = len(eps)
+    for l in range(lanes):
+        y, w = ref[row, l], ref[row + 1, l]
+        new[force, l] += w * stress[l]
+        new[force + 1, l] -= w * y * stress[l]
+    for l in range(lanes):
+        y, w = ref[row, l], ref[row + 1, l]
+        e = eps[0, l] - y * eps[bend, l]
+        lack, size = w * (E * e - stress[l]), w * E * (abs(e) + abs(p[l]))
+        new[0, l] += lack
+        new[bend, l] -= y * lack
+        new[n, l] += size
+        new[n + bend, l] += abs(y) * size
+    for l in range(lanes):
+        y, soft = ref[row, l], ref[row + 1, l] * (E - tangent[l])
+        slope[0, 0, l] += soft
+        slope[0, bend, l] -= y * soft
+        slope[bend, bend, l] += y * y * soft
+
+
 def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
     """Fill the internal strains with their sizes, the fibres' plastic strains p and a, forces and work, and slope.
 
@@ -175,23 +196,7 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
                 p_new[l], a_new[l] = p[l], a[l]
         else:
             _yielded(ref, law, eps, bend, row, p, a, p_new, a_new, stress, tangent, lanes)
-        for l in range(lanes):
-            y, w = ref[row, l], ref[row + 1, l]
-            new[force, l] += w * stress[l]
-            new[force + 1, l] -= w * y * stress[l]
-        for l in range(lanes):
-            y, w = ref[row, l], ref[row + 1, l]
-            e = eps[0, l] - y * eps[bend, l]
-            lack, size = w * (E * e - stress[l]), w * E * (abs(e) + abs(p_new[l]))
-            new[0, l] += lack
-            new[bend, l] -= y * lack
-            new[n, l] += size
-            new[n + bend, l] += abs(y) * size
-        for l in range(lanes):
-            y, soft = ref[row, l], ref[row + 1, l] * (E - tangent[l])
-            slope[0, 0, l] += soft
-            slope[0, bend, l] -= y * soft
-            slope[bend, bend, l] += y * y * soft
+        _add_fibre(ref, row, E, eps, bend, p_new, stress, tangent, new, slope, force, lanes)
     for l in range(lanes):
         A, C, B = ref[first - 3, l], ref[first - 2, l], ref[first - 1, l]
         N, M = new[0, l], new[bend, l]
