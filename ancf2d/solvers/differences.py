@@ -26,12 +26,16 @@ class UnsuitedError(Exception):
 
 @dataclass
 class Quotient:
-    """A derivative (m,) by differences with steps of h, and the estimate (m,) of its error, without what kinks add."""
+    """A derivative (m,) by differences with steps of h, and the estimate (m,) of its error, without what kinks add.
+
+    ``noise`` (m,) is what round-off has of that error.
+    """
 
     value: Array
     error: Array
     h: float
     kink: Array | float = 0.0
+    noise: Array | float = 0.0
 
 
 def derivative(f: Callable[[float], Array], h: float, weights: Array | None = None, unknown: float = 0.0,
@@ -39,16 +43,17 @@ def derivative(f: Callable[[float], Array], h: float, weights: Array | None = No
     """Return f'(0) of fourth order of a smooth f with values (m,), by differences with steps near h > 0.
 
     Central, unless f raises CaseError on one side: then by the other side alone. Steps become shorter where differences
-    of lower order tell that f is not smooth over them. What f raises on both sides is raised. Values are compared with
-    each other through ``weights`` (m,); ``unknown`` is how far they are known, so weighted, beside round-off of their
-    own. Where ``middle``, f(0), is given, half of what f' jumps by there is part of the error. Where several steps were
-    tried, the error is at most the distance of the derivatives that they give.
+    of lower order tell that f is not smooth over them, unless round-off would then grow beyond the error there is. What
+    f raises on both sides is raised. Values are compared with each other through ``weights`` (m,); ``unknown`` is how
+    far they are known, so weighted, beside round-off of their own. Where ``middle``, f(0), is given, half of what f'
+    jumps by there is part of the error. Where several steps were tried, the error is at most the distance of the
+    derivatives that they give.
     """
     tried: list[Quotient] = []
     for _ in range(TRIES):
         tried.append(_at(f, h, middle))
         best = min(tried, key=lambda found: _worst(found, weights, unknown))
-        if _worst(best, weights, 0.0) <= SMOOTH**2:
+        if _worst(best, weights, 0.0) <= SMOOTH**2 or _at_round_off(tried[-1], weights):
             break
         h *= SHORTER
     others = [np.abs(best.value - other.value) for other in tried if other is not best]
@@ -62,6 +67,12 @@ def _worst(found: Quotient, weights: Array | None, unknown: float) -> float:
     largest = float(np.max(w * np.abs(found.value), initial=0.0))
     error = float(np.max(w * (found.error + found.kink), initial=0.0)) + unknown / found.h
     return error / largest if largest > 0.0 else 0.0
+
+
+def _at_round_off(found: Quotient, weights: Array | None) -> bool:
+    """Whether differences with a shorter step have more of an error by round-off alone than these have in all."""
+    shorter = replace(found, error=np.asarray(found.noise / SHORTER), kink=0.0)
+    return _worst(shorter, weights, 0.0) >= _worst(found, weights, 0.0) > 0.0
 
 
 def _at(f: Callable[[float], Array], h: float, middle: Array | None) -> Quotient:
@@ -90,7 +101,8 @@ def central(above: list[Array], below: list[Array], h: float) -> Quotient:
     near, far = (above[0] - below[0]) / (2 * h), (above[1] - below[1]) / (4 * h)
     value = near + (near - far) / 3.0
     size = np.maximum(np.abs(above[1]), np.abs(below[1]))
-    return Quotient(value, _error(value, near, size, h), abs(h))
+    noise = NOISE * size / abs(h)
+    return Quotient(value, _error(value, near) + noise, abs(h), noise=noise)
 
 
 def _one_sided(f: Callable[[float], Array], h: float, known: list[Array] | None = None) -> Quotient:
@@ -98,10 +110,10 @@ def _one_sided(f: Callable[[float], Array], h: float, known: list[Array] | None 
     value, other = FORWARD @ values / h, LOWER @ values / h
     # the polynomial of lower order is already of third order, and so its distance is the estimate
     noise = NOISE * np.abs(values).max(0) / abs(h)
-    return Quotient(value, np.abs(value - other) * 0.1 + noise, abs(h))
+    return Quotient(value, np.abs(value - other) * 0.1 + noise, abs(h), noise=noise)
 
 
-def _error(value: Array, near: Array, size: Array, h: float) -> Array:
+def _error(value: Array, near: Array) -> Array:
     gap = np.abs(value - near)
     share = np.divide(gap, np.abs(value), out=np.ones_like(gap), where=value != 0.0)
-    return gap * np.minimum(share, 1.0) + NOISE * size / abs(h)
+    return gap * np.minimum(share, 1.0)
