@@ -45,8 +45,8 @@ LANES, LAW, STRESS, COMBINE, PRODUCT, FORCES, MATERIAL, GEOMETRIC, TURNING, TANG
 # numbers that steps multiply by: the last two are the program's own factor, and that and a half
 ZERO, ONE, HALF, MINUS, MINUS_HALF, FACTOR, HALF_MORE = range(7)
 _D, _E = range(2)
-# beside what laws with memory are asked for
-_KEEP = -1
+# beside what laws with memory are asked for: to remember their new states, or to keep them on trial
+_KEEP, _TRY = -1, -2
 _U, _U0, _EPS, _EPS0, _SIGMA, _G = (Slots._fields.index(name) for name in ("u", "u0", "eps", "eps0", "sigma", "g"))
 
 _STRESSES = [(LANES, _D, _U), (LAW, STRAIN), (BEYOND, NOW, _EPS), (MEMORY, REMEMBER), (STRESS, ZERO, ONE)]
@@ -79,7 +79,8 @@ _WORK = [*_MIDDLE, (COMBINE, ONE, _G, FACTOR, _EPS0, _EPS), (STRESS, ZERO, ONE),
 # The derivative itself has the derivative of the strain at d1 for the second J.
 _STEP_TANGENT = [*_STEP, (COMBINE, ONE, _U, MINUS_HALF, _U0, _U), (COMBINE, HALF, _SIGMA, ZERO, _SIGMA, _SIGMA),
                  (MATERIAL, HALF_MORE), (GEOMETRIC, ONE), (TANGENTS,)]
-_PROGRAMS = {STRAINS: _STRESSES, FORCE: _ELASTIC, TANGENT: [*_ELASTIC, (MATERIAL, ONE), (GEOMETRIC, ONE), (TANGENTS,)],
+_PROGRAMS = {STRAINS: _STRESSES, FORCE: [*_ELASTIC, (MEMORY, _TRY)],
+             TANGENT: [*_ELASTIC, (MATERIAL, ONE), (GEOMETRIC, ONE), (TANGENTS,)],
              RATE: _VISCOUS, ACTION: _ACTION, STEP: _STEP, STEP_TANGENT: _STEP_TANGENT, SLOPE: _SLOPE, POWER: _POWER,
              WORK: _WORK, COMMIT: [*_STRESSES, (MEMORY, _KEEP)]}
 _STEPS = np.array([(*step, 0, 0, 0, 0, 0)[:6] for k in range(11) for step in _PROGRAMS[k]])
@@ -113,10 +114,21 @@ def keep_states(group, part, first, count):  # type: ignore[no-untyped-def]
             sigma = row(work, (i // law.state) * at.rows + slot.sigma + i % law.state)
             for l in range(S * count):
                 lost += sigma[l] * (new[l] - old[l])
+    put_states(group, memory.states, part, first, count)
+    return lost
+
+
+@inner
+def put_states(group, states, part, first, count):  # type: ignore[no-untyped-def]
+    """Write the new states of a batch to ``states`` (rows, stations of all parts, numbers of all points)."""
+    law, work, memory = group.law, group.plan.work, group.memory
+    at, slot = layout(law)
+    S = law.B.shape[2]
+    for i in range(states.shape[2]):
+        new = row(work, place_of(i, law.state, at, slot.new))
         for s in range(S):
             for m in range(count):
-                memory.states[memory.row[first + m], part * S + s, i] = new[s * count + m]
-    return lost
+                states[memory.row[first + m], part * S + s, i] = new[s * count + m]
 
 
 @inner
@@ -124,6 +136,9 @@ def with_memory(group, what, part, first, count):  # type: ignore[no-untyped-def
     """Do a step of a law with memory; return the energy that internal strains have taken."""
     if what == _KEEP:
         return keep_states(group, part, first, count)
+    if what == _TRY:
+        put_states(group, group.memory.trial, part, first, count)
+        return 0.0
     if what == REMEMBER:
         recall(group, part, first, count)
     each_point(group, what, vectors_of(group.law.B.shape[2] * count))

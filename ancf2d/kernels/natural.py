@@ -44,16 +44,18 @@ class Memory(NamedTuple):
     """What laws with memory remember of the last accepted state.
 
     row : (ne,) where that of each element is in states (rows, stations of all parts, numbers of all points), which may
-    be those of other groups too. Both are empty where the law has none.
+    be those of other groups too; trial : room for those of the state whose forces were last asked for, which may be
+    accepted next, or nothing. All are empty where the law has none.
     """
 
     row: Any
     states: Any
+    trial: Any
 
 
 def no_memory() -> Memory:
     """Return the memory of laws that have none."""
-    return Memory(np.zeros(0, dtype=np.int64), np.zeros((0, 0, 0)))
+    return Memory(np.zeros(0, dtype=np.int64), np.zeros((0, 0, 0)), np.zeros((0, 0, 0)))
 
 
 def memory_of_some(memory: Memory, which: Any) -> Memory:

@@ -103,7 +103,7 @@ def _memory(law: Law, point: PointLaw, parts: int, elements: int) -> Memory:
     states = np.zeros((elements, stations, points * law.state))
     if point.timed:
         states[:, :, law.state - 1::law.state] = np.inf
-    return Memory(np.arange(elements), states)
+    return Memory(np.arange(elements), states, np.zeros((0, 0, 0)))
 
 
 def with_states(groups: list[Record], states: Array | None = None) -> tuple[list[Record], Array]:
@@ -117,6 +117,13 @@ def with_states(groups: list[Record], states: Array | None = None) -> tuple[list
         at += own.size
         out.append(Record(group.values._replace(memory=memory._replace(states=own))) if own.size else group)
     return out, states
+
+
+def with_trials(groups: list[Record]) -> list[Record]:
+    """Return groups that also keep what they would remember of the state whose forces were last asked for."""
+    memories = [group.values.memory for group in groups]
+    return [Record(group.values._replace(memory=memory._replace(trial=np.empty_like(memory.states))))
+            if memory.states.size else group for group, memory in zip(groups, memories, strict=True)]
 
 
 def _blocks(B: Array, nc: int, entries: list[tuple[int, int]]) -> tuple[Index, Index, Index]:

@@ -13,6 +13,7 @@ from ..elements.shape import Array
 from ..errors import SingularTangentError
 from ..kernels.elements import commit, force, force_noise, force_tangent, natural_slope, tangent_action
 from ..kernels.matrix import scatter_patches
+from ..model.groups import with_trials
 from ..model.mechanism import rigid_motion
 from ..model.mesh import Index
 from ..model.model import Model
@@ -51,8 +52,8 @@ class System:
     """A model with its tangent matrix; one object per solve."""
 
     def __init__(self, model: Model) -> None:
-        self.model = model
-        self.crew = Crew(model)
+        self.model, self.groups = model, with_trials(model.groups)
+        self.crew = Crew(self.groups, model.numbering)
         self.matrix = make_matrix(model)
         n = model.numbering
         self.tables = (n.place, n.indptr, n.index, n.value)
@@ -64,6 +65,8 @@ class System:
         self.held: Array | None = None
         # the last accepted state (n_full,) with its load factor, from which bodies slide along obstacles
         self.accepted: tuple[Array, float] | None = None
+        # the state (n_full,) and factor that elements keep on trial
+        self._tried: tuple[Array, float] | None = None
         self._dead: tuple[float, Array] | None = None
         self._counted: Turned = np.zeros(len(n.place)), np.zeros(len(model.meshes))
 
@@ -111,6 +114,7 @@ class System:
         reference).
         """
         self.evaluations += 1
+        self._tried = None
         self.matrix.clear()
         Q, R = self._no_forces(out)
         self.model.set_natural(t if load_stiffness else None)
@@ -186,11 +190,17 @@ class System:
             self.accepted = d.copy(), t
             for batch in (*self.model.interactions.springs, *self.model.interactions.held):
                 batch.accept(d, t)
-        if self.model.remembers:
-            self.model.set_natural(t)
-            for group in self.model.groups:
-                if group.law.state:
-                    commit(group, d)
+        if not self.model.remembers:
+            return
+        tried, self._tried = self._tried, None
+        if tried is not None and tried[1] == t and np.array_equal(tried[0], d):
+            for group in self.groups:
+                group.values.memory.states[:] = group.values.memory.trial
+            return
+        self.model.set_natural(t)
+        for group in self.groups:
+            if group.law.state:
+                commit(group, d)
 
     def add_loads(self, Q: Array, d: Array, t: float, sign: float = 1.0) -> None:
         """Add the forces of loads that turn or move at d and t to Q (n_full,), times ``sign``."""
@@ -218,6 +228,8 @@ class System:
         Q, R = self._no_forces(out)
         self.model.set_natural(None if linear else t)
         energy = self.crew.total(lambda g: force(g, d, Q))
+        if self.model.remembers:
+            self._tried = None if linear else (d.copy(), t)
         for u, q, _, dofs in self.patches(d, t):
             energy += u
             np.add.at(Q, dofs, q)

@@ -12,7 +12,7 @@ import numpy as np
 from ..elements.shape import Array
 from ..kernels.lowlevel.records import Record
 from ..kernels.natural import memory_of_some, of_some
-from ..model.model import Model, Numbering
+from ..model.model import Numbering
 from ..processors import threads
 
 # a body's elements are shared out in parts of at least so many: fewer take less time than starting threads
@@ -21,14 +21,14 @@ MOST = 8
 
 
 class Crew:
-    """The element groups of a model in parts that touch no unknown in common, and the elements between them.
+    """Element groups of a model in parts that touch no unknown in common, and the elements between them.
 
     How they are parted follows from the model alone, and what is between comes last, so that sums do not depend on how
     many threads there are.
     """
 
-    def __init__(self, model: Model) -> None:
-        shares = [_share(group, model.numbering) for group in model.groups]
+    def __init__(self, groups: list[Any], num: Numbering) -> None:
+        shares = [_share(group, num) for group in groups]
         self.stages = [stage for share in shares for stage in share]
         most = max((len(stage) for stage in self.stages), default=1)
         self.pool = ThreadPoolExecutor(min(threads(), most)) if min(threads(), most) > 1 else None
