@@ -198,10 +198,24 @@ class _Checker:
             name = "number" if form == "kind" else form
             self.fail((*path, name), f"{dotted((*path, name))} is {number}, but solver.modes is only {modes}", "a "
                       "larger solver.modes")
+        self.window(path, goal)
         if form == "limit_point":
             self.limit_point(path, goal.limit_point)
         if form == "input":
             self.response(path, goal)
+
+    def window(self, path: Path, goal: Any) -> None:
+        """Check that a goal over a window of time is of a motion that lasts as long."""
+        for name in ("mean_over", "peak_over"):
+            window, last = getattr(goal, name), getattr(self.case.solver, "t_end", None)
+            if window is None:
+                continue
+            if self.solver != "dynamic":
+                self.fail((*path, name), f"{dotted((*path, name))} is not available from solver {self.solver}, only "
+                          "from dynamic", on_key=True)
+            elif isinstance(last, float) and window[1] > last:
+                self.fail((*path, name), f"{dotted((*path, name))} ends at {window[1]:g} s, after the motion",
+                          f"times up to solver.t_end = {last:g} s")
 
     def response(self, path: Path, goal: Any) -> None:
         """Check that a response is to an input, at a frequency that is computed."""

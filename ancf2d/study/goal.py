@@ -15,6 +15,7 @@ from ..errors import CaseError, ComputationError
 from ..model.model import Model
 from .record import Progress
 from .run import Begin, Outcome, describe_goal, quantity, run_case
+from .windows import window_key, window_of
 
 _KINDS = {"ux": "displacement", "uy": "displacement", "x": "position", "y": "position", "theta": "rotation",
           "vx": "velocity", "vy": "velocity", "omega": "rate", "N": "force", "Q": "force", "fx": "force", "fy": "force",
@@ -110,7 +111,8 @@ class Answer:
     relative to: the value, or where that is smaller ``smallest``, 1e-3 of the largest of its kind in the model; in
     motion the largest displacement of the goal's probe over time (of other quantities their own largest value).
     ``curves``: of responses over the frequency, whose errors are shares of their peaks; without a goal ``value`` is 1.
-    ``period``: what may be added to the value without a difference, 2 pi of phases, else 0.
+    ``period``: what may be added to the value without a difference, 2 pi of phases, else 0. ``sampling``: what stored
+    times may leave open of a value over a window.
     """
 
     value: float
@@ -119,6 +121,7 @@ class Answer:
     smallest: float = 0.0
     curves: Curves | None = None
     period: float = 0.0
+    sampling: float = 0.0
 
     def gap(self, other: Answer) -> float:
         """Return the value less that of another answer."""
@@ -244,7 +247,7 @@ class _Watch:
     def take(self, state: Any) -> None:
         """Take the next state."""
         self.last = state
-        if not self.moves or self.goal is None:
+        if not self.moves or self.goal is None or window_of(self.goal) is not None:
             return
         summary = self._summary(state)
         value = quantity(self.goal, summary)
@@ -267,6 +270,9 @@ class _Watch:
         if value is None:
             return None
         smallest = smallest_scale(self.goal, summary, model, self.last.d[:model.n_q])
+        if window_of(self.goal) is not None:
+            sampling = summary["windows"][window_key(self.goal)]["sampling"]
+            return Answer(value, error_scale(value, smallest), None, smallest, sampling=sampling)
         if not self.course:
             period = 2.0 * math.pi if self.goal.part == "phase" else 0.0
             return Answer(value, error_scale(value, smallest), None, smallest, period=period)

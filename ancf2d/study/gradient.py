@@ -31,6 +31,7 @@ from ..solvers.variation import Equilibrium, Path, Response
 from .goal import for_study
 from .record import Progress
 from .run import describe_goal, prepare, quantity, run_case, vocabulary
+from .windows import Windows, window_of
 
 # steps of a number beside its size: between models at the same unknowns, whose forces are known to the last digits but
 # cancel each other, and between runs
@@ -86,11 +87,16 @@ class GoalValues:
     """The values of goals, of the last state of a run, as a function of model and states."""
 
     goals: tuple[Goal, ...]
-    whole = False
+
+    @property
+    def whole(self) -> bool:
+        """Whether the values are of more states than the last."""
+        return any(window_of(goal) is not None for goal in self.goals)
 
     def __call__(self, model: Model, states: Sequence[Any]) -> Array:
         """Return the values. Raises ComputationError where the solver does not compute one."""
-        summary = last_summary(model, states, any(g.reaction is not None for g in self.goals))
+        summary = last_summary(model, states, any(g.reaction is not None for g in self.goals),
+                               goals=self.goals)
         found = [quantity(goal, summary) for goal in self.goals]
         for goal, value in zip(self.goals, found, strict=True):
             if value is None:
@@ -98,8 +104,12 @@ class GoalValues:
         return np.array(found, dtype=float)
 
 
-def last_summary(model: Model, states: Sequence[Any], reacts: bool = True, forces: bool = False) -> dict[str, Any]:
-    """Return what goals are of, at the last state of a run; reactions and section forces of probes where asked for."""
+def last_summary(model: Model, states: Sequence[Any], reacts: bool = True, forces: bool = False,
+                 goals: Sequence[Goal] = ()) -> dict[str, Any]:
+    """Return what goals are of, at the last state of a run; reactions and section forces of probes where asked for.
+
+    Those of ``goals`` that are over windows of time are of all states.
+    """
     from ..solvers.post import Observer, energies, reactions
 
     state = states[-1]
@@ -109,6 +119,11 @@ def last_summary(model: Model, states: Sequence[Any], reacts: bool = True, force
     out["energy"] = dict(state.history) if model.case.solver.moves else energies(model, state)
     if reacts:
         out["reactions"] = reactions(model, state)
+    windows = Windows(model, goals)
+    if windows.goals:
+        for one in states:
+            windows.take(one, observer.observe(one))
+        out["windows"] = windows.values()
     for one in states:
         out.update(one.report)
     return out

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,6 +20,7 @@ from ..model.model import Model
 from ..solvers.fields import FIELDS, FieldReader, field_problems
 from .gradient import last_summary
 from .run import describe_goal, quantity
+from .windows import window_of
 
 GOAL, MASS, ENERGY = "goal", "mass", "strain_energy"
 QUANTITIES = ("x", "y", "ux", "uy", "theta", "vx", "vy", "omega")
@@ -134,13 +136,15 @@ class Measures:
         self.names = {name for m in measures for tree in (m.tree, *(e.tree for e in m.extremes.values() if e.tree))
                       for name in named_in(tree)}
         self.goals = (goal,) if goal is not None and GOAL in self.names else ()
-        self.whole = any(e.tree is not None for m in measures for e in m.extremes.values())
+        self.along = any(e.tree is not None for m in measures for e in m.extremes.values())
+        self.whole = self.along or any(window_of(g) is not None for g in self.goals)
         self.fields = tuple(dict.fromkeys(e.field for m in measures for e in m.extremes.values() if e.field))
         self.forces = any(name.rpartition(".")[2] in SECTION for name in self.names)
 
     def __call__(self, model: Model, states: Sequence[Any]) -> Array:
         """Return the values (measures,). Raises ComputationError where the solver does not compute one."""
-        course = [self._told(model, states[:k + 1]) for k in range(0 if self.whole else len(states) - 1, len(states))]
+        course = [self._told(model, states[:k], k == len(states))
+                  for k in range(1 if self.along else len(states), len(states) + 1)]
         found = []
         for measure in self.measures:
             meaning = dict(course[-1])
@@ -154,11 +158,12 @@ class Measures:
                                        advice="names of what the solver computes, and functions within their range")
         return np.array(found)
 
-    def _told(self, model: Model, states: Sequence[Any]) -> dict[str, float]:
-        """Return what the names mean at the last of some states."""
+    def _told(self, model: Model, states: Sequence[Any], ended: bool) -> dict[str, float]:
+        """Return what the names mean at the last of some states; a goal over a window has a value once all ``ended``.
+        """
         reacts = any(name.rpartition(".")[2] in REACTIONS for name in self.names)
         reacts |= any(g.reaction is not None for g in self.goals)
-        summary = last_summary(model, states, reacts, self.forces)
+        summary = last_summary(model, states, reacts, self.forces, self.goals if ended else ())
         found = {f"{name}.{q}": float(v) for part in ("probes", "reactions") for name, row in
                  summary.get(part, {}).items() for q, v in row.items()}
         found.update(model.case.parameters)
@@ -167,7 +172,7 @@ class Measures:
         if ENERGY in self.names:
             found[ENERGY] = float(summary["energy"]["strain"])
         for goal in self.goals:
-            value = quantity(goal, summary)
+            value = quantity(goal, summary) if ended or window_of(goal) is None else math.nan
             if value is None:
                 raise ComputationError(f"the solver does not compute {describe_goal(goal)}")
             found[GOAL] = value

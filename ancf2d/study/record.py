@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..case import Case, Static
 from ..model.model import Model
+from .windows import Windows
 
 if TYPE_CHECKING:
     from ..results import Checkpoint
@@ -77,7 +78,7 @@ class Recorder:
         self.probes: dict[str, dict[str, float]] = {}
         self.totals: dict[str, Any] = {"iterations": 0, "steps": 0}
         self.report: dict[str, Any] = {}
-        self.clock = Clock(iter(()))
+        self.clock, self.windows = Clock(iter(())), Windows(model)
 
     def take(self, state: State) -> None:
         """Take the next state."""
@@ -87,6 +88,7 @@ class Recorder:
         self._warn(state.warnings)
         self.report.update(state.report)
         if self.moves:
+            self.windows.take(state, self.probes)
             self._take_motion(state)
         else:
             self._take_equilibrium(state)
@@ -190,7 +192,8 @@ class Recorder:
         from ..results import Checkpoint
 
         notes = {"totals": dict(self.totals), "report": dict(self.report),
-                 "warnings": list(self.warnings), "wall_s": self.clock.seconds, "resolution": self.resolution.kept()}
+                 "warnings": list(self.warnings), "wall_s": self.clock.seconds, "resolution": self.resolution.kept(),
+                 "windows": self.windows.kept()}
         return Checkpoint(state.t, state.checkpoint, notes)
 
     def go_on(self, found: Checkpoint) -> None:
@@ -201,3 +204,4 @@ class Recorder:
         self.warnings[:] = notes["warnings"]
         self.clock.seconds = notes["wall_s"]
         self.resolution.go_on(notes["resolution"])
+        self.windows.go_on(notes["windows"])

@@ -24,6 +24,7 @@ from ..solvers.fields import FIELDS
 from ..solvers.schemes import INTEGRATORS
 from .digests import files_of
 from .record import Progress, Recorder
+from .windows import value_at, window_key, window_of
 
 if TYPE_CHECKING:
     from ..results import BodyRecord, FieldRecord
@@ -180,6 +181,8 @@ def summarise(loaded: LoadedCase, model: Model, recorder: Recorder, failure: Com
         out["t" if recorder.moves else "load_factor"] = state.t
         if "negative_pivots" in state.history and model.symmetric:
             out["negative_pivots"] = int(state.history["negative_pivots"])
+    if recorder.windows.goals:
+        out["windows"] = recorder.windows.values()
     out.update(recorder.report)
     out.update(recorder.totals)
     out["wall_s"] = recorder.clock.seconds
@@ -191,6 +194,8 @@ def summarise(loaded: LoadedCase, model: Model, recorder: Recorder, failure: Com
 
 def quantity(goal: Any, summary: dict[str, Any]) -> float | None:
     """Return the value of a goal (or expected value) from a summary, None where it is not there."""
+    if window_of(goal) is not None:
+        return summary.get("windows", {}).get(window_key(goal), {}).get("value")
     if goal.limit_point is not None:
         points = summary.get("limit_points", [])[goal.limit_point - 1:goal.limit_point]
         if goal.probe is None or not points:
@@ -198,19 +203,13 @@ def quantity(goal: Any, summary: dict[str, Any]) -> float | None:
         return points[0]["probes"].get(goal.probe, {}).get(goal.quantity)
     if goal.input is not None:
         return _response_value(goal, summary.get("response", {}))
-    if goal.probe is not None:
-        return summary["probes"].get(goal.probe, {}).get(goal.quantity)
-    if goal.reaction is not None:
-        return summary.get("reactions", {}).get(goal.reaction, {}).get(goal.quantity)
     if goal.kind is not None:
         return next((f["omega"] for f in summary.get("frequencies", ())
                      if (f["kind"], f["number"]) == (goal.kind, goal.number)), None)
     if goal.load_factor is not None:
         factors = summary.get("load_factors", [])[goal.load_factor - 1:goal.load_factor]
         return factors[0] if factors else None
-    if goal.quantity == "strain_energy":
-        return summary.get("energy", {}).get("strain")
-    return None
+    return value_at(goal, summary)
 
 
 def _response_value(goal: Any, response: dict[str, Any]) -> float | None:
@@ -238,6 +237,8 @@ def describe_goal(goal: Any) -> str:
         at = "" if goal.hz is None else f" at {goal.hz:g} Hz"
         named = {"re": "real part of the response", "im": "imaginary part of the response"}.get(goal.part, "response")
         return f"{named} to {goal.input}{at}: {goal.probe} {goal.quantity}" + (" phase" if goal.part == "phase" else "")
+    if window_of(goal) is not None:
+        return window_key(goal)
     limit = None if goal.limit_point is None else f"limit point {goal.limit_point}"
     factor = None if goal.load_factor is None else f"load factor {goal.load_factor}"
     parts = (limit, factor, goal.probe, goal.reaction, goal.quantity, goal.kind, goal.number)

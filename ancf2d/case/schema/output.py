@@ -70,13 +70,34 @@ def _part() -> Any:
                "leads the input", default=None, example="abs")
 
 
+def _window(what: str) -> Any:
+    return key(ListOf(Number("s", ge=0), "times", 2, 2), what, default=None, example=[0.1, 0.2])
+
+
+def _window_issues(goal: Any) -> Iterator[Issue]:
+    """Yield where a goal is over two windows, over one that is empty, or over one without a value at each time."""
+    given = [k for k in ("mean_over", "peak_over") if getattr(goal, k) is not None]
+    if len(given) > 1:
+        yield Issue((given[1],), "{}: mean_over and peak_over cannot both be given", "one of them")
+        return
+    for name in given:
+        begin, end = getattr(goal, name)
+        if not begin < end:
+            yield Issue((name,), f"{{}}.{name} is empty: it ends at {end:g} s and begins at {begin:g} s",
+                        "two times, the later one last")
+        for other in ("kind", "load_factor", "limit_point", "input"):
+            if getattr(goal, other) is not None:
+                yield Issue((name,), f"{{}}: {name} cannot be given with {other}", "{probe, quantity}, {reaction, "
+                            "quantity} or {quantity: strain_energy} of a motion")
+
+
 def goal_issues(goal: Any) -> Iterator[Issue]:
     """Yield where a goal is none of the known forms, or mixes two."""
     given = [k for k in ("probe", "reaction", "kind", "load_factor", "limit_point")
              if getattr(goal, k) is not None]
     if given == ["probe", "limit_point"]:
         given = ["probe"]
-    wrong = list(_response_issues(goal))
+    wrong = [*_response_issues(goal), *_window_issues(goal)]
     yield from wrong
     if wrong:
         return
@@ -131,6 +152,9 @@ class Goal:
     input: str | None = _input()
     hz: float | None = _hz()
     part: str | None = _part()
+    mean_over: tuple[float, float] | None = _window("Window of time [s]: the mean of the quantity over it (motions)")
+    peak_over: tuple[float, float] | None = _window("Window of time [s]: the largest magnitude of the quantity within "
+                                                    "it (motions)")
     model: str | None = key(Choice("beam", "continuum"), "With element: auto, the reference for the "
                             "error: the geometrically exact beam (default), or the plane-stress continuum",
                             default=None)
@@ -154,6 +178,9 @@ class Expected:
     input: str | None = _input()
     hz: float | None = _hz()
     part: str | None = _part()
+    mean_over: tuple[float, float] | None = _window("Window of time [s]: the mean of the quantity over it (motions)")
+    peak_over: tuple[float, float] | None = _window("Window of time [s]: the largest magnitude of the quantity within "
+                                                    "it (motions)")
     value: float = key(Number(), "Known value", example=-9.6061e-5)
     rtol: float | None = key(Number("", ge=0), "Allowed error, relative to the value", default=None,
                              example=1e-4)

@@ -15,6 +15,7 @@ from ..order import Estimate
 from ..record import Progress
 from ..run import Outcome, describe_goal, prepare, vocabulary
 from ..variants import Variant, flexible
+from ..windows import window_of
 from .direct import Direct
 from .fidelity import BEAM, choose_types
 from .mesh import Ladder
@@ -194,7 +195,7 @@ def _measured_by(accuracy: dict[str, Any], goal: Any) -> str:
     value, size = accuracy["value"], accuracy["scale"]
     if abs(size - abs(value)) <= 1e-12 * size:
         return "the value"
-    if accuracy["tolerance"] is None:
+    if accuracy["tolerance"] is None or window_of(goal) is not None:
         return f"{size:.4g}, a thousandth of the largest {goal_kind(goal)} in the model"
     what = f"displacement of {goal.probe}" if goal_kind(goal) in ("displacement", "position") else "value over time"
     return f"{size:.4g}, the largest {what}"

@@ -171,7 +171,13 @@ class Pursuit:
 
     def accuracy(self, level: Level, found: Estimate, error: float) -> dict[str, Any]:
         """Return ``accuracy`` of the summary for a level, of which meshes tell ``found`` and ``error``."""
-        total = error + self.apart
+        sampled = 0.0 if level.answer is None else level.answer.sampling / level.answer.size
+        total, note = error + self.apart + sampled, found.note
+        if sampled:
+            self.report["sampling_error"] = sampled
+        if sampled > 0.5 * self.wanted:
+            note = "; ".join(n for n in (note, "stored times are too far apart for the window: a smaller "
+                                         "output.interval helps") if n)
         value, size = (None, None) if level.answer is None else (level.answer.value, level.answer.size)
         estimate = total if math.isfinite(total) else None
         if self.loaded.case.goal is None:
@@ -181,7 +187,7 @@ class Pursuit:
                 "achieved": bool(total <= self.wanted), "order": found.order, "limit": found.value,
                 "by_body": self.by_body(level, error),
                 "elements": dict(level.setting.counts), "nodes": level.setting.places(),
-                "tolerance": level.setting.tolerance, "note": found.note,
+                "tolerance": level.setting.tolerance, "note": note,
                 "solves": len(self.levels), "wall_s": self.wall_s, **self.report,
                 "path": [level.as_json() for level in self.levels]}
 
