@@ -112,7 +112,7 @@ class Answer:
     motion the largest displacement of the goal's probe over time (of other quantities their own largest value).
     ``curves``: of responses over the frequency, whose errors are shares of their peaks; without a goal ``value`` is 1.
     ``period``: what may be added to the value without a difference, 2 pi of phases, else 0. ``sampling``: what stored
-    times may leave open of a value over a window.
+    times may leave open of a value over a window; ``jumps``: whether it may be read at another time in each mesh.
     """
 
     value: float
@@ -122,6 +122,7 @@ class Answer:
     curves: Curves | None = None
     period: float = 0.0
     sampling: float = 0.0
+    jumps: bool = False
 
     def gap(self, other: Answer) -> float:
         """Return the value less that of another answer."""
@@ -272,7 +273,8 @@ class _Watch:
         smallest = smallest_scale(self.goal, summary, model, self.last.d[:model.n_q])
         if window_of(self.goal) is not None:
             sampling = summary["windows"][window_key(self.goal)]["sampling"]
-            return Answer(value, error_scale(value, smallest), None, smallest, sampling=sampling)
+            return Answer(value, error_scale(value, smallest), None, smallest, sampling=sampling,
+                          jumps=self.goal.peak_over is not None)
         if not self.course:
             period = 2.0 * math.pi if self.goal.part == "phase" else 0.0
             return Answer(value, error_scale(value, smallest), None, smallest, period=period)

@@ -297,11 +297,12 @@ def judge(levels: Sequence[Level]) -> tuple[Estimate, float]:
         return found, math.inf if found.error_bar is None else found.error_bar / size
     order, before = observed_order(n[-3:], f[-3:]), observed_order(n[-4:-1], f[-4:-1]) if len(f) > 3 else None
     gaps, ratio = (abs(f[-2] - f[-3]), abs(f[-1] - f[-2])), math.log(n[-1] / n[-2])
-    if levels[-1].kinks:
+    if levels[-1].kinks or answers[-1].jumps:
         # an order between two of them says nothing of the next one; what two meshes moved bounds what a third will
         error = DOUBTFUL * max(gaps)
-        return Estimate(f[-1], error, None, False, "a point slides along a body, so its kink moves through the "
-                        "elements: no order"), error / size
+        why = "a point slides along a body, so its kink moves through the elements" if levels[-1].kinks else (
+            "a peak may be another one on each mesh")
+        return Estimate(f[-1], error, None, False, f"{why}: no order"), error / size
     if (order is not None and order <= LEAST) or gaps[1] >= gaps[0]:
         error = 3.0 * max(gaps)
         return Estimate(None, error, order, False, "not asymptotic: the differences do not decrease"), error / size

@@ -1,0 +1,111 @@
+"""Goals over windows of time: means and peaks of a bar that is pulled over a floor, whose waves are known.
+
+A bar slides along a floor at the speed at which its end is pulled when friction mu rho A g sets in. While it slides on,
+its axial forces are those of a bar under a load per length b that is applied at once: with k_n = (2 n - 1) pi/(2 L),
+N = (2 b/L) sum cos(k_n x)/k_n^2 (1 - cos(c k_n t)) (d'Alembert's waves; Graff, Wave Motion in Elastic Solids, 1975).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from ancf2d.case import LoadedCase, load_case_text
+from ancf2d.study.accuracy.control import solve_to_accuracy
+from ancf2d.study.goal import solve_for_goal
+from ancf2d.study.gradient import gradient
+from ancf2d.study.run import vocabulary
+from ancf2d.study.windows import mean, peak
+
+EA, MU, L = 1000.0, 0.3, 1.0
+WAVE = math.sqrt(EA)
+# in passages of the wave
+BEGIN, END = 0.5 / WAVE, 2.5 / WAVE
+PULLED = f"""
+bodies:
+  bar:
+    geometry: {{type: line, start: [0, 0], end: [{L}, 0]}}
+    section: {{EA: {EA}, EI: 10, rhoA: 1}}
+    element: {{type: cable, count: 8}}
+boundary_conditions: [{{name: pull, type: prescribed, at: bar@0, ux: {{type: expression, value: "-0.5*t"}}}}]
+obstacles: {{floor: {{type: half_plane, through: [0, 1e-5], normal: [0, 1]}}}}
+contacts: [{{between: [bar, floor], side: axis, friction: {MU}, law: {{stiffness: 1e6, damping: 1000}}}}]
+loads: [{{type: gravity, value: [0, -10]}}]
+initial: {{velocity: [-0.5, 0]}}
+solver: {{type: dynamic, t_end: {END}, tolerance: 1e-4}}
+output: {{interval: 5e-4, probes: {{mid: bar@0.5}}}}
+"""
+
+
+def axial_force(x: float, window: tuple[float, float]) -> float:
+    """Return the mean of N at x over a window of time."""
+    k = (2 * np.arange(1, 100_000) - 1) * math.pi / (2 * L)
+    w, (a, b) = WAVE * k, window
+    share = 1 - (np.sin(w * b) - np.sin(w * a)) / (w * (b - a))
+    return float((2 * MU * 10.0 / L * np.cos(k * x) / k**2 * share).sum())
+
+
+def pulled(goal: str, more: str = "", interval: str = "5e-4") -> LoadedCase:
+    text = PULLED.replace("interval: 5e-4", f"interval: {interval}")
+    return load_case_text(f"format: 1\n{text}goal: {{{goal}}}\n{more}", vocabulary=vocabulary())
+
+
+def contains(accuracy: dict, truth: float) -> None:
+    """Ask that a bar contains what is true, and is at most 5 times as wide as the error, or as wide as wanted."""
+    off = abs(accuracy["value"] - truth)
+    assert accuracy["achieved"]
+    assert off <= accuracy["absolute"] <= max(5.0 * off, accuracy["wanted"] * abs(truth))
+
+
+def test_the_bar_of_a_mean_force_contains_the_truth():
+    """The force that pulls rises to 2 mu m g in two passages and falls: its mean from 0.5 to 2.5 of them is 1.375."""
+    truth = -1.375 * MU * 10.0 * L
+    assert -axial_force(0.0, (BEGIN, END)) == pytest.approx(truth, rel=1e-5)
+    found = solve_to_accuracy(pulled(f"reaction: pull, quantity: fx, mean_over: [{BEGIN}, {END}]", "accuracy: 1e-2"))
+    contains(found.accuracy, truth)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("goal", "truth"), [
+    (f"reaction: pull, quantity: fx, peak_over: [{BEGIN}, {END}]", 2.0 * MU * 10.0 * L),
+    (f"probe: mid, quantity: N, mean_over: [{BEGIN}, {END}]", axial_force(0.5, (BEGIN, END)))])
+def test_bars_of_a_peak_and_of_a_section_force_contain_the_truth(goal, truth):
+    found = solve_to_accuracy(pulled(goal, "accuracy: 3e-2"))
+    contains(found.accuracy, truth)
+
+
+def test_windows_of_straight_lines():
+    """The trapezoidal rule is exact where samples are joined by straight lines, also between samples."""
+    t, f = np.array([0.0, 1.0, 2.0, 4.0]), np.array([0.0, 2.0, -3.0, 1.0])
+    assert mean(t, f, (0.5, 1.5)) == pytest.approx((0.5 * (1.0 + 2.0) / 2 + 0.5 * (2.0 - 0.5) / 2) / 1.0, rel=1e-14)
+    assert mean(t, f, (0.0, 4.0)) == pytest.approx((1.0 - 0.5 - 2.0) / 4.0, rel=1e-14)
+    assert peak(t, f, (0.0, 1.5)) == 2.0
+    assert peak(t, f, (0.0, 4.0)) == 3.0
+
+
+def test_stored_times_too_far_apart_are_told():
+    """Every second of few samples moves the mean by more than half of what is wanted."""
+    goal = f"reaction: pull, quantity: fx, mean_over: [{BEGIN}, {END}]"
+    assert solve_for_goal(pulled(goal)).answer.sampling < 1e-3
+    assert solve_for_goal(pulled(goal, interval="0.02")).answer.sampling > 0.05
+
+
+def test_derivatives_of_a_mean():
+    """A mean of small displacements is proportional to the load: its derivative is the mean over the load."""
+    loaded = load_case_text(f"""
+format: 1
+bodies:
+  bar:
+    geometry: {{type: line, start: [0, 0], end: [1, 0]}}
+    section: {{EA: {EA}, EI: 10, rhoA: 1}}
+    element: {{type: cable, count: 2}}
+boundary_conditions: [{{type: clamp, at: bar@0}}]
+loads: [{{type: force, at: bar@1, value: [1e-3, 0]}}]
+solver: {{type: dynamic, t_end: {END}, dt: 2e-3}}
+goal: {{probe: tip, quantity: ux, mean_over: [{BEGIN}, {END}]}}
+output: {{probes: {{tip: bar@1}}}}
+""", vocabulary=vocabulary())
+    values, slopes = gradient(loaded, [loaded.case.goal], ["loads.0.value.0"])
+    assert slopes[0, 0] == pytest.approx(values[0] / 1e-3, rel=1e-4)
