@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..elements.formulations.base import PointLaw
@@ -12,7 +14,7 @@ from ..kernels.forces import batch_address
 from ..kernels.lanes import LANES, Plan, places, room
 from ..kernels.lowlevel.blas import dgemm_address
 from ..kernels.lowlevel.records import Record
-from ..kernels.natural import Memory, Natural, no_memory, no_natural
+from ..kernels.natural import Memory, Natural, memory_of_some, no_memory, no_natural, of_some
 from ..kernels.tangents import fill_products
 from .body_groups import Pool
 from .mesh import Index
@@ -71,6 +73,10 @@ KEPT = 4_000_000
 WHOLE = 2000
 # products of matrices with so many multiplications are never shared between threads, whose number would show in digits
 ALONE = 200_000
+# what round-off makes of numbers that are the same: shape functions are scaled by the mean height of a body
+ROUNDED = 1e-15
+# of a law's arrays (classes, parts, ...): the axes along which values are of one size
+_COMPARED = {"B": (1, 3, 4), "ref": (1, 2, 3), "D": (1, 4)}
 
 
 def make_group(pool: Pool, natural: list[NaturalStrain]) -> Record:
@@ -124,6 +130,38 @@ def with_trials(groups: list[Record]) -> list[Record]:
     memories = [group.values.memory for group in groups]
     return [Record(group.values._replace(memory=memory._replace(trial=np.empty_like(memory.states))))
             if memory.states.size else group for group, memory in zip(groups, memories, strict=True)]
+
+
+def of_elements(group: Record, which: Index | slice) -> Record:
+    """Return a group of some elements, with room of its own to work in."""
+    plan = group.values.plan
+    plan = plan._replace(held=np.full_like(plan.held, -1), work=np.zeros_like(plan.work))
+    turn = np.ascontiguousarray(group.turn[which]) if len(group.turn) > 1 else group.turn
+    return Record(group.values._replace(cls=np.ascontiguousarray(group.cls[which]), turn=turn, plan=plan,
+                                        natural=of_some(group.values.natural, which),
+                                        memory=memory_of_some(group.values.memory, which),
+                                        dofs=np.ascontiguousarray(group.dofs[which])))
+
+
+def unlike(groups: Sequence[Record]) -> Index:
+    """Return which elements (m,) can have other forces in one of several groups of the same elements, at the same d.
+
+    Elements with natural strains are among them: signals tell how large these are.
+    """
+    first, *others = (group.values for group in groups)
+    found = np.full(len(first.dofs), any(len(group.natural.pattern) > 0 for group in groups))
+    for other in others:
+        if other.law.address != first.law.address or other.law.B.shape[1:] != first.law.B.shape[1:]:
+            found[:] = True
+            continue
+        found |= (first.turn != other.turn).any(axis=1)
+        pairs, place = np.unique(np.array([first.cls, other.cls]), axis=1, return_inverse=True)
+        for name, axes in _COMPARED.items():
+            one, two = (x.reshape(-1, first.plan.parts, *x.shape[1:])[k] for x, k in
+                        zip((getattr(first.law, name), getattr(other.law, name)), pairs, strict=True))
+            far = np.abs(one - two) > ROUNDED * np.abs(one).max(axis=axes, keepdims=True)
+            found |= far.reshape(len(far), -1).any(axis=1)[place.ravel()]
+    return np.flatnonzero(found)
 
 
 def _blocks(B: Array, nc: int, entries: list[tuple[int, int]]) -> tuple[Index, Index, Index]:

@@ -11,8 +11,10 @@ from ..case import Dynamic
 from ..elements.shape import Array
 from ..errors import CaseError
 from ..kernels import along
+from ..kernels.bodies import addresses
 from ..kernels.lowlevel.records import Record
 from ..model.breakpoints import Piece
+from ..model.groups import of_elements, unlike
 from ..model.model import Model
 from .breaks import pass_break
 from .differences import FORWARD, LOWER, UnsuitedError
@@ -64,6 +66,7 @@ class Beside:
         self.runs = [Run(at(step), spec) for step in self.steps]
         if any(list(run.stepper.pieces) != list(pieces) for run in self.runs):
             raise UnsuitedError("the times at which signals have corners change with the number")
+        self.problems = _acting(self.runs)
         self._start: Change | None = None
 
     @staticmethod
@@ -102,10 +105,41 @@ class Beside:
     def residuals(self, at: Record, shape: tuple[int, int]) -> Array:
         """Return dR/dp (2, m, n) at the states of the first motion."""
         out, R = np.zeros((2, *shape)), np.zeros(shape)
-        for run, weights in zip(self.runs, self.weights.T, strict=True):
-            along.residuals(run.stepper.p, run.stepper.w, at, R)
+        for run, p, weights in zip(self.runs, self.problems, self.weights.T, strict=True):
+            along.residuals(p, run.stepper.w, at, R)
             out += weights[:, None, None] * R
         return out
+
+
+def _acting(runs: Sequence[Run]) -> list[Record]:
+    """Return the problems of runs, without the elements whose forces are the same in all: differences have none."""
+    problems, groups = [run.stepper.p for run in runs], [run.model.groups for run in runs]
+    first = problems[0].values
+    for p, own in zip(problems[1:], groups[1:], strict=True):
+        # elements are the same, and move alike
+        names = ["dependents", "indptr", "index", "value", "motion_coord", "motion_factor", "motion_signal", "tau"]
+        names += ["programs"] if len(first.motion_coord) else []
+        if not all(_same(getattr(first, name), getattr(p.values, name)) for name in names):
+            return problems
+        if not all(_same(a.values.dofs, b.values.dofs) for a, b in zip(groups[0], own, strict=True)):
+            return problems
+    found: list[list[Record]] = [[] for _ in runs]
+    tau = []
+    for k, alike in enumerate(zip(*groups, strict=True)):
+        which = unlike(alike)
+        if len(which):
+            tau.append(float(first.tau[k]))
+            for own, group in zip(found, alike, strict=True):
+                own.append(of_elements(group, which))
+    return [Record(p.values._replace(groups=addresses(own), tau=np.array(tau)), own)
+            for p, own in zip(problems, found, strict=True)]
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Whether two fields of a problem are equal."""
+    if isinstance(a, tuple):
+        return len(a) == len(b) and all(map(_same, a, b))
+    return np.array_equal(a, b)
 
 
 def _begun(run: Run) -> tuple[Array, Array, Array]:

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..elements.shape import Array
-from ..kernels.lowlevel.records import Record
-from ..kernels.natural import memory_of_some, of_some
+from ..model.groups import of_elements
 from ..model.model import Numbering
 from ..processors import threads
 
@@ -54,18 +53,7 @@ def _share(group: Any, num: Numbering) -> list[list[Any]]:
     parts = [slice(a + (k > 0), b) for k, (a, b) in enumerate(pairwise(ends))]
     if not _apart([group.dofs[p] for p in parts], num):
         return [[group]]
-    return [[_some(group, p) for p in parts], [_some(group, between)]]
-
-
-def _some(group: Any, which: Any) -> Any:
-    """Return a group of some elements, with room of its own to work in."""
-    plan = group.values.plan
-    plan = plan._replace(held=np.full_like(plan.held, -1), work=np.zeros_like(plan.work))
-    turn = np.ascontiguousarray(group.turn[which]) if len(group.turn) > 1 else group.turn
-    return Record(group.values._replace(cls=np.ascontiguousarray(group.cls[which]), turn=turn, plan=plan,
-                                        natural=of_some(group.values.natural, which),
-                                        memory=memory_of_some(group.values.memory, which),
-                                        dofs=np.ascontiguousarray(group.dofs[which])))
+    return [[of_elements(group, p) for p in parts], [of_elements(group, between)]]
 
 
 def _apart(parts: list[Array], num: Numbering) -> bool:

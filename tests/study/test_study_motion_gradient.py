@@ -5,8 +5,13 @@ import pytest
 
 import ancf2d
 from ancf2d.case.numbers import variable_at
+from ancf2d.kernels import along
+from ancf2d.kernels.lowlevel.records import Record
+from ancf2d.model.groups import unlike
 from ancf2d.solvers import linear_steps, methods
-from ancf2d.study.gradient import gradient
+from ancf2d.solvers.beside import Beside
+from ancf2d.solvers.dynamic import Run
+from ancf2d.study.gradient import gradient, prepare, varied
 
 THROWN = {
     "bodies": {"stick": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
@@ -105,6 +110,38 @@ def test_a_thrown_body_is_known_in_closed_form(solver):
     assert J[:, 0] == pytest.approx(t, abs=1e-9)
     assert J[:, 1] == pytest.approx(t**2 / 2, abs=1e-9)
     assert J[:, 2] == pytest.approx(0.0, abs=1e-18)
+
+
+# which elements of arm and fork a number changes the forces of, and how many groups are left in residuals
+ACTS = {"springs.stay.stiffness": ([], [], 0), "bodies.arm.section.height.value.0": ([0], [], 1),
+        # what is prescribed moves elements that are the same
+        "boundary_conditions.base.uy.scale": ([], [], 2)}
+
+
+def test_residuals_are_those_of_elements_where_a_number_acts(tmp_path):
+    """Differences of residuals are those of all elements, and have the elements alone whose forces change."""
+    (tmp_path / "scene.yaml").write_text(SCENE)
+    loaded = ancf2d.load(tmp_path / "scene.yaml",
+                         ["bodies.arm.section.height={s: [0, 0.5, 1], value: [0.03, 0.025, 0.02]}"])
+    model = prepare(loaded)
+    base = Run(model, model.case.solver).stepper
+    rng, shape = np.random.default_rng(3), (2, len(base.s.z))
+    z, v, a = 1e-3 * rng.standard_normal((3, *shape))
+    memories = [np.repeat(x[None], 2, axis=0) for x in (base.p.points.mem, base.p.sliding.memory)]
+    at = Record(along.Moments(np.array([0.001, 0.002]), z, v, a, *memories))
+    for path, (arm, fork, groups) in ACTS.items():
+        variable = variable_at(loaded, path)
+        h = 4e-4 * abs(variable.value)
+        one = Beside(lambda h, of=variable: prepare(varied(loaded, of, h)), h, model.case.solver, base.pieces)
+        found = [unlike(alike).tolist() for alike in zip(*(run.model.groups for run in one.runs), strict=True)]
+        assert found == [arm, fork], path
+        assert [len(p.groups) for p in one.problems] == [groups] * 4, path
+        some = one.residuals(at, shape)
+        one.problems = [run.stepper.p for run in one.runs]
+        whole = one.residuals(at, shape)
+        assert np.abs(whole[0]).max() > 0.0, path
+        # round-off of the forces of all elements, divided by h
+        assert some == pytest.approx(whole, rel=0.0, abs=1e-8 * np.abs(whole).max() + 1e-11 / h), path
 
 
 def test_what_is_not_differentiated_is_told(tmp_path):
