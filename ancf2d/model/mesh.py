@@ -43,6 +43,11 @@ class ElementClass:
     key: tuple[Any, ...]
     turn: float
 
+    @cached_property
+    def mass(self) -> Array:
+        """The mass matrix (n_dof, n_dof) of an element in its own frame."""
+        return mass_matrix(self.sampler)
+
     @property
     def shape(self) -> ShapeFunctions:
         """Shape functions of the class."""

@@ -311,7 +311,7 @@ def _element_masses(model: Model) -> Iterator[tuple[Index, Array]]:
     yield from fluid_masses(model)
     for mesh in model.meshes.values():
         for k, cls in enumerate(mesh.classes):
-            yield mesh.dofs[mesh.cls == k], mass_matrix(cls.sampler)
+            yield mesh.dofs[mesh.cls == k], cls.mass
 
 
 def scattered(blocks: Iterable[tuple[Index, Array]], n: int) -> csr_matrix:
