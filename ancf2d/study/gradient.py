@@ -122,7 +122,7 @@ def last_summary(model: Model, states: Sequence[Any], reacts: bool = True, force
     windows = Windows(model, goals)
     if windows.goals:
         for one in states:
-            windows.take(one, observer.observe(one))
+            windows.take(one, observer.observe(one), lambda state: reactions(model, state))
         out["windows"] = windows.values()
     for one in states:
         out.update(one.report)

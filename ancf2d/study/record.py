@@ -75,6 +75,7 @@ class Recorder:
         self.every, self.end = self.case.output.every or 1, run_end(self.case)
         self.moves = self.case.solver.moves
         self.state: State | None = None
+        self.reacted: tuple[State | None, dict[str, dict[str, float]]] = (None, {})
         self.probes: dict[str, dict[str, float]] = {}
         self.totals: dict[str, Any] = {"iterations": 0, "steps": 0}
         self.report: dict[str, Any] = {}
@@ -88,7 +89,7 @@ class Recorder:
         self._warn(state.warnings)
         self.report.update(state.report)
         if self.moves:
-            self.windows.take(state, self.probes)
+            self.windows.take(state, self.probes, self._reactions)
             self._take_motion(state)
         else:
             self._take_equilibrium(state)
@@ -118,8 +119,6 @@ class Recorder:
     def _over_time(self, state: State, probes: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
         """Return what is written of each state: probes, where points and obstacles move, the reaction that is the goal.
         """
-        from ..solvers.post import reactions
-
         if self.writer is None:
             return probes
         # no probe has a name with dots
@@ -130,7 +129,15 @@ class Recorder:
 
             probes = beside(probes, obstacle_motions(self.model, state), "obstacle")
         name = self.case.goal.reaction if self.case.goal is not None else None
-        return probes if name is None else beside(probes, {name: reactions(self.model, state)[name]}, "reaction")
+        return probes if name is None else beside(probes, {name: self._reactions(state)[name]}, "reaction")
+
+    def _reactions(self, state: State) -> dict[str, dict[str, float]]:
+        """Return the reactions of a state, computed once."""
+        from ..solvers.post import reactions
+
+        if self.reacted[0] is not state:
+            self.reacted = state, reactions(self.model, state)
+        return self.reacted[1]
 
     def _over_bodies(self, state: State) -> dict[tuple[str, str], Any]:
         return {} if self.fields is None else self.fields.read(state)

@@ -6,7 +6,7 @@ meshes and steps. Its mean over a window has one, as has an impulse.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -52,15 +52,14 @@ class Windows:
         self.reacts = any(g.reaction is not None for g in self.goals.values())
         self.samples: dict[str, list[tuple[float, float]]] = {name: [] for name in self.goals}
 
-    def take(self, state: State, probes: dict[str, dict[str, float]]) -> None:
-        """Take the next state and what its probes read."""
-        from ..solvers.post import reactions
-
+    def take(self, state: State, probes: dict[str, dict[str, float]],
+             reacted: Callable[[State], dict[str, dict[str, float]]]) -> None:
+        """Take the next state, what its probes read, and what tells its reactions, which is dear."""
         if not self.goals:
             return
         summary = {"probes": probes, "energy": state.history}
         if self.reacts:
-            summary["reactions"] = reactions(self.model, state)
+            summary["reactions"] = reacted(state)
         for name, goal in self.goals.items():
             value = value_at(goal, summary)
             self.samples[name].append((state.t, np.nan if value is None else value))
