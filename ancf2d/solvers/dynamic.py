@@ -275,7 +275,8 @@ class Run:
             names = ", ".join(dict.fromkeys(pair.name for pair in self.model.contacts if not pair.hard))
             state.warnings.append(f"the motion has gained {100 * self.balance.gain:.2g} % of its energy from nothing: "
                                   f"the steps are too long for the layer of contact ({names}). Use shorter steps, or "
-                                  "a (smaller) tolerance, a less stiff law, or no law")
+                                  "a (smaller) tolerance, a less stiff law, or no law. Where these change nothing, "
+                                  "points have passed the middle of what they touch: use a stiffer law, or none")
         state.warnings += fibres_warning(self.model, self.balance.drift)
         if self.spec.dt is None:
             state.warnings += wound_warning(self.model, state.d)

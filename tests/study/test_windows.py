@@ -35,7 +35,7 @@ contacts: [{{between: [bar, floor], side: axis, friction: {MU}, law: {{stiffness
 loads: [{{type: gravity, value: [0, -10]}}]
 initial: {{velocity: [-0.5, 0]}}
 solver: {{type: dynamic, t_end: {END}, tolerance: 1e-4}}
-output: {{interval: 5e-4, probes: {{mid: bar@0.5}}}}
+output: {{interval: 1e-3, probes: {{mid: bar@0.5}}}}
 """
 
 
@@ -47,8 +47,8 @@ def axial_force(x: float, window: tuple[float, float]) -> float:
     return float((2 * MU * 10.0 / L * np.cos(k * x) / k**2 * share).sum())
 
 
-def pulled(goal: str, more: str = "", interval: str = "5e-4") -> LoadedCase:
-    text = PULLED.replace("interval: 5e-4", f"interval: {interval}")
+def pulled(goal: str, more: str = "", interval: str = "1e-3") -> LoadedCase:
+    text = PULLED.replace("interval: 1e-3", f"interval: {interval}")
     return load_case_text(f"format: 1\n{text}goal: {{{goal}}}\n{more}", vocabulary=vocabulary())
 
 
