@@ -1,0 +1,71 @@
+"""Orders of fixed steps through a landing: 2 with a layer, 1 without one.
+
+A rod falls flat on a floor and flies on. With a layer its force begins within a step: that step is wrong by O(dt) in
+the force and so by O(dt^2) in the velocity, once, which leaves the order 2 of generalized alpha. Without a layer the
+rebound begins at the end of the step in which the rod lands, up to dt late, which is an error of order 1.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from ancf2d import solve
+
+G, HEIGHT, MASS, T_END = 10.0, 0.05, 2.0, 0.2517
+# of the layer: as long in touch as some tens of the longest steps
+STIFFNESS = 4000.0
+# primes: landings are anywhere within a step
+COUNTS = (83, 113, 157, 227, 317, 457, 641, 907, 1283, 1811, 2557)
+
+
+def place(contact: dict, count: int) -> float:
+    """Return how high the rod is in the end."""
+    found = solve({
+        "format": 1,
+        "bodies": {"rod": {"geometry": {"type": "line", "start": [-0.5, HEIGHT], "end": [0.5, HEIGHT]},
+                           "element": {"type": "rigid", "mass": MASS, "inertia": 0.2}}},
+        "obstacles": {"floor": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}},
+        "contacts": [{"between": ["rod", "floor"], "side": "axis", **contact}],
+        "loads": [{"type": "gravity", "value": [0, -G]}],
+        "solver": {"type": "dynamic", "t_end": T_END, "dt": T_END / count, "method": "generalized_alpha",
+                   "estimate": False},
+        "output": {"interval": T_END, "probes": {"mid": "rod@0.5"}}})
+    return float(found.course["mid"]["y"][-1])
+
+
+def bounced(landed: float) -> float:
+    """Return how high a rod is in the end that flies up again with the speed of its landing after ``landed`` s."""
+    fall = math.sqrt(2.0 * HEIGHT / G)
+    left = T_END - fall - landed
+    return G * fall * left - 0.5 * G * left**2
+
+
+@pytest.fixture(scope="module")
+def errors() -> dict[str, np.ndarray]:
+    """The errors of all step lengths, with a layer and without one."""
+    w = math.sqrt(STIFFNESS / MASS)
+    phase = math.atan(w * math.sqrt(2.0 * HEIGHT * G) / G)
+    touched = (2.0 * math.pi - 2.0 * phase) / w
+    return {name: np.array([abs(place(contact, n) - bounced(landed)) for n in COUNTS]) for name, contact, landed in (
+        ("layer", {"law": {"stiffness": STIFFNESS}}, touched), ("none", {"restitution": 1.0}, 0.0))}
+
+
+@pytest.mark.slow
+def test_order_2_through_a_layer(errors):
+    """Errors swing with where in its step the rod lands: what falls with the square of the steps is their bound."""
+    in_squares = errors["layer"] * np.array(COUNTS)**2
+    assert in_squares[-4:].max() < 2.0 * in_squares[:4].max()
+    # below any bound of order 1 that holds for long steps
+    assert errors["layer"][-1] < 0.1 * errors["layer"][:4].max() * COUNTS[3] / COUNTS[-1]
+
+
+@pytest.mark.slow
+def test_order_1_of_a_rebound_without_a_layer(errors):
+    """A rebound that is late by t, t < dt, ends a height of no more than 2 v t off."""
+    in_steps = errors["none"] * np.array(COUNTS) / (2.0 * math.sqrt(2.0 * HEIGHT * G) * T_END)
+    assert in_steps.max() < 1.0
+    # not better by an order: the finest steps have as large a share of their length as the longest
+    assert in_steps[-4:].max() > 0.05
