@@ -61,10 +61,12 @@ def _run() -> Schema:
     contact = _object("a contact, as it acts on the first body named", {
         "from": _is("number?", "least S that touches"), "to": _is("number?", "largest S that touches")}, name=TEXT,
         force=_list(NUMBER), moment=_is("number", "about the origin"), length=_is("number", "of the reference axis"))
+    window = _object("a mean or peak", value=NUMBER_OR_NONE, sampling=NUMBER_OR_NONE)
     optional: Schema = {
         "reactions": _named(QUANTITIES, "fx, fy, m of each support and obstacle"),
         "contacts": _list(contact, "in the order of the case"),
         "controllers": _named(QUANTITIES, "output and states of each controller at the end"),
+        "windows": _named(window, "goals and expected values that are over windows of time"),
         "energy": _named(NUMBER_OR_NONE, "strain, kinetic, potential; of motions also work and dissipated"),
         "t": _is("number", "the last time"), "load_factor": _is("number", "the last load factor"),
         "negative_pivots": _is("integer", "of the tangent at the static state: none where it is stable"),

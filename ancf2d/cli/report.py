@@ -124,6 +124,12 @@ def _controllers(found: dict[str, dict[str, float]], labels: Labels) -> list[str
     return table(rows, left=(0, 2))
 
 
+def _windows(found: dict[str, dict[str, float | None]], labels: Labels) -> list[str]:
+    rows = [[name, *("-" if v is None else number(v) for v in (one["value"], one["sampling"]))]
+            for name, one in found.items()]
+    return table([["over a window of time", "value", "left open by stored times"], *rows])
+
+
 def _event(event: dict[str, Any]) -> str:
     """Return what happened, with the numbers that belong to it."""
     more = (f"{name}: " + ", ".join(f"{k} {number(v)}" for k, v in event[name].items())
@@ -141,7 +147,7 @@ def _events(found: list[dict[str, Any]], labels: Labels) -> list[str]:
 _FINDINGS: dict[str, Callable[[Any, Labels], list[str]]] = {
     "frequencies": _frequencies, "response": _response, "state_space": _linear_model, "critical": _critical,
     "limit_points": _limit_points,
-    "bifurcations": _bifurcations, "controllers": _controllers, "events": _events,
+    "bifurcations": _bifurcations, "controllers": _controllers, "events": _events, "windows": _windows,
 }
 
 

@@ -7,12 +7,15 @@ N = (2 b/L) sum cos(k_n x)/k_n^2 (1 - cos(c k_n t)) (d'Alembert's waves; Graff, 
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from ancf2d.case import LoadedCase, load_case_text
+from ancf2d.cli import main
 from ancf2d.study.accuracy.control import solve_to_accuracy
 from ancf2d.study.goal import solve_for_goal
 from ancf2d.study.gradient import gradient
@@ -109,3 +112,17 @@ output: {{probes: {{tip: bar@1}}}}
 """, vocabulary=vocabulary())
     values, slopes = gradient(loaded, [loaded.case.goal], ["loads.0.value.0"])
     assert slopes[0, 0] == pytest.approx(values[0] / 1e-3, rel=1e-4)
+
+
+def test_a_run_tells_windows_on_the_command_line(tmp_path, monkeypatch):
+    """A run prints the value and what stored times leave open; ``--json`` has both and is as its schema says."""
+    monkeypatch.chdir(tmp_path)
+    goal = f"goal: {{reaction: pull, quantity: fx, mean_over: [{BEGIN}, {END}]}}\n"
+    (tmp_path / "a.yaml").write_text(f"format: 1\n{PULLED}{goal}", encoding="utf-8")
+    shown = CliRunner().invoke(main, ["run", "a.yaml", "--json"])
+    assert shown.exit_code == 0
+    (name, found), = json.loads(shown.stdout)["windows"].items()
+    assert name == "mean of pull fx from 0.0158114 to 0.0790569 s"
+    assert found["value"] == pytest.approx(-1.375 * MU * 10.0 * L, rel=1e-2)
+    text = CliRunner().invoke(main, ["run", "a.yaml", "--force"]).stdout
+    assert any(line.startswith(name) and f"{found['value']:.4f}"[:5] in line for line in text.splitlines())
