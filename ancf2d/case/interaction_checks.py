@@ -143,9 +143,9 @@ def _check_contact(checker: Any, path: Path, contact: Any) -> None:
         checker.fail((*path, "friction"), f"{dotted(path)}: friction needs a law of contact with {what}",
                      "law: {stiffness, damping}")
     between = contact.between or ()
-    if all(name in case.bodies for name in between or (contact.self_,)) and contact.friction:
-        checker.fail((*path, "friction"), f"{dotted(path)}: friction between bodies, or of a body on itself, is not "
-                     "part of this version", "friction with an obstacle")
+    if all(name in case.bodies for name in between or (contact.self_,)) and contact.friction and contact.law is None:
+        checker.fail((*path, "friction"), f"{dotted(path)}: friction between bodies, or of a body on itself, needs a "
+                     "law of contact", "law: {stiffness, damping}")
     itself = case.bodies.get(contact.self_, INVALID)
     if itself is not INVALID and itself.element is not INVALID and itself.element.type == "rigid":
         checker.fail((*path, "self"), f"{dotted(path)}.self: {contact.self_} is rigid, and cannot touch itself",

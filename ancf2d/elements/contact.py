@@ -119,7 +119,9 @@ def bent_free(par, z, nx, ny, k, work, H, m):  # type: ignore[no-untyped-def]
 
 
 def slip(par, s, anchor):  # type: ignore[no-untyped-def]
-    """Return how far a place s on the obstacle is from another, the short way around."""
+    """Return how far a place s on the obstacle is from another, the short way around; 0 where there is no other."""
+    if np.isnan(anchor):
+        return 0.0
     way = s - anchor
     if int(par[SHAPE]) == CIRCLE:
         round_ = 2.0 * np.pi * abs(par[ORIGIN + 2])
@@ -350,7 +352,7 @@ def _settle(par, p0, u, mem, z, pressed):  # type: ignore[no-untyped-def]
     held, slides = dragged(par, mem, slip(par, s, mem[ANCHOR]), pressed)
     if mem[BEHIND] != NONE:
         held, slides, mem[BEHIND] = mem[BEHIND], True, NONE
-    if slides:
+    if slides or np.isnan(mem[ANCHOR]):
         mem[ANCHOR] = s + held / par[STICK]
 
 

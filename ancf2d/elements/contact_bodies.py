@@ -8,7 +8,8 @@ W = dR/dq, N = nu.W, A = t.W, B = nu.dc'/dq and T = t.t, b = nu.c'', D = T - g b
     dz/dq = (A + g B)/D,    d2g/dq2 = nu.R_qq - (A B + B A + (b/T) A A + g B B)/D;
 
 at a kink, where the foot point is the end of an element, g = +-|R| and d2g = nu.R_qq + (tau.W)(tau.W)/g, tau across nu.
-Forces are minus N times the pressure, so that the two bodies are in balance, in force and moment.
+Forces are minus N times the pressure, so that the two bodies are in balance, in force and moment. Those of friction are
+along |t| dz/dq, how far the foot point moves on the curve, for the same reason.
 
 Functions of arrays and numbers alone, which kernels compile as they are.
 """
@@ -20,7 +21,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from . import contact
+from .contact import drag
 from .contact_geometry import (
+    ANCHOR,
     AT,
     AT_1,
     AT_2,
@@ -29,6 +32,7 @@ from .contact_geometry import (
     BY_CHOICE,
     DAMPING,
     FREE,
+    FRICTION,
     HELD,
     HOME,
     MATRIX,
@@ -41,6 +45,7 @@ from .contact_geometry import (
     RHO,
     ROW,
     SECTION,
+    STICK,
     STIFFNESS,
     TERMS,
     TOUCH,
@@ -65,14 +70,14 @@ SIGN, BEGINS, GOES, JOINED, END, MIDDLE, HALF = 3, 4, 5, 6, 7, 8, 9
 CURVE_SIZE = 11
 # and of the point: how deep it may be at most, S [m] of it and how far its element goes, what along the body is too
 # near to touch (with the length of a closed one), at which end it is a corner, whether it touches only what is further
-# on, whether both sides do, and into how many pieces the points there divide an element if it leaves contact to these
-# where it is opposite to one (0: it does not)
-DEEPEST, OWN, OWN_GOES, APART, ROUND, CORNER, ONWARD, BOTH, YIELDS = range(CURVE_SIZE, CURVE_SIZE + 9)
-BODY_SIZE = CURVE_SIZE + 9
+# on, whether both sides do, into how many pieces the points there divide an element if it leaves contact to these
+# where it is opposite to one (0: it does not), and the length of a closed body that it is opposite to (0: it is open)
+DEEPEST, OWN, OWN_GOES, APART, ROUND, CORNER, ONWARD, BOTH, YIELDS, LOOP = range(CURVE_SIZE, CURVE_SIZE + 10)
+BODY_SIZE = CURVE_SIZE + 10
 # mem: z of the foot point, whether it is one (0 there is none), or an end of the element (-1, 1), and of an axis the
-# side of it that the point is on
-FOOT, FOUND, SIDE = MEMORY, MEMORY + 1, MEMORY + 2
-BODY_MEMORY = MEMORY + 3
+# side of it that the point is on; and which surface (``surface_of``) friction holds it to, at the place ANCHOR
+FOOT, FOUND, SIDE, ON = range(MEMORY, MEMORY + 4)
+BODY_MEMORY = MEMORY + 4
 NOWHERE, WITHIN, AT_FIRST, AT_LAST = 0.0, 1.0, 2.0, 3.0
 _TRIES = 25
 # how far beyond the ends of an element its polynomial is followed
@@ -239,9 +244,74 @@ def bent_between(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, H):  # 
             H[p, q] -= (A * rows[2, q] + B * rows[1, q] + b / T * A * rows[1, q] + g * B * rows[2, q]) / (T - g * b)
 
 
+def surface_of(other):  # type: ignore[no-untyped-def]
+    """Return which surface of its body a curve is part of: a face (-1, 1), an end (-2, 2) or the axis (3)."""
+    return 3.0 if other[BOTH] > 0.0 else other[SIGN] if other[END] == 0.0 else 2.0 * other[END]
+
+
+def place_on(other, z, tx, ty):  # type: ignore[no-untyped-def]
+    """Return where z is on its surface (S [m], or z of an end), and how far a unit of that is."""
+    size = np.sqrt(tx * tx + ty * ty)
+    if other[END] != 0.0:
+        return z, size
+    return other[BEGINS] + 0.5 * (z + 1.0) * other[GOES], 2.0 * size / other[GOES]
+
+
+def slip_on(other, mem, place, unit):  # type: ignore[no-untyped-def]
+    """Return how far a place is from that which friction holds to, none on another surface, the short way around."""
+    if mem[ON] != surface_of(other):
+        return 0.0
+    way = place - mem[ANCHOR]
+    if other[LOOP] > 0.0:
+        way -= other[LOOP] * np.floor(way / other[LOOP] + 0.5)
+    return unit * way
+
+
+def rub_between(par, p0, u, w, mem, g, z, nx, ny, pressed, own, work, across, rows, f, H, C):  # type: ignore[no-untyped-def]
+    """Add friction to f, H and C; return the power that it takes.
+
+    Rows are N, how the force across changes (with the sign turned), B and A; two more are filled. With F = R.t,
+    d2z/dq2 = (F_qq + F_qz z_q + z_q F_qz + F_zz z_q z_q)/D; H leaves out what the depth makes of it.
+    """
+    other, m, n = par[ORIGIN:], size_of(par), len(w)
+    at, turn = z if other[END] == 0.0 else other[END], work_matrix(n, n)
+    tx, ty, kx, ky = curve_at(other, p0[m:], u[m:], z, work, across)
+    T, b, k = tx * tx + ty * ty, nx * kx + ny * ky, tx * kx + ty * ky
+    L, D, rate = np.sqrt(T), T - g * b, 0.0
+    way = slip_on(other, mem, *place_on(other, z, tx, ty))
+    held, slides = drag(par, way, pressed)
+    bend(par, mem[PLACE] if mem[FREE] > 0.0 else par[HOME], tx, ty, own, turn, 0)
+    bend(other, at, -tx, -ty, work, turn, m)
+    for q in range(n):
+        rows[4, q] = 0.0
+    slope_row(other, z, tx, ty, work, across, rows[4][m:])
+    for q in range(n):
+        # dz/dq
+        rows[5, q] = (rows[3, q] + g * rows[2, q]) / D
+        rate += L * rows[5, q] * w[q]
+    share = 0.0 if not slides else par[FRICTION] if held > 0.0 else -par[FRICTION]
+    stick = 0.0 if slides else par[STICK] * L
+    for p in range(n):
+        N, B, A, t, zp = rows[0, p], rows[2, p], rows[3, p], rows[4, p], rows[5, p]
+        f[p] -= held * L * zp
+        cross = b * N + k / T * A - 2.0 * t
+        for q in range(n):
+            zq = rows[5, q]
+            bent = turn[p, q] + N * rows[2, q] + B * rows[0, q] + (A * rows[4, q] + t * rows[3, q]) / T
+            bent += cross * zq + zp * (b * rows[0, q] + k / T * rows[3, q] - 2.0 * rows[4, q]) - 3.0 * k * zp * zq
+            longer = (rows[4, q] + k * zq) / L
+            H[p, q] -= held * (L * bent / D + zp * longer)
+            H[p, q] += stick * zp * (L * zq + way / L * longer) + share * L * zp * rows[1, q]
+            C[p, q] += share * L * zp * par[WEIGHT] * par[DAMPING] * rows[0, q]
+    return -held * rate
+
+
 def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """Pressure max(0, -k g - c dg/dt) per length at a point of a body, and its opposite where it is on the other."""
-    own, work, across, rows = work_vector(WORK), work_vector(WORK), work_vector(WORK), work_matrix(3, len(u))
+    """Pressure max(0, -k g - c dg/dt) per length at a point of a body, and its opposite where it is on the other.
+
+    With friction that is elastic up to Coulomb's limit; at a kink, where no place on the curve moves, there is none.
+    """
+    own, work, across, rows = work_vector(WORK), work_vector(WORK), work_vector(WORK), work_matrix(6, len(u))
     n, weight, stiffness, damping = len(u), par[WEIGHT], par[STIFFNESS], par[DAMPING]
     g, nx, ny, z = gap_between(par, p0, u, mem, own, work, across)
     if not g < 0.0:
@@ -258,6 +328,7 @@ def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
         return energy, weight * stiffness * g * -rate
     for p in range(n):
         slope = 0.0
+        rows[3, p] = rows[1, p]
         for q in range(n):
             slope += H[p, q] * w[q]
         # of the pressure, with the sign turned
@@ -268,7 +339,10 @@ def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
         for q in range(n):
             H[p, q] = -weight * pressure * H[p, q] + N * rows[1, q]
             C[p, q] = weight * damping * N * rows[0, q]
-    return energy, weight * damping * rate * rate
+    power = weight * damping * rate * rate
+    if par[FRICTION] > 0.0 and mem[FOUND] == WITHIN:
+        power += rub_between(par, p0, u, w, mem, g, z, nx, ny, weight * pressure, own, work, across, rows, f, H, C)
+    return energy, power
 
 
 def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
@@ -294,17 +368,30 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
 
 
 def accept(p0, u, par, mem):  # type: ignore[no-untyped-def]
-    """Keep the side of an axis that the point is on, from where it comes to be beside it."""
-    other = par[ORIGIN:]
-    if other[BOTH] == 0.0:
+    """Keep the side of an axis that the point is on, from where it comes to be beside it, and what friction holds."""
+    other, m = par[ORIGIN:], size_of(par)
+    own, work, across = work_vector(WORK), work_vector(WORK), work_vector(WORK)
+    if other[BOTH] != 0.0:
+        if mem[FOUND] != WITHIN:
+            mem[SIDE] = 0.0
+        elif mem[SIDE] == 0.0:
+            mem[SIDE] = 1.0
+            if gap_between(par, p0, u, mem, own, work, across)[0] < 0.0:
+                mem[SIDE] = -1.0
+    if par[FRICTION] == 0.0:
         return
-    if mem[FOUND] != WITHIN:
-        mem[SIDE] = 0.0
-    elif mem[SIDE] == 0.0:
-        own, work, across = work_vector(WORK), work_vector(WORK), work_vector(WORK)
-        mem[SIDE] = 1.0
-        if gap_between(par, p0, u, mem, own, work, across)[0] < 0.0:
-            mem[SIDE] = -1.0
+    g, _, _, z = gap_between(par, p0, u, mem, own, work, across)
+    if not np.isnan(g) and mem[FOUND] == WITHIN:
+        tx, ty, _, _ = curve_at(other, p0[m:], u[m:], z, work, across)
+        place, unit = place_on(other, z, tx, ty)
+        pressed = par[WEIGHT] * par[STIFFNESS] * max(-g, 0.0)
+        held, slides = drag(par, slip_on(other, mem, place, unit), pressed)
+        if slides or mem[ON] != surface_of(other):
+            mem[ANCHOR] = place + held / (par[STICK] * unit)
+        mem[ON] = surface_of(other)
+    elif not g < 0.0:
+        # apart from everything
+        mem[ON] = 0.0
 
 
 COMPLIANT_BODIES = PointLaw("contact_of_bodies", compliant, contact.over_step(compliant, 0), accept=accept)

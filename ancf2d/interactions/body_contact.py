@@ -280,7 +280,8 @@ class BodyPair:
         law, section = self.item.law, self.mesh.plan.section
         if law is not None:
             # the other body, or the other part, bears the other half
-            return 0.5 * p.weight, law.stiffness, law.damping, 0.0, 1.0
+            weight = 0.5 * p.weight
+            return weight, law.stiffness, law.damping, self.item.friction, weight * law.stiffness
         l = float(self.mesh.lengths[p.ie])
         return p.weight, 1.0 if self.mesh.plan.rigid else section.EI / l**3, 1.0 / pieces_along(self.mesh), 0.0, 1.0
 
@@ -298,7 +299,7 @@ class BodyPair:
         return [DEEPEST * height, self._along(p), float(self.mesh.lengths[p.ie]), APART * height if itself else 0.0,
                 length if itself and self.mesh.plan.closed else 0.0, corner,
                 float(itself and self.hard and corner == 0.0), float(self.item.side == "axis"),
-                yields]
+                yields, self.against.plan.length if self.against.plan.closed else 0.0]
 
     @property
     def reach(self) -> Index:

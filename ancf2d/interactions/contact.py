@@ -223,6 +223,8 @@ class ContactPair:
         self.mem[:, geometry.HELD], self.mem[:, geometry.BEHIND] = -1.0, geometry.NONE
         self.mem[:, geometry.SLIDES] = geometry.CLOSES if self.hard else 0.0
         self.mem[:, geometry.FREE] = [-1.0 if p.free else 0.0 for p in self.spots]
+        # with a law, friction holds to where the first state is
+        self.mem[:, geometry.ANCHOR] = 0.0 if self.hard else np.nan
         self.fed = tuple(self.G.shape[1] - 3 + k for k in range(3)) if frame.kind == geometry.BY_ANGLE else -1
         self.signal = frame.signals or None
         self.scale, self.size = extent, geometry.MEMORY

@@ -54,7 +54,7 @@ from ..elements.contact_geometry import (
 )
 from .compiled_laws import part
 from .lowlevel.arrays import copy, numbers, vector
-from .lowlevel.jit import addressed_with_memory, inner, kernel
+from .lowlevel.jit import inner, kernel, kernel_with_memory
 from .points import fields_of_item, weights_of_item
 
 # faces that touch look against one another by at least this cosine; a corner touches what it looks away from by less
@@ -290,7 +290,7 @@ def _look(table, points, d, gaps, side):  # type: ignore[no-untyped-def]
     return near
 
 
-@addressed_with_memory
+@kernel_with_memory
 def bodies_cross(table, points, d0, d1):  # type: ignore[no-untyped-def]
     """Return whether a point passes through a body on the straight way from d0 (n_full,) to d1, apart at both.
 
@@ -317,8 +317,8 @@ def bodies_cross(table, points, d0, d1):  # type: ignore[no-untyped-def]
         side[k] = kept[k] = points.mem[table.item[k], SIDE]
     _look(table, points, d1, last, side)
     copy(kept, side)
-    s, crossed, near = 0.0, False, _look(table, points, d0, first, side)
-    while not crossed:
+    s, through, near = 0.0, False, _look(table, points, d0, first, side)
+    while not through:
         s += max(near, PART * thin) / way
         if s >= 1.0:
             break
@@ -326,10 +326,10 @@ def bodies_cross(table, points, d0, d1):  # type: ignore[no-untyped-def]
             d[k] = d0[k] + s * (d1[k] - d0[k])
         near = _look(table, points, d, gaps, side)
         for k in range(n):
-            crossed |= first[k] > 0.0 and last[k] > 0.0 and gaps[k] < -PART * thin
+            through |= first[k] > -SAME * thin and last[k] > 0.0 and gaps[k] < -PART * thin
     for k in range(n):
         points.mem[table.item[k], SIDE] = kept[k]
-    return crossed
+    return through
 
 
 @inner

@@ -75,6 +75,10 @@ class ContactTable:
         deepest(table, self.free, d, amps, depth, place, feature)
         return depth, place, feature
 
+    def crossed(self, before: Array, d: Array) -> bool:
+        """Return that no point passes through a body between two states: obstacles have one side."""
+        return False
+
     def along(self) -> Array:
         """Return S (m,) on the first body named of each point."""
         return self.places(self.pair.mesh)
@@ -110,6 +114,12 @@ class BodyTable(ContactTable):
         from ..kernels.facing import face
 
         face(self.facing, self.table, d)
+
+    def crossed(self, before: Array, d: Array) -> bool:
+        """Whether a point passes through the other body between two states (n_full,), out of it in both."""
+        from ..kernels.facing import bodies_cross
+
+        return bool(bodies_cross(self.facing, self.table, before, d))
 
     def gaps(self, d: Array, t: float) -> tuple[Array, Any]:
         """Return the gap of each point (m,), nan where nothing is opposite, and where something is."""

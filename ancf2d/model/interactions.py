@@ -105,6 +105,7 @@ class Batch:
 
     def __init__(self, patches: Sequence[HasItems]) -> None:
         self.signals: list[Any] = []
+        self.patches = patches
         self.table = point_table(patches, self.signals)
         self.facing = facing_table(patches)
         m = len(self.table.forces)
@@ -136,6 +137,11 @@ class Batch:
         """Let laws remember the accepted state d (n_full,) at t."""
         self.turn_to(d)
         point_accept(self.table, d, self.amplitudes(t))
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is contact with a law and friction."""
+        return any(isinstance(p, CompliantContact) and p.pair.item.friction > 0.0 for p in self.patches)
 
     def matrices(self, d: Array, t: float, linear: bool = False, v: Array | None = None
                  ) -> tuple[float, Array, Array, Array]:
@@ -239,6 +245,12 @@ class Interactions:
             point_constraint_rates(batch.table, d, v, batch.amplitudes(t, rates=True), out[0], out[1])
         sliding_constraint_rates(self.sliding, d, v, np.zeros((0, 3)), out[0], out[1])
         return out[:, len(self.e0):]
+
+    def take_hold(self, d: Array, t: float) -> None:
+        """Let friction of contact with a law hold to where a first state d (n_full,) at t is, but for what it has."""
+        for batch in self.springs:
+            if batch.rubs:
+                batch.accept(d, t)
 
     def energy(self, d: Array, t: float, worked: bool = False) -> float:
         """Return the energy of the springs at d (n_full,) or (n_q,).

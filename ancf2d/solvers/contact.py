@@ -122,6 +122,14 @@ def check_pressed(model: Model, d: Array, at: dict[str, float]) -> None:
                                advice="a stiffer law, or none; smaller steps, or smaller loads")
 
 
+def check_crossed(model: Model, d: Array, last: Array, t: float) -> None:
+    """Raise ComputationError where a body has passed through another one since the last state of a load step."""
+    for one in model.contact_tables:
+        if one.crossed(last, d):
+            raise ComputationError(f"{one.pair.name}: {one.pair.body} passes through {one.pair.other}",
+                                   at={"factor": float(f"{t:.6g}")}, advice="more steps, or a gap to begin with")
+
+
 def contact_report(model: Model, state: State) -> list[dict[str, Any]]:
     """Return force, moment about the origin and contact zone of each contact of a model, as ``--json`` has them."""
     of: dict[int, list[Touch]] = {}

@@ -14,7 +14,7 @@ from ..model.coarse import check_inverted
 from ..model.model import Model
 from ..model.point_patch import check_facing
 from .active_set import PENETRATION, ROUNDS, begin, exchange
-from .contact import check_pressed, memory, recall
+from .contact import check_crossed, check_pressed, memory, recall
 from .state import State
 from .system import STILL, UNIT_ROUNDOFF, Balance, System
 from .threads import largest, pieces
@@ -181,6 +181,8 @@ def check_sound(model: Model, d: Array, last: Array | None, t: float) -> None:
     check_ends(model.constraints, d)
     check_facing(model.constraints, d, t)
     check_inverted(model, d, last, t)
+    if last is not None and model.contacts:
+        check_crossed(model, d, last, t)
 
 
 def negative_pivots(system: System, d: Array, t: float) -> int:

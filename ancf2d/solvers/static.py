@@ -186,6 +186,7 @@ class March:
         self.tightens = True
         self.system.count(self.d, 0.0)
         self.turns = self.system.turns()
+        self.model.interactions.take_hold(self.d, 0.0)
 
     def settle(self) -> tuple[int, list[str]]:
         """Go to the equilibrium at factor 0; return iterations and warnings.

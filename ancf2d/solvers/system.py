@@ -149,6 +149,11 @@ class System:
             for batch in self.model.interactions.held:
                 K = np.abs(batch.matrices(d, t)[2])
                 np.add.at(out, batch.dofs, self.model.extent * K[:, :, :-1].sum(axis=2))
+        if any(not pair.hard for pair in self.model.contacts):
+            # and what a layer bears
+            for batch in self.model.interactions.springs:
+                K = np.abs(batch.matrices(d, t)[2]) * (batch.table.restitution != -1.0)[:, None, None]
+                np.add.at(out, batch.dofs, self.model.extent * K.sum(axis=2))
         # constraints hold no better than positions are known
         scales = np.array([c.scale for c in self.model.constraints])
         out[self.model.n_q:] += scales

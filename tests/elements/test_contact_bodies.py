@@ -19,7 +19,7 @@ KINDS = {"compliant": (laws.COMPLIANT_BODIES, 0.0), "damped": (laws.COMPLIANT_BO
 class Point:
     """A point of one bent curve within another, and how the law is asked."""
 
-    def __init__(self, law, one, two, place, damping=0.0):
+    def __init__(self, law, one, two, place, damping=0.0, depth=0.03):
         rng = np.random.default_rng(5)
         (kind, terms), (other, others) = SECTIONS[one], SECTIONS[two]
         self.law, self.hard = law, law is laws.HARD_BODIES
@@ -42,7 +42,7 @@ class Point:
         self.mem = np.zeros(laws.BODY_MEMORY)
         self.mem[geometry.HELD], self.mem[laws.FOUND] = -1.0, PLACES[place]
         self.mem[laws.FOOT] = 1.0 if place == "kink" else 0.2
-        self._move_to_depth(0.03)
+        self._move_to_depth(depth)
         if self.hard:
             self.u[-1] = -3.0
         elif damping:
@@ -89,11 +89,57 @@ def test_stiffness_and_damping_are_the_derivatives_of_the_forces(kind, one, two,
         np.testing.assert_allclose(H, H.T, atol=1e-12 * size)
 
 
+def rubbing(one, two, place, slides, depth):
+    """Return a point that friction holds, or that slides."""
+    point = Point(laws.COMPLIANT_BODIES, one, two, place, 0.4, depth)
+    other, m = point.par[geometry.ORIGIN:], point.sizes[0]
+    own, work, across = (np.zeros(geometry.WORK) for _ in range(3))
+    z = laws.gap_between(point.par, point.p0, point.u, point.mem, own, work, across)[3]
+    tx, ty, _, _ = laws.curve_at(other, point.p0[m:], point.u[m:], z, work, across)
+    spot, unit = laws.place_on(other, z, tx, ty)
+    point.mem[[laws.ON, geometry.ANCHOR]] = laws.surface_of(other), spot - (0.5 if slides else 0.005) / unit
+    point.par[[geometry.FRICTION, geometry.STICK, geometry.STIFFNESS]] = 0.3, 20.0, 1.0 / depth
+    return point
+
+
+@pytest.mark.parametrize("slides", [False, True], ids=["sticks", "slides"])
+@pytest.mark.parametrize("place", ["within", "end"])
+@pytest.mark.parametrize("two", SECTIONS)
+@pytest.mark.parametrize("one", SECTIONS)
+def test_friction_has_its_derivatives_but_for_the_depth_and_takes_its_power(one, two, place, slides):
+    depth = 1e-3
+    point = rubbing(one, two, place, slides, depth)
+    plain = rubbing(one, two, place, slides, depth)
+    plain.par[geometry.FRICTION] = 0.0
+
+    def friction(u, w):
+        return [a - b for a, b in zip(point(u, w), plain(u, w), strict=True)]
+
+    _, f, H, C, power = friction(point.u, point.w)
+    size = np.abs(f).max()
+    assert size > 0.05
+    # what is left out is of the size of the depth, beside an element of the length 1 or an end of the height 0.16
+    left_out = depth / (0.16 if place == "end" else 1.0)
+    np.testing.assert_allclose(H, differences(lambda u: friction(u, point.w)[1], point.u), atol=10 * left_out * size)
+    np.testing.assert_allclose(C, differences(lambda w: friction(point.u, w)[1], point.w), atol=1e-7 * size)
+    assert power == pytest.approx(f @ point.w, rel=1e-10)
+    # at its limit where it slides, along the curve
+    pushes = np.hypot(*_resultant(plain, (one, two)))
+    drags = np.hypot(*_resultant(point, (one, two)))
+    assert np.sqrt(drags**2 - pushes**2) / pushes == pytest.approx(0.3, rel=1e-2) if slides else drags > pushes
+
+
+def _resultant(point, sections):
+    sets = 3 if sections[0] == "theta" else 2
+    return point(point.u, point.w)[1][:point.sizes[0]].reshape(sets, -1)[:2, 0]
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("two", SECTIONS)
 @pytest.mark.parametrize("one", SECTIONS)
-def test_the_two_bodies_are_in_balance(one, two, place):
-    point = Point(laws.COMPLIANT_BODIES, one, two, place)
+def test_the_two_bodies_are_in_balance(one, two, place, friction):
+    point = rubbing(one, two, place, True, 0.03) if friction else Point(laws.COMPLIANT_BODIES, one, two, place)
     f, start = point(point.u, point.w)[1], 0
     total = np.zeros(3)
     for section, size in zip((one, two), point.sizes, strict=True):

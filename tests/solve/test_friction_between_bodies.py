@@ -1,0 +1,123 @@
+"""Friction between bodies, and of a body on itself, against closed forms and balances."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import helpers
+import numpy as np
+import pytest
+from motions import ride
+from test_contact_of_bodies import block, check_balance
+
+from ancf2d.solvers.contact import contact_report
+from ancf2d.solvers.fields import FieldReader
+
+HEIGHT, WIDTH, E, G = 0.02, 0.05, 2e11, 9.81
+BENDING = E * WIDTH * HEIGHT**3 / 12
+PRESS, PUSH, MU = 5e3, 200.0, 0.4
+ON = {"name": "touch", "between": ["upper", "lower"]}
+
+
+def leaves(name: str, count: int, mu: float) -> Any:
+    """Return two cantilevers that are pressed together all along, then bent by equal forces, and let go."""
+    def leaf(y):
+        section, material = {"height": HEIGHT, "width": WIDTH}, {"E": E, "nu": 0.3}
+        return helpers.body(helpers.line(1.0, start=(0.0, y)), helpers.element(name, count), section, material)
+
+    press = {"type": "table", "t": [0, 0.2, 1], "value": [0, 1, 1]}
+    bend = {"type": "table", "t": [0, 0.2, 0.6, 1], "value": [0, 0, 1, 0]}
+    loads = [{"type": "distributed", "on": body, "value": [0, sign * PRESS], "amplitude": press}
+             for body, sign in (("upper", -1), ("lower", 1))]
+    loads += [{"type": "force", "at": f"{body}@1", "value": [0, -0.5 * PUSH], "amplitude": bend}
+              for body in ("upper", "lower")]
+    return helpers.Solution(helpers.build(
+        {"upper": leaf(HEIGHT), "lower": leaf(0.0)}, {"type": "static", "steps": 5}, loads=loads,
+        bc=[{"name": body, "type": "clamp", "at": f"{body}@0"} for body in ("upper", "lower")],
+        contacts=[{**ON, "friction": mu, "law": {"stiffness": 1e10}}]))
+
+
+@pytest.mark.parametrize("name", helpers.chosen(["cable", "reissner3", "vallejo"], ["cable"]))
+def test_leaves_that_rub_are_stiffer_and_keep_some_of_their_deflection(name):
+    """The shear mu n of the faces bends each leaf by mu n h/2 per length, so that w = (P -+ mu n h) L^3/(6 EI)."""
+    solution, smooth = leaves(name, 4, MU), leaves(name, 4, 0.0)
+    at = [next(k for k, s in enumerate(one.states) if s.t == pytest.approx(0.6)) for one in (solution, smooth)]
+    less = MU * PRESS * HEIGHT / (6 * BENDING)
+    loaded, free = (one.u("lower@1", k)[1] for one, k in zip((solution, smooth), at, strict=True))
+    # but for how far friction gives before it slides
+    assert free == pytest.approx(-PUSH / (6 * BENDING), rel=5e-3)
+    assert loaded - free == pytest.approx(less, rel=0.015)
+    assert solution.u("lower@1")[1] == pytest.approx(-less, rel=0.015)
+    # what the layer gives is all that is left
+    assert smooth.u("lower@1")[1] == pytest.approx(0.5 * PRESS / 1e10, rel=0.05)
+    check_balance(solution)
+    traction = FieldReader(solution.model, ("traction",)).read(solution.state)["lower", "traction"][..., 1, 0]
+    assert abs(traction.mean()) == pytest.approx(MU * PRESS, rel=0.03)
+    (report,) = contact_report(solution.model, solution.state)
+    assert abs(report["force"][0]) == pytest.approx(MU * report["force"][1], rel=0.02)
+
+
+def inclined(angle: float, mu: float, t_end: float = 0.5, k: float = 1e7, order: Any = ("box", "rail"),
+             **solver: Any) -> Any:
+    """Return a block of 2 kg on a rail, as deep in it as its weight presses it."""
+    c, s = np.cos(angle), np.sin(angle)
+    along = np.array([c, s])
+    start = 0.5 * along + (0.1 - 2 * G * c / k) * np.array([-s, c])
+    return ride({"bodies": {"box": block(start, start + along), "rail": block([-3 * c, -3 * s], [3 * c, 3 * s])},
+                 "bc": [{"type": "clamp", "at": "rail@0"}], "loads": [{"type": "gravity", "value": [0, -G]}],
+                 "contacts": [{"between": list(order), "friction": mu, "law": {"stiffness": k, "damping": 2e3}}]},
+                t_end, **solver)
+
+
+@pytest.mark.parametrize("solver", helpers.chosen(
+    [{"tolerance": 1e-4}, {"tolerance": 1e-4, "method": "radau5"}, {"dt": 5e-4, "method": "newmark"},
+     {"dt": 5e-4, "method": "hht"}, {"tolerance": 1e-5, "method": "RK45"}], [{"tolerance": 1e-4}]), ids=str)
+def test_a_block_slides_down_a_rail_or_rests_on_it(solver):
+    angle = 0.3
+    along = np.array([np.cos(angle), np.sin(angle)])
+    for mu in (0.2, 0.4):
+        found = inclined(angle, mu, every=1, **solver)
+        way = -float((found.place("box@0") - found.place("box@0", 0)) @ along)
+        slope = G * (np.sin(angle) - mu * np.cos(angle))
+        # tan 0.3 = 0.31; a spring of the stiffness of the layer gives before it slides
+        assert way == pytest.approx(max(0.5 * slope * 0.25, 0.0), rel=0.01, abs=1e-5)
+        total, _ = found.totals()
+        lost = np.array([row.lost for row in found.rows])
+        np.testing.assert_allclose(total + lost, total[0], atol=1e-3 * max(abs(total[0] - total[-1]), 1e-2))
+        assert lost[-1] == pytest.approx(mu * 2 * G * np.cos(angle) * way, rel=0.01, abs=1e-4)
+
+
+def test_the_order_of_the_bodies_does_not_matter():
+    one, two = (inclined(0.3, 0.2, 0.1, order=order, dt=1e-3, method="generalized_alpha")
+                for order in (("box", "rail"), ("rail", "box")))
+    np.testing.assert_allclose(one.full()[0], two.full()[0], atol=1e-12)
+
+
+def test_momentum_is_kept_where_one_body_drags_another():
+    """Two bars that meet aslant in free space: friction turns and drags both, in balance."""
+    bodies = {"one": block([0, 0.12], [1, 0.12]), "two": block([-0.3, 0], [1.2, 0.01])}
+    found = ride({"bodies": bodies, "initial": {"bodies": {"one": {"velocity": [1.0, -0.5]}}},
+                  "contacts": [{"between": ["one", "two"], "friction": 0.5, "law": {"stiffness": 1e6}}]},
+                 0.1, every=1, tolerance=1e-6)
+    total, momenta = found.totals()
+    lost = np.array([row.lost for row in found.rows])
+    np.testing.assert_allclose(momenta, momenta[0] * np.ones_like(momenta), atol=1e-9)
+    assert lost[-1] > 0.02 * total[0]
+    np.testing.assert_allclose(total + lost, total[0], rtol=1e-3)
+
+
+@pytest.mark.parametrize("steps", [10, 40])
+def test_bodies_that_begin_to_touch_do_not_pass_through_one_another_in_a_load_step(steps):
+    """Loads that would push leaves through one another, which touch with no gap, cut the step."""
+    def leaf(y):
+        return helpers.body(helpers.line(1.0, start=(0.0, y)), helpers.element("cable", 4),
+                            {"height": HEIGHT, "width": WIDTH}, {"E": E, "nu": 0.3})
+
+    loads = [{"type": "distributed", "on": body, "value": [0, value]}
+             for body, value in (("upper", -5e4), ("lower", 5e4))]
+    found = helpers.Solution(helpers.build(
+        {"upper": leaf(HEIGHT), "lower": leaf(0.0)}, {"type": "static", "steps": steps}, loads=loads,
+        bc=[{"name": body, "type": "clamp", "at": f"{body}@0"} for body in ("upper", "lower")],
+        contacts=[{**ON, "law": {"stiffness": 1e9}}]))
+    # each leaf is held by the other: what the layer gives
+    np.testing.assert_allclose(found.u("upper@1")[1], -0.5 * 5e4 / 1e9, rtol=0.05)
