@@ -79,14 +79,14 @@ def touches(model: Model, state: State) -> list[Touch]:
     return [_touch(model, one, state) for one in model.contact_tables]
 
 
-def forces_of_points(model: Model, one: ContactTable, state: State, rub: bool = True) -> tuple[Array, Array]:
-    """Return the force (m, 2) of each point of a contact on its body and its moment (m,) about the origin.
+def nodal_forces_of_points(one: ContactTable, state: State, rub: bool = True) -> tuple[Index, Array]:
+    """Return the coordinates (m, n) that each point of a contact acts on, and its forces (m, n) of elastic sign there.
 
-    Without friction where it does not ``rub``.
+    Those of its own element first, then those of the one that it is opposite to. Without friction where it does not
+    ``rub``.
     """
     from ..kernels.points import point_matrices
 
-    mesh = one.pair.mesh
     table, amps = one.at(state.d, state.side)
     friction = table.par[:, FRICTION].copy()
     if not rub:
@@ -100,7 +100,17 @@ def forces_of_points(model: Model, one: ContactTable, state: State, rub: bool = 
         v[:len(state.v)] = state.v
     point_matrices(table, state.d, v, amps, False, energy, Q, K, C)
     table.par[:, FRICTION] = friction
-    own = mesh.plan.element.n_dof
+    return coords, Q
+
+
+def forces_of_points(model: Model, one: ContactTable, state: State, rub: bool = True) -> tuple[Array, Array]:
+    """Return the force (m, 2) of each point of a contact on its body and its moment (m,) about the origin.
+
+    Without friction where it does not ``rub``.
+    """
+    mesh = one.pair.mesh
+    coords, Q = nodal_forces_of_points(one, state, rub)
+    m, own = len(Q), mesh.plan.element.n_dof
     e = model.e0 + state.d[:model.n_q]
     moves = rigid_motion(mesh, coords[:, :own].ravel(), e, np.zeros(2)).reshape(m, own, 3)
     total = -np.einsum("mn,mnk->mk", Q[:, :own], moves)

@@ -20,8 +20,12 @@ from ..model.mesh import BodyMesh, Index
 from ..model.model import Model
 from ..model.point_patch import PointPatch
 from ..model.points import PointRef
+from .contact import nodal_forces_of_points
 from .linear import full_mass, inertia_rates
 from .state import State
+
+# what is nearer to an end of its element than this share of it acts there
+NODE = 1e-9
 
 
 class Inside(NamedTuple):
@@ -88,7 +92,7 @@ def constraint_forces(model: Model, state: State) -> list[tuple[Index, Array]]:
 def acting_inside(model: Model, mesh: BodyMesh, state: State) -> list[Inside]:
     """Return what loads, springs, supports and joints do to a body between the ends of its elements."""
     return [*_loads(model, mesh, state), *_springs(model, mesh, state), *_held(model, mesh, state),
-            *_moving(model, mesh, state), *_by_formula(model, mesh, state)]
+            *_moving(model, mesh, state), *_by_formula(model, mesh, state), *_touching(model, mesh, state)]
 
 
 def reach(model: Model, mesh: BodyMesh, ie: int, state: State) -> Index | None:
@@ -167,6 +171,26 @@ def _by_formula(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
         Q = batch.matrices(state.d, state.side, v=state.v)[1]
         places = [(ie, x) for elements, xi, _ in patch.cover for ie in elements.tolist() for x in np.ravel(xi).tolist()]
         yield from (Inside(ie, x, -q) for (ie, x), q in zip(places, Q, strict=True))
+
+
+def _touching(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
+    """Yield what contact does at its points, those of the body and those of others that it is opposite to."""
+    element = {int(first): ie for ie, first in enumerate(mesh.dofs[:, 0])}
+    for one in model.contact_tables:
+        pair = one.pair
+        if mesh is not pair.mesh and not (pair.on_bodies and mesh is pair.against):
+            continue
+        coords, Q = nodal_forces_of_points(one, state)
+        own = pair.mesh.plan.element.n_dof
+        parts = [(pair.mesh, one.places(pair.mesh), 0)]
+        parts += [(pair.against, one.opposite(), own)] if pair.on_bodies else []
+        for body, s, first in parts:
+            here = slice(first, first + body.plan.element.n_dof)
+            for k in np.flatnonzero(Q[:, here].any(axis=1)) if body is mesh else ():
+                ie = element[int(coords[k, first])]
+                xi = float((s[k] * mesh.plan.length - mesh.starts[ie]) / mesh.lengths[ie])
+                if NODE < xi < 1.0 - NODE:
+                    yield Inside(ie, xi, -Q[k, here])
 
 
 def _places(model: Model, mesh: BodyMesh, state: State) -> list[tuple[str, int, float]]:

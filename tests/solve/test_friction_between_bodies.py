@@ -12,6 +12,7 @@ from test_contact_of_bodies import block, check_balance
 
 from ancf2d.solvers.contact import contact_report
 from ancf2d.solvers.fields import FieldReader
+from ancf2d.solvers.section_forces import section_forces
 
 HEIGHT, WIDTH, E, G = 0.02, 0.05, 2e11, 9.81
 BENDING = E * WIDTH * HEIGHT**3 / 12
@@ -55,6 +56,11 @@ def test_leaves_that_rub_are_stiffer_and_keep_some_of_their_deflection(name):
     fields = FieldReader(solution.model, ("pressure", "traction")).read(solution.state)
     pressure, traction = (fields["lower", name][..., 1, 0] for name in ("pressure", "traction"))
     np.testing.assert_allclose(traction, MU * pressure, rtol=0.01)
+    # the lower leaf bears that as tension, between its nodes, too
+    for s in (0.625, 0.875):
+        N, _, M = section_forces(solution.model, solution.state, solution.point(f"lower@{s}"))
+        assert pytest.approx(MU * PRESS * (1 - s), rel=0.02) == N
+        assert pytest.approx(-0.5 * HEIGHT * N, rel=0.3) == M
     (report,) = contact_report(solution.model, solution.state)
     assert abs(report["force"][0]) == pytest.approx(MU * report["force"][1], rel=0.02)
 
