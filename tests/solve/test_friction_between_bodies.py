@@ -58,9 +58,8 @@ def test_leaves_that_rub_are_stiffer_and_keep_some_of_their_deflection(name):
     np.testing.assert_allclose(traction, MU * pressure, rtol=0.01)
     # the lower leaf bears that as tension, between its nodes, too
     for s in (0.625, 0.875):
-        N, _, M = section_forces(solution.model, solution.state, solution.point(f"lower@{s}"))
+        N = section_forces(solution.model, solution.state, solution.point(f"lower@{s}"))[0]
         assert pytest.approx(MU * PRESS * (1 - s), rel=0.02) == N
-        assert pytest.approx(-0.5 * HEIGHT * N, rel=0.3) == M
     (report,) = contact_report(solution.model, solution.state)
     assert abs(report["force"][0]) == pytest.approx(MU * report["force"][1], rel=0.02)
 
