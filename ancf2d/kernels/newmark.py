@@ -16,6 +16,8 @@ from .moving import add_moving_product
 
 # an iteration that shrinks the increment by less than this gets a tangent of its own
 SLOW = 0.2
+# of the extent: gaps within which a point counts as one that touches, and so the increments that tell nothing more
+TOUCHES = 4e-12
 
 
 class Newmark(NamedTuple):
@@ -46,6 +48,24 @@ def _move(m, p, s, h):  # type: ignore[no-untyped-def]
             end.z[i] = s.z[i] + h * (s.v[i] + h * ((0.5 - m.beta) * alg0 + m.beta * alg1))
             end.v[i] = s.v[i] + h * ((1.0 - m.gamma) * alg0 + m.gamma * alg1)
             end.a[i] = ((1.0 - m.am) * alg1 + m.am * alg0 - m.af * s.a[i]) / (1.0 - m.af)
+
+
+@inner
+def _pulls(p, z):  # type: ignore[no-untyped-def]
+    """Return whether a contact without a law pulls."""
+    for i in range(len(p.points.restitution)):
+        if p.points.restitution[i] >= 0.0 and z[p.place[p.points.multiplier[i]]] > 0.0:
+            return True
+    return False
+
+
+@inner
+def _stands(p, w, end, iteration, step):  # type: ignore[no-untyped-def]
+    """Return whether increments that do not shrink are round-off."""
+    if calls.at_floor(p.calls, (p, w, end.v, end.a)):
+        return True
+    # what touches but would be pulled on is open again in the next iteration, and closed in the one after it
+    return p.sided and iteration > 2 and step <= TOUCHES * p.extent and not _pulls(p, end.z)
 
 
 @inner
@@ -97,7 +117,7 @@ def newmark_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
             return NOT_FINITE, iteration + 1, 0.0, rate
         if iteration > 0:
             rate = step / last
-            if rate > 0.5 and calls.at_floor(p.calls, (p, w, end.v, end.a)):
+            if rate > 0.5 and _stands(p, w, end, iteration, step):
                 break
         for i in range(n):
             if p.coordinate[i] != 0.0:

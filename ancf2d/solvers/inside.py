@@ -175,6 +175,8 @@ def _by_formula(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
 
 def _touching(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
     """Yield what contact does at its points, those of the body and those of others that it is opposite to."""
+    if not model.contacts:
+        return
     element = {int(first): ie for ie, first in enumerate(mesh.dofs[:, 0])}
     for one in model.contact_tables:
         pair = one.pair
