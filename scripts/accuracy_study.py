@@ -96,7 +96,7 @@ def main() -> None:
     write(PAGE, "given-summary", summary(given))
     write(PAGE, "open", table(HEAD, list(map(cells, left_open))))
     write(PAGE, "adjoint", table(("case", *(f"{n} times" for n in COARSE)), adjoints()))
-    write(PAGE, "stamp", stamp("accuracy_study"))
+    write(PAGE, "stamp", stamp("scripts.accuracy_study"))
 
 
 if __name__ == "__main__":

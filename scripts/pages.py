@@ -54,8 +54,8 @@ def versions(*more: str) -> str:
 
 
 def stamp(command: str, *more: str) -> str:
-    """Return when and on what a script and its options measured, with versions of ``more`` packages."""
-    return f"Measured by `python -m scripts.{command}` on {date.today()}: {machine()}; {versions(*more)}."
+    """Return when and on what ``python -m COMMAND`` measured, with versions of ``more`` packages."""
+    return f"Measured by `python -m {command}` on {date.today()}: {machine()}; {versions(*more)}."
 
 
 def write(page: Path, name: str, found: str) -> None:

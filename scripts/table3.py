@@ -28,7 +28,7 @@ from ancf2d.solvers.registry import solve
 from ancf2d.solvers.state import State
 from ancf2d.study.run import load, prepare
 from scripts.pages import CASES, DOCS, table
-from scripts.references.timoshenko import exact_mode, overlap
+from scripts.timoshenko import exact_mode, overlap
 
 CASE, PAGE = CASES / "paper" / "table3_2d2n.yaml", DOCS / "table3.md"
 MESHES = (16, 32, 64)

@@ -184,7 +184,7 @@ def main() -> None:
         parts = study_of(name)
         write(PAGE, name, "\n\n".join(parts))
         print(f"{name}\n\n" + "\n\n".join(parts) + "\n", flush=True)
-    write(PAGE, "stamp", stamp("tradeoff_report"))
+    write(PAGE, "stamp", stamp("scripts.tradeoff_report"))
 
 
 if __name__ == "__main__":

@@ -7,9 +7,11 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import measured as tables
 import pytest
 
 from ancf2d.processors import cores
@@ -44,8 +46,18 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 gc.set_threshold(100_000, 50, 1000)
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_configure(config: pytest.Config) -> None:
+    """Gather the rows of tables where these are asked for."""
+    if config.getoption("pages") or config.getoption("trials") is not None:
+        config.pluginmanager.register(tables.Measured(config))
+
+
+pytest_generate_tests = tables.numbered
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Begin with the files that take longest."""
+    tables.wanted(config, items)
     place = {f"{name}.py": k for k, name in enumerate(FIRST)}
     items.sort(key=lambda item: place.get(f"{item.path.parent.name}/{item.path.name}", len(FIRST)))
 
@@ -64,8 +76,11 @@ def pytest_xdist_setupnodes(config: pytest.Config) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Run the tests of a file in one process: they share kernels, models and solutions."""
+    """Run the tests of a file in one process: they share kernels, models and solutions. Trials share none."""
     from xdist.scheduler import LoadFileScheduling
+
+    if config.getoption("pages") or config.getoption("trials") is not None:
+        return None
 
     class AfterCompiling(LoadFileScheduling):
         def schedule(self) -> None:
@@ -82,3 +97,16 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Add --update: rewrite stored outputs and golden messages (review the difference before committing)."""
     parser.addoption("--update", action="store_true", default=False,
                      help="rewrite stored outputs and golden messages; review the difference")
+    tables.options(parser)
+
+
+@pytest.fixture
+def measured(request: pytest.FixtureRequest) -> Callable[..., None]:
+    """Return a function that notes a row, or the text, of a place of a page, or of none.
+
+    ``maker`` (MODULE:FUNCTION) makes the text of all rows.
+    """
+    def note(page: str, place: str, row: Any, maker: str = "") -> None:
+        request.node.user_properties.append(("measured", (page, place, maker, row)))
+
+    return note

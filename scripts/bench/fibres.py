@@ -103,4 +103,4 @@ if __name__ == "__main__":
     found = text([row for scene in YIELDING for row in measure(scene)])
     print(found)
     if "--page" in sys.argv:
-        write(PAGE, "fibres", f"{found}\n\n{stamp('bench.fibres --page', 'openseespy')}")
+        write(PAGE, "fibres", f"{found}\n\n{stamp('scripts.bench.fibres --page', 'openseespy')}")

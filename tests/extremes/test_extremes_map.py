@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
+from instruments.extremes import cell, table
+from instruments.extremes.table import all_rows
 
 import ancf2d
-from scripts.extremes import cell, table
-from scripts.extremes.table import all_rows
 
 pytestmark = pytest.mark.slow
 
@@ -44,14 +46,25 @@ def test_a_cell_that_takes_too_long_is_given_up() -> None:
     assert made(wait, seconds=0.1).verdict == "slow"
 
 
-def test_verdicts_are_kept_and_the_slow_and_wrong_are_tried_again(tmp_path: Path) -> None:
-    store = table.Store(tmp_path / "map.jsonl")
-    good, bad = made(lambda: cell.Found(1e-4)), made(lambda: cell.Found(1.0))
-    store.add(good)
-    assert table.Store(store.path).found == {good.key: good}
-    store.add(bad)
-    assert "**wrong** 1e+00 [1]" in table.grids([bad])
-    assert "| all | 2 | 1 | 0 | 0 | 0 | 1 |" in table.counts([good, bad])
+def test_verdicts_make_tables() -> None:
+    rows = [asdict(made(lambda: cell.Found(1e-4))), asdict(made(lambda: cell.Found(1.0)))]
+    assert "**wrong** 1e+00 [1]" in table.grids(rows[1:])
+    assert "| all | 2 | 1 | 0 | 0 | 0 | 1 |" in table.counts(rows)
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Give the cells of the map, where its page is asked for."""
+    if "every" in metafunc.fixturenames:
+        cells = list(all_rows()) if metafunc.config.getoption("pages") else []
+        metafunc.parametrize("every", cells, ids=lambda c: c.key)
+
+
+@pytest.mark.pages
+def test_cell(every: cell.Cell, measured: Callable[..., None]) -> None:
+    found = cell.run(every)
+    for place, maker in (("counts", "counts"), ("map", "grids")):
+        measured("extremes.md", place, asdict(found), f"instruments.extremes.table:{maker}")
+    assert found.verdict not in ("slow", "wrong")
 
 
 def test_every_cell_has_a_key_of_its_own() -> None:

@@ -6,10 +6,10 @@ import math
 from dataclasses import replace
 
 import pytest
+from instruments.extremes import cell, motions
+from instruments.extremes.scenes import BY_LABEL, Beam
 
 import ancf2d
-from scripts.extremes import cell, motions
-from scripts.extremes.scenes import BY_LABEL, Beam
 
 
 def solution(dt: float, method: str = "generalized_alpha") -> ancf2d.Solution:

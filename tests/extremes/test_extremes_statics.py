@@ -7,12 +7,12 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from instruments.extremes import statics
+from instruments.extremes.scenes import BY_LABEL, SUBJECTS, Beam, cantilever
 
 import ancf2d
 from ancf2d.solvers import static
 from ancf2d.solvers.refine import refined
-from scripts.extremes import statics
-from scripts.extremes.scenes import BY_LABEL, SUBJECTS, Beam, cantilever
 
 
 def known(warnings: list[str]) -> float:

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import helpers
 import pytest
+from instruments.extremes import across, cell, modes, statics, traps
+from instruments.extremes.scenes import BY_LABEL, SUBJECTS, Beam, cantilever, force
 
 import ancf2d
-from scripts.extremes import across, cell, modes, statics, traps
-from scripts.extremes.scenes import BY_LABEL, SUBJECTS, Beam, cantilever, force
 
 FEW = ["vallejo", "cable", "reissner3", "2d3n", "omar"]
 

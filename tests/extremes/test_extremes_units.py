@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import helpers
 import pytest
-
-from scripts.extremes import modes, scaling
-from scripts.extremes.scenes import DEFAULTS
-from scripts.extremes.statics import slender
+from instruments.extremes import modes, scaling
+from instruments.extremes.scenes import DEFAULTS
+from instruments.extremes.statics import slender
 
 UNITS = dict(scaling.AXES["all units"])
 

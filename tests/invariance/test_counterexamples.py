@@ -1,4 +1,4 @@
-"""Small scenes that once violated an invariance, as ``scripts.invariance`` wrote them, and ones that vary."""
+"""Small scenes that once violated an invariance, as tests of random scenes wrote them, and ones that vary."""
 
 from __future__ import annotations
 
@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 import yaml
-
-from scripts.scenes import campaign
-from scripts.scenes.checks import CHECKS
-from scripts.scenes.compare import Scene
+from instruments.scenes import campaign
+from instruments.scenes.checks import CHECKS
+from instruments.scenes.compare import Scene
 
 HERE = Path(__file__).parent / "scenes"
 MOVED = ("turned by any angle", "mirrored", "shifted by 1000 sizes", "in other units", "in another order")

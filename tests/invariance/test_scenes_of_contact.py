@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import asdict
 
 import numpy as np
 import pytest
+from instruments.scenes import touching
 
-from scripts.scenes import touching
 
-
-@pytest.mark.parametrize("number", [
+@pytest.mark.trials([
     # bounces without loss until it spins by more than 0.4 rad in a step of 0.01 s
     62,
     # a cable of two elements whose waves are far too fast for its steps
     pytest.param(54, marks=pytest.mark.slow),
     # the same where an obstacle shakes, which gives energy in impacts
     pytest.param(191, marks=pytest.mark.slow)])
-def test_nothing_penetrates_and_no_energy_comes_from_nothing(number: int) -> None:
-    assert touching.judged(1, number).faults == []
+def test_nothing_penetrates_and_no_energy_comes_from_nothing(number: int, pytestconfig: pytest.Config,
+                                                             measured: Callable[..., None]) -> None:
+    found = touching.judged(pytestconfig.getoption("seed"), number)
+    measured("", "touching", asdict(found), "instruments.scenes.touching:report")
+    assert found.faults == []
 
 
 def test_distances_are_those_of_plane_geometry() -> None:

@@ -1,33 +1,40 @@
-"""Some of the random frames and mechanisms that ``scripts.independent`` compares with equations of their own."""
+"""Random frames and mechanisms beside equations of their own: a few, or as many as --trials says."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 import pytest
-
-from scripts.own_equations import frames as frames_module
-from scripts.own_equations import mechanisms as mechanisms_module
-from scripts.own_equations.frames import KINDS, frames
-from scripts.own_equations.mechanisms import mechanisms
-from scripts.own_equations.verdict import Verdict, judge
+from instruments.own_equations import frames as frames_module
+from instruments.own_equations import mechanisms as mechanisms_module
+from instruments.own_equations.frames import KINDS, frames
+from instruments.own_equations.mechanisms import mechanisms
+from instruments.own_equations.verdict import Verdict, judge
 
 FRAMES = [0, 1, 3, 4, 5, 30, 7, 8, 9, 22, 11]
 RIGID = [0, 1, 2, 3]
 
 
-@pytest.mark.parametrize("number", [pytest.param(number, id=KINDS[number % len(KINDS)].name,
-                                                 marks=() if number == 0 else pytest.mark.slow)
-                                    for number in FRAMES])
-def test_frames(number: int) -> None:
-    assert [v for v in frames([number]) if not v.holds] == []
+def judged(verdicts: Iterable[Verdict], measured: Callable[..., None], place: str) -> list[Verdict]:
+    """Note the verdicts on a frame or mechanism; return those that do not hold, with their cases."""
+    found = list(verdicts)
+    for verdict in found:
+        measured("robustness.md", place, verdict.as_row(), "instruments.own_equations.verdict:report")
+    return [v for v in found if not v.holds]
+
+
+@pytest.mark.trials([pytest.param(number, id=KINDS[number % len(KINDS)].name,
+                                  marks=() if number == 0 else pytest.mark.slow) for number in FRAMES])
+def test_frames(number: int, measured: Callable[..., None]) -> None:
+    assert judged(frames([number]), measured, "frames") == []
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", RIGID)
-def test_rigid_mechanisms(number: int) -> None:
-    assert [v for v in mechanisms([number]) if not v.holds] == []
+@pytest.mark.trials(RIGID)
+def test_mechanisms(number: int, measured: Callable[..., None]) -> None:
+    assert judged(mechanisms([number]), measured, "mechanisms") == []
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""In small what ``scripts.robustness`` measures: repeats, processes at once, commands that are stopped."""
+"""Repeats, very many events, processes at once, commands that are stopped: in small what docs/robustness.md tells."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-
-from scripts.endurance import events, repeats, scenes, stops
+from instruments.endurance import events, repeats, scenes, stops
 
 pytestmark = pytest.mark.slow
 

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from instruments.endurance import scenes
+from instruments.fuzz.command import Called, call
 from synthetic import HEADER, bent_beam, coordinates, tangent_body
 
 from ancf2d.errors import ResultsError
 from ancf2d.results import ResultWriter, journal, open_results, part_path
 from ancf2d.results.journal import JournaledFile
-from scripts.endurance import scenes
-from scripts.fuzz.command import Called, call
 
 pytestmark = pytest.mark.slow
 

@@ -1,4 +1,4 @@
-"""Some of the mutants that ``scripts.robustness`` tries by the thousand, and the trial itself."""
+"""Some of the mutants that docs/robustness.md tells of by the thousand, and the trial itself."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-from scripts.fuzz import case_mutants, case_trial, command, pen, result_mutants, result_trial, trees
+from instruments.fuzz import case_mutants, case_trial, command, pen, result_mutants, result_trial, trees
 
 pytestmark = pytest.mark.slow
 

@@ -8,13 +8,13 @@ from typing import Any
 import helpers as h
 import numpy as np
 import pytest
+from instruments.references import contacts as reference
 from motions import ride, rigid
 from scipy.optimize import brentq
 
 from ancf2d.solvers.contact import contact_report
 from ancf2d.solvers.post import reactions
 from ancf2d.solvers.registry import solve
-from scripts.references import contacts as reference
 
 STIFF = {"EA": 1e7, "EI": 1.0, "rhoA": 1.0, "kGA": 1e7, "rhoI": 1e-6}
 EULER = math.pi**2

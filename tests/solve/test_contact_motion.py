@@ -9,11 +9,11 @@ from typing import Any
 import helpers as h
 import numpy as np
 import pytest
+from instruments.references import contacts as references
 from motions import ride, rigid
 
 from ancf2d.solvers.registry import solve
 from ancf2d.solvers.schemes import method_problems
-from scripts.references import contacts as references
 
 G, HEIGHT, MASS, INERTIA = 9.81, 0.5, 2.0, 0.2
 FLOOR = {"floor": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}}

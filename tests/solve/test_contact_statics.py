@@ -8,6 +8,8 @@ from pathlib import Path
 import helpers
 import numpy as np
 import pytest
+from instruments.references import contacts as reference
+from instruments.references.statics import Beam
 
 import ancf2d
 from ancf2d.case import Point, template
@@ -21,8 +23,6 @@ from ancf2d.solvers.post import reactions
 from ancf2d.solvers.registry import solve
 from ancf2d.solvers.section_forces import section_forces
 from ancf2d.study.run import run_case
-from scripts.references import contacts as reference
-from scripts.references.statics import Beam
 
 STIFF = {"EA": 1e6, "EI": 1.0, "kGA": 1e6, "rhoA": 1.0, "rhoI": 1e-6}
 CLAMP = {"name": "wall", "type": "clamp", "at": "beam@0"}

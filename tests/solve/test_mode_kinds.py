@@ -14,7 +14,7 @@ from ancf2d.model.mechanism import rigid_motion
 from ancf2d.solvers.classify import Classifier
 from ancf2d.solvers.eigen import solve_eigen
 from ancf2d.study.run import prepare, run_case
-from scripts.references.timoshenko import exact_mode, overlap
+from scripts.timoshenko import exact_mode, overlap
 
 THICK = {"height": 0.4, "width": 0.4}
 SOFT = {"E": 1e9, "nu": 0.3, "rho": 7850}

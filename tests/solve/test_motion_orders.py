@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from instruments.motions.orders import ORDER, PAIRS, SCENES, SMOOTHEST
 from motions import GRAVITY, orders, ride, rod
 from scipy.integrate import solve_ivp
-
-from scripts.evidence.orders import ORDER, PAIRS, SCENES, SMOOTHEST
 
 # how many steps the runs take; order 9 is at round-off soon
 STEPS = {2: (64, 256), 5: (48, 96), 9: (14, 21)}

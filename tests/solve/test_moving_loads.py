@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers import chosen
+from instruments.motions.crossings import along, bridge, moving_force, moving_mass, peak, under_force, under_mass
 from numpy.typing import NDArray
 
 import ancf2d
 from ancf2d.study.run import prepare
-from scripts.evidence.crossings import along, bridge, moving_force, moving_mass, peak, under_force, under_mass
 
 Array = NDArray[np.float64]
 

@@ -6,12 +6,11 @@ import math
 
 import numpy as np
 import pytest
+from instruments.references import contacts as c
+from instruments.references.statics import Beam, cantilever, march, shoot
 from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.special import beta
-
-from scripts.references import contacts as c
-from scripts.references.statics import Beam, cantilever, march, shoot
 
 SLIM = Beam(math.inf, math.inf, 1.0)
 

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import pytest
+from instruments.references import modes as exact
 
 from ancf2d.study.run import load
-from scripts.references import modes as exact
 
 CASES = Path(__file__).parents[2] / "cases"
 E, RHO = 2.07e11, 7850.0

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from instruments.own_equations.motion import move
+from instruments.own_equations.scene import Scene
+from instruments.own_equations.statics import large, linear, modes
 from scipy.special import ellipj, ellipk
-
-from scripts.own_equations.motion import move
-from scripts.own_equations.scene import Scene
-from scripts.own_equations.statics import large, linear, modes
 
 EA, kGA, EI, rhoA, rhoI = 3e4, 9e3, 50.0, 2.0, 0.03
 SECTION = {"EA": EA, "kGA": kGA, "EI": EI, "rhoA": rhoA, "rhoI": rhoI}

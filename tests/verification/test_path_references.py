@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from instruments.references import paths as path_references
 
 from ancf2d.study.run import load
-from scripts.references import paths as path_references
 
 PATHS = Path(__file__).parents[2] / "cases" / "paths"
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from instruments.references import statics as references
 from scipy.optimize import brentq
 from scipy.special import ellipeinc, ellipkinc
 
 from ancf2d.study.run import load
-from scripts.references import statics as references
 
 STATIC = Path(__file__).parents[2] / "cases" / "static"
 SLIM = references.Beam(math.inf, math.inf, 1.0)

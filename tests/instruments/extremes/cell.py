@@ -8,9 +8,8 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from types import FrameType
-from typing import Any
 
 import ancf2d
 
@@ -67,10 +66,6 @@ class Verdict:
     error: float | None
     message: str
     seconds: float
-
-    def as_row(self) -> dict[str, Any]:
-        """Return it as JSON has it."""
-        return asdict(self)
 
 
 class TooLongError(BaseException):

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from functools import cache, partial
 from typing import Any
 
-from scripts.evidence import conservation
+from instruments.motions import conservation
 
 from .cell import Cell, Found
 from .scenes import BY_LABEL, DEFAULTS, USUAL, Beam, Subject, force, solve

@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import cache, partial
 
 import ancf2d
-from scripts.evidence import conservation
+from instruments.motions import conservation
 
 from .cell import Cell, Found
 from .references import bent_tip, series_tip, stretch_force

@@ -1,11 +1,10 @@
-"""All cells of the map in the order of the page, their verdicts on disk, and the tables that they make."""
+"""All cells of the map in the order of the page, and the tables that their verdicts make."""
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from pathlib import Path
+from typing import Any
 
 from scripts.pages import table
 
@@ -21,31 +20,10 @@ def all_rows() -> Iterator[Cell]:
         yield from room.rows()
 
 
-class Store:
-    """Verdicts in a file that grows line by line: an interrupted map goes on, tries again the slow and wrong."""
-
-    def __init__(self, path: Path, fresh: bool = False) -> None:
-        self.path = path
-        self.found: dict[str, Verdict] = {}
-        if fresh:
-            path.unlink(missing_ok=True)
-        if path.exists():
-            for line in path.read_text(encoding="utf-8").splitlines():
-                verdict = Verdict(**json.loads(line))
-                if verdict.verdict not in ("slow", "wrong"):
-                    self.found[verdict.key] = verdict
-
-    def add(self, verdict: Verdict) -> None:
-        """Append a verdict."""
-        self.found[verdict.key] = verdict
-        with self.path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(verdict.as_row()) + "\n")
-
-
-def counts(verdicts: Iterable[Verdict]) -> str:
-    """Return how many cells of each axis have which verdict, as a Markdown table."""
+def counts(rows: Iterable[dict[str, Any]]) -> str:
+    """Return how many cells of each axis have which verdict (verdicts as data), as a Markdown table."""
     by_axis: dict[str, Counter[str]] = {}
-    for v in verdicts:
+    for v in (Verdict(**row) for row in rows):
         by_axis.setdefault(v.axis, Counter())[v.verdict] += 1
     total = sum(by_axis.values(), Counter())
     return table(["axis", "cells", *VERDICTS], [[axis, found.total(), *(found[w] for w in VERDICTS)]
@@ -62,10 +40,10 @@ def _mark(v: Verdict, notes: dict[str, int]) -> str:
             "wrong": f"**wrong** {error} [{number}]"}[v.verdict]
 
 
-def grids(verdicts: Iterable[Verdict]) -> str:
+def grids(rows: Iterable[dict[str, Any]]) -> str:
     """Return one table for each axis and measure: subjects down, values across, messages below."""
     groups: dict[tuple[str, str], list[Verdict]] = {}
-    for v in verdicts:
+    for v in (Verdict(**row) for row in rows):
         groups.setdefault((v.axis, v.measure), []).append(v)
     out = []
     for (axis, measure), found in groups.items():

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
+import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -13,9 +15,10 @@ from pathlib import Path
 from types import FrameType
 
 from ancf2d.errors import ResultsError
+from scripts.pages import table
 
 from . import case_mutants
-from .command import CODES, INTERRUPTED, Called, call, unreal
+from .command import CODES, INTERRUPTED, Called, call, told, unreal
 from .pen import Ended, Limits, confined
 
 SECONDS = 30.0  # of the processor's time within which a file must be validated
@@ -51,6 +54,26 @@ def trials(folder: Path, seed: int, numbers: range, limits: Limits | None = None
         trial = ended.value or Trial(number)
         trial.faults += [*([ended.fault] if ended.fault else []), *ended.notes]
         yield trial, ended
+
+
+def report(count: int, seed: int = 1) -> str:
+    """Return the table of what came of mutants of case files, and a line for each fault."""
+    ends: Counter[tuple[int, int | None]] = Counter()
+    faults, most, slowest, began = [], 0, 0.0, time.monotonic()
+    with tempfile.TemporaryDirectory() as folder:
+        for trial, ended in trials(Path(folder), seed, range(count)):
+            ends[trial.validated, trial.ran] += 1
+            most, slowest = max(most, ended.memory), max(slowest, trial.seconds)
+            faults += [f"{trial.number}: {fault}" for fault in trial.faults]
+    checked, ran = Counter[int](), Counter[int | None]()
+    for (first, then), n in ends.items():
+        checked[first] += n
+        ran[then] += n
+    rows = [["validated", count, *(checked[code] for code in (0, 1, 2)), ""],
+            ["run", count - ran[None], *(ran[code] for code in (0, 1, 2, INTERRUPTED))]]
+    return (table(["", "mutants", "exit 0", "exit 1", "exit 2", "interrupted after 2 s: exit 130"], rows)
+            + f"\n\nSeed {seed}; {time.monotonic() - began:.0f} s in all, {slowest:.1f} s for the slowest validation, "
+            f"at most {most / 1e6:.0f} MB for one mutant. {told(faults)}")
 
 
 @contextmanager

@@ -16,6 +16,13 @@ INTERRUPTED = 130
 LEAKS = ("Traceback (most recent call last)", "internal error", " object at 0x", "RuntimeWarning")
 
 
+def told(faults: list[str]) -> str:
+    """Return how many mutants broke a promise, and a line for each fault, ``NUMBER: WHAT``."""
+    numbers = {fault.split(":")[0] for fault in faults}
+    return (f"Mutants with another exit code, a traceback, a damaged file or no bound: {len(numbers)}."
+            + "".join(f"\n* {fault}" for fault in faults))
+
+
 @dataclass
 class Called:
     """One invocation: its arguments, exit code and what it printed."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -10,9 +11,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ancf2d.errors import Ancf2dError
+from scripts.pages import table
 
 from . import result_mutants
-from .command import INTERRUPTED, Called, call
+from .command import INTERRUPTED, Called, call, told
 from .pen import Ended, Limits, confined
 
 MUTANT = "mutant.h5"
@@ -44,6 +46,23 @@ def trials(folder: Path, bases: list[Path], seed: int, numbers: range,
         trial = ended.value or Trial(number)
         trial.faults += [*([ended.fault] if ended.fault else []), *ended.notes]
         yield trial, ended
+
+
+def report(count: int, seed: int = 1) -> str:
+    """Return the table of what came of mutants of result files, and a line for each fault."""
+    codes: Counter[tuple[str, int]] = Counter()
+    faults, read, most, began = [], 0, 0, time.monotonic()
+    with tempfile.TemporaryDirectory() as sound, tempfile.TemporaryDirectory() as folder:
+        bases = result_mutants.make_bases(Path(sound))
+        for trial, ended in trials(Path(folder), bases, seed, range(count)):
+            codes += trial.codes
+            read, most = read + trial.read, max(most, ended.memory)
+            faults += [f"{trial.number}: {fault}" for fault in trial.faults]
+    rows = [[name, sum(n for (k, _), n in codes.items() if k == name), *(codes[name, code] for code in (0, 1, 2))]
+            for name in dict.fromkeys(name for name, _ in codes)]
+    return (table(["command", "calls", "exit 0", "exit 1", "exit 2"], rows)
+            + f"\n\nSeed {seed}; {count} mutants, of which {read} were read as results; "
+            f"{time.monotonic() - began:.0f} s in all, at most {most / 1e6:.0f} MB for one mutant. {told(faults)}")
 
 
 def examine(folder: Path, bases: list[Path], seed: int, number: int) -> Trial:

@@ -10,8 +10,8 @@ import numpy as np
 
 from ancf2d.elements.shape import Array
 from ancf2d.study.run import load
+from instruments.references import motions as motion_references
 from scripts.pages import CASES, small, table
-from scripts.references import motions as motion_references
 
 from .runs import Motion, distance, follow
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from scripts.references.spectral_bars import Bar, Section
+from instruments.references.spectral_bars import Bar, Section
 
 from .points import Array
 

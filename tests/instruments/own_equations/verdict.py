@@ -8,11 +8,14 @@ be small is not believed.
 
 from __future__ import annotations
 
+import statistics
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+
+from scripts.pages import table
 
 from .points import Array
 
@@ -56,6 +59,11 @@ class Verdict:
         """Return whether the deviation is allowed."""
         return self.deviation <= self.allowed
 
+    def as_row(self) -> dict[str, Any]:
+        """Return it as data, without its case."""
+        return {"number": self.number, "kind": self.kind, "subject": self.subject, "what": self.what,
+                "deviation": float(self.deviation), "allowed": float(self.allowed)}
+
     def failed(self, error: Exception) -> None:
         """Say that there is no answer."""
         self.deviation, self.what = np.inf, " ".join(str(error).split())[:300]
@@ -87,3 +95,15 @@ def judge(verdict: Verdict, true: dict[str, Array], runs: list[dict[str, Array]]
 
 def _apart(a: Array, b: Array) -> float:
     return float(np.max(np.abs(a - b), initial=0.0))
+
+
+def report(rows: list[dict[str, Any]]) -> str:
+    """Return the table of deviations by elements and subject."""
+    verdicts, out = [Verdict(**row, case={}) for row in rows], []
+    for kind, subject in sorted({(v.kind, v.subject) for v in verdicts}):
+        of = [v for v in verdicts if (v.kind, v.subject) == (kind, subject)]
+        off = [v.deviation for v in of]
+        out.append([kind, subject, len(of), f"{statistics.median(off):.1e}", f"{max(off):.1e}",
+                    f"{max(v.deviation / v.allowed for v in of):.2f}", sum(not v.holds for v in of)])
+    head = ["elements", "subject", "computed", "median deviation", "largest", "largest share of allowed", "beyond"]
+    return f"{table(head, out)}\n\n{len({v.number for v in verdicts})} in all."

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from scripts.references.statics import Array, Beam, march, shoot
+from instruments.references.statics import Array, Beam, march, shoot
 
 # ---------------------------------------------------------------------- a strip over a drum
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from scripts.references.spectral_bars import Array, Bar, Crank, Mechanism, Section, hold, pin, rectangle
+from instruments.references.spectral_bars import Array, Bar, Crank, Mechanism, Section, hold, pin, rectangle
 
 # Sec. 5.5 of the paper; the size of the follower force is not printed
 CRANK, ROD, FORCE = 0.15, 0.3, 0.5

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import root
 from scipy.special import ellipe, ellipk
 
-from scripts.references.statics import Array, Beam, march, rectangle
+from instruments.references.statics import Array, Beam, march, rectangle
 
 
 def fold(f: Callable[[Array, float], Array], q: Sequence[float], P: float) -> tuple[Array, float]:

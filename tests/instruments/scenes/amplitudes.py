@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import re
 
-from scripts.own_equations.amplitudes import course
+from instruments.own_equations.amplitudes import course
 
 from .shapes import Data
 

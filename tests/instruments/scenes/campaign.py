@@ -1,21 +1,21 @@
-"""Many scenes, in several processes, and what came of them."""
+"""Random scenes examined, and what came of them."""
 
 from __future__ import annotations
 
-import json
 import math
 import random
 import signal
 import traceback
 from collections import Counter
-from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass, field
-from multiprocessing import get_context
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
 import yaml
+
+from scripts.pages import table
 
 from .answer import kind_of_message
 from .checks import CHECKS, Check, Scene, drawn_by_lot
@@ -88,38 +88,6 @@ def examine(seed: int, number: int, solver: str | None = None, drawn: int = DRAW
     return record
 
 
-def examined(jobs: Iterable[tuple[int, int, str | None, int, bool]], processes: int) -> Iterator[Record]:
-    """Yield what came of scenes, in the order in which they are done."""
-    if processes == 1:
-        yield from (examine(*job) for job in jobs)
-        return
-    with get_context("spawn").Pool(processes) as pool:
-        yield from pool.imap_unordered(examine_job, jobs)
-
-
-def examine_job(job: tuple[int, int, str | None, int, bool]) -> Record:
-    """Try one scene, told in one value."""
-    return examine(*job)
-
-
-# ---------------------------------------------------------------------- kept
-
-
-def kept(log: Path) -> dict[int, Record]:
-    """Return the records of a log, by number."""
-    if not log.exists():
-        return {}
-    lines = log.read_text(encoding="utf-8").splitlines()
-    found = [Record(**json.loads(line)) for line in lines if line.endswith("}")]
-    return {record.number: record for record in found}
-
-
-def keep(log: Path, record: Record) -> None:
-    """Add a record to a log."""
-    with log.open("a", encoding="utf-8") as file:
-        file.write(json.dumps(asdict(record)) + "\n")
-
-
 def counterexample(seed: int, number: int, solver: str | None, name: str, laws: bool = False) -> Data:
     """Return the smallest scene found that violates a check as a scene does."""
     check = next(c for c in CHECKS if c.name == name)
@@ -150,6 +118,20 @@ def write_case(path: Path, case: Data, text: str) -> None:
 # ---------------------------------------------------------------------- told
 
 WORDS = ("held", "announced", "refused", "blunt", "unfit", "violated")
+# of how many scenes a page tells why they were refused
+OFTEN = 5
+
+
+def report(rows: list[dict[str, Any]]) -> str:
+    """Return the tables of what came of scenes (records as data): outcomes, and the reasons of refusals."""
+    records = [Record(**row) for row in rows]
+    head = ["invariance", "solver", "held", "announced", "refused", "ill-conditioned", "not fit", "violated"]
+    refused = refusals(records)
+    often = [row for row in refused if row[2] >= OFTEN] or refused[:1]
+    counted = ", ".join(f"{n} {solver}" for solver, n in Counter(r.solver for r in records).most_common())
+    return (f"{table(head, counts(records))}\n\n{len(records)} scenes: {counted}; "
+            f"{sum(bool(r.violations) for r in records)} with a violation, {sum(n for *_, n in refused)} "
+            f"refused, most often because:\n\n{table(['why', 'solver', 'scenes'], often)}")
 
 
 def counts(records: Iterable[Record]) -> list[list[Any]]:

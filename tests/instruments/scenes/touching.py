@@ -1,22 +1,16 @@
 """Random motions of rods that fall among obstacles, and what must hold in each: no depth, no passage, no energy gained.
 
-    python -m scripts.scenes.touching --scenes 1000 --seed 1 --jobs 2
-
 Positions of points follow from the states that are stored: at the end of every step, of fixed steps that were not made
 in parts. Ways are looked at between states with one step between them. Distances are those of this module.
-Prints a table and what was violated, and exits with 1 where anything was.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import random
-import sys
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
@@ -232,15 +226,10 @@ def _passage(obstacle: Data, X: Array, gaps: Array, whole: npt.NDArray[np.bool_]
 # ---------------------------------------------------------------------- told
 
 
-def examine(job: tuple[int, int]) -> Verdict:
-    """Return what came of a scene, told in one value."""
-    return judged(*job)
-
-
-def report(verdicts: Iterable[Verdict]) -> str:
-    """Return the table of what came of scenes."""
+def report(rows: Iterable[Data]) -> str:
+    """Return the table of what came of scenes (verdicts as data)."""
     kinds: dict[str, list[Verdict]] = {}
-    for v in verdicts:
+    for v in (Verdict(**row) for row in rows):
         kinds.setdefault(v.kind.split(", ")[1].split(" ")[0] + ", " + v.kind.rsplit(", ", 1)[1], []).append(v)
     rows = []
     for kind, found in sorted(kinds.items()):
@@ -252,25 +241,3 @@ def report(verdicts: Iterable[Verdict]) -> str:
                      f"{max(hard):.0e}" if hard else "", *bad])
     return table(["contact, steps", "scenes", "not computed", "deepest", "too deep", "passed through",
                   "energy from nothing"], rows)
-
-
-def main() -> None:
-    """Try the scenes that are asked for."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--scenes", type=int, default=100, help="how many (default: 100)")
-    parser.add_argument("--first", type=int, default=0, help="number of the first (default: 0)")
-    parser.add_argument("--seed", type=int, default=1, help="of the random numbers (default: 1)")
-    parser.add_argument("--jobs", type=int, default=1, help="processes (default: 1)")
-    args = parser.parse_args()
-    found = []
-    with get_context("spawn").Pool(args.jobs) as pool:
-        for verdict in pool.imap(examine, [(args.seed, args.first + n) for n in range(args.scenes)]):
-            found.append(verdict)
-            if verdict.faults:
-                print(f"{verdict.number}: {verdict.kind}: {'; '.join(verdict.faults)}", file=sys.stderr, flush=True)
-    print(report(found))
-    sys.exit(1 if any(v.faults for v in found) else 0)
-
-
-if __name__ == "__main__":
-    main()

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import re
-
 import pytest
-
-from scripts import motion_evidence
-from scripts.evidence import conservation, joints, runs, traps
+from instruments.motions import conservation, joints, runs, traps
 
 pytestmark = pytest.mark.slow
 
@@ -65,11 +61,3 @@ def test_joints_hold_by_their_log_and_by_their_probes(joint: joints.Joint) -> No
     log, seen = joints.hold(joint, "method: generalized_alpha, dt: 1e-3, estimate: false")
     assert log < 1e-13
     assert seen is None or seen < 1e-12
-
-
-def test_every_table_has_its_place_on_the_page() -> None:
-    pages = motion_evidence.PAGE, *motion_evidence.ELSEWHERE.values()
-    text = "".join(page.read_text(encoding="utf-8") for page in pages)
-    names = motion_evidence.tables(1, 1.0, 1)
-    assert sorted(re.findall(r"<!-- measured: (\S+) -->", text)) == sorted([*names, "stamp"])
-    assert re.findall(r"<!-- measured: (\S+) -->\n<!-- end -->", text) == []
