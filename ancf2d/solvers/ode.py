@@ -128,8 +128,7 @@ class OdeStepper(Stepper):
             stop = self.pieces[self.piece].stop
             if self.solver is None:
                 self.solver = self._begin(stop)
-            self._step(found)
-            event = self.events.holds()
+            event = not self._step(found) or self.events.holds()
             following = self.events.happen() if event else self.piece + 1
             while not self.done and (event or self.t >= stop):
                 pass_break(self, following)
@@ -139,14 +138,20 @@ class OdeStepper(Stepper):
                 break
         self.pending = np.array(self.log).reshape(-1, len(LOG))
 
-    def _step(self, found: list[Row]) -> None:
+    def _step(self, found: list[Row]) -> bool:
+        """Make a step; return False where it was given up for an event at its beginning."""
         solver, t, evaluations = self.solver, self.t, self.solver.nfev
         if not self.scheme.fixed:
             solver.atol = self._weights()
         message = solver.step()
         if solver.status == "failed" or not np.isfinite(solver.y).all():
             raise stuck(self, message)
-        path: Any = self._stop_at_event(t) if self.events.conditions else None
+        path: Any = None
+        if self.events.conditions:
+            path = self._stop_at_event(t)
+            if path is None:
+                self.solver = None
+                return False
         solver = self.solver
         h, evaluations = solver.t - t, solver.nfev - evaluations
         inside = self._inside(t, solver.t)
@@ -167,18 +172,22 @@ class OdeStepper(Stepper):
             kind = CHECK if len(states) and not at_end else END
             self._store(found, inside[-1] if at_end else solver.t, kind, solver.y, self.s.numbers[[WORK, LOST]],
                         self.s.turned[0])
+        return True
 
     def _stop_at_event(self, t: float) -> Any:
         """Let a step from t that has just been made end where a condition comes to hold in it.
 
-        Returns its interpolation. One-step methods make it once more, until it ends there.
+        Returns its interpolation, None where the condition comes to hold at t, to round-off. One-step methods make the
+        step once more, until it ends there.
         """
         for k in range(TRIES):
             solver = self.solver
             path, near = solver.dense_output(), FLOATS * FLOAT * solver.t
             found = self._crossing(path, t, solver.t, BEYOND * (solver.t - t) if k else 0.0)
-            if found is None or abs(found - solver.t) <= near or found <= t + near:
+            if found is None or abs(found - solver.t) <= near:
                 return path
+            if found <= t + near:
+                return None
             if not self.scheme.one_step:
                 solver.t, solver.y, solver.status = found, path(found), "running"
                 return path
@@ -189,7 +198,10 @@ class OdeStepper(Stepper):
         return self.solver.dense_output()
 
     def _crossing(self, path: Any, t: float, end: float, beyond: float) -> float | None:
-        """Return when a condition comes to hold between t and the end of a step, or so much behind; None where none."""
+        """Return when a condition comes to hold between t and the end of a step, or so much behind; None where none.
+
+        What holds there, to round-off, is marked.
+        """
         def holds(x: float) -> bool:
             place(self.inner, self.free, path(x))
             found = holding(self.p, self.w, self.inner.z, self.inner.v, x)
@@ -204,6 +216,7 @@ class OdeStepper(Stepper):
         low, high = times[k - 1], times[k]
         while low < (middle := 0.5 * (low + high)) < high:
             low, high = (low, middle) if holds(middle) else (middle, high)
+        _ = holds(high + 2.0 * FLOATS * FLOAT * end) or holds(high)
         return high
 
     def _inside(self, t: float, end: float) -> Array:

@@ -47,6 +47,16 @@ def test_a_rod_flies_on_from_the_pin_that_lets_it_go(method: str, active: Any) -
     assert np.hypot(*(solved.reactions["pivot"][q] for q in ("fx", "fy"))) < 1e-9
 
 
+@pytest.mark.parametrize("method", ["DOP853", pytest.param("radau5", marks=pytest.mark.slow),
+                                    pytest.param("Radau", marks=pytest.mark.slow)])
+def test_an_event_at_the_end_of_a_step_is_not_missed(method: str) -> None:
+    """Round-off decides whether a step that ends at an event ends just before it or just after it."""
+    for angle in np.linspace(0.375, 1.805, 12).tolist():
+        pin = {"name": "pivot", "type": "pin", "at": "rod@0", "active": {"until": f"right.theta > {angle!r}"}}
+        solved = solve(method, boundary_conditions=[pin], initial={"rotation_rate": {"omega": 2, "about": [0, 0]}})
+        assert [event["t"] for event in solved.summary["events"]] == pytest.approx([angle / 2], abs=1e-8)
+
+
 @pytest.mark.parametrize("method", ["radau5", *SECOND, "DOP853"])
 @pytest.mark.parametrize("active", [{"from": 0.35}, {"after": "left.uy > 0.35"}])
 def test_a_pin_that_catches_a_rod_takes_a_quarter_of_its_momentum(method: str, active: Any) -> None:
