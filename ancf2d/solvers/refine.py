@@ -52,7 +52,8 @@ def _refined(apply: Map, precondition: Map, norm: Callable[[Array], float], b: A
             # nothing moves: y corrects the multipliers
             return z + y, 0.0
         if change <= max(GOAL, 0.1 * floor) * size:
-            return z, max(change / size, floor)
+            # the norm does not see multipliers, which y may still correct by much
+            return z + y, max(change / size, floor)
         if size > 0.0 and change >= 0.5 * known * size:
             return z, max(known, floor)
         known = change / size if size > 0.0 else np.inf

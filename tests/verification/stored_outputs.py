@@ -48,8 +48,7 @@ def flatten(stored: dict[str, Any]) -> dict[str, float]:
 def scales(values: dict[str, float]) -> dict[str, float]:
     """Return the size of each kind of value; what is zero by symmetry is judged against the others.
 
-    A rotation counts as displacement over length, a moment as force times length or as energy: supports of what strains
-    itself bear nothing but round-off.
+    A rotation counts as displacement over length, a moment as force times length or as energy.
     """
     size = dict.fromkeys(set(KINDS.values()), 0.0)
     for key, value in values.items():
@@ -63,15 +62,23 @@ def scales(values: dict[str, float]) -> dict[str, float]:
     return size
 
 
-def differences(new: dict[str, Any], old: dict[str, Any], rtol: float = RTOL) -> list[str]:
-    """Return one line per value that deviates by more than ``rtol`` of itself or of its kind, the worst first."""
+def differences(new: dict[str, Any], old: dict[str, Any], rtol: float = RTOL, unbalanced: float = 0.0) -> list[str]:
+    """Return one line per value that deviates by more than ``rtol`` of itself or of its kind, the worst first.
+
+    Forces below those that the solution leaves ``unbalanced`` are round-off, and so are moments and energies below
+    what these do over the length of the scene.
+    """
     a, b = flatten(new), flatten(old)
     found = [(float("inf"), f"{k} is {'new' if k in a else 'gone'}") for k in a.keys() ^ b.keys()]
     size = scales(b)
+    arm = size["length"] or 1.0
+    known = {"force": unbalanced, "moment": unbalanced * arm, "energy": unbalanced * arm}
     for key in a.keys() & b.keys():
         kind = KINDS.get(key.rsplit(".", 1)[-1])
         allowed = rtol * max(abs(b[key]), size[kind]) if kind else 0.0
         error = abs(a[key] - b[key])
+        if kind in known and max(abs(a[key]), abs(b[key])) <= known[kind]:
+            continue
         if not error <= allowed:
             share = error / allowed if allowed else float("inf")
             apart = f"{error:.3g} apart (allowed {allowed:.3g})"
