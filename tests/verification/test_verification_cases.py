@@ -45,8 +45,8 @@ SOLVED = pytest.mark.parametrize("case", [
 ROUND_OFF = {"fig4_linear_2d2n": 1e-7, "fig4_linear_2d3n": 1e-5, "rotating_cantilever_vallejo": 5e-9,
              # where two frequencies meet, they change like a square root
              "beck": 1e-6, "beck_kelvin_voigt": 1e-6, "leipholz": 1e-6,
-             # EA is 1e14 EI/L^2, so that the weight is balanced to 1e-6; drawn at another angle, the chain has frequencies
-             # that differ by 2e-7
+             # EA is 1e14 EI/L^2, so that the weight is balanced to 1e-6; drawn at another angle, the same chain has
+             # frequencies that differ by 2e-7
              "hanging_chain": 1e-6}
 # steps of a motion are chosen by estimates whose last digits are round-off
 MOTION = 1e-5
