@@ -10,7 +10,8 @@ from scipy.integrate import solve_ivp
 
 # how many steps the runs take; order 9 is at round-off soon
 STEPS = {2: (64, 256), 5: (48, 96), 9: (14, 21)}
-TIGHT = {"tight": 2e-15, "max_iterations": 40}
+# 36 units of the last place: closer to round-off, chance decides whether Newton's method gets there
+TIGHT = {"tight": 8e-15, "max_iterations": 40}
 
 
 @pytest.fixture(scope="module")
