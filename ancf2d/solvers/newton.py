@@ -111,7 +111,9 @@ def _newton(system: System, d: Array, t_old: float, t: float, tolerance: float, 
         increments.append(system.norm(z))
         check_divergence(increments, system.model.extent, at, residuals)
         stalled = len(increments) > 2 and increments[-1] > 0.5 * increments[-2]
-        if stalled and at_floor(balance.R, system.noise(d, t)):
+        # coordinates hold no such corrections
+        nothing = max(increments[-2:]) <= UNIT_ROUNDOFF * system.model.extent
+        if stalled and (nothing or at_floor(balance.R, system.noise(d, t))):
             uncertainty = min(increments[-2:])
             break
         np.add(d[num.where], z, out=z)
@@ -119,7 +121,7 @@ def _newton(system: System, d: Array, t_old: float, t: float, tolerance: float, 
         # the tangent follows multipliers also where nothing moves
         settled = iteration > 1 or not first[num.free >= num.n_q].any()
         # what rests on obstacles may not move at all
-        rests = bool(system.model.contacts) and max(increments[-2:]) <= UNIT_ROUNDOFF * system.model.extent
+        rests = bool(system.model.contacts) and nothing
         if settled and (rests or has_converged(increments, system.norm(z), tolerance)):
             balance = system.forces(d, t, out=system.room)
             # what an obstacle has let go returns to where no force is left to compare with

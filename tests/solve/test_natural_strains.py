@@ -217,3 +217,15 @@ def test_a_rigid_body_is_not_strained() -> None:
     case = strip({"type": "rigid"}, [{"type": "eigenstrain", "axial": 1e-3}])
     with pytest.raises(ancf2d.CaseError, match="body 'strip' is rigid"):
         ancf2d.solve(case)
+
+
+@pytest.mark.parametrize("curvature", [2 / 7, 11 / 7, 26 / 7, 5.0])
+def test_a_strip_that_is_bent_in_part_takes_no_more_steps_than_it_is_given(curvature: float) -> None:
+    """Nothing bears a force, so that Newton's method ends in round-off, which decides nothing."""
+    case = strip(element("reissner3"), [{"type": "eigenstrain", "curvature": curvature, "from": 0.2, "to": 0.6}],
+                 geometry={"type": "line", "start": [0, 0], "end": [0.1, 0]})
+    case["bodies"]["strip"]["section"] = {"height": 2e-3, "width": 0.01}
+    summary = ancf2d.solve(case, states=False).summary
+    assert summary["steps"] == 10
+    assert summary["iterations"] <= 60
+    assert summary["probes"]["tip"]["theta"] == pytest.approx(0.04 * curvature, rel=1e-10)
