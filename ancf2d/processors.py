@@ -1,8 +1,17 @@
-"""How many processors this process may keep busy."""
+"""Processors: how many this process may keep busy, and work done meanwhile by copies of it."""
 
 from __future__ import annotations
 
 import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+
+# a copy that takes longer than this [s] hangs: nothing that it does is missed, only late
+PATIENCE = 60.0
+_TICK = 0.005
 
 
 def cores() -> int:
@@ -14,3 +23,76 @@ def threads() -> int:
     """Return how many threads a computation may have: all processors, or what OMP_NUM_THREADS says."""
     wanted = os.environ.get("OMP_NUM_THREADS", "").split(",")[0].strip()
     return max(1, int(wanted)) if wanted.isdecimal() else cores()
+
+
+@contextmanager
+def aside(work: Callable[[], object]) -> Iterator[None]:
+    """Do ``work`` in a copy of this process while the block is gone through, and wait for it at the end.
+
+    Nothing is done where there is one processor, or no copies can be made that are safe to work in (other systems than
+    Linux). What goes wrong in the copy is not told: whoever needs its work does it again. A block that fails, or is
+    interrupted, ends the copy.
+    """
+    child = _copy() if sys.platform == "linux" and threads() > 1 else None
+    if child == 0:
+        _work(work)
+    if child is None:
+        yield
+        return
+    try:
+        yield
+        end = time.monotonic() + PATIENCE
+        while child is not None and time.monotonic() < end:
+            if os.waitpid(child, os.WNOHANG)[0]:
+                child = None
+            else:
+                time.sleep(_TICK)
+    finally:
+        if child is not None:
+            with suppress(OSError):
+                os.kill(child, signal.SIGKILL)
+                os.waitpid(child, 0)
+
+
+def spread(tasks: Sequence[Callable[[], object]], before: Callable[[int], None] = lambda k: None) -> None:
+    """Do tasks (255 at most) here and in copies of this process, one per processor, for what they leave in a cache.
+
+    Each takes the next one when it is done with its last. ``before`` is told the number of each that is done here.
+    """
+    reading, writing = os.pipe()
+    os.write(writing, bytes(range(len(tasks))))
+    os.close(writing)
+
+    def work(told: Callable[[int], None] = lambda k: None) -> None:
+        while number := os.read(reading, 1):
+            told(number[0])
+            tasks[number[0]]()
+
+    try:
+        with ExitStack() as copies:
+            for _ in range(min(threads(), len(tasks)) - 1):
+                copies.enter_context(aside(work))
+            work(before)
+    finally:
+        os.close(reading)
+
+
+def _copy() -> int | None:
+    with suppress(OSError):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        return os.fork()
+    return None
+
+
+def _work(work: Callable[[], object]) -> None:
+    """Work without a word, and end without what a process does at its end: that is the other's."""
+    try:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        with open(os.devnull, "r+", encoding="utf-8") as nothing:
+            for descriptor in range(3):
+                os.dup2(nothing.fileno(), descriptor)
+        sys.stdout = sys.stderr = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 - it ends with the copy
+        work()
+    finally:
+        os._exit(0)

@@ -45,9 +45,8 @@ def command(session: Session, case: str, data_file: str, vary: tuple[str, ...], 
     from ..case.axes import read_bounds
     from ..results import check_output
     from ..study.digests import inputs_of
-    from ..study.fit import fit
+    from ..study.fit import fit, write_case, write_fit
     from ..study.fit_data import read_data
-    from ..study.fit_file import write_case, write_fit
     from ..study.run import load
 
     loaded, data, bounds, noise = all_of(lambda: load(case, overrides), lambda: read_data(data_file),

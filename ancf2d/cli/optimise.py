@@ -50,7 +50,7 @@ def command(session: Session, case: str, vary: tuple[str, ...], minimise: str, c
     from ..case.axes import read_bounds
     from ..results import check_output
     from ..study.digests import inputs_of
-    from ..study.fit_file import write_case
+    from ..study.fit import write_case
     from ..study.optimise import optimise, problem_of, write_optimisation
     from ..study.record import Progress
     from ..study.run import load

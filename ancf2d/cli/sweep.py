@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ..case.axes import Axis, Distribution
     from ..study.pool import Workers
     from ..study.samples import Design
-    from ..study.sweep_rows import Row, Sweep
+    from ..study.sweep_table import Row, Sweep
 
 SAMPLES = 128
 # rows that a table of samples shows
@@ -122,7 +122,7 @@ def _values(over: tuple[str, ...], pair: bool, sample: tuple[str, ...],
 def _run(session: Session, sweep: Sweep, who: Workers, csv_file: str | None, force: bool) -> None:
     from ..study.pool import no_interrupts
     from ..study.sweep import run_sweep
-    from ..study.sweep_rows import write_csv
+    from ..study.sweep_table import write_csv
 
     with Bar("solving", session.shows_progress) as bar:
         def done(share: float, left: float | None) -> None:
@@ -160,7 +160,7 @@ def _tell(session: Session, sweep: Sweep, csv_file: str | None) -> int:
 def report(sweep: Sweep) -> str:
     """Return a sweep as people read it: a row per variant, what samples say, then where the results are."""
     from ..case.units import with_unit
-    from ..study.sweep_rows import short_names, shown, value_names
+    from ..study.sweep_table import short_names, shown, value_names
 
     paths = [axis.path for axis in sweep.axes]
     names, estimated = value_names(sweep), any(row.estimate is not None for row in sweep.rows)
@@ -190,7 +190,7 @@ def report(sweep: Sweep) -> str:
 def _moments(sweep: Sweep, paths: list[str]) -> list[str]:
     """Return what samples say: moments, quantiles and shares of the variance of each value."""
     from ..case.units import with_unit
-    from ..study.sweep_rows import short_names, value_names
+    from ..study.sweep_table import short_names, value_names
 
     found = sweep.statistics()
     if not found:

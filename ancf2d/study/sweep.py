@@ -17,9 +17,8 @@ from .forecast import Done, Forecast, steps_of
 from .pool import Workers, no_interrupts, run_jobs
 from .run import prepare, result_header, vocabulary
 from .samples import Design
-from .sweep_file import Ledger
-from .sweep_rows import RUNS, Row, Sweep, outcome_of
-from .variant_runs import Job, lost, solve_job, stored_summary
+from .sweep_runs import Job, lost, solve_job, stored_summary
+from .sweep_table import RUNS, Ledger, Row, Sweep, outcome_of
 from .variants import count_of, flexible
 from .warmup import kernels_of, warm_up
 

@@ -23,7 +23,7 @@ from ..case import Dynamic
 from ..case.emit import written
 from ..errors import Ancf2dError
 from ..model.model import Model
-from .forked_work import spread
+from ..processors import spread
 
 try:
     import fcntl

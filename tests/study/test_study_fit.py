@@ -13,9 +13,8 @@ import ancf2d
 from ancf2d.case.axes import read_bounds
 from ancf2d.errors import CaseError
 from ancf2d.results import open_results
-from ancf2d.study.fit import Fit, fit
+from ancf2d.study.fit import Fit, fit, write_case, write_fit
 from ancf2d.study.fit_data import data_of, read_data
-from ancf2d.study.fit_file import write_case, write_fit
 from ancf2d.study.run import load
 from scripts import measured_cantilever as strip
 

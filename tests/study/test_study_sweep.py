@@ -15,11 +15,11 @@ from ancf2d.case.axes import combinations, read_axes
 from ancf2d.errors import CaseError, ResultsError
 from ancf2d.results import open_results, part_path
 from ancf2d.results.target import Target
-from ancf2d.study import digests, variant_runs
+from ancf2d.study import digests, sweep_runs
 from ancf2d.study.pool import ALONE
 from ancf2d.study.run import run_case
 from ancf2d.study.sweep import plan, run_sweep
-from ancf2d.study.sweep_rows import Sweep, short_names, shown, write_csv
+from ancf2d.study.sweep_table import Sweep, short_names, shown, write_csv
 
 # uy = F L^3/(3 E I) of the tip, exactly, in linear statics
 
@@ -111,7 +111,7 @@ def test_what_is_refused_or_fails_is_a_row() -> None:
 def test_internal_errors_cost_one_row(monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_: Any, **__: Any) -> None:
         raise ZeroDivisionError("no")
-    monkeypatch.setattr(variant_runs, "run_case", broken)
+    monkeypatch.setattr(sweep_runs, "run_case", broken)
     row, = swept("bodies.beam.element.count=2").rows
     assert (row.status, row.reason) == ("failed", "internal error, please report: ZeroDivisionError: no")
 
@@ -140,12 +140,12 @@ def test_folder_in_the_way_of_which_is_a_file_is_told(folder: Path) -> None:
 def runs(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Return a list that grows with the output of every run."""
     found: list[str] = []
-    run_case = variant_runs.run_case
+    run_case = sweep_runs.run_case
 
     def counted(loaded: Any, out: str | None = None, **options: Any) -> Any:
         found.append(out or "")
         return run_case(loaded, out, **options)
-    monkeypatch.setattr(variant_runs, "run_case", counted)
+    monkeypatch.setattr(sweep_runs, "run_case", counted)
     return found
 
 
@@ -258,9 +258,9 @@ def test_a_result_that_another_run_is_writing_is_waited_for(monkeypatch: pytest.
     Path("out/runs").mkdir(parents=True)
     other = Target(job.output)
     other.publish(b"another run")
-    monkeypatch.setattr(variant_runs, "TURN_SECONDS", 1.0)
+    monkeypatch.setattr(sweep_runs, "TURN_SECONDS", 1.0)
     with ThreadPoolExecutor() as pool:
-        ours = pool.submit(variant_runs.solve_job, job)
+        ours = pool.submit(sweep_runs.solve_job, job)
         time.sleep(0.3)
         assert not ours.done()
         begun = len(count)

@@ -16,12 +16,12 @@ from ancf2d.case.axes import read_axes, read_distributions
 from ancf2d.errors import CaseError, ResultsError
 from ancf2d.results import checkpoint, open_results
 from ancf2d.solvers import stepping
-from ancf2d.study import sweep_file, variant_runs
+from ancf2d.study import sweep_runs, sweep_table
 from ancf2d.study.pool import ALONE
 from ancf2d.study.run import load, run_case
 from ancf2d.study.samples import design
 from ancf2d.study.sweep import plan, run_sweep
-from ancf2d.study.sweep_rows import Sweep
+from ancf2d.study.sweep_table import Sweep
 
 # uy = F L^3/(3 E I) of the tip, exactly, in linear statics
 EI, F = "bodies.beam.section.EI", "loads.tip.value"
@@ -103,14 +103,14 @@ def test_units_and_descriptions_stand_beside_all_columns() -> None:
 def count_runs(monkeypatch: pytest.MonkeyPatch, after: int = 99) -> list[Any]:
     """Return a list that grows with every run; the one after ``after`` is interrupted."""
     runs: list[Any] = []
-    real = variant_runs.run_case
+    real = sweep_runs.run_case
 
     def counted(loaded: Any, *more: Any, **options: Any) -> Any:
         if len(runs) == after:
             raise KeyboardInterrupt
         runs.append(loaded)
         return real(loaded, *more, **options)
-    monkeypatch.setattr(variant_runs, "run_case", counted)
+    monkeypatch.setattr(sweep_runs, "run_case", counted)
     return runs
 
 
@@ -132,11 +132,11 @@ def test_a_killed_sweep_goes_on_from_its_list(monkeypatch: pytest.MonkeyPatch) -
     """A kill leaves the list as it was after the last row, or with a line cut off."""
     kept: list[bytes] = []
 
-    def killed(ledger: sweep_file.Ledger, sweep: Sweep) -> None:
+    def killed(ledger: sweep_table.Ledger, sweep: Sweep) -> None:
         kept.append(ledger.list.read_bytes())
         ledger._stream.close()
     with monkeypatch.context() as patch:
-        patch.setattr(sweep_file.Ledger, "close", killed)
+        patch.setattr(sweep_table.Ledger, "close", killed)
         swept(f"{EI}=1e3:3e3:3")
     assert not Path("out/sweep.h5").exists()
     for lost, text in enumerate((kept[0], kept[0][:-20])):

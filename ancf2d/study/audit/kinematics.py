@@ -82,7 +82,7 @@ def reversal(s: Subject) -> Finding:
 
 def _tip(s: Subject, wall: int) -> float:
     """Return the large deflection of a cantilever of four elements, its wall at either end."""
-    from .deflections import FAR, LARGE, deflected, deflection
+    from .fields import FAR, LARGE, deflected, deflection
 
     model, d = deflected(s, 10.0, 4, FAR / 1200.0, LARGE, wall=wall, tip=1 - wall)
     return deflection(model, d, wall, 1 - wall)

@@ -12,8 +12,21 @@ from ...elements.section import timoshenko
 from ...elements.shape import Array, gauss, lobatto
 from ...errors import ComputationError
 from ...model.model import Model
-from .deflections import FAR, LARGE, SMALL, deflected, deflection, timoshenko_deflection, tip_deflection
-from .fields import ZERO, beam, boundary_forces, response, stiffness, work_inside
+from .fields import (
+    FAR,
+    LARGE,
+    SMALL,
+    ZERO,
+    beam,
+    boundary_forces,
+    deflected,
+    deflection,
+    response,
+    stiffness,
+    timoshenko_deflection,
+    tip_deflection,
+    work_inside,
+)
 from .patches import bending_compliance, constitutive
 from .subject import FAIL, NOTE, NU, PASS, Finding, Subject, percent, subject
 

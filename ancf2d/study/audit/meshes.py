@@ -10,8 +10,7 @@ import numpy as np
 from ...elements.shape import Array
 from ...model.model import Model
 from ..order import Estimate, estimate
-from .deflections import timoshenko_deflection, tip_deflection
-from .fields import beam, stiffness, turned
+from .fields import beam, stiffness, timoshenko_deflection, tip_deflection, turned
 from .locking import REFERENCE
 from .subject import FAIL, NOTE, PASS, ROUND_OFF, Finding, Subject, percent, subject
 

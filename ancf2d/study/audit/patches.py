@@ -6,7 +6,6 @@ import numpy as np
 
 from ...elements.shape import Array
 from ...model.model import Model
-from .deflections import tip_deflection
 from .fields import (
     ZERO,
     beam,
@@ -16,6 +15,7 @@ from .fields import (
     element_stiffness,
     linear_field,
     stiffness,
+    tip_deflection,
     turned,
     uniform,
 )

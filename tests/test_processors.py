@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from ancf2d.study import forked_work as module
-from ancf2d.study.forked_work import aside
+from ancf2d import processors as module
+from ancf2d.processors import aside
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="copies are made on Linux alone")
 
