@@ -104,7 +104,8 @@ class Section:
 
 
 # the constants that may vary along a body; the heights and materials of layers do not
-CONSTANTS = tuple(f.name for f in fields(Section) if f.name not in ("layers", "laws", "maxwell", "neo_hooke"))
+NO_CONSTANTS = ("layers", "laws", "maxwell", "neo_hooke")
+CONSTANTS = tuple(f.name for f in fields(Section) if f.name not in NO_CONSTANTS)
 
 
 def laminate(width: Any, layers: tuple[Layer, ...], factor: float = 1.0) -> Section:

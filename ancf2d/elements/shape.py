@@ -131,6 +131,32 @@ class ShapeFunctions:
         return np.einsum("pkj,pj->pk", polynomials, my).astype(np.float64)
 
 
+@lru_cache(maxsize=KEPT)
+def _of_type(key: _SameType, l: float, h: float, nu: float) -> ShapeFunctions:
+    return ShapeFunctions(key.element, l, h, nu)
+
+
+class _SameType:
+    """An element type, equal to itself alone."""
+
+    def __init__(self, element: ElementType) -> None:
+        self.element = element
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _SameType) and other.element is self.element
+
+    def __hash__(self) -> int:
+        return id(self.element)
+
+
+def shape_functions(element: ElementType, l: float, h: float, nu: float) -> ShapeFunctions:
+    """Return the shape functions of a type for a length, height and Poisson ratio, the same ones where these are.
+
+    Raises UnsolvableBasisError.
+    """
+    return _of_type(_SameType(element), l, h, nu)
+
+
 def _kept(known: dict[Any, NDArray], place: Any, found: Callable[[], NDArray]) -> NDArray:
     """Return what is known at a place, or find it, and forget others where they are many."""
     if place not in known:

@@ -20,7 +20,7 @@ from ..case.schema.profiles import Profile, ProfileOf, ProfileTable
 from ..elements.formulations import FORMULATIONS
 from ..elements.point_laws import DIRECTION, GROUND, MAX_MEM, THETA
 from ..elements.shape import Array, gauss
-from ..model.mesh import BodyMesh, Index, mass_weights
+from ..model.mesh import BodyMesh, Index
 from ..model.natural import AlongBody, NaturalStrain
 from ..model.point_patch import Items
 from ..model.profiles import breaks, load_breaks, values
@@ -86,7 +86,7 @@ class Gravity:
         """Add the weight of every body and point mass."""
         for mesh in context.meshes.values():
             for k, cls in enumerate(mesh.classes):
-                forces = np.multiply.outer(np.array(self.value), mass_weights(cls.sampler))[:, None]
+                forces = np.multiply.outer(np.array(self.value), cls.mass_weights)[:, None]
                 dofs, Q = _element_loads(mesh, np.flatnonzero(mesh.cls == k), forces)
                 out.dead.append(context.dead(dofs, Q, gravity=True))
         for flow in context.flows:

@@ -22,7 +22,8 @@ from ..elements.formulations import Sampler
 from ..elements.formulations.base import across_mass, cross, product_points
 from ..elements.point_laws import MAX_MEM, PointLaw
 from ..elements.shape import Array, gauss
-from ..model.mesh import BodyMesh, Index, along_mass
+from ..model.classes import along_mass
+from ..model.mesh import BodyMesh, Index
 from ..model.point_patch import Items
 
 

@@ -13,7 +13,8 @@ from ..case.kinds import Name, Number
 from ..case.schema.case import SteadyRotation, register
 from ..case.schema.points import PLACE, MovingPoint, Point
 from ..elements.shape import Array
-from ..model.mesh import BodyMesh, Index, mass_matrix
+from ..model.classes import mass_matrix
+from ..model.mesh import BodyMesh, Index
 from ..model.points import PointRef
 from ..model.rotation import Rotation
 

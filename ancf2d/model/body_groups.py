@@ -9,7 +9,8 @@ import numpy as np
 
 from ..case import Case
 from ..elements.shape import Array
-from .mesh import STATIONS, BodyMesh, ElementClass, Index
+from .classes import ElementClass
+from .mesh import STATIONS, BodyMesh, Index
 
 # a body of so many elements is alone, so that threads can share it out
 MANY = 8192

@@ -84,16 +84,19 @@ def support_names(case: Case) -> list[str]:
 class _Builder:
     """Collects meshes, equations, loads and problems of one case."""
 
-    def __init__(self, loaded: LoadedCase, moving: bool) -> None:
-        self.loaded, self.case = loaded, loaded.case
-        self.plans, self.problems = plan_bodies(loaded, moving)
+    def __init__(self, loaded: LoadedCase, moving: bool, like: Model | None) -> None:
+        self.loaded, self.case, self.like = loaded, loaded.case, like
+        known = {} if like is None else like.meshes
+        self.plans, self.problems = plan_bodies(loaded, moving, {name: mesh.plan for name, mesh in known.items()})
         if self.problems:
             raise CaseError(self.problems)
         self.meshes: dict[str, BodyMesh] = {}
         dof = node = 0
         for name, plan in self.plans.items():
             try:
-                self.meshes[name] = mesh = BodyMesh(plan, dof, node)
+                old = known.get(name)
+                same = old is not None and old.plan is plan and (old.first_dof, old.first_node) == (dof, node)
+                self.meshes[name] = mesh = old if old is not None and same else BodyMesh(plan, dof, node, old)
             except UnsolvableBasisError as error:
                 self.report(("bodies", name, "element"), f"bodies.{name}: elements of length {plan.pieces[0].l:.3g} "
                             f"and height {plan.section.height:.3g} are beyond floating-point computation ({error})",
@@ -112,7 +115,11 @@ class _Builder:
         self.supports: list[tuple[str, PointRef]] = []
         self.timing = timing_of(self.case)
         self.hangs = False
-        self.warnings = [w for p in self.plans.values() for w in warnings_of(p)]
+        self.warnings: list[str] = []
+
+    def warn(self) -> None:
+        """Tell what users should know of meshes."""
+        self.warnings += [w for p in self.plans.values() for w in warnings_of(p)]
         for warning in (locking_warning, hidden_warning, hinge_warning):
             self.warnings += filter(None, map(warning, self.meshes.values()))
 
@@ -302,12 +309,16 @@ class _Builder:
                         "a support, joint or spring that prevents this")
 
 
-def build_model(loaded: LoadedCase, moving: bool = False) -> Model:
+def build_model(loaded: LoadedCase, moving: bool = False, like: Model | None = None) -> Model:
     """Return the model of a case; raises CaseError with every problem that the model shows.
 
-    ``moving`` gives a static case the meshes of a motion. numpy only: nothing is compiled here.
+    ``moving`` gives a static case the meshes of a motion. ``like`` is the model of the same case with other numbers:
+    what these leave alone is shared with it, and what was told of it is not told again. numpy only: nothing is
+    compiled here.
     """
-    b = _Builder(loaded, moving)
+    b = _Builder(loaded, moving, like)
+    if like is None:
+        b.warn()
     b.add_supports()
     b.add_joints()
     b.add_springs()
@@ -317,7 +328,10 @@ def build_model(loaded: LoadedCase, moving: bool = False) -> Model:
     b.drop_repeated(elimination)
     b.check_motions()
     b.check_equations(elimination)
-    b.check_mechanism()
+    if like is None:
+        b.check_mechanism()
+    else:
+        b.hangs = like.hangs
     if b.problems:
         raise CaseError(b.problems)
     b.add_masses()
@@ -334,4 +348,4 @@ def build_model(loaded: LoadedCase, moving: bool = False) -> Model:
                        moving or symmetric(b.loads, contacts))
     return Model(b.case, b.meshes, b.e0, b.equations.rows, b.equations.constraints, elimination, numbering, b.loads,
                  b.springs, b.supports, b.extent, b.timing, [*b.warnings, *b.equations.warnings], loaded, b.hangs,
-                 b.inputs, contacts, b.frames)
+                 b.inputs, contacts, b.frames, like)

@@ -17,6 +17,7 @@ from ..kernels.lowlevel.records import Record
 from ..kernels.natural import Memory, Natural, memory_of_some, no_memory, no_natural, of_some
 from ..kernels.tangents import fill_products
 from .body_groups import Pool
+from .classes import ElementClass
 from .mesh import Index
 from .natural import NaturalStrain
 
@@ -79,26 +80,66 @@ ROUNDED = 1e-15
 _COMPARED = {"B": (1, 3, 4), "ref": (1, 2, 3), "D": (1, 4)}
 
 
-def make_group(pool: Pool, natural: list[NaturalStrain]) -> Record:
+def make_group(pool: Pool, natural: list[NaturalStrain], like: tuple[Pool, Record] | None = None) -> Record:
     """Return the kernel group (``Group``) of bodies alike, their elements one body after another.
 
-    ``natural`` are the loads that strain bodies which are free; those of other bodies count nowhere.
+    ``natural`` are the loads that strain bodies which are free; those of other bodies count nowhere. ``like`` are other
+    bodies and their group, from which classes that are the same are taken.
     """
-    plan = pool.plan
-    samples = [plan.formulation.sample(c.sampler, plan.rule) for c in pool.classes]
-    B, ref, D = (np.stack(part) for part in zip(*samples, strict=True))
+    plan, point = pool.plan, pool.plan.formulation.law
     nc = plan.element.components
-    n, positions = B.shape[3], [k for k, (_, name) in enumerate(plan.element.functionals) if name == "r"]
-    blocks, pairs, entries = _blocks(B, nc, made(n, first_and_others(nc, positions)[0]))
-    follow, rules = following(n, nc, positions, entries)
-    parts = _parts(B.shape[1], blocks)
-    point = plan.formulation.law
-    law = Law(law_address(point), point.fields, point.strains, point.references, point.state, _in_parts(B, parts, 2),
-              _in_parts(ref, parts, 2), _in_parts(D, parts, 3, 0.0))
-    batches = _plan(law, parts, nc, blocks, pairs, np.concatenate([entries, np.array(follow)]), rules)
+    if like is not None and like[0].plan.formulation is plan.formulation and like[0].plan.rule == plan.rule:
+        law, batches = _law_like(pool, *like)
+    else:
+        B, ref, D = _sampled_classes(pool, pool.classes)
+        n, positions = B.shape[3], [k for k, (_, name) in enumerate(plan.element.functionals) if name == "r"]
+        blocks, pairs, entries = _blocks(B, nc, made(n, first_and_others(nc, positions)[0]))
+        follow, rules = following(n, nc, positions, entries)
+        parts = _parts(B.shape[1], blocks)
+        law = Law(law_address(point), point.fields, point.strains, point.references, point.state,
+                  *_in_parts_of_law(B, ref, D, parts))
+        batches = _plan(law, parts, nc, blocks, pairs, np.concatenate([entries, np.array(follow)]), rules)
+    parts = batches.parts
     strains, memory = _natural(pool, natural, parts), _memory(law, point, parts, len(pool.dofs))
     return Record(Group(law, strains, memory, np.ascontiguousarray(pool.cls, dtype=np.int64),
                         np.ascontiguousarray(pool.turn), np.ascontiguousarray(pool.dofs, dtype=np.int64), nc, batches))
+
+
+def _sampled_classes(pool: Pool, classes: Sequence[ElementClass]) -> tuple[Array, Array, Array]:
+    """Return B, ref and D (classes, stations, ...) of classes of elements."""
+    samples = [pool.plan.formulation.sample(c.sampler, pool.plan.rule) for c in classes]
+    B, ref, D = (np.stack(part) for part in zip(*samples, strict=True))
+    return B, ref, D
+
+
+def _in_parts_of_law(B: Array, ref: Array, D: Array, parts: int) -> tuple[Array, Array, Array]:
+    """Return B, ref and D as a ``Law`` has them."""
+    return _in_parts(B, parts, 2), _in_parts(ref, parts, 2), _in_parts(D, parts, 3, 0.0)
+
+
+def _law_like(pool: Pool, other: Pool, group: Record) -> tuple[Law, Plan]:
+    """Return law and plan of bodies of which some classes are those of another group."""
+    old, plan = group.values.law, group.values.plan
+    place = {id(c): k for k, c in enumerate(other.classes)}
+    source = [place.get(id(c), -1) for c in pool.classes]
+    new = [k for k, at in enumerate(source) if at < 0]
+    law = old
+    if new or len(source) != len(other.classes):
+        known = old.B, old.ref, old.D
+        own = _in_parts_of_law(*_sampled_classes(pool, [pool.classes[k] for k in new]), plan.parts) if new else known
+        B, ref, D = (_rows(one, two, source, new, plan.parts) for one, two in zip(known, own, strict=True))
+        law = old._replace(B=B, ref=ref, D=D)
+    # products are made where they are asked for: forces alone need none
+    return law, plan._replace(products=plan.products[:0], coupled=_coupled(law), held=np.full_like(plan.held, -1),
+                              work=np.zeros_like(plan.work))
+
+
+def _rows(old: Array, new: Array, source: Sequence[int], at: Sequence[int], parts: int) -> Array:
+    """Return the parts of classes: those of ``source`` in the old ones, or, at places ``at``, the new ones."""
+    old, new = (x.reshape(-1, parts, *x.shape[1:]) for x in (old, new))
+    out = old[np.maximum(source, 0)]
+    out[at] = new[:len(at)]
+    return out.reshape(-1, *out.shape[2:])
 
 
 def _memory(law: Law, point: PointLaw, parts: int, elements: int) -> Memory:
@@ -211,20 +252,25 @@ def _in_parts(x: Array, parts: int, axis: int, weight: float = 1.0) -> Array:
 
 def _plan(law: Law, parts: int, nc: int, blocks: Index, pairs: Index, entries: Index, rules: Index) -> Plan:
     nu, S, n = law.B.shape[1:]
-    ns = law.D.shape[1]
     points = nu // law.fields
-    D = np.abs(law.D).max(axis=(0, 3)).reshape(points, ns // points, points, ns // points)
     size = S * int(np.sum(blocks[:, 1] * blocks[:, 3]))
     most = max(1, min(LANES // S, ALONE // (S * int(np.max(blocks[:, 1] * blocks[:, 3])))))
     at = places(law.fields, law.strains, law.references, law.state, points)
     length = room(at, n, max(nu, len(pairs)), len(entries), size)
     kept = len(law.B) if len(law.B) * size <= KEPT else 0
-    plan = Plan(parts, most, _vectors(law, nc), (D.max(axis=(1, 3)) > 0.0).astype(np.int64), blocks, pairs,
+    plan = Plan(parts, most, _vectors(law, nc), _coupled(law), blocks, pairs,
                 entries, rules, np.zeros((kept, size)), np.full(2, -1), np.zeros(length), dgemm_address(),
                 batch_address())
     for q in range(kept):
         fill_products(law.B, q, plan, plan.products[q])
     return plan
+
+
+def _coupled(law: Law) -> Index:
+    """Return whether D couples points (points, points) of a station."""
+    points, ns = law.B.shape[1] // law.fields, law.D.shape[1]
+    D = np.abs(law.D).max(axis=(0, 3)).reshape(points, ns // points, points, ns // points)
+    return (D.max(axis=(1, 3)) > 0.0).astype(np.int64)
 
 
 def _vectors(law: Law, nc: int) -> Index:

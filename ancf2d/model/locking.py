@@ -13,7 +13,8 @@ from ..elements.formulations import FORMULATIONS
 from ..elements.formulations.base import Rule, Sampler, rule_points, strains_at
 from ..elements.section import Section
 from ..elements.shape import Array
-from .mesh import BodyMesh, ElementClass
+from .classes import ElementClass
+from .mesh import BodyMesh
 from .plan import default_rule
 
 # of the bending stiffness: below it, the excess is left to the documents

@@ -3,55 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from itertools import pairwise
 from math import factorial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..elements.definition import coordinate_components, derivative_order
 from ..elements.formulations import Sampler
-from ..elements.formulations.base import across_mass, cross, product_points
-from ..elements.registry import RIGID_FRAME, RIGID_TYPE
-from ..elements.section import CONSTANTS, Section
-from ..elements.shape import Array, FrameShape, ShapeFunctions, gauss, lobatto
+from ..elements.registry import RIGID_FRAME
+from ..elements.section import CONSTANTS, NO_CONSTANTS, Section
+from ..elements.shape import Array, FrameShape, shape_functions
 from .axis import Bend
+from .classes import ElementClass
 from .curve import AT_NODE, Piece, peaks
 from .plan import BodyPlan
-from .profiles import SectionsAlong
+from .profiles import SectionsAlong, alike_along
 
 Index = NDArray[np.int64]
 # where along an element its axis is looked at
 STATIONS = np.array([0.0, 0.5, 1.0])
-# points along, beside those for a constant section, that integrate the mass of one that varies; of a rigid body
-MORE, RIGID_POINTS = 3, 20
-
-
-@dataclass(frozen=True)
-class ElementClass:
-    """Elements that share their shape functions and reference up to a rotation: same length and curvature.
-
-    ``key`` tells classes of bodies alike apart: section, length to the digits that a mesh has, curvature (the axis and
-    the place on it where that changes along the element), and the body's name and the place S of an element along which
-    the section varies. ``turn`` is the angle by which its axis turns.
-    """
-
-    sampler: Sampler
-    key: tuple[Any, ...]
-    turn: float
-
-    @cached_property
-    def mass(self) -> Array:
-        """The mass matrix (n_dof, n_dof) of an element in its own frame."""
-        return mass_matrix(self.sampler)
-
-    @property
-    def shape(self) -> ShapeFunctions:
-        """Shape functions of the class."""
-        return self.sampler.shape
 
 
 def _reference(element_nodes: list[tuple[float, str]], piece: Piece, theta: bool) -> Array:
@@ -82,10 +55,11 @@ class BodyMesh:
     Elements of a piece share end nodes, and so do pieces that continue one another; at the corners of a polyline and at
     kinks each piece has a node of its own, and they are welded. Coordinates run node by node. ``dofs`` is (ne, n_dof),
     ``cls`` (ne,), ``turn`` (ne or 1, 2), ``e0`` the reference values (n_dofs,) of the coordinates first_dof,
-    first_dof + 1, ...
+    first_dof + 1, ... Classes of ``like``, a mesh of the same body with other numbers, are taken where they are the
+    same.
     """
 
-    def __init__(self, plan: BodyPlan, first_dof: int, first_node: int) -> None:
+    def __init__(self, plan: BodyPlan, first_dof: int, first_node: int, like: BodyMesh | None = None) -> None:
         self.plan, self.first_dof, self.first_node = plan, first_dof, first_node
         element = plan.element
         nc = element.components
@@ -100,6 +74,9 @@ class BodyMesh:
         dofs, cls, turn, nodes, e0 = [], [], [], [], []
         dof, node = first_dof, first_node
         self.piece_first: list[int] = []
+        # points that were asked for, by S and y (``points.point_ref``)
+        self.points: dict[tuple[float, float], Any] = {}
+        self._known = {} if like is None else like.classes_in(plan)
         count = 0
         for piece in plan.pieces:
             if piece.shared:
@@ -135,6 +112,13 @@ class BodyMesh:
         alike = along is None and len(samplers) == 1 and not any(peak)
         starts = [None] if alike else list(range(piece.count))
         for ie in starts:
+            known = self._known.get(float(begin[ie or 0]))
+            if known is not None:
+                if known.key not in keys:
+                    keys[known.key] = len(self.classes)
+                    self.classes.append(known)
+                found.append(keys[known.key])
+                continue
             section, profile, cuts = (mean, None, ()) if along is None else along.of(ie or 0)
             place = () if profile is None else (self.plan.name, float(begin[ie or 0]))
             k = (ie or 0) % len(samplers)
@@ -148,6 +132,18 @@ class BodyMesh:
             found.append(keys[key])
         return np.array(found * (piece.count // len(found)))
 
+    def classes_in(self, plan: BodyPlan) -> dict[float, ElementClass]:
+        """Return the classes of elements that are the same in another plan of the body, by where they begin [m]."""
+        own = self.plan
+        if own.varying is None or plan.varying is None or plan.pieces != own.pieces or any(
+                getattr(plan, name) != getattr(own, name) for name in ("element", "formulation", "rule", "name")):
+            return {}
+        if any(getattr(plan.section, name) != getattr(own.section, name) for name in ("nu", *NO_CONSTANTS)):
+            return {}
+        same = alike_along(own.varying.body, plan.varying.body, self.starts / own.length, self.lengths / own.length)
+        return {begin: self.classes[k] for begin, k in zip(self.starts[same].tolist(), self.cls[same].tolist(),
+                                                           strict=True)}
+
     def _samplers_of(self, piece: Piece) -> list[Sampler]:
         """Return the samplers of a piece's elements, with the mean section; one where its curvature is constant."""
         plan = self.plan
@@ -155,7 +151,7 @@ class BodyMesh:
         if plan.element is RIGID_FRAME:
             return [self._frame_sampler(piece)]
         if key not in self._samplers:
-            shape = ShapeFunctions(plan.element, piece.l, plan.section.height, plan.section.nu)
+            shape = shape_functions(plan.element, piece.l, plan.section.height, plan.section.nu)
             named = [(plan.element.nodes[i].at, c) for i, c in plan.element.functionals]
             self._samplers[key] = [Sampler(shape, e0, plan.section)
                                    for e0 in _reference(named, piece, plan.element.has_theta)]
@@ -326,72 +322,3 @@ def shape_weights(mesh: BodyMesh) -> Array:
     half, l = mesh.plan.section.height / 2, max(p.l for p in mesh.plan.pieces)
     orders = [derivative_order(name) for _, name in mesh.plan.element.functionals]
     return np.array([l**i / factorial(i) * half**j / factorial(j) for i, j in orders])
-
-
-class Volume(NamedTuple):
-    """What integrates over the mass of an element: S (points, n_shape), mass ``dm`` and rotary inertia ``dI``
-    (points,) that each point stands for."""
-
-    S: Array
-    dm: Array
-    dI: Array
-
-
-def over_body(sampler: Sampler, upto: float = 1.0, ends: bool = False) -> Volume:
-    """Return what integrates over an element.
-
-    ``upto`` ends the volume at a fraction of the element's length. With ``ends`` points along are those of Gauss and
-    Lobatto, as many as determine the polynomial: S^T S is of one degree too much for them.
-    """
-    element = sampler.shape.element
-    along = lobatto(element.degree_x + 1) if ends else along_mass(sampler, upto)
-    # the mass of a rigid body is on its axis, with a rotary inertia
-    on_axis = element.degree_y == 0 or element is RIGID_FRAME
-    xi, eta, w = product_points(along, (np.array([0.5]), np.ones(1)) if on_axis else across_mass(sampler))
-    rx = sampler.derivative(xi, eta, 1, 0) @ sampler.e0
-    density = np.hypot(rx[:, 0], rx[:, 1]) if on_axis else cross(rx, sampler.derivative(xi, eta, 0, 1) @ sampler.e0)
-    dv, section = w * density * sampler.shape.l, sampler.at(xi)
-    return Volume(sampler.derivative(xi, eta, 0, 0), dv * section.rhoA, dv * section.rhoI)
-
-
-def along_mass(sampler: Sampler, upto: float) -> tuple[Array, Array]:
-    """Return points and weights from 0 to ``upto`` that integrate S^T S times the mass per length."""
-    element = sampler.shape.element
-    if sampler.profile is None:
-        x, w = gauss(RIGID_POINTS if element is RIGID_FRAME else element.degree_x + 2)
-        return upto * x, upto * w
-    x, w = gauss(RIGID_POINTS if element in (RIGID_TYPE, RIGID_FRAME) else element.degree_x + 2 + MORE)
-    ends = [0.0, *(c for c in sampler.cuts if c < upto), upto]
-    return (np.concatenate([a + (b - a) * x for a, b in pairwise(ends)]),
-            np.concatenate([(b - a) * w for a, b in pairwise(ends)]))
-
-
-def mass_weights(sampler: Sampler) -> Array:
-    """Return int rho s_k dV of one element (n_shape,) [kg]."""
-    S, dm, _ = over_body(sampler)
-    return dm @ S
-
-
-def mass_matrix(sampler: Sampler) -> Array:
-    """Return the mass M = int rho S^T S dV of one element, in its own frame: (n_dof, n_dof).
-
-    It is exact but for the share ``lobatto`` of an element of degree p along x, for which p/(p + 1) carries waves best:
-    their speeds are then off by the power 2 p + 2 of their wave number, not 2 p (Ainsworth & Wajid 2010).
-    Beams with theta carry rhoA at r and rhoI at theta; a rigid bar has its rhoI at r_x, of unit length, a frame half of
-    it at each of its axes; the cable has no rotary inertia.
-    """
-    element, nc = sampler.shape.element, sampler.e0.shape[1]
-    S, dm, dI = over_body(sampler)
-    parts = [(S * d[:, None]).T @ S for d in (dm, dI)]
-    if element.lobatto:
-        T, *ends = over_body(sampler, ends=True)
-        parts = [(1.0 - element.lobatto) * m + element.lobatto * (T * d[:, None]).T @ T
-                 for m, d in zip(parts, ends, strict=True)]
-    M = np.zeros((element.n_dof, element.n_dof))
-    for k in range(nc):
-        M[k::nc, k::nc] = parts[1] if k == 2 else parts[0]
-        if element is RIGID_TYPE:
-            M[k::nc, k::nc] += dI.sum() / sampler.shape.l**2 * np.array([[1.0, -1.0], [-1.0, 1.0]])
-        elif element is RIGID_FRAME:
-            M[k::nc, k::nc] += 0.5 * dI.sum() * np.diag([0.0, 1.0, 1.0])
-    return M

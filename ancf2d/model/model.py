@@ -135,6 +135,8 @@ class Model:
     contacts: list[ContactPair | BodyPair] = field(default_factory=list)
     # how obstacles stand and move
     frames: dict[str, Frame] = field(default_factory=dict)
+    # a model that it shares meshes and classes of elements with
+    like: Model | None = None
 
     @property
     def n_q(self) -> int:
@@ -155,7 +157,9 @@ class Model:
         from .groups import make_group, with_states
 
         natural = [*self.loads.natural, *(load for one in self.inputs.values() for load in one.natural)]
-        return with_states([make_group(pool, natural) for pool in self.pools])
+        known = [] if self.like is None else zip(self.like.pools, self.like.groups, strict=True)
+        sampled = {pool.plan.name: (pool, group) for pool, group in known}
+        return with_states([make_group(pool, natural, sampled.get(pool.plan.name)) for pool in self.pools])
 
     @property
     def groups(self) -> list[Any]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -49,7 +49,7 @@ class BodyPlan:
     ``asked`` is the number of elements that the case gives it, ``acting`` the places S where something acts on it or
     varies with a kink or jump. ``section`` is that of the mean values where it varies along the body: then ``varying``
     has it at each place, and ``cuts`` are the places S where it kinks or jumps. ``closed``: whether its end is
-    welded to its start.
+    welded to its start. ``source`` is all that the plan follows from.
     """
 
     name: str
@@ -64,6 +64,7 @@ class BodyPlan:
     varying: VaryingSection | None = None
     cuts: tuple[float, ...] = ()
     closed: bool = False
+    source: Any = None
 
     @property
     def length(self) -> float:
@@ -133,8 +134,7 @@ class RefusedError(ValueError):
 
 def _user_element(spec: Element, definition: ElementDefinition) -> ElementType:
     try:
-        element = own_element(definition, str(spec.definition))
-        reason = undetermined(element)
+        reason = undetermined(element := own_element(definition, str(spec.definition)))
     except DefinitionError as error:
         reason = str(error)
     if reason is not None:
@@ -263,9 +263,9 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
     pieces = pieces_of(body.geometry, spec.number, acting if free else (), refine, kinks, grading)
     if unequal := too_short(spec, [p.l for p in pieces], TOGETHER):
         raise RefusedError(*unequal)
-    curved = any(p.kappa != 0.0 for p in pieces)
     theirs = definition.quadrature if definition is not None and formulation.name == element.formulation else None
-    rule = _rule(spec.quadrature or preset.get("quadrature") or theirs, element, formulation, curved)
+    rule = _rule(spec.quadrature or preset.get("quadrature") or theirs, element, formulation,
+                 any(p.kappa != 0.0 for p in pieces))
     if isinstance(body.section, Layers) and formulation.name == "continuum" and not rule.uniform:
         raise RefusedError(("element", "quadrature"), "layers in formulation continuum have one rule for all strains",
                            "[nx, ny], where ny is the number of points across each layer")
@@ -294,24 +294,27 @@ def _plan_rigid(name: str, body: Body) -> BodyPlan:
                     varying=varying, cuts=tuple(s for s, _ in profile_breaks(body)))
 
 
-def plan_bodies(loaded: LoadedCase, moving: bool = False) -> tuple[dict[str, BodyPlan], list[Problem]]:
+def plan_bodies(loaded: LoadedCase, moving: bool = False, known: Mapping[str, BodyPlan] | None = None
+                ) -> tuple[dict[str, BodyPlan], list[Problem]]:
     """Resolve every body of a case; return the plans that could be made and all problems found.
 
-    ``moving`` asks for the meshes of a motion where the solver is a static one.
+    ``moving`` asks for the meshes of a motion where the solver is static. ``known`` plans are taken where they fit.
     """
     plans, problems = {}, []
     acting, points = acting_points(loaded.case), acting_at(loaded.case)
     solver = loaded.case.solver
     moving = moving or solver.moves
-    if len(loaded.case.bodies) > MAX_BODIES:
-        return {}, [loaded.source.problem(("bodies",), f"there are {len(loaded.case.bodies)} bodies",
-                                          f"at most {MAX_BODIES}")]
+    if (many := len(loaded.case.bodies)) > MAX_BODIES:
+        return {}, [loaded.source.problem(("bodies",), f"there are {many} bodies", f"at most {MAX_BODIES}")]
     weighed = solver.moves or solver.vibrates or loaded.case.steady_rotation is not None or any(
         load.acceleration is not None for load in loaded.case.loads)
     for name, body in loaded.case.bodies.items():
+        source = (body, loaded.definitions.get(name), acting[name], [p.s for p in points if p.body == name], moving)
+        if known is not None and name in known and known[name].source == source:
+            plans[name] = known[name]
+            continue
         try:
-            plans[name] = _computable(plan_body(name, body, loaded.definitions.get(name), acting[name],
-                                                 [p.s for p in points if p.body == name], moving))
+            plans[name] = replace(_computable(plan_body(name, *source)), source=source)
             if weighed and isinstance(body.section, Layers):
                 _check_mass(plans[name])
         except ArithmeticError:
@@ -365,8 +368,7 @@ def warnings_of(plan: BodyPlan) -> list[str]:
     if plan.count > plan.asked > 0:
         out.append(f"bodies.{plan.name}: element.count {plan.asked} is less than the number of stretches between "
                    f"corners and places where something acts: {plan.count} elements are used")
-    inside = plan.inside()
-    if inside:
+    if inside := plan.inside():
         places = ", ".join(f"{s:.6g}" for s in inside[:5]) + (", ..." if len(inside) > 5 else "")
         out.append(f"bodies.{plan.name}: something acts inside an element, at S = {places}, where {plan.element.name} "
                    "cannot have a kink. Refinement then converges slowly; nodes: acting places a node there")

@@ -35,6 +35,16 @@ class PointRef:
 
     def shape_row(self, i: int = 0, j: int = 0, spread: str | None = None) -> Array:
         """Return d^(i+j) s_k/dx^i dy^j (n_shape,) here, or its mean over the section with ``spread``."""
+        if (i, j, spread) not in self._rows:
+            self._rows[i, j, spread] = self._shape_row(i, j, spread)
+        return self._rows[i, j, spread].copy()
+
+    @cached_property
+    def _rows(self) -> dict[tuple[int, int, str | None], Array]:
+        """What ``shape_row`` returned, which is asked for again and again."""
+        return {}
+
+    def _shape_row(self, i: int, j: int, spread: str | None) -> Array:
         sampler = self.mesh.classes[self.mesh.cls[self.ie]].sampler
         if spread is None:
             row = sampler.shape(np.array([self.xi]), np.array([self.eta]), i, j)[0]
@@ -106,9 +116,11 @@ class PointRef:
 
 def point_ref(mesh: BodyMesh, s: float, y: float = 0.0) -> PointRef:
     """Return the reference to the point at fraction s of a body's arc length, y off its axis."""
-    ie, xi, angle = mesh.element_at(s)
-    node = next((k for k, n in enumerate(mesh.plan.element.nodes) if n.at == xi), None)
-    return PointRef(mesh, s, ie, xi, angle, node, 2.0 * y / mesh.plan.section.height)
+    if (s, y) not in mesh.points:
+        ie, xi, angle = mesh.element_at(s)
+        node = next((k for k, n in enumerate(mesh.plan.element.nodes) if n.at == xi), None)
+        mesh.points[s, y] = PointRef(mesh, s, ie, xi, angle, node, 2.0 * y / mesh.plan.section.height)
+    return mesh.points[s, y]
 
 
 def dot(columns: tuple[Index, Array], e: Array) -> float:

@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..case import Body, Profile, ProfileExpression, ProfileTable
 from ..case.series import series
@@ -19,6 +20,8 @@ from .timing import Signal
 
 # of a body's length: what is told on one side of a jump lies this far from it
 SIDE = 1e-12
+# the same, of stretches that touch
+SAME = 1e-9
 # of the larger one: slopes of a table that differ by less are one straight line
 STRAIGHT = 1e-9
 # places along an element at which its section is compared: one that is the same there does not vary
@@ -141,6 +144,37 @@ class VaryingSection:
     def mean(self) -> Section:
         """The section of the mean values, by which sizes are judged."""
         return self.resolve(with_numbers(self.body, mean))
+
+
+def alike_along(one: Body, other: Body, begin: Array, length: Array) -> NDArray[np.bool_]:
+    """Return where two bodies have the same section and material: at which stretches (n,), given by their places S.
+
+    Tables are compared between their places; of other values that differ it is not asked where they do.
+    """
+    same = np.ones(len(begin), dtype=bool)
+    for name in ("section", "material"):
+        a, b = getattr(one, name), getattr(other, name)
+        if type(a) is not type(b):
+            return np.zeros_like(same)
+        for key in fields(a) if a is not None and a != b else ():
+            x, y = getattr(a, key.name), getattr(b, key.name)
+            if x == y:
+                continue
+            if not (isinstance(x, ProfileTable) and isinstance(y, ProfileTable) and (x.s, x.smooth) == (y.s, y.smooth)):
+                return np.zeros_like(same)
+            for low, high in _unlike(x, y):
+                same &= (begin + length <= low + SAME) | (begin >= high - SAME)
+    return same
+
+
+def _unlike(one: ProfileTable, other: ProfileTable) -> Iterator[tuple[float, float]]:
+    """Yield the stretches between places on which two tables with the same places differ."""
+    s = (-np.inf, *one.s, np.inf)
+    ends = [(t.value_[0], *t.value_, t.value_[-1]) for t in (one, other)]
+    slopes = [((), *t.slopes[:-1], ()) if t.smooth else ((),) * (len(t.s) + 1) for t in (one, other)]
+    for k, place in enumerate(pairwise(s)):
+        if any(a[k] != b[k] for a, b in ((ends[0], ends[1]), (ends[0][1:], ends[1][1:]), (slopes[0], slopes[1]))):
+            yield place
 
 
 class SectionsAlong:

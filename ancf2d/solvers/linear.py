@@ -12,8 +12,9 @@ from ..interactions.inertia import mass_block, mass_terms
 from ..kernels.lowlevel.records import Record
 from ..kernels.matrix import Band, Csr, scatter_classes
 from ..kernels.tree import Fronts, entries
+from ..model.classes import mass_matrix
 from ..model.fronts import make_fronts
-from ..model.mesh import Index, mass_matrix
+from ..model.mesh import Index
 from ..model.model import Model, Numbering
 from .ldl import SINGULAR, Multipliers, Pivots, SymmetricBand, SymmetricFronts
 from .state import State

@@ -32,7 +32,9 @@ class Motion:
     def __init__(self, model: Model, last: State, whole: bool) -> None:
         spec = model.case.solver
         assert isinstance(spec, Dynamic)
-        self.model, self.spec, self.whole, self.rejected = model, spec, whole, int(last.report["rejected"])
+        # no coarser motions beside
+        self.spec = replace(spec, estimate=False)
+        self.model, self.whole, self.rejected = model, whole, int(last.report["rejected"])
         self.found: dict[Varied, Quotient | Exception] = {}
         self.runs: dict[int, Run] = {}
         self.rows: list[Row] = []

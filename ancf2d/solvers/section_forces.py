@@ -18,7 +18,8 @@ from ..kernels.elements import natural_slope, tangent_action, viscous_force
 from ..kernels.lowlevel.records import Record
 from ..kernels.natural import memory_of_some, of_some
 from ..model.body_groups import damping_time, place_of
-from ..model.mesh import BodyMesh, Index, Volume, mass_matrix, over_body
+from ..model.classes import Volume, mass_matrix, over_body
+from ..model.mesh import BodyMesh, Index
 from ..model.model import Model
 from ..model.points import PointRef
 from ..model.profiles import load_breaks

@@ -11,7 +11,8 @@ from ..elements.formulations import Sampler
 from ..elements.formulations.base import cross
 from ..elements.section import Section
 from ..elements.shape import Array, gauss
-from ..model.mesh import BodyMesh, mass_matrix
+from ..model.classes import mass_matrix
+from ..model.mesh import BodyMesh
 
 # the motions of a straight section, in the order of all arrays here
 MOTIONS = ("axial", "transverse", "rotation", "stretch")

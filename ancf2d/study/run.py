@@ -58,17 +58,22 @@ def load(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> LoadedC
     return load_case(path, overrides, vocabulary())
 
 
-def prepare(loaded: LoadedCase) -> Model:
-    """Return the model of a case (nothing is compiled). Raises CaseError with all problems, the solver's too."""
+def prepare(loaded: LoadedCase, like: Model | None = None) -> Model:
+    """Return the model of a case (nothing is compiled). Raises CaseError with all problems, the solver's too.
+
+    ``like`` is a model of the case with other numbers (``build_model``).
+    """
     from ..solvers.fields import field_problems
     from ..solvers.initial import initial_problems
     from ..solvers.registry import left_out
     from ..solvers.schemes import method_problems
 
-    model = build_model(loaded)
+    model = build_model(loaded, like=like)
     problems = [*initial_problems(model), *method_problems(model), *field_problems(model)]
     if problems:
         raise CaseError(problems)
+    if like is not None:
+        return model
     model.warnings += [*left_out(loaded.case), *unit_warnings(loaded.case)]
     return model
 

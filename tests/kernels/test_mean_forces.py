@@ -11,7 +11,7 @@ from ancf2d.kernels.elements import element_matrices, force, viscous_force
 from ancf2d.kernels.matrix import Csr
 from ancf2d.kernels.mean_stress import mean_force, mean_force_tangent
 from ancf2d.model.body_groups import damping_time
-from ancf2d.model.mesh import mass_matrix
+from ancf2d.model.classes import mass_matrix
 
 CASES = [v for v in helpers.VARIANTS if FORMULATIONS[v[1]].law.mean is not None]
 EVERY = pytest.mark.parametrize(("name", "formulation"), helpers.chosen(CASES, helpers.FEW_VARIANTS))

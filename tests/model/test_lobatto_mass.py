@@ -10,7 +10,7 @@ import pytest
 from ancf2d.case import DefinitionNode, ElementDefinition, load_case_text
 from ancf2d.elements.shape import lobatto
 from ancf2d.model.build import build_model
-from ancf2d.model.mesh import mass_matrix
+from ancf2d.model.classes import mass_matrix
 from ancf2d.model.own_element import DefinitionError, own_element
 from ancf2d.solvers.registry import solve
 from ancf2d.study.run import vocabulary

@@ -1,0 +1,111 @@
+"""Classes of elements that share their shape functions and reference, and the mass of an element."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..elements.formulations import Sampler
+from ..elements.formulations.base import across_mass, cross, product_points
+from ..elements.registry import RIGID_FRAME, RIGID_TYPE
+from ..elements.shape import Array, ShapeFunctions, gauss, lobatto
+
+# points along, beside those for a constant section, that integrate the mass of one that varies; of a rigid body
+MORE, RIGID_POINTS = 3, 20
+
+
+@dataclass(frozen=True)
+class ElementClass:
+    """Elements that share their shape functions and reference up to a rotation: same length and curvature.
+
+    ``key`` tells classes of bodies alike apart: section, length to the digits that a mesh has, curvature (the axis and
+    the place on it where that changes along the element), and the body's name and the place S of an element along which
+    the section varies. ``turn`` is the angle by which its axis turns.
+    """
+
+    sampler: Sampler
+    key: tuple[Any, ...]
+    turn: float
+
+    @cached_property
+    def mass(self) -> Array:
+        """The mass matrix (n_dof, n_dof) of an element in its own frame."""
+        return mass_matrix(self.sampler)
+
+    @cached_property
+    def mass_weights(self) -> Array:
+        """int rho s_k dV of an element (n_shape,) [kg]."""
+        S, dm, _ = over_body(self.sampler)
+        return dm @ S
+
+    @property
+    def shape(self) -> ShapeFunctions:
+        """Shape functions of the class."""
+        return self.sampler.shape
+
+
+class Volume(NamedTuple):
+    """What integrates over the mass of an element: S (points, n_shape), mass ``dm`` and rotary inertia ``dI``
+    (points,) that each point stands for."""
+
+    S: Array
+    dm: Array
+    dI: Array
+
+
+def over_body(sampler: Sampler, upto: float = 1.0, ends: bool = False) -> Volume:
+    """Return what integrates over an element.
+
+    ``upto`` ends the volume at a fraction of the element's length. With ``ends`` points along are those of Gauss and
+    Lobatto, as many as determine the polynomial: S^T S is of one degree too much for them.
+    """
+    element = sampler.shape.element
+    along = lobatto(element.degree_x + 1) if ends else along_mass(sampler, upto)
+    # the mass of a rigid body is on its axis, with a rotary inertia
+    on_axis = element.degree_y == 0 or element is RIGID_FRAME
+    xi, eta, w = product_points(along, (np.array([0.5]), np.ones(1)) if on_axis else across_mass(sampler))
+    rx = sampler.derivative(xi, eta, 1, 0) @ sampler.e0
+    density = np.hypot(rx[:, 0], rx[:, 1]) if on_axis else cross(rx, sampler.derivative(xi, eta, 0, 1) @ sampler.e0)
+    dv, section = w * density * sampler.shape.l, sampler.at(xi)
+    return Volume(sampler.derivative(xi, eta, 0, 0), dv * section.rhoA, dv * section.rhoI)
+
+
+def along_mass(sampler: Sampler, upto: float) -> tuple[Array, Array]:
+    """Return points and weights from 0 to ``upto`` that integrate S^T S times the mass per length."""
+    element = sampler.shape.element
+    if sampler.profile is None:
+        x, w = gauss(RIGID_POINTS if element is RIGID_FRAME else element.degree_x + 2)
+        return upto * x, upto * w
+    x, w = gauss(RIGID_POINTS if element in (RIGID_TYPE, RIGID_FRAME) else element.degree_x + 2 + MORE)
+    ends = [0.0, *(c for c in sampler.cuts if c < upto), upto]
+    return (np.concatenate([a + (b - a) * x for a, b in pairwise(ends)]),
+            np.concatenate([(b - a) * w for a, b in pairwise(ends)]))
+
+
+def mass_matrix(sampler: Sampler) -> Array:
+    """Return the mass M = int rho S^T S dV of one element, in its own frame: (n_dof, n_dof).
+
+    It is exact but for the share ``lobatto`` of an element of degree p along x, for which p/(p + 1) carries waves best:
+    their speeds are then off by the power 2 p + 2 of their wave number, not 2 p (Ainsworth & Wajid 2010).
+    Beams with theta carry rhoA at r and rhoI at theta; a rigid bar has its rhoI at r_x, of unit length, a frame half of
+    it at each of its axes; the cable has no rotary inertia.
+    """
+    element, nc = sampler.shape.element, sampler.e0.shape[1]
+    S, dm, dI = over_body(sampler)
+    parts = [(S * d[:, None]).T @ S for d in (dm, dI)]
+    if element.lobatto:
+        T, *ends = over_body(sampler, ends=True)
+        parts = [(1.0 - element.lobatto) * m + element.lobatto * (T * d[:, None]).T @ T
+                 for m, d in zip(parts, ends, strict=True)]
+    M = np.zeros((element.n_dof, element.n_dof))
+    for k in range(nc):
+        M[k::nc, k::nc] = parts[1] if k == 2 else parts[0]
+        if element is RIGID_TYPE:
+            M[k::nc, k::nc] += dI.sum() / sampler.shape.l**2 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+        elif element is RIGID_FRAME:
+            M[k::nc, k::nc] += 0.5 * dI.sum() * np.diag([0.0, 1.0, 1.0])
+    return M

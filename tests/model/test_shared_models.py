@@ -1,0 +1,65 @@
+"""Models that share meshes and classes of elements with a model of other numbers are those that are built afresh."""
+
+import numpy as np
+import pytest
+
+import ancf2d
+from ancf2d.case.numbers import variable_at
+from ancf2d.solvers.linear import full_mass
+from ancf2d.study.gradient import prepare, varied
+
+SCENE = """
+bodies:
+  post:
+    geometry: {type: arc, center: [1, 0], radius: 1, from: 3, to: 1.5}
+    section: {height: {s: [0, 0.25, 0.5, 0.75, 1], value: [0.03, 0.02, 0.025, 0.02, 0.03]}, width: "0.03 - 0.01*s"}
+    material: {E: 2e11, nu: 0.3, rho: 7800, alpha: 1.2e-5}
+    element: {type: vallejo, count: 8}
+  beam:
+    geometry: {type: line, start: [1, 1], end: [2.2, 1.1]}
+    section: {height: 0.02, width: 0.01}
+    material: {E: 7e10, nu: 0.3, rho: 2700}
+    element: {type: li, formulation: strain_split, count: 3}
+boundary_conditions:
+  - {name: foot, type: clamp, at: post@0}
+  - {name: edge, type: roller, at: beam@1, normal: [0.1, 1]}
+  - {name: hinge, type: pin, at: beam@0}
+springs:
+  - {name: stay, type: translational, between: [post@0.3, [-0.4, 1.2]], stiffness: 2e4, length: 0.6, damping: 5}
+loads:
+  - {name: snow, type: distributed, on: beam, value: [0, -30]}
+  - {name: heat, type: temperature, on: post, value: 30, gradient: 100}
+  - {type: gravity, name: weight, value: [0, -9.81]}
+solver: {type: static}
+"""
+# a number, and how many classes of post and beam its models share with the model of the case
+SHARED = {"bodies.post.section.height.value.1": (4, 1), "bodies.post.section.height.value.4": (6, 1),
+          "bodies.post.material.nu": (0, 1), "bodies.post.geometry.radius": (0, 1), "bodies.beam.material.nu": (8, 0),
+          "bodies.beam.geometry.end.0": (8, 0), "springs.stay.stiffness": (8, 1), "loads.heat.value": (8, 1),
+          "boundary_conditions.edge.normal.0": (8, 1)}
+
+
+def forces(model):
+    """Return what elements, loads, springs and masses of a model are made of, element by element."""
+    out = []
+    for group in model.groups:
+        law, parts = group.values.law, group.values.plan.parts
+        out += [x.reshape(-1, parts, *x.shape[1:])[group.values.cls].ravel() for x in (law.B, law.ref, law.D)]
+        out += [group.values.natural.stretch.ravel(), group.values.plan.coupled.ravel()]
+    out += [load.values for load in model.loads.dead] + [spring.par for spring in model.springs]
+    return [*out, full_mass(model).toarray().ravel(), model.numbering.value, model.e0]
+
+
+@pytest.mark.parametrize("path", SHARED)
+def test_a_model_that_shares_is_one_built_afresh(path):
+    """Tables are the same to round-off: shape functions are scaled by the mean height. What differs is not shared."""
+    case = ancf2d.load(SCENE)
+    base = prepare(case)
+    assert base.groups
+    variable = variable_at(case, path)
+    other = varied(case, variable, 1e-3 * abs(variable.value))
+    shared, alone = prepare(other, base), prepare(other)
+    for one, two in zip(forces(shared), forces(alone), strict=True):
+        assert one == pytest.approx(two, rel=1e-12, abs=1e-13 * np.abs(two).max(initial=0.0))
+    known = {id(c) for pool in base.pools for c in pool.classes}
+    assert tuple(sum(id(c) in known for c in mesh.classes) for mesh in shared.meshes.values()) == SHARED[path]
