@@ -147,8 +147,9 @@ class Case:
     loads: tuple[Any, ...] = key(ListOf(Registered(), "loads"), "Loads", default=())
     obstacles: dict[str, Any] = key(MapOf(Registered(), "obstacles by name"), "Obstacles that bodies may touch",
                                     default={})
-    contacts: tuple[Any, ...] = key(ListOf(RegisteredRecord(), "contacts"), "What may touch what (static, eigen, "
-                                    "frequency_response, state_space, dynamic)", default=())
+    contacts: tuple[Any, ...] = key(ListOf(RegisteredRecord(), "contacts"), "Pairs that may touch (static, "
+                                    "quasi_static, eigen, frequency_response, state_space, dynamic)",
+                                    default=())
     controllers: dict[str, Controller] = key(
         Identifiers(ControllerKind(Controller), "controllers by name"), "Controllers: numbers that follow the motion, "
         "with states of their own, which amplitudes may use by name (dynamic)", default={})
