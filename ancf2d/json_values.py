@@ -4,21 +4,32 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
+from types import NoneType
 from typing import Any
+
+
+def plain(value: Any) -> Any:
+    """Return what JSON has no word for as plain numbers, lists, mappings or texts."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return dict(value)
+    if isinstance(value, complex):
+        return [value.real, value.imag]
+    return str(value)
 
 
 def json_text(value: Any) -> str:
     """Return a value as JSON; numbers that JSON has no word for become null."""
-    return json.dumps(_plain(value), indent=2, allow_nan=False)
+    return json.dumps(_finite(value), indent=2, allow_nan=False)
 
 
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(k): _plain(v) for k, v in value.items()}
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(k): _finite(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
+        return [_finite(v) for v in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
-    return value if isinstance(value, str | int | float | bool | None) else str(value)
+    return value if type(value) in (str, int, float, bool, NoneType) else _finite(plain(value))

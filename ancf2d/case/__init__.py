@@ -2,10 +2,9 @@
 
 from .binder import Vocabulary
 from .definition import DefinitionNode, ElementDefinition, load_definition, read_definition
-from .json_schema import SCHEMA_FILE, definition_schema, json_schema, schema_comment
 from .load import CaseText, LoadedCase, load_case, load_case_text, refined, with_overrides
 from .nodes import Source
-from .reference import markdown_reference
+from .reference import SCHEMA_FILE, definition_schema, json_schema, markdown_reference, schema_comment
 from .schema import *  # noqa: F403
 from .schema import __all__ as _schema
 from .templates import TEMPLATES, template

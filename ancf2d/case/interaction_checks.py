@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from .binder import INVALID, Path, dotted, listed
-from .controllers import DerivativeError, equations, loop
 from .nodes import quoted
 from .schema import Active, Expression, Initial, MovingPoint, PointExpression
+from .schema.controllers import DerivativeError, equations, loop
 
 
 def _answers(value: Any) -> bool:

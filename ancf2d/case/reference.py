@@ -1,13 +1,14 @@
-"""The reference of the case format in Markdown; made from the same records that read cases."""
+"""The case format described for people and editors, Markdown and JSON Schema, from the same records that read cases."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from .binder import Binder, Vocabulary
+from .definition import ElementDefinition
 from .emit import flow
-from .kinds import Choice, Kind, ListOf, MapOf
-from .records import ByKeys, ByShape, Key, OneOf, Record, keys_of, tag_of, title_of
+from .kinds import Book, Choice, Kind, ListOf, MapOf
+from .records import ByKeys, ByShape, Key, OneOf, Record, define, keys_of, tag_of, title_of
 from .schema import Case
 
 _INTRO = """\
@@ -42,6 +43,7 @@ of mass is force time^2/length. In mm, N and s, which suit small parts, it is th
 `ancf2d validate` and `run` warn of a density or modulus that no material has in the labelled units, and of gravity that
 differs from that of the earth by a power of 1000.
 """}
+SCHEMA_FILE = "ancf2d.schema.json"
 
 
 def markdown_reference(vocabulary: Vocabulary | None = None) -> str:
@@ -164,3 +166,35 @@ def _default(k: Key) -> str:
     if isinstance(k.default, tuple) and k.default:
         return f"`{flow(list(k.default))}`"
     return "none" if isinstance(k.default, tuple | dict) else ""
+
+
+def json_schema(vocabulary: Vocabulary | None = None) -> dict[str, Any]:
+    """Return the JSON Schema (draft-07) of case files.
+
+    It speaks of data as this package's loader reads it (YAML 1.2: 1e3 is a number), which is how
+    YAML language servers read it too. What depends on several values at once is left to
+    ``validate``.
+    """
+    return _root(Case, "ancf2d case", vocabulary)
+
+
+def definition_schema(vocabulary: Vocabulary | None = None) -> dict[str, Any]:
+    """Return the JSON Schema (draft-07) of element definition files."""
+    return _root(ElementDefinition, "ancf2d element definition", vocabulary)
+
+
+def schema_comment(schema: str = SCHEMA_FILE) -> str:
+    """Return the first line of a case that tells editors where its schema is.
+
+    ``schema`` is a path relative to the case, or a URL. A file beside the case works offline, in
+    every editor and on every machine that the two are copied to.
+    """
+    return f"# yaml-language-server: $schema={schema}"
+
+
+def _root(cls: type, title: str, vocabulary: Vocabulary | None) -> dict[str, Any]:
+    book = Book(vocabulary or Vocabulary())
+    define(cls, book)
+    root = book.definitions.pop(cls.__name__)
+    return {"$schema": "http://json-schema.org/draft-07/schema#", "title": title, **root,
+            "definitions": book.definitions}

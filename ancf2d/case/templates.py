@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..errors import CaseError, Problem
 from .binder import listed, nearest
 from .emit import text_scalar
-from .json_schema import SCHEMA_FILE, schema_comment
+from .reference import SCHEMA_FILE, schema_comment
 
 TEMPLATES = ("cantilever", "simply_supported", "frame", "pendulum", "leaf_spring", "flexure", "soft_arm", "bimetal",
              "controlled_arm", "latch", "cam", "snap_fit", "belt", "plastic_frame")

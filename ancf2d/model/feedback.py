@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..case import Dynamic, Expression, Gated, Latch, Pid, jets
-from ..case.controllers import equations
 from ..case.programs import state_programs, value_at
+from ..case.schema.controllers import equations
 from ..case.syntax import Chain, Choice, Comparison, Constant, Tree, named_in, syntax
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem

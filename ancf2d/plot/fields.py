@@ -19,14 +19,15 @@ from ancf2d.plot.body import (
     bounds,
     check_state,
     chosen_scale,
+    draw_obstacles,
     even_states,
     frame_plane,
     magnified,
     no_states,
     outline,
     when,
+    with_obstacles,
 )
-from ancf2d.plot.obstacles import draw_obstacles, with_obstacles
 from ancf2d.plot.picture import Kind, Source
 from ancf2d.plot.section_forces import FORCES
 from ancf2d.results import FieldRecord, Results

@@ -14,23 +14,19 @@ from matplotlib.figure import Figure
 
 from ancf2d.errors import ResultsError
 from ancf2d.plot.contact import CONTACT
-from ancf2d.plot.convergence import CONVERGENCE, WORK_PRECISION
-from ancf2d.plot.curves import HISTORY, LOAD_DEFLECTION
+from ancf2d.plot.convergence import CONVERGENCE, TRADEOFF, WORK_PRECISION
+from ancf2d.plot.curves import HISTORY, LOAD_DEFLECTION, MOMENT_CURVATURE, STRESS_STRAIN
 from ancf2d.plot.difference import DIFFERENCE
 from ancf2d.plot.fields import FIELDS
-from ancf2d.plot.fit import FIT
-from ancf2d.plot.loops import MOMENT_CURVATURE, STRESS_STRAIN
 from ancf2d.plot.modes import MODES
 from ancf2d.plot.motion import ENERGY, PHASE, STEPS, TRAJECTORY
-from ancf2d.plot.optimisation import OPTIMISATION
 from ancf2d.plot.picture import Kind, Picture, Source
 from ancf2d.plot.response import BODE, CAMPBELL, NYQUIST, ROOT_LOCUS
 from ancf2d.plot.section_forces import SECTION_FORCES
 from ancf2d.plot.shape import SHAPE, SNAPSHOTS
+from ancf2d.plot.studies import FIT, OPTIMISATION, TORNADO
 from ancf2d.plot.style import Look, plain_ticks, style
 from ancf2d.plot.sweep import HISTOGRAM, SHARES, SWEEP
-from ancf2d.plot.tornado import TORNADO
-from ancf2d.plot.tradeoff import TRADEOFF
 from ancf2d.results import Results
 
 # the one place where a kind of figure is added

@@ -16,7 +16,7 @@ from matplotlib.patches import Polygon
 
 from ancf2d.errors import ResultsError
 from ancf2d.plot import style
-from ancf2d.plot.obstacles import draw_obstacles, with_obstacles
+from ancf2d.plot.body import draw_obstacles, with_obstacles
 from ancf2d.plot.picture import Kind, Source
 from ancf2d.results import BodyRecord, Results
 from ancf2d.results.geometry import body_faces

@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 
 from ancf2d.errors import ResultsError
 from ancf2d.plot import style
-from ancf2d.plot.body import bounds, check_state, draw_symbols, no_states, when
+from ancf2d.plot.body import bounds, check_state, draw_obstacles, draw_symbols, no_states, when
 from ancf2d.plot.curves import quantities_of
-from ancf2d.plot.obstacles import draw_obstacles
 from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
 from ancf2d.results import Results
 from ancf2d.results.obstacles import Obstacle, obstacles_of

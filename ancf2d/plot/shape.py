@@ -22,6 +22,8 @@ from ancf2d.plot.body import (
     bounds,
     check_state,
     chosen_scale,
+    different,
+    draw_obstacles,
     draw_symbols,
     even_states,
     frame_plane,
@@ -29,8 +31,8 @@ from ancf2d.plot.body import (
     no_bodies,
     outline,
     when,
+    with_obstacles,
 )
-from ancf2d.plot.obstacles import different, draw_obstacles, with_obstacles
 from ancf2d.plot.picture import Kind, Source, common_title
 from ancf2d.results import Results
 from ancf2d.results.obstacles import Obstacle, obstacles_of

@@ -16,7 +16,7 @@ import numpy as np
 from ancf2d import __version__
 from ancf2d.errors import ResultsError
 from ancf2d.results import safe
-from ancf2d.results.head import write_head, write_mesh
+from ancf2d.results.layout import write_head, write_mesh
 from ancf2d.results.records import Units, escape, unescape
 from ancf2d.results.series import describe, write_fixed, write_texts
 

@@ -15,15 +15,15 @@ import numpy as np
 
 from ancf2d.errors import ResultsError
 from ancf2d.interrupts import uninterrupted
+from ancf2d.json_values import plain
 from ancf2d.results.checkpoint import (
     Checkpoint,
     checkpoint_to_resume,
     drop_checkpoint,
     write_checkpoint,
 )
-from ancf2d.results.growth import Growth
-from ancf2d.results.head import write_fields, write_head, write_mesh
 from ancf2d.results.journal import JournaledFile, recovered
+from ancf2d.results.layout import Growth, write_fields, write_head, write_mesh
 from ancf2d.results.records import OVER_TIME, BodyRecord, Column, FieldRecord, Units, escape, known_column
 from ancf2d.results.series import Series, set_text, write_fixed, write_texts
 from ancf2d.results.target import Target
@@ -34,19 +34,6 @@ FLUSH_SLOW = 0.2
 COLUMN_SECONDS = 5e-4  # about what the first flush takes for each column
 BUFFER_BYTES = 16 << 20
 STATUSES = ("converged", "failed", "interrupted")
-
-
-def plain(value: Any) -> Any:
-    """Return what JSON has no word for as plain numbers, lists and strings."""
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, Mapping):
-        return dict(value)
-    if isinstance(value, complex):
-        return [value.real, value.imag]
-    return str(value)
 
 
 class ResultWriter:

@@ -307,8 +307,8 @@ def _writer(loaded: LoadedCase, model: Model, out: str, force: bool, command: st
 
 
 def _keeper(loaded: LoadedCase, model: Model, path: Path) -> Any:
+    from ..json_values import plain
     from ..results.checkpoint import CheckpointKeeper
-    from ..results.writer import plain
 
     return CheckpointKeeper(path, result_header(loaded), model.e0, plain)
 

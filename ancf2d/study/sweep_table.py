@@ -23,9 +23,9 @@ from ..case.axes import Axis
 from ..case.emit import flow
 from ..case.units import QUANTITY_UNITS, SI, unit_label
 from ..errors import ResultsError
+from ..json_values import plain
 from ..results import Column, ResultWriter, check_output, open_results, part_path
 from ..results.target import MARK, SWEEP_COLUMNS, is_own, locked, replacing
-from ..results.writer import plain
 from .digests import program
 from .run import describe_goal, quantity
 from .samples import Design, statistics

@@ -14,7 +14,7 @@ from synthetic import BODIES, HEADER, bent_beam, coordinates, mechanism, table_f
 
 from ancf2d.errors import ResultsError
 from ancf2d.results import FieldRecord, ResultWriter, open_results
-from ancf2d.results.export import FORMATS, export, format_of, small, vtkhdf
+from ancf2d.results.export import FORMATS, export, format_of, plain, vtkhdf
 
 KINDS = pytest.mark.parametrize("kind", BODIES)
 OMEGA = 3.0
@@ -132,7 +132,7 @@ def test_json_holds_everything_small(tmp_path: Path, monkeypatch: pytest.MonkeyP
         assert found["summary"] == r.summary
         assert found["case_completed"] == r.case_completed
     assert found["left_out"] == []
-    monkeypatch.setattr(small, "MOST", 5)
+    monkeypatch.setattr(plain, "MOST", 5)
     export(source, tmp_path / "a.json", force=True)
     found = json.loads((tmp_path / "a.json").read_text())
     assert found["left_out"] == ["states", "probes", "probe tip", "history"]

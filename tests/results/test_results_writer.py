@@ -14,7 +14,7 @@ from synthetic import HEADER, bent_beam, coordinates, tangent_body
 
 from ancf2d.errors import ResultsError
 from ancf2d.results import BodyRecord, Column, ResultWriter, open_results, part_path
-from ancf2d.results import growth as growth_module
+from ancf2d.results import layout as growth_module
 from ancf2d.results import series as series_module
 from ancf2d.results import target as target_module
 from ancf2d.results import writer as writer_module

@@ -17,24 +17,25 @@ Done = Callable[[float], None]
 
 @dataclass(frozen=True)
 class Format:
-    """A format: what its files hold, and the module here whose ``write(results, path, done)`` writes one."""
+    """A format: what its files hold, and the module here whose ``WRITER(results, path, done)`` writes one."""
 
     suffix: str
     holds: str
     module: str
+    writer: str
 
     def write(self, results: Results, path: Path, done: Done) -> None:
         """Write a new file; ``done`` is told the share that is written. Raises ResultsError."""
-        import_module(f"{__name__}.{self.module}").write(results, path, done)
+        getattr(import_module(f"{__name__}.{self.module}"), self.writer)(results, path, done)
 
 
 # the one place where a format is added
 FORMATS = {f.suffix: f for f in (
-    Format(".vtkhdf", "the bodies over time, for ParaView", "vtkhdf"),
-    Format(".csv", "the probes over time, load factor or frequency", "probes"),
-    Format(".npz", "the linear model of small motions, for NumPy", "linear"),
-    Format(".mat", "the linear model of small motions, for MATLAB", "matlab"),
-    Format(".json", "all small data: provenance, summary, probes, steps, tables", "small"),
+    Format(".vtkhdf", "the bodies over time, for ParaView", "vtkhdf", "write"),
+    Format(".csv", "the probes over time, load factor or frequency", "plain", "write_csv"),
+    Format(".npz", "the linear model of small motions, for NumPy", "plain", "write_npz"),
+    Format(".mat", "the linear model of small motions, for MATLAB", "plain", "write_mat"),
+    Format(".json", "all small data: provenance, summary, probes, steps, tables", "plain", "write_json"),
 )}
 
 
