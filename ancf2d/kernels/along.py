@@ -1,14 +1,16 @@
-"""Residuals and tangents of the equations of motion at many states that are known: what derivatives are made of."""
+"""Many states of a motion in one call: their full coordinates, and residuals and tangents for derivatives."""
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
 from . import calls
-from .dynamics import residual
+from .bodies import elastic
+from .dynamics import residual, to_full, twice_kinetic
 from .lowlevel.arrays import copy, copy_rows
 from .lowlevel.jit import inner, kernel
 from .motion import evaluate
+from .moving import moving_inertia
 
 
 class Moments(NamedTuple):
@@ -28,6 +30,35 @@ def _recall(p, w, at, k):  # type: ignore[no-untyped-def]
     copy_rows(at.turns[k], p.points.mem)
     copy_rows(at.feet[k], p.sliding.memory)
     evaluate(p.programs, at.t[k], w.amps)
+
+
+@kernel
+def read_states(p, w, side, inside, z, v, a, turns, feet, states,  # type: ignore[no-untyped-def]
+                d, rates, second, Q, energy):
+    """Fill d, rates, second and Q - F (m, n_full) with what stored states are in full coordinates.
+
+    Those inside steps are put onto the constraints first, in z and v (m, n) themselves. side (m,) are the times of
+    signals, turns, feet and states what is remembered there (``kernels.advance.Rows``). energy (m, 2) : of elements
+    and kinetic.
+    """
+    for k in range(len(side)):
+        copy_rows(turns[k], p.points.mem)
+        copy_rows(feet[k], p.sliding.memory)
+        copy(states[k], p.states)
+        if inside[k] and p.patched:
+            calls.onto_constraints(p.calls, (p, w, z[k], v[k], side[k]))
+        evaluate(p.programs, side[k], w.amps)
+        to_full(p, a[k], w.amps, 2, second[k])
+        energy[k, 1] = 0.5 * twice_kinetic(p, w, v[k])
+        energy[k, 0] = calls.forces(p.calls, (p, w, z[k], v[k]))[0]
+        if p.patched:
+            # of elements alone
+            w.other[:] = 0.0
+            energy[k, 0] = elastic(p, w.d, w.other)
+        moving_inertia(p, w.amps, a[k], w.Q)
+        copy(w.d, d[k])
+        copy(w.v, rates[k])
+        copy(w.Q, Q[k])
 
 
 @kernel

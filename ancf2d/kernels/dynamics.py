@@ -248,12 +248,6 @@ def place_at(p, w, z, v, t):  # type: ignore[no-untyped-def]
     place_moving(p, w.d, w.amps)
 
 
-@kernel
-def inertia_at(p, w, a):  # type: ignore[no-untyped-def]
-    """Add the inertia of masses that move, where they were placed last, to w.Q."""
-    moving_inertia(p, w.amps, a, w.Q)
-
-
 @inner
 def patches_tangent(p, w, c):  # type: ignore[no-untyped-def]
     """Add the tangent of point laws and joints at w.d, w.v to w.A; their forces are left in w.other."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from . import calls
-from .consistent import _by_motion, constraint_matrix, onto_constraints
+from .consistent import _by_motion, constraint_matrix
 from .dynamics import lost_to_mass_damping, power_of_loads, residual, to_full
 from .lowlevel.arrays import copy
 from .lowlevel.jit import kernel, kernel_with_memory
@@ -124,12 +124,6 @@ def settle(p, w, s, t):  # type: ignore[no-untyped-def]
     return violation(p, w.d, w.amps)
 
 
-def ode_functions(patched: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
-    """Return the functions that the table of a model of this type has for SciPy's integrators (``kernels.calls``).
-
-    ``patched`` : whether there are point laws or joints.
-    """
-    out: dict[Any, tuple[Any, ...]] = {calls.accelerations: (accelerations, problem)}
-    if patched:
-        out[calls.onto_constraints] = onto_constraints, problem
-    return out
+def ode_functions(problem: Any) -> dict[Any, tuple[Any, ...]]:
+    """Return the functions that the table of a model of this type has for SciPy's integrators (``kernels.calls``)."""
+    return {calls.accelerations: (accelerations, problem)}

@@ -9,7 +9,7 @@ import numpy as np
 from ..elements.shape import Array
 from ..errors import ComputationError
 from .body_groups import Pool
-from .mesh import STATIONS, BodyMesh
+from .mesh import STATIONS, BodyMesh, Index
 from .model import Model
 
 # Types that are too stiff in bending where they are slender are so by about 0.011 (turn l/h)^2 of it, measured with
@@ -54,7 +54,7 @@ def _bend(mesh: BodyMesh, e: Array) -> Array:
 BLOCK = 2048
 
 
-def _orientation(pool: Pool, some: slice, e: Array, before: Array | None) -> Array:
+def _orientation(pool: Pool, some: slice | Index, e: Array, before: Array | None) -> Array:
     """Return what must stay positive along the axis of some elements (elements, stations), from their coordinates.
 
     The area dr/dx x dr/dy where sections are interpolated, the stretch along the section's normal where theta turns
@@ -78,7 +78,7 @@ def _orientation(pool: Pool, some: slice, e: Array, before: Array | None) -> Arr
 AXIS = ((0, 0), (0, 1))
 
 
-def _fields(pool: Pool, some: slice, q: Array, wanted: tuple[tuple[int, int], ...]) -> list[Array]:
+def _fields(pool: Pool, some: slice | Index, q: Array, wanted: tuple[tuple[int, int], ...]) -> list[Array]:
     """Return fields (elements, stations) each, as ``Pool.along_axis`` names them.
 
     All of them are one product of matrices with the coordinates q (elements, n_dof).
@@ -103,6 +103,23 @@ def inverted(model: Model, d: Array, before: Array | None = None) -> str | None:
                 ie, s = np.argwhere(~(sign > 0.0))[0] + [first, 0]
                 return _told(pool, int(ie), float(STATIONS[s]))
     return None
+
+
+def any_inverted(model: Model, states: Array) -> bool:
+    """Return whether an element is inverted in any of the states d (m, n_full)."""
+    for pool in model.pools:
+        together = max(1, BLOCK // len(pool.dofs))
+        for first in range(0, len(states), together):
+            if together == 1:
+                if inverted(model, states[first]) is not None:
+                    return True
+                continue
+            d = states[first:first + together]
+            q = model.e0[pool.dofs] + d[:, pool.dofs]
+            some = np.tile(np.arange(len(pool.dofs)), len(d))
+            if not (_orientation(pool, some, q.reshape(len(some), -1), None) > 0.0).all():
+                return True
+    return False
 
 
 def _told(pool: Pool, ie: int, station: float) -> str:

@@ -29,9 +29,14 @@ class Answers:
             if q.rotation is not None and q.kind == ANGLE:
                 p.feedback.near[k] = model.turns.theta(q.rotation, model.e0 + d, d, turned)
 
+    @property
+    def counts(self) -> bool:
+        """Whether something answers angles, which are counted from state to state."""
+        return ANGLE in self.motion.p.feedback.kind
+
     def recall(self, p: Record, row: Row) -> None:
         """Let the angles be those of a stored state."""
-        if ANGLE not in p.feedback.kind:
+        if not self.counts:
             return
         motion, d = self.motion, np.zeros(len(p.place))
         evaluate(p.programs, row.side, motion.w.amps)

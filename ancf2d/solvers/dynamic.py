@@ -13,13 +13,14 @@ from ..elements.shape import Array
 from ..errors import ComputationError
 from ..kernels.advance import CHECK, INSIDE
 from ..kernels.motion import COUNT, REJECTED
-from ..model.coarse import inverted
+from ..model.coarse import any_inverted, inverted
 from ..model.model import Model
 from ..pace import Pace
 from .contact import check_pressed, recall_rows
-from .energy import Energies, is_constant
+from .energy import Energies, constant_loads, is_constant
 from .estimate import Estimate, step_ends
 from .initial import initial_motion
+from .kept import kept_energy
 from .ode import OdeStepper
 from .problem import make_problem
 from .schemes import SCHEMES
@@ -35,6 +36,8 @@ STATES = 200
 BEGIN, AHEAD = 1e-3, 0.02
 # share of the energy that may be lost without a word
 LOST = 0.01
+# the time left is found anew after so long [s]
+OFTEN = 0.05
 # the same of a motion of fibres that yield, whatever is estimated
 FIBRES = 0.1
 # share of the energy that contact may add without a word
@@ -67,23 +70,33 @@ class Balance:
 
     def __init__(self, model: Model, stepper: Stepper) -> None:
         self.model, self.stepper, self.energies = model, stepper, Energies(model)
-        self.dead = [(load, float(load.amplitude(0.0))) for load in model.loads.dead if is_constant(load.amplitude)]
+        steady = [load for load in model.loads.dead if is_constant(load.amplitude)]
+        self.dead, self.varies = constant_loads(model, steady), len(steady) < len(model.loads.dead)
+        # whether laws keep energy of which their stress does not tell
+        self.keeps = any(pool.plan.formulation.law.stored is not None for pool in model.pools)
         # total at the start, largest change, size; what springs store and masses that move have at the start; largest
         # gain; what materials keep at the start, and what was told too much of what they took before
         self.numbers = np.array([np.nan, 0.0, 0.0, np.nan, 0.0, 0.0, np.nan])
 
-    def take(self, row: Row, d: Array, v: Array) -> dict[str, float]:
+    def external(self, t: float) -> Array:
+        """Return the dead loads (n_full,) at t."""
+        return self.model.external(t) if self.varies else self.dead
+
+    def take(self, row: Row) -> dict[str, float]:
         """Return the energies of a state, and note how far the balance is off where a step ends."""
-        model, d_q = self.model, d[:self.model.n_q]
-        model.turns.recall(model.springs, model.e0 + d_q, d_q, model.turns.at(d, row.turned))
+        model, (strain, kinetic), springs = self.model, self.stepper.known(row).energy, 0.0
+        d, v, *_ = row.full
         model.states[:] = row.states
-        kinetic, strain = self.energies.kinetic(v), self.energies.strain(d, row.side)
+        model.set_natural(row.side)
+        if model.springs:
+            d_q = d[:model.n_q]
+            model.turns.recall(model.springs, model.e0 + d_q, d_q, model.turns.at(d, row.turned))
+            strain += model.interactions.energy(d, row.side)
+            springs = model.interactions.energy(d, row.side, worked=not self.stepper.method.conserves)
         # what materials keep that remember, which counts as lost on the way, and what others do
-        kept, more, over = self.energies.kept(d, row.side)
+        kept, more, over = kept_energy(model, d, row.side) if self.keeps else (0.0, 0.0, 0.0)
         strain += more
-        springs = model.interactions.energy(d, row.side, worked=not self.stepper.method.conserves)
-        dead = sum(factor * float(load.values @ d_q[load.dofs]) for load, factor in self.dead)
-        potential = self.energies.potential(d)
+        dead, potential = float(self.dead @ d), self.energies.potential(d)
         own = strain - springs if self.stepper.tracks else strain
         if np.isnan(self.numbers[6]):
             self.numbers[6] = over
@@ -96,7 +109,7 @@ class Balance:
             self.numbers[0], self.numbers[3], self.numbers[5] = total, given, kept
         if row.kind != INSIDE:
             # forces do some work on round-off of positions: energies below that are none
-            felt = largest_share(self.model.external(row.side)[:self.model.n_q], self.model.weights)
+            felt = largest_share(self.external(row.side)[:self.model.n_q], self.model.weights)
             self.numbers[2] = max(self.numbers[2], STILL * self.model.extent * felt)
             self.numbers[1] = max(self.numbers[1], abs(total - self.numbers[0]))
             self.numbers[4] = max(self.numbers[4], total - self.numbers[0])
@@ -130,12 +143,15 @@ class Run:
         self.times = np.zeros(0) if every else stored_times(model, spec)
         self.stepper = kind(model, self.problem, self.signals, spec, spec.dt or 0.0, self.times, every)
         self.inverted: str | None = None
+        self.intact = False
         self.balance = Balance(model, self.stepper)
         # SciPy's methods have no coarser motions beside; states at every so many adaptive steps have no common times
         beside = kind is Stepper and not every
         self.estimate = Estimate(self.stepper) if beside and spec.estimate else None
         self.stepping = Pace()
         self.taking: Pace | None = None
+        # the time left, and when it was found
+        self.left: tuple[float | None, float] = None, -np.inf
 
     def states(self, kept: dict[str, Array] | None = None) -> Iterator[State]:
         """Yield the states, from the start or from a checkpoint."""
@@ -156,10 +172,12 @@ class Run:
             self.stepping.mark(self.stepper.t, within=step_ends(self.stepper, since, found))
             for row in found:
                 if row.kind == CHECK:
-                    d, v = self.stepper.full(row, 2)
                     self.stepper.answers.look(row)
-                    self.balance.take(row, d, v)
+                    self.balance.take(row)
             rows, ends = [row for row in found if row.kind != CHECK], self.stepper.done
+            if self.inverted is None and rows:
+                # looked for one by one, where there is one
+                self.intact = not any_inverted(self.model, np.array([self.stepper.full(row, 1)[0] for row in rows]))
             for k, row in enumerate(rows):
                 began, beside = time.monotonic(), self._beside()
                 last = k == len(rows) - 1 and not ends
@@ -238,11 +256,11 @@ class Run:
             recall_rows(self.model, row.turns)
             check_pressed(self.model, d, {"t": float(f"{row.t:.6g}")})
         controllers = self.stepper.answers.look(row)
-        F = self.model.external(row.side)
+        F = self.balance.external(row.side)
         Q = self.stepper.forces(row) + F
-        energies = self.balance.take(row, d, v)
+        energies = self.balance.take(row)
         blocks = {name: row.log[:, k] for k, name in enumerate(LOG)}
-        if self.inverted is None and (found := inverted(self.model, d)) is not None:
+        if self.inverted is None and not self.intact and (found := inverted(self.model, d)) is not None:
             self.inverted = f"{found} at t = {row.t:.6g}: the motion after that is not physical"
         turned = self.model.turns.at(d, row.turned)
         state = State(row.t, d, Q, F, energies["strain"], turned, history=energies, v=v, a=a, blocks=blocks,
@@ -251,11 +269,14 @@ class Run:
             self.estimate.take(row.t, d)
         if keep:
             state.checkpoint = self._checkpoint()
-        state.left = self._left()
+        if time.monotonic() > self.left[1] + OFTEN:
+            self.left = self._left(), time.monotonic()
+        state.left = self.left[0]
         return state
 
     def _end(self) -> State:
         """Return the last state, with what there is to say of the whole."""
+        self.intact = False
         state = self.state(self.stepper.last())
         state.last = True
         numbers = self.stepper.s.numbers

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -29,6 +29,14 @@ def has_potential(load: DeadLoad | MovingPatch) -> bool:
     """Whether a load counts as potential energy, and not by the work it does: gravity that is constant."""
     amplitude = load.signal if isinstance(load, MovingPatch) else load.amplitude
     return load.gravity and amplitude is not None and is_constant(amplitude)
+
+
+def constant_loads(model: Model, loads: Iterable[DeadLoad]) -> Array:
+    """Return the forces (n_full,) of loads that do not vary."""
+    out = np.zeros(len(model.numbering.place))
+    for load in loads:
+        np.add.at(out, load.dofs, load.values * load.amplitude(0.0))
+    return out
 
 
 class Kinds:
@@ -68,7 +76,7 @@ class Energies:
         patches = [p for p in model.interactions.points if isinstance(p, MovingPatch)]
         self.moving = [p for p in patches if p.mass]
         self.weights = [p for p in patches if has_potential(p)]
-        self.gravity = [(load, float(load.amplitude(0.0))) for load in model.loads.dead if has_potential(load)]
+        self.gravity = constant_loads(model, [load for load in model.loads.dead if has_potential(load)])
 
     @cached_property
     def M(self) -> csr_matrix:
@@ -91,24 +99,9 @@ class Energies:
             momentum += mass * np.array([*rate, r[0] * rate[1] - r[1] * rate[0]])
         return energy, momentum
 
-    def strain(self, d: Array, t: float) -> float:
-        """Return the elastic energy of elements and springs."""
-        from ..kernels.elements import force
-
-        Q = np.zeros(len(d))
-        self.model.set_natural(t)
-        energy = sum(float(force(group, d, Q)) for group in self.model.groups)
-        return energy + self.model.interactions.energy(d, t)
-
-    def kept(self, d: Array, t: float) -> tuple[float, float, float]:
-        """Return what ``kept_energy`` does."""
-        from .kept import kept_energy
-
-        return kept_energy(self.model, d, t)
-
     def potential(self, d: Array) -> float:
         """Return the potential of gravity that is constant on what rests on bodies, measured from the reference."""
-        return -sum(factor * float(load.values @ d[load.dofs]) for load, factor in self.gravity)
+        return -float(self.gravity @ d)
 
     def lifted(self, d: Array, t: float) -> float:
         """Return the potential of gravity that is constant on masses that move along bodies at t."""

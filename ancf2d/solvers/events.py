@@ -99,7 +99,7 @@ class Events:
 
     def show(self) -> None:
         """Let the model's latches be those of this motion."""
-        for latch, own in zip(self.model.latches, self.latches, strict=True):
+        for latch, own in zip(self.model.latches, self.latches, strict=True) if self.latches else ():
             latch.begin, latch.end = own.begin, own.end
 
     # ------------------------------------------------------------------ conditions that come to hold

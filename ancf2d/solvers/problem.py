@@ -45,6 +45,7 @@ from numba import types
 from ..case import Dynamic
 from ..kernels import calls, ode
 from ..kernels.advance import Plan, Rows, advance
+from ..kernels.along import read_states
 from ..kernels.batch import no_group
 from ..kernels.compiled_laws import law_address
 from ..kernels.consistent import consistent, kinetic, onto_constraints
@@ -180,7 +181,8 @@ def functions(model: Model) -> dict[Any, tuple[Any, ...]]:
                                 layout),
             **patch_functions(fronts, acts, slides, carries, faces, method.conserves, layout),
             **impact_functions(model.contacts, model.sided, layout),
-            **(ode_functions(acts or slides, layout) if method.scipy is not None else {}),
+            **({calls.onto_constraints: (onto_constraints, layout)} if acts or slides else {}),
+            **(ode_functions(layout) if method.scipy is not None else {}),
             **(event_functions(layout, (feedback_accept, layout)) if model.feedback.conditions else {}),
             **(feedback_functions(fronts, layout) if model.feedback.rank else {})}
 
@@ -357,22 +359,20 @@ def of_motion(model: Model, spec: Dynamic) -> list[Compilation]:
     own = calls.compilations(Method(name, spec, p, 0.0, model.relaxing).functions) if name in MAKERS else []
     called = functions(model)
     slides = calls.sliding_forces in called
-    patched = slides or calls.point_forces in called
-    return [*of_elements(model), *own, *_called_from_python(p.layout, name in MAKERS, patched, slides, model.sided),
+    return [*of_elements(model), *own, *_called_from_python(p.layout, name in MAKERS, slides, model.sided),
             *([partial(holding.compile, _holding(p.layout))] if model.feedback.conditions else []),
             *calls.compilations(called)]
 
 
-def _called_from_python(P: Any, own: bool, patched: bool, slides: bool, sided: bool) -> list[Compilation]:
+def _called_from_python(P: Any, own: bool, slides: bool, sided: bool) -> list[Compilation]:
     """Return what compiles the kernels that ``Stepper`` calls, or ``OdeStepper`` for SciPy's integrators."""
     M, W = type_of(motion(0, 0, 0)), type_of(scratch(0, 0, 0, 0))
     signatures: dict[Any, tuple[Any, ...]] = {
         consistent: (P, W, M, _f, _x), kinetic: (P, W, M, _f), to_full: (P, _x, _xx, _i, _x),
-        evaluate: (P.place["programs"][1], _f, _xx), turn_on: (P.place["turning"][1], _x, _x, _f, _x, _x)}
+        evaluate: (P.place["programs"][1], _f, _xx), turn_on: (P.place["turning"][1], _x, _x, _f, _x, _x),
+        read_states: (P, W, _x, types.boolean[::1], *[_xx] * 3, *[types.float64[:, :, ::1]] * 2, *[_xx] * 6)}
     if sided:
         signatures[begin] = signatures[consistent]
-    if patched:
-        signatures[onto_constraints] = P, W, _x, _x, _f
     if slides:
         signatures[sliding_check] = P.place["sliding"][1].whole(), _x
     if own:

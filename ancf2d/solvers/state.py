@@ -63,7 +63,8 @@ class Row:
 
     ``kind`` as ``kernels.advance`` has it. ``side`` is the time that signals are taken at: t, but at a break, where a
     step ends, the float before it. ``turns``, ``feet`` and ``states`` are what point laws, prismatic joints and
-    elements remember there, ``turned`` the rotations through full turns of the sections that count them.
+    elements remember there, ``turned`` the rotations through full turns of the sections that count them. ``full`` are
+    d, v, a and Q - F (n_full,), ``energy`` that of elements and the kinetic one, once they are known.
     """
 
     t: float
@@ -79,3 +80,5 @@ class Row:
     states: Array
     turned: Array
     log: Array
+    full: tuple[Array, ...] = ()
+    energy: tuple[float, float] = (math.nan, math.nan)

@@ -12,8 +12,9 @@ from ..case import Dynamic
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..kernels import advance as kernels
-from ..kernels.consistent import consistent, kinetic, onto_constraints
-from ..kernels.dynamics import forces, inertia_at, to_full
+from ..kernels.along import read_states
+from ..kernels.consistent import consistent, kinetic
+from ..kernels.dynamics import forces, to_full
 from ..kernels.impact import begin
 from ..kernels.lowlevel.records import Record
 from ..kernels.motion import (
@@ -285,8 +286,7 @@ class Stepper:
         assert self.m is not None
         stop, end = self.pieces[self.piece].stop, self.spec.t_end
         plan = kernels.Plan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), self.tracks)
-        if self._plan is None or self._plan.values != plan:
-            self._plan = Record(plan)
+        self._plan = self._plan if self._plan is not None and self._plan.values == plan else Record(plan)
         why, stored, logged, outcome, _ = kernels.advance(
             self.m.record, self.p, self.w, self.s, self._at, self._plan, self.rows, self.next_wanted, steps)
         self._collect(found, stored, logged)
@@ -300,18 +300,20 @@ class Stepper:
 
     def _collect(self, found: list[Row], stored: int, logged: int) -> None:
         """Append the states of a call, each with the log of the steps up to it."""
-        rows = self.rows
-        log, first = np.vstack([self.pending, rows.log[:logged]]), 0
-        for k in range(stored):
-            if rows.kind[k] == kernels.CHECK and not self.balances:
-                continue
-            last = len(self.pending) + int(rows.number[k]) + 1
-            last = first if rows.kind[k] == kernels.CHECK else max(min(last, len(log)), first)
-            found.append(self._row(float(rows.t[k]), int(rows.kind[k]), rows.z[k], rows.v[k], rows.a[k], rows.work[k],
-                                   rows.turns[k], rows.feet[k], rows.states[k], rows.turned[k], log[first:last]))
+        log, first, rows, piece = np.vstack([self.pending, self.rows.log[:logged]]), 0, [], self.pieces[self.piece]
+        t, number, kind, z, v, a, work, *memory = (x[:stored].copy() for x in self.rows.values[2:-1])
+        side = np.clip(t, piece.first, piece.last)
+        for k, end in enumerate((len(self.pending) + number + 1).tolist()):
+            last = first if kind[k] == kernels.CHECK else max(min(end, len(log)), first)
+            rows.append(Row(float(t[k]), float(side[k]), int(kind[k]), z[k], v[k], a[k], *work[k].tolist(),
+                            *(x[k] for x in memory), log[first:last]))  # type: ignore[call-arg]
             first = last
+        if rows and not self.answers.counts:
+            self._let_act(self.past, piece)
+            self._read(rows, side, kind, z, v, a, *memory[:3])
+        found += [row for row in rows if self.balances or row.kind != kernels.CHECK]
         self.pending = log[first:]
-        self.next_wanted += 0 if self.every else int(np.count_nonzero(rows.kind[:stored] != kernels.CHECK))
+        self.next_wanted += 0 if self.every else int(np.count_nonzero(kind != kernels.CHECK))
 
     def _row(self, t: float, kind: int, z: Array, v: Array, a: Array, work: Array, turns: Array, feet: Array,
              states: Array, turned: Array, log: Array) -> Row:
@@ -319,6 +321,14 @@ class Stepper:
         first, last, _ = self.pieces[self.piece]
         return Row(t, min(max(t, first), last), kind, z.copy(), v.copy(), a.copy(), float(work[0]), float(work[1]),
                    turns.copy(), feet.copy(), states.copy(), turned.copy(), log)
+
+    def _read(self, rows: list[Row], side: Array, kind: Array, *columns: Array) -> None:
+        """Fill in what stored states are in full coordinates; columns are z, v, a and what is remembered of them."""
+        full, energy = np.zeros((4, len(rows), len(self.p.place))), np.zeros((len(rows), 2))
+        read_states(self.past, self.w, side, kind == kernels.INSIDE, *columns, *full, energy)
+        n = len(self.model.numbering.place)
+        for row, d, rates, second, Q, one in zip(rows, *full[..., :n], energy, strict=True):
+            row.full, row.energy = (d, rates, second, Q), (float(one[0]), float(one[1]))
 
     def enter(self, piece: int) -> None:
         """Take signals as they are in a piece of the motion."""
@@ -342,28 +352,20 @@ class Stepper:
         return row
 
     def full(self, row: Row, orders: int = 3) -> list[Array]:
-        """Return d, v, a (n_full,) of a stored state, the first ``orders`` of them.
-
-        A state inside a step is put onto the constraints first.
-        """
-        p = self.at_row(row)
-        if row.kind == kernels.INSIDE and p.patched:
-            onto_constraints(p, self.w, row.z, row.v, row.side)
-        evaluate(p.programs, row.side, self.w.amps)
-        n, out = len(self.model.numbering.place), list[Array]()
-        for order, x in enumerate((row.z, row.v, row.a)[:orders]):
-            out.append(np.zeros(len(self.p.place)))
-            to_full(self.p, x, self.w.amps, order, out[order])
-        return [x[:n] for x in out]
+        """Return d, v, a (n_full,) of a stored state, or fewer ``orders``, put onto the constraints inside a step."""
+        return list(self.known(row).full[:orders])
 
     def forces(self, row: Row) -> Array:
         """Return Q - F (n_full,) of a stored state: all forces, damping and multipliers included, less dead loads."""
-        p = self.at_row(row)
-        evaluate(p.programs, row.side, self.w.amps)
-        forces(p, self.w, row.z, row.v)
-        if self.moving:
-            inertia_at(p, self.w, row.a)
-        return self.w.Q[:len(self.model.numbering.place)].copy()
+        return self.known(row).full[3]
+
+    def known(self, row: Row) -> Row:
+        """Return a stored state once its full coordinates, forces and energies are known."""
+        if not row.full:
+            self.at_row(row)
+            self._read([row], np.array([row.side]), np.array([row.kind]),
+                       *(x[None] for x in (row.z, row.v, row.a, row.turns, row.feet, row.states)))
+        return row
 
     def at_row(self, row: Row) -> Record:
         """Return the problem with the memory of a stored state."""

@@ -13,7 +13,7 @@ from ancf2d.case import load_case_text
 from ancf2d.kernels.advance import CHECK, INSIDE
 from ancf2d.model.build import build_model
 from ancf2d.solvers import stepping
-from ancf2d.solvers.dynamic import solve_dynamic
+from ancf2d.solvers.dynamic import Balance, solve_dynamic
 from ancf2d.solvers.energy import Energies
 from ancf2d.solvers.initial import initial_motion
 from ancf2d.solvers.methods import Method
@@ -94,7 +94,7 @@ class Ride:
     def end(self) -> np.ndarray:
         """Return displacements and rates at the end, on the constraints (2, n_q), each as a displacement [m]."""
         row = self.rows[-1]
-        d, v, _ = self.stepper.full(replace(row, z=row.z.copy(), v=row.v.copy(), kind=INSIDE))
+        d, v, _ = self.stepper.full(replace(row, z=row.z.copy(), v=row.v.copy(), kind=INSIDE, full=()))
         return np.array([d[:self.model.n_q], v[:self.model.n_q]]) * self.model.weights
 
     def place(self, at: str, k: int = -1) -> np.ndarray:
@@ -105,10 +105,10 @@ class Ride:
 
     def totals(self) -> tuple[np.ndarray, np.ndarray]:
         """Return total energy (states,) and the momenta px, py, h (states, 3)."""
-        energies, total, momenta = Energies(self.model), [], []
-        for k in range(len(self.rows)):
+        energies, balance, total, momenta = Energies(self.model), Balance(self.model, self.stepper), [], []
+        for k, row in enumerate(self.rows):
             d, v, _ = self.full(k)
-            total.append(energies.kinetic(v) + energies.strain(d, self.rows[k].t) + energies.potential(d))
+            total.append(sum(balance.take(row)[name] for name in ("kinetic", "strain", "potential")))
             momenta.append(energies.momentum(d, v))
         return np.array(total), np.array(momenta)
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import helpers as h
 import numpy as np
 import pytest
+from motions import Ride
 
+from ancf2d.solvers.dynamic import Balance
 from ancf2d.solvers.energy import Energies
 from ancf2d.solvers.initial import initial_motion
 from ancf2d.solvers.system import System
@@ -105,9 +107,11 @@ def test_only_constant_gravity_has_a_potential():
 def test_strain_energy_is_that_of_elements_and_springs(name):
     springs = [{"type": "translational", "between": ["b@1", [3, 3]], "stiffness": 40.0, "length": 1.0}]
     scene = {"springs": springs, "bc": [{"type": "clamp", "at": "b@0"}]}
-    model = h.build({"b": h.body(h.LINE, h.element(name, 3))}, DYNAMIC, **scene)
-    d = h.random_state(model, 0.05)
+    ride = Ride({"bodies": {"b": h.body(h.LINE, h.element(name, 3))}, **scene}, 1.0, dt=1e-3)
+    d = h.random_state(ride.model, 0.05)
+    ride.stepper.start(d, np.zeros_like(d), np.zeros(1))
+    row = ride.stepper.last()
     statics = h.build({"b": h.body(h.LINE, h.element(name, 3))}, "static", **scene)
-    expected = System(statics).forces(d, 1.0).energy
-    assert Energies(model).strain(d, 0.0) == pytest.approx(expected, rel=1e-13)
+    expected = System(statics).forces(ride.stepper.full(row)[0], 1.0).energy
+    assert Balance(ride.model, ride.stepper).take(row)["strain"] == pytest.approx(expected, rel=1e-13)
     assert expected > 20.0
