@@ -109,8 +109,8 @@ def report() -> str:
         t, found = solved.course_t, solved.course["mid"]["uy"]
         wanted = 1e-3 * moving_mass(speed, mass, t, 40)
         rows.append(row([f"mass, {mass:g} of the beam's", f"{speed:g}", ""], t, wanted, found, -1e-3 * mass / 48))
-    return table(["what crosses", "v, of the critical speed", "first term alone", "peak factor: series", "ancf2d",
-                  "where on its way: series", "ancf2d", "largest difference of the course"], rows)
+    return table(["load", "v/critical speed", "first term alone", "peak factor: series", "ancf2d",
+                  "place S of the load at the peak: series", "ancf2d", "largest difference over time"], rows)
 
 
 def row(head: list[str], t: Array, wanted: Array, found: Array, static: float) -> list[str]:
