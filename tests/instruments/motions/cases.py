@@ -103,8 +103,8 @@ def exact() -> str:
         rows.append([f"[{name}](../cases/dynamic/{name}.yaml)", ", ".join(e.probes), f"{motion.t[-1]:g} s",
                      f"{max(motion.extent(p) for p in e.probes):.3g} m", small(off), small(e.wanted), small(own),
                      small(estimate), small(model), str(motion.summary["steps"]), met(off <= e.wanted)])
-    return table(["case", "probe", "to", "moves", "off the reference [m]", "allowed", "off the finer run [m]",
-                  "estimate [m]", "finer run off the reference [m]", "steps", ""], rows)
+    return table(["case", "probe", "t_end", "displacement", "distance from the reference [m]", "allowed [m]",
+                  "from the finer run [m]", "estimate [m]", "finer run from the reference [m]", "steps", ""], rows)
 
 
 def met(good: bool) -> str:
@@ -125,7 +125,7 @@ def given() -> str:
             rows.append([name, f"{probe}, t = {t:g} s", _pair(known), _pair(
                 a if b is not None else None for a, b in zip(found, known, strict=True)), small(off),
                 small(wanted), met(off <= wanted), source])
-    return table(["case", "where", "given", "computed", "off by [m]", "allowed", "", "source"], rows)
+    return table(["case", "quantity", "published", "computed", "difference [m]", "allowed [m]", "", "source"], rows)
 
 
 def apart() -> str:
@@ -134,7 +134,7 @@ def apart() -> str:
     one, two = (moved(name, "solver.t_end=1", *more) for more in ((), finer(name)))
     gap = np.hypot(*(one.place("middle") - two.place("middle")).T)
     return table(["up to t =", *(f"{t:g} s" for t in times)],
-                 [["apart [m]", *(small(float(gap[one.t <= t * (1 + 1e-9)].max())) for t in times)]])
+                 [["distance [m]", *(small(float(gap[one.t <= t * (1 + 1e-9)].max())) for t in times)]])
 
 
 def _pair(values: Iterable[float | None]) -> str:
@@ -156,4 +156,5 @@ def paper() -> str:
         green = small(math.dist(end, GREEN)) if name.startswith("pendulum2") else ""
         rows.append([name, f"({end[0]:.5f}, {end[1]:.5f})", small(math.dist(end, exact)), green,
                      met(all(c["met"] for c in motion.summary["checks"]))])
-    return table(["case", "at the end [m]", "off the beam [m]", "off the continuum [m]", "as expected"], rows)
+    return table(["case", "final position [m]", "distance from the beam [m]", "distance from the continuum [m]",
+                  ""], rows)

@@ -79,8 +79,8 @@ def drifts(steps: int) -> str:
         f = drift(element, steps)
         rows.append([element, f"{steps:.0e}", f"{f['turns']:.0f}", f"{f['way']:.0f} m", f"{100 * f['strain']:.1f} %",
                      small(f["energy"]), small(f["linear"]), small(f["angular"]), f"{f['step_us']:.0f} us"])
-    return table(["type", "steps", "turns", "flown", "of it strain energy, at most", "energy", "linear momentum",
-                  "angular momentum", "a step"], rows)
+    return table(["type", "steps", "revolutions", "distance", "largest share of strain energy", "energy",
+                  "linear momentum", "angular momentum", "time per step"], rows)
 
 
 def turning(element: str, solver: str, turns: float, states: int = 200) -> Motion:
@@ -115,7 +115,7 @@ def steadies(turns: float) -> str:
     for element, solver in WAYS:
         change, steps, seconds = steady(element, solver, turns)
         rows.append([element, f"`{solver}`", f"{turns:g}", str(steps), small(change), f"{seconds:.0f} s"])
-    return table(["type", "solver", "turns", "steps", "strain energy changes by", "time"], rows)
+    return table(["type", "solver", "revolutions", "steps", "change of strain energy", "time"], rows)
 
 
 def turned_strain(element: str, turns: float) -> float:

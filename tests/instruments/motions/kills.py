@@ -134,5 +134,5 @@ def report(count: int) -> str:
     f = kill(count)
     rows = [[str(f.kills), str(f.absent), str(f.readable), str(len(f.damaged)),
              f"{min(f.states, default=0)} to {max(f.states, default=0)}", str(f.ended), str(f.other)]]
-    return table(["kills", "before there was a file", "left a readable file", "left a damaged file", "states in it",
-                  "runs that came to their end", "with other bits"], rows)
+    return table(["kills", "before a file existed", "left a readable file", "left a damaged file", "states in it",
+                  "finished runs", "of these with other bits"], rows)

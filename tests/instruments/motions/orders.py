@@ -95,4 +95,5 @@ def report() -> str:
         places, rates, steps, error = observed(scene, method, references[scene])
         rows.append([scene, method, ORDER[method], f"{places:.2f}", f"{rates:.2f}", f"{steps[0]}, {steps[1]}",
                      small(error)])
-    return table(["scene", "method", "order", "seen in places", "in rates", "steps", "error of places [m]"], rows)
+    return table(["scene", "method", "order", "observed in positions", "in velocities", "steps",
+                  "error of positions [m]"], rows)

@@ -95,10 +95,10 @@ def report() -> str:
     ran = [t for t in more if t.code != 2]
     plain = [t for t in ran if not t.code and not t.cut and t.truth is not None]
     worst = max((t.truth / t.estimate for t in plain if t.truth and t.estimate), default=np.nan)
-    text = (f"With dt = 0.005, 0.01 and 0.02 s and 4 and 16 elements, and this table, {len(ran)} runs: {len(plain)} "
-            f"passed without a cut step, the true error at most {worst:.1f} times the estimate; "
-            f"{sum(not t.honest for t in ran)} mislead.")
-    return table(["type", "method", "true error", "estimate", "steps rejected", "exit code", "says", ""],
+    text = (f"The table and further runs with dt = 0.005, 0.01 and 0.02 s and 4 and 16 elements are {len(ran)} runs. "
+            f"{len(plain)} rejected no step; their true error is at most {worst:.1f} times the estimate. "
+            f"{sum(not t.honest for t in ran)} runs mislead.")
+    return table(["type", "method", "true error", "estimate", "steps rejected", "exit code", "message", ""],
                  rows) + f"\n\n{text}"
 
 
