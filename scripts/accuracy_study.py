@@ -38,7 +38,7 @@ def shares(values: list[float]) -> str:
     if not values:
         return "none"
     low, high, most = np.nanquantile(values, [0.5, 0.9, 1.0])
-    return f"{low:.1f} in the median, {high:.1f} at most in nine of ten, {most:.1f} at most"
+    return f"median {low:.1f}, nine of ten at most {high:.1f}, all at most {most:.1f}"
 
 
 def summary(rows: list[Row]) -> str:
@@ -49,14 +49,14 @@ def summary(rows: list[Row]) -> str:
     sharp = sum(row.limit_error <= 0.1 * row.truth for row in rows)
     close = sum(row.truth < ROUND_OFF or 1.0 <= row.ratio <= 5.0 for row in rows)
     return "\n".join([
-        f"* {sum(row.reached for row in rows)} of {n} within the wanted error.",
-        f"* {close} of {n} estimates between one and five times the true error; "
-        f"{sum(row.truth >= ROUND_OFF and row.ratio < 1.0 for row in rows)} below it.",
-        f"* Processor time over that of the cheapest setting: {shares([row.time for row in rows])}; up to 2 in "
-        f"{sum(row.time <= 2.0 for row in rows)} of {n}, up to 3 in {sum(row.time <= 3.0 for row in rows)}.",
-        f"* Of nonlinear statics: {shares(stepped)}.",
-        f"* Of linear statics, modes, buckling, paths and motions: {shares(others)}.",
-        f"* In {sharp} of {n} the error of the limit itself is below a tenth of the error that it measures.",
+        f"* {sum(row.reached for row in rows)} of {n} runs are within the wanted error.",
+        f"* {close} of {n} estimates are between one and five times the true error; "
+        f"{sum(row.truth >= ROUND_OFF and row.ratio < 1.0 for row in rows)} are below it.",
+        f"* Processor time relative to the cheapest setting: {shares([row.time for row in rows])}; at most 2 in "
+        f"{sum(row.time <= 2.0 for row in rows)} of {n}, at most 3 in {sum(row.time <= 3.0 for row in rows)}.",
+        f"* Nonlinear statics: {shares(stepped)}.",
+        f"* Linear statics, modes, buckling, paths and motions: {shares(others)}.",
+        f"* In {sharp} of {n} runs the error of the limit itself is below a tenth of the measured error.",
     ])
 
 

@@ -49,7 +49,7 @@ class Ladder:
         """
         size, shared, hopeless = 1.0, len(self.shares) < 2, ""
         for _ in range(MOST_LEVELS):
-            why = "coarse mesh of the ladder" if len(self.levels) < LADDER else "predicted from the observed order"
+            why = "coarse mesh of the series" if len(self.levels) < LADDER else "predicted from the observed order"
             if self._add(size, why) is None and not self.levels and size > HOPELESS:
                 break
             self._weigh()
