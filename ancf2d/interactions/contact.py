@@ -243,7 +243,7 @@ class ContactPair:
         section, l = self.mesh.plan.section, float(self.mesh.lengths[p.ie])
         if self.mesh.plan.rigid:
             mass = float(section.rhoA) * self.mesh.plan.length
-            # in statics it follows the forces of the scene (model/contact_tables.py)
+            # in statics it follows the forces of the scene (model/contacts.py)
             return 1.0, reach, mu, mass * self.rapid**2
         return section.EI / l**3, reach, mu, STICK * section.EA / l
 

@@ -10,7 +10,7 @@ from ..case.schema.profiles import PointExpression, Profile, ProfileTable
 from ..case.syntax import Constant, Quantity, Tree, named_in, quantities_of, renamed, syntax
 from ..elements.point_laws import DIRECTION, GROUND, THETA, PointLaw, evaluate_formula, formula_at, turn
 from ..elements.shape import Array
-from ..model.formulas import formula_record
+from ..model.point_patch import formula_record
 
 # what a load along a body may depend on at each of its points, beside s
 LOCAL = ("t", "x", "y", "vx", "vy", "theta")

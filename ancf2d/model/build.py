@@ -31,16 +31,13 @@ from ..interactions.springs import moving_spring
 from ..interactions.supports import SupportError
 from .constraints import Equations, keep_lengths, motions
 from .contacts import Contacts
-from .elimination import Elimination, eliminate, inconsistent
-from .locking import hidden_warning, hinge_warning, locking_warning
-from .mechanism import free_motions
+from .determinacy import drop_repeated, free_motions, linear_row
+from .element_limits import hidden_warning, hinge_warning, locking_warning
 from .mesh import BodyMesh
 from .model import Model, symmetric
-from .numbering import number
-from .order import coordinate_weights
+from .numbering import Elimination, coordinate_weights, eliminate, inconsistent, number
 from .plan import acting_at, plan_bodies, reference_extent, warnings_of
 from .points import PointRef, point_ref
-from .repeated import drop_repeated, linear_row
 from .switched import switched
 from .timing import InputTiming, PathTiming, Signal, TimeTiming, Timing
 

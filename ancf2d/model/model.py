@@ -13,11 +13,10 @@ from ..case import Case, Latch, LoadedCase, Point
 from ..elements.shape import Array
 from ..interactions.forces import DeadLoad, LoadSet, Patch
 from ..interactions.springs import Spring
-from ..kernels.tree import Fronts
 from .body_groups import Pool, make_pools
 from .constraints import Constraint, Row
-from .elimination import Elimination
 from .mesh import BodyMesh, Index
+from .numbering import Elimination, Numbering
 from .points import PointRef, point_ref
 from .rotation import Turns
 from .timing import Timing
@@ -29,75 +28,6 @@ if TYPE_CHECKING:
     from .contact_tables import ContactTable
     from .feedback import Feedback
     from .interactions import Interactions
-
-
-@dataclass(frozen=True)
-class Numbering:
-    """Which full coordinates are unknown, held or dependent, and where the unknowns stand in the matrix.
-
-    Full coordinates are the nodal coordinates (n_q) followed by one multiplier per nonlinear constraint.
-    ``place`` (n_full,): position of an unknown, -1 where held, -2 - k for dependent k, whose unknowns are
-    ``index[indptr[k]:indptr[k+1]]`` with factors ``value``. ``free`` (n_unknowns,): the full coordinate at
-    each position. ``fronts``: how the unknowns are taken out where that costs less than a band.
-    """
-
-    n_q: int
-    n_multipliers: int
-    place: Index
-    indptr: Index
-    index: Index
-    value: Array
-    free: Index
-    dependent: Index
-    half_bandwidth: int
-    largest_element: int
-    fronts: Fronts | None = None
-
-    @property
-    def n_unknowns(self) -> int:
-        """Number of unknowns, multipliers included."""
-        return len(self.free)
-
-    @cached_property
-    def where(self) -> slice | Index:
-        """Return ``free``, as a slice where unknowns stand one behind the other: it reads without a copy."""
-        first, count = int(self.free[0]) if len(self.free) else 0, len(self.free)
-        return slice(first, first + count) if np.array_equal(self.free, np.arange(first, first + count)) else self.free
-
-    @cached_property
-    def owner(self) -> Index:
-        """Return which of ``dependent`` each of ``index`` belongs to."""
-        return np.repeat(np.arange(len(self.dependent)), np.diff(self.indptr))
-
-    def reduce(self, full: Array, less: Array | None = None, out: Array | None = None) -> Array:
-        """Return T^T applied to full forces, or to their difference from others: (n_unknowns,), in ``out`` if given."""
-        out = np.empty(self.n_unknowns) if out is None else out
-        if less is None:
-            out[:] = full[self.where]
-        else:
-            np.subtract(full[self.where], less[self.where], out=out)
-        if len(self.dependent):
-            dependent = full[self.dependent] if less is None else full[self.dependent] - less[self.dependent]
-            np.add.at(out, self.index, self.value * dependent[self.owner])
-        return out
-
-    def reduce_sizes(self, full: Array) -> Array:
-        """Return |T|^T applied to what full forces (n_full,) are at most: bounds of what ``reduce`` makes of them.
-
-        They are written to, where unknowns stand one behind the other.
-        """
-        out = full[self.where]
-        if len(self.dependent):
-            np.add.at(out, self.index, np.abs(self.value) * full[self.dependent[self.owner]])
-        return out
-
-    def expand(self, z: Array, out: Array) -> None:
-        """Write T z into the free and dependent full coordinates of ``out`` (right-hand sides not included)."""
-        out[self.where] = z
-        if len(self.dependent):
-            sums = np.zeros(len(self.dependent))
-            np.add.at(sums, self.owner, self.value * z[self.index])
-            out[self.dependent] = sums
 
 
 def symmetric(loads: LoadSet, contacts: Sequence[ContactPair | BodyPair] = ()) -> bool:
@@ -215,14 +145,14 @@ class Model:
     @cached_property
     def weights(self) -> Array:
         """Displacement that a unit of each nodal coordinate stands for (n_q,) [m]."""
-        from .order import coordinate_weights
+        from .numbering import coordinate_weights
 
         return np.concatenate([coordinate_weights(m) for m in self.meshes.values()])
 
     @cached_property
     def straining(self) -> Array:
         """Weights of Newton's increments (n_q,) [m]: displacements, or what strains as much in slender elements."""
-        from .order import straining_weights
+        from .numbering import straining_weights
 
         return np.concatenate([straining_weights(m, self.extent) for m in self.meshes.values()])
 

@@ -1,20 +1,233 @@
-"""Unknowns, dependents and multipliers: which coordinate stands where in the matrix."""
+"""The unknowns of a model: coordinates that linear equations leave, d = T z + P b, and their places in the matrix."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
 import numpy as np
 
+from ..elements.definition import derivative_order
+from ..elements.shape import Array
 from ..interactions.forces import Patch
-from .constraints import Constraint
-from .elimination import Elimination, as_columns
-from .fronts import band_cost, fronts_cost, least_degree, make_fronts
-from .mesh import BodyMesh, Index
-from .model import Numbering
-from .order import half_bandwidth, order_unknowns
+from .breakpoints import telling_times
+from .constraints import Constraint, Row
+from .fronts import Fronts, band_cost, fronts_cost, least_degree, make_fronts
+from .mesh import BodyMesh, Index, shape_weights
 
 # fronts are tried where there are so many unknowns and a band is wider than so many times an element's; they are taken
 # where the band costs so much more, in statics and in motion, whose kernels are compiled anew for them
 FEW, LOOSE, WORTH = 200, 1.5, (1.2, 3.0)
+# a hundred times what is left of increments, beside the scene's extent
+LEFT = 1e-8
+
+
+@dataclass(frozen=True)
+class Numbering:
+    """Which full coordinates are unknown, held or dependent, and where the unknowns stand in the matrix.
+
+    Full coordinates are the nodal coordinates (n_q) followed by one multiplier per nonlinear constraint.
+    ``place`` (n_full,): position of an unknown, -1 where held, -2 - k for dependent k, whose unknowns are
+    ``index[indptr[k]:indptr[k+1]]`` with factors ``value``. ``free`` (n_unknowns,): the full coordinate at
+    each position. ``fronts``: how the unknowns are taken out where that costs less than a band.
+    """
+
+    n_q: int
+    n_multipliers: int
+    place: Index
+    indptr: Index
+    index: Index
+    value: Array
+    free: Index
+    dependent: Index
+    half_bandwidth: int
+    largest_element: int
+    fronts: Fronts | None = None
+
+    @property
+    def n_unknowns(self) -> int:
+        """Number of unknowns, multipliers included."""
+        return len(self.free)
+
+    @cached_property
+    def where(self) -> slice | Index:
+        """Return ``free``, as a slice where unknowns stand one behind the other: it reads without a copy."""
+        first, count = int(self.free[0]) if len(self.free) else 0, len(self.free)
+        return slice(first, first + count) if np.array_equal(self.free, np.arange(first, first + count)) else self.free
+
+    @cached_property
+    def owner(self) -> Index:
+        """Return which of ``dependent`` each of ``index`` belongs to."""
+        return np.repeat(np.arange(len(self.dependent)), np.diff(self.indptr))
+
+    def reduce(self, full: Array, less: Array | None = None, out: Array | None = None) -> Array:
+        """Return T^T applied to full forces, or to their difference from others: (n_unknowns,), in ``out`` if given."""
+        out = np.empty(self.n_unknowns) if out is None else out
+        if less is None:
+            out[:] = full[self.where]
+        else:
+            np.subtract(full[self.where], less[self.where], out=out)
+        if len(self.dependent):
+            dependent = full[self.dependent] if less is None else full[self.dependent] - less[self.dependent]
+            np.add.at(out, self.index, self.value * dependent[self.owner])
+        return out
+
+    def reduce_sizes(self, full: Array) -> Array:
+        """Return |T|^T applied to what full forces (n_full,) are at most: bounds of what ``reduce`` makes of them.
+
+        They are written to, where unknowns stand one behind the other.
+        """
+        out = full[self.where]
+        if len(self.dependent):
+            np.add.at(out, self.index, np.abs(self.value) * full[self.dependent[self.owner]])
+        return out
+
+    def expand(self, z: Array, out: Array) -> None:
+        """Write T z into the free and dependent full coordinates of ``out`` (right-hand sides not included)."""
+        out[self.where] = z
+        if len(self.dependent):
+            sums = np.zeros(len(self.dependent))
+            np.add.at(sums, self.owner, self.value * z[self.index])
+            out[self.dependent] = sums
+
+
+@dataclass
+class Dependent:
+    """A coordinate that follows: sum of factors * unknown coordinates + sum of factors * right-hand sides."""
+
+    terms: dict[int, float]
+    rhs: dict[int, float]
+
+
+@dataclass
+class Elimination:
+    """Reduced row echelon form of the linear rows.
+
+    ``dependents`` maps a coordinate to what it follows; ``redundant`` lists rows that repeat others, with
+    the combination of right-hand sides that must vanish.
+    """
+
+    dependents: dict[int, Dependent] = field(default_factory=dict)
+    redundant: list[tuple[int, dict[int, float]]] = field(default_factory=list)
+
+
+def _substitute(terms: dict[int, float], rhs: dict[int, float], done: dict[int, Dependent]) -> None:
+    for coord in [c for c in terms if c in done]:
+        factor = terms.pop(coord)
+        other = done[coord]
+        for c, v in other.terms.items():
+            terms[c] = terms.get(c, 0.0) + factor * v
+        for r, v in other.rhs.items():
+            rhs[r] = rhs.get(r, 0.0) - factor * v
+
+
+def eliminate(rows: list[Row], size: Callable[[int], float]) -> Elimination:
+    """Solve the rows one by one for the coordinate that moves most; keep everything reduced.
+
+    ``size(coordinate)`` is the natural magnitude of a coordinate for a unit displacement, which makes the
+    choice independent of units.
+    """
+    out = Elimination()
+    done = out.dependents
+    used_by: dict[int, set[int]] = {}
+    for number, row in enumerate(rows):
+        terms = dict(zip(row.coords.tolist(), row.coefs.tolist(), strict=True))
+        rhs = {number: 1.0}
+        scale = max((abs(v) * size(c) for c, v in terms.items()), default=1.0)
+        _substitute(terms, rhs, done)
+        terms = {c: v for c, v in terms.items() if abs(v) * size(c) > 1e-12 * scale}
+        if not terms:
+            out.redundant.append((number, rhs))
+            continue
+        pivot = max(terms, key=lambda c: (round(abs(terms[c]) * size(c) / scale, 9), c))
+        p = terms.pop(pivot)
+        new = Dependent({c: -v / p for c, v in terms.items()}, {r: v / p for r, v in rhs.items()})
+        for other in used_by.pop(pivot, set()):
+            target = done[other]
+            factor = target.terms.pop(pivot)
+            for c, v in new.terms.items():
+                target.terms[c] = target.terms.get(c, 0.0) + factor * v
+                used_by.setdefault(c, set()).add(other)
+            for r, v in new.rhs.items():
+                target.rhs[r] = target.rhs.get(r, 0.0) + factor * v
+        done[pivot] = new
+        for c in new.terms:
+            used_by.setdefault(c, set()).add(pivot)
+    return out
+
+
+def inconsistent(elimination: Elimination, rows: list[Row], t0: float, t1: float) -> list[int]:
+    """Return the redundant rows whose right-hand sides contradict the others somewhere from t0 to t1.
+
+    They are compared as functions, at ``telling_times`` of what they follow.
+    """
+    bad = []
+    for number, rhs in elimination.redundant:
+        signals = [(factor, s) for r, factor in rhs.items() if (s := rows[r].signal) is not None]
+        times = telling_times([s for _, s in signals], t0, t1)
+        values = np.array([[factor * s(t) for t in times] for factor, s in signals])
+        if np.any(np.abs(values.sum(axis=0)) > 1e-9 * np.abs(values).max(initial=0.0)):
+            bad.append(number)
+    return bad
+
+
+def as_columns(elimination: Elimination, index: np.ndarray) -> tuple[Index, Index, Array]:
+    """Return (indptr, index, value) of the dependents, in sorted order, with unknown numbers from ``index``."""
+    indptr, columns, values = [0], [], []
+    for coord in sorted(elimination.dependents):
+        for c, v in elimination.dependents[coord].terms.items():
+            columns.append(index[c])
+            values.append(v)
+        indptr.append(len(columns))
+    return np.array(indptr, dtype=np.int64), np.array(columns, dtype=np.int64), np.array(values, dtype=np.float64)
+
+
+def half_bandwidth(position: Index, sets: list[Index]) -> int:
+    """Return the largest distance between unknowns that share a row of a set (m, n); -1 marks no unknown."""
+    width = 0
+    for rows in sets:
+        if rows.size == 0 or position.size == 0:
+            continue
+        places = np.where(rows >= 0, position[rows], -1)
+        high = places.max(axis=1)
+        low = np.where(places >= 0, places, np.iinfo(np.int64).max).min(axis=1)
+        used = high >= 0
+        if used.any():
+            width = max(width, int((high[used] - low[used]).max()))
+    return width
+
+
+def _cuthill_mckee(n: int, sets: list[Index]) -> Index:
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+    i, j = [np.arange(n)], [np.arange(n)]
+    for rows in sets:
+        a = np.repeat(rows, rows.shape[1], axis=1).ravel()
+        b = np.tile(rows, (1, rows.shape[1])).ravel()
+        used = (a >= 0) & (b >= 0)
+        i.append(a[used])
+        j.append(b[used])
+    rows_, columns = np.concatenate(i), np.concatenate(j)
+    graph = coo_matrix((np.ones(len(rows_), dtype=np.int8), (rows_, columns)), shape=(n, n)).tocsr()
+    return np.asarray(reverse_cuthill_mckee(graph, symmetric_mode=True), dtype=np.int64)
+
+
+def order_unknowns(n: int, sets: list[Index], narrow: int) -> tuple[Index, int]:
+    """Return the position of each unknown and the half-bandwidth.
+
+    ``sets`` are arrays (m, k) of unknowns that meet in one matrix entry, -1 for none. ``narrow`` is the
+    bandwidth that a single chain has: where the natural order reaches it, nothing is reordered.
+    """
+    natural = np.arange(n, dtype=np.int64)
+    width = half_bandwidth(natural, sets)
+    if width <= narrow or n <= 1:
+        return natural, width
+    position = np.empty(n, dtype=np.int64)
+    position[_cuthill_mckee(n, sets)] = natural
+    better = half_bandwidth(position, sets)
+    return (position, better) if better < width else (natural, width)
 
 
 def _meeting(dofs: Index, natural: Index, terms: dict[int, list[int]]) -> list[Index]:
@@ -94,3 +307,28 @@ def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[C
     indptr, index, value = as_columns(elimination, place)
     return Numbering(n_q, len(constraints), place, indptr, index, value, at, np.array(dependents, dtype=np.int64),
                      width, largest, fronts)
+
+
+def coordinate_weights(mesh: BodyMesh) -> Array:
+    """Return the displacement that a unit of each coordinate stands for: 1 for r, l for r_x, h/2 for r_y, ... [m]."""
+    element, half = mesh.plan.element, mesh.plan.section.height / 2
+    pattern: list[float] = []
+    for w in shape_weights(mesh).tolist():
+        pattern += [w, w] if element.components == 2 else [w, w, half]
+    return mesh.tile(pattern)
+
+
+def straining_weights(mesh: BodyMesh, extent: float) -> Array:
+    """Return ``coordinate_weights`` by which Newton's increments may be judged, in a scene of such an extent [m].
+
+    A section that turns or stretches by itself strains by w/(h/2), w its weight; over an element of length l so does a
+    displacement of w l/(h/2), which is what it counts as in slender elements: EA times strains that are left has to be
+    small beside the bending stiffness EI/l^2 = EA (h/l)^2/12.
+    """
+    half, l = mesh.plan.section.height / 2, max(p.l for p in mesh.plan.pieces)
+    longer = max(1.0, min(l, LEFT * extent * 3.0 * (l / half) ** 2) / half) if half > 0.0 else 1.0
+    pattern: list[float] = []
+    for _, j in (derivative_order(name) for _, name in mesh.plan.element.functionals):
+        share = longer if j > 0 else 1.0
+        pattern += [share, share] if mesh.plan.element.components == 2 else [share, share, longer]
+    return coordinate_weights(mesh) * mesh.tile(pattern)

@@ -11,7 +11,7 @@ from ..kernels.dynamics import to_full
 from ..kernels.lowlevel.records import Record
 from ..kernels.motion import SIZE, evaluate
 from ..model.feedback import ANGLE
-from ..model.formulas import check_formulas
+from ..model.point_patch import check_formulas
 from .state import Row
 
 

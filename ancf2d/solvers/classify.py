@@ -10,7 +10,7 @@ import numpy as np
 from ..elements.definition import derivative_order
 from ..elements.shape import Array
 from ..interactions.inertia import mass_terms
-from ..model.mechanism import rigid_motion
+from ..model.determinacy import rigid_motion
 from ..model.mesh import BodyMesh
 from ..model.model import Model
 from ..model.points import dot

@@ -10,7 +10,7 @@ from ..elements.contact_geometry import FREE, FRICTION
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
-from ..model.mechanism import rigid_motion
+from ..model.determinacy import rigid_motion
 from ..model.mesh import Index
 from ..model.model import Model
 from .active_set import PENETRATION

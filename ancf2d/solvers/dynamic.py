@@ -13,7 +13,7 @@ from ..elements.shape import Array
 from ..errors import ComputationError
 from ..kernels.advance import CHECK, INSIDE
 from ..kernels.motion import COUNT, REJECTED
-from ..model.coarse import any_inverted, inverted
+from ..model.element_limits import any_inverted, inverted
 from ..model.model import Model
 from ..pace import Pace
 from .contact import check_pressed, recall_rows

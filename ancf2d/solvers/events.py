@@ -19,7 +19,7 @@ from ..kernels.events import HOLDS, NO_VALUE, NONE, PASSED, WAITING, holding
 from ..kernels.lowlevel.records import Record
 from ..model.breakpoints import Break, Piece
 from ..model.constraints import MOTIONS
-from ..model.mechanism import rigid_motion
+from ..model.determinacy import rigid_motion
 from ..model.point_patch import PointConstraint, PointPatch
 from ..model.points import dot
 from ..model.switched import CLOSED, catch, is_off

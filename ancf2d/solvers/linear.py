@@ -15,7 +15,8 @@ from ..kernels.tree import Fronts, entries
 from ..model.classes import mass_matrix
 from ..model.fronts import make_fronts
 from ..model.mesh import Index
-from ..model.model import Model, Numbering
+from ..model.model import Model
+from ..model.numbering import Numbering
 from .ldl import SINGULAR, Multipliers, Pivots, SymmetricBand, SymmetricFronts
 from .state import State
 

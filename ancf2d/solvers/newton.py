@@ -10,7 +10,7 @@ import numpy as np
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..interactions.prismatic import check_ends
-from ..model.coarse import check_inverted
+from ..model.element_limits import check_inverted
 from ..model.model import Model
 from ..model.point_patch import check_facing
 from .active_set import PENETRATION, ROUNDS, begin, exchange

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..case import Case
 from ..elements.shape import Array
-from ..model.mechanism import rigid_motion
+from ..model.determinacy import rigid_motion
 from ..model.model import Model
 from ..model.points import PointRef, dot
 from ..model.rotation import Rotation

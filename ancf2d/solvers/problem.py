@@ -28,7 +28,8 @@ from ..model.feedback import POSITION
 from ..model.groups import with_states
 from ..model.interactions import point_table, turning_table
 from ..model.mesh import Index
-from ..model.model import Model, Numbering
+from ..model.model import Model
+from ..model.numbering import Numbering
 from ..model.timing import Answer, Clocked, Signal
 from .energy import is_constant
 from .linear import full_mass, unknowns_to_coordinates

@@ -20,7 +20,7 @@ from ..case import Eigen
 from ..elements.shape import Array, gauss
 from ..interactions.forces import LoadSet
 from ..kernels.elements import natural_power, natural_slope, viscous_force
-from ..model.locking import thickness_excess
+from ..model.element_limits import thickness_excess
 from ..model.mesh import BodyMesh, Index
 from ..model.model import Model
 from .section_forces import SectionForces, has_section_forces, natural_rates, nodal_forces

@@ -13,8 +13,8 @@ from ..elements.shape import Array
 from ..errors import SingularTangentError
 from ..kernels.elements import commit, force, force_noise, force_tangent, natural_slope, tangent_action
 from ..kernels.matrix import scatter_patches
+from ..model.determinacy import rigid_motion
 from ..model.groups import with_trials
-from ..model.mechanism import rigid_motion
 from ..model.mesh import Index
 from ..model.model import Model
 from .ldl import Pivots, Symmetric

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..model.groups import of_elements
-from ..model.model import Numbering
+from ..model.numbering import Numbering
 from ..processors import threads
 
 # a body's elements are shared out in parts of at least so many: fewer take less time than starting threads

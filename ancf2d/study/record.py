@@ -97,7 +97,7 @@ class Recorder:
 
     def conclude(self) -> None:
         """Look at the last state as a whole."""
-        from ..model.coarse import coarse_warnings
+        from ..model.element_limits import coarse_warnings
 
         if self.state is None or not self.progress.judges:
             return

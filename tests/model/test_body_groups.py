@@ -10,7 +10,7 @@ from ancf2d.kernels.elements import force_tangent
 from ancf2d.kernels.matrix import SymBand
 from ancf2d.model import body_groups
 from ancf2d.model.body_groups import Pool, place_of
-from ancf2d.model.coarse import inverted
+from ancf2d.model.element_limits import inverted
 from ancf2d.model.groups import make_group
 
 SECTIONS = {"height": 0.1, "width": 0.1}, {"height": 0.2, "width": 0.05}

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from ancf2d.errors import CaseError
 from ancf2d.model.constraints import Row, combine
-from ancf2d.model.elimination import eliminate, inconsistent
+from ancf2d.model.numbering import eliminate, inconsistent
 
 
 def rows_of(A, b) -> list[Row]:

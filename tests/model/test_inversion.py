@@ -6,7 +6,7 @@ import helpers
 import numpy as np
 import pytest
 
-from ancf2d.model import coarse
+from ancf2d.model import element_limits
 
 COUNT = 7
 
@@ -16,15 +16,15 @@ COUNT = 7
 @pytest.mark.parametrize("element", [0, 3, 6])
 def test_the_element_that_has_turned_is_named(monkeypatch, block, name, element):
     """What is beyond the first node of an element comes to lie before it."""
-    monkeypatch.setattr(coarse, "BLOCK", block)
+    monkeypatch.setattr(element_limits, "BLOCK", block)
     beam = {"b": helpers.body(helpers.line(COUNT), helpers.element(name, COUNT))}
     model = helpers.build(beam, bc=[{"type": "clamp", "at": "b@0"}])
     zero, d = np.zeros(model.n_q), np.zeros(model.n_q)
-    assert coarse.inverted(model, d, zero) is None
+    assert element_limits.inverted(model, d, zero) is None
     mesh = model.meshes["b"]
     others = mesh.dofs[element][mesh.plan.element.components::mesh.plan.element.components]
     d[others] = -1.5 * (model.e0[others] - element)
-    found = coarse.inverted(model, d, zero)
+    found = element_limits.inverted(model, d, zero)
     assert found is not None
     assert found.startswith("an element is inverted: 'b' at S = ")
     # the one before bends back where its end is turned

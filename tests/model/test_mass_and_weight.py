@@ -8,7 +8,7 @@ import pytest
 
 from ancf2d.interactions.inertia import mass_terms
 from ancf2d.model.classes import ElementClass, mass_matrix
-from ancf2d.model.mechanism import rigid_motion
+from ancf2d.model.determinacy import rigid_motion
 from ancf2d.model.mesh import BodyMesh
 from ancf2d.model.points import point_ref
 

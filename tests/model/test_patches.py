@@ -4,7 +4,7 @@ import helpers
 import numpy as np
 import pytest
 
-from ancf2d.model.mechanism import rigid_motion
+from ancf2d.model.determinacy import rigid_motion
 
 NAMES = [*helpers.KINDS.values(), "omar", "2d3n", "ancf[2,2]"]
 PLACES = [(n, g, s) for n in NAMES for g in helpers.GEOMETRIES for s in (0.37, 1.0)]

@@ -9,7 +9,7 @@ import pytest
 import ancf2d
 from ancf2d.errors import CaseError
 from ancf2d.model.classes import mass_matrix
-from ancf2d.model.mechanism import rigid_motion
+from ancf2d.model.determinacy import rigid_motion
 from ancf2d.model.point_patch import dot
 from ancf2d.model.points import point_ref
 from ancf2d.solvers.linear import full_mass

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ancf2d.model.mechanism import rigid_motion
+from ancf2d.model.determinacy import rigid_motion
 from ancf2d.model.points import point_ref
 from ancf2d.model.rotation import Rotation
 

@@ -45,7 +45,7 @@ def check_balance(solution: Any) -> None:
     for pair, table in zip(model.contacts, model.contact_tables, strict=True):
         points, _ = table.at(d, 1.0)
         from ancf2d.kernels.points import point_matrices
-        from ancf2d.model.mechanism import rigid_motion
+        from ancf2d.model.determinacy import rigid_motion
 
         m = len(points.forces)
         dofs = points.dofs.reshape(m, -1)

@@ -7,7 +7,7 @@ from helpers import dense
 
 from ancf2d.errors import ComputationError
 from ancf2d.model import numbering
-from ancf2d.model.order import half_bandwidth, order_unknowns
+from ancf2d.model.numbering import half_bandwidth, order_unknowns
 from ancf2d.solvers.ldl import SymmetricBand, SymmetricFronts
 from ancf2d.solvers.linear import GeneralBand, GeneralSparse, make_matrix, pattern
 from ancf2d.solvers.newton import FLOOR

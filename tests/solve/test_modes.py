@@ -9,7 +9,7 @@ import pytest
 import scipy.linalg
 
 from ancf2d.kernels.matrix import band_product
-from ancf2d.model.mechanism import rigid_motion
+from ancf2d.model.determinacy import rigid_motion
 from ancf2d.solvers import lowest_modes as lowest_module
 from ancf2d.solvers.lowest_modes import Pencil, lowest
 from ancf2d.study.run import prepare

@@ -1,4 +1,4 @@
-"""Constraints with multipliers that hold once more what supports and joints hold already.
+"""Rigid motions that nothing holds, found without solving, and what is held more often than once.
 
 Two multipliers for one motion make the tangent singular. Only what is held in every position counts in
 ``drop_repeated``: equations that happen to agree in the reference do not. Linear theory about the reference knows no
@@ -7,14 +7,119 @@ other position, and ``linear_row`` gives its equations.
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+
+from ..elements.shape import Array
+from ..interactions.springs import Spring
 from .constraints import LENGTH, Constraint, Equations, Row
-from .elimination import Elimination
+from .mesh import BodyMesh, Index
+from .numbering import Elimination
 from .point_patch import PointConstraint
 
 # a linear function of the unknowns, two of them as one complex; prescribed motion of row r as the unknown -1 - r
 Terms = dict[int, complex]
 # relative difference of coefficients that count as equal
 EQUAL = 1e-9
+
+
+def rigid_motion(mesh: BodyMesh, coords: Index, e: Array, centre: Array) -> Array:
+    """Return the rates (n, 3) of coordinates for unit translation in x, in y and rotation about ``centre``.
+
+    ``e`` are the current nodal coordinates (full vector).
+    """
+    coords = np.asarray(coords)
+    kinds = mesh.kinds[coords - mesh.first_dof]
+    out = np.zeros((len(coords), 3))
+    # x and y of r, theta, then x and y of a gradient, which turns but does not move
+    x, y, u, v = (coords[kinds == kind] for kind in (0, 1, 3, 4))
+    out[kinds == 0, 0] = out[kinds == 1, 1] = out[kinds == 2, 2] = 1.0
+    out[kinds == 0, 2], out[kinds == 1, 2] = -(e[x + 1] - centre[1]), e[y - 1] - centre[0]
+    out[kinds == 3, 2], out[kinds == 4, 2] = -e[u + 1], e[v - 1]
+    return out
+
+
+def _held(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint], springs: list[Spring],
+          e0: Array, centres: list[Array], sizes: list[float]) -> Array:
+    """Return what each equation and spring sees of the rigid motions (equations, 3 bodies), rotations by length."""
+    first = np.array([m.first_dof for m in meshes])
+    found = [(r.coords, r.coefs) for r in rows]
+    found += [(c.dofs, c.reference_gradient()) for c in constraints]
+    for spring in springs:
+        values, vectors = np.linalg.eigh(spring.reference_stiffness())
+        keep = values > 1e-9 * _stiffness(spring)
+        found += [(spring.dofs[0], v) for v in vectors.T[keep]]
+    out, terms = np.zeros((len(found), 3 * len(meshes))), np.zeros(len(found))
+    for i, (coords, coefs) in enumerate(found):
+        owner = np.searchsorted(first, coords, side="right") - 1
+        for b in sorted(set(owner.tolist())):
+            part = owner == b
+            each = coefs[part][:, None] * rigid_motion(meshes[b], coords[part], e0, centres[b])
+            each[:, 2] /= sizes[b]
+            out[i, 3 * b:3 * b + 3] = each.sum(axis=0)
+            terms[i] = max(terms[i], np.abs(each).max())
+    norm = np.abs(out).max(axis=1)
+    # what is left of terms that cancel (a rigid length, a spring within a body) holds nothing
+    some = norm > 1e-12 * terms
+    return out[some] / norm[some, None]
+
+
+def _stiffness(spring: Spring) -> float:
+    """Return how stiff a spring's law is beside its coordinates; one within a rigid body has round-off of it."""
+    _, H, _ = spring.forces(np.zeros(len(spring.G)), 0.0)
+    return max(float(np.abs(H).max() * np.abs(spring.G).max() ** 2), 1e-300)
+
+
+def _describe(meshes: list[BodyMesh], motion: Array, centres: list[Array], sizes: list[float]) -> str:
+    words = []
+    scale = np.abs(motion).max()
+    for b, mesh in enumerate(meshes):
+        tx, ty, phi = motion[3 * b:3 * b + 3] / scale
+        if max(abs(tx), abs(ty), abs(phi)) < 1e-6:
+            continue
+        if abs(phi) > 1e-6:
+            rate = phi / sizes[b]
+            x, y = centres[b][0] - ty / rate, centres[b][1] + tx / rate
+            x, y = (0.0 if abs(v) < 1e-9 * sizes[b] else v for v in (x, y))
+            words.append(f"'{mesh.plan.name}' is free to turn about ({x:.6g}, {y:.6g})")
+        else:
+            n = math.hypot(tx, ty)
+            dx, dy = (0.0 if abs(v) < 1e-9 else v for v in (tx / n, ty / n))
+            words.append(f"'{mesh.plan.name}' is free to move along ({dx:.4g}, {dy:.4g})")
+    return " while ".join(words)
+
+
+def _kernel(A: Array) -> Array:
+    """Return what A (m, n) maps to nothing, as orthonormal rows (k, n)."""
+    # all of vt, whose last rows these are, but no more of u than there are columns
+    _, s, vt = np.linalg.svd(A, full_matrices=A.shape[0] < A.shape[1])
+    rank = int((s > 1e-9 * s[0]).sum()) if len(s) else 0
+    return vt[rank:]
+
+
+def free_motions(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint], springs: list[Spring],
+                 e0: Array, sliding: bool = False) -> list[str]:
+    """Return a sentence for each independent rigid motion that no support, joint or spring resists.
+
+    With ``sliding``, only for those in which no body turns.
+    """
+    centres = [np.asarray(m.plan.position(0.5)[0]) for m in meshes]
+    sizes = [m.plan.length for m in meshes]
+    held = _held(meshes, rows, constraints, springs, e0, centres, sizes)
+    null = _kernel(held) if len(held) else np.eye(3 * len(meshes))
+    if sliding:
+        null = _kernel(null[:, 2::3].T) @ null
+    # reduced row echelon form: one body's motion at a time, as far as they are independent
+    null = null.copy()
+    for k in range(len(null)):
+        large = np.abs(null[k:]) > 1e-9 * np.abs(null[k:]).max()
+        p, c = map(int, np.unravel_index(np.argmax(large), large.shape))
+        null[[k, k + p]] = null[[k + p, k]]
+        null[k] /= null[k, c]
+        others = (np.arange(len(null)) != k) & (null[:, c] != 0.0)
+        null[others] -= np.outer(null[others, c], null[k])
+    return [_describe(meshes, v, centres, sizes) for v in null]
 
 
 class _Names:
