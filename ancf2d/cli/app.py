@@ -20,19 +20,19 @@ from .session import Session
 
 # the one place where a command is added: NAME in cli/NAME.py is its ``command``
 COMMANDS = {
-    "new": "Start a commented case.",
+    "new": "Write a commented case to start from.",
     "validate": "Check cases without solving.",
     "run": "Solve a case and write a result file.",
     "convergence": "Refine the mesh: errors, observed orders, limits.",
     "tradeoff": "Measure error against cost; recommend settings.",
-    "sensitivity": "Differentiate the goal by the numbers of a case.",
+    "sensitivity": "Differentiate the goal with respect to numbers of a case.",
     "optimise": "Find the best values of some numbers of a case.",
     "sweep": "Run many variants of one case; print one table.",
-    "fit": "Find the numbers of a case that measured data tell.",
+    "fit": "Fit numbers of a case to measured data.",
     "plot": "Draw result files.",
     "view": "Show a result in the browser.",
     "info": "Describe the contents and origin of a result file.",
-    "compare": "Compare two result files as numbers.",
+    "compare": "Compare the numbers in two result files.",
     "export": "Write results in other formats: ParaView, CSV, JSON.",
     "elements": "List element types and formulations.",
     "audit": "Examine an element type, listed or your own.",
@@ -121,7 +121,7 @@ def _survive_any_title() -> None:
 @click.version_option(__version__, prog_name="ancf2d")
 @debug_option
 def app() -> None:
-    """Planar flexible multibody dynamics with selectable ANCF beam elements, from YAML case files.
+    """Planar flexible multibody dynamics with ANCF and geometrically exact beams, from YAML case files.
 
     Results go to stdout, everything else to stderr. Exit codes: 0 done, 1 the computation failed, 2 the
     command line, the case or an input file is wrong, 130 interrupted.

@@ -36,15 +36,15 @@ def _quadrature(ctx: click.Context, parameter: click.Parameter, value: str | Non
 @click.option("--formulation", help="Formulation. Default: the one recommended for the type.")
 @click.option("--quadrature", callback=_quadrature, metavar="NX,NY",
               help="Gauss points along and across, or exact. Default: those of type and formulation.")
-@click.option("--laws", is_flag=True, help="Examine the laws of materials that the formulation bears too: tangent, "
+@click.option("--laws", is_flag=True, help="Also examine the material laws that the formulation supports: tangent, "
               "objectivity, dissipation and cycles.")
 @json_session
 def command(session: Session, element: str, preset: str | None, formulation: str | None,
             quadrature: list[int] | str | None, laws: bool) -> int:
     """Examine an element type: basis, forces, patch tests, locking, convergence, cost.
 
-    ELEMENT is a type listed by 'ancf2d elements', or a file that defines your own element. Every check gives a number,
-    a verdict (pass, fail or note) and its meaning. The exit code is 0 even if checks fail.
+    ELEMENT is a type listed by 'ancf2d elements', or a file that defines an element of your own. Each check prints a
+    number, a verdict (pass, fail or note) and its meaning. The exit code is 0 even if checks fail.
     """
     session.subject = {"element": element}
     from ..study.pool import THREADS

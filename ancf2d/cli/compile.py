@@ -13,10 +13,10 @@ from .session import Bar, Session
 @click.command(epilog=examples("ancf2d compile", "ancf2d compile -q"))
 @plain_session
 def command(session: Session) -> int:
-    """Compile the kernels of all kinds of models, once for this machine.
+    """Compile the kernels of all kinds of models in advance.
 
-    This is optional: runs compile the kernels that they need and keep them. It saves the first users of an image or a
-    classroom the wait. A run still compiles the kernels of plugins.
+    This is optional: runs compile the kernels that they need and keep them. Use it for container images and classrooms,
+    so that the first users need not wait. It does not compile the kernels of plugins; runs do.
     """
     from ..study.everything import compile_everything
 

@@ -19,24 +19,25 @@ if TYPE_CHECKING:
                                "--vary loads.tip.value.1=-10:0 --starts 2"))
 @case_argument
 @click.option("--data", "data_file", type=click.Path(), required=True, metavar="FILE.csv",
-              help="Measured columns: t, factor or hz, then PROBE.QUANTITY, as 'export' writes them; empty cells were "
-              "not measured.")
+              help="Measured data: columns t, factor or hz, then PROBE.QUANTITY, as 'export' writes them; leave cells "
+              "empty where nothing was measured.")
 @vary_option
 @click.option("--sigma", multiple=True, metavar="PROBE.QUANTITY=S",
               help="Standard deviation of the noise in a column, in its units; default: columns are weighted by their "
               "ranges. May be given several times.")
 @click.option("--starts", type=click.IntRange(min=1, max=1000), default=1, show_default=True, metavar="N",
-              help="Number of searches, from the case's own numbers and others between the bounds; the best is taken.")
+              help="Number of searches, from the case's own numbers and from others within the bounds; the best is "
+              "kept.")
 @set_option
 @click.option("-o", "--output", type=click.Path(), metavar="FITTED.yaml",
-              help="The case with its fitted numbers; default: the case's name with -fitted, in the working directory.")
+              help="Case with the fitted numbers; default: the case's name with -fitted, in the working directory.")
 @click.option("--results", type=click.Path(), metavar="FILE.h5",
               help="File of parameters, data and model; default: the case's name with -fit.h5.")
 @force_option
 @json_session
 def command(session: Session, case: str, data_file: str, vary: tuple[str, ...], sigma: tuple[str, ...], starts: int,
             overrides: tuple[str, ...], output: str | None, results: str | None, force: bool) -> int:
-    """Find the numbers of a case with which it agrees best with measured data.
+    """Fit numbers of a case to measured data.
 
     Prints each number with its standard error, and writes the case with these numbers. 'ancf2d plot' draws data and
     model from the result file.

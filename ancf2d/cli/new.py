@@ -21,11 +21,11 @@ KINDS = ("cantilever", "simply_supported", "frame", "pendulum", "leaf_spring", "
 @click.command(epilog=examples("ancf2d new bridge --kind simply_supported", "ancf2d new fall --kind pendulum"))
 @click.argument("name", type=click.Path(), metavar="NAME")
 @click.option("--kind", type=click.Choice(KINDS),
-              help=f"Template to start from. Default: NAME if it is one of them, else {KINDS[0]}.")
+              help=f"Template. Default: NAME if it is the name of a template, else {KINDS[0]}.")
 @click.option("--force", is_flag=True, help="Replace NAME.yaml if it exists.")
 @plain_session
 def command(session: Session, name: str, kind: str | None, force: bool) -> int:
-    """Start a commented case NAME.yaml.
+    """Write a commented case NAME.yaml to start from.
 
     Also writes the schema of case files beside it, unless there is one, so that editors can complete and check
     the case.

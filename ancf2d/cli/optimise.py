@@ -23,28 +23,30 @@ if TYPE_CHECKING:
 @case_argument
 @vary_option
 @click.option("--minimise", required=True, metavar="EXPRESSION",
-              help="What is to become as small as possible: an expression over goal, mass, strain_energy, parameters, "
-              "PROBE.QUANTITY and SUPPORT.fx, fy or m (of the last state), and max(...) and min(...) of such an "
-              "expression over all states, or of a field over all bodies, e.g. max(stress).")
+              help="Objective: an expression in goal, mass, strain_energy, parameters, PROBE.QUANTITY and SUPPORT.fx, "
+              "fy or m (of the last state), and in max(...) and min(...) of such an expression over all states, or of "
+              "a field over all bodies, e.g. max(stress).")
 @click.option("--subject-to", "constraints", multiple=True, metavar='"EXPRESSION <= C"',
               help="A constraint on such expressions, with <=, >= or ==. May be given several times.")
 @click.option("--method", type=click.Choice(["slsqp", "trust-constr"]), default="slsqp", show_default=True,
-              help="Optimiser of SciPy.")
+              help="Optimiser, from SciPy.")
 @click.option("--iterations", type=click.IntRange(min=1), default=100, show_default=True, metavar="N",
-              help="Most iterations of the optimiser.")
+              help="Maximum number of iterations of the optimiser.")
 @click.option("-o", "--output", type=click.Path(), metavar="BEST.yaml",
               help="Case with the best values; default: the case's name with -best, in the working directory.")
-@click.option("--history", type=click.Path(), metavar="OUT.h5", help="Also write all tries to a result file.")
+@click.option("--history", type=click.Path(), metavar="OUT.h5", help="Also write all evaluations to a result "
+              "file.")
 @set_option
 @force_option
 @json_session
 def command(session: Session, case: str, vary: tuple[str, ...], minimise: str, constraints: tuple[str, ...],
             method: str, iterations: int, output: str | None, history: str | None, overrides: tuple[str, ...],
             force: bool) -> int:
-    """Find the values of some numbers of a case that are best.
+    """Find the best values of some numbers of a case.
 
-    Writes the case with them. Derivatives are those of the command sensitivity. Exits with 1 if the optimiser does not
-    converge, or no values within the bounds meet all constraints; the case then has the last values that were tried.
+    Writes the case with these values. Derivatives are those of the command sensitivity. Exits with 1 if the optimiser
+    does not converge, or if no values within the bounds satisfy all constraints; the case then has the best values
+    that did, or else the last ones tried.
     """
     session.subject = {"case": case}
     from ..case.axes import read_bounds

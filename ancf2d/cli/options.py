@@ -126,8 +126,8 @@ set_option = click.option("--set", "overrides", multiple=True, metavar="PATH=VAL
                                "loads.0.value=[0,-500]; PATH+=ITEM appends to a list, PATH=null removes a key or an "
                                "item. May be given several times.")
 vary_option = click.option("--vary", multiple=True, required=True, metavar="PATH=LOW:HIGH",
-                           help="A number of the case and its bounds. May be given several times. The search begins "
-                           "with the values of the case.")
+                           help="A number of the case and its bounds. May be given several times. The search starts "
+                           "from the values of the case.")
 force_option = click.option("--force", is_flag=True, help="Replace a file that ancf2d did not write.")
 scheduler_option = click.option("--scheduler", metavar="ADDRESS", help="Run on the Dask cluster of this scheduler, "
                                 "e.g. tcp://127.0.0.1:8786, instead of in processes on this machine.")

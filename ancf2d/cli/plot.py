@@ -54,22 +54,23 @@ def _size(ctx: click.Context, parameter: click.Parameter, value: str | None) -> 
 @click.option("--state", metavar="N", type=int,
               help="Stored state to draw; negative numbers count from the end (shape, fields, "
               "section_forces, difference).")
-@click.option("--field", metavar="NAME", help="Field to draw: stress, strain, energy, plastic_strain, pressure, "
+@click.option("--field", metavar="NAME", help="Field: stress, strain, energy, plastic_strain, pressure, "
               "traction or gap (fields).")
-@click.option("--component", metavar="NAME", help="Component of the field: xx, yy, xy, or mises of stress (fields).")
+@click.option("--component", metavar="NAME", help="Component of the field: xx, yy, xy, or for stress mises "
+              "(fields).")
 @click.option("--unrolled/--in-place", default=None, help="Draw bodies unrolled (over arc length and height) or in "
               "place; default: unrolled if they are thin (fields), or one straight body (section_forces).")
 @click.option("--symbols/--no-symbols", default=None, help="Draw supports, loads, joints, springs and masses, or leave "
               "them out; default: draw them (shape, section_forces).")
 @click.option("--at", metavar="T,T,...", help="Times or load factors to draw (snapshots).")
-@click.option("--point", metavar="BODY@S", help="Point of a body, or the body alone for where most is; default: that "
-              "of the first body (stress_strain, moment_curvature).")
-@click.option("--height", metavar="Y", type=float, help="Share of half the height, from -1 to 1; default: the "
-              "outermost station (stress_strain).")
+@click.option("--point", metavar="BODY@S", help="Point of a body; BODY alone is its point of largest strain or "
+              "moment; default: that of the first body (stress_strain, moment_curvature).")
+@click.option("--height", metavar="Y", type=float, help="Position over the height, from -1 (lower face) to 1 (upper "
+              "face); default: the outermost station (stress_strain).")
 @click.option("--probe", metavar="NAME", multiple=True,
               help="Probe to draw; may be given several times (curves).")
 @click.option("--quantity", metavar="NAME", multiple=True,
-              help="Quantity to draw, e.g. uy, or value of a sweep; may be given several times (curves, sweep).")
+              help="Quantity to draw, e.g. uy, or a value of a sweep; may be given several times (curves, sweep).")
 @click.option("--input", metavar="NAME", multiple=True,
               help="Input whose response is drawn; may be given several times (bode, nyquist).")
 @click.option("--against", type=click.Choice(["elements", "dofs", "wall_s", "memory_bytes"]),
@@ -77,20 +78,19 @@ def _size(ctx: click.Context, parameter: click.Parameter, value: str | None) -> 
 @click.option("--over", metavar="PATH", help="Varied number on the horizontal axis, or the end of its path (sweep).")
 @click.option("--values", is_flag=True, default=None, help="Draw the value of the goal instead of its error "
               "(convergence).")
-@click.option("--reference", metavar="FILE", help="File to which the others are compared; default: the last one named "
+@click.option("--reference", metavar="FILE", help="File with which the others are compared; default: the last one "
               "(difference).")
 @click.option("--first", metavar="N", type=click.IntRange(1), help="First mode to draw (modes).")
 @click.option("--count", metavar="N", type=click.IntRange(1),
               help="Number of modes, instants or bars to draw (modes, snapshots, tornado).")
 @click.option("--size", metavar="W,H", callback=_size, help="Width and height of the figure in inches.")
-@click.option("--font-size", metavar="PT", type=click.FloatRange(1, 100), help="Size of the letters in points. "
-              "[default: 10]")
-@click.option("--dpi", metavar="N", type=click.FloatRange(10, 2000), help="Dots per inch of images. [default: 200, of "
+@click.option("--font-size", metavar="PT", type=click.FloatRange(1, 100), help="Font size in points. [default: 10]")
+@click.option("--dpi", metavar="N", type=click.FloatRange(10, 2000), help="Dots per inch of images. [default: 200, for "
               "animations 100]")
-@click.option("--style", "sheet", metavar="FILE", help="A Matplotlib style file, or the name of a style, on top of "
-              "that of ancf2d.")
-@click.option("--title", metavar="TEXT", help="Title of the figure; default: the case's title, or what the titles of "
-              "several cases have in common.")
+@click.option("--style", "sheet", metavar="FILE", help="A Matplotlib style file, or the name of a style, applied "
+              "on top of ancf2d's own.")
+@click.option("--title", metavar="TEXT", help="Title of the figure; default: the title of the case, or the common part "
+              "of several titles.")
 @force_option
 @plain_session
 def command(session: Session, arguments: tuple[str, ...], save: str | None, show: bool, data: str | None,

@@ -127,7 +127,7 @@ def _controllers(found: dict[str, dict[str, float]], labels: Labels) -> list[str
 def _windows(found: dict[str, dict[str, float | None]], labels: Labels) -> list[str]:
     rows = [[name, *("-" if v is None else number(v) for v in (one["value"], one["sampling"]))]
             for name, one in found.items()]
-    return table([["over a window of time", "value", "left open by stored times"], *rows])
+    return table([["over a window of time", "value", "sampling error"], *rows])
 
 
 def _event(event: dict[str, Any]) -> str:
@@ -140,7 +140,7 @@ def _event(event: dict[str, Any]) -> str:
 def _events(found: list[dict[str, Any]], labels: Labels) -> list[str]:
     rows = [[f"t [{labels[2]}]", "event"], *([number(event["t"]), _event(event)] for event in found[-MOST_EVENTS:])]
     more = len(found) - MOST_EVENTS
-    return [*table(rows, left=(1,)), *([f"and {more} before"] if more > 0 else [])]
+    return [*table(rows, left=(1,)), *([f"and {more} earlier ones"] if more > 0 else [])]
 
 
 # what solvers report beyond probes and reactions
@@ -217,7 +217,7 @@ def built_report(model: Any) -> str:
         lines.append(f"body {name}: {many(plan.count, 'element')} {plan.element.name} ({alike}), "
                      f"{plan.formulation.name}, {plan.rule}")
         if plan.split:
-            lines.append("    element ends where something acts: S = " + ", ".join(f"{s:.6g}" for s in plan.split))
+            lines.append("    nodes where something acts: S = " + ", ".join(f"{s:.6g}" for s in plan.split))
     eliminated = model.n_q - (num.n_unknowns - num.n_multipliers)
     lines.append(f"unknowns: {num.n_unknowns} of {many(model.n_q, 'nodal coordinate')}; {eliminated} eliminated by "
                  f"supports and joints; {many(num.n_multipliers, 'multiplier')}")
@@ -347,8 +347,8 @@ def choices(accuracy: dict[str, Any]) -> str:
                                                         ("points_error", "points in the frequency"))
              if key in accuracy]
     if parts:
-        lines.append("of the estimated error: " + ", ".join(parts))
+        lines.append("parts of the estimated error: " + ", ".join(parts))
     by_body = {name: error for name, error in (accuracy["by_body"] or {}).items() if error}
     if len(by_body) > 1:
-        lines.append("of the error of the mesh: " + ", ".join(f"{name} {error:.1e}" for name, error in by_body.items()))
+        lines.append("mesh error by body: " + ", ".join(f"{name} {error:.1e}" for name, error in by_body.items()))
     return "\n".join([*lines, ""]) if lines else ""

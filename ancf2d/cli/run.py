@@ -35,11 +35,11 @@ if TYPE_CHECKING:
               help="Result file; default: the case's name with .h5, in the working directory.")
 @set_option
 @click.option("--accuracy", type=click.FloatRange(0.0, 1.0, min_open=True, max_open=True), metavar="TOL",
-              help="Relative accuracy wanted for the case's goal. Meshes, time steps and, with element: auto, element "
-              "types are chosen to reach it, and the error is estimated. Exits with 1 if it is not reached.")
+              help="Required relative accuracy of the case's goal. Chooses meshes, time steps and, with element: auto, "
+              "element types, and estimates the error. Exits with 1 if the accuracy is not reached.")
 @click.option("--check", is_flag=True, help="Exit with 1 if a value under 'expected' is not met.")
 @click.option("--resume", is_flag=True, help="Continue an interrupted run over time (dynamic, quasi_static) from its "
-              "last checkpoint in OUT.h5.part; the result is bit for bit that of an uninterrupted run.")
+              "last checkpoint in OUT.h5.part; the result is bitwise identical to that of an uninterrupted run.")
 @force_option
 @json_option
 @quiet_option
@@ -48,10 +48,10 @@ if TYPE_CHECKING:
 @click.pass_obj
 def command(session: Session, case: str, output: str | None, overrides: tuple[str, ...], check: bool,
             resume: bool, force: bool, accuracy: float | None) -> int:
-    """Solve a case and write one HDF5 result file.
+    """Solve a case and write an HDF5 result file.
 
-    Prints probes, reactions and expected values beside the computed ones. A rerun replaces its own
-    earlier result once it has succeeded.
+    Prints probes, reactions, and computed beside expected values. A rerun replaces its own earlier result once it has
+    succeeded.
     """
     session.subject = {"case": case}
     from ..results import check_output

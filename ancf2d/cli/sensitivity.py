@@ -29,8 +29,8 @@ def command(session: Session, case: str, paths: tuple[str, ...], output: str | N
             overrides: tuple[str, ...], force: bool) -> int:
     """Differentiate the goal of a case with respect to its numbers.
 
-    Prints value, derivative and elasticity (the relative change of the goal by a relative change of the number), the
-    most influential number first. Derivatives of equilibria, limit points, frequencies, buckling factors, responses
+    Prints value, derivative and elasticity (relative change of the goal per relative change of the number), the most
+    influential number first. Derivatives of equilibria, limit points, frequencies, buckling factors, responses
     and motions are exact; all others are differences of runs.
     """
     session.subject = {"case": case}

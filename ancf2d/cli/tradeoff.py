@@ -224,15 +224,15 @@ def _seconds(ctx: click.Context, parameter: click.Parameter, value: str) -> floa
 @click.option("--tolerance", "tolerances", callback=positive_numbers, metavar="TOL,...",
               help="For a motion: tolerances of adaptive steps. Default: three, up to the case's own.")
 @click.option("--budget", default="60s", show_default=True, callback=_seconds, metavar="TIME",
-              help="Time that the study may take, without compilation, in s, min or h. It is divided among the types; "
-              "each solves its cheapest settings first. Settings that do not fit are left out and listed.")
+              help="Time limit of the study, without compilation, in s, min or h. It is divided among the types; each "
+              "solves its cheapest settings first. Settings that do not fit are left out and listed.")
 @click.option("--repeat", default=3, show_default=True, type=click.IntRange(min=1), metavar="N",
               help="Number of timed runs of each setting, more for short ones; the median counts.")
 @click.option("--accuracy", "accuracies", default="1e-2,1e-3,1e-4", show_default=True, callback=positive_numbers,
               metavar="TOL,...", help="Relative errors for which a setting is recommended.")
 @click.option("--against", type=click.Choice(["limit", "continuum"]), default="limit", show_default=True,
-              help="Error that the front and the recommendations are based on: relative to each type's own limit, or "
-              "to the plane-stress continuum, which adds the model error.")
+              help="What the errors of front and recommendations are relative to: each type's own limit, or the "
+              "plane-stress continuum, which adds the model error.")
 @click.option("--reference", default="auto", show_default=True, callback=reference_value, metavar="VALUE",
               help="Reference for the errors: a number, or auto for a finer solution of the same type.")
 @jobs_option("Number of settings solved at the same time; this changes measured times but no errors.", "1")
@@ -243,10 +243,10 @@ def _seconds(ctx: click.Context, parameter: click.Parameter, value: str) -> floa
 @json_session
 def command(session: Session, case: str, overrides: tuple[str, ...], jobs: int | None, scheduler: str | None,
             output: str | None, force: bool, **chosen: Any) -> int:
-    """Measure what accuracy costs, and recommend a setting for each wanted accuracy.
+    """Measure what accuracy costs, and recommend a setting for each required accuracy.
 
-    Prints error, solve time, and memory of every setting, marks those that no other beats in both error and time, and
-    says which is the cheapest for each wanted accuracy.
+    Prints error, solve time and memory of every setting, marks those that no other setting beats in both error and
+    time, and recommends the cheapest for each required accuracy.
     """
     session.subject = {"case": case}
     from ..results import check_output

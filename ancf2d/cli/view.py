@@ -12,10 +12,11 @@ from .session import Session
 @click.argument("file", type=click.Path(), metavar="OUT.h5")
 @click.option("-o", "--save", type=click.Path(), metavar="PAGE.html", help="Write the page to a single "
               "self-contained file instead of serving it.")
-@click.option("--field", "fields", multiple=True, metavar="NAME", help="Field to show as colour, computed from the "
-              "states if it is not stored: stress, strain, energy, N, Q or M; may be repeated. [default: what is "
-              "stored]")
-@click.option("--port", type=click.IntRange(0, 65535), default=0, help="Port on this machine; default: a free one.")
+@click.option("--field", "fields", multiple=True, metavar="NAME", help="Field to show as colour: stress, strain, "
+              "energy, N, Q or M, computed from the states if it is not stored; may be given several times. [default: "
+              "the stored fields]")
+@click.option("--port", type=click.IntRange(0, 65535), default=0, metavar="N",
+              help="Port on this machine; default: a free one.")
 @click.option("--no-browser", is_flag=True, help="Only print the address; do not open a browser.")
 @force_option
 @plain_session
