@@ -50,7 +50,7 @@ def completeness(s: Subject) -> Finding:
         d = linear_field(model, G)
         field = np.stack([xi, 0.5 * eta], axis=1) @ G.T
         worst = max(worst, float(np.abs(np.einsum("pcn,n->pc", rows, d) - field).max()))
-    return judged(worst, ROUND_OFF, "represents every linear field, and so its own straight reference",
+    return judged(worst, ROUND_OFF, "represents every linear field, including its straight reference",
                   "does not represent all linear fields, so constant strains are missing")
 
 
@@ -73,11 +73,10 @@ def reversal(s: Subject) -> Finding:
     """Examine whether swapping the ends, S(xi) -> S(-xi), leads to the same space of shapes."""
     change = _change(s, -1.0, 1.0)
     if change <= ROUND_OFF:
-        return Finding(change, PASS, "the element is the same with its ends swapped")
+        return Finding(change, PASS, "swapping the ends gives the same element")
     forth, back = (_tip(s, wall) for wall in (0, 1))
-    return Finding(change, FAIL, "not symmetric: the shapes differ when the ends are swapped; the tip of a cantilever "
-                   "of "
-                   f"4 elements, bent far, moves by {abs(back / forth - 1):.1e} of its deflection")
+    return Finding(change, FAIL, "not symmetric: swapping the ends changes the shape functions, and the tip deflection "
+                   f"of a cantilever of 4 elements in large bending by {abs(back / forth - 1):.1e} of itself")
 
 
 def _tip(s: Subject, wall: int) -> float:
@@ -90,8 +89,8 @@ def _tip(s: Subject, wall: int) -> float:
 
 def mirror(s: Subject) -> Finding:
     """Examine whether y -> -y leads to the same space of shapes."""
-    return judged(_change(s, 1.0, -1.0), ROUND_OFF, "the element is the same upside down",
-                  "not symmetric: the shapes differ upside down")
+    return judged(_change(s, 1.0, -1.0), ROUND_OFF, "the element is symmetric about its axis",
+                  "not symmetric about its axis: exchanging y and -y changes the shape functions")
 
 
 def _jump(s: Subject, i: int, eta: Array) -> float:
@@ -117,8 +116,8 @@ def position_continuity(s: Subject) -> Finding:
     jump = _jump(s, 0, _across(s))
     axis = _jump(s, 0, np.zeros(1))
     if jump <= ROUND_OFF:
-        return Finding(jump, PASS, "conforming: neighbours share their whole common section")
-    where = "away from the axis" if axis <= ROUND_OFF else "on the axis too"
+        return Finding(jump, PASS, "conforming: neighbours share their whole end faces")
+    where = "off the axis" if axis <= ROUND_OFF else "on the axis too"
     return Finding(jump, FAIL, f"nonconforming: end faces of neighbours separate {where} (jump per displacement of a "
                    "node)")
 
@@ -127,7 +126,7 @@ def slope_continuity(s: Subject) -> Finding:
     """Examine whether r_x passes from element to element."""
     jump, axis = _jump(s, 1, _across(s)), _jump(s, 1, np.zeros(1))
     if jump <= ROUND_OFF:
-        return Finding(jump, PASS, "r_x is continuous over the whole common section")
+        return Finding(jump, PASS, "r_x is continuous over the whole section")
     if axis <= ROUND_OFF:
-        return Finding(jump, NOTE, "r_x is continuous on the axis, and jumps away from it")
-    return Finding(jump, NOTE, "r_x jumps between neighbours: the axis has kinks, which vanish with the mesh")
+        return Finding(jump, NOTE, "r_x is continuous on the axis, but jumps off it")
+    return Finding(jump, NOTE, "r_x jumps between neighbours: the axis has kinks, which vanish under refinement")

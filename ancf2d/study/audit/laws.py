@@ -54,7 +54,7 @@ def _worst(s: Subject, measure: Callable[[Model], float], allowed: float, good: 
     """Return what a number of each law tells: the largest."""
     found = {name: measure(model) for name, model in _borne(s).items()}
     if not found:
-        return Finding(None, NOTE, "the formulation bears linear laws alone")
+        return Finding(None, NOTE, "the formulation supports only linear laws")
     name = max(found, key=lambda k: found[k] if math.isfinite(found[k]) else math.inf)
     told = ", ".join(found)
     return judged(found[name], allowed, f"{good} ({told})", f"{bad}: {name} of {told}")
@@ -119,8 +119,8 @@ def law_objectivity(s: Subject) -> Finding:
         _walk(model, [turned(model, d, a) for d, a in zip(way, angles, strict=True)], STEPS)
         P = system.forces(turned(model, way[-1], angles[-1]), 0.0).Q
         return float(np.abs(P - forces_turned(model, Q, angles[-1])).max() / np.abs(Q).max())
-    return _worst(s, off, ROUND_OFF, "a body that turns along its way has the same forces, turned", "forces depend on "
-                  "how a body turned along its way")
+    return _worst(s, off, ROUND_OFF, "forces rotate with a body that rotates along a load path", "forces depend on "
+                  "the rotation along a load path")
 
 
 def law_dissipation(s: Subject) -> Finding:
@@ -129,7 +129,7 @@ def law_dissipation(s: Subject) -> Finding:
         work, energy = _walk(model, _cycle(model) * 2)
         lost = work - energy
         return float((np.maximum.accumulate(lost) - lost).max() / energy.max())
-    return _worst(s, off, SUMMED, "no way makes energy", "energy comes from nothing")
+    return _worst(s, off, SUMMED, "no load path creates energy", "a load path creates energy")
 
 
 def law_cycles(s: Subject) -> Finding:
@@ -138,5 +138,5 @@ def law_cycles(s: Subject) -> Finding:
         work, energy = _walk(model, _cycle(model) * CYCLES, STEPS // 2)
         lost = np.diff((work - energy)[::2])
         return float(abs(lost[-1] - (lost[-2] if model.remembers else 0.0)) / energy.max())
-    return _worst(s, off, SETTLED, "the same cycle loses the same energy again and again",
-                  "cycles do not settle")
+    return _worst(s, off, SETTLED, "repeated cycles dissipate the same energy",
+                  "repeated cycles do not settle")

@@ -42,7 +42,7 @@ GOES = 0.2
 RATIOS = (-0.5, 0.0, 0.3, 0.45, 0.499)
 REFERENCE = "reissner3"
 # what bending can be lost to
-AXIS, ACROSS, SHEAR = "strain of the axis", "strain across (thickness)", "shear"
+AXIS, ACROSS, SHEAR = "axial strain", "thickness strain", "shear strain"
 
 
 def shear_factor(s: Subject) -> Finding:
@@ -54,12 +54,12 @@ def shear_factor(s: Subject) -> Finding:
     if value <= ZERO:
         return Finding(None, NOTE, "the element does not shear")
     if abs(value / right - 1) <= UNIFORM:
-        return Finding(value, PASS, f"it includes the rectangle's factor ({right:.4f} at nu = {NU:g})")
+        return Finding(value, PASS, f"includes the shear factor of the rectangle ({right:.4f} at nu = {NU:g})")
     bent = factor_in_bending(s)
     if abs(bent / right - 1) <= BENT:
-        return Finding(value, PASS, f"{value:.4g} of G A in uniform shear; in bending the section can warp: "
-                       f"{bent:.4f}")
-    return Finding(value, FAIL, f"the effective shear factor is {value:.4g}, where the rectangle's is {right:.4f}: "
+        return Finding(value, PASS, f"{value:.4g} in uniform shear, and {bent:.4f} in bending, where the section can "
+                       "warp")
+    return Finding(value, FAIL, f"the effective shear factor is {value:.4g} instead of {right:.4f}: "
                    f"{percent(value / right)} of the correct shear stiffness")
 
 
@@ -84,8 +84,8 @@ def shear_in_bending(s: Subject) -> Finding:
     if not math.isfinite(value):
         return Finding(None, NOTE, "the element does not shear")
     near = abs(value / right - 1) <= BENT
-    return Finding(value, PASS if near else FAIL, f"{'near' if near else 'off'} the rectangle's {right:.4f} (5/6 by "
-                   "energy)")
+    return Finding(value, PASS if near else FAIL, f"{'close to' if near else 'differs from'} the rectangle's "
+                   f"{right:.4f} (5/6 by energy)")
 
 
 def shear_locking(s: Subject) -> Finding:
@@ -171,17 +171,17 @@ def _lost_to_nu(s: Subject) -> Lost:
 def poisson_locking(s: Subject) -> Finding:
     """Examine pure bending over nu: plane stress must not make it stiffer."""
     return _lost_to_nu(s).finding(f"pure bending does not depend on nu (from {RATIOS[0]:g} to {RATIOS[-1]:g})",
-                                  "locks by nu")
+                                  "Poisson locking")
 
 
 def poisson_locking_of_basis(s: Subject) -> Finding:
     """Examine the same with the elastic forces of the whole continuum, whatever the formulation."""
     full = s.with_formulation("continuum")
     if full is None:
-        return Finding(None, NOTE, "the element has no section to contract across")
-    remedy = "" if s.formulation.name == "continuum" else f"; formulation {s.formulation.name} is meant for that"
-    return _lost_to_nu(full).finding("the basis itself can contract where it is bent",
-                                     "the basis locks by nu in the full continuum", remedy)
+        return Finding(None, NOTE, "the element has no thickness strain")
+    remedy = "" if s.formulation.name == "continuum" else f"; formulation {s.formulation.name} avoids it"
+    return _lost_to_nu(full).finding("the basis allows the lateral contraction of bending",
+                                     "Poisson locking of the basis in full continuum form", remedy)
 
 
 def thickness_locking(s: Subject) -> Finding:
@@ -197,8 +197,8 @@ def thickness_locking(s: Subject) -> Finding:
                            f"{error.failure.reason}")
     lost = 1.0 - ratios[-1] / ratios[0]
     if lost <= LOCKS:
-        return Finding(max(lost, 0.0), PASS, f"bent far, slender beams bend like thick ones (8 elements, L/h up to "
-                       f"{SLENDER[-1]:g})")
+        return Finding(max(lost, 0.0), PASS, "in large bending, slender beams bend like thick ones (8 elements, L/h "
+                       f"up to {SLENDER[-1]:g})")
     cause = _cause(s, *deflected(s, SLENDER[-1], 8, F, LARGE), large=1.0)
-    return Finding(lost, FAIL if cause == ACROSS else NOTE, f"bent far at L/h = {SLENDER[-1]:g}, 8 elements, "
+    return Finding(lost, FAIL if cause == ACROSS else NOTE, f"in large bending at L/h = {SLENDER[-1]:g}, 8 elements, "
                    f"{percent(lost)} of the deflection is lost to {cause}")

@@ -92,17 +92,18 @@ def spurious_branch(s: Subject) -> Finding:
     found = [lowest_spurious(s, n) for n in counts]
     last, gaps, bending = found[-1]
     if last is None:
-        return Finding(None, PASS, f"the lowest {MODES} modes are the beam's on {counts[-1]} elements of a beam of 5 h")
+        return Finding(None, PASS, f"the lowest {MODES} modes are those of the beam ({counts[-1]} elements, length "
+                       "5 h)")
     value = last / bending
     if last == 0.0:
         return Finding(0.0, FAIL, "modes that deform without strain energy are among the lowest on every mesh")
     before = found[-2][0]
     if before is not None and last >= FALLS * before:
-        return Finding(value, PASS, "modes of the mesh lie above those of the beam, and rise as it is refined")
+        return Finding(value, PASS, "spurious modes lie above those of the beam and rise under refinement")
     power = "" if before is None else f", like n^{math.log(last / before) / math.log(counts[-1] / counts[-2]):.2f}"
-    why = f", {percent(gaps)} of their energy in gaps" if gaps > 0.0 else ""
-    return Finding(value, FAIL, f"modes of the mesh fall with refinement{power}{why}; the lowest is {value:.3g} times "
-                   f"the first bending mode on {counts[-1]} elements")
+    why = f", with {percent(gaps)} of their energy in gaps between elements" if gaps > 0.0 else ""
+    return Finding(value, FAIL, f"spurious modes fall under refinement{power}{why}; the lowest frequency is "
+                   f"{value:.3g} times the first bending frequency with {counts[-1]} elements")
 
 
 # Rayleigh's alpha [1/s] and beta [s], and the retardation time tau [s]: damping ratios of some percent

@@ -72,7 +72,7 @@ def isotropy(s: Subject) -> Finding:
     """Examine whether a cantilever bends alike whichever way it points."""
     straight = tip_deflection(s, 10.0, 4)
     worst = max(abs(tip_deflection(s, 10.0, 4, angle=a) / straight - 1) for a in ANGLES)
-    return judged(worst, EXACT, "a beam responds alike in every direction",
+    return judged(worst, EXACT, "the response does not depend on the direction of the beam",
                   "the response depends on the direction of the beam in the plane")
 
 
@@ -115,8 +115,8 @@ def _patch_finding(s: Subject, name: str, what: str, modulus: float, none: str) 
     if not residual <= EXACT:
         return Finding(residual, FAIL, f"{what} is not exact on unequal elements: nodal forces remain")
     if abs(computed / modulus - 1) > EXACT:
-        return Finding(residual, FAIL, f"{what} balances, but with a modulus {computed / modulus:.4g} times the "
-                       "correct one")
+        return Finding(residual, FAIL, f"{what} is in equilibrium, but the modulus is {computed / modulus:.4g} times "
+                       "the correct one")
     return Finding(residual, PASS, f"{what} is exact on unequal elements")
 
 
@@ -127,7 +127,7 @@ def patch_axial(s: Subject) -> Finding:
 
 def patch_transverse(s: Subject) -> Finding:
     """Examine uniform tension across, the element free to contract along."""
-    return _patch_finding(s, "yy", "uniform tension across", 1.0, "the section keeps its height, so it has no such "
+    return _patch_finding(s, "yy", "uniform transverse tension", 1.0, "the section keeps its height, so it has no such "
                           "strain")
 
 
@@ -155,8 +155,8 @@ def patch_bending(s: Subject) -> Finding:
     if abs(fine) > max(FINE, EXACT) or abs(fine) > 0.5 * abs(coarse):
         return Finding(coarse, FAIL, f"too {too} in pure bending by {percent(coarse)}, and still by {percent(fine)} on "
                        "elements shorter than their height")
-    return Finding(coarse, NOTE, f"pure bending is reached only by refinement: {percent(coarse)} too {too} on three "
-                   f"elements, {percent(fine)} off on short ones")
+    return Finding(coarse, NOTE, f"pure bending is exact only in the limit: three elements are {percent(coarse)} "
+                   f"too {too}, short ones still have an error of {percent(fine)}")
 
 
 def hidden_modes(model: Model, K: Array, rigid: int = 3) -> int:
@@ -184,5 +184,5 @@ def zero_energy_modes(s: Subject) -> Finding:
     mesh = s.free(4.0, 4, nu=at)
     left = hidden_modes(mesh, stiffness(mesh))
     where = "" if at == NU else f" at nu = {at:g}"
-    return Finding(float(worst), FAIL, f"{plural(worst, 'motion')} of an element without strain energy{where} under "
-                   f"{points}, {left} left in a free mesh of four")
+    return Finding(float(worst), FAIL, f"{plural(worst, 'motion')} of an element without strain energy{where} with "
+                   f"{points}; {left} remain in a free mesh of four")

@@ -1,18 +1,18 @@
-"""A fibre with friction: beside an elastic part of the axial stiffness, one that slips beyond a strain."""
+"""Axial friction: a part of the axial stiffness slips beyond a limit strain; the rest is elastic."""
 
 from dataclasses import replace
 
 from ancf2d.extend import FORMULATIONS, StrainLaw, formulation
 
-SHARE, LIMIT = 0.6, 1e-3  # of the stiffness that can slip; its largest elastic strain
+SHARE, LIMIT = 0.6, 1e-3  # share of the stiffness that can slip, and its largest elastic strain
 
 
 def internal(ref, eps, old, new, slope, lanes):
-    """Fill internal strains (axial, shear, curvature), the slip and what follows them, from axial strain."""
+    """Fill internal strains (axial, shear, curvature), the slip, and the slope, from the axial strain."""
     for l in range(lanes):
         slip = old[3, l]
         over = abs(eps[0, l] - slip) - LIMIT
-        # a fibre on the verge sticks
+        # at the limit it sticks
         slips = over > 1e-9 * LIMIT
         if slips:
             slip = eps[0, l] - LIMIT if eps[0, l] > slip else eps[0, l] + LIMIT

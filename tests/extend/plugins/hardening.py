@@ -1,10 +1,10 @@
-"""A spring that hardens: N = k u + k3 u^3."""
+"""A hardening spring: N = k u + k3 u^3."""
 
 from ancf2d.extend import ENDS, NAME, Number, key, record, spring
 
 
 def force(u, rate, par):
-    """Return energy, force and its derivatives by elongation and rate."""
+    """Return energy, force, and its derivatives with respect to elongation and rate."""
     k, k3 = par[0], par[1]
     return k * u**2 / 2 + k3 * u**4 / 4, k * u + k3 * u**3, k + 3 * k3 * u**2, 0.0
 
@@ -12,7 +12,7 @@ def force(u, rate, par):
 @spring(force)
 @record
 class Hardening:
-    """A spring between two points whose force grows with the cube of its elongation."""
+    """A spring between two points that hardens with the cube of its elongation."""
 
     tag = "hardening"
     between: tuple = key(ENDS, "The two ends", example=["a@1", [0, 1]])

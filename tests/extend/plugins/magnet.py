@@ -11,7 +11,7 @@ def pull(x, y, px, py, q, d):
 
 
 def force(x, y, par):
-    """Return the force and its derivatives by x and y."""
+    """Return the force and its derivatives with respect to x and y."""
     px, py, q, d = par[0], par[1], par[2], par[3]
     fx, fy, s = pull(x, y, px, py, q, d)
     xy = 3.0 * fx * (py - y) * s
@@ -24,10 +24,10 @@ class Magnet:
     """A magnet that pulls a point."""
 
     tag = "magnet"
-    at: object = key(POINT, "Point that it pulls", example="beam@1")
-    pole: tuple = key(Vector(Number("m"), "x, y"), "Where it is", example=[1, 0])
+    at: object = key(POINT, "Point on which it acts", example="beam@1")
+    pole: tuple = key(Vector(Number("m"), "x, y"), "Position of the magnet", example=[1, 0])
     strength: float = key(Number("N m^2"), "Strength")
-    reach: float = key(Number("m", gt=0), "Distance below which the pull ceases to grow")
+    reach: float = key(Number("m", gt=0), "Distance below which the force no longer grows")
     amplitude: object = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
     name: str | None = key(NAME, "Name", default=None)
 

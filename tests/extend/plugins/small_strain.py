@@ -1,4 +1,4 @@
-"""A formulation for small displacements: the linear part of the Green-Lagrange strain."""
+"""A formulation for small displacements, with the linear part of the Green-Lagrange strain."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ def strain(ref, u, eps, J, lanes):
 
 
 def geometric(ref, u, sigma, J, H, lanes):
-    """Add nothing: the strain is linear."""
+    """Add nothing, because the strain is linear."""
 
 
 formulation(replace(FORMULATIONS["continuum"], name="small_strain", law=StrainLaw(4, 3, 4, strain, geometric),
