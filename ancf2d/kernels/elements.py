@@ -21,7 +21,7 @@ from .batch import (
     take_natural,
     turned,
 )
-from .forces import ACTION, COMMIT, FORCE, POWER, RATE, SLOPE, STRAINS, TANGENT, call_batch, results
+from .forces import ACTION, COMMIT, FORCE, POWER, RATE, SLOPE, STRAINS, TANGENT, TWIST, call_batch, results
 from .lanes import vectors_of
 from .lowlevel.arrays import vector
 from .lowlevel.jit import inner, kernel, shared
@@ -97,6 +97,17 @@ def natural_power(group, tau, d, v):  # type: ignore[no-untyped-def]
     return power
 
 
+@inner
+def _add_batches(what, group, factor, d, e, Q):  # type: ignore[no-untyped-def]
+    """Add the forces that all elements are asked for to Q."""
+    first, last = 0, len(group.dofs)
+    while first < last:
+        count = batch_length(group, first, last)
+        call_batch(group.plan.forces, (what, group, d, e, first, count, 0, factor))
+        add_forces(group, results(group, count)[0], first, count, Q)
+        first += count
+
+
 @shared
 def tangent_action(group, d, v, out):  # type: ignore[no-untyped-def]
     """Add K(d) v to ``out`` (full coordinates) by way of the strains that v makes.
@@ -104,12 +115,25 @@ def tangent_action(group, d, v, out):  # type: ignore[no-untyped-def]
     The entries of K of fine meshes are large and cancel; strains are small differences taken once, so that this
     keeps digits which the formed matrix has lost.
     """
-    first, last = 0, len(group.dofs)
-    while first < last:
-        count = batch_length(group, first, last)
-        call_batch(group.plan.forces, (ACTION, group, d, v, first, count, 0, 0.0))
-        add_forces(group, results(group, count)[0], first, count, out)
-        first += count
+    _add_batches(ACTION, group, 0.0, d, v, out)
+
+
+@kernel
+def viscous_action(group, tau, d, v, lam, by_d, by_v, other):  # type: ignore[no-untyped-def]
+    """Add to by_d and by_v what changes of d and v do to lam . Q, Q the Kelvin-Voigt forces.
+
+    That by rates is C lam. That by displacements is half the difference of what is quadratic in the rates w, their
+    forces and sigma . d2eps/du2 B w, at w = v + lam and v - lam, less C lam. ``other`` is room.
+    """
+    for k in range(2):
+        sign = 1.0 - 2.0 * k
+        for i in range(len(d)):
+            other[i] = v[i] + sign * lam[i]
+        _add_batches(TWIST, group, 0.5 * sign * tau, d, other, by_d)
+        for i in range(len(d)):
+            other[i] = sign * lam[i]
+        _add_batches(RATE, group, 0.5 * sign * tau, d, other, by_v)
+        _add_batches(RATE, group, -0.5 * sign * tau, d, other, by_d)
 
 
 @kernel

@@ -38,8 +38,8 @@ from .tangents import tangents
 
 # what a batch is asked for: strains and stresses alone; forces; forces and tangents; viscous forces at rates e; K e by
 # way of strains; forces (and tangents) of a step from d to e; forces by the rates of natural strains; power of these at
-# rates e, and their work in a step from d to e; to remember the states at d
-STRAINS, FORCE, TANGENT, RATE, ACTION, STEP, STEP_TANGENT, SLOPE, POWER, WORK, COMMIT = range(11)
+# rates e, and their work in a step from d to e; to remember the states at d; RATE, and what turning e adds to it
+STRAINS, FORCE, TANGENT, RATE, ACTION, STEP, STEP_TANGENT, SLOPE, POWER, WORK, COMMIT, TWIST = range(12)
 # steps, and what they are given
 LANES, LAW, STRESS, COMBINE, PRODUCT, FORCES, MATERIAL, GEOMETRIC, TURNING, TANGENTS, BEYOND, MEMORY = range(12)
 # numbers that steps multiply by: the last two are the program's own factor, and that and a half
@@ -57,6 +57,8 @@ _VISCOUS = [(LANES, _D, _U), (LANES, _E, _U0), (LAW, STRAIN), (LAW, PUSH), (COMB
             (BEYOND, RATES, _EPS), (STRESS, ZERO, FACTOR), (PRODUCT, ONE, _EPS, _SIGMA, 0), (LAW, PULL), (FORCES,)]
 _ACTION = [*_STRESSES, (LANES, _E, _U0), (GEOMETRIC, ZERO), (LAW, PUSH), (COMBINE, ONE, _EPS0, ZERO, _EPS0, _EPS),
            (MEMORY, RELAX), (STRESS, ZERO, ONE), (LAW, PULL), (TURNING,), (FORCES,)]
+# Q = B^T (J^T sigma + sigma . d2eps/du2 B v) with sigma = D tau (J B v - eps*')
+_TWIST = [*_VISCOUS[:-3], (GEOMETRIC, ZERO), (LAW, PULL), (TURNING,), (FORCES,)]
 # Q = B^T J^T (D (eps0 + eps1)/2 + tau/h D J (u1 - u0)) with the discrete J: the strain increment by J keeps digits that
 # the difference of the strains has lost. The strain in the middle waits where forces come later.
 _MIDDLE = [(LANES, _D, _U), (LAW, STRAIN), (COMBINE, ONE, _U, ZERO, _U, _U0), (COMBINE, ONE, _EPS, ZERO, _EPS, _EPS0),
@@ -82,9 +84,9 @@ _STEP_TANGENT = [*_STEP, (COMBINE, ONE, _U, MINUS_HALF, _U0, _U), (COMBINE, HALF
 _PROGRAMS = {STRAINS: _STRESSES, FORCE: [*_ELASTIC, (MEMORY, _TRY)],
              TANGENT: [*_ELASTIC, (MATERIAL, ONE), (GEOMETRIC, ONE), (TANGENTS,)],
              RATE: _VISCOUS, ACTION: _ACTION, STEP: _STEP, STEP_TANGENT: _STEP_TANGENT, SLOPE: _SLOPE, POWER: _POWER,
-             WORK: _WORK, COMMIT: [*_STRESSES, (MEMORY, _KEEP)]}
-_STEPS = np.array([(*step, 0, 0, 0, 0, 0)[:6] for k in range(11) for step in _PROGRAMS[k]])
-_STARTS = np.cumsum([0] + [len(_PROGRAMS[k]) for k in range(11)])
+             WORK: _WORK, COMMIT: [*_STRESSES, (MEMORY, _KEEP)], TWIST: _TWIST}
+_STEPS = np.array([(*step, 0, 0, 0, 0, 0)[:6] for k in range(len(_PROGRAMS)) for step in _PROGRAMS[k]])
+_STARTS = np.cumsum([0] + [len(_PROGRAMS[k]) for k in range(len(_PROGRAMS))])
 
 
 @inner

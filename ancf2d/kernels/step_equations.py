@@ -82,6 +82,33 @@ def _solve(bw, LU, pivots, b):  # type: ignore[no-untyped-def]
             b[k, q] *= f
 
 
+@inner
+def _solve_transposed(bw, LU, pivots, b):  # type: ignore[no-untyped-def]
+    """Solve with the transpose of a band, in place of right-hand sides b (n s, k)."""
+    n, m = b.shape
+    for k in range(n):
+        f = 1.0 / LU[k, bw]
+        for q in range(m):
+            b[k, q] *= f
+        for c in range(k + 1, pivots[1, k] + 1):
+            f = LU[k, c - k + bw]
+            if f != 0.0:
+                for q in range(m):
+                    b[c, q] -= f * b[k, q]
+    for k in range(n - 1, -1, -1):
+        for r in range(k + 1, min(n, k + bw + 1)):
+            f = LU[r, k - r + bw]
+            if f != 0.0:
+                for q in range(m):
+                    b[k, q] -= f * b[r, q]
+        p = pivots[0, k]
+        if p != k:
+            for q in range(m):
+                x = b[k, q]
+                b[k, q] = b[p, q]
+                b[p, q] = x
+
+
 @kernel
 def factor(K, C, mass, rows, columns, free, rates, bw, LU, pivots):  # type: ignore[no-untyped-def]
     """Fill LU (steps, n s, 3 bw + 1) and pivots (steps, 2, n s) with the factors of all steps.
@@ -156,3 +183,60 @@ def follow(LU, pivots, bw, C, mass, rows, columns, free, rubs, rates, begins, ke
                 for j in range(4):
                     x += kept[step, j + 1] * start[j, r, q]
                 end[3, r, q] = x
+
+
+@inner
+def _goals(step, s, free, rates, zb, vb, ab, b):  # type: ignore[no-untyped-def]
+    """Fill b (n s, k) with what a change of the positions at each stage of a step does to goals.
+
+    zb, vb, ab (stages, n, k) are what those of positions, rates and second rates there do.
+    """
+    for j in range(s):
+        for r in range(zb.shape[1]):
+            for q in range(zb.shape[2]):
+                x = 0.0
+                for i in range(s):
+                    g = step * s + i
+                    x += rates[step, 0, i, j] * vb[g, r, q] + rates[step, 1, i, j] * ab[g, r, q]
+                b[r * s + j, q] = zb[step * s + j, r, q] + free[r] * x
+
+
+@kernel
+def back(LU, pivots, bw, C, mass, rows, columns, free, rubs, rates, begins, kept,  # type: ignore[no-untyped-def]
+         zb, vb, ab, b, lam, starts, end):
+    """Fill lam (steps s, n, k): goals change by -lam dR where the residuals of the stages do by dR.
+
+    end (4, n, k) is what changes of the last end do to the goals and becomes what those of the first start do; starts
+    (steps, 4, n, k) are what those of the starts and zb, vb, ab (steps s, n, k) what those of the stages do beside
+    that, which are overwritten. All else is as in ``follow``.
+    """
+    s, n, m = rates.shape[2], zb.shape[1], zb.shape[2]
+    for step in range(LU.shape[0] - 1, -1, -1):
+        last = step * s + s - 1
+        for r in range(n):
+            for q in range(m):
+                zb[last, r, q] += end[0, r, q] + kept[step, 0] * end[3, r, q]
+                vb[last, r, q] += end[1, r, q]
+                ab[last, r, q] += end[2, r, q]
+        _goals(step, s, free, rates, zb, vb, ab, b)
+        _solve_transposed(bw, LU[step], pivots[step], b)
+        for i in range(s):
+            g = step * s + i
+            for r in range(n):
+                for q in range(m):
+                    lam[g, r, q] = b[r * s + i, q]
+            # C and M are symmetric
+            for e in range(len(mass)):
+                r, c, f, h = rows[e], columns[e], mass[e], C[g, e] if rubs else 0.0
+                for q in range(m):
+                    ab[g, r, q] -= f * lam[g, c, q]
+                    vb[g, r, q] -= h * lam[g, c, q]
+        for j in range(4):
+            for r in range(n):
+                for q in range(m):
+                    x = 0.0
+                    for i in range(s):
+                        g = step * s + i
+                        x += begins[step, 0, i, j] * vb[g, r, q] + begins[step, 1, i, j] * ab[g, r, q]
+                    starts[step, j, r, q] += free[r] * x + kept[step, j + 1] * end[3, r, q]
+        end[:] = starts[step]

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from ..case import Dynamic
+from ..case import Dynamic, Initial
 from ..elements.shape import Array
 from ..errors import CaseError
-from ..kernels import along
-from ..kernels.bodies import addresses
-from ..kernels.lowlevel.records import Record
-from ..model.breakpoints import Piece
-from ..model.groups import of_elements, unlike
 from ..model.model import Model
 from .breaks import pass_break
 from .differences import FORWARD, LOWER, UnsuitedError
+from .differing import Differing
 from .dynamic import Run
 from .linear_steps import Change
 from .methods import MAKERS
@@ -57,17 +54,22 @@ class Beside:
     ``weights`` (2, sides) give differences of fourth and of lower order of what the sides have.
     """
 
-    def __init__(self, at: Varied, h: float, spec: Dynamic, pieces: Sequence[Piece]) -> None:
-        self.at, self.h = at, h
+    def __init__(self, at: Varied, h: float, run: Run) -> None:
+        self.at, self.h, self.spec, self.pieces = at, h, run.spec, run.stepper.pieces
         side = self._side(at, h)
         table = np.array([CENTRAL, NEAR]) / h if side == 0 else np.array([FORWARD, LOWER]) / (h * side)
         used = np.flatnonzero(table.any(axis=0))
         self.weights, self.steps = table[:, used], [SIDES[side][k] * h for k in used.tolist()]
-        self.runs = [Run(at(step), spec) for step in self.steps]
-        if any(list(run.stepper.pieces) != list(pieces) for run in self.runs):
-            raise UnsuitedError("the times at which signals have corners change with the number")
-        self.problems = _acting(self.runs)
+        self.differing = Differing(run, [at(step) for step in self.steps], self.weights)
         self._start: Change | None = None
+
+    @cached_property
+    def runs(self) -> list[Run]:
+        """Motions of the models."""
+        runs = [Run(model, self.spec) for model in self.differing.models]
+        if any(list(run.stepper.pieces) != list(self.pieces) for run in runs):
+            raise UnsuitedError("the times at which signals have corners change with the number")
+        return runs
 
     @staticmethod
     def _side(at: Varied, h: float) -> int:
@@ -101,45 +103,6 @@ class Beside:
         """Return the derivatives of z, v and a (n, 2) from what the sides have."""
         z, v, a = (np.tensordot(self.weights, np.array(one), 1).T for one in zip(*found, strict=True))
         return Change(z, v, a, a)
-
-    def residuals(self, at: Record, shape: tuple[int, int]) -> Array:
-        """Return dR/dp (2, m, n) at the states of the first motion."""
-        out, R = np.zeros((2, *shape)), np.zeros(shape)
-        for run, p, weights in zip(self.runs, self.problems, self.weights.T, strict=True):
-            along.residuals(p, run.stepper.w, at, R)
-            out += weights[:, None, None] * R
-        return out
-
-
-def _acting(runs: Sequence[Run]) -> list[Record]:
-    """Return the problems of runs, without the elements whose forces are the same in all: differences have none."""
-    problems, groups = [run.stepper.p for run in runs], [run.model.groups for run in runs]
-    first = problems[0].values
-    for p, own in zip(problems[1:], groups[1:], strict=True):
-        # elements are the same, and move alike
-        names = ["dependents", "indptr", "index", "value", "motion_coord", "motion_factor", "motion_signal", "tau"]
-        names += ["programs"] if len(first.motion_coord) else []
-        if not all(_same(getattr(first, name), getattr(p.values, name)) for name in names):
-            return problems
-        if not all(_same(a.values.dofs, b.values.dofs) for a, b in zip(groups[0], own, strict=True)):
-            return problems
-    found: list[list[Record]] = [[] for _ in runs]
-    tau = []
-    for k, alike in enumerate(zip(*groups, strict=True)):
-        which = unlike(alike)
-        if len(which):
-            tau.append(float(first.tau[k]))
-            for own, group in zip(found, alike, strict=True):
-                own.append(of_elements(group, which))
-    return [Record(p.values._replace(groups=addresses(own), tau=np.array(tau)), own)
-            for p, own in zip(problems, found, strict=True)]
-
-
-def _same(a: Any, b: Any) -> bool:
-    """Whether two fields of a problem are equal."""
-    if isinstance(a, tuple):
-        return len(a) == len(b) and all(map(_same, a, b))
-    return np.array_equal(a, b)
 
 
 def _begun(run: Run) -> tuple[Array, Array, Array]:
@@ -186,3 +149,11 @@ def joined(parts: Sequence[Change]) -> Change:
     """Return the changes of several numbers side by side."""
     return Change(*(np.concatenate([getattr(part, name) for part in parts], axis=1)
                     for name in ("z", "v", "a", "own")))
+
+
+def rests(run: Run) -> bool:
+    """Whether a motion begins at rest in the reference, as all models beside it do, and no motion is prescribed."""
+    initial = run.model.case.initial or Initial()
+    said: list[Any] = [initial, *initial.bodies.values()]
+    moved = any(one.velocity is not None or one.rotation_rate is not None for one in said)
+    return initial.from_ == "rest" and not moved and not len(run.problem.motion_coord)

@@ -89,6 +89,10 @@ class Method(Protocol):
         """Return the change (rows, n, k) of what the interpolation is made of; ``free`` (n,): 0 of multipliers."""
         ...
 
+    def dense_back(self, made: Array, h: float, free: Array) -> tuple[Change, Stages]:
+        """Return what changes of start and stages do to goals, from what the change of ``dense`` does."""
+        ...
+
 
 class NewmarkStages:
     """Newmark's family: one stage, the end. ``Change.own`` is that of the algorithmic accelerations."""
@@ -123,6 +127,12 @@ class NewmarkStages:
     def dense(self, start: Change, found: Stages, h: float, free: Array) -> Array:
         """Return the changes of Hermite's cubic."""
         return np.array([h * start.v, found.z[0] - start.z, h * found.v[0]])
+
+    def dense_back(self, made: Array, h: float, free: Array) -> tuple[Change, Stages]:
+        """Return what start and end do to the goals."""
+        none = np.zeros_like(made[:1])
+        return (Change(-made[1], h * made[0], none[0], none[0]),
+                Stages(np.zeros(1), made[1:2], h * made[2:3], none))
 
 
 class RadauStages:
@@ -167,6 +177,14 @@ class RadauStages:
         moved = found.z[:, held] - start.z[None, held]
         out[:, held] = np.einsum("ij,jnk->ink", self.slopes, moved)
         return out
+
+    def dense_back(self, made: Array, h: float, free: Array) -> tuple[Change, Stages]:
+        """Return what start and stages do to the goals."""
+        held, none = free == 0.0, np.zeros_like(made[1:])
+        moved = np.where(held[:, None], np.einsum("ij,ink->jnk", self.slopes, made), 0.0)
+        rates = np.where(held[:, None], 0.0, h * made)
+        start = Change(-moved.sum(axis=0), rates[0], none[0], none[0])
+        return start, Stages(np.zeros(self.stages), moved, rates[1:], none)
 
 
 # by the kind of their own tuples
@@ -282,3 +300,37 @@ class Equations:
             out.z[mine], out.v[mine], out.a[mine] = z, v, a
             ends[k + 1] = z[-1], v[-1], a[-1], np.tensordot(self.kept[k], np.concatenate([z[-1:], ends[k]]), 1)
         return out, ends
+
+    def back(self, stages: Stages, starts: Array, end: Change) -> tuple[Array, Change]:
+        """Return lam (steps s, n, k), by which goals change by -lam dR, and what changes of the first start do to them.
+
+        ``stages`` (steps s, n, k), ``starts`` (steps, 4, n, k) and ``end`` are what changes of these do to goals
+        directly; the first two are overwritten.
+        """
+        lam: Array = np.zeros(stages.z.shape)
+        last = np.array([end.z, end.v, end.a, end.own])
+        if self.bw <= BAND:
+            step_equations.back(self.lu, self.pivots, self.bw, self.C, self.M, *self.shape, self.rubs, self.rates,
+                                self.begins, self.kept, stages.z, stages.v, stages.a,
+                                np.zeros((self.entries.n * self.entries.s, lam.shape[2])), lam, starts, last)
+            return lam, Change(*last)
+        s, n = self.entries.s, self.entries.n
+        free, M = self.entries.free[:, None], self.entries.matrix(self.M)
+        for k in range(len(self.sparse) - 1, -1, -1):
+            mine = slice(s * k, s * k + s)
+            zb, vb, ab = stages.z[mine], stages.v[mine], stages.a[mine]
+            zb[-1] += last[0] + self.kept[k, 0] * last[3]
+            vb[-1] += last[1]
+            ab[-1] += last[2]
+            V, A = np.asarray(self.rates)[k]
+            b = zb + free * (np.tensordot(V.T, vb, 1) + np.tensordot(A.T, ab, 1))
+            x = self.sparse[k].solve(b.transpose(1, 0, 2).reshape(n * s, -1), trans="T")
+            lam[mine] = x.reshape(n, s, -1).transpose(1, 0, 2)
+            for i in range(s):
+                ab[i] -= M @ lam[s * k + i]
+                if self.rubs:
+                    vb[i] -= self.entries.matrix(self.C[s * k + i]) @ lam[s * k + i]
+            of = [free * (np.tensordot(self.begins[k, 0, :, j], vb, 1) + np.tensordot(self.begins[k, 1, :, j], ab, 1))
+                  + self.kept[k, j + 1] * last[3] for j in range(4)]
+            last = starts[k] + np.array(of)
+        return lam, Change(*last)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from ..kernels.advance import CHECK, EVENT, INSIDE
 from ..kernels.lowlevel.records import Record
 from ..kernels.motion import REJECTED
 from ..model.model import Model
-from .beside import Beside, carried, joined
+from .beside import Beside, carried, joined, rests
 from .breaks import pass_break
 from .differences import UnsuitedError
 from .dynamic import Run
@@ -104,7 +105,7 @@ class Pass:
         stepper, self.numbers = self.stepper, numbers
         self.run.begin()
         self.off = np.zeros(len(numbers))
-        change = joined([one.begin() for one in numbers])
+        change = self._begin()
         self._take(stepper.last(), change)
         size, window = min(self._size(), steps or self._size()), list[Step]()
         for step in self._steps():
@@ -122,12 +123,39 @@ class Pass:
         self._take(stepper.last(), change)
         return stepper.dt == 0.0 or stepper.s.numbers[REJECTED] <= self.rejected
 
+    def _begin(self) -> Change:
+        """Return the change of the start."""
+        if not (self.free.all() and rests(self.run)):
+            return joined([one.begin() for one in self.numbers])
+        none = np.zeros((self.entries.n, 2 * len(self.numbers)))
+        a = self._accelerations()
+        return Change(none, none.copy(), a, a)
+
+    def _accelerations(self) -> Array:
+        """Return how accelerations (n, 2 numbers) change with the numbers where the motion is now and begins anew."""
+        s, p = self.stepper.s, self.stepper.p
+        at = Record(along.Moments(np.array([self.stepper.t]), *(np.array(x)[None] for x in (
+            s.z, s.v, s.a, p.points.mem, p.sliding.memory))))
+        dR = [one.differing.residuals(at, p.programs.window)[:, 0] for one in self.numbers]
+        return np.asarray(-self._by_mass.solve(np.concatenate(dR).T))
+
+    @cached_property
+    def _by_mass(self) -> Any:
+        """The factors of the mass matrix."""
+        from scipy.sparse.linalg import splu
+
+        return splu(self.entries.matrix(self.mass).tocsc())
+
     def _behind_break(self, change: Change) -> Change:
         """Return the change behind a break, which the motion passes."""
         stepper, piece = self.stepper, self.stepper.piece + 1
         if self.other is None:
             self.other = Run(self.run.model, self.run.spec).stepper
         change = carried(self.other, stepper, change, piece, TRIED * stepper.p.extent)
+        if self.free.all() and not len(stepper.p.motion_coord):
+            pass_break(stepper, piece)
+            none, a = np.zeros_like(change.z), self._accelerations()
+            return change.plus(Change(none, none, a, a))
         change = change.plus(joined([one.pass_break(stepper, piece) for one in self.numbers]))
         pass_break(stepper, piece)
         return change
@@ -173,7 +201,7 @@ class Pass:
         at = self._moments(window)
         dR = np.zeros((m, n, 2 * len(self.numbers)))
         for k, one in enumerate(self.numbers):
-            dR[:, :, 2 * k:2 * k + 2] = np.moveaxis(one.residuals(at, (m, n)), 0, 2)
+            dR[:, :, 2 * k:2 * k + 2] = np.moveaxis(one.differing.residuals(at, self.stepper.p.programs.window), 0, 2)
         equations = self._equations(window, at)
         course = Course(*equations.follow(dR, change))
         self.precise = self.precise and self._exact(equations, at, dR, course)

@@ -16,7 +16,6 @@ from .differences import SHORTER, SMOOTH, TRIES, Quotient, UnsuitedError
 from .dynamic import Run
 from .motion_changes import Pass, unlike
 from .state import Row, State
-from .stepping import Stepper
 
 # of Newton's increments, the first that does not shorten fixed steps: stages are differentiated as they are
 NEWTON = (1e-13, 1e-12, 1e-11, 1e-10)
@@ -40,6 +39,7 @@ class Motion:
         self.rows: list[Row] = []
         # what is made once, whatever is tried with it: tolerances that are left, and numbers with their steps
         self.tolerances, self.beside = list(NEWTON), dict[tuple[Varied, float], Beside | Exception]()
+        self.run = Run(model, self.spec)
 
     def prepare(self, beside: Sequence[tuple[Varied, float]]) -> None:
         """Find the derivatives to several numbers at once, with shorter steps of those where they are too long.
@@ -67,14 +67,13 @@ class Motion:
             raise found
         return found
 
-    def _numbers(self, todo: Sequence[tuple[Varied, float]], stepper: Stepper
-                 ) -> tuple[dict[int, Beside], dict[int, Exception]]:
+    def _numbers(self, todo: Sequence[tuple[Varied, float]]) -> tuple[dict[int, Beside], dict[int, Exception]]:
         """Return the numbers that can be varied, and why others cannot, by their places."""
         numbers, refused = dict[int, Beside](), dict[int, Exception]()
         for k, (at, h) in enumerate(todo):
             if (at, h) not in self.beside:
                 try:
-                    self.beside[at, h] = Beside(at, h, self.spec, stepper.pieces)
+                    self.beside[at, h] = Beside(at, h, self.run)
                 except (CaseError, ComputationError, UnsuitedError) as found:
                     self.beside[at, h] = found
             one = self.beside[at, h]
@@ -90,7 +89,7 @@ class Motion:
         while True:
             last = len(self.tolerances) == 1
             motion = Pass(self.model, self.spec, self.whole, self.tolerances[0], None if last else self.rejected)
-            numbers, refused = self._numbers(todo, motion.stepper)
+            numbers, refused = self._numbers(todo)
             try:
                 if not numbers or motion.make(list(numbers.values()), steps):
                     return motion, numbers, refused
@@ -128,7 +127,7 @@ class Motion:
             best = self.found.get(number.at)
             if not isinstance(best, Quotient) or error.max(initial=0.0) < best.error.max(initial=0.0):
                 self.found[number.at] = Quotient(value.ravel(), error.ravel(), number.h)
-                self.runs |= {id(run.model): run for run in number.runs}
+                self.runs |= {id(run.model): run for run in number.__dict__.get("runs", ())}
         return shares
 
     def states(self, model: Model, change: Array) -> list[State]:

@@ -23,20 +23,19 @@ from ..kernels.lowlevel.records import Record
 from ..kernels.ode import ode_functions
 from ..kernels.patches import patch_functions
 from ..kernels.symmetric import matrix_functions
-from ..kernels.tree import entries, no_fronts
+from ..kernels.tree import no_fronts
 from ..model.feedback import POSITION
 from ..model.groups import with_states
 from ..model.interactions import point_table, turning_table
-from ..model.mesh import Index
 from ..model.model import Model
-from ..model.numbering import Numbering
-from ..model.timing import Answer, Clocked, Signal
+from ..model.timing import Signal
 from .energy import is_constant
 from .linear import full_mass, unknowns_to_coordinates
+from .motion_tables import Signals, dead_loads, mass_tables, motions, point_laws, vectors, with_own
 from .schemes import INTEGRATORS, Integrator, default_method
 
 if TYPE_CHECKING:
-    from scipy.sparse import csr_matrix
+    pass
 from collections.abc import Callable
 from functools import partial
 
@@ -60,109 +59,6 @@ from .methods import MAKERS, Method
 
 # of the whole time: controllers' states that begin at zero are as large as they would be by then
 SOON = 1e-2
-
-
-class Signals:
-    """The signals of a problem, each once."""
-
-    def __init__(self) -> None:
-        self.all: list[Any] = []
-        self._rows: dict[Any, int] = {}
-
-    def row(self, signal: Any) -> int:
-        """Return the row of a signal, which is added where it is new."""
-        if signal not in self._rows:
-            self._rows[signal] = len(self.all)
-            self.all.append(signal)
-        return self._rows[signal]
-
-
-def _mass(M: csr_matrix, num: Numbering) -> dict[str, Any]:
-    """Return the mass matrix as motions keep it (``kernels.symmetric``), and the diagonals of a band."""
-    from scipy.sparse import tril
-
-    low = tril(M).tocoo()
-    if num.fronts is not None:
-        out = np.zeros(int(num.fronts.at[-1]))
-        out[entries(num.fronts, low.row, low.col)] = low.data
-        return {"fronts": num.fronts, "width": 0, "mass": out, **_diagonals(np.zeros((0, 0)))}
-    width = min(num.half_bandwidth, max(num.n_unknowns - 1, 0)) + 1
-    out = np.zeros((M.shape[0], width))
-    out[low.row, width - 1 + low.col - low.row] = low.data
-    return {"fronts": no_fronts(), "width": width, "mass": out.ravel(), **_diagonals(out)}
-
-
-def _diagonals(mass: Array) -> dict[str, Array]:
-    """Return which diagonals of a band are not zero, and these, each entry at its column."""
-    n, width = mass.shape
-    found = [d for d in range(width) if mass[d:, width - 1 - d].any()]
-    along = np.zeros((len(found), n))
-    for row, d in zip(along, found, strict=True):
-        row[:n - d] = mass[d:, width - 1 - d]
-    return {"diagonals": np.array(found, dtype=np.int64), "along": along}
-
-
-def _loads(model: Model, signals: Signals) -> dict[str, Array]:
-    coord, value, row, varies = [], [], [], []
-    for load in model.loads.dead:
-        coord.append(load.dofs)
-        value.append(load.values)
-        row.append(np.full(len(load.dofs), signals.row(load.amplitude)))
-        varies.append(np.full(len(load.dofs), not is_constant(load.amplitude)))
-    empty = np.zeros(0)
-
-    def joined(parts: list[Any], kind: Any) -> Any:
-        return np.concatenate([empty, *parts]).astype(kind)
-    return {"load_coord": joined(coord, np.int64), "load_value": joined(value, float),
-            "load_signal": joined(row, np.int64), "load_varies": joined(varies, bool)}
-
-
-def _motions(model: Model, M: csr_matrix, T: csr_matrix, signals: Signals) -> dict[str, Array]:
-    """Return prescribed motion: entries of P, T^T M P and P^T M P by signal."""
-    from scipy.sparse import csr_matrix
-
-    entries = [(coord, factor, signals.row(model.rows[r].signal))
-               for coord, dependent in sorted(model.elimination.dependents.items())
-               for r, factor in dependent.rhs.items() if model.rows[r].signal is not None]
-    coord = np.array([e[0] for e in entries], dtype=np.int64)
-    factor = np.array([e[1] for e in entries], dtype=float)
-    row = np.array([e[2] for e in entries], dtype=np.int64)
-    used = np.unique(row)
-    P = csr_matrix((factor, (coord, np.searchsorted(used, row))), shape=(model.n_q, len(used)))
-    return {"motion_coord": coord, "motion_factor": factor, "motion_signal": row,
-            "motion_mass": np.ascontiguousarray((T.T @ M @ P).T.toarray()), "motion_mass_signal": used,
-            "motion_mutual": np.ascontiguousarray((P.T @ M @ P).toarray())}
-
-
-def _pairs(model: Model) -> tuple[Index, Index]:
-    """Return the unknowns (m, 2) that are x and y of one vector, and the coordinates (m, 4) that tell how it turns."""
-    pairs: dict[tuple[int, int], Index] = {}
-    place = model.numbering.place
-    for mesh in model.meshes.values():
-        element, nc = mesh.plan.element, mesh.plan.element.components
-        functionals = list(element.functionals)
-        for k, (node, _) in enumerate(functionals):
-            source = np.full((len(mesh.dofs), 4), -1)
-            slopes = [i for i, (at, name) in enumerate(functionals) if at == node and name in ("r_y", "r_x")]
-            if nc == 3:
-                source[:, 0] = mesh.dofs[:, 3 * k + 2]
-            elif slopes:
-                source[:, :2] = mesh.dofs[:, 2 * slopes[-1]:2 * slopes[-1] + 2]
-            else:
-                source[:, :2], source[:, 2:] = mesh.dofs[:, :2], mesh.dofs[:, -2:]
-            xy = place[mesh.dofs[:, nc * k:nc * k + 2]]
-            for m in np.flatnonzero((xy >= 0).all(axis=1)).tolist():
-                pairs.setdefault((int(xy[m, 0]), int(xy[m, 1])), source[m])
-    return (np.array(list(pairs), dtype=np.int64).reshape(-1, 2),
-            np.array(list(pairs.values()), dtype=np.int64).reshape(-1, 4))
-
-
-def _points(model: Model, signals: Signals) -> Any:
-    patches = model.interactions.points
-    own: list[Any] = []
-    table = point_table(patches, own, steps=_method(model).conserves)
-    rows = np.array([-1 if k < 0 else signals.row(own[k]) for k in table.signal.ravel()], dtype=np.int64)
-    return table._replace(signal=rows.reshape(table.signal.shape))
 
 
 def _method(model: Model) -> Integrator:
@@ -210,28 +106,26 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
     own = num.free < num.n_q
     weights, straining = np.zeros(num.n_unknowns), np.zeros(num.n_unknowns)
     weights[own], straining[own] = model.weights[num.free[own]], model.straining[num.free[own]]
-    pairs, turns = _pairs(model)
+    pairs, turns = vectors(model)
     tau = np.array([pool.tau for pool in model.pools])
     for load in model.loads.natural:
         load.signal[0] = signals.row(load.amplitude)
     damping = model.case.damping
     data: dict[str, Any] = {
         "groups": addresses(model.groups), "states": model.states, "clocks": model.clocks, "tau": tau,
-        "calls": table(functions(model)), "points": _points(model, signals),
+        "calls": table(functions(model)), "points": point_laws(model, signals, _method(model).conserves),
         "turning": turning_table(model.turns), "winds": model.winds,
         "facing": facing_table(model.interactions.points),
         "sliding": sliding_table(model.constraints, model.e0), "place": num.place,
         "indptr": num.indptr, "index": num.index, "value": num.value, "full": num.free, "dependents": num.dependent,
-        **_mass((T.T @ M @ T).tocsr(), num), "alpha": float(damping.rayleigh.alpha) if damping else 0.0,
+        **mass_tables((T.T @ M @ T).tocsr(), num), "alpha": float(damping.rayleigh.alpha) if damping else 0.0,
         "pairs": pairs, "turns": turns, "e0": model.e0, "weights": weights, "straining": straining,
         "coordinate": own.astype(float),
-        "extent": float(model.extent), **_loads(model, signals), **_motions(model, M, T, signals)}
+        "extent": float(model.extent), **dead_loads(model, signals), **motions(model, M, T, signals)}
     data["moving"] = moving_table(model.interactions.points, signals.row, data["mass"])
     patched = len(data["points"].mem) > 0 or len(data["sliding"].multiplier) > 0
     data |= _feedback(model, data, signals)
-    followed = programs(((None, 0.0, 0.0) if isinstance(s, Answer) else (s.amplitude, s.factor, s.offset)
-                         for s in signals.all), {k for k, s in enumerate(signals.all) if isinstance(s, Clocked)})
-    p = Record(Problem(programs=followed, patched=patched, touches=bool(model.contacts),
+    p = Record(Problem(programs=signals.programs(), patched=patched, touches=bool(model.contacts),
                        sided=model.sided, **data))
     if p.layout != nothing().layout:
         raise TypeError(f"a problem of another type: {p.layout}")
@@ -304,23 +198,18 @@ def own(problem: Record, model: Model) -> Record:
     groups, states = with_states(model.groups)
     room = ("near", "scale", "values", "slopes", "rates", "full", "column", "watched")
     feedback = p.feedback._replace(**{name: getattr(p.feedback, name).copy() for name in room},
-                                   programs=_own(p.feedback.programs, "data"))
+                                   programs=with_own(p.feedback.programs, "data"))
     p = p._replace(feedback=feedback, straining=p.straining.copy(), weights=p.weights.copy())
     p = p._replace(groups=addresses(groups), states=states)
     if len(p.moving.item):
         # what moves writes where it is
-        p = p._replace(points=_own(p.points, "dofs", "G", "p0", "par", "drift"), moving=_own(p.moving, "element"),
-                       **({"mass": p.mass.copy()} if len(p.moving.fixed) else {}))
+        p = p._replace(points=with_own(p.points, "dofs", "G", "p0", "par", "drift"),
+                       moving=with_own(p.moving, "element"), **({"mass": p.mass.copy()} if len(p.moving.fixed) else {}))
     if len(p.facing.item):
         # what touches writes what it is opposite to
-        p = p._replace(points=_own(p.points, "dofs", "G", "p0", "par"), facing=_own(p.facing, "now", "boxes"))
-    return Record(p._replace(points=_own(p.points, "mem", "on"), sliding=_own(p.sliding, "memory", "on", "gap"),
-                             programs=_own(p.programs, "window", "data")), others=groups)
-
-
-def _own(table: Any, *names: str) -> Any:
-    """Return a table with copies of some of its arrays."""
-    return table._replace(**{name: getattr(table, name).copy() for name in names})
+        p = p._replace(points=with_own(p.points, "dofs", "G", "p0", "par"), facing=with_own(p.facing, "now", "boxes"))
+    return Record(p._replace(points=with_own(p.points, "mem", "on"), sliding=with_own(p.sliding, "memory", "on", "gap"),
+                             programs=with_own(p.programs, "window", "data")), others=groups)
 
 
 def driving(p: Record) -> list[int]:

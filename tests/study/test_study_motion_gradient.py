@@ -124,7 +124,8 @@ def test_residuals_are_those_of_elements_where_a_number_acts(tmp_path):
     loaded = ancf2d.load(tmp_path / "scene.yaml",
                          ["bodies.arm.section.height={s: [0, 0.5, 1], value: [0.03, 0.025, 0.02]}"])
     model = prepare(loaded)
-    base = Run(model, model.case.solver).stepper
+    run = Run(model, model.case.solver)
+    base = run.stepper
     rng, shape = np.random.default_rng(3), (2, len(base.s.z))
     z, v, a = 1e-3 * rng.standard_normal((3, *shape))
     memories = [np.repeat(x[None], 2, axis=0) for x in (base.p.points.mem, base.p.sliding.memory)]
@@ -132,13 +133,15 @@ def test_residuals_are_those_of_elements_where_a_number_acts(tmp_path):
     for path, (arm, fork, groups) in ACTS.items():
         variable = variable_at(loaded, path)
         h = 4e-4 * abs(variable.value)
-        one = Beside(lambda h, of=variable: prepare(varied(loaded, of, h)), h, model.case.solver, base.pieces)
-        found = [unlike(alike).tolist() for alike in zip(*(run.model.groups for run in one.runs), strict=True)]
+        one = Beside(lambda h, of=variable: prepare(varied(loaded, of, h)), h, run)
+        found = [unlike(alike).tolist() for alike in zip(*(own.model.groups for own in one.runs), strict=True)]
         assert found == [arm, fork], path
-        assert [len(p.groups) for p in one.problems] == [groups] * 4, path
-        some = one.residuals(at, shape)
-        one.problems = [run.stepper.p for run in one.runs]
-        whole = one.residuals(at, shape)
+        assert [len(p.groups) for p in one.differing.problems] == [groups] * 4, path
+        some = one.differing.residuals(at, base.p.programs.window)
+        whole, R = np.zeros((2, *shape)), np.zeros(shape)
+        for own, weights in zip(one.runs, one.weights.T, strict=True):
+            along.residuals(own.stepper.p, own.stepper.w, at, R)
+            whole += weights[:, None, None] * R
         assert np.abs(whole[0]).max() > 0.0, path
         # round-off of the forces of all elements, divided by h
         assert some == pytest.approx(whole, rel=0.0, abs=1e-8 * np.abs(whole).max() + 1e-11 / h), path
