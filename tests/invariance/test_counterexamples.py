@@ -11,7 +11,7 @@ from instruments.scenes.checks import CHECKS
 from instruments.scenes.compare import Scene
 
 HERE = Path(__file__).parent / "scenes"
-MOVED = ("turned by any angle", "mirrored", "shifted by 1000 sizes", "in other units", "in another order")
+MOVED = ("rotated by any angle", "mirrored", "shifted by 1000 sizes", "in other units", "in another order")
 
 
 def violations(name: str, *checks: str) -> dict[str, str]:

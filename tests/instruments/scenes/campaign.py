@@ -125,13 +125,13 @@ OFTEN = 5
 def report(rows: list[dict[str, Any]]) -> str:
     """Return the tables of what came of scenes (records as data): outcomes, and the reasons of refusals."""
     records = [Record(**row) for row in rows]
-    head = ["invariance", "solver", "held", "announced", "refused", "ill-conditioned", "not fit", "violated"]
+    head = ["invariance", "solver", "held", "announced", "refused", "ill-conditioned", "not applicable", "violated"]
     refused = refusals(records)
     often = [row for row in refused if row[2] >= OFTEN] or refused[:1]
     counted = ", ".join(f"{n} {solver}" for solver, n in Counter(r.solver for r in records).most_common())
     return (f"{table(head, counts(records))}\n\n{len(records)} scenes: {counted}; "
             f"{sum(bool(r.violations) for r in records)} with a violation, {sum(n for *_, n in refused)} "
-            f"refused, most often because:\n\n{table(['why', 'solver', 'scenes'], often)}")
+            f"refused. The most frequent reasons:\n\n{table(['reason', 'solver', 'scenes'], often)}")
 
 
 def counts(records: Iterable[Record]) -> list[list[Any]]:

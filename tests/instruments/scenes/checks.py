@@ -220,9 +220,9 @@ class Check:
 
 
 CHECKS = (
-    Check("elsewhere: all at once", ALL, elsewhere, weight=8),
-    Check("turned by any angle", ALL, turned),
-    Check("turned by quarter turns", ALL, quarter),
+    Check("all transformations at once", ALL, elsewhere, weight=8),
+    Check("rotated by any angle", ALL, turned),
+    Check("rotated by quarter turns", ALL, quarter),
     Check("mirrored", ALL, mirrored),
     Check("shifted by 1000 sizes", ALL, shifted),
     Check("in other units", ALL, other_units),
@@ -233,12 +233,12 @@ CHECKS = (
     Check("superposed", LINEAR, superposed),
     Check("reciprocal", LINEAR, reciprocal),
     Check("other load steps", ("static",), other_steps, weight=3),
-    Check("an equilibrium stays", ("static",), motions.stays),
-    Check("momentum of what is free", MOTION, motions.momentum, weight=0),
+    Check("an equilibrium stays at rest", ("static",), motions.stays),
+    Check("momentum of free bodies", MOTION, motions.momentum, weight=0),
     Check("energy and angular momentum", MOTION, motions.conserved, weight=0),
-    Check("from a file in between", MOTION, motions.from_file, weight=3),
+    Check("restarted from a file", MOTION, motions.from_file, weight=3),
     Check("stopped and resumed", (*MOTION, "quasi_static"), motions.resumed, weight=3),
-    Check("what is lost stays lost", MOTION, laws.lost, weight=2),
+    Check("dissipated energy stays lost", MOTION, laws.lost, weight=2),
 )
 
 
