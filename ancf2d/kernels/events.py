@@ -30,6 +30,8 @@ BEYOND, TRIES = 0.05, 8
 NOWHERE = 2.0
 # energy that fixed steps may make in all, and each beyond that, beside the kinetic energy; the shortest of them
 GAIN, MORE_GAIN, LAST_TRY = 5e-3, 1e-5, 1e-3
+# of the scene: what contacts do over less is no energy, where the scene is at rest
+REST = 1e-9
 
 
 @kernel
@@ -218,6 +220,11 @@ def gains(m, p, w, s, plan, t, h, given, hit):  # type: ignore[no-untyped-def]
             # what moves gives some in an impact
             return False
     kinetic = 0.5 * max(twice_kinetic(p, w, s.v), twice_kinetic(p, w, m.end.v))
+    borne = 0.0
+    for i in range(len(p.points.mem)):
+        if p.points.restitution[i] >= 0.0:
+            borne += abs(m.end.z[p.place[p.points.multiplier[i]]])
+    kinetic = max(kinetic, REST * p.extent * borne)
     gained = max(0.0, s.numbers[GAINED] + rise)
     if gained > GAIN * kinetic and rise > MORE_GAIN * kinetic * h / plan.dt and h > LAST_TRY * plan.dt:
         return True

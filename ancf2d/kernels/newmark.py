@@ -86,25 +86,30 @@ def _error(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
     return norm(p, w.y)
 
 
-@addressed
-def newmark_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
-    """Step from the motion s at t to m.end; return (outcome, iterations, error [m], contraction)."""
+@inner
+def _stay(m, p, s, h):  # type: ignore[no-untyped-def]
+    """Let the step end where it began."""
+    for i in range(len(m.alg)):
+        if p.coordinate[i] != 0.0:
+            m.alg[i] = -(s.v[i] / h + (0.5 - m.beta) * s.extra[0, i]) / m.beta
+    copy(s.z, m.end.z)
+
+
+@inner
+def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
+    """Find the end of the step by Newton's method from what it is; return (outcome, iterations, contraction)."""
     n, end = len(m.alg), m.end
-    evaluate(p.programs, t + h, w.amps)
-    copy(s.extra[0], m.alg)
-    copy(s.z, end.z)
-    _move(m, p, s, h)
-    ca = (1.0 - m.am) / ((1.0 - m.af) * m.beta * h * h)
     cv = m.gamma / (m.beta * h)
     last, rate = 0.0, s.numbers[CONTRACTION]
     size = max(s.numbers[SIZE], 1e-3 * p.extent)
     iteration = 0
+    _move(m, p, s, h)
     while True:
         if iteration == 0 or m.full or rate > SLOW or p.sided:
             calls.forces_tangent(p.calls, (p, w, end.z, end.v, cv))
             add_mass(p, ca + p.alpha * cv, w.A)
             if not factor(p, w, w.A):
-                return SINGULAR, iteration + 1, 0.0, rate
+                return SINGULAR, iteration + 1, rate
         else:
             calls.forces(p.calls, (p, w, end.z, end.v))
         residual(p, w, end.v, end.a)
@@ -114,7 +119,7 @@ def newmark_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
         step = norm(p, w.x)
         remember(w, iteration, step)
         if not np.isfinite(step):
-            return NOT_FINITE, iteration + 1, 0.0, rate
+            return NOT_FINITE, iteration + 1, rate
         if iteration > 0:
             rate = step / last
             if rate > 0.5 and _stands(p, w, end, iteration, step):
@@ -131,12 +136,31 @@ def newmark_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
             break
         # which constraints are open is found on the way: the first increments need not shrink
         if iteration >= m.max_iterations or (rate > 2.0 and iteration > 2 and not p.sided):
-            return NOT_CONVERGED, iteration, 0.0, rate
+            return NOT_CONVERGED, iteration, rate
+    return DONE, iteration, rate
+
+
+@addressed
+def newmark_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
+    """Step from the motion s at t to m.end; return (outcome, iterations, error [m], contraction)."""
+    end = m.end
+    evaluate(p.programs, t + h, w.amps)
+    copy(s.extra[0], m.alg)
+    copy(s.z, end.z)
+    ca = (1.0 - m.am) / ((1.0 - m.af) * m.beta * h * h)
+    outcome, iterations, rate = _iterate(m, p, w, s, h, ca)
+    if outcome == NOT_CONVERGED and p.sided:
+        # what sticks may have been predicted to slide, from where Newton's method goes from one way to the other
+        _stay(m, p, s, h)
+        outcome, more, rate = _iterate(m, p, w, s, h, ca)
+        iterations += more
+    if outcome != DONE:
+        return outcome, iterations, 0.0, rate
     error = _error(m, p, w, s, h, ca)
     dense = end.dense
-    for i in range(n):
+    for i in range(len(m.alg)):
         dense[0, i], dense[1, i], dense[2, i] = h * s.v[i], end.z[i] - s.z[i], h * end.v[i]
-    return DONE, iteration, error, max(rate, 1e-3)
+    return DONE, iterations, error, max(rate, 1e-3)
 
 
 @addressed

@@ -26,7 +26,7 @@ from .problem import make_problem
 from .schemes import SCHEMES
 from .state import State
 from .stepping import LOG, Row, Stepper
-from .system import STILL
+from .system import least_motion
 from .threads import largest_share
 
 # states that are stored where nothing is said
@@ -110,7 +110,7 @@ class Balance:
         if row.kind != INSIDE:
             # forces do some work on round-off of positions: energies below that are none
             felt = largest_share(self.external(row.side)[:self.model.n_q], self.model.weights)
-            self.numbers[2] = max(self.numbers[2], STILL * self.model.extent * felt)
+            self.numbers[2] = max(self.numbers[2], least_motion(self.model) * felt)
             self.numbers[1] = max(self.numbers[1], abs(total - self.numbers[0]))
             self.numbers[4] = max(self.numbers[4], total - self.numbers[0])
             self.numbers[2] = max(self.numbers[2], kinetic + strain)

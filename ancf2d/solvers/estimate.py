@@ -21,7 +21,7 @@ from .energy import Kinds
 from .schemes import INTEGRATORS, default_method
 from .state import Row
 from .stepping import Stepper
-from .system import STILL
+from .system import least_motion, least_size, sticks
 
 LEVELS = 2
 # between levels: of fixed steps, or of the tolerance of adaptive ones
@@ -125,7 +125,10 @@ class Estimate:
         """Return what the differences of three levels say of the first, and the order that they show."""
         if self.failed or self._alike():
             return None, None
-        size = np.where(self.moved > STILL * self.stepper.model.extent, self.moved, np.inf)
+        size = np.where(self.moved > least_motion(self.stepper.model), self.moved, np.inf)
+        if self.factor != DOUBLE and sticks(self.stepper.model):
+            # what springs that hold points give counts no more than for the steps
+            size = np.maximum(size, least_size(self.stepper.model, self.stepper.tolerance))
         fine, rough = (float(np.max(row / size, initial=0.0)) for row in self.largest)
         if fine == 0.0:
             return 0.0, None

@@ -43,14 +43,13 @@ from .problem import driving, own, tracks
 from .schemes import INTEGRATORS, default_method
 from .state import MEMORIES, Row
 from .stuck import check_joints, check_signals, failure
+from .system import least_size
 
 # a call of the kernels takes about so long [s], so that bars move and interrupts are heard
 CHUNK_SECONDS = 0.2
 LOG_ROWS = 4096
 STATE_BYTES = 16 << 20
 LOG = ("step", "t", "dt", "iterations", "rejected", "error", "violation")
-# of the scene: errors of a motion that is smaller, as at its start, are relative to this
-LEAST = 1e-9
 
 
 class Stepper:
@@ -131,7 +130,7 @@ class Stepper:
         ``turned`` (bodies,) is that of ``model.rotation.Turns``.
         """
         self._begin_from(d, v, turned)
-        self.s.numbers[SIZE] = LEAST * self.p.extent
+        self.s.numbers[SIZE] = least_size(self.model, self.tolerance if self.dt == 0.0 else 0.0)
         self.answers.weigh()
         if self.dt == 0.0:
             self.s.numbers[STEP_SIZE] = self.first_step()
@@ -218,7 +217,7 @@ class Stepper:
 
     def expect(self, size: float) -> None:
         """Take local errors of adaptive steps relative to a displacement [m] of at least this size."""
-        self.s.numbers[SIZE] = size
+        self.s.numbers[SIZE] = max(size, least_size(self.model, self.tolerance))
         self.answers.weigh()
         self.s.numbers[STEP_SIZE] = self.first_step()
 

@@ -24,12 +24,35 @@ from .threads import Crew, largest, largest_share, pieces
 UNIT_ROUNDOFF = 2.0**-53
 # displacements beside the extent of a model that are round-off of the positions themselves
 STILL = 32 * UNIT_ROUNDOFF
+# the same where friction without a law holds points by springs, which give a little
+STUCK = 1e-8
+# errors of a motion that is smaller than this share of the extent, as at its start, are relative to it
+LEAST = 1e-9
 # times what round-off of forces does to displacements when it is of one sign everywhere
 ROUNDED = 10.0
 # relative pivots above this are no round-off
 SUSPECT = 1e-10
 # work through the strains beside that of the forces: motions that strain nothing do less
 HIDDEN = 1e-8
+
+
+def sticks(model: Model) -> bool:
+    """Return whether springs hold points that stick, as friction without a law does."""
+    return any(pair.hard and pair.item.friction for pair in model.contacts)
+
+
+def least_motion(model: Model) -> float:
+    """Return the displacement [length] below which nothing has moved."""
+    return (STUCK if sticks(model) else STILL) * model.extent
+
+
+def least_size(model: Model, tolerance: float) -> float:
+    """Return the displacement [length] that local errors of a motion are relative to at least.
+
+    Adaptive steps do not resolve the vibrations of springs that hold what sticks; with fixed ones ``tolerance`` is 0.
+    """
+    vibrates = least_motion(model) / tolerance if tolerance > 0.0 and sticks(model) else 0.0
+    return max(LEAST * model.extent, vibrates)
 
 
 @dataclass
@@ -144,7 +167,7 @@ class System:
         self.crew.total(lambda g: force_noise(g, d, out))
         for _, q, K, dofs in self.patches(d, t):
             np.add.at(out, dofs, np.abs(q) + np.einsum("mij,mj->mi", np.abs(K), np.abs(d[dofs])))
-        if any(pair.hard and pair.item.friction for pair in self.model.contacts):
+        if sticks(self.model):
             # what sticks is held as well as its position is known
             for batch in self.model.interactions.held:
                 K = np.abs(batch.matrices(d, t)[2])

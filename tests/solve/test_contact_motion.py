@@ -12,6 +12,7 @@ import pytest
 from instruments.references import contacts as references
 from motions import ride, rigid
 
+import ancf2d
 from ancf2d.solvers.registry import solve
 from ancf2d.solvers.schemes import method_problems
 
@@ -199,6 +200,23 @@ def test_a_block_on_an_incline_sticks_or_slides(mu):
     # friction takes what the way costs
     row = found.rows[-1]
     assert row.lost - row.work == pytest.approx(mu * MASS * size * math.cos(slope) * way, rel=5e-3, abs=1e-4)
+
+
+@pytest.mark.parametrize(("share", "steps"), [(0.5, {"dt": 1e-3}), (0.5, {"tolerance": 1e-6}), (0.96, {"dt": 1e-3}),
+                                              (0.96, {"tolerance": 1e-4})])
+def test_a_block_at_rest_takes_few_steps_and_no_warnings(share, steps):
+    """The springs that hold what sticks vibrate, which is no motion of the block; ``share`` of the limit is borne."""
+    block = {"geometry": {"type": "line", "start": [-0.05, 0.02], "end": [0.05, 0.02]}, "element": {"type": "rigid"},
+             "section": {"height": 0.04, "width": 0.1}, "material": {"E": 2e11, "nu": 0.3, "rho": 1000}}
+    solved = ancf2d.solve({
+        "bodies": {"block": block}, "obstacles": {"floor": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}},
+        "contacts": [{"between": ["block", "floor"], "friction": 0.3}],
+        "loads": [{"type": "gravity", "value": [share * 2.7, -9]}], "output": {"probes": {"c": "block@0.5"}},
+        "solver": {"type": "dynamic", "t_end": 0.05, **steps}}, states=False)
+    assert solved.summary["steps"] < 250
+    assert abs(solved.probes["c"]["ux"]) < 1e-9
+    assert solved.warnings == []
+    assert solved.summary["energy_drift"] < 1e-2
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.4])
