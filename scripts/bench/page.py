@@ -36,7 +36,7 @@ def waits_table(found: Found) -> str:
 def start_table(found: Found) -> str:
     """Return what starting costs."""
     base = found["start"]["the imports alone"]
-    return table(["what", "median", "of the imports alone"],
+    return table(["run", "median", "relative to the imports"],
                  [[name, f"{t:.2f} s", f"{t / base:.1f}"] for name, t in found["start"].items()])
 
 
@@ -52,7 +52,7 @@ def static_table(found: Found) -> str:
             ratio = f"{r['ratio']:.2f}" if r["ratio"] else ""
             rows.append([*head, brief(r["solve_s"]), ratio, r["iterations"] or "", f"{r['memory_mb']:.0f} MB",
                          f"{r['u'][1]:.6f} m"])
-    return table(["elements", "tool", "type", "solve", "to Exudyn", "iterations", "memory", "tip"], rows)
+    return table(["elements", "tool", "type", "solve", "relative to Exudyn", "iterations", "memory", "tip"], rows)
 
 
 def scaling_table(found: Found) -> str:
@@ -69,8 +69,8 @@ def scaling_table(found: Found) -> str:
         if r["cores"] != "1":
             line["all"] = brief(r["wall_s"])
     body = [[e, n, v["one"], v["each"], v["all"], v["memory"]] for (e, n), v in rows.items()]
-    return table(["type", "elements", "processor's time", "per element",
-                  f"wall's, {found['scaling']['cores']} cores", "memory"], body)
+    return table(["type", "elements", "processor time", "per element",
+                  f"wall time, {found['scaling']['cores']} cores", "memory"], body)
 
 
 def exponents(found: Found) -> str:
@@ -97,7 +97,7 @@ def iteration_table(found: Found) -> str:
 
 def feedback_table(found: Found) -> str:
     """Return what controllers cost."""
-    return table(["integrator", "driven by", "step", "to spring and damper"],
+    return table(["integrator", "driven by", "step", "relative to spring and damper"],
                  [[r["method"], r["way"], f"{r['step_us']:.0f} us", f"{r['ratio']:.2f}"] for r in found["feedback"]])
 
 
@@ -122,13 +122,13 @@ def sampling_table(found: Found) -> str:
     rows = [[f"`{r['element']}`", f"{r['rule'][0]} x {r['rule'][1]}" + (" (default)" if r["default"] else ""),
              r["zero_energy"], error(r["slender"]), error(r["thick"]), f"{r['cost_ns']:.0f} ns"]
             for r in found["sampling"]]
-    return table(["type", "points along x across", "motions without strain", "slender, 8 elements", "thick, 8 elements",
-                  "an element"], rows)
+    return table(["type", "points along x across", "zero-energy modes", "slender, 8 elements", "thick, 8 elements",
+                  "per element"], rows)
 
 
 def modes_table(found: Found) -> str:
     """Return the modes of long meshes."""
-    head = ["elements", "type", "whole run", "memory", "first, off the exact one by", "all, off 1000 elements by"]
+    head = ["elements", "type", "whole run", "memory", "error of the first", "difference of all from 1000 elements"]
     return table(head, [[r["elements"], r["element"], brief(r["process_s"]), f"{r['memory_mb']:.0f} MB",
                          f"{r['to_exact']:.0e}", f"{r['to_coarse']:.0e}"] for r in found["modes"]])
 
@@ -174,13 +174,13 @@ def step_table(found: Found) -> str:
     """Return the cost of one implicit step."""
     rows = [[r["tool"], r["element"], r["newton"],
              f"{r['step_us']:.1f} us" if "step_us" in r else f"failed: {r['error']}"] for r in found["motion"]["steps"]]
-    return table(["tool", "type", "Newton", "a step"], rows)
+    return table(["tool", "type", "Newton", "time per step"], rows)
 
 
 def explicit_text(found: Found) -> str:
     """Return what explicit integration takes, in words."""
     names = {"RK45": "RK45 with 8 elements `2d2n`",
-             "pyelastica": "PyElastica with 32 elements, at the longest step that its explicit method bears there"}
+             "pyelastica": "PyElastica with 32 elements, at the longest stable step of its explicit method"}
     lines = []
     for name, r in found["motion"]["explicit"].items():
         lines.append(f"{names[name]}: " + (f"failed, {r['error']}." if "error" in r else
@@ -249,7 +249,7 @@ def _times(name: str, text: str, factor: float, ours: Any, theirs: Any) -> Itera
     if ours is not None and theirs is not None:
         times = theirs[0] / ours[0]
         star = " *" if ours[1] or theirs[1] else ""
-        yield name, text, f"{times:.3g} times{star} ({brief(ours[0])} beside {brief(theirs[0])})", times >= factor
+        yield name, text, f"{times:.3g} times{star} ({brief(ours[0])} against {brief(theirs[0])})", times >= factor
 
 
 def _at_most(name: str, text: str, limit: float, found: float | None, unit: str, more: str = "") -> Iterator[Aim]:
@@ -283,11 +283,11 @@ def static_aims(found: Found) -> Iterator[Aim]:
     if "solve_s" in peer and "solve_s" in own:
         text = "cantilever of 10 000 elements: 5 times faster than Exudyn, with `reissner2`"
         yield from _times("cantilever", text, 5, (own["solve_s"], False), (peer["solve_s"], False))
-        yield ("memory", "and with no more memory", f"{own['memory_mb']:.0f} MB beside {peer['memory_mb']:.0f} MB",
+        yield ("memory", "with no more memory", f"{own['memory_mb']:.0f} MB against {peer['memory_mb']:.0f} MB",
                own["memory_mb"] <= peer["memory_mb"])
     for element, limit in (("reissner2", 30), ("vallejo", 60)):
         r = _first(found["scaling"]["rows"][::-1], element=element, elements=MILLION)
-        more = f" of the wall, {brief(r['solve_s'])} of the processor, {r['peak_mb'] / 1000:.1f} GB" if r else ""
+        more = f" wall time, {brief(r['solve_s'])} processor time, {r['peak_mb'] / 1000:.1f} GB" if r else ""
         yield from _at_most("million", f"a million elements `{element}`, ten load steps, 4 GB, all cores", limit,
                             r.get("wall_s"), "s", more)
     for e in found["scaling"]["exponents"]:
@@ -308,7 +308,7 @@ def start_aims(found: Found) -> Iterator[Aim]:
     yield from _at_most("start", "a warm run of a small case over the imports alone", 0.4,
                         start["run"] - start["the imports alone"], "s")
     yield from _at_most("first", "the first run ever, all cores", 10, start["first run ever, by the wall"], "s",
-                        f" of the wall, {brief(start['first run ever'])} of the processor")
+                        f" wall time, {brief(start['first run ever'])} processor time")
 
 
 def aims(found: Found) -> list[Aim]:
@@ -318,7 +318,7 @@ def aims(found: Found) -> list[Aim]:
 
 def aims_table(found: Found) -> str:
     """Return the aims as a table."""
-    return table(["wanted", "measured", "reached"],
+    return table(["goal", "measured", "reached"],
                  [[wanted, measured, "yes" if met else "no"] for _, wanted, measured, met in aims(found)])
 
 

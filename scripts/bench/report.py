@@ -43,29 +43,29 @@ def text(found: dict[str, Any]) -> str:
     return f"""# Speed
 
 Measured by `python -m scripts.bench.report` on {found["stamp"]}.
-Times are processor times, which other programs on the machine disturb little, and medians of interleaved runs. The
-ratios are more reliable than the seconds.
+Times are processor times, which depend little on other programs, and medians of interleaved runs. Ratios are more
+reliable than seconds.
 
 ## What to expect
 
 * A small case takes about as long as importing Python's numerical libraries. `--help` and `validate` do not load the
-  compiler. The first run of a formulation compiles its kernels. They are kept in the user's cache folder under a name
-  that changes with the sources, so they are never stale.
+  compiler. The first run of a kind of model compiles its kernels, which are kept in the user's cache folder under a
+  name that changes with the sources, so they are never stale.
 * Time and memory grow in proportion to the number of elements, up to a million. A chain of elements is factored as a
-  band matrix; frames with branches or loops use the multifrontal method. With 8000 elements and more, statics
-  distributes them over threads, one per processor or as `OMP_NUM_THREADS` says, with bitwise identical results. The
-  command line restricts OpenBLAS to one thread, because its own threads take more time than they save here. Scripts
-  should set `OPENBLAS_NUM_THREADS=1` before they import NumPy. An existing setting is not changed.
-* Motions use high-order integrators (`radau5`, `radau9`): smooth motion takes few steps, and more digits cost little
-  more time. `estimate: false` omits the coarser runs of the [error estimate](motion.md#summary). Each stored state adds
-  about 0.1 ms, whatever the step.
+  band matrix; frames with branches or loops use the multifrontal method. Statics with 8000 elements and more uses
+  several threads, one per processor or as set by `OMP_NUM_THREADS`, with bitwise identical results. The command line
+  restricts OpenBLAS to one thread, because more threads cost more time than they save here; in scripts, set
+  `OPENBLAS_NUM_THREADS=1` before you import NumPy. An existing setting is not changed.
+* Motions use high-order integrators (`radau5`, `radau9`): smooth motion takes few steps, and additional digits cost
+  little time. `estimate: false` omits the coarser runs of the [error estimate](motion.md#summary). Each stored state
+  adds about 0.1 ms, whatever the step.
 * `reissner3` is the fastest type for beam theory, `reissner2` the fastest per element. Elements with 12 coordinates
   cost three to six times as much each.
 
 ## Aims
 
-The performance goals and what this run measured, on one core unless stated otherwise. `*`: a time is extrapolated, as
-explained below.
+The table compares the performance goals with this measurement, on one core unless stated otherwise. `*` marks times
+that are extrapolated, as explained below.
 
 {page.aims_table(found)}
 
@@ -77,9 +77,10 @@ explained below.
 
 ### Compiling
 
-Kernels are compiled once for a machine, when a run first needs them. Processor time that the first run of a kind takes
-beyond a second one, each kind after those above it: what it adds is all that it waits for, and all processors share
-that. `ancf2d compile` compiles the kernels of all kinds at once. `scripts/bench/waits.py` has the cases.
+Kernels are compiled once per machine, when a run first needs them. The table gives the processor time that the first
+run of a kind takes more than the second. The kinds follow each other in the order of the table, so each compiles only
+what it adds; all processors share the work. `ancf2d compile` compiles the kernels of all kinds in advance.
+`scripts/bench/waits.py` contains the cases.
 
 {page.waits_table(found)}
 
@@ -89,7 +90,7 @@ The beam of Table 2 with 500 kN at the tip in 10 load steps, on one core, soluti
 geometrically exact beam, which corresponds to `reissner2`, at the tightest tolerance at which it converges (relative
 1e-6). OpenSees uses its force-based beam with shear in a corotational frame, with a line search; without a line search
 it does not converge on meshes as fine. Its Timoshenko element does not support large rotations. PyElastica has no
-static solver. Memory is the peak of the process less its memory after the imports.
+static solver. Memory is the peak of the process minus its memory after the imports.
 
 {page.static_table(found)}
 
@@ -125,7 +126,7 @@ factorisation and solution with a band in reverse Cuthill-McKee order, and with 
 
 ## Sampling points
 
-The table compares the default quadrature of each type with one point fewer and one point more along and across. The
+The table compares the default quadrature of each type with one point fewer and one more along and across. The
 problems are a slender and a thick cantilever under large loads, with 8 elements; errors are relative to 32 elements of
 the type with its default points. `cable` samples its stretch at Lobatto points by default; its other rows have Gauss
 points only. Fewer points cause zero-energy modes. More points cause locking (`reissner2`, `reissner3`, `kerkkanen`,
@@ -170,11 +171,11 @@ One implicit step of pendulum (2), 8 elements, dt = 1e-4, generalized alpha:
 
 ### Controllers
 
-What a controller adds to a step: a flexible arm of 8 elements `reissner3` in steps of 1 ms, which a motor at its hub
-drives, beside the same arm with a rotational spring and damper in the motor's place. A PD motor gives the same motion
-in as many iterations; each load that answers the motion, and each state of a controller, adds one solution with the
-factors of the matrix whenever these are found anew. The motion starts anew at the instants of a sampled controller,
-here every hundredth step. `scripts/bench/feedback.py` has the scenes.
+A motor at its hub drives a flexible arm (8 elements of `reissner3`, steps of 1 ms); the table compares it with a
+rotational spring and damper in place of the motor. A PD motor gives the same motion in as many iterations. Each load
+that depends on the motion, and each state of a controller, adds one solution with the factors of the matrix whenever
+these are renewed. A sampled controller restarts the motion at its instants, here at every hundredth step.
+`scripts/bench/feedback.py` contains the scenes.
 
 {page.feedback_table(found)}
 
