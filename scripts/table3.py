@@ -23,8 +23,8 @@ from typing import Any
 from ancf2d.elements import registry
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.model.model import Model
-from ancf2d.solvers.classify import GAPS
 from ancf2d.solvers.registry import solve
+from ancf2d.solvers.small_motions.classify import GAPS
 from ancf2d.solvers.state import State
 from ancf2d.study.run import load, prepare
 from scripts.pages import CASES, DOCS, table

@@ -10,7 +10,7 @@ import numpy as np
 from ancf2d.elements.section import Section
 from ancf2d.elements.shape import Array
 from ancf2d.model.mesh import BodyMesh
-from ancf2d.solvers.section_motions import ClassMotions, class_motions, element_velocities
+from ancf2d.solvers.small_motions.section_motions import ClassMotions, class_motions, element_velocities
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,10 @@ from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.mesh import Index
 from ..model.model import Model
-from .initial import HELD, initial_motion
 from .linear import full_mass, unknowns_to_coordinates
-from .linearised import RateForces, stored
+from .motion.initial import HELD, initial_motion
 from .post import Observer, turns_of
+from .small_motions.linearised import RateForces, stored
 from .state import State
 from .system import System
 from .threads import largest

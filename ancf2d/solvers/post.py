@@ -10,8 +10,8 @@ from ..model.determinacy import rigid_motion
 from ..model.model import Model
 from ..model.points import PointRef, dot
 from ..model.rotation import Rotation
+from .element_loads import constraint_forces, equilibrium_rows
 from .energy import Energies
-from .inside import constraint_forces, equilibrium_rows
 from .section_forces import has_section_forces, section_forces
 from .state import State
 

@@ -26,23 +26,23 @@ from ..model.model import Model
 from .state import State
 
 if TYPE_CHECKING:
-    from .newton import Start
+    from .statics.newton import Start
 
 Checkpoint = dict[str, Array]
 
 
 def _linear(model: Model, spec: LinearStatic) -> Iterator[State]:
-    from .static import solve_linear
+    from .statics.static import solve_linear
 
     return solve_linear(model)
 
 
 def _static(model: Model, spec: Static, start: Start | None = None) -> Iterator[State]:
     if spec.method != "newton":
-        from .path import solve_path
+        from .statics.path import solve_path
 
         return solve_path(model, spec)
-    from .static import solve_static
+    from .statics.static import solve_static
 
     # newton ends at nothing but a load factor: the schema refuses the rest
     end = spec.until.value if isinstance(spec.until, LoadFactor) else 1.0
@@ -50,37 +50,37 @@ def _static(model: Model, spec: Static, start: Start | None = None) -> Iterator[
 
 
 def _quasi_static(model: Model, spec: QuasiStatic, kept: Checkpoint | None = None) -> Iterator[State]:
-    from .quasi_static import solve_quasi_static
+    from .statics.quasi_static import solve_quasi_static
 
     return solve_quasi_static(model, spec, kept)
 
 
 def _eigen(model: Model, spec: Eigen) -> Iterator[State]:
-    from .eigen import solve_eigen
+    from .small_motions.eigen import solve_eigen
 
     return solve_eigen(model, spec)
 
 
 def _frequency_response(model: Model, spec: FrequencyResponse) -> Iterator[State]:
-    from .frequency_response import solve_frequency_response
+    from .small_motions.frequency_response import solve_frequency_response
 
     return solve_frequency_response(model, spec)
 
 
 def _state_space(model: Model, spec: StateSpace) -> Iterator[State]:
-    from .state_space import solve_state_space
+    from .small_motions.state_space import solve_state_space
 
     return solve_state_space(model, spec)
 
 
 def _buckling(model: Model, spec: Buckling) -> Iterator[State]:
-    from .buckling import solve_buckling
+    from .statics.buckling import solve_buckling
 
     return solve_buckling(model, spec)
 
 
 def _dynamic(model: Model, spec: Dynamic, kept: Checkpoint | None = None) -> Iterator[State]:
-    from .dynamic import solve_dynamic
+    from .motion.dynamic import solve_dynamic
 
     return solve_dynamic(model, spec, kept)
 

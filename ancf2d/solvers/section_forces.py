@@ -24,7 +24,7 @@ from ..model.model import Model
 from ..model.points import PointRef
 from ..model.profiles import load_breaks
 from ..model.timing import rates_of
-from .inside import Inside, acting_inside, is_inside
+from .element_loads import Inside, acting_inside, is_inside
 from .linear import inertia_rates
 from .state import State
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from ..elements.shape import Array
 from ..kernels.motion import TIME
-from .problem import make_problem
+from .motion.problem import make_problem
+from .motion.stepping import Stepper
 from .state import State
-from .stepping import Stepper
 
 if TYPE_CHECKING:
     from ..case import Dynamic

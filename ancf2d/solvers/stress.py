@@ -18,7 +18,7 @@ from ..model.body_groups import damping_time
 from ..model.mesh import BodyMesh
 from ..model.model import Model
 from .section_forces import SectionForces, natural_rates
-from .section_motions import element_velocities, interpolation
+from .small_motions.section_motions import element_velocities, interpolation
 from .state import State
 
 RECTANGLE = 1e-9  # by which the second moment of a rectangle may differ from b h^3/12

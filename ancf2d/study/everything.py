@@ -12,7 +12,7 @@ from ..case import TEMPLATES, load_case_text, template
 from ..elements.formulations import FORMULATIONS
 from ..elements.registry import ELEMENTS
 from ..kernels.lowlevel.jit import CACHE, REFUSED
-from ..solvers.schemes import INTEGRATORS
+from ..solvers.motion.schemes import INTEGRATORS
 from .run import run_case, vocabulary
 
 STIFF = {"E": 1e10, "nu": 0.3, "rho": 1000.0}

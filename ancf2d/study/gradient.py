@@ -22,12 +22,12 @@ from ..case.numbers import Variable, numbers_at
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
-from ..solvers.beside import unsuited
-from ..solvers.differences import Quotient, UnsuitedError, derivative
-from ..solvers.motion_variation import Motion
-from ..solvers.small_variation import Excited, Instability, Vibration
-from ..solvers.static import unscaled
-from ..solvers.variation import Equilibrium, Path, Response
+from ..solvers.derivatives.differences import Quotient, UnsuitedError, derivative
+from ..solvers.derivatives.motion import Motion
+from ..solvers.derivatives.small_motions import Excited, Instability, Vibration
+from ..solvers.derivatives.statics import Equilibrium, Path, Response
+from ..solvers.derivatives.varied_motions import unsuited
+from ..solvers.statics.static import unscaled
 from .goal import for_study
 from .record import Progress
 from .run import describe_goal, prepare, quantity, run_case, vocabulary

@@ -21,15 +21,15 @@ from ..extend.plugins import load_plugins
 from ..model.build import build_model
 from ..model.model import Model
 from ..solvers.fields import FIELDS
-from ..solvers.schemes import INTEGRATORS
+from ..solvers.motion.schemes import INTEGRATORS
 from .digests import files_of
 from .record import Progress, Recorder
 from .windows import value_at, window_key, window_of
 
 if TYPE_CHECKING:
     from ..results import BodyRecord, FieldRecord
-    from ..solvers.newton import Start
     from ..solvers.state import State
+    from ..solvers.statics.newton import Start
 
 
 def vocabulary() -> Vocabulary:
@@ -64,9 +64,9 @@ def prepare(loaded: LoadedCase, like: Model | None = None) -> Model:
     ``like`` is a model of the case with other numbers (``build_model``).
     """
     from ..solvers.fields import field_problems
-    from ..solvers.initial import initial_problems
+    from ..solvers.motion.initial import initial_problems
+    from ..solvers.motion.schemes import method_problems
     from ..solvers.registry import left_out
-    from ..solvers.schemes import method_problems
 
     model = build_model(loaded, like=like)
     problems = [*initial_problems(model), *method_problems(model), *field_problems(model)]

@@ -17,13 +17,13 @@ from ..errors import ComputationError
 from ..model.build import build_model
 from ..model.model import Model
 from ..model.points import dot
-from ..solvers.classify import GAPS, Classifier
-from ..solvers.eigen import renumber, solve_eigen
 from ..solvers.energy import Kinds
 from ..solvers.registry import solve
-from ..solvers.section_motions import class_motions, interpolation
+from ..solvers.small_motions.classify import GAPS, Classifier
+from ..solvers.small_motions.eigen import renumber, solve_eigen
+from ..solvers.small_motions.section_motions import class_motions, interpolation
 from ..solvers.state import State
-from ..solvers.static import STEPS
+from ..solvers.statics.static import STEPS
 
 # a counterpart's frequency lies within this share of the mode's own ...
 NEAR = 0.15

@@ -11,7 +11,7 @@ import time
 from typing import Any
 
 import ancf2d
-from ancf2d.solvers.dynamic import solve_dynamic
+from ancf2d.solvers.motion.dynamic import solve_dynamic
 from ancf2d.study.run import prepare
 
 STEPS, STEP = 4000, 1e-3

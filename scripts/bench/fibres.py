@@ -53,7 +53,7 @@ def push(scene: str, count: int) -> dict[str, Any]:
     import ancf2d
     from ancf2d.model.build import build_model
     from ancf2d.solvers.post import Observer
-    from ancf2d.solvers.static import solve_static
+    from ancf2d.solvers.statics.static import solve_static
 
     frame = YIELDING[scene]
     # compiled on first use

@@ -150,7 +150,7 @@ def peak() -> float:
 
 def bent(element: str, count: int) -> tuple[Any, Any]:
     """Return Table 2's cantilever (model) and its state under the whole load."""
-    from ancf2d.solvers.static import solve_static
+    from ancf2d.solvers.statics.static import solve_static
 
     model = model_of(element, count)
     *_, state = solve_static(model, 10)
@@ -210,7 +210,7 @@ def deflection(element: str, rule: list[int] | None, beam: str, count: int = COU
     """Return how far the tip goes, or None where no solution is found."""
     from ancf2d.errors import ComputationError
     from ancf2d.solvers.post import Observer
-    from ancf2d.solvers.static import solve_static
+    from ancf2d.solvers.statics.static import solve_static
 
     model = model_of(element, count, rule, *BEAMS[beam])
     try:

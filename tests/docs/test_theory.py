@@ -8,8 +8,8 @@ import pytest
 
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.elements.registry import ELEMENTS
+from ancf2d.solvers.motion.schemes import INTEGRATORS
 from ancf2d.solvers.registry import SOLVERS
-from ancf2d.solvers.schemes import INTEGRATORS
 
 ROOT = Path(__file__).parents[2]
 THEORY = (ROOT / "docs" / "theory.md").read_text(encoding="utf-8")

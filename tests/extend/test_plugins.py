@@ -20,8 +20,8 @@ from ancf2d.case.records import keys_of
 from ancf2d.cli.app import app
 from ancf2d.errors import CaseError, PluginError
 from ancf2d.extend import plugins
-from ancf2d.solvers import stepping
-from ancf2d.solvers.dynamic import solve_dynamic
+from ancf2d.solvers.motion import stepping
+from ancf2d.solvers.motion.dynamic import solve_dynamic
 from ancf2d.study.run import prepare
 
 HERE = Path(__file__).parent / "plugins"

@@ -11,8 +11,8 @@ from instruments.extremes import statics
 from instruments.extremes.scenes import BY_LABEL, SUBJECTS, Beam, cantilever
 
 import ancf2d
-from ancf2d.solvers import static
 from ancf2d.solvers.refine import refined
+from ancf2d.solvers.statics import static
 
 
 def known(warnings: list[str]) -> float:

@@ -7,7 +7,7 @@ import numba
 import numpy as np
 
 from ancf2d.kernels.dynamics import to_unknowns
-from ancf2d.solvers.problem import make_problem
+from ancf2d.solvers.motion.problem import make_problem
 
 
 @numba.njit

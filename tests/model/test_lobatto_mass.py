@@ -42,7 +42,7 @@ def third_axial_error(tmp_path, count: int, p: int, share: float) -> float:
     """Return the relative error of the third frequency of a bar that is held at both ends and moves along alone."""
     held = [{"type": "roller", "at": "bar@0", "fixed": "x"}, {"type": "roller", "at": "bar@1", "fixed": "x"}]
     bar = model(tmp_path, count, definition(p, share), boundary_conditions=held)
-    from ancf2d.solvers.lowest_modes import Pencil
+    from ancf2d.solvers.small_motions.lowest_modes import Pencil
 
     pencil = Pencil(bar, np.zeros(len(bar.numbering.place)), 0.0, True).with_mass()
     along = np.flatnonzero(np.isin(bar.numbering.free, np.flatnonzero(bar.meshes["bar"].kinds >= 0)[::3]))

@@ -12,15 +12,15 @@ import pytest
 from ancf2d.case import load_case_text
 from ancf2d.kernels.advance import CHECK, INSIDE
 from ancf2d.model.build import build_model
-from ancf2d.solvers import stepping
-from ancf2d.solvers.dynamic import Balance, solve_dynamic
 from ancf2d.solvers.energy import Energies
-from ancf2d.solvers.initial import initial_motion
-from ancf2d.solvers.methods import Method
-from ancf2d.solvers.ode import OdeStepper
-from ancf2d.solvers.problem import make_problem
-from ancf2d.solvers.schemes import SCHEMES
-from ancf2d.solvers.stepping import LOG, Stepper
+from ancf2d.solvers.motion import stepping
+from ancf2d.solvers.motion.dynamic import Balance, solve_dynamic
+from ancf2d.solvers.motion.initial import initial_motion
+from ancf2d.solvers.motion.methods import Method
+from ancf2d.solvers.motion.ode import OdeStepper
+from ancf2d.solvers.motion.problem import make_problem
+from ancf2d.solvers.motion.schemes import SCHEMES
+from ancf2d.solvers.motion.stepping import LOG, Stepper
 
 THIN = {"height": 0.02, "width": 0.05}
 RUBBER = {"E": 2e7, "nu": 0.3, "rho": 1000.0}

@@ -9,8 +9,8 @@ import pytest
 
 from ancf2d.elements.section import timoshenko
 from ancf2d.errors import ComputationError
-from ancf2d.solvers import buckling as buckling_module
-from ancf2d.solvers.lowest_modes import Pencil
+from ancf2d.solvers.small_motions.lowest_modes import Pencil
+from ancf2d.solvers.statics import buckling as buckling_module
 
 E, L = 2e11, 1000.0
 EULER = E / 12 * (math.pi / L) ** 2

@@ -13,8 +13,8 @@ from instruments.references import contacts as references
 from motions import ride, rigid
 
 import ancf2d
+from ancf2d.solvers.motion.schemes import method_problems
 from ancf2d.solvers.registry import solve
-from ancf2d.solvers.schemes import method_problems
 
 G, HEIGHT, MASS, INERTIA = 9.81, 0.5, 2.0, 0.2
 FLOOR = {"floor": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}}

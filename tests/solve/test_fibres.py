@@ -16,9 +16,9 @@ from ancf2d.errors import CaseError
 from ancf2d.model.build import build_model
 from ancf2d.plot.kinds import build
 from ancf2d.results import open_results
-from ancf2d.solvers import stepping
-from ancf2d.solvers.dynamic import solve_dynamic
 from ancf2d.solvers.fields import FieldReader
+from ancf2d.solvers.motion import stepping
+from ancf2d.solvers.motion.dynamic import solve_dynamic
 from ancf2d.solvers.post import reactions
 from ancf2d.solvers.section_forces import SectionForces
 from ancf2d.study.run import prepare, run_case

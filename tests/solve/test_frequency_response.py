@@ -164,7 +164,7 @@ def test_section_forces_inside_an_element_that_a_support_holds_are_refused() -> 
 @pytest.fixture
 def count(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """The sizes of the matrices that frequency responses factor."""
-    from ancf2d.solvers import factors, frequency_response
+    from ancf2d.solvers.small_motions import factors, frequency_response
 
     found: list[Any] = []
 

@@ -8,8 +8,8 @@ import pytest
 from ancf2d.case import load_case_text
 from ancf2d.model.build import build_model
 from ancf2d.model.transfer import transferred
-from ancf2d.solvers.newton import Start
-from ancf2d.solvers.static import solve_static
+from ancf2d.solvers.statics.newton import Start
+from ancf2d.solvers.statics.static import solve_static
 from ancf2d.study.run import vocabulary
 
 FRAME = """

@@ -14,10 +14,10 @@ from ancf2d.errors import CaseError, ComputationError
 from ancf2d.kernels.elements import viscous_force
 from ancf2d.model.build import build_model
 from ancf2d.model.points import point_ref
-from ancf2d.solvers.dynamic import Run
 from ancf2d.solvers.energy import Energies
-from ancf2d.solvers.initial import initial_motion, initial_problems
 from ancf2d.solvers.linear import full_mass
+from ancf2d.solvers.motion.dynamic import Run
+from ancf2d.solvers.motion.initial import initial_motion, initial_problems
 from ancf2d.solvers.system import System
 from ancf2d.study.run import load, run_case
 

@@ -7,9 +7,9 @@ import pytest
 from motions import GRAVITY, Ride, rigid, rod
 
 from ancf2d.kernels.advance import advance
-from ancf2d.solvers import stepping
-from ancf2d.solvers.methods import MAKERS
-from ancf2d.solvers.schemes import INTEGRATORS, SCHEMES, method_problems
+from ancf2d.solvers.motion import stepping
+from ancf2d.solvers.motion.methods import MAKERS
+from ancf2d.solvers.motion.schemes import INTEGRATORS, SCHEMES, method_problems
 
 FREE = {"bodies": {"a": rod("vallejo")}, "bc": [{"type": "pin", "at": "a@0"}], "loads": GRAVITY}
 EXACT = {**FREE, "bodies": {"a": rod("vallejo"), "b": rod("reissner3", 2, (1, 0), (2, 0))}}

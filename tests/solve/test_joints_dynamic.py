@@ -8,8 +8,8 @@ from scipy.integrate import solve_ivp
 from ancf2d.errors import ComputationError
 from ancf2d.kernels.elements import force
 from ancf2d.model.points import dot
-from ancf2d.solvers import stepping
 from ancf2d.solvers.energy import Energies
+from ancf2d.solvers.motion import stepping
 from ancf2d.solvers.registry import solve
 
 OMEGA, R0, MASS = 3.0, 0.45, 1.7

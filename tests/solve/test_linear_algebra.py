@@ -10,7 +10,7 @@ from ancf2d.model import numbering
 from ancf2d.model.numbering import half_bandwidth, order_unknowns
 from ancf2d.solvers.ldl import SymmetricBand, SymmetricFronts
 from ancf2d.solvers.linear import GeneralBand, GeneralSparse, make_matrix, pattern
-from ancf2d.solvers.newton import FLOOR
+from ancf2d.solvers.statics.newton import FLOOR
 from ancf2d.solvers.system import System
 
 

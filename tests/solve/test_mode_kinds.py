@@ -11,8 +11,8 @@ import ancf2d
 from ancf2d.case import refined
 from ancf2d.elements.section import timoshenko
 from ancf2d.model.determinacy import rigid_motion
-from ancf2d.solvers.classify import Classifier
-from ancf2d.solvers.eigen import solve_eigen
+from ancf2d.solvers.small_motions.classify import Classifier
+from ancf2d.solvers.small_motions.eigen import solve_eigen
 from ancf2d.study.run import prepare, run_case
 from scripts.timoshenko import exact_mode, overlap
 

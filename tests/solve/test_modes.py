@@ -10,8 +10,8 @@ import scipy.linalg
 
 from ancf2d.kernels.matrix import band_product
 from ancf2d.model.determinacy import rigid_motion
-from ancf2d.solvers import lowest_modes as lowest_module
-from ancf2d.solvers.lowest_modes import Pencil, lowest
+from ancf2d.solvers.small_motions import lowest_modes as lowest_module
+from ancf2d.solvers.small_motions.lowest_modes import Pencil, lowest
 from ancf2d.study.run import prepare
 
 THICK = {"height": 0.4, "width": 0.4}

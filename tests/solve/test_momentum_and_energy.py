@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from motions import Ride
 
-from ancf2d.solvers.dynamic import Balance
 from ancf2d.solvers.energy import Energies
-from ancf2d.solvers.initial import initial_motion
+from ancf2d.solvers.motion.dynamic import Balance
+from ancf2d.solvers.motion.initial import initial_motion
 from ancf2d.solvers.system import System
 
 DYNAMIC = {"type": "dynamic", "t_end": 1, "dt": 0.01}

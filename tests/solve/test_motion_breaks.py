@@ -8,9 +8,9 @@ import pytest
 from motions import OWN, rigid, rod
 
 from ancf2d.kernels.motion import WORK
-from ancf2d.solvers.dynamic import Run
 from ancf2d.solvers.energy import Energies
-from ancf2d.solvers.schemes import SCHEMES
+from ancf2d.solvers.motion.dynamic import Run
+from ancf2d.solvers.motion.schemes import SCHEMES
 
 CONSTRAINED = [m for m in OWN if m != "newmark"]
 BREAK = 0.0523

@@ -14,9 +14,9 @@ from ancf2d.case.schema.amplitudes import Expression
 from ancf2d.errors import ComputationError
 from ancf2d.kernels.motion import COUNT
 from ancf2d.model.timing import Signal
-from ancf2d.solvers.estimate import SAFETY, TENFOLD, Estimate
+from ancf2d.solvers.motion.estimate import SAFETY, TENFOLD, Estimate
+from ancf2d.solvers.motion.schemes import INTEGRATORS
 from ancf2d.solvers.registry import solve
-from ancf2d.solvers.schemes import INTEGRATORS
 from ancf2d.solvers.state import State
 from ancf2d.study.run import load, run_case
 

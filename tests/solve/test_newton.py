@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from ancf2d.errors import ComputationError
-from ancf2d.solvers.newton import TOLERANCE, has_converged
-from ancf2d.solvers.static import solve_static
+from ancf2d.solvers.statics.newton import TOLERANCE, has_converged
+from ancf2d.solvers.statics.static import solve_static
 from ancf2d.solvers.system import System
 
 STEEL_EI = 2.07e11 * 0.1**4 / 12

@@ -12,8 +12,8 @@ import pytest
 from ancf2d.model.build import build_model
 from ancf2d.model.points import dot, point_ref
 from ancf2d.model.transfer import transferred
-from ancf2d.solvers.initial import initial_motion
-from ancf2d.solvers.section_motions import class_motions, energies
+from ancf2d.solvers.motion.initial import initial_motion
+from ancf2d.solvers.small_motions.section_motions import class_motions, energies
 from ancf2d.solvers.system import System
 
 L, A_AT = 2.0, 0.3

@@ -14,8 +14,8 @@ import ancf2d
 from ancf2d.errors import CaseError
 from ancf2d.model.build import build_model
 from ancf2d.model.points import dot, point_ref
-from ancf2d.solvers import stepping
-from ancf2d.solvers.dynamic import solve_dynamic
+from ancf2d.solvers.motion import stepping
+from ancf2d.solvers.motion.dynamic import solve_dynamic
 from ancf2d.solvers.post import reactions
 from ancf2d.solvers.registry import solve
 from ancf2d.study.run import prepare

@@ -13,11 +13,11 @@ from test_state_space import transfer
 
 import ancf2d
 from ancf2d.model.build import build_model
-from ancf2d.solvers.inputs import Inputs, outputs
 from ancf2d.solvers.linear import full_mass
-from ancf2d.solvers.linearised import Linearised, base_state
-from ancf2d.solvers.projected import Quadratic
-from ancf2d.solvers.relaxing import corrected
+from ancf2d.solvers.small_motions.inputs import Inputs, outputs
+from ancf2d.solvers.small_motions.linearised import Linearised, base_state
+from ancf2d.solvers.small_motions.projected import Quadratic
+from ancf2d.solvers.small_motions.relaxing import corrected
 
 TERMS = {"zener": ZENER, "prony": PRONY}
 SECTION = {"height": SIZE, "width": SIZE}

@@ -11,7 +11,7 @@ from motions import GRAVITY, Ride, ride, rod
 from ancf2d.kernels.dynamics import TANGENTS
 from ancf2d.kernels.motion import HELD_STEP, HELD_STEPS
 from ancf2d.kernels.reused_tangent import MAKING
-from ancf2d.solvers import stepping
+from ancf2d.solvers.motion import stepping
 
 RADAU = ("radau5", "radau9")
 TURN = 2 * np.pi

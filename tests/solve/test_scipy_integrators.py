@@ -10,12 +10,12 @@ import pytest
 
 from ancf2d.errors import ComputationError
 from ancf2d.kernels.advance import CHECK
-from ancf2d.solvers.dynamic import Balance
-from ancf2d.solvers.initial import initial_motion
-from ancf2d.solvers.ode import OdeStepper
-from ancf2d.solvers.problem import make_problem
-from ancf2d.solvers.schemes import SCHEMES, method_problems
-from ancf2d.solvers.stepping import Stepper
+from ancf2d.solvers.motion.dynamic import Balance
+from ancf2d.solvers.motion.initial import initial_motion
+from ancf2d.solvers.motion.ode import OdeStepper
+from ancf2d.solvers.motion.problem import make_problem
+from ancf2d.solvers.motion.schemes import SCHEMES, method_problems
+from ancf2d.solvers.motion.stepping import Stepper
 
 SECTION, RUBBER = {"height": 0.1, "width": 0.05}, {"E": 2e7, "nu": 0.3, "rho": 2000}
 GRAVITY = [{"type": "gravity", "value": [0, -9.81]}]

@@ -16,9 +16,9 @@ from helpers import chosen
 import ancf2d
 from ancf2d.case import load_case_text
 from ancf2d.model.build import build_model
-from ancf2d.solvers.linearised import Linearised, base_state
-from ancf2d.solvers.projected import Quadratic
-from ancf2d.solvers.quadratic import MOST, STRIDE, _motions, _settled
+from ancf2d.solvers.small_motions.linearised import Linearised, base_state
+from ancf2d.solvers.small_motions.projected import Quadratic
+from ancf2d.solvers.small_motions.quadratic import MOST, STRIDE, _motions, _settled
 from ancf2d.study.run import run_case
 
 # a follower load, a torsion spring between sections, Kelvin-Voigt damping, a point mass

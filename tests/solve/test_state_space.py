@@ -20,8 +20,8 @@ from ancf2d.errors import CaseError
 from ancf2d.model.build import build_model
 from ancf2d.results import open_results
 from ancf2d.results.export import export
-from ancf2d.solvers.inputs import Inputs, outputs
-from ancf2d.solvers.linearised import Linearised, base_state
+from ancf2d.solvers.small_motions.inputs import Inputs, outputs
+from ancf2d.solvers.small_motions.linearised import Linearised, base_state
 from ancf2d.study.run import run_case
 
 OUTPUTS = ["tip.uy", "mid.ux", "mid.theta"]

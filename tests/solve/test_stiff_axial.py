@@ -10,8 +10,8 @@ from scipy.optimize import brentq
 
 from ancf2d.case import load_case_text
 from ancf2d.model.build import build_model
-from ancf2d.solvers.newton import BALANCE
-from ancf2d.solvers.static import solve_static
+from ancf2d.solvers.statics.newton import BALANCE
+from ancf2d.solvers.statics.static import solve_static
 from ancf2d.solvers.system import System
 
 CASE = """

@@ -14,9 +14,9 @@ from ancf2d.model.build import build_model
 from ancf2d.model.model import Model
 from ancf2d.plot.kinds import build
 from ancf2d.results import open_results
-from ancf2d.solvers import quadratic
 from ancf2d.solvers.linear import coriolis_matrix
-from ancf2d.solvers.linearised import Linearised, RateForces, base_state
+from ancf2d.solvers.small_motions import quadratic
+from ancf2d.solvers.small_motions.linearised import Linearised, RateForces, base_state
 from ancf2d.study.run import run_case
 
 BEAM = """

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from ancf2d.elements.registry import ELEMENTS
-from ancf2d.solvers.linearised import RateForces
+from ancf2d.solvers.small_motions.linearised import RateForces
 from ancf2d.study.audit.subject import subject
 
 

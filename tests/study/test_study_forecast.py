@@ -14,7 +14,7 @@ import pytest
 from ancf2d.case import load_case_text
 from ancf2d.case.axes import read_axes
 from ancf2d.pace import Calm, Pace
-from ancf2d.solvers.stepping import Stepper
+from ancf2d.solvers.motion.stepping import Stepper
 from ancf2d.study import convergence as convergence_module
 from ancf2d.study import sweep as sweep_module
 from ancf2d.study.forecast import Budget, Forecast, predicted_cost

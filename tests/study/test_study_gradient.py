@@ -8,7 +8,7 @@ from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 import ancf2d
 from ancf2d.case.numbers import Variable, variable_at, variables_of
 from ancf2d.errors import CaseError
-from ancf2d.solvers.differences import derivative
+from ancf2d.solvers.derivatives.differences import derivative
 from ancf2d.study.gradient import gradient
 
 CANTILEVER = {

@@ -8,9 +8,10 @@ from ancf2d.case.numbers import variable_at
 from ancf2d.kernels import along
 from ancf2d.kernels.lowlevel.records import Record
 from ancf2d.model.groups import unlike
-from ancf2d.solvers import linear_steps, methods
-from ancf2d.solvers.beside import Beside
-from ancf2d.solvers.dynamic import Run
+from ancf2d.solvers.derivatives import linear_steps
+from ancf2d.solvers.derivatives.varied_motions import Beside
+from ancf2d.solvers.motion import methods
+from ancf2d.solvers.motion.dynamic import Run
 from ancf2d.study.gradient import gradient, prepare, varied
 
 THROWN = {

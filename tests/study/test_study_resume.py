@@ -14,7 +14,8 @@ from ancf2d.errors import ComputationError, ResultsError
 from ancf2d.model.model import Model
 from ancf2d.results import compare_results, open_results, part_path, read_checkpoint
 from ancf2d.results import writer as writer_module
-from ancf2d.solvers import registry, stepping
+from ancf2d.solvers import registry
+from ancf2d.solvers.motion import stepping
 from ancf2d.solvers.state import State
 from ancf2d.study.record import Progress
 from ancf2d.study.run import prepare, run_case, vocabulary

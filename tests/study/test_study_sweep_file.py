@@ -15,7 +15,7 @@ from jobs import BEAM, GOAL
 from ancf2d.case.axes import read_axes, read_distributions
 from ancf2d.errors import CaseError, ResultsError
 from ancf2d.results import checkpoint, open_results
-from ancf2d.solvers import stepping
+from ancf2d.solvers.motion import stepping
 from ancf2d.study import sweep_runs, sweep_table
 from ancf2d.study.pool import ALONE
 from ancf2d.study.run import load, run_case

@@ -92,7 +92,7 @@ def beside(loaded: LoadedCase, solved: Solved, level: Level, finer: bool) -> tup
 
 def _solved(model: Model, solved: Solved) -> Any:
     """Return the last state of a model, from the state of another mesh where the solver takes one."""
-    from ...solvers.newton import Start
+    from ...solvers.statics.newton import Start
 
     if not model.case.solver.takes_guess:
         return list(solve(model))[-1]

@@ -17,7 +17,7 @@ from ..run import Begin, Outcome, prepare
 from .setting import Level, Setting, bodies_with_meshes, with_setting
 
 if TYPE_CHECKING:
-    from ...solvers.newton import Start
+    from ...solvers.statics.newton import Start
 from collections.abc import Sequence
 
 from ..goal import sequence
@@ -133,7 +133,7 @@ class Pursuit:
     def _guess(self, model: Model, level: Level) -> Start | None:
         """Return the latest state of the same element types on another mesh."""
         from ...model.transfer import transferred
-        from ...solvers.newton import Start
+        from ...solvers.statics.newton import Start
 
         latest = self.latest.get(level.setting.kinds)
         if latest is None:

@@ -63,7 +63,7 @@ def weighted(loaded: LoadedCase, solved: Solved, finer: Neighbour | None = None)
     ``loaded`` is the case with the mesh that was solved. Costs a model with elements half as long, its tangent and a
     few solves with that; less where that mesh is solved already, and given as ``finer``.
     """
-    from ...solvers.variation import Equilibrium
+    from ...solvers.derivatives.statics import Equilibrium
 
     model, state, goal = solved.model, solved.state, loaded.case.goal
     if goal is None or not has_adjoint(loaded, model):

@@ -16,7 +16,7 @@ from ...elements.shape import Array
 from ...errors import CaseError
 from ...model.model import Model
 from ...solvers.kept import kept_energy
-from ...solvers.linearised import stored
+from ...solvers.small_motions.linearised import stored
 from ...solvers.system import System
 from .fields import turned
 from .patches import forces_turned

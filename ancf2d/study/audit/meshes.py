@@ -131,8 +131,8 @@ def _ratios_off(s: Subject) -> float:
 
     Pairs are computed through the strains; factorisations and reduced models use the formed matrix.
     """
-    from ...solvers.eigen import pairs_of
-    from ...solvers.linearised import small_motions
+    from ...solvers.small_motions.eigen import pairs_of
+    from ...solvers.small_motions.linearised import small_motions
 
     model = s.model(10.0, 2, {"type": "eigen", "modes": PAIRS}, tau=TAU,
                     boundary_conditions=[{"type": "clamp", "at": "beam@0", "hold": "all"}],
@@ -153,7 +153,7 @@ def _ratios_off(s: Subject) -> float:
 
 def _resists_spinning(s: Subject) -> float:
     """Return the largest viscous force of rigid velocities of a deformed, turned body, beside that of strain rates."""
-    from ...solvers.linearised import RateForces
+    from ...solvers.small_motions.linearised import RateForces
 
     model = s.model(3.0, 2, {"type": "eigen", "modes": 1}, tau=TAU)
     rates, w = RateForces(model), model.weights

@@ -14,8 +14,8 @@ from typing import Any
 from ...case import Body, Dynamic, LoadedCase, load_case_text
 from ...case.emit import flow, written
 from ...errors import UNSOLVED, ComputationError, verdict
+from ...solvers.motion.schemes import DEFAULT
 from ...solvers.registry import solve
-from ...solvers.schemes import DEFAULT
 from ..goal import Answer, Solved, for_study, solve_for_goal
 from ..pool import DIED
 from ..record import Clock, Progress

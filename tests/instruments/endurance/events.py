@@ -11,8 +11,8 @@ from itertools import pairwise
 from typing import Any
 
 import ancf2d
-from ancf2d.solvers import stepping
-from ancf2d.solvers.dynamic import solve_dynamic
+from ancf2d.solvers.motion import stepping
+from ancf2d.solvers.motion.dynamic import solve_dynamic
 from ancf2d.solvers.post import Observer
 from ancf2d.study.run import prepare
 from scripts.pages import small, table

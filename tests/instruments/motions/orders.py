@@ -11,10 +11,10 @@ import ancf2d
 from ancf2d.elements.shape import Array
 from ancf2d.kernels.advance import INSIDE
 from ancf2d.model.build import build_model
-from ancf2d.solvers.initial import initial_motion
-from ancf2d.solvers.methods import Method
-from ancf2d.solvers.problem import make_problem
-from ancf2d.solvers.stepping import Stepper
+from ancf2d.solvers.motion.initial import initial_motion
+from ancf2d.solvers.motion.methods import Method
+from ancf2d.solvers.motion.problem import make_problem
+from ancf2d.solvers.motion.stepping import Stepper
 from scripts.pages import small, table
 
 ORDER = {"newmark": 2, "hht": 2, "generalized_alpha": 2, "energy_momentum": 2, "radau5": 5, "radau9": 9}

@@ -8,7 +8,7 @@ import random
 from typing import Any
 
 from ancf2d.elements.formulations import FORMULATIONS
-from ancf2d.solvers.schemes import INTEGRATORS, SCHEMES
+from ancf2d.solvers.motion.schemes import INTEGRATORS, SCHEMES
 
 from .amplitudes import random_amplitude
 from .bodies import SOMEWHERE, type_of

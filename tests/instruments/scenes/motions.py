@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from ancf2d.solvers.motion.schemes import DEFAULT, INTEGRATORS
 from ancf2d.solvers.post import Observer
-from ancf2d.solvers.schemes import DEFAULT, INTEGRATORS
 from ancf2d.solvers.state import State
 
 from .answer import Answer, answer, quantities

@@ -1,0 +1,1 @@
+"""How what solvers find changes with the numbers of a case."""

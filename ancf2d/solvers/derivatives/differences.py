@@ -1,0 +1,119 @@
+"""Derivatives of smooth functions by differences of high order, with steps that suit them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...elements.shape import Array
+from ...errors import CaseError
+
+# differences of second and of fourth order that are this close leave an error of the square of it
+SMOOTH = 3e-5
+# what a step that is too long is multiplied by, at most so many times
+SHORTER, TRIES = 0.1, 3
+# of values beside the largest of them: what is not more than round-off
+NOISE = 1e-14
+# derivatives at 0 of the polynomials through 0, h, 2h, 3h, 4h and through 0, h, 2h, 3h
+FORWARD, LOWER = np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0, np.array([-11.0, 18.0, -9.0, 2.0, 0.0]) / 6.0
+
+
+class UnsuitedError(Exception):
+    """What is found changes with a number in another way than its equations tell; the text says why."""
+
+
+@dataclass
+class Quotient:
+    """A derivative (m,) by differences with steps of h, and the estimate (m,) of its error, without what kinks add.
+
+    ``noise`` (m,) is what round-off has of that error.
+    """
+
+    value: Array
+    error: Array
+    h: float
+    kink: Array | float = 0.0
+    noise: Array | float = 0.0
+
+
+def derivative(f: Callable[[float], Array], h: float, weights: Array | None = None, unknown: float = 0.0,
+               middle: Array | None = None) -> Quotient:
+    """Return f'(0) of fourth order of a smooth f with values (m,), by differences with steps near h > 0.
+
+    Central, unless f raises CaseError on one side: then by the other side alone. Steps become shorter where differences
+    of lower order tell that f is not smooth over them, unless round-off would then grow beyond the error there is. What
+    f raises on both sides is raised. Values are compared with each other through ``weights`` (m,); ``unknown`` is how
+    far they are known, so weighted, beside round-off of their own. Where ``middle``, f(0), is given, half of what f'
+    jumps by there is part of the error. Where several steps were tried, the error is at most the distance of the
+    derivatives that they give.
+    """
+    tried: list[Quotient] = []
+    for _ in range(TRIES):
+        tried.append(_at(f, h, middle))
+        best = min(tried, key=lambda found: _worst(found, weights, unknown))
+        if _worst(best, weights, 0.0) <= SMOOTH**2 or _at_round_off(tried[-1], weights):
+            break
+        h *= SHORTER
+    others = [np.abs(best.value - other.value) for other in tried if other is not best]
+    error = np.minimum(best.error, np.max(others, axis=0)) if others else best.error
+    return replace(best, error=error + best.kink, kink=0.0)
+
+
+def _worst(found: Quotient, weights: Array | None, unknown: float) -> float:
+    """Return the largest error beside the largest derivative."""
+    w = 1.0 if weights is None else weights
+    largest = float(np.max(w * np.abs(found.value), initial=0.0))
+    error = float(np.max(w * (found.error + found.kink), initial=0.0)) + unknown / found.h
+    return error / largest if largest > 0.0 else 0.0
+
+
+def _at_round_off(found: Quotient, weights: Array | None) -> bool:
+    """Whether differences with a shorter step have more of an error by round-off alone than these have in all."""
+    shorter = replace(found, error=np.asarray(found.noise / SHORTER), kink=0.0)
+    return _worst(shorter, weights, 0.0) >= _worst(found, weights, 0.0) > 0.0
+
+
+def _at(f: Callable[[float], Array], h: float, middle: Array | None) -> Quotient:
+    try:
+        below = [f(-h), f(-2 * h)]
+    except CaseError:
+        return _one_sided(f, h)
+    try:
+        above = [f(h), f(2 * h)]
+    except CaseError:
+        return _one_sided(f, -h, below)
+    found = central(above, below, h)
+    if middle is not None:
+        # of a kink the second difference is proportional to h, else to its square
+        near, far = (above[k] + below[k] - 2 * middle for k in (0, 1))
+        found.kink = np.abs(4 * near - far) / (4 * h)
+    return found
+
+
+def central(above: list[Array], below: list[Array], h: float) -> Quotient:
+    """Return f'(0) from f at h, 2 h and at -h, -2 h.
+
+    With D2 and D4 of second and fourth order the error is taken for |D4 - D2|^2/|D4|: what the series goes on with
+    where each term is as much smaller than the one before; and for what round-off of f is divided by h.
+    """
+    near, far = (above[0] - below[0]) / (2 * h), (above[1] - below[1]) / (4 * h)
+    value = near + (near - far) / 3.0
+    size = np.maximum(np.abs(above[1]), np.abs(below[1]))
+    noise = NOISE * size / abs(h)
+    return Quotient(value, _error(value, near) + noise, abs(h), noise=noise)
+
+
+def _one_sided(f: Callable[[float], Array], h: float, known: list[Array] | None = None) -> Quotient:
+    values = np.array([f(0.0), *(known or [f(h), f(2 * h)]), f(3 * h), f(4 * h)])
+    value, other = FORWARD @ values / h, LOWER @ values / h
+    # the polynomial of lower order is already of third order, and so its distance is the estimate
+    noise = NOISE * np.abs(values).max(0) / abs(h)
+    return Quotient(value, np.abs(value - other) * 0.1 + noise, abs(h), noise=noise)
+
+
+def _error(value: Array, near: Array) -> Array:
+    gap = np.abs(value - near)
+    share = np.divide(gap, np.abs(value), out=np.ones_like(gap), where=value != 0.0)
+    return gap * np.minimum(share, 1.0)

@@ -1,0 +1,241 @@
+"""What a number of a case changes of the equations of motion: problems of models beside it, without all else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ...elements.shape import Array
+from ...interactions.prismatic import sliding_table
+from ...kernels import along
+from ...kernels.bodies import addresses
+from ...kernels.lowlevel.records import Record
+from ...kernels.motion import scratch
+from ...kernels.points import Points
+from ...model.breakpoints import pieces
+from ...model.groups import of_elements, unlike
+from ...model.interactions import point_table
+from ...model.mesh import Index
+from ...model.model import Model
+from ..linear import fluid_masses, point_masses, scattered, unknowns_to_coordinates
+from ..motion.dynamic import Run
+from ..motion.problem import make_problem, own
+from ..motion.tables import Signals, dead_loads, mass_tables, moved_mass, point_laws, prescribed, with_own
+from .differences import UnsuitedError
+
+# how coordinates follow from unknowns
+_FOLLOWING = ("place", "indptr", "index", "value", "full", "dependents", "motion_coord", "motion_factor",
+              "motion_signal")
+_LOADS = ("load_coord", "load_value", "load_signal", "load_varies")
+# of each item of point laws; along its fields, its coordinates and its entries
+_OF_ITEMS = ("forces", "mean", "accept", "par", "signal", "fed", "multiplier", "scale", "on", "restitution", "run")
+_ALONG = {"p0": "field", "drift": "field", "dofs": "dof", "G": "entry"}
+
+
+class Differing:
+    """Problems of models beside that of a motion, with what a number changes alone.
+
+    ``weights`` (k, models) give k differences of what the models have. Raises UnsuitedError where the times change at
+    which signals have corners.
+    """
+
+    def __init__(self, run: Run, models: Sequence[Model], weights: Array) -> None:
+        self.run, self.models, self.weights = run, models, weights
+        stepper, base = run.stepper, run.problem.values
+        signals = [Signals() for _ in models]
+        for one in signals:
+            for signal in run.signals:
+                one.row(signal)
+        found = [_tables(model, one) for model, one in zip(models, signals, strict=True)]
+        if any(len(one.all) > len(run.signals) and list(pieces(one.all, run.spec.t_end)) != list(stepper.pieces)
+               for one in signals):
+            raise UnsuitedError("the times at which signals have corners change with the number")
+        same = all(_same(getattr(base, name), tables[name]) for tables in found for name in (*_FOLLOWING, "alpha"))
+        groups = [run.model.groups, *(model.groups for model in models)]
+        same = same and not stepper.moving and not stepper.events and not len(base.facing.item) and all(
+            len(own) == len(groups[0]) and all(_same(a.values.dofs, b.values.dofs) for a, b in
+                                               zip(groups[0], own, strict=True)) for own in groups)
+        self.items: Index | slice = slice(None)
+        self.joints = True
+        self.inertia: list[Record] = []
+        if same:
+            self._reduce(base, found, signals)
+        else:
+            self.problems = [own(make_problem(model)[0], model) for model in models]
+        n = len(base.coordinate)
+        self.w = [Record(scratch(n, len(base.place), len(base.mass), len(p.programs.first) - 1)) for p in self.problems]
+
+    def _reduce(self, base: Any, found: Sequence[dict[str, Any]], signals: Sequence[Signals]) -> None:
+        """Make problems of what is not the same in all models."""
+        laws = [base.points, *(tables["points"] for tables in found)]
+        self.items = _unlike_items(laws)
+        sliding = [base.sliding, *(tables["sliding"] for tables in found)]
+        self.joints = not all(_same(sliding[0], one) for one in sliding[1:])
+        loads = _unlike_loads([base._asdict(), *found])
+        groups = self._groups(base)
+        empty = sliding_table([], base.e0)
+        self.problems = []
+        for model, tables, own_signals, (records, tau), values in zip(self.models, found, signals, groups, loads,
+                                                                      strict=True):
+            points = of_items(tables["points"], self.items)
+            joined = with_own(tables["sliding"] if self.joints else empty, "memory", "on", "gap")
+            programs = base.programs if len(own_signals.all) == len(self.run.signals) else own_signals.programs()
+            mass = mass_tables(None, model.numbering)
+            self.problems.append(Record(base._replace(
+                groups=addresses(records), tau=tau, points=points, sliding=joined, patched=bool(len(points.mem)),
+                programs=with_own(programs, "window", "data"), motion_mass=np.zeros_like(base.motion_mass), **mass,
+                **values), records))
+        for row in self.weights:
+            changed = self._mass(row)
+            if changed is not None:
+                self.inertia.append(changed)
+
+    def _groups(self, base: Any) -> list[tuple[list[Record], Array]]:
+        """Return of each model the elements that are not the same in all, and their damping times."""
+        out: list[tuple[list[Record], list[float]]] = [([], []) for _ in self.models]
+        every = [self.run.model, *self.models]
+        for k, alike in enumerate(zip(*(model.groups for model in every), strict=True)):
+            tau = [model.pools[k].tau for model in every]
+            which = unlike(alike) if len(set(tau)) == 1 else np.arange(len(alike[0].values.dofs))
+            if len(which):
+                for (records, times), group, time in zip(out, alike[1:], tau[1:], strict=True):
+                    records.append(of_elements(group, which))
+                    times.append(time)
+        return [(records, np.array(times)) for records, times in out]
+
+    def _mass(self, weights: Array) -> Record | None:
+        """Return the problem whose mass is the sum of the models' by their weights, None where that is nothing."""
+        base, model = self.run.problem.values, self.run.model
+        blocks = list(_mass_blocks(model, self.models, weights))
+        if not blocks:
+            return None
+        M, T = scattered(blocks, model.n_q), self._T
+        nothing = np.zeros(0, dtype=np.int64)
+        loads = {name: getattr(base, name)[:0] for name in _LOADS}
+        motion = moved_mass(M, T, *(getattr(base, name) for name in ("motion_coord", "motion_factor", "motion_signal")))
+        programs = with_own(base.programs, "window", "data")
+        return Record(base._replace(groups=nothing, tau=np.zeros(0), points=point_table([]), patched=False,
+                                    sliding=sliding_table([], base.e0), programs=programs, **motion, **loads,
+                                    **mass_tables((T.T @ M @ T).tocsr(), model.numbering)))
+
+    @cached_property
+    def _T(self) -> Any:
+        return unknowns_to_coordinates(self.run.model)
+
+    def _enter(self, window: Array) -> None:
+        """Take signals as they are in a time (2,)."""
+        for p in (*self.problems, *self.inertia):
+            p.programs.window[:] = window
+
+    def _moments(self, at: Record) -> Record:
+        """Return states of the motion with what these problems remember."""
+        values = at.values
+        if isinstance(self.items, slice) and self.joints:
+            return at
+        wide = self.problems[0].points.mem.shape[1]
+        turns = np.ascontiguousarray(values.turns[:, self.items, :wide])
+        return Record(values._replace(turns=turns, feet=values.feet if self.joints else values.feet[:, :0].copy()))
+
+    def residuals(self, at: Record, window: Array) -> Array:
+        """Return differences (k, m, n) of the residuals at m states, with signals as they are in a time (2,)."""
+        self._enter(window)
+        shape, mine = at.values.z.shape, self._moments(at)
+        out, R = np.zeros((len(self.weights), *shape)), np.zeros(shape)
+        for p, w, weights in zip(self.problems, self.w, self.weights.T, strict=True):
+            along.residuals(p, w, mine, R)
+            out += weights[:, None, None] * R
+        for p, total in zip(self.inertia, out, strict=False):
+            along.residuals(p, self.w[0], _forgotten(at), R)
+            total += R
+        return out
+
+
+def _forgotten(at: Record) -> Record:
+    """Return states without what is remembered."""
+    values = at.values
+    return Record(values._replace(turns=values.turns[:, :0].copy(), feet=values.feet[:, :0].copy()))
+
+
+def _tables(model: Model, signals: Signals) -> dict[str, Any]:
+    """Return what a model's equations of motion are made of, but for elements and mass, as a ``Problem`` names it."""
+    num, damping = model.numbering, model.case.damping
+    for load in model.loads.natural:
+        load.signal[0] = signals.row(load.amplitude)
+    return {"points": point_laws(model, signals), "sliding": sliding_table(model.constraints, model.e0),
+            "place": num.place, "indptr": num.indptr, "index": num.index, "value": num.value, "full": num.free,
+            "dependents": num.dependent, "alpha": float(damping.rayleigh.alpha) if damping else 0.0,
+            **dead_loads(model, signals), **prescribed(model, signals)}
+
+
+def _same(a: Any, b: Any) -> bool:
+    """Whether two fields of a problem are equal."""
+    if isinstance(a, tuple):
+        return len(a) == len(b) and all(map(_same, a, b))
+    return np.array_equal(a, b)
+
+
+def _unlike_items(laws: Sequence[Points]) -> Index | slice:
+    """Return which items are not the same in all tables, all where these are made differently."""
+    first = laws[0]
+    for other in laws[1:]:
+        if not all(_same(getattr(first, name), getattr(other, name)) for name in ("field", "dof", "entry", "dofs")):
+            return slice(None)
+    found = np.zeros(len(first.forces), dtype=bool)
+    for other in laws[1:]:
+        for name in _OF_ITEMS:
+            apart = ~np.isclose(getattr(first, name), getattr(other, name), rtol=0.0, atol=0.0, equal_nan=True)
+            found |= apart.any(axis=tuple(range(1, apart.ndim)))
+        for name, along_ in _ALONG.items():
+            starts = getattr(first, along_)
+            unlike_ = np.flatnonzero(getattr(first, name) != getattr(other, name))
+            found[np.searchsorted(starts, unlike_, side="right") - 1] = True
+    return np.flatnonzero(found)
+
+
+def of_items(points: Points, which: Index | slice) -> Points:
+    """Return a table of some items, which remember what is theirs."""
+    if isinstance(which, slice):
+        return with_own(points, "mem", "on")
+    parts: dict[str, Any] = {name: np.ascontiguousarray(getattr(points, name)[which]) for name in (*_OF_ITEMS, "mem")}
+    for name, along_ in _ALONG.items():
+        starts = getattr(points, along_)
+        rows = [getattr(points, name)[starts[i]:starts[i + 1]] for i in which]
+        parts[along_] = np.concatenate([[0], np.cumsum([len(row) for row in rows])]).astype(np.int64)
+        parts[name] = np.concatenate([getattr(points, name)[:0], *rows])
+    return points._replace(**parts)
+
+
+def _unlike_loads(tables: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return of each table but the first the entries of dead loads that are not the same in all."""
+    first, *others = ([table[name] for name in _LOADS] for table in tables)
+    which: Any = slice(None)
+    if all(_same(first[0], other[0]) for other in others):
+        which = np.any([np.not_equal(a, b) for other in others for a, b in zip(first, other, strict=True)], axis=0)
+    return [{name: np.ascontiguousarray(values[which]) for name, values in zip(_LOADS, other, strict=True)}
+            for other in others]
+
+
+def _mass_blocks(base: Model, models: Sequence[Model], weights: Array) -> Iterable[tuple[Index, Array]]:
+    """Yield coordinates (m, n) and matrices (n, n) of the sum of the models' mass by weights that sum up to nothing.
+
+    What is the same in all is left out.
+    """
+    for name, mesh in base.meshes.items():
+        others = [model.meshes[name] for model in models]
+        if all(other is mesh for other in others):
+            continue
+        codes, place = np.unique(np.stack([other.cls for other in others]), axis=1, return_inverse=True)
+        for k, code in enumerate(codes.T.tolist()):
+            classes = [other.classes[c] for other, c in zip(others, code, strict=True)]
+            if any(one is not classes[0] for one in classes):
+                M = sum(w * one.mass for w, one in zip(weights.tolist(), classes, strict=True))
+                yield mesh.dofs[place.ravel() == k], np.asarray(M)
+    lumps = [list(point_masses(model)) for model in (base, *models)]
+    if not all(len(own) == len(lumps[0]) and all(map(_same, lumps[0], own)) for own in lumps[1:]):
+        for w, own_ in zip(weights.tolist(), lumps[1:], strict=True):
+            yield from ((coords[None, :], w * M) for coords, M in own_)
+    for w, model in zip(weights.tolist(), models, strict=True):
+        yield from ((dofs, w * M) for dofs, M in fluid_masses(model))

@@ -1,0 +1,336 @@
+"""The linear equations of one step of an integrator: how its end changes with its start, and with its residuals.
+
+Newmark's family and Radau IIA determine z_i at s stages from residuals R_i = 0, with rates and second rates that are
+linear in them, v_i = V z + v_0i and a_i = A z + a_0i: changes of the start and of the residuals change z by
+
+(K_i + (C_i + alpha M) V + M A) dz = -(dR_i + (C_i + alpha M) dv_0i + M da_0i).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from ...elements.shape import Array
+from ...kernels import step_equations
+from ...kernels.lowlevel.records import Record
+from ...kernels.newmark import Newmark
+from ...kernels.radau import Radau
+from ...kernels.tree import entries
+from ...model.mesh import Index
+from ...model.model import Model
+from ..linear import pattern
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+# half bandwidth up to which the matrix of a step is factored as a band
+BAND = 160
+
+
+@dataclass
+class Change:
+    """Changes of what a step begins with: of z, v and a (n, k), and of what a method keeps beside (n, k)."""
+
+    z: Array
+    v: Array
+    a: Array
+    own: Array
+
+    def plus(self, other: Change) -> Change:
+        """Return the sum of two changes."""
+        return Change(self.z + other.z, self.v + other.v, self.a + other.a, self.own + other.own)
+
+    def only(self, columns: Any) -> Change:
+        """Return some of the columns."""
+        return Change(self.z[:, columns], self.v[:, columns], self.a[:, columns], self.own[:, columns])
+
+    @classmethod
+    def none(cls, n: int, k: int) -> Change:
+        """Return no change."""
+        return cls(*(np.zeros((n, k)) for _ in range(4)))
+
+
+@dataclass
+class Stages:
+    """States of the stages of a step: t (s,); z, v, a (s, n), or changes of these (s, n, k)."""
+
+    t: Array
+    z: Array
+    v: Array
+    a: Array
+
+
+class Method(Protocol):
+    """The stages of an integrator, linear in their positions."""
+
+    stages: int
+
+    def taken(self, own: Any, start: Array, t: float, h: float) -> Stages:
+        """Return the stages of the step that was made from positions ``start`` last."""
+        ...
+
+    def rates(self, h: float) -> tuple[Array, Array]:
+        """Return V and A (s, s)."""
+        ...
+
+    def begins(self, h: float) -> Array:
+        """Return what v_0 and a_0 of the stages are of the change of a start (2, s, 4): of its z, v, a and own."""
+        ...
+
+    def kept(self, h: float) -> Array:
+        """Return what the method keeps, of z at the end and of the change of the start (5,)."""
+        ...
+
+    def dense(self, start: Change, found: Stages, h: float, free: Array) -> Array:
+        """Return the change (rows, n, k) of what the interpolation is made of; ``free`` (n,): 0 of multipliers."""
+        ...
+
+    def dense_back(self, made: Array, h: float, free: Array) -> tuple[Change, Stages]:
+        """Return what changes of start and stages do to goals, from what the change of ``dense`` does."""
+        ...
+
+
+class NewmarkStages:
+    """Newmark's family: one stage, the end. ``Change.own`` is that of the algorithmic accelerations."""
+
+    stages = 1
+
+    def __init__(self, own: Newmark) -> None:
+        self.am, self.af, self.beta, self.gamma = own.am, own.af, own.beta, own.gamma
+
+    def taken(self, own: Newmark, start: Array, t: float, h: float) -> Stages:
+        """Return the end of the step."""
+        end = own.end
+        return Stages(np.array([t + h]), *(np.array(x)[None] for x in (end.z, end.v, end.a)))
+
+    def rates(self, h: float) -> tuple[Array, Array]:
+        """Return gamma/(beta h), and the factor of the accelerations."""
+        f = (1.0 - self.am) / (1.0 - self.af) / (self.beta * h * h)
+        return np.array([[self.gamma / (self.beta * h)]]), np.array([[f]])
+
+    def begins(self, h: float) -> Array:
+        """Return what is left of the rates where the end does not move."""
+        V, A = (float(x[0, 0]) for x in self.rates(h))
+        far, f = h * h * (0.5 - self.beta), 1.0 / (1.0 - self.af)
+        v = [-V, 1.0 - V * h, 0.0, h * (1.0 - self.gamma) - V * far]
+        return np.array([[v], [[-A, -A * h, -self.af * f, self.am * f - A * far]]])
+
+    def kept(self, h: float) -> Array:
+        """Return what the algorithmic acceleration is: what moves the end there."""
+        f = 1.0 / (self.beta * h * h)
+        return np.array([f, -f, -h * f, 0.0, -(0.5 - self.beta) / self.beta])
+
+    def dense(self, start: Change, found: Stages, h: float, free: Array) -> Array:
+        """Return the changes of Hermite's cubic."""
+        return np.array([h * start.v, found.z[0] - start.z, h * found.v[0]])
+
+    def dense_back(self, made: Array, h: float, free: Array) -> tuple[Change, Stages]:
+        """Return what start and end do to the goals."""
+        none = np.zeros_like(made[:1])
+        return (Change(-made[1], h * made[0], none[0], none[0]),
+                Stages(np.zeros(1), made[1:2], h * made[2:3], none))
+
+
+class RadauStages:
+    """Radau IIA."""
+
+    def __init__(self, own: Radau) -> None:
+        self.c, self.W, self.stages = own.c, own.W, len(own.c)
+        self.W2, self.ones = own.W @ own.W, own.W.sum(axis=1)
+        s = self.stages
+        # derivatives at 0 and at all nodes of the polynomials through these, of multipliers
+        self.slopes = np.zeros((s + 1, s))
+        for j in range(s):
+            others = np.delete(self.c, j)
+            self.slopes[0, j] = np.prod(others / (others - self.c[j])) / self.c[j]
+        self.slopes[1:] = self.W
+
+    def taken(self, own: Radau, start: Array, t: float, h: float) -> Stages:
+        """Return the stages."""
+        moved = start.copy()
+        moved[own.multipliers] = 0.0
+        return Stages(t + self.c * h, own.X + moved, np.array(own.V), np.array(own.A))
+
+    def rates(self, h: float) -> tuple[Array, Array]:
+        """Return W/h and W^2/h^2."""
+        return self.W / h, self.W2 / (h * h)
+
+    def begins(self, h: float) -> Array:
+        """Return what is left of the rates where no stage moves."""
+        out = np.zeros((2, self.stages, 4))
+        out[0, :, 0] = out[1, :, 1] = -self.ones / h
+        out[1, :, 0] = -self.W2.sum(axis=1) / (h * h)
+        return out
+
+    def kept(self, h: float) -> Array:
+        """Return that nothing is kept but what the start has."""
+        return np.array([0.0, 0.0, 0.0, 0.0, 1.0])
+
+    def dense(self, start: Change, found: Stages, h: float, free: Array) -> Array:
+        """Return the changes of the rates at the start and the stages; of multipliers by their polynomial."""
+        out = h * np.concatenate([start.v[None], found.v])
+        held = free == 0.0
+        moved = found.z[:, held] - start.z[None, held]
+        out[:, held] = np.einsum("ij,jnk->ink", self.slopes, moved)
+        return out
+
+    def dense_back(self, made: Array, h: float, free: Array) -> tuple[Change, Stages]:
+        """Return what start and stages do to the goals."""
+        held, none = free == 0.0, np.zeros_like(made[1:])
+        moved = np.where(held[:, None], np.einsum("ij,ink->jnk", self.slopes, made), 0.0)
+        rates = np.where(held[:, None], 0.0, h * made)
+        start = Change(-moved.sum(axis=0), rates[0], none[0], none[0])
+        return start, Stages(np.zeros(self.stages), moved, rates[1:], none)
+
+
+# by the kind of their own tuples
+METHODS: dict[type, type[Any]] = {Newmark: NewmarkStages, Radau: RadauStages}
+
+
+def method_of(own: Record) -> Method:
+    """Return the stages of an integrator by its own record."""
+    found: Method = METHODS[type(own.values)](own.values)
+    return found
+
+
+class Entries:
+    """The entries of symmetric matrices of a model in motion as sparse ones, and the matrices of steps of s stages."""
+
+    def __init__(self, model: Model, p: Record, stages: int) -> None:
+        n, self.s = len(p.coordinate), stages
+        i, j = (np.asarray(x, dtype=np.int64) for x in pattern(model))
+        i, j = np.append(i, np.arange(n)), np.append(j, np.arange(n))
+        both = np.unique(np.maximum(i, j) * n + np.minimum(i, j))
+        low_i, low_j = both // n, both % n
+        at = low_i * p.width + p.width - 1 + low_j - low_i if p.width else entries(p.fronts, low_i, low_j)
+        below = low_i > low_j
+        rows, columns = np.append(low_i, low_j[below]), np.append(low_j, low_i[below])
+        order = np.lexsort((columns, rows))
+        # row by row
+        self.n, self.rows, self.columns = n, rows[order], columns[order]
+        self.at = np.append(at, at[below])[order]
+        self.indptr = np.searchsorted(self.rows, np.arange(n + 1))
+        self.free = np.array(p.coordinate)
+
+    def read(self, A: Array) -> Array:
+        """Return the entries (..., nnz) of stored matrices (..., entries), row by row."""
+        return np.asarray(A[..., self.at])
+
+    def matrix(self, data: Array) -> csr_array:
+        """Return the sparse matrix of its entries (nnz,)."""
+        from scipy.sparse import csr_array
+
+        return csr_array((data, self.columns, self.indptr), shape=(self.n, self.n))
+
+    @cached_property
+    def places(self) -> tuple[int, Index, Index]:
+        """Return half bandwidth, rows and columns (s, s, nnz) of all blocks, stages of an unknown side by side."""
+        s = self.s
+        stage = np.arange(s)
+        i = self.rows * s + stage[:, None, None]
+        j = self.columns * s + stage[None, :, None]
+        i, j = np.broadcast_arrays(i, j)
+        return int(np.abs(i - j).max(initial=0)), i, j
+
+
+class Equations:
+    """The equations of several steps of lengths h (steps,), factored: as bands where they are narrow.
+
+    K and C + alpha M (steps s, nnz) are those of the stages, M (nnz,) the mass; ``rubs`` tells whether C + alpha M is
+    not zero. Raises ArithmeticError with the number of the first step whose matrix is singular.
+    """
+
+    def __init__(self, entries: Entries, method: Method, h: Array, K: Array, C: Array, M: Array, rubs: bool) -> None:
+        self.entries, self.rubs, self.K, self.C, self.M = entries, rubs, K, np.ascontiguousarray(C), M
+        self.rates, self.begins, self.kept = (np.array([f(one) for one in h.tolist()]) for f in
+                                              (method.rates, method.begins, method.kept))
+        self.bw, n = entries.places[0], entries.n * entries.s
+        self.shape = entries.rows, entries.columns, entries.free
+        if self.bw > BAND:
+            self.sparse = [self._sparse(k) for k in range(len(h))]
+            return
+        self.lu, self.pivots = np.zeros((len(h), n, 3 * self.bw + 1)), np.zeros((len(h), 2, n), dtype=np.int64)
+        done = step_equations.factor(K, self.C, M, *self.shape, self.rates, self.bw, self.lu, self.pivots)
+        if done < len(h):
+            raise ArithmeticError(done)
+
+    def _sparse(self, k: int) -> Any:
+        """Return the factors of step k."""
+        from scipy.sparse import csc_array
+        from scipy.sparse.linalg import splu
+
+        s, _, i, j = self.entries.s, *self.entries.places
+        mine, (V, A), stage = slice(s * k, s * k + s), self.rates[k], np.arange(s)
+        blocks = (V[:, :, None] * self.C[mine, None] + A[:, :, None] * self.M) * self.entries.free[self.entries.columns]
+        blocks[stage, stage] += self.K[mine]
+        try:
+            return splu(csc_array((blocks.ravel(), (i.ravel(), j.ravel())), shape=(s * self.entries.n,) * 2))
+        except RuntimeError as error:
+            raise ArithmeticError(k) from error
+
+    def follow(self, dR: Array, start: Change) -> tuple[Stages, Array]:
+        """Return the changes of stages (steps s, n, k), and of all steps' starts and the last end (steps + 1, 4, n, k).
+
+        They are those that changes dR (steps s, n, k) of the residuals and one of the start make.
+        """
+        n, s, columns = self.entries.n, self.entries.s, dR.shape[2]
+        out = Stages(np.zeros(0), *(np.zeros(dR.shape) for _ in range(3)))
+        ends = np.zeros((len(self.rates) + 1, 4, n, columns))
+        ends[0] = start.z, start.v, start.a, start.own
+        if self.bw <= BAND:
+            step_equations.follow(self.lu, self.pivots, self.bw, self.C, self.M, *self.shape, self.rubs, self.rates,
+                                  self.begins, self.kept, np.ascontiguousarray(dR), np.zeros((n * s, columns)),
+                                  out.z, out.v, out.a, ends)
+            return out, ends
+        free, M = self.entries.free[:, None], self.entries.matrix(self.M)
+        for k, lu in enumerate(self.sparse):
+            mine = slice(s * k, s * k + s)
+            v0, a0 = free * np.tensordot(self.begins[k], ends[k], 1)
+            b = -dR[mine]
+            for i in range(s):
+                b[i] -= M @ a0[i]
+                if self.rubs:
+                    b[i] -= self.entries.matrix(self.C[s * k + i]) @ v0[i]
+            z = lu.solve(b.transpose(1, 0, 2).reshape(n * s, -1)).reshape(n, s, -1).transpose(1, 0, 2)
+            v, a = np.tensordot(self.rates[k], z, 1) * free + np.array([v0, a0])
+            out.z[mine], out.v[mine], out.a[mine] = z, v, a
+            ends[k + 1] = z[-1], v[-1], a[-1], np.tensordot(self.kept[k], np.concatenate([z[-1:], ends[k]]), 1)
+        return out, ends
+
+    def back(self, stages: Stages, starts: Array, end: Change) -> tuple[Array, Change]:
+        """Return lam (steps s, n, k), by which goals change by -lam dR, and what changes of the first start do to them.
+
+        ``stages`` (steps s, n, k), ``starts`` (steps, 4, n, k) and ``end`` are what changes of these do to goals
+        directly; the first two are overwritten.
+        """
+        lam: Array = np.zeros(stages.z.shape)
+        last = np.array([end.z, end.v, end.a, end.own])
+        if self.bw <= BAND:
+            step_equations.back(self.lu, self.pivots, self.bw, self.C, self.M, *self.shape, self.rubs, self.rates,
+                                self.begins, self.kept, stages.z, stages.v, stages.a,
+                                np.zeros((self.entries.n * self.entries.s, lam.shape[2])), lam, starts, last)
+            return lam, Change(*last)
+        s, n = self.entries.s, self.entries.n
+        free, M = self.entries.free[:, None], self.entries.matrix(self.M)
+        for k in range(len(self.sparse) - 1, -1, -1):
+            mine = slice(s * k, s * k + s)
+            zb, vb, ab = stages.z[mine], stages.v[mine], stages.a[mine]
+            zb[-1] += last[0] + self.kept[k, 0] * last[3]
+            vb[-1] += last[1]
+            ab[-1] += last[2]
+            V, A = np.asarray(self.rates)[k]
+            b = zb + free * (np.tensordot(V.T, vb, 1) + np.tensordot(A.T, ab, 1))
+            x = self.sparse[k].solve(b.transpose(1, 0, 2).reshape(n * s, -1), trans="T")
+            lam[mine] = x.reshape(n, s, -1).transpose(1, 0, 2)
+            for i in range(s):
+                ab[i] -= M @ lam[s * k + i]
+                if self.rubs:
+                    vb[i] -= self.entries.matrix(self.C[s * k + i]) @ lam[s * k + i]
+            of = [free * (np.tensordot(self.begins[k, 0, :, j], vb, 1) + np.tensordot(self.begins[k, 1, :, j], ab, 1))
+                  + self.kept[k, j + 1] * last[3] for j in range(4)]
+            last = starts[k] + np.array(of)
+        return lam, Change(*last)

@@ -1,0 +1,143 @@
+"""How a motion changes with numbers of its case: steps of differences that suit each, and what is found with them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...case import Dynamic
+from ...elements.shape import Array
+from ...errors import CaseError, ComputationError
+from ...model.model import Model
+from ..motion.dynamic import Run
+from ..state import Row, State
+from .differences import SHORTER, SMOOTH, TRIES, Quotient, UnsuitedError
+from .motion_states import Pass, unlike
+from .varied_motions import Beside, Varied
+
+# of Newton's increments, the first that does not shorten fixed steps: stages are differentiated as they are
+NEWTON = (1e-13, 1e-12, 1e-11, 1e-10)
+# differences of lower order, beside the largest change, for which a motion is not made again: the square is left
+SMOOTH_ENOUGH = 2e-4
+# steps that tell whether a number is varied by too much
+FIRST_STEPS = 16
+
+
+class Motion:
+    """The change of the states of a motion with numbers of its case, of the last alone unless ``whole``."""
+
+    def __init__(self, model: Model, last: State, whole: bool) -> None:
+        spec = model.case.solver
+        assert isinstance(spec, Dynamic)
+        # no coarser motions beside
+        self.spec = replace(spec, estimate=False)
+        self.model, self.whole, self.rejected = model, whole, int(last.report["rejected"])
+        self.found: dict[Varied, Quotient | Exception] = {}
+        self.runs: dict[int, Run] = {}
+        self.rows: list[Row] = []
+        # what is made once, whatever is tried with it: tolerances that are left, and numbers with their steps
+        self.tolerances, self.beside = list(NEWTON), dict[tuple[Varied, float], Beside | Exception]()
+        self.run = Run(model, self.spec)
+
+    def prepare(self, beside: Sequence[tuple[Varied, float]]) -> None:
+        """Find the derivatives to several numbers at once, with shorter steps of those where they are too long.
+
+        The first steps of the motion tell most of this.
+        """
+        todo = list(beside)
+        for k in range(2 * TRIES - 1):
+            if not todo:
+                break
+            first = k < TRIES - 1
+            enough = SMOOTH if first else SMOOTH_ENOUGH
+            shares = self._shares(todo) if first else self._once(todo)
+            shorter = [(at, h * SHORTER) if share > enough else (at, h)
+                       for (at, h), share in zip(todo, shares, strict=True)]
+            todo = shorter if first else [new for new, old in zip(shorter, todo, strict=True) if new != old]
+        self.beside.clear()
+
+    def slope(self, at: Varied, h: float) -> Quotient:
+        """Return the derivatives of z, v and a of all states. Raises UnsuitedError, CaseError, ComputationError."""
+        if at not in self.found:
+            self.prepare([(at, h)])
+        found = self.found[at]
+        if isinstance(found, Exception):
+            raise found
+        return found
+
+    def _numbers(self, todo: Sequence[tuple[Varied, float]]) -> tuple[dict[int, Beside], dict[int, Exception]]:
+        """Return the numbers that can be varied, and why others cannot, by their places."""
+        numbers, refused = dict[int, Beside](), dict[int, Exception]()
+        for k, (at, h) in enumerate(todo):
+            if (at, h) not in self.beside:
+                try:
+                    self.beside[at, h] = Beside(at, h, self.run)
+                except (CaseError, ComputationError, UnsuitedError) as found:
+                    self.beside[at, h] = found
+            one = self.beside[at, h]
+            if isinstance(one, Beside):
+                numbers[k] = one
+            else:
+                refused[k] = one
+        return numbers, refused
+
+    def _made(self, todo: Sequence[tuple[Varied, float]], steps: int | None
+              ) -> tuple[Pass, dict[int, Beside], dict[int, Exception]]:
+        """Make the motion, or its first steps, with the tightest tolerance that it allows; return who was refused."""
+        while True:
+            last = len(self.tolerances) == 1
+            motion = Pass(self.model, self.spec, self.whole, self.tolerances[0], None if last else self.rejected)
+            numbers, refused = self._numbers(todo)
+            try:
+                if not numbers or motion.make(list(numbers.values()), steps):
+                    return motion, numbers, refused
+            except UnsuitedError as found:
+                return motion, numbers, refused | dict.fromkeys(numbers, found)
+            except ComputationError as found:
+                reason = UnsuitedError(f"its steps cannot be made once more: {found.failure.reason}")
+                if last:
+                    return motion, numbers, refused | dict.fromkeys(numbers, reason)
+            del self.tolerances[0]
+
+    def _shares(self, todo: Sequence[tuple[Varied, float]]) -> list[float]:
+        """Return how far differences of lower order are off over the first steps."""
+        motion, numbers, refused = self._made(todo, FIRST_STEPS)
+        shares = [0.0] * len(todo)
+        for k, rough in zip(numbers, motion.rough.tolist(), strict=False):
+            shares[k] = 0.0 if k in refused else rough
+        return shares
+
+    def _once(self, todo: Sequence[tuple[Varied, float]]) -> list[float]:
+        """Find derivatives; return how far differences of lower order are from them."""
+        motion, numbers, refused = self._made(todo, None)
+        shares = [0.0] * len(todo)
+        for k, why in refused.items():
+            self.found.setdefault(todo[k][0], why)
+        self.rows = motion.rows or self.rows
+        weights = motion.stepper.p.weights
+        for column, (k, number) in enumerate(numbers.items()):
+            if k in refused:
+                continue
+            both = np.array(motion.changes)[..., 2 * column:2 * column + 2]
+            value, gap = both[..., 0], np.abs(both[..., 0] - both[..., 1])
+            shares[k] = unlike(weights, both[:, 0])
+            error = gap * min(shares[k], 1.0) + motion.off[column] * np.abs(value)
+            best = self.found.get(number.at)
+            if not isinstance(best, Quotient) or error.max(initial=0.0) < best.error.max(initial=0.0):
+                self.found[number.at] = Quotient(value.ravel(), error.ravel(), number.h)
+                self.runs |= {id(run.model): run for run in number.__dict__.get("runs", ())}
+        return shares
+
+    def states(self, model: Model, change: Array) -> list[State]:
+        """Return the states of a model beside the first one, where everything has changed by so much."""
+        if id(model) not in self.runs:
+            self.runs[id(model)] = Run(model, self.spec)
+        run = self.runs[id(model)]
+        n = len(run.stepper.p.coordinate)
+        out = []
+        for row, (z, v, a) in zip(self.rows, change.reshape(-1, 3, n), strict=True):
+            moved = replace(row, z=row.z + z, v=row.v + v, a=row.a + a, full=())
+            out.append(run.state(moved))
+        return out

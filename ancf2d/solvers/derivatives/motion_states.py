@@ -1,0 +1,319 @@
+"""A motion made once more, with the changes of its states beside it: the derivative of the steps as they were made.
+
+The equations R_i = 0 of the stages of each step are differentiated as those of equilibria are (``statics``):
+dR/dp by differences of models beside the number at the same stages, K, C and M by the tangents. A step's matrix is
+factored once for all numbers. What goes from step to step is the change of the state: memory does not grow with the
+steps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import polynomial
+
+from ...case import Dynamic
+from ...elements.shape import Array
+from ...kernels import along
+from ...kernels.advance import CHECK, EVENT, INSIDE
+from ...kernels.lowlevel.records import Record
+from ...kernels.motion import REJECTED
+from ...model.model import Model
+from ..motion.breaks import pass_break
+from ..motion.dynamic import Run
+from ..motion.stepping import Stepper
+from ..state import Row
+from .differences import UnsuitedError
+from .linear_steps import Change, Entries, Equations, Stages, method_of
+from .varied_motions import Beside, carried, joined, rests
+
+# numbers that the stages of a window of steps are kept in, at most
+WINDOW = 1 << 21
+# of the scene: how far tangents are tried along a change
+TRIED = 5e-6
+# corrections of a change, relative to the largest, that are none; and most of them
+CLOSE, CORRECTIONS = 1e-9, 12
+# the same, beyond which they do not come to an end
+LOOSE = 1e-6
+# what the changes of all numbers together may leave out, and the golden section, of which they have unlike shares
+ENOUGH, GOLDEN = 5e-9, 0.6180339887498949
+
+
+@dataclass
+class Step:
+    """A step that was made: time, length and stages, what laws remembered before, and states stored within."""
+
+    t: float
+    h: float
+    stages: Stages
+    turns: Array
+    feet: Array
+    rows: list[Row]
+
+
+@dataclass
+class Course:
+    """Changes along some steps: of stages (m, n, k), of where steps begin and the last ends (steps + 1, 4, n, k)."""
+
+    stages: Stages
+    ends: Array
+
+    def at(self, k: int) -> Change:
+        """Return the change of where step k begins, -1 of where the last one ends."""
+        return Change(*self.ends[k])
+
+    def add(self, other: Course, columns: Any) -> None:
+        """Add other changes to some of the columns, once for each of them."""
+        self.ends[..., columns] += other.ends
+        for name in ("z", "v", "a"):
+            getattr(self.stages, name)[:, :, columns] += getattr(other.stages, name)
+
+
+class Pass:
+    """A motion made once more, with the changes of its states beside it. Raises UnsuitedError."""
+
+    def __init__(self, model: Model, spec: Dynamic, whole: bool, tolerance: float,
+                 rejected: int | None) -> None:
+        self.run, self.rejected = Run(model, spec), math.inf if rejected is None else rejected
+        self.stepper, self.whole = self.run.stepper, whole
+        self.stepper.tighten(tolerance)
+        # the same motion once more, for what it does at breaks
+        self.other: Stepper | None = None
+        p, m = self.stepper.p, self.stepper.m
+        assert m is not None
+        self.own, self.method = m.own, method_of(m.own)
+        self.entries = Entries(model, p, self.method.stages)
+        self.mass, self.free = self.entries.read(p.mass), self.entries.free
+        self.damped = bool(p.tau.any()) or len(p.points.mem) > 0
+        self.rows: list[Row] = []
+        self.changes: list[Array] = []
+        # whether tangents are all exact so far
+        self.precise = True
+        # of each number: how far linear equations were off, and differences of lower order over the first steps
+        self.off, self.rough = np.zeros(0), np.zeros(0)
+
+    def make(self, numbers: Sequence[Beside], steps: int | None = None) -> bool:
+        """Make the motion, or so many steps; return whether no more of them were shortened than ``rejected``.
+
+        ``rows`` and ``changes`` (3, n, 2 numbers) are then those of the stored states.
+        """
+        stepper, self.numbers = self.stepper, numbers
+        self.run.begin()
+        self.off = np.zeros(len(numbers))
+        change = self._begin()
+        self._take(stepper.last(), change)
+        size, window = min(self._size(), steps or self._size()), list[Step]()
+        for step in self._steps():
+            if stepper.dt > 0.0 and stepper.s.numbers[REJECTED] > self.rejected:
+                return False
+            if step is not None:
+                window.append(step)
+            if len(window) == size or step is None:
+                change, window = self._through(window, change), []
+                if steps is not None:
+                    return True
+            if step is None:
+                change = self._behind_break(change)
+        change = self._through(window, change)
+        self._take(stepper.last(), change)
+        return stepper.dt == 0.0 or stepper.s.numbers[REJECTED] <= self.rejected
+
+    def _begin(self) -> Change:
+        """Return the change of the start."""
+        if not (self.free.all() and rests(self.run)):
+            return joined([one.begin() for one in self.numbers])
+        none = np.zeros((self.entries.n, 2 * len(self.numbers)))
+        a = self._accelerations()
+        return Change(none, none.copy(), a, a)
+
+    def _accelerations(self) -> Array:
+        """Return how accelerations (n, 2 numbers) change with the numbers where the motion is now and begins anew."""
+        s, p = self.stepper.s, self.stepper.p
+        at = Record(along.Moments(np.array([self.stepper.t]), *(np.array(x)[None] for x in (
+            s.z, s.v, s.a, p.points.mem, p.sliding.memory))))
+        dR = [one.differing.residuals(at, p.programs.window)[:, 0] for one in self.numbers]
+        return np.asarray(-self._by_mass.solve(np.concatenate(dR).T))
+
+    @cached_property
+    def _by_mass(self) -> Any:
+        """The factors of the mass matrix."""
+        from scipy.sparse.linalg import splu
+
+        return splu(self.entries.matrix(self.mass).tocsc())
+
+    def _behind_break(self, change: Change) -> Change:
+        """Return the change behind a break, which the motion passes."""
+        stepper, piece = self.stepper, self.stepper.piece + 1
+        if self.other is None:
+            self.other = Run(self.run.model, self.run.spec).stepper
+        change = carried(self.other, stepper, change, piece, TRIED * stepper.p.extent)
+        if self.free.all() and not len(stepper.p.motion_coord):
+            pass_break(stepper, piece)
+            none, a = np.zeros_like(change.z), self._accelerations()
+            return change.plus(Change(none, none, a, a))
+        change = change.plus(joined([one.pass_break(stepper, piece) for one in self.numbers]))
+        pass_break(stepper, piece)
+        return change
+
+    def _size(self) -> int:
+        """Return how many steps are taken at a time."""
+        n, s, k = self.entries.n, self.method.stages, 2 * len(self.numbers)
+        each = s * n * (10 * k + 10) + s * len(self.mass) * (2 + s) + s * n * (3 * s * self.stepper.p.width + 1)
+        return int(min(max(WINDOW // each, 1), 256))
+
+    def _steps(self) -> Iterator[Step | None]:
+        """Make the motion; yield its steps, and None where it has come to a break."""
+        stepper, rows = self.stepper, list[Row]()
+        while not stepper.done:
+            s, p = stepper.s, stepper.p
+            t, z = stepper.t, s.z.copy()
+            turns, feet = p.points.mem.copy(), p.sliding.memory.copy()
+            why, logged = stepper.advance(rows, 1)
+            if why == EVENT:
+                raise UnsuitedError("events answer the motion")
+            if logged:
+                h = float(stepper.rows.log[0, 2])
+                stages = self.method.taken(self.own.values, z, t, h)
+                yield Step(t, h, stages, turns, feet, [row for row in rows if row.kind != CHECK])
+                rows = []
+            if stepper.breaks(why):
+                yield None
+
+    def _take(self, row: Row, change: Change) -> None:
+        """Keep a stored state and its change."""
+        if not self.whole:
+            self.rows, self.changes = [], []
+        self.rows.append(row)
+        self.changes.append(np.array([change.z, change.v, change.a]))
+
+    # ------------------------------------------------------------------ some steps at a time
+
+    def _through(self, window: Sequence[Step], change: Change) -> Change:
+        """Return the change behind some steps, of which ``change`` is that before them."""
+        if not window:
+            return change
+        n, m = self.entries.n, len(window) * self.method.stages
+        at = self._moments(window)
+        dR = np.zeros((m, n, 2 * len(self.numbers)))
+        for k, one in enumerate(self.numbers):
+            dR[:, :, 2 * k:2 * k + 2] = np.moveaxis(one.differing.residuals(at, self.stepper.p.programs.window), 0, 2)
+        equations = self._equations(window, at)
+        course = Course(*equations.follow(dR, change))
+        self.precise = self.precise and self._exact(equations, at, dR, course)
+        if not self.precise:
+            self._correct(equations, at, dR, course)
+        if not len(self.rough):
+            self.rough = np.array([unlike(self.stepper.p.weights, course.stages.z[:, :, 2 * k:2 * k + 2])
+                                   for k in range(len(self.numbers))])
+        for k, step in enumerate(window if self.whole else ()):
+            for row in step.rows:
+                if row.t < self.run.spec.t_end:
+                    self._take(row, self._within(step, row, course, k))
+        return course.at(-1)
+
+    def _moments(self, window: Sequence[Step]) -> Record:
+        def joined(name: str) -> Array:
+            return np.concatenate([getattr(step.stages, name) for step in window])
+
+        s = self.method.stages
+        turns, feet = (np.repeat(np.array([getattr(step, name) for step in window]), s, axis=0)
+                       for name in ("turns", "feet"))
+        return Record(along.Moments(joined("t"), joined("z"), joined("v"), joined("a"), turns, feet))
+
+    def _equations(self, window: Sequence[Step], at: Record) -> Equations:
+        """Return the equations of some steps, factored."""
+        p, w = self.stepper.p, self.stepper.w
+        A = np.zeros((len(at.t), len(p.mass)))
+        along.tangents(p, w, at, 0.0, A)
+        K = self.entries.read(A)
+        C = np.broadcast_to(p.alpha * self.mass, K.shape)
+        if self.damped:
+            along.tangents(p, w, at, 1.0, A)
+            C = C + self.entries.read(A) - K
+        lengths = np.array([step.h for step in window])
+        try:
+            return Equations(self.entries, self.method, lengths, K, C, self.mass, self.damped or p.alpha != 0.0)
+        except ArithmeticError as found:
+            t = window[found.args[0]].t
+            raise UnsuitedError(f"the equations of the step at t = {t:.6g} are singular") from None
+
+    def _exact(self, equations: Equations, at: Record, dR: Array, course: Course) -> bool:
+        """Whether residuals change by nothing along the changes: along the sum of all, so that one look is enough.
+
+        Each number counts by its size in the sum, times a factor of its own, so that none makes up for another.
+        """
+        weights, stages, own = self.stepper.p.weights[None, :, None], course.stages, slice(None, None, 2)
+        sizes = (weights * np.abs(stages.z[:, :, own])).max(axis=(0, 1), initial=0.0)
+        factors = (0.5 + np.arange(len(sizes)) * GOLDEN % 1.0) / np.where(sizes > 0.0, sizes, 1.0)
+        z, v, a = (np.ascontiguousarray(x[:, :, own] @ factors) for x in (stages.z, stages.v, stages.a))
+        size = float((weights[:, :, 0] * np.abs(z)).max(initial=0.0))
+        if not size > 0.0 or not (sizes > 0.0).all():
+            return False
+        J = np.zeros(z.shape)
+        along.actions(self.stepper.p, self.stepper.w, at, z, v, a, TRIED * self.stepper.p.extent / size, J)
+        defect = (dR[:, :, own] @ factors + J)[:, :, None]
+        more, _ = equations.follow(defect, Change.none(self.entries.n, 1))
+        left = float((weights * np.abs(more.z)).max(initial=0.0)) / size
+        if left <= ENOUGH:
+            self.off = np.maximum(self.off, left)
+        return left <= ENOUGH
+
+    def _correct(self, equations: Equations, at: Record, dR: Array, course: Course) -> None:
+        """Correct changes until the residuals change by nothing along them: tangents are Newton's, not all exact."""
+        weights, stepper = self.stepper.p.weights[None, :], self.stepper
+        some = np.arange(len(self.numbers))
+        before, worst, J = np.ones(len(some)), np.full(len(some), np.inf), np.zeros(dR.shape[:2])
+        last = np.zeros(len(some))
+        for _ in range(CORRECTIONS):
+            defects = np.zeros((*dR.shape[:2], len(some)))
+            sizes = np.zeros(len(some))
+            for k, number in enumerate(some.tolist()):
+                z, v, a = (np.ascontiguousarray(x[:, :, 2 * number]) for x in
+                           (course.stages.z, course.stages.v, course.stages.a))
+                sizes[k] = float((weights * np.abs(z)).max(initial=0.0))
+                step = TRIED * stepper.p.extent / sizes[k] if sizes[k] > 0.0 else self.numbers[number].h
+                along.actions(stepper.p, stepper.w, at, z, v, a, step, J)
+                defects[:, :, k] = dR[:, :, 2 * number] + J
+            more = Course(*equations.follow(defects, Change.none(self.entries.n, len(some))))
+            shares = np.array([float((weights * np.abs(more.stages.z[:, :, k])).max(initial=0.0)) for k in
+                               range(len(some))]) / np.where(sizes > 0.0, sizes, 1.0)
+            for columns in (2 * some, 2 * some + 1):
+                course.add(more, columns)
+            # the first correction is as good as the tangents were
+            left = shares * shares / before[some]
+            before[some], last[some] = shares, left
+            going = (left > CLOSE) & (shares < worst[some])
+            worst[some] = 0.5 * shares
+            some = some[going]
+            if not len(some):
+                break
+        self.off = np.maximum(self.off, last)
+        if (last > LOOSE).any():
+            raise UnsuitedError("the tangents of the steps do not tell how they change")
+
+    def _within(self, step: Step, row: Row, course: Course, k: int) -> Change:
+        """Return the change of a state that is stored within a step."""
+        s = self.method.stages
+        if row.kind != INSIDE:
+            return course.at(k + 1)
+        mine = slice(s * k, s * k + s)
+        start = course.at(k)
+        found = Stages(step.stages.t, course.stages.z[mine], course.stages.v[mine], course.stages.a[mine])
+        dense, x = self.method.dense(start, found, step.h, self.free), (row.t - step.t) / step.h
+        assert self.stepper.m is not None
+        basis = self.stepper.m.record.basis.T
+        f = [polynomial.polyval(x, polynomial.polyder(basis, order)) for order in range(3)]
+        z, v, a = (np.tensordot(one, dense, 1) for one in f)
+        free = self.free[:, None]
+        return Change(start.z + z, free * v / step.h, free * a / step.h**2, start.own)
+
+
+def unlike(weights: Array, both: Array) -> float:
+    """Return how far differences of lower order are off beside the largest change: ``both`` (m, n, 2) of a number."""
+    size, far = (float((weights * np.abs(x)).max(initial=0.0)) for x in (both[..., 0], both[..., 0] - both[..., 1]))
+    return far / size if size > 0.0 else 0.0

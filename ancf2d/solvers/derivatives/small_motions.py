@@ -1,0 +1,393 @@
+"""How small motions change with a number of the case: frequencies, load factors of buckling, and responses.
+
+What is found satisfies A(p) x = f(p) or A(p) x = 0. Differences of models that are built beside the number, applied to
+the same x, give A' x; vectors of the left and factors of A turn these into changes of eigenvalues and of responses.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...case import Eigen, FrequencyResponse, Goal
+from ...elements.shape import Array
+from ...errors import ComputationError
+from ...interactions.forces import LoadSet
+from ...model.model import Model
+from ..small_motions.factors import Factors
+from ..small_motions.frequency_response import refined_response, response_of
+from ..small_motions.inputs import Input, Inputs, Output, outputs
+from ..small_motions.linearised import Base, Linearised, stored
+from ..small_motions.lowest_modes import Pencil
+from ..small_motions.projected import Complex, Quadratic
+from ..state import State
+from ..statics.buckling import STEP as STRETCH
+from ..statics.buckling import response_size, response_state, tangent_rate
+from .differences import Quotient, derivative
+from .statics import POLISH, Equilibrium, OneByOne
+from .varied_motions import Varied
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_array
+
+# of eigenvectors, of each kind
+ITERATIONS = 3
+# eigenvalues this close, relative, are one; and how far from one its matrix is factored
+EQUAL, BESIDE = 1e-6, 1e-7
+# of y^T dT/ds x of equal eigenvalues, between vectors of size 1: below, they have no vectors of their own
+DEFECTIVE = 1e-6
+# half the difference in the load factor that rates are formed with
+SMALL = 1e-4
+# share of the distance of frequencies to which the peak between them is found
+PEAK = 1e-9
+
+
+class _SmallMotions(OneByOne):
+    """Small motions about a state of a model, and how that state changes."""
+
+    def __init__(self, model: Model, state: State, about: str, damped: bool) -> None:
+        self.model, self.state, self.damped = model, state, damped
+        self.loaded = about == "static" or model.case.steady_rotation is not None
+        self.rest = Equilibrium(model, state) if self.loaded else None
+        self.z = state.d[model.numbering.free] if self.rest is None else self.rest.z
+        self.problem = self.problem_at(model, self.z)
+        self.n = len(self.z) if self.rest is not None else 0
+
+    def state_at(self, model: Model, z: Array) -> State:
+        """Return the state of a model that motions at unknowns z (n,) are about."""
+        if self.rest is not None:
+            return self.rest.state_at(model, z)
+        return replace(self.state, d=model.displacements(z, self.state.t), turned=None)
+
+    def problem_at(self, model: Model, z: Array) -> Quadratic:
+        """Return the matrices of a model at unknowns z (n,)."""
+        base = model if self.loaded else replace(model, loads=LoadSet(flows=model.loads.flows))
+        small = Linearised(Base(base, self.state_at(base, z), self.loaded))
+        return Quadratic(small, self.damped, relaxes=self.damped)
+
+    def moved(self, at: Varied, h: float) -> tuple[Callable[[float], Quadratic], Quotient]:
+        """Return the matrices where the number is changed, and the change (n,) of an equilibrium there."""
+        if self.rest is None:
+            return lambda step: self.problem_at(at(step), self.z), Quotient(np.zeros(0), np.zeros(0), h)
+        rest = self.rest.slope(at, h)
+        return lambda step: self.problem_at(at(step), self.z + step * rest.value), rest
+
+    def beside(self, change: Array) -> tuple[Array, Array]:
+        """Return the unknowns (n,) of the state where it has changed by the first of a change, and the rest of that."""
+        return (self.z + change[:self.n] if self.n else self.z), change[self.n:]
+
+
+@dataclass
+class _Cluster:
+    """Equal eigenvalues s [1/s], or one; their entries in the report in order, and right and left vectors (n, m).
+
+    ``G`` (m, m) is y^T dT/ds x.
+    """
+
+    entries: list[int]
+    wanted: list[int]
+    s: complex
+    x: Complex
+    y: Complex
+    G: Complex
+
+
+class Vibration(_SmallMotions):
+    """Eigenvalues of small motions about a state, T(s) x = 0: s' = -y^T T'(s) x / y^T dT/ds x.
+
+    Those of m equal ones are the m eigenvalues of the same with x, y (n, m) (Lancaster, Numerische Mathematik 6, 1964):
+    in order of their size where the number grows, and in reverse where it becomes smaller. ``wanted``: the kinds and
+    numbers of those that are differentiated.
+    """
+
+    def __init__(self, model: Model, state: State, wanted: Sequence[tuple[str, int]]) -> None:
+        spec = model.case.solver
+        assert isinstance(spec, Eigen)
+        super().__init__(model, state, spec.about, spec.damped)
+        entries = state.report["frequencies"]
+        self.clusters: list[_Cluster] = []
+        for k, e in enumerate(entries):
+            mine = next((c for c in self.clusters if k in c.entries), None)
+            if (e["kind"], e["number"]) in wanted:
+                if mine is None:
+                    self.clusters.append(mine := self._cluster(k))
+                mine.wanted.append(mine.entries.index(k))
+
+    def _cluster(self, entry: int) -> _Cluster:
+        entries, p = self.state.report["frequencies"], self.problem
+        s = complex(entries[entry]["growth"], entries[entry]["omega"])
+        values = np.array([complex(e["growth"], e["omega"]) for e in entries])
+        near = np.flatnonzero(np.abs(values - s) <= EQUAL * abs(s)).tolist()
+        if not s.imag:
+            raise ComputationError(f"the frequency omega = {s.imag:.9g} is that of a motion that does not vibrate: it "
+                                   "has no derivative", at={"mode": entry + 1}, advice="a goal that names another mode")
+        if near[-1] == len(entries) - 1 and len(near) > 1:
+            raise ComputationError(f"the frequency omega = {s.imag:.9g} is one of several that are equal, of which "
+                                   "there may be more than the modes of the case", at={"mode": entry + 1},
+                                   advice=f"solver.modes: {len(entries) + 2}")
+        s = complex(values[near].mean())
+        A, near_s, free, n_q = p.matrix(s), p.matrix(s * (1.0 + BESIDE)), self.model.numbering.free, self.model.n_q
+        start = self.state.arrays["modes/shapes"][0][near].astype(complex)
+        if "modes/quarter" in self.state.arrays:
+            start = start + 1j * self.state.arrays["modes/quarter"][0][near]
+        x = np.where(free < n_q, start[:, np.minimum(free, n_q - 1)], 0.0).T
+        x, y = _null(near_s, A, x), _null(near_s.T, A.T, x.conj())
+        slopes = np.array([p.slope(s, one) for one in x.T]).T
+        G = y.T @ slopes
+        sizes = np.linalg.norm(y, axis=0)[:, None] * np.linalg.norm(slopes, axis=0)
+        if len(near) > 1 and np.linalg.svd(G / sizes, compute_uv=False)[-1] < DEFECTIVE:
+            raise ComputationError(f"the frequencies omega = {s.imag:.9g} coalesce: their derivatives are infinite",
+                                   at={"mode": entry + 1})
+        return _Cluster(near, [], s, x, y, G)
+
+    def slope(self, at: Varied, h: float) -> Quotient:
+        """Return dz/dp (n,) of the state, where it is an equilibrium, then ds/dp of the modes (real, imaginary).
+
+        Where equal ones part, that is the mean of both sides, and ``kink`` what each is away from it.
+        """
+        problem, rest = self.moved(at, h)
+
+        def forms(step: float) -> Array:
+            p = problem(step)
+            return np.concatenate([_parts(-(c.y.T @ np.array([p.action(c.s, x) for x in c.x.T]).T).ravel())
+                                   for c in self.clusters])
+        found = derivative(forms, h)
+        out, n = [replace(rest, kink=np.zeros_like(rest.value))], 0
+        for c in self.clusters:
+            m = len(c.entries)
+            F, off = (x[n:n + 2 * m * m].reshape(m, m, 2) @ [1.0, 1j] for x in (found.value, found.error))
+            out.append(_parted(c.G, F, off, c.wanted))
+            n += 2 * m * m
+        return _joined(out, found.h)
+
+    def states(self, model: Model, change: Array) -> list[State]:
+        """Return the state of a model with its frequencies changed."""
+        z, rest = self.beside(change)
+        report = {**self.state.report, "frequencies": [dict(e) for e in self.state.report["frequencies"]]}
+        places = [c.entries[k] for c in self.clusters for k in c.wanted]
+        for place, (real, imaginary) in zip(places, rest.reshape(-1, 2).tolist(), strict=True):
+            entry = report["frequencies"][place]
+            entry["growth"] += real
+            entry["omega"] += imaginary
+            entry["hz"] = entry["omega"] / (2 * math.pi)
+        return [replace(self.state_at(model, z), report=report)]
+
+
+class Excited(_SmallMotions):
+    """Responses to oscillating inputs: Z(s) x = f gives x' = Z^-1 (f' - Z' x) at each frequency.
+
+    ``goals`` are what is read of the responses, of which each names a frequency or wants the peak; without any, all
+    frequencies are differentiated. The peak of a range lies between its frequencies and is found there first.
+    """
+
+    def __init__(self, model: Model, state: State, goals: Sequence[Goal] | None) -> None:
+        spec = model.case.solver
+        assert isinstance(spec, FrequencyResponse)
+        super().__init__(model, state, spec.about, True)
+        self.spec = spec
+        self.inputs, self.outputs = self._read(self.problem)
+        self.hz: list[float] = list(state.report["response"]["hz"])
+        # place in the report, frequency, and the goal that alone is read there
+        self.at: list[tuple[int, float, Goal | None]] = [(k, hz, None) for k, hz in enumerate(self.hz)] \
+            if goals is None else [(*self._place(goal), goal) for goal in goals]
+        self.factors: list[Factors] = []
+        self.x: list[list[Complex]] = []
+        for _, hz, _ in self.at:
+            s = 2j * math.pi * hz
+            self.factors.append(Factors(self.problem.matrix(s)))
+            self.x.append([refined_response(self.problem, self.factors[-1], self.problem.force(one, s), s)
+                           for one in self.inputs])
+
+    def _read(self, problem: Quadratic) -> tuple[list[Input], list[Output]]:
+        return Inputs(problem.small)(self.spec.inputs), outputs(problem.small, self.spec.inputs)
+
+    def _place(self, goal: Goal) -> tuple[int, float]:
+        """Return the place of the frequency that a goal reads, and that frequency: of a peak where it is highest."""
+        if goal.hz is not None:
+            return self.hz.index(goal.hz), goal.hz
+        from scipy.optimize import minimize_scalar
+
+        H = self.state.report["response"][goal.input][goal.probe][goal.quantity]
+        k = int(np.argmax(np.hypot(H["re"], H["im"])))
+        if self.spec.frequencies is not None:
+            return k, self.hz[k]
+        of = [one for one in self.inputs if one.name == goal.input]
+        read = [one for one in self.outputs if (one.probe, one.quantity) == (goal.probe, goal.quantity)]
+
+        def height(hz: float) -> float:
+            s = 2j * math.pi * hz
+            x = Factors(self.problem.matrix(s)).solve(self.problem.force(of[0], s))
+            return -abs(response_of(self.problem, of, read, s, [x])[0, 0])
+        low, high = self.hz[max(k - 1, 0)], self.hz[min(k + 1, len(self.hz) - 1)]
+        peak = minimize_scalar(height, bounds=(low, high), method="bounded", options={"xatol": PEAK * (high - low)})
+        return k, float(peak.x) if peak.fun < height(self.hz[k]) else self.hz[k]
+
+    def slope(self, at: Varied, h: float) -> Quotient:
+        """Return dz/dp (n,) of the state, where it is an equilibrium, then dx/dp (frequencies, inputs, n, 2)."""
+        problem, rest = self.moved(at, h)
+
+        def changes(step: float) -> Array:
+            p, out = problem(step), []
+            inputs, _ = self._read(p)
+            for (_, hz, _), X, factors in zip(self.at, self.x, self.factors, strict=True):
+                s = 2j * math.pi * hz
+                out += [refined_response(self.problem, factors, p.force(one, s) - p.action(s, x), s)
+                        for x, one in zip(X, inputs, strict=True)]
+            return _parts(np.concatenate(out)) if out else np.zeros(0)
+        found = derivative(changes, h, np.tile(np.repeat(self.problem.weights, 2), len(self.at) * len(self.inputs)))
+        return Quotient(np.append(rest.value, found.value), np.append(rest.error, found.error), found.h)
+
+    def states(self, model: Model, change: Array) -> list[State]:
+        """Return the state of a model with its responses changed, at the frequencies that are differentiated."""
+        z, rest = self.beside(change)
+        p = self.problem_at(model, z)
+        inputs, probes = self._read(p)
+        X = rest.reshape(len(self.at), len(self.inputs), -1, 2) @ [1.0, 1j]
+        old = self.state.report["response"]
+        response: dict[str, Any] = {"hz": list(self.hz), **{
+            one.name: {probe: {q: {part: list(H[part]) for part in H} for q, H in row.items()}
+                       for probe, row in old[one.name].items()} for one in inputs}}
+        for (k, hz, goal), known, moved in zip(self.at, self.x, X, strict=True):
+            x = [one + dx for one, dx in zip(known, moved, strict=True)]
+            found = response_of(p, inputs, probes, 2j * math.pi * hz, x)
+            for i, j in np.ndindex(found.shape):
+                names = inputs[i].name, probes[j].probe, probes[j].quantity
+                if goal is None or names == (goal.input, goal.probe, goal.quantity):
+                    H = response[names[0]][names[1]][names[2]]
+                    H["re"][k], H["im"][k] = float(found[i, j].real), float(found[i, j].imag)
+        return [replace(p.small.base.state, report={**self.state.report, "response": response})]
+
+
+def _parted(G: NDArray[Any], F: NDArray[Any], off: NDArray[Any], wanted: Sequence[int]) -> Quotient:
+    """Return the derivatives of equal eigenvalues, those of G^-1 F: the mean of both sides, and how far each is away.
+
+    ``wanted`` are their places in order; ``off`` (m, m) is the error of F. Complex ones become two numbers each.
+    """
+    vibrate, slopes = np.iscomplexobj(off), np.linalg.eigvals(np.linalg.solve(G, F))
+    slopes = slopes[np.argsort(slopes.imag if vibrate else slopes.real)]
+    mean, kink = (0.5 * (slopes + sign * slopes[::-1])[list(wanted)] for sign in (1.0, -1.0))
+    error = np.abs(np.linalg.solve(G, off)).max()
+    value, away = (_parts(x) if vibrate else x.real for x in (mean, kink))
+    return Quotient(value, np.full(len(value), error), 0.0, away)
+
+
+def _joined(parts: Sequence[Quotient], h: float) -> Quotient:
+    value, error = (np.concatenate([getattr(one, name) for one in parts]) for name in ("value", "error"))
+    return Quotient(value, error, h, np.concatenate([np.atleast_1d(one.kink) for one in parts]))
+
+
+def _parts(z: NDArray[Any]) -> Array:
+    """Return real and imaginary parts (2 m,) side by side."""
+    return np.array([z.real, z.imag]).T.ravel()
+
+
+def _null(near: csc_array, A: csc_array, x: Complex) -> Complex:
+    """Return the vectors (n,) or (n, m) that A makes 0, from others, with the factors of a matrix ``near`` A.
+
+    Inverse iteration finds those of the other matrix, residual inverse iteration (Neumaier, SIAM Journal on Numerical
+    Analysis 22, 1985) corrects them.
+    """
+    factors = Factors(near.tocsc())
+    for k in range(2 * ITERATIONS):
+        x = factors.solve(x) if k < ITERATIONS else x - factors.solve(A @ x)
+        x = np.linalg.qr(x)[0] if x.ndim > 1 else x / np.linalg.norm(x)
+    return x
+
+
+class Instability(OneByOne):
+    """Linear buckling (K + mu dK/dt) phi = 0: mu' = -phi^T (K' + mu (dK/dt)') phi / phi^T dK/dt phi.
+
+    The linear response u and its rate of the tangent are those of ``statics.buckling``. ``wanted``: the numbers of the
+    load factors that are differentiated, from 1 on.
+    """
+
+    def __init__(self, model: Model, state: State, wanted: Sequence[int]) -> None:
+        self.model, self.state, self.wanted = model, state, list(wanted)
+        self.pencil = self._pencil(model)
+        self.pencil.system.factor({"solver": "buckling"})
+        self.u = (state.d - self.pencil.d)[model.numbering.free]
+        for _ in range(POLISH):
+            self.u = self.u - self.pencil.solve(self._unbalanced(self.pencil, self.u))
+        self.h = STRETCH / response_size(self.pencil, self._full(model, self.u))
+        self.shapes = [self._shapes(k - 1) for k in wanted]
+
+    def _pencil(self, model: Model) -> Pencil:
+        return Pencil(model, model.displacements(np.zeros(model.numbering.n_unknowns), 0.0), 0.0, True)
+
+    def _shapes(self, number: int) -> tuple[float, Array, int]:
+        """Return a load factor, the shapes (n, m) of all that are equal to it, and its place among them."""
+        from scipy.sparse import diags_array
+
+        factors = self.state.report["load_factors"]
+        near = [k for k, f in enumerate(factors) if abs(f - factors[number]) <= EQUAL * abs(factors[number])]
+        if len(near) > 1 and near[-1] == len(factors) - 1:
+            raise ComputationError(f"the load factor {factors[number]:.9g} is one of several that are equal, of which "
+                                   "there may be more than the modes of the case",
+                                   advice=f"solver.modes: {len(factors) + 2}")
+        factor = float(np.mean([factors[k] for k in near]))
+        pencil, n_q, free = self.pencil, self.model.n_q, self.model.numbering.free
+        shapes = self.state.arrays["modes/shapes"][0][near]
+        rate = stored(self.model, pencil.matrix, tangent_rate(pencil, self._full(self.model, self.u), self.h))
+        moved = diags_array((free < n_q).astype(float))
+        K, rate = stored(self.model, pencil.matrix, pencil.K), factor * (moved @ rate @ moved)
+        start = np.where(free < n_q, shapes[:, np.minimum(free, n_q - 1)], 0.0).T
+        return factor, _null(K + (1.0 + BESIDE) * rate, K + rate, start).real, near.index(number)
+
+    @staticmethod
+    def _full(model: Model, u: Array) -> Array:
+        """Return dd/dt (n_full,) of its unknowns u (n,)."""
+        out = np.zeros(len(model.numbering.place))
+        model.numbering.expand(u, out)
+        if model.moves:
+            zero = np.zeros(len(u))
+            out += (model.displacements(zero, SMALL) - model.displacements(zero, -SMALL)) / (2 * SMALL)
+        return out
+
+    def _unbalanced(self, pencil: Pencil, u: Array) -> Array:
+        """Return dR/dt + K u (n,) at the reference."""
+        high, low = (pencil.system.forces(pencil.d, t) for t in (SMALL, -SMALL))
+        return np.asarray((high.R - low.R) / (2 * SMALL)
+                          + pencil.model.numbering.reduce(pencil.full_stiffness(self._full(pencil.model, u))))
+
+    def _rate(self, pencil: Pencil, u: Array, X: Array) -> Array:
+        """Return X^T dK/dt X (m, m) along the response u, by way of the strains, without the rows of constraints."""
+        num, way = pencil.model.numbering, self._full(pencil.model, u)
+        full, out = np.zeros((X.shape[1], len(num.place))), np.zeros((X.shape[1], X.shape[1]))
+        for x, one in zip(X.T, full, strict=True):
+            num.expand(np.where(num.free < num.n_q, x, 0.0), one)
+        for k, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
+            moved = [pencil.system.action(pencil.d + k * self.h * way, one, k * self.h, loads=True) for one in full]
+            out += weight / (12 * self.h) * (full @ np.array(moved).T)
+        return out
+
+    def slope(self, at: Varied, h: float) -> Quotient:
+        """Return du/dp (n,) of the response, then dmu/dp of the factors; ``kink`` is that of equal ones that part."""
+        first = derivative(lambda s: self._unbalanced(self._pencil(at(s)), self.u), h)
+        change = -self.pencil.solve(first.value)
+
+        def forms(step: float) -> Array:
+            pencil, u = self._pencil(at(step)), self.u + step * change
+            return np.concatenate([
+                (X.T @ np.array([pencil.stiffness(x) for x in X.T]).T + mu * self._rate(pencil, u, X)).ravel()
+                for mu, X, _ in self.shapes])
+        found = derivative(forms, h)
+        out, n = [Quotient(change, np.zeros_like(change), found.h, np.zeros_like(change))], 0
+        for _, X, place in self.shapes:
+            m = X.shape[1]
+            F, off = (-one[n:n + m * m].reshape(m, m) for one in (found.value, found.error))
+            out.append(_parted(self._rate(self.pencil, self.u, X), F, off, [place]))
+            n += m * m
+        return _joined(out, found.h)
+
+    def states(self, model: Model, change: Array) -> list[State]:
+        """Return the linear response of a model with its load factors changed."""
+        n, pencil = len(self.u), self._pencil(model)
+        factors = np.array(self.state.report["load_factors"])
+        factors[np.array(self.wanted, dtype=int) - 1] += change[n:]
+        return [response_state(pencil, pencil.d, self._full(model, self.u + change[:n]), factors,
+                               np.zeros((len(factors), n)), [], 0)]

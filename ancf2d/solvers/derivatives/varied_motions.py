@@ -1,0 +1,159 @@
+"""Motions beside one: those of models with a number of the case changed, which begin and restart as that one does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ...case import Dynamic, Initial
+from ...elements.shape import Array
+from ...errors import CaseError
+from ...model.model import Model
+from ..motion.breaks import pass_break
+from ..motion.dynamic import Run
+from ..motion.methods import MAKERS
+from ..motion.schemes import INTEGRATORS, default_method
+from ..motion.stepping import Stepper
+from .differences import FORWARD, LOWER, UnsuitedError
+from .differing import Differing
+from .linear_steps import Change
+
+CENTRAL, NEAR = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0, np.array([0.0, -0.5, 0.0, 0.5, 0.0])
+# a number's models: those of differences about it, or to one side of it
+SIDES = {0: (-2, -1, 0, 1, 2), 1: (0, 1, 2, 3, 4), -1: (0, -1, -2, -3, -4)}
+
+# the model where the number is changed by h
+Varied = Callable[[float], Model]
+
+
+def unsuited(model: Model) -> str:
+    """Return why the steps of a motion have no derivative, empty where they have one."""
+    spec = model.case.solver
+    if not isinstance(spec, Dynamic):
+        return "the solver has no time steps"
+    scheme = INTEGRATORS[spec.method or default_method(model)]
+    if scheme.name not in MAKERS or scheme.conserves:
+        return f"the steps of {scheme.name} are not differentiated"
+    if model.remembers:
+        return "materials remember the way to a state"
+    if model.contacts:
+        return "contact begins and ends at times that depend on the case"
+    if model.feedback.rank or model.feedback.conditions:
+        return "signals or events answer the motion"
+    if model.case.initial is not None and model.case.initial.from_ not in ("rest", "static"):
+        return "the motion goes on from a file"
+    return ""
+
+
+class Beside:
+    """A number of the case: models beside it, h apart, and motions of these that start as the first one does.
+
+    ``weights`` (2, sides) give differences of fourth and of lower order of what the sides have.
+    """
+
+    def __init__(self, at: Varied, h: float, run: Run) -> None:
+        self.at, self.h, self.spec, self.pieces = at, h, run.spec, run.stepper.pieces
+        side = self._side(at, h)
+        table = np.array([CENTRAL, NEAR]) / h if side == 0 else np.array([FORWARD, LOWER]) / (h * side)
+        used = np.flatnonzero(table.any(axis=0))
+        self.weights, self.steps = table[:, used], [SIDES[side][k] * h for k in used.tolist()]
+        self.differing = Differing(run, [at(step) for step in self.steps], self.weights)
+        self._start: Change | None = None
+
+    @cached_property
+    def runs(self) -> list[Run]:
+        """Motions of the models."""
+        runs = [Run(model, self.spec) for model in self.differing.models]
+        if any(list(run.stepper.pieces) != list(self.pieces) for run in runs):
+            raise UnsuitedError("the times at which signals have corners change with the number")
+        return runs
+
+    @staticmethod
+    def _side(at: Varied, h: float) -> int:
+        """Return to which side models can be had: 0 of both, else the sign."""
+        for side in (0, 1):
+            try:
+                for k in SIDES[side]:
+                    # differences about the number do not need its own model
+                    if k or side:
+                        at(k * h)
+                return side
+            except CaseError:
+                continue
+        for k in SIDES[-1]:
+            at(k * h)
+        return -1
+
+    def begin(self) -> Change:
+        """Return the change of the start of the motion (n, 2); motions are taken back to it."""
+        for run in self.runs:
+            run.stepper.enter(0)
+        if self._start is None:
+            self._start = self._differences([_begun(run) for run in self.runs])
+        return self._start
+
+    def pass_break(self, base: Stepper, piece: int) -> Change:
+        """Return the change (n, 2) that the number makes behind a break of a motion that is the same before it."""
+        return self._differences([_behind_break(run.stepper, base, piece, None, 0.0) for run in self.runs])
+
+    def _differences(self, found: Sequence[tuple[Array, Array, Array]]) -> Change:
+        """Return the derivatives of z, v and a (n, 2) from what the sides have."""
+        z, v, a = (np.tensordot(self.weights, np.array(one), 1).T for one in zip(*found, strict=True))
+        return Change(z, v, a, a)
+
+
+def _begun(run: Run) -> tuple[Array, Array, Array]:
+    run.begin()
+    return _state(run.stepper.s)
+
+
+def _state(s: Any) -> tuple[Array, Array, Array]:
+    return s.z.copy(), s.v.copy(), s.a.copy()
+
+
+def _behind_break(stepper: Stepper, base: Stepper, piece: int, change: Change | None, step: float
+                  ) -> tuple[Array, Array, Array]:
+    """Return z, v and a behind a break of ``base``, of a motion that is there before it, or ``change`` away."""
+    s = stepper.s
+    for name in ("z", "v", "a"):
+        own, of = getattr(s, name), getattr(base.s, name)
+        own[:] = of if change is None else of + step * getattr(change, name)[:, 0]
+    s.numbers[:], s.turned[:] = base.s.numbers, base.s.turned
+    stepper.p.points.mem[:], stepper.p.sliding.memory[:] = base.p.points.mem, base.p.sliding.memory
+    pass_break(stepper, piece)
+    return _state(s)
+
+
+def carried(stepper: Stepper, base: Stepper, change: Change, piece: int, step: float) -> Change:
+    """Return what a change (n, k) of a motion before a break is behind it; ``stepper`` is of the same model.
+
+    By differences over ``step`` [m] of the largest displacement that changes.
+    """
+    columns = []
+    for k in range(change.z.shape[1]):
+        one = change.only(slice(k, k + 1))
+        size = max(float(np.max(base.p.weights * np.abs(one.z[:, 0]), initial=0.0)),
+                   float(np.max(base.p.weights * np.abs(one.v[:, 0]), initial=0.0)) * base.spec.t_end)
+        h = step / size if size > 0.0 else 1.0
+        found = [_behind_break(stepper, base, piece, one, q * h) for q in SIDES[0] if q]
+        weights = CENTRAL[[0, 1, 3, 4]] / h
+        z, v, a = (np.tensordot(weights, np.array(x), 1)[:, None] for x in zip(*found, strict=True))
+        columns.append(Change(z, v, a, a))
+    return joined(columns)
+
+
+def joined(parts: Sequence[Change]) -> Change:
+    """Return the changes of several numbers side by side."""
+    return Change(*(np.concatenate([getattr(part, name) for part in parts], axis=1)
+                    for name in ("z", "v", "a", "own")))
+
+
+def rests(run: Run) -> bool:
+    """Whether a motion begins at rest in the reference, as all models beside it do, and no motion is prescribed."""
+    initial = run.model.case.initial or Initial()
+    said: list[Any] = [initial, *initial.bodies.values()]
+    moved = any(one.velocity is not None or one.rotation_rate is not None for one in said)
+    return initial.from_ == "rest" and not moved and not len(run.problem.motion_coord)

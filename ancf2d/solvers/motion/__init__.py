@@ -1,0 +1,1 @@
+"""Motion over time: integrators, events, and the error of time steps."""

@@ -1,0 +1,128 @@
+"""Breaks of a motion, where it starts anew: of signals, and of points that move along bodies to other elements."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ...elements.shape import Array
+from ...elements.sliding import OFF
+from ...interactions.moving import MovingPatch
+from ...kernels.advance import NEAR
+from ...kernels.consistent import kinetic, onto_constraints
+from ...kernels.dynamics import place_at
+from ...kernels.lowlevel.records import Record
+from ...kernels.motion import GRID, LOST, STEP_SIZE, WORK, evaluate
+from ...model.breakpoints import Break, Piece, breakpoints
+from ...model.model import Model
+from ...model.timing import Signal
+
+# whether a point acts, and its rate while the body rests
+Rates = list[tuple[bool, Array]]
+
+
+class MovingPoints:
+    """The points of a model that move along bodies, in the order of their table.
+
+    ``crossings`` are the times at which one comes from an element to another, or onto a body.
+    """
+
+    def __init__(self, model: Model, t_end: float) -> None:
+        self.model = model
+        self.patches = [p for p in model.interactions.points if isinstance(p, MovingPatch)]
+        self.crossings = self._crossings(t_end)
+        self.times = {b.t for b in self.crossings}
+
+    def __bool__(self) -> bool:
+        """Whether there are any."""
+        return bool(self.patches)
+
+    def _crossings(self, t_end: float) -> list[Break]:
+        found: dict[Any, list[float]] = {}
+        for patch in self.patches:
+            course = patch.course
+            if isinstance(course, Signal) and (patch.mesh.plan.name, course) not in found:
+                ends = [0.0, *(b.t for b in breakpoints(course, 0.0, t_end)), t_end]
+                found[patch.mesh.plan.name, course] = patch.crossings(ends)
+        return [Break(t, 2, float(np.nextafter(t, -np.inf))) for times in found.values() for t in times]
+
+    def enter(self, p: Record, piece: Piece, acts: Callable[[Any, float], bool]) -> None:
+        """Let the points be in the elements that have them in a piece of the motion; ``acts`` tells whether they act.
+
+        It takes what tells when, and a time.
+        """
+        t = 0.5 * (piece.first + piece.stop)
+        for j, patch in enumerate(self.patches):
+            p.moving.element[j] = m = patch.under(t) if acts(patch.active, t) else OFF
+            p.points.on[p.moving.item[j]] = m != OFF
+
+    def rates(self, p: Record, w: Record, s: Record, t: float) -> Rates:
+        """Return of each point whether it acts in the motion s at t, and its rate while the body rests."""
+        if not self.patches:
+            return []
+        place_at(p, w, s.z, s.v, t)
+        points = p.points
+        return [(bool(points.on[i]), points.drift[points.field[i]:points.field[i] + 2].copy())
+                for i in p.moving.item.tolist()]
+
+    def kinks(self, p: Record, w: Record, s: Record, t: float, before: Rates) -> Array:
+        """Return the impulse (n,) of masses whose rates along a body are other than ``before``.
+
+        So they are where the axis has a kink. What comes onto a body moves with it.
+        """
+        full, points = np.zeros(len(p.place)), p.points
+        now = self.rates(p, w, s, t)
+        for (acted, old), (acts, new), i, patch in zip(before, now, p.moving.item.tolist(), self.patches, strict=True):
+            if acted and acts and patch.mass:
+                first, last = points.dof[i], points.dof[i + 1]
+                G = points.G[points.entry[i]:points.entry[i + 1]].reshape(last - first, -1)
+                np.add.at(full, points.dofs[first:last], patch.mass * (G[:, :2] @ (old - new)))
+        out = np.zeros(len(s.z))
+        out[:p.inner] = self.model.numbering.reduce(full[:len(self.model.numbering.place)])
+        return out
+
+
+def pass_break(motion: Any, piece: int) -> None:
+    """Let a motion (``stepping.Stepper``) start anew behind a break, in the piece that follows.
+
+    Prescribed rates may jump, by an impulse that acts on all that is free. Its work is what the kinetic energy
+    gains: the impulse times the mean of the rates before and after.
+    """
+    p, w, s = motion.p, motion.w, motion.s
+    t, given = motion.t, s.v.copy()
+    before, after = np.zeros((len(motion.signals), 3)), np.zeros((len(motion.signals), 3))
+    evaluate(p.programs, t, before)
+    if p.patched:
+        onto_constraints(p, w, s.z, s.v, t)
+    carried = motion.moving.rates(p, w, s, t)
+    # as where a motion goes on: what rates are off the constraints stays
+    off = given - s.v if motion.method.conserves else np.zeros_like(given)
+    s.v[:] += off
+    energy = kinetic(p, w, s, t)
+    s.v[:] -= off
+    acted, before_impact = motion.events.acting(), s.v.copy()
+    motion.enter(piece)
+    begun = motion.events.catch(acted)
+    evaluate(p.programs, t, after)
+    jump = after[:, 1] - before[:, 1]
+    impulse = -jump[p.motion_mass_signal] @ p.motion_mass
+    kinks = motion.moving.kinks(p, w, s, t, carried)
+    sampled = motion.answers.sample(t)
+    motion.consistent(t, impulse + kinks)
+    lost = motion.events.count(begun, before_impact) if begun else 0.0
+    s.v[:] += off
+    if begun and not len(motion.driving):
+        # what begins to hold something that moves is a plastic impact
+        s.numbers[LOST] += energy - kinetic(p, w, s, t)
+    elif begun:
+        # what is moved gives some
+        s.numbers[LOST] += lost
+        s.numbers[WORK] += kinetic(p, w, s, t) - energy + lost
+    elif jump[motion.driving].any() or kinks.any():
+        s.numbers[WORK] += kinetic(p, w, s, t) - energy
+    if motion.dt > 0.0:
+        s.numbers[GRID] = np.floor(t / motion.dt + NEAR)
+    elif kinks.any() or not (sampled or t in motion.moving.times):
+        s.numbers[STEP_SIZE] = min(s.numbers[STEP_SIZE], (1.0 if begun else 10.0) * motion.first_step())

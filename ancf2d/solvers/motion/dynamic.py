@@ -1,0 +1,364 @@
+"""Motion over time: states as they are asked for, energies, momentum, and an error estimate for fixed steps."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from ...case import Dynamic
+from ...elements.shape import Array
+from ...errors import ComputationError
+from ...kernels.advance import CHECK, INSIDE
+from ...kernels.motion import COUNT, REJECTED
+from ...model.element_limits import any_inverted, inverted
+from ...model.model import Model
+from ...pace import Pace
+from ..contact import check_pressed, recall_rows
+from ..energy import Energies, constant_loads, is_constant
+from ..kept import kept_energy
+from ..state import State
+from ..system import least_motion
+from ..threads import largest_share
+from .estimate import Estimate, step_ends
+from .initial import initial_motion
+from .ode import OdeStepper
+from .problem import make_problem
+from .schemes import SCHEMES
+from .stepping import LOG, Row, Stepper
+
+# states that are stored where nothing is said
+STATES = 200
+# local errors are relative to the largest displacement so far: of the scene's size to begin with, unless a look ahead
+# over a share of the motion finds less
+BEGIN, AHEAD = 1e-3, 0.02
+# share of the energy that may be lost without a word
+LOST = 0.01
+# the time left is found anew after so long [s]
+OFTEN = 0.05
+# the same of a motion of fibres that yield, whatever is estimated
+FIBRES = 0.1
+# share of the energy that contact may add without a word
+GAINED = 0.02
+# share of the kinetic energy of initial velocities that supports and joints may change without a word
+TAKEN = 1e-6
+# times what anything has moved, that turning, by half of a section's height, may count as without a word
+WOUND = 10.0
+
+
+def stored_times(model: Model, spec: Dynamic) -> Array:
+    """Return the times of the states to be stored between the start and the end.
+
+    Every ``interval``, or every so many fixed steps; else about 200 states, of fixed steps where some end.
+    """
+    output = model.case.output
+    if output.interval is not None:
+        interval, each = output.interval, 1
+    elif spec.dt is not None:
+        interval, each = spec.dt, output.every or max(1, round(spec.t_end / spec.dt / STATES))
+    else:
+        interval, each = spec.t_end / STATES, 1
+    count = int(np.floor(spec.t_end / (each * interval) * (1.0 + 1e-12)))
+    times = interval * np.arange(each, each * count + 1, each, dtype=float)
+    return times[times < spec.t_end * (1.0 - 1e-12)]
+
+
+class Balance:
+    """Energies of a motion and what they should be: the balance of work, stored and lost energy."""
+
+    def __init__(self, model: Model, stepper: Stepper) -> None:
+        self.model, self.stepper, self.energies = model, stepper, Energies(model)
+        steady = [load for load in model.loads.dead if is_constant(load.amplitude)]
+        self.dead, self.varies = constant_loads(model, steady), len(steady) < len(model.loads.dead)
+        # whether laws keep energy of which their stress does not tell
+        self.keeps = any(pool.plan.formulation.law.stored is not None for pool in model.pools)
+        # total at the start, largest change, size; what springs store and masses that move have at the start; largest
+        # gain; what materials keep at the start, and what was told too much of what they took before
+        self.numbers = np.array([np.nan, 0.0, 0.0, np.nan, 0.0, 0.0, np.nan])
+
+    def external(self, t: float) -> Array:
+        """Return the dead loads (n_full,) at t."""
+        return self.model.external(t) if self.varies else self.dead
+
+    def take(self, row: Row) -> dict[str, float]:
+        """Return the energies of a state, and note how far the balance is off where a step ends."""
+        model, (strain, kinetic), springs = self.model, self.stepper.known(row).energy, 0.0
+        d, v, *_ = row.full
+        model.states[:] = row.states
+        model.set_natural(row.side)
+        if model.springs:
+            d_q = d[:model.n_q]
+            model.turns.recall(model.springs, model.e0 + d_q, d_q, model.turns.at(d, row.turned))
+            strain += model.interactions.energy(d, row.side)
+            springs = model.interactions.energy(d, row.side, worked=not self.stepper.method.conserves)
+        # what materials keep that remember, which counts as lost on the way, and what others do
+        kept, more, over = kept_energy(model, d, row.side) if self.keeps else (0.0, 0.0, 0.0)
+        strain += more
+        dead, potential = float(self.dead @ d), self.energies.potential(d)
+        own = strain - springs if self.stepper.tracks else strain
+        if np.isnan(self.numbers[6]):
+            self.numbers[6] = over
+        lost = row.lost - (over - float(self.numbers[6]))
+        total = kinetic + own - dead - row.work + lost
+        # what drives a mass along a body does work on it, too: what the mass gains
+        carried, lifted = self.energies.carried(d, v, row.side)[0], self.energies.lifted(d, row.side)
+        given = (springs if self.stepper.tracks else 0.0) + carried + lifted
+        if np.isnan(self.numbers[0]):
+            self.numbers[0], self.numbers[3], self.numbers[5] = total, given, kept
+        if row.kind != INSIDE:
+            # forces do some work on round-off of positions: energies below that are none
+            felt = largest_share(self.external(row.side)[:self.model.n_q], self.model.weights)
+            self.numbers[2] = max(self.numbers[2], least_motion(self.model) * felt)
+            self.numbers[1] = max(self.numbers[1], abs(total - self.numbers[0]))
+            self.numbers[4] = max(self.numbers[4], total - self.numbers[0])
+            self.numbers[2] = max(self.numbers[2], kinetic + strain)
+        work = row.work + given - float(self.numbers[3]) + dead + potential
+        return {"kinetic": kinetic + carried, "strain": strain + kept, "potential": potential + lifted,
+                "dissipated": lost - (kept - float(self.numbers[5])), "work": work}
+
+    @property
+    def drift(self) -> float:
+        """The largest change of total energy less work, over the largest kinetic plus strain energy."""
+        return float(self.numbers[1] / self.numbers[2]) if self.numbers[2] > 0.0 else 0.0
+
+    @property
+    def gain(self) -> float:
+        """The largest growth of total energy less work, over the largest kinetic plus strain energy."""
+        return float(self.numbers[4] / self.numbers[2]) if self.numbers[2] > 0.0 else 0.0
+
+
+class Run:
+    """A dynamic solve: the motion itself and, with fixed steps, coarser ones beside it for the error estimate."""
+
+    def __init__(self, model: Model, spec: Dynamic) -> None:
+        if spec.dt is None and spec.tolerance is None:
+            spec = replace(spec, tolerance=spec.local_error)
+        self.model, self.spec = model, spec
+        self.problem, self.signals = make_problem(model)
+        kind = OdeStepper if spec.method in SCHEMES else Stepper
+        fixed = spec.dt is not None and kind is Stepper
+        every = 0 if fixed else model.case.output.every or 0
+        self.times = np.zeros(0) if every else stored_times(model, spec)
+        self.stepper = kind(model, self.problem, self.signals, spec, spec.dt or 0.0, self.times, every)
+        self.inverted: str | None = None
+        self.intact = False
+        self.balance = Balance(model, self.stepper)
+        # SciPy's methods have no coarser motions beside; states at every so many adaptive steps have no common times
+        beside = kind is Stepper and not every
+        self.estimate = Estimate(self.stepper) if beside and spec.estimate else None
+        self.stepping = Pace()
+        self.taking: Pace | None = None
+        # the time left, and when it was found
+        self.left: tuple[float | None, float] = None, -np.inf
+
+    def states(self, kept: dict[str, Array] | None = None) -> Iterator[State]:
+        """Yield the states, from the start or from a checkpoint."""
+        if kept is None:
+            d, v, turned = self.begin()
+            if self.estimate is not None:
+                self.estimate.start(d, v, turned)
+            first = self.state(self.stepper.last())
+            self._tell_lost(v, first)
+            yield first
+        else:
+            self._resume(kept)
+        self._set_off()
+        while not self.stepper.done:
+            since = self.stepper.t
+            with self.stepping.running():
+                found = self.stepper.run()
+            self.stepping.mark(self.stepper.t, within=step_ends(self.stepper, since, found))
+            for row in found:
+                if row.kind == CHECK:
+                    self.stepper.answers.look(row)
+                    self.balance.take(row)
+            rows, ends = [row for row in found if row.kind != CHECK], self.stepper.done
+            if self.inverted is None and rows:
+                # looked for one by one, where there is one
+                self.intact = not any_inverted(self.model, np.array([self.stepper.full(row, 1)[0] for row in rows]))
+            for k, row in enumerate(rows):
+                began, beside = time.monotonic(), self._beside()
+                last = k == len(rows) - 1 and not ends
+                if not ends or row.t < self.stepper.t:
+                    yield self.state(row, keep=last)
+                self._took(row.t, time.monotonic() - began - self._beside() + beside)
+        yield self._end()
+
+    def begin(self) -> tuple[Array, Array, Array]:
+        """Begin the motion; return displacements, rates and turns as ``initial_motion`` does."""
+        d, v, turned = initial_motion(self.model)
+        self.stepper.start(d, v, turned)
+        if self.spec.tolerance is not None and self.stepper.looks_ahead:
+            self.stepper.expect(self._look_ahead(d, v, turned))
+        return d, v, turned
+
+    def _set_off(self) -> None:
+        """Begin to count the time that steps, coarser motions and the states themselves take."""
+        t = self.stepper.t
+        self.stepping, self.taking = Pace(t), None
+        if self.estimate is not None:
+            self.estimate.paces = [Pace(t) for _ in self.estimate.coarse]
+
+    def _took(self, t: float, seconds: float) -> None:
+        """Count the time of a state; the first one takes longer than the others, which says nothing of them."""
+        if self.taking is None:
+            self.taking = Pace(t, eases=False)
+        else:
+            self.taking.mark(t, self.taking.seconds + seconds)
+
+    def _beside(self) -> float:
+        """Return the seconds that coarser motions took."""
+        return 0.0 if self.estimate is None else sum(pace.seconds for pace in self.estimate.paces)
+
+    def _left(self) -> float | None:
+        """Return the seconds that the rest will take: each part goes on at its own pace."""
+        if self.taking is None:
+            return None
+        paces = [self.stepping, self.taking]
+        if self.estimate is not None and not self.estimate.failed:
+            paces += self.estimate.paces
+        times = [pace.left(self.spec.t_end) for pace in paces]
+        return None if None in times else float(sum(x for x in times if x is not None))
+
+    def _tell_lost(self, v: Array, first: State) -> None:
+        """Tell with the first state what supports and joints took of the kinetic energy of the rates v (n_full,)."""
+        energies = self.balance.energies
+        given, kinetic = energies.kinetic(v) + energies.carried(first.d, v, first.side)[0], first.history["kinetic"]
+        if given == 0.0:
+            return
+        lost = given - kinetic
+        first.report["initial"] = {"given": given, "kinetic": kinetic, "lost": lost}
+        if abs(lost) > TAKEN * given:
+            how = "lost at t = 0, as in a plastic impact" if lost > 0.0 else "added at t = 0 by supports that move"
+            first.warnings.append(f"supports and joints do not allow the initial velocities as given: {abs(lost):.6g} "
+                                  f"of {given:.6g} of kinetic energy ({100 * abs(lost) / given:.3g} %) is {how}")
+
+    def _look_ahead(self, d: Array, v: Array, turned: Array) -> float:
+        """Return a displacement that the motion soon reaches [m], at most a share of the scene's size."""
+        size = BEGIN * self.problem.extent
+        spec = replace(self.spec, t_end=AHEAD * self.spec.t_end)
+        scout = type(self.stepper)(self.model, self.problem, self.signals, spec, 0.0, np.zeros(0))
+        try:
+            scout.start(d, v, turned)
+            scout.expect(size)
+            while not scout.done:
+                scout.run()
+        except ComputationError:
+            return 0.0
+        return min(size, scout.reached)
+
+    def state(self, row: Row, keep: bool = False) -> State:
+        """Return a stored state."""
+        d, v, a = self.stepper.full(row)
+        if self.model.contacts:
+            recall_rows(self.model, row.turns)
+            check_pressed(self.model, d, {"t": float(f"{row.t:.6g}")})
+        controllers = self.stepper.answers.look(row)
+        F = self.balance.external(row.side)
+        Q = self.stepper.forces(row) + F
+        energies = self.balance.take(row)
+        blocks = {name: row.log[:, k] for k, name in enumerate(LOG)}
+        if self.inverted is None and not self.intact and (found := inverted(self.model, d)) is not None:
+            self.inverted = f"{found} at t = {row.t:.6g}: the motion after that is not physical"
+        turned = self.model.turns.at(d, row.turned)
+        state = State(row.t, d, Q, F, energies["strain"], turned, history=energies, v=v, a=a, blocks=blocks,
+                      side=row.side, controllers=controllers)
+        if self.estimate is not None:
+            self.estimate.take(row.t, d)
+        if keep:
+            state.checkpoint = self._checkpoint()
+        if time.monotonic() > self.left[1] + OFTEN:
+            self.left = self._left(), time.monotonic()
+        state.left = self.left[0]
+        return state
+
+    def _end(self) -> State:
+        """Return the last state, with what there is to say of the whole."""
+        self.intact = False
+        state = self.state(self.stepper.last())
+        state.last = True
+        numbers = self.stepper.s.numbers
+        assert state.v is not None
+        energies = self.balance.energies
+        momentum = energies.momentum(state.d, state.v) + energies.carried(state.d, state.v, state.side)[1]
+        px, py, h = momentum.tolist()
+        state.report = {
+            "method": self.stepper.method.name, "steps": int(numbers[COUNT]), "rejected": int(numbers[REJECTED]),
+            "energy_drift": self.balance.drift, "momentum": {"linear": [px, py], "angular": h}}
+        found = self.stepper.events.told()
+        if found:
+            state.report["events"] = found
+        if self.inverted is not None:
+            state.warnings.append(self.inverted)
+        if self.balance.gain > GAINED and any(not pair.hard for pair in self.model.contacts):
+            names = ", ".join(dict.fromkeys(pair.name for pair in self.model.contacts if not pair.hard))
+            state.warnings.append(f"the motion has gained {100 * self.balance.gain:.2g} % of its energy from nothing: "
+                                  f"the steps are too long for the layer of contact ({names}). Use shorter steps, or "
+                                  "a (smaller) tolerance, a less stiff law, or no law. Where these change nothing, "
+                                  "points have passed the middle of what they touch: use a stiffer law, or none")
+        state.warnings += fibres_warning(self.model, self.balance.drift)
+        if self.spec.dt is None:
+            state.warnings += wound_warning(self.model, state.d)
+        if self.estimate is not None:
+            state.report["accuracy"] = self.estimate.report()
+            state.warnings += self.estimate.warnings()
+            state.warnings += drift_warning(self.balance.drift, state.report["accuracy"]["estimate"])
+        return state
+
+    def _checkpoint(self) -> dict[str, Array] | None:
+        out = self.stepper.checkpoint()
+        if out is None:
+            return None
+        out["balance"] = self.balance.numbers.copy()
+        out["inverted"] = np.frombuffer((self.inverted or "").encode(), dtype=np.uint8)
+        if self.estimate is not None:
+            out.update(self.estimate.checkpoint())
+        return out
+
+    def _resume(self, kept: dict[str, Array]) -> None:
+        self.stepper.resume(kept)
+        self.balance.numbers[:] = kept["balance"]
+        self.inverted = kept["inverted"].tobytes().decode() or None
+        if self.estimate is not None:
+            self.estimate.resume(kept)
+
+
+def wound_warning(model: Model, d: Array) -> list[str]:
+    """Return what is to be said of adaptive steps where angles have grown far beyond all displacements.
+
+    Local errors are relative to the largest displacement, and an angle counts as what it moves: after many turns, much
+    more than anything has moved.
+    """
+    angles = np.concatenate([mesh.kinds == 2 for mesh in model.meshes.values()])
+    moved = model.weights * np.abs(d[:model.n_q])
+    wound = float(np.max(moved, where=angles, initial=0.0))
+    share = wound / max(float(np.max(moved, where=~angles, initial=0.0)), model.extent)
+    if share <= WOUND:
+        return []
+    return ["the error of the steps is larger than the tolerance suggests: the tolerance is relative to the largest "
+            f"displacement, rotation included, which is {share:.2g} times the distance that any point has moved. Use a "
+            "tolerance as many times smaller, or a type without angles as coordinates, such as vallejo"]
+
+
+def drift_warning(drift: float, estimate: float | None) -> list[str]:
+    """Return what is to be said of a balance of energy that is off by much more than the estimated error."""
+    if estimate is None or drift <= max(LOST, 10.0 * estimate):
+        return []
+    return [f"the steps are too long for part of the motion: the energy balance is off by {100 * drift:.2g} %, but the "
+            f"estimated error is {100 * estimate:.2g} %. Shorter steps show which is right"]
+
+
+def fibres_warning(model: Model, drift: float) -> list[str]:
+    """Return what is to be said of a balance of energy that is far off where fibres yield."""
+    if drift <= FIBRES or not model.hardens:
+        return []
+    return [f"the energy balance is off by {100 * drift:.2g} %: fibres remember the peaks of vibrations that steps do "
+            "not resolve. Use shorter steps, or radau5, which damps them"]
+
+
+def solve_dynamic(model: Model, spec: Dynamic, kept: dict[str, Array] | None = None) -> Iterator[State]:
+    """Yield the states of a motion, from the start or from a checkpoint. Raises ComputationError where it fails."""
+    return Run(model, spec).states(kept)
+

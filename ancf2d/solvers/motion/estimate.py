@@ -1,0 +1,241 @@
+"""The error of time steps: coarser motions run beside, and their differences extrapolate."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ...elements.shape import Array
+from ...errors import ComputationError
+from ...kernels.advance import CHECK
+from ...kernels.motion import COUNT
+from ...model.mesh import Index
+from ...model.model import Model
+from ...model.points import PointRef
+from ...model.timing import rates_of
+from ...pace import Pace
+from ..energy import Kinds
+from ..state import Row
+from ..system import least_motion, least_size, sticks
+from .schemes import INTEGRATORS, default_method
+from .stepping import Stepper
+
+LEVELS = 2
+# between levels: of fixed steps, or of the tolerance of adaptive ones
+DOUBLE, TENFOLD = 2.0, 10.0
+# added to what two differences extrapolate to (Roache's grid convergence index for three levels)
+SAFETY = 1.25
+# differences that grow by less between levels are no asymptotic sequence
+ASYMPTOTIC = 2.0**0.5
+# steps of a coarser level that number more than this share of the finer one's are not twice as long; the differences
+# between such levels tell nothing where they are below this share of the displacements
+ALIKE, TELLING = 0.8, 1e-9
+# times the tolerance: errors beyond are told
+MISSED = 10.0
+# fewer steps than so many between two breaks are no longer where they are to be twice as long
+BROKEN = 4
+
+
+class Estimate:
+    """Differences between a motion and coarser ones at stored times, over all probes (all nodes where there are none).
+
+    Fixed steps: levels of 2 dt and 4 dt, errors like dt^order. Adaptive ones: 10 and 100 times the tolerance, errors
+    like the tolerance. ``largest`` (levels, probes): of the differences between neighbouring levels; ``moved``
+    (probes,): of the displacements.
+    """
+
+    def __init__(self, stepper: Stepper) -> None:
+        self.stepper = stepper
+        fixed = stepper.dt > 0.0
+        self.factor, self.order = (DOUBLE, stepper.method.order) if fixed else (TENFOLD, 1)
+        model = stepper.model
+        probes = [model.point(p.at) for p in model.case.output.probes.values()]
+        self.columns = [_rows(p) for p in probes] or _nodes(model)
+        self.largest = np.zeros((LEVELS, len(self.columns)))
+        self.moved = np.zeros(len(self.columns))
+        self.failed = ""
+        self.queues: list[list[tuple[float, Array]]] = [[] for _ in range(LEVELS)]
+        self.coarse = [self._level(self.factor ** (k + 1)) for k in range(LEVELS)]
+        self.paces = [Pace() for _ in self.coarse]
+
+    def _level(self, factor: float) -> Stepper:
+        """Return the motion with longer steps."""
+        fine = self.stepper
+        spec = fine.spec if fine.dt > 0.0 else replace(fine.spec, tolerance=factor * fine.tolerance)
+        out = Stepper(fine.model, fine.problem, fine.signals, spec, factor * fine.dt, fine.wanted)
+        # joints are looked at in all states
+        out.balances = bool(fine.facing) or len(fine.p.sliding.multiplier) > 0
+        return out
+
+    def start(self, d: Array, v: Array, turned: Array) -> None:
+        """Begin where the motion begins."""
+        for stepper in self.coarse:
+            stepper.start(d, v, turned)
+            if stepper.dt == 0.0:
+                stepper.expect(self.stepper.size)
+
+    def take(self, t: float, d: Array) -> None:
+        """Compare with a state of the motion at t; the start and times that coarser motions do not store are passed."""
+        if t == 0.0 or self.failed:
+            return
+        here = self._places(d)
+        self.moved = np.maximum(self.moved, np.hypot(*here))
+        for k in range(LEVELS):
+            there = self._coarse_places(k, t)
+            if there is None:
+                return
+            self.largest[k] = np.maximum(self.largest[k], np.hypot(*(there - here)))
+            here = there
+
+    def _places(self, d: Array) -> Array:
+        """Return the displacements (2, probes)."""
+        return np.array([[float(w @ d[c]) for c, w in columns] for columns in self.columns]).T
+
+    def _coarse_places(self, level: int, t: float) -> Array | None:
+        stepper, queue = self.coarse[level], self.queues[level]
+        near = 1e-9 * self.stepper.dt or 1e-12 * self.stepper.spec.t_end
+        try:
+            while not queue or queue[-1][0] < t - near:
+                since = stepper.t
+                if stepper.done and queue and queue[-1][0] >= since:
+                    # a coarser motion may end before this one
+                    return None
+                with self.paces[level].running():
+                    rows = [stepper.last()] if stepper.done else stepper.run()
+                self.paces[level].mark(stepper.t, within=step_ends(stepper, since, rows))
+                queue += [(row.t, self._places(stepper.full(row, 1)[0])) for row in rows if row.kind != CHECK]
+        except ComputationError as error:
+            how = f"steps of {stepper.dt:g} s" if stepper.dt > 0.0 else f"a tolerance of {stepper.tolerance:g}"
+            self.failed = f"with {how} the motion could not be followed ({error.failure.reason})"
+            return None
+        while queue and queue[0][0] < t - near:
+            queue.pop(0)
+        return queue[0][1] if queue and queue[0][0] <= t + near else None
+
+    def report(self) -> dict[str, Any]:
+        """Return the relative estimate, the order seen of fixed steps, and how they were found."""
+        estimate, order = self._richardson()
+        return {"estimate": estimate, "order": order if self.factor == DOUBLE else None, "of": "time steps",
+                "steps": int(sum(s.s.numbers[COUNT] for s in self.coarse))}
+
+    def _richardson(self) -> tuple[float | None, float | None]:
+        """Return what the differences of three levels say of the first, and the order that they show."""
+        if self.failed or self._alike():
+            return None, None
+        size = np.where(self.moved > least_motion(self.stepper.model), self.moved, np.inf)
+        if self.factor != DOUBLE and sticks(self.stepper.model):
+            # what springs that hold points give counts no more than for the steps
+            size = np.maximum(size, least_size(self.stepper.model, self.stepper.tolerance))
+        fine, rough = (float(np.max(row / size, initial=0.0)) for row in self.largest)
+        if fine == 0.0:
+            return 0.0, None
+        order = float(np.log(rough / fine) / np.log(self.factor)) if rough > 0.0 else 0.0
+        if self.factor ** order < ASYMPTOTIC:
+            # differences that do not shrink tell no more than their size
+            return max(fine, rough), order
+        return SAFETY * fine / (self.factor ** min(order, self.order) - 1.0), order
+
+    def _alike(self) -> bool:
+        """Whether longer fixed steps were cut, or are so few, that they are those of the motion itself."""
+        if self.factor != DOUBLE or not self.moved.any():
+            return False
+        steps = [s.s.numbers[COUNT] for s in (self.stepper, *self.coarse)]
+        alike = any(longer > ALIKE * shorter for shorter, longer in pairwise(steps))
+        return alike and bool(self.largest.min(axis=0).max() <= TELLING * self.moved.max())
+
+    def warnings(self) -> list[str]:
+        """Return what is to be said of an estimate that cannot be trusted."""
+        if not self.failed and self._alike():
+            if BROKEN * (len(self.stepper.pieces) - 1) > self.stepper.s.numbers[COUNT]:
+                return ["no error estimate: the amplitudes have so many break points that runs with longer steps take "
+                        "the same steps"]
+            return ["no error estimate: runs with longer steps were cut to the same steps, or there are too few steps. "
+                    "The steps are too long for this motion: use smaller ones"]
+        if self.failed:
+            return [f"no error estimate: {self.failed}. Use {self._finer}"]
+        estimate, order = self._richardson()
+        if self.factor == DOUBLE and estimate and order is not None and estimate > 1e-3 and order < 0.5 * self.order:
+            return ["the steps are too large for this motion: differences from runs with longer steps show order "
+                    f"{order:.1f} instead of {self.order}; the error may be as large as {100 * estimate:.2g} %"]
+        return [] if self.factor == DOUBLE or not estimate else self._missed(estimate, order or 0.0)
+
+    def _missed(self, estimate: float, order: float) -> list[str]:
+        """Say that the error is far beyond the tolerance, and whether that is due to the steps or to the motion.
+
+        ``order``: the power of the tolerance that errors are seen to grow with.
+        """
+        case, tolerance, count = self.stepper.model.case, self.stepper.tolerance, int(self.stepper.s.numbers[COUNT])
+        # nobody has asked for the default, and what solves to an accuracy judges its runs itself
+        asked = getattr(case.solver, "tolerance", None) is not None and case.accuracy is None
+        if estimate <= MISSED * tolerance or not asked:
+            return []
+        said = (f"the tolerance is missed: the estimated error is {estimate:.2g} of the largest displacements, "
+                f"{estimate / tolerance:.0f} times the tolerance {tolerance:g}. ")
+        if estimate <= count * tolerance and self.factor ** order < ASYMPTOTIC:
+            return [said + "Ten times the tolerance leaves about the same error: the steps skip fast vibrations, "
+                    "which only a much smaller tolerance resolves. If they do not matter, use a larger one"
+                    + self._better() + self._jump()]
+        if estimate <= count * tolerance:
+            smaller = tolerance * (MISSED * tolerance / estimate) ** (1.0 / min(order, self.order))
+            return [said + "Each step meets the tolerance, but the errors add up: use a smaller tolerance, about "
+                    f"{smaller:.1g}" + self._better() + self._jump()]
+        # errors that do not grow add up to no more than the number of steps times the tolerance
+        return [said + f"The errors of {count} steps do not add up to this: they grow, because the motion is "
+                "sensitive to its initial state, as chaotic motions are. A smaller tolerance only postpones the time "
+                "from which the motion is unknown; its statistics may still be right"]
+
+    def _better(self) -> str:
+        """Name the recommended method where it is of higher order: it errs less with fewer steps."""
+        best = INTEGRATORS[default_method(self.stepper.model)]
+        return f". Method {best.name} errs less with fewer steps" if best.order > self.stepper.method.order else ""
+
+    def _jump(self) -> str:
+        """Say that a prescribed motion starts a model at rest as an impact does, where one does."""
+        signals = (self.stepper.signals[k] for k in self.stepper.driving)
+        if self.stepper.model.case.initial is not None or not any(rates_of(s, 0.0)[0] for s in signals):
+            return ""
+        return (". A prescribed motion begins at full speed, which sets off vibrations as an impact does: let it begin "
+                "gradually, or give initial velocities")
+
+    @property
+    def _finer(self) -> str:
+        return "smaller steps" if self.factor == DOUBLE else "a smaller tolerance"
+
+    # ------------------------------------------------------------------ going on later
+
+    def checkpoint(self) -> dict[str, Array]:
+        """Return everything that the estimate goes on from."""
+        out = {"estimate_largest": self.largest.copy(), "estimate_moved": self.moved.copy()}
+        for k, stepper in enumerate(self.coarse):
+            out.update({f"coarse{k}_{name}": value for name, value in (stepper.checkpoint() or {}).items()})
+            out[f"coarse{k}_queue"] = np.array([[t, *places.ravel()] for t, places in self.queues[k]])
+        return out
+
+    def resume(self, kept: dict[str, Array]) -> None:
+        """Go on from a checkpoint."""
+        self.largest[:], self.moved[:] = kept["estimate_largest"], kept["estimate_moved"]
+        for k, stepper in enumerate(self.coarse):
+            head = f"coarse{k}_"
+            stepper.resume({name[len(head):]: v for name, v in kept.items() if name.startswith(head)})
+            queue = kept[head + "queue"].reshape(-1, 1 + 2 * len(self.columns))
+            self.queues[k] = [(float(r[0]), r[1:].reshape(2, -1)) for r in queue]
+
+
+def step_ends(stepper: Stepper, since: float, found: list[Row]) -> list[float]:
+    """Return the ends of the steps after a time, of which the log of ``found`` and what is left of it tell."""
+    ends = np.concatenate([*(row.log[:, 1] for row in found), stepper.pending[:, 1]])
+    return ends[ends > since].tolist()
+
+
+def _rows(point: PointRef) -> list[tuple[Index, Array]]:
+    return point.position()
+
+
+def _nodes(model: Model) -> list[list[tuple[Index, Array]]]:
+    """Return x and y of every node."""
+    x = Kinds(model).place
+    one = np.ones(1)
+    return [[(np.array([i]), one), (np.array([i + 1]), one)] for i in x]

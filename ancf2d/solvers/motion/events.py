@@ -1,0 +1,337 @@
+"""What begins and ends during a motion: at times, and once conditions hold."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from copy import copy
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...case import SWITCHED, Gated, Latch
+from ...elements.shape import Array
+from ...errors import ComputationError
+from ...interactions.moving import MovingPatch
+from ...kernels.events import HOLDS, NO_VALUE, NONE, PASSED, WAITING, holding
+from ...kernels.lowlevel.records import Record
+from ...model.breakpoints import Break, Piece
+from ...model.constraints import MOTIONS
+from ...model.determinacy import rigid_motion
+from ...model.point_patch import PointConstraint, PointPatch
+from ...model.points import dot
+from ...model.switched import CLOSED, catch, is_off
+from ...model.timing import Answer
+from ...results.records import EVENT_WORDS
+from ..linear import dense
+
+# of a gradient: what is left of it where others make the constraint hold
+SAME = 1e-7
+
+
+class Events:
+    """What begins and ends in a motion (``stepping.Stepper``), and the conditions that it waits for.
+
+    Each motion has latches of its own; those of the model, which Python evaluates loads and springs with, are those of
+    the motion looked at last (``show``).
+    """
+
+    def __init__(self, motion: Any) -> None:
+        self.motion, self.model = motion, motion.model
+        model, signals = motion.model, motion.signals
+        self.conditions = model.feedback.conditions
+        self.latches = [copy(latch) for latch in model.latches]
+        self._own = {id(latch): own for latch, own in zip(model.latches, self.latches, strict=True)}
+        joints = [(-1 - i, c) for i, c in enumerate(model.interactions.joints) if c.active is not None]
+        self.timed = [*_timed(model.interactions.points), *((k, c.active) for k, c in joints)]
+        self.gates = [("signals", k, s.amplitude.latch) for k, s in enumerate(signals)
+                      if isinstance(s.amplitude, Gated) and not isinstance(s, Answer)]
+        self.gates += [("answers", k, a.amplitude.latch) for k, a in enumerate(model.feedback.answers)
+                       if isinstance(a.amplitude, Gated)]
+        self.cuts: list[float] = []
+        self.switched = [(k, c) for k, c in _places(model.interactions.points)
+                         if isinstance(c, PointConstraint) and c.active is not None]
+        # prismatic joints have a table of their own, and numbers below 0
+        self.switched += joints
+        # of pieces by where they begin: constraints that repeat others; what supports did when they began, by name
+        self.repeated: dict[float, list[int]] = {}
+        self.impulses: dict[str, dict[str, float]] = {}
+        # of motions that began where they were not: how far from what is prescribed, by support and key
+        self.offsets: dict[str, dict[str, float]] = {}
+        # foot point and distance of prismatic joints that have begun
+        self.feet: dict[int, list[float]] = {}
+
+    def __bool__(self) -> bool:
+        """Whether anything begins or ends."""
+        return bool(self.timed or self.gates)
+
+    def acts(self, window: Any, t: float) -> bool:
+        """Whether something acts at t, as this motion has found; ``window`` None is always."""
+        own = self._own.get(id(window), window)
+        return own is None or bool(own.at(t))
+
+    def breaks(self, t_end: float) -> list[Break]:
+        """Return the times in (0, t_end] at which something begins or ends that are known beforehand."""
+        patches = (p for p in self.model.interactions.points if isinstance(p, MovingPatch))
+        windows = [*(window for _, window in self.timed), *(p.active for p in patches), *self.latches]
+        times = {t for window in windows if window is not None for t in window.times if 0.0 < t <= t_end}
+        return [Break(t, 0, math.nextafter(t, -math.inf)) for t in times]
+
+    def enter(self, p: Record, piece: Piece) -> None:
+        """Let act what does in a piece of the motion, and wait for what may follow."""
+        t = 0.5 * (piece.first + piece.stop)
+        repeated = self.repeated.get(piece.first, [])
+        for k, window in self.timed:
+            on, i = (p.points.on, k) if k >= 0 else (p.sliding.on, -1 - k)
+            on[i] = self.acts(window, t) and k not in repeated
+        for i, (*_, gap) in self.feet.items():
+            p.sliding.gap[i] = gap
+        for which, k, latch in self.gates:
+            programs = p.programs if which == "signals" else p.feedback.programs
+            programs.data[programs.arg[programs.first[k]]] = float(self.acts(latch, t))
+        for k, waiting in enumerate(self.conditions):
+            own = self._own.get(id(waiting.latch))
+            begun = own is None or waiting.which == "after" or own.begin <= t
+            asked = begun and (own is None or own.waiting() == waiting.which)
+            p.feedback.watched[k] = WAITING if asked else PASSED
+
+    def show(self) -> None:
+        """Let the model's latches be those of this motion."""
+        for latch, own in zip(self.model.latches, self.latches, strict=True) if self.latches else ():
+            latch.begin, latch.end = own.begin, own.end
+
+    # ------------------------------------------------------------------ conditions that come to hold
+
+    def holds(self) -> bool:
+        """Mark the conditions that hold where the motion is, and return whether there are any."""
+        if not self.conditions:
+            return False
+        motion = self.motion
+        found = holding(motion.p, motion.w, motion.s.z, motion.s.v, motion.t)
+        if found == NO_VALUE:
+            motion.answers.check(0.0)
+        return bool(found != NONE)
+
+    def begin(self) -> None:
+        """Let begin and end what does at t = 0, from where the motion is."""
+        while self.holds():
+            self.happen()
+            if self.motion.done:
+                raise ComputationError("the motion ends where it begins", at={"t": 0.0},
+                                       advice="a condition solver.until that does not hold at t = 0")
+            acted = self.acting()
+            self.motion.enter(0)
+            self.catch(acted)
+            self.motion.consistent(0.0, np.zeros(len(self.motion.s.z)))
+
+    def happen(self) -> int:
+        """Let begin and end what the marked conditions tell, at once; return the piece of the motion that follows."""
+        motion, t = self.motion, self.motion.t
+        marked = [c for k, c in enumerate(self.conditions) if motion.p.feedback.watched[k] == HOLDS]
+        for waiting in marked:
+            own = self._own.get(id(waiting.latch))
+            if own is None:
+                motion.spec = replace(motion.spec, t_end=t)
+            elif waiting.which == "after":
+                own.begin = t
+            else:
+                own.end = t
+        i, pieces = motion.piece, motion.pieces
+        if motion.done:
+            pieces[i:] = [pieces[i]._replace(stop=t)]
+            return i
+        if t >= pieces[i].stop:
+            return i + 1
+        return i + 1 if self.cut(i, t) else i
+
+    def cut(self, i: int, t: float) -> bool:
+        """Cut a piece of the motion in two at t, where it does not begin there; return whether it was cut."""
+        piece, pieces = self.motion.pieces[i], self.motion.pieces
+        if t <= piece.first:
+            return False
+        pieces[i:i + 1] = [Piece(piece.first, math.nextafter(t, -math.inf), t), Piece(t, piece.last, piece.stop)]
+        self.cuts.append(t)
+        return True
+
+    # ------------------------------------------------------------------ supports and joints
+
+    def acting(self) -> set[int]:
+        """Return the numbers of supports and joints that act, of those that begin or end."""
+        return {k for k, _ in self.switched if self._on(k)}
+
+    def _on(self, k: int) -> bool:
+        p = self.motion.p
+        return bool(p.points.on[k] if k >= 0 else p.sliding.on[-1 - k])
+
+    def catch(self, acted: set[int]) -> list[PointConstraint]:
+        """Let supports that begin hold what they hold where it is; return what begins, beside those that ``acted``.
+
+        Raises ComputationError for a joint that begins where its points are apart.
+        """
+        if not self.switched:
+            return []
+        motion = self.motion
+        d = motion.full(motion.here())[0]
+        found = [(k, c) for k, c in self.switched if k not in acted and self._on(k)]
+        supports = {name for name, _ in self.model.supports}
+        for k, c in found:
+            foot, gap = self.model.interactions.joints[-1 - k].caught(d) if k < 0 else (None, 0.0)
+            off = abs(gap) / self.model.extent if k < 0 else 0.0 if c.owner in supports else is_off(c, d)
+            if off > CLOSED:
+                raise ComputationError(
+                    f"{c.owner} begins where its points are apart: {c.holds} is off by {off:.3g} of the scene",
+                    at={"t": motion.t}, advice="a condition that holds where the points meet, or a spring in its place")
+            if k < 0:
+                self._slide(-1 - k, foot, gap)
+                continue
+            catch(c, d, motion.t)
+            motion.p.points.mem[k, :len(c.mem)] = c.mem
+            self._note_offset(c)
+        self._leave_out(d)
+        return [c for k, c in found if self._on(k)]
+
+    def _slide(self, i: int, foot: Any, gap: float) -> None:
+        """Let a prismatic joint hold its point at a distance from the axis, from a foot point on."""
+        for table in (self.motion.p.sliding, self.model.interactions.sliding):
+            table.memory[i], table.gap[i] = foot, gap
+        self.feet[i] = [*map(float, foot), gap]
+
+    def _note_offset(self, c: PointConstraint) -> None:
+        """Note how far what a support moves is from what is prescribed where it begins."""
+        if c.signal is not None:
+            self.offsets.setdefault(c.owner, {})[MOTIONS[c.holds]] = float(c.mem[0])
+
+    def _leave_out(self, d: Array) -> None:
+        """Leave out constraints that others make hold at d (n_full,): two multipliers for one motion have no values."""
+        motion, model = self.motion, self.model
+        piece = motion.pieces[motion.piece]
+        known: list[Array] = []
+        self.repeated.pop(piece.first, None)
+        motion.enter(motion.piece)
+        weights = motion.p.weights[:motion.p.inner]
+        one = np.divide(1.0, weights, out=np.zeros_like(weights), where=weights > 0.0)
+        gradients, repeated = self._gradients(d), []
+        own = {c.multiplier: k for k, c in self.switched}
+        off = {c.multiplier for k, c in self.switched if not self._on(k)}
+        for multiplier in sorted(gradients, key=lambda i: (i in own, i)):
+            coords, slopes = gradients[multiplier]
+            full = np.zeros(len(model.numbering.place))
+            np.add.at(full, coords, slopes)
+            row = model.numbering.reduce(full) * one
+            size = float(np.linalg.norm(row))
+            if multiplier in off:
+                continue
+            for other in known:
+                row = row - (other @ row) * other
+            rest = float(np.linalg.norm(row))
+            if rest > SAME * max(size, np.finfo(float).tiny):
+                known.append(row / rest)
+            elif multiplier in own:
+                repeated.append(own[multiplier])
+        if repeated:
+            self.repeated[piece.first] = repeated
+            motion.enter(motion.piece)
+
+    def _gradients(self, d: Array) -> dict[int, tuple[Any, Array]]:
+        """Return coordinates and gradient at d (n_full,) of each constraint by its multiplier."""
+        self.look(self.motion.p.points.mem)
+        t, out = max(self.motion.t, self.motion.pieces[self.motion.piece].first), {}
+        d = d.copy()
+        d[self.model.n_q:] = 1.0
+        for _, Q, _, dofs in self.model.interactions.constraints(d, t):
+            for q, coords in zip(Q, dofs, strict=True):
+                out[int(coords[-1])] = coords[:-1], q[:-1]
+        return out
+
+    def look(self, mem: Array) -> None:
+        """Let the model's latches, and what its supports hold, be those of this motion."""
+        self.show()
+        for k, c in self.switched:
+            if k >= 0:
+                c.mem[:] = mem[k, :len(c.mem)]
+
+    def count(self, begun: list[PointConstraint], before: Array) -> float:
+        """Note the impulses of supports that have begun: rates were ``before`` (n,), others are those of the motion.
+
+        Returns the energy that is lost, which is that of the change of rates, also where what begins to hold moves.
+        """
+        motion, model = self.motion, self.model
+        p, s, A = motion.p, motion.s, dense(motion.w.A, motion.p)
+        free, held = (np.flatnonzero(p.coordinate[:p.inner] == x) for x in (1.0, 0.0))
+        impulse = np.zeros(len(p.coordinate))
+        jump = (s.v - before)[free]
+        momentum = A[np.ix_(free, free)] @ jump
+        impulse[held] = np.linalg.lstsq(A[np.ix_(held, free)].T, momentum)[0]
+        d = motion.full(motion.here())[0]
+        e, gradients = model.e0 + d[:model.n_q], self._gradients(d)
+        points = dict(model.supports)
+        for name in dict.fromkeys(c.owner for c in begun if c.owner in points):
+            centre = np.array([dot(c, e) for c in points[name].position()])
+            total = np.zeros(3)
+            for c in (c for c in begun if c.owner == name):
+                coords, slopes = gradients[c.multiplier]
+                total += impulse[model.numbering.place[c.multiplier]] * slopes @ rigid_motion(
+                    points[name].mesh, coords, e, centre)
+            self.impulses[name] = dict(zip(("fx", "fy", "m"), total.tolist(), strict=True))
+        return 0.5 * float(jump @ momentum)
+
+    # ------------------------------------------------------------------ what is told and kept
+
+    def told(self) -> list[dict[str, Any]]:
+        """Return what has begun and ended, in order, by what a case calls it."""
+        out: list[dict[str, Any]] = []
+        names = [name for name, _ in self.model.supports]
+        case, t_end = self.model.case, self.motion.spec.t_end
+        for section in SWITCHED:
+            for k, item in enumerate(getattr(case, section)):
+                active = getattr(item, "active", None)
+                window = self._own.get(id(self.model.timing.window(active)), active)
+                begin, end = (math.inf, math.inf) if window is None else window.times
+                happened = [begin, end] if begin < min(end, t_end) or begin == end else []
+                for t, what in zip(happened, EVENT_WORDS, strict=False):
+                    if (t > 0.0 or (t == 0.0 and isinstance(window, Latch))) and t <= t_end:
+                        out.append({"t": t, "what": f"{item.name or f'{section}.{k}'} {what}"})
+                        if section == SWITCHED[0] and what == EVENT_WORDS[0] and names[k] in self.impulses:
+                            out[-1]["impulse"] = self.impulses[names[k]]
+                        if section == SWITCHED[0] and what == EVENT_WORDS[0] and names[k] in self.offsets:
+                            out[-1]["offset"] = self.offsets[names[k]]
+        out.sort(key=lambda event: event["t"])
+        if t_end < case.solver.t_end:
+            out.append({"t": t_end, "what": f"the motion ends: {case.solver.until}"})
+        return out
+
+    def kept(self) -> dict[str, Array]:
+        """Return what the motion goes on from."""
+        told = [self.impulses, self.offsets, [*self.feet.items()],
+                [[first, *places] for first, places in self.repeated.items()]]
+        return {"latched": np.array([latch.times for latch in self.latches]).reshape(-1, 2),
+                "cuts": np.array(self.cuts), "held": np.frombuffer(json.dumps(told).encode(), dtype=np.uint8)}
+
+    def resume(self, kept: dict[str, Array]) -> None:
+        """Go on from a checkpoint."""
+        for latch, (begin, end) in zip(self.latches, kept["latched"].reshape(-1, 2).tolist(), strict=True):
+            latch.begin, latch.end = begin, end
+        self.impulses, self.offsets, feet, repeated = json.loads(kept["held"].tobytes())
+        for i, (ie, z, gap) in feet:
+            self._slide(i, np.array([ie, z]), gap)
+        self.repeated = {first: places for first, *places in repeated}
+        pieces = self.motion.pieces
+        for t in kept["cuts"].tolist():
+            self.cut(next(i for i, piece in enumerate(pieces) if t < piece.stop), t)
+
+
+def _timed(patches: Iterable[Any]) -> list[tuple[int, Any]]:
+    """Return the place among the point laws of what begins or ends, and what tells when."""
+    return [(k, patch.active) for k, patch in _places(patches)
+            if isinstance(patch, PointPatch) and patch.active is not None]
+
+
+def _places(patches: Iterable[Any]) -> list[tuple[int, Any]]:
+    """Return the place of each patch among the point laws, and the patch."""
+    out, at = [], 0
+    for patch in patches:
+        out.append((at, patch))
+        at += len(patch.items().p0)
+    return out

@@ -1,0 +1,71 @@
+"""Why a motion (``stepping.Stepper``) cannot go on: what has no value, what joints do not mean, steps that fail."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...errors import ComputationError
+from ...interactions.prismatic import OnAxis
+from ...kernels.dynamics import to_full
+from ...kernels.motion import COUNT, NOT_FINITE, OLD_STEP, SINGULAR, STEP_SIZE, evaluate
+from ...kernels.sliding import sliding_check
+from ...model.point_patch import check_facing
+from ...model.timing import Answer
+from ..state import Row
+
+
+def check_signals(motion: Any, t: float) -> None:
+    """Raise the ComputationError of an expression that has no value at t."""
+    for signal in motion.signals:
+        if not isinstance(signal, Answer):
+            signal(t)
+    motion.answers.check(t - motion.t)
+
+
+def check_joints(motion: Any, row: Row) -> None:
+    """Raise where joints are met by what they do not mean: a point off its body, a section turned inside out."""
+    if not motion.facing and not len(motion.p.sliding.multiplier):
+        return
+    p, d = motion.at_row(row), np.zeros(len(motion.p.place))
+    evaluate(p.programs, row.side, motion.w.amps)
+    to_full(p, row.z, motion.w.amps, 0, d)
+    check_facing(motion.facing, d, row.side)
+    bad = sliding_check(p.values.sliding, d) if len(p.sliding.multiplier) else -1
+    if bad >= 0:
+        raise [c for c in motion.model.constraints if isinstance(c, OnAxis)][bad].lost(t=row.t)
+
+
+def failure(motion: Any, outcome: int) -> ComputationError:
+    """Return what to say of a step that could not be made."""
+    h = float(motion.s.numbers[STEP_SIZE])
+    at: dict[str, Any] = {"t": float(f"{motion.t:.9g}"), "step": int(motion.s.numbers[COUNT]) + 1,
+                          "dt": float(f"{h:.3g}")}
+    # steps end by round-off beside a time from which on there is no value
+    check_signals(motion, motion.t + max(h, 1e-6 * motion.spec.t_end))
+    check_joints(motion, motion.here())
+    weights = motion.p.weights
+    worst = int(np.argmax(np.where(np.isfinite(motion.w.x), weights * np.abs(motion.w.x), np.inf)))
+    if motion.p.full[worst] < motion.model.n_q:
+        at["coordinate"] = motion.model.describe_coordinate(int(motion.p.full[worst]))
+    reason = {NOT_FINITE: "the forces are no longer finite",
+              SINGULAR: "the matrix of a step is singular"}.get(outcome, "Newton's method did not converge")
+    return ComputationError(
+        f"{reason}, however small the step", at=at, history=[float(x) for x in motion.w.history if x != 0.0],
+        advice="looking at the last states: an element may be inverted, or the motion may have met a singular "
+               "position; smaller steps before it, or a smaller tolerance, may pass it")
+
+
+def stuck(motion: Any, message: str | None) -> ComputationError:
+    """Return what to say of a step that SciPy could not make."""
+    beyond = max(float(motion.s.numbers[OLD_STEP]), 1e-6 * motion.spec.t_end)
+    for t in (motion.t, motion.t + beyond):
+        check_signals(motion, t)
+    check_joints(motion, motion.here())
+    reason = message or "the motion is no longer finite"
+    return ComputationError(
+        f"{motion.method.name}: {reason.rstrip('.').lower()}", at={"t": float(f"{motion.t:.9g}"),
+                                                                "step": int(motion.s.numbers[COUNT]) + 1},
+        advice="method radau5, which takes longer steps in stiff motion, or look at the last states: an element "
+               "may also be inverted")

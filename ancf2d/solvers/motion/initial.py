@@ -1,0 +1,243 @@
+"""How a motion starts: displacements and velocities at t = 0."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...case import Active, Case, Constant, Initial, LoadedCase, MovingPoint, Ramp, Static, amplitude_of
+from ...elements.shape import Array
+from ...errors import CaseError, ComputationError, Problem, ResultsError
+from ...model.build import build_model
+from ...model.model import Model
+from ...model.point_patch import PointConstraint
+from ...model.transfer import renumbered
+from ..energy import Kinds
+
+# relative to the size of the scene: reference coordinates that are the same, and states that supports hold
+SAME, HELD = 1e-9, 1e-6
+
+
+def initial_motion(model: Model) -> tuple[Array, Array, Array]:
+    """Return displacements and rates (n_full,) at t = 0 as the case tells them, and the bodies' turns (bodies,).
+
+    Multipliers and their rates are 0. The displacements meet all supports and joints. The rates are those that were
+    asked for: what supports and joints leave of them is their projection in the metric of the mass. The turns are those
+    of ``model.rotation.Turns``. Raises CaseError for a state that cannot be had, ComputationError where the static
+    equilibrium is not found.
+    """
+    initial = model.case.initial or Initial()
+    n_q = model.n_q
+    d = model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
+    v, turned = np.zeros(len(d)), None
+    model.states.fill(0.0)
+    if initial.from_ == "static":
+        d[:n_q], turned = _static(model)
+    elif initial.from_ != "rest":
+        d[:n_q], v[:n_q], turned = _from_file(model, initial.from_)
+    e = model.e0 + d[:n_q]
+    v[:n_q] = _rates(model, initial, e, v[:n_q])
+    return d, v, model.turns.from_reference(d) if turned is None else turned
+
+
+def _rates(model: Model, initial: Initial, e: Array, stored: Array) -> Array:
+    """Return the rates (n_q,) at nodal coordinates e: what is said of a body, else of all, else what was stored."""
+    kinds = Kinds(model)
+    out = stored.copy()
+    for name, mesh in model.meshes.items():
+        said = initial.bodies.get(name, initial)
+        if said.velocity is None and said.rotation_rate is None:
+            continue
+        v = np.zeros(model.n_q)
+        if said.velocity is not None:
+            kinds.translation(v, *said.velocity)
+        if said.rotation_rate is not None:
+            kinds.rotation(v, e, said.rotation_rate.omega, said.rotation_rate.about)
+        coords = slice(mesh.first_dof, mesh.first_dof + mesh.n_dofs)
+        out[coords] = v[coords]
+    return out
+
+
+def static_case(case: Case) -> Case:
+    """Return the static case whose end is the equilibrium at t = 0: loads and prescribed motion at their size then."""
+    def scaled(load: Any) -> Any:
+        amplitude = amplitude_of(load)
+        if amplitude is None:
+            return load
+        windowed = {} if getattr(load, "active", None) is None else {"active": None}
+        return replace(load, amplitude=Ramp(scale=float(amplitude.value(0.0))), **windowed)
+
+    def held(support: Any) -> Any:
+        changes = {k: float(s.value(0.0)) for k, s in support.motions.items() if hasattr(s, "value")}
+        return replace(support, **changes)
+
+    def acts(item: Any) -> bool:
+        return item.active is None or bool(item.active.at(0.0))
+
+    def still(item: Any) -> Any:
+        """Return what moves along a body where it is at t = 0."""
+        def at(point: Any) -> Any:
+            return replace(point, s=Constant(float(point.s.value(0.0)))) if isinstance(point, MovingPoint) else point
+
+        active = getattr(item, "active", None)
+        if active is not None:
+            # what does not act yet never does
+            item = replace(item, active=None if active.at(0.0) else Active(math.inf))
+        if hasattr(item, "between"):
+            return replace(item, between=tuple(map(at, item.between)))
+        return replace(item, at=at(item.at)) if hasattr(item, "at") else item
+
+    return replace(case, loads=tuple(still(scaled(load)) for load in case.loads), initial=None, damping=None,
+                   masses=tuple(map(still, case.masses)), springs=tuple(map(still, case.springs)),
+                   boundary_conditions=tuple(map(still, map(held, filter(acts, case.boundary_conditions)))),
+                   joints=tuple(map(still, filter(acts, case.joints))), solver=Static())
+
+
+def _static(model: Model) -> tuple[Array, Array | None]:
+    """Return the displacements (n_q,) of the static equilibrium at t = 0, and the bodies' turns."""
+    from ..statics.static import solve_static
+
+    loaded = _loaded(model)
+    try:
+        # the equilibrium of the motion's own meshes: that of others would not stand still
+        static = build_model(replace(loaded, case=static_case(model.case)), moving=True)
+    except CaseError as error:
+        raise CaseError([replace(p, message=f"initial.from static: {p.message}") for p in error.problems]) from error
+    try:
+        *_, state = solve_static(static)
+    except ComputationError as error:
+        f = error.failure
+        raise ComputationError(f"no equilibrium to start the motion from: {f.reason}", at=f.at, history=f.history,
+                               advice=f.advice) from error
+    model.states[:] = static.states
+    model.set_step(0.0)
+    return state.d[:model.n_q], state.turned
+
+
+def _from_file(model: Model, name: str) -> tuple[Array, Array, Array | None]:
+    """Return the last displacements and rates (n_q,) that a result file of the same meshes holds, and the turns.
+
+    These are None of a file that does not tell them.
+    """
+    from ...results import open_results
+
+    fail = _failing(model, ("initial", "from"))
+    path = _path(model, name)
+    try:
+        with open_results(path) as results:
+            if results.nt == 0:
+                raise fail(f"'{path}' holds no state", "a result file with states")
+            if model.remembers:
+                raise fail(f"'{path}' does not hold the internal state of formulation {', '.join(model.remembers)}",
+                           "rest or static")
+            _check_mesh(model, results, path, fail)
+            dofs = [body.dofs for body in results.bodies.values()]
+            d = renumbered(results.d(-1), dofs, model)
+            v = renumbered(results.v(-1), dofs, model) if results.holds("v") else np.zeros(model.n_q)
+            _check_held(model, d, path, fail)
+            return d, v, results.turned(-1)
+    except ResultsError as error:
+        raise fail(str(error), "the result file of another run, named relative to the case") from error
+
+
+def goes_on(model: Model) -> bool:
+    """Return whether a motion goes on from the file of one by the same method under the same supports and joints."""
+    from ...results import open_results
+
+    case, initial = model.case, model.case.initial
+    moved = any(s.motions for s in case.boundary_conditions)
+    if initial is None or initial.from_ in ("rest", "static") or initial.velocity or initial.rotation_rate or (
+            initial.bodies or moved):
+        return False
+    with open_results(_path(model, initial.from_)) as results:
+        before, here = _holding(results.case_completed), _holding(_loaded(model).completed)
+        return before == here and results.summary.get("method") == getattr(case.solver, "method", None)
+
+
+def _holding(completed: str) -> list[str]:
+    """Return the supports and joints of a completed case as they are written."""
+    return [part for part in re.split(r"^(?=\S)", completed, flags=re.MULTILINE)
+            if part.startswith(("boundary_conditions:", "joints:"))]
+
+
+def _check_mesh(model: Model, results: Any, path: str, fail: Callable[..., CaseError]) -> None:
+    """Raise CaseError where a result file is of other bodies or another mesh."""
+    here = {name: (mesh.plan.element.name, mesh.plan.count) for name, mesh in model.meshes.items()}
+    there = {name: (body.element_type, len(body.dofs)) for name, body in results.bodies.items()}
+    numbers = {name: body.dofs for name, body in results.bodies.items()}
+    if list(here) != list(there):
+        raise fail(f"'{path}' has the bodies {', '.join(there)}, the case has {', '.join(here)}",
+                   "a result of the same bodies, in the same order")
+    for name in here:
+        if here[name] != there[name]:
+            raise fail(f"'{path}' has {there[name][1]} elements of type {there[name][0]} in {name}, "
+                       f"the case has {here[name][1]} of type {here[name][0]}", "a result of the same mesh")
+        if numbers[name].shape != model.meshes[name].dofs.shape:
+            raise fail(f"the elements of {name} in '{path}' have {numbers[name].shape[1]} nodal coordinates, not "
+                       f"{model.meshes[name].dofs.shape[1]}", "a result of the same mesh")
+    e0 = renumbered(results.e0, numbers.values(), model)
+    gap = float(np.max(np.abs(e0 - model.e0) * model.weights, initial=0.0))
+    if gap > SAME * model.extent:
+        raise fail(f"the reference geometry in '{path}' is different: nodes or directions differ by {gap:.3g}",
+                   "a result of the same reference geometry, with nodes at the same places: there is one wherever "
+                   "something acts, unless element.nodes is regular")
+
+
+def _check_held(model: Model, d: Array, path: str, fail: Callable[..., CaseError]) -> None:
+    """Raise CaseError where supports and joints do not hold a state d (n_q,): the motion would begin with a tear."""
+    full = np.zeros(len(model.numbering.place))
+    full[:model.n_q] = d
+    gaps = model.weights * np.abs(model.displacements(full[model.numbering.free], 0.0)[:model.n_q] - d)
+    worst = int(np.argmax(gaps))
+    expected = "a result whose last state satisfies the supports and joints of this case"
+    if gaps[worst] > HELD * model.extent:
+        raise fail(f"supports or joints hold {model.describe_coordinate(worst)} elsewhere than the last state of "
+                   f"'{path}', by {gaps[worst]:.3g}", expected)
+    found = model.interactions.gradients(full, 0.0) if model.constraints else []
+    for constraint, (gap, _, _) in zip(model.constraints, found, strict=True):
+        g = gap / constraint.scale
+        if not isinstance(constraint, PointConstraint) or not (constraint.active is None or constraint.active.at(0.0)):
+            continue
+        if abs(g) > HELD:
+            raise fail(f"{constraint.owner}: the {constraint.holds} differs in the last state of '{path}', by "
+                       f"{abs(g):.3g} of its size", expected)
+
+
+def _loaded(model: Model) -> LoadedCase:
+    if model.loaded is None:
+        raise ValueError("the model was not built from a case that was read")
+    return model.loaded
+
+
+def _path(model: Model, name: str) -> str:
+    """Return the path of a file that the case names."""
+    return os.path.join(os.path.dirname(_loaded(model).source.file), name)
+
+
+def _failing(model: Model, path: tuple[str, ...]) -> Callable[..., CaseError]:
+    """Return what makes the CaseError that stands at a place of the case."""
+    def fail(message: str, expected: str = "") -> CaseError:
+        text = f"{'.'.join(path)}: {message}"
+        return CaseError(_loaded(model).source.problem(path, text, expected or None))
+    return fail
+
+
+def initial_problems(model: Model) -> list[Problem]:
+    """Return what is wrong with the start of a motion that can be seen without solving."""
+    initial = model.case.initial
+    if initial is None or initial.from_ == "rest":
+        return []
+    try:
+        if initial.from_ == "static":
+            build_model(replace(_loaded(model), case=static_case(model.case)), moving=True)
+        else:
+            _from_file(model, initial.from_)
+    except CaseError as error:
+        return error.problems
+    return []

@@ -1,0 +1,212 @@
+"""The tool's own time integrators: their coefficients and arrays for the kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.polynomial import polynomial
+
+from ...case import Dynamic
+from ...elements.shape import Array
+from ...kernels import calls
+from ...kernels.advance import work
+from ...kernels.conserving import (
+    Conserving,
+    conserving_accept,
+    conserving_restart,
+    conserving_step,
+    conserving_work,
+)
+from ...kernels.lowlevel.records import Record
+from ...kernels.motion import Step, method_of
+from ...kernels.newmark import Newmark, newmark_accept, newmark_go_on, newmark_inside, newmark_restart, newmark_step
+from ...kernels.radau import TILE, Radau, radau_accept, radau_restart, radau_step
+from ...kernels.stages import radau_inside, relaxing
+from ...model.mesh import Index
+from .schemes import Integrator, spectral_radius
+
+MAX_ITERATIONS = 12
+# of Newton's increments, relative to the size of the motion
+TIGHT = 1e-10
+CONSERVING = 1e-18
+
+
+# what ``Model.relaxing`` tells
+Relaxes = tuple[Index, Array]
+
+
+class Kernels(NamedTuple):
+    """The functions of a family of integrators.
+
+    ``inside`` of those that step materials that relax, ``work`` of those that know the work of a step themselves,
+    ``go_on`` of those that go on behind an impact.
+    """
+
+    step: Any
+    accept: Any
+    restart: Callable[[Any, Any], None]
+    inside: Any = None
+    work: Any = None
+    go_on: Any = None
+
+
+# by the kind of their own tuples
+KERNELS = {
+    Newmark: Kernels(newmark_step, newmark_accept, newmark_restart, newmark_inside, go_on=newmark_go_on),
+    Conserving: Kernels(conserving_step, conserving_accept, conserving_restart, work=conserving_work),
+    Radau: Kernels(radau_step, radau_accept, radau_restart, radau_inside),
+}
+
+
+class Maker(NamedTuple):
+    """What makes an integrator: the order of its error in h, its polynomials of a step, its own tuple.
+
+    ``make(spec, p, tolerance, end, relaxing)`` takes the record of a problem, the Step where steps are to end, and
+    ``Model.relaxing``.
+    """
+
+    order: int
+    basis: Array
+    make: Callable[[Dynamic, Any, float, Step, Relaxes], Any]
+
+
+def cubic() -> Array:
+    """Return the polynomials (3, 4) of x in [0, 1] that belong to h z'(0), z(1) - z(0) and h z'(1) (Hermite)."""
+    return np.array([[0.0, 1.0, -2.0, 1.0], [0.0, 0.0, 3.0, -2.0], [0.0, 0.0, -1.0, 1.0]])
+
+
+def by_rates(c: Array) -> Array:
+    """Return the polynomials (s + 1, s + 2) of x that belong to h z'(0) and h z'(c_i).
+
+    The rates of the stages and of the start determine the end: the quadrature of the stages is exact for them.
+    """
+    at = np.append(0.0, c)
+    powers = np.arange(1, len(at) + 1)
+    out = np.zeros((len(at), len(at) + 1))
+    out[:, 1:] = np.linalg.inv(powers * at[:, None] ** (powers - 1.0)).T
+    return out
+
+
+def _newmark_family(alphas: Callable[[float], tuple[float, float]], radius: bool = True) -> Maker:
+    """Return what makes Newmark's method with alpha_m and alpha_f of a spectral radius at infinity, if it has any."""
+    def make(spec: Dynamic, p: Any, tolerance: float, end: Step, _: Relaxes) -> Newmark:
+        am, af = alphas(spectral_radius(spec) if radius else 1.0)
+        gamma = 0.5 + af - am
+        return Newmark(am, af, 0.25 * (gamma + 0.5) ** 2, gamma, tolerance, spec.max_iterations or MAX_ITERATIONS,
+                       spec.newton == "full", end, np.zeros(len(p.weights)))
+    return Maker(3, cubic(), make)
+
+
+def _energy_momentum(spec: Dynamic, p: Any, tolerance: float, end: Step, _: Relaxes) -> Conserving:
+    n = len(p.weights)
+    return Conserving(tolerance, spec.max_iterations or 4 * MAX_ITERATIONS, spec.newton == "full", end,
+                      np.zeros(len(p.place)), np.zeros(n), np.zeros(n), np.zeros(n),
+                      np.zeros((3, len(p.programs.first) - 1, 3)))
+
+
+def radau_nodes(stages: int) -> Array:
+    """Return the nodes c of Radau IIA: roots of P_s - P_(s-1) on [0, 1], the last one 1."""
+    from numpy.polynomial import legendre
+
+    roots = np.sort(legendre.legroots([0.0] * (stages - 1) + [-1.0, 1.0]).real)
+    return np.append(0.5 * (roots[:-1] + 1.0), 1.0)
+
+
+def collocation(c: Array) -> Array:
+    """Return A (s, s): A[i, j] = int_0^c_i of the Lagrange polynomial j on the nodes c."""
+    out = np.zeros((len(c), len(c)))
+    for j in range(len(c)):
+        others = np.delete(c, j)
+        lagrange = polynomial.polyfromroots(others) / np.prod(c[j] - others)
+        out[:, j] = polynomial.polyval(c, polynomial.polyint(lagrange))
+    return out
+
+
+def radau(stages: int) -> Maker:
+    """Return what makes Radau IIA with an odd number of stages."""
+    c = radau_nodes(stages)
+
+    def make(spec: Dynamic, p: Any, tolerance: float, end: Step, relaxes: Relaxes) -> Radau:
+        A = collocation(c)
+        W = np.linalg.inv(A)
+        values, right = np.linalg.eig(W)
+        left = np.linalg.inv(right)
+        k = int(np.argmin(np.abs(values.imag)))
+        upper = np.flatnonzero(values.imag > 1e-9)
+        gamma = 1.0 / float(values[k].real)
+        # weights b of the embedded formula: order s with gamma f(y_0) among them
+        powers = np.arange(stages)
+        embedded = np.linalg.solve(c[None, :] ** powers[:, None], 1.0 / (powers + 1.0) - gamma * (powers == 0))
+        n, entries = len(p.coordinate), len(p.mass)
+        rows, columns = [left[k].real], [right[:, k].real]
+        for q in upper:
+            rows += [left[q].real, left[q].imag]
+            columns += [2.0 * right[:, q].real, -2.0 * right[:, q].imag]
+        X, V, accelerations, R, kept = (np.zeros((stages, n)) for _ in range(5))
+        cosine, sine, F, row = (np.zeros((stages, m)) for m in (len(p.pairs), len(p.pairs), stages, TILE))
+        return Radau(c, W, float(values[k].real), values[upper], -np.array(rows), np.array(columns).T.copy(),
+                     (W.T @ (embedded - A[-1]))[None], gamma, tolerance, spec.max_iterations or MAX_ITERATIONS,
+                     spec.newton == "full", bool(p.tau.any()) or len(p.points.mem) > 0 or p.rank > 0,
+                     np.flatnonzero(p.coordinate == 0.0), end, X, V, accelerations, R, kept, np.zeros(entries),
+                     np.zeros((len(upper), entries), dtype=complex), np.zeros(n),
+                     np.zeros((len(upper), n), dtype=complex), np.zeros((stages, len(p.programs.first) - 1, 3)),
+                     cosine, sine, np.zeros(4), np.zeros((2, len(p.pairs))), F, row,
+                     relaxing(*relaxes, A[-1].copy(), p.states))
+
+    return Maker(stages + 1, by_rates(c), make)
+
+
+# for every integrator that is not SciPy's. HHT: spectral radius (1 - af)/(1 + af), 1/2 at the bound af = 1/3
+MAKERS: dict[str, Maker] = {
+    "radau5": radau(3), "radau9": radau(5),
+    "generalized_alpha": _newmark_family(lambda rho: ((2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0))),
+    "hht": _newmark_family(lambda rho: (0.0, (1.0 - rho) / (1.0 + rho))),
+    "newmark": _newmark_family(lambda rho: (0.0, 0.0), radius=False),
+    "energy_momentum": Maker(3, cubic(), _energy_momentum),
+}
+
+
+class Method:
+    """An integrator as kernels take it: ``record`` is a ``kernels.motion.Method``, ``own`` what it has beside that.
+
+    ``functions`` are those that it is called by (``kernels.calls``).
+    """
+
+    def __init__(self, name: str, spec: Dynamic, p: Record, tolerance: float, relaxes: Relaxes) -> None:
+        order, basis, make = MAKERS[name]
+        method = method_of(order, basis, len(p.weights))
+        self.own = Record(make(spec, p, tolerance, method.end, relaxes))
+        self.order, self._kernels = order, KERNELS[type(self.own.values)]
+        self.functions = self._functions(p.layout, p.sided, len(relaxes[0]) > 0)
+        self._unfinished = method._replace(own=self.own.address, exact=self._kernels.work is not None)
+
+    def _functions(self, problem: Any, sided: bool, relaxes: bool) -> dict[Any, tuple[Any, ...]]:
+        kernels, own = self._kernels, self.own.layout
+        out = {calls.step: (kernels.step, problem, own), calls.accept: (kernels.accept, own),
+               calls.work: (work, problem)}
+        if kernels.work is not None:
+            out[calls.work_of_step] = kernels.work, problem, own
+        if relaxes:
+            out[calls.inside] = kernels.inside, problem, own
+        if sided:
+            out[calls.restart] = kernels.go_on, own
+        return out
+
+    @cached_property
+    def record(self) -> Record:
+        """What kernels take, its functions compiled."""
+        return Record(self._unfinished._replace(calls=calls.table(self.functions)))
+
+    def restart(self, s: Any) -> None:
+        """Let the method begin anew from the motion s."""
+        self._kernels.restart(self.own, s)
+
+
+def newton_tolerance(method: Integrator, tolerance: float) -> float:
+    """Return how far Newton's increments are brought down, relative to the size of the motion."""
+    if method.conserves:
+        return CONSERVING
+    return max(min(TIGHT, 1e-2 * tolerance), 1e-14) if tolerance else TIGHT

@@ -1,0 +1,303 @@
+"""SciPy's integrators on the equations of motion: RK45, DOP853, Radau, BDF, LSODA."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from ...case import Dynamic
+from ...elements.shape import Array
+from ...kernels.advance import CHECK, END, INSIDE, NEAR
+from ...kernels.events import BEYOND, FLOAT, FLOATS, LOOKS, NO_VALUE, NONE, TRIES, holding
+from ...kernels.lowlevel.records import Record
+from ...kernels.motion import COUNT, LOST, OLD_STEP, SIZE, STEP_SIZE, TIME, WORK, motion
+from ...kernels.ode import accelerations, mass_factors, place, powers, rates, settle, tangents
+from ...model.model import Model
+from ..linear import dense
+from . import stepping
+from .breaks import pass_break
+from .failures import stuck
+from .schemes import SCHEMES
+from .stepping import LOG, Row, Stepper
+
+# Lobatto points and weights on [0, 1], for work along a step
+LOBATTO = ((0.0, 1 / 12), (0.5 - 0.1 * 5**0.5, 5 / 12), (0.5 + 0.1 * 5**0.5, 5 / 12), (1.0, 1 / 12))
+
+
+class OdeStepper(Stepper):
+    """A motion that an integrator of SciPy takes through time, as ``Stepper`` does with the tool's own.
+
+    Local errors are kept below ``tolerance`` relative to the largest displacement (and speed) so far, coordinates
+    weighted as displacements; ``dt`` is the longest step. Multipliers are solved for with the accelerations; after
+    each step positions and rates move onto the constraints by the least change in the metric of the mass.
+    """
+
+    looks_ahead = False
+
+    def __init__(self, model: Model, problem: Any, signals: list[Any], spec: Dynamic, dt: float, wanted: Array,
+                 every: int = 0) -> None:
+        super().__init__(model, problem, signals, spec, dt, wanted, every)
+        self.scheme = SCHEMES[self.method.name]
+        self.tolerance = spec.local_error
+        n = len(self.p.coordinate)
+        self.free = np.flatnonzero(self.p.coordinate)
+        self.constrained = len(self.free) < n
+        self.factors = self.p.mass.copy()
+        if not self.constrained:
+            mass_factors(self.p, self.w, self.factors)
+        self.scale = np.array([1e-3 * self.p.extent, 1e-3 * self.p.extent / spec.t_end])
+        self.begun = self.scale
+        self.inner = Record(motion(n, 0, 0))
+        self.solver: Any = None
+        self.log: list[list[float]] = []
+
+    def start(self, d: Array, v: Array, turned: Array) -> None:
+        """Begin at full coordinates d with rates v, of which supports and joints leave what they allow."""
+        self._begin_from(d, v, turned)
+
+    def _restart(self) -> None:
+        """Let SciPy begin anew, and choose its first step, from the motion."""
+        self.solver = None
+        self.s.numbers[STEP_SIZE] = 0.0
+
+    # ------------------------------------------------------------------ the equations as SciPy sees them
+
+    def rates(self, t: float, y: Array) -> Array:
+        """Return y'."""
+        out = np.empty_like(y)
+        rates(self.p, self.w, self.factors, self.inner, self.free, t, y, out)
+        return out
+
+    def jacobian(self, t: float, y: Array) -> Array:
+        """Return dy'/dy, without the curvature of constraints."""
+        place(self.inner, self.free, y)
+        accelerations(self.p, self.w, self.factors, self.inner, t)
+        K, C, KKT = (np.zeros_like(self.p.mass) for _ in range(3))
+        tangents(self.p, self.w, self.inner, t, K, C, KKT)
+        free, m = self.free, len(self.free)
+        forces = np.zeros((len(self.p.coordinate), 2 * m))
+        K, C, KKT = (dense(A, self.p) for A in (K, C, KKT))
+        C -= K
+        inner = np.arange(self.p.inner, len(KKT))
+        KKT[inner, inner] = 1.0
+        forces[free, :m], forces[free, m:] = K[np.ix_(free, free)], C[np.ix_(free, free)]
+        out = np.zeros((2 * m, 2 * m))
+        out[:m, m:] = np.eye(m)
+        out[m:] = -np.linalg.solve(KKT, forces)[free]
+        out[m:, m:] -= self.p.alpha * np.eye(m)
+        # states of controllers have first derivatives alone
+        states = np.flatnonzero(free >= self.p.inner)
+        out[states] += out[m + states]
+        out[m + states] = 0.0
+        return out
+
+    def _begin(self, stop: float, first: float | None = None) -> Any:
+        """Return SciPy's solver from the motion to ``stop``; ``first`` is the step to try first."""
+        from scipy import integrate
+
+        self.begun = self.scale.copy()
+        y = np.concatenate([self.s.z[self.free], self.s.v[self.free]])
+        longest = min(self.dt or np.inf, self._largest())
+        more: dict[str, Any] = {"jac": self.jacobian} if self.scheme.jacobian else {}
+        # SciPy's own first step knows a second, and so a unit of time
+        more["first_step"] = min(self.first_step(), longest, 0.5 * (stop - self.t))
+        solver = getattr(integrate, self.method.name)(self.rates, self.t, y, stop, max_step=longest,
+                                                      rtol=self.tolerance, atol=self._weights(), **more)
+        if first is not None:
+            solver.h_abs = first
+        elif self.scheme.keeps and self.s.numbers[STEP_SIZE] > 0.0:
+            solver.h_abs = float(self.s.numbers[STEP_SIZE])
+        return solver
+
+    def _weights(self) -> Array:
+        """Return the absolute tolerances (2 m,)."""
+        weights = self.p.weights[self.free]
+        states = self.free >= self.p.inner
+        sizes = self.p.feedback.scale
+        weights[states] = self.scale[0] / np.where(sizes > 0.0, sizes, 1.0)
+        return self.tolerance * np.concatenate([self.scale[0] / weights, self.scale[1] / weights])
+
+    # ------------------------------------------------------------------ stepping
+
+    def _go(self, found: list[Row]) -> None:
+        """Step for about a fifth of a second and append the states."""
+        started = time.perf_counter()
+        while not self.done:
+            stop = self.pieces[self.piece].stop
+            if self.solver is None:
+                self.solver = self._begin(stop)
+            event = not self._step(found) or self.events.holds()
+            following = self.events.happen() if event else self.piece + 1
+            while not self.done and (event or self.t >= stop):
+                pass_break(self, following)
+                stop, event = self.pieces[self.piece].stop, self.events.holds()
+                following = self.events.happen() if event else self.piece + 1
+            if found and time.perf_counter() - started > stepping.CHUNK_SECONDS:
+                break
+        self.pending = np.array(self.log).reshape(-1, len(LOG))
+
+    def _step(self, found: list[Row]) -> bool:
+        """Make a step; return False where it was given up for an event at its beginning."""
+        solver, t, evaluations = self.solver, self.t, self.solver.nfev
+        if not self.scheme.fixed:
+            solver.atol = self._weights()
+        message = solver.step()
+        if solver.status == "failed" or not np.isfinite(solver.y).all():
+            raise stuck(self, message)
+        path: Any = None
+        if self.events.conditions:
+            path = self._stop_at_event(t)
+            if path is None:
+                self.solver = None
+                return False
+        solver = self.solver
+        h, evaluations = solver.t - t, solver.nfev - evaluations
+        inside = self._inside(t, solver.t)
+        if path is None and (self.tracks or len(inside)):
+            path = solver.dense_output()
+        error = self._local_error(h)
+        at_end = bool(len(inside)) and inside[-1] >= solver.t - NEAR * h
+        states = [(x, path(x), self._work(path, t, x), self._turned(x - t, x, path(x)))
+                  for x in inside[:len(inside) - at_end]]
+        self.s.numbers[[WORK, LOST]] = self._work(path, t, solver.t)
+        worst = self._keep(h)
+        tries = evaluations // self.scheme.stages if self.scheme.stages else 1
+        self.log.append([self.s.numbers[COUNT], solver.t, h, evaluations, tries - 1, error, worst])
+        for x, y, work, turned in states:
+            self._store(found, x, INSIDE, y, work, turned)
+        self.next_wanted += len(inside)
+        if len(inside) or (self.every and self.s.numbers[COUNT] % self.every == 0):
+            kind = CHECK if len(states) and not at_end else END
+            self._store(found, inside[-1] if at_end else solver.t, kind, solver.y, self.s.numbers[[WORK, LOST]],
+                        self.s.turned[0])
+        return True
+
+    def _stop_at_event(self, t: float) -> Any:
+        """Let a step from t that has just been made end where a condition comes to hold in it.
+
+        Returns its interpolation, None where the condition comes to hold at t, to round-off. One-step methods make the
+        step once more, until it ends there.
+        """
+        for k in range(TRIES):
+            solver = self.solver
+            path, near = solver.dense_output(), FLOATS * FLOAT * solver.t
+            found = self._crossing(path, t, solver.t, BEYOND * (solver.t - t) if k else 0.0)
+            if found is None or abs(found - solver.t) <= near:
+                return path
+            if found <= t + near:
+                return None
+            if not self.scheme.one_step:
+                solver.t, solver.y, solver.status = found, path(found), "running"
+                return path
+            self.solver = self._begin(min(found, self.pieces[self.piece].stop), found - t)
+            message = self.solver.step()
+            if self.solver.status == "failed":
+                raise stuck(self, message)
+        return self.solver.dense_output()
+
+    def _crossing(self, path: Any, t: float, end: float, beyond: float) -> float | None:
+        """Return when a condition comes to hold between t and the end of a step, or so much behind; None where none.
+
+        What holds there, to round-off, is marked.
+        """
+        def holds(x: float) -> bool:
+            place(self.inner, self.free, path(x))
+            found = holding(self.p, self.w, self.inner.z, self.inner.v, x)
+            if found == NO_VALUE:
+                raise stuck(self, "a condition has no value")
+            return bool(found != NONE)
+
+        times = [t + (end - t) * k / LOOKS for k in range(LOOKS)] + [end] + ([end + beyond] if beyond else [])
+        k = next((k for k in range(1, len(times)) if holds(times[k])), None)
+        if k is None:
+            return None
+        low, high = times[k - 1], times[k]
+        while low < (middle := 0.5 * (low + high)) < high:
+            low, high = (low, middle) if holds(middle) else (middle, high)
+        _ = holds(high + 2.0 * FLOATS * FLOAT * end) or holds(high)
+        return high
+
+    def _inside(self, t: float, end: float) -> Array:
+        """Return the wanted times up to the end of a step."""
+        if self.every:
+            return self.wanted[:0]
+        last = int(np.searchsorted(self.wanted, end + NEAR * (end - t), side="right"))
+        return self.wanted[self.next_wanted:last]
+
+    def _keep(self, h: float) -> float:
+        """Make the end of the step the motion, on the constraints; return what they are still off."""
+        solver, s = self.solver, self.s
+        place(s, self.free, solver.y)
+        worst = float(settle(self.p, self.w, s, solver.t))
+        s.turned[:] = self.turns_on(solver.t, h, s.z, s.v)
+        if self.constrained:
+            solver.y = np.concatenate([s.z[self.free], s.v[self.free]])
+            solver.f = self.rates(solver.t, solver.y)
+        s.numbers[TIME], s.numbers[OLD_STEP] = solver.t, h
+        s.numbers[COUNT] += 1.0
+        s.numbers[STEP_SIZE] = getattr(solver, "h_abs", 0.0)
+        weights = self.p.weights
+        self.scale = np.maximum(self.scale, [np.max(weights * np.abs(x), initial=0.0) for x in (s.z, s.v)])
+        s.numbers[SIZE] = self.scale[0]
+        short = solver.status == "finished" and solver.t < self.pieces[self.piece].stop
+        if short or (self.scheme.fixed and np.any(self.scale > 2.0 * self.begun)):
+            self.solver = None
+        return worst
+
+    def _local_error(self, h: float) -> float:
+        """Return the local error of the step relative to the size of the motion, or the bound that SciPy keeps."""
+        solver, m = self.solver, len(self.free)
+        if self.scheme.stages == 0:
+            return self.tolerance
+        if hasattr(solver, "E5"):
+            # Hairer, Norsett & Wanner 1993, Sec. II.10: two estimates that make one
+            fifth, third = (solver.K.T @ e for e in (solver.E5, solver.E3))
+            sizes = np.hypot(np.abs(fifth), 0.1 * np.abs(third))
+            error = fifth * np.divide(np.abs(fifth), sizes, out=np.ones_like(sizes), where=sizes > 0)
+        else:
+            error = solver.K.T @ solver.E
+        return float(np.max(self.p.weights[self.free] * np.abs(h * error[:m]), initial=0.0) / self.scale[0])
+
+    def _work(self, path: Any, t: float, x: float) -> Array:
+        """Return work and loss up to x in a step from t, by the Lobatto points of its interpolation."""
+        out = self.s.numbers[[WORK, LOST]]
+        for c, weight in LOBATTO if self.tracks else ():
+            at = t + c * (x - t)
+            rates = powers(self.p, self.w, self.factors, self.inner, self.free, at, path(at))
+            out += (x - t) * weight * np.array(rates)
+        return out
+
+    def _turned(self, h: float, t: float, y: Array) -> Array:
+        """Return the rotations (sections,) that are counted, at y a time h after the motion."""
+        place(self.inner, self.free, y)
+        turned: Array = self.turns_on(t, h, self.inner.z, self.inner.v)[0]
+        return turned
+
+    def _store(self, found: list[Row], t: float, kind: int, y: Array, work: Array, turned: Array) -> None:
+        at = self.inner
+        place(at, self.free, y)
+        accelerations(self.p, self.w, self.factors, at, t)
+        log = [] if kind == CHECK else self.log
+        found.append(self._row(float(t), kind, at.z, at.v, at.a, work, *self._memory(), turned,
+                               np.array(log).reshape(-1, len(LOG))))
+        self.log = self.log[len(log):]
+
+    def last(self) -> Row:
+        """Return the state at the time reached, with what is left of the log."""
+        accelerations(self.p, self.w, self.factors, self.s, self.t)
+        self.log = []
+        return super().last()
+
+    # ------------------------------------------------------------------ going on later
+
+    def checkpoint(self) -> dict[str, Array] | None:
+        """Return everything that the motion goes on from, where SciPy's method allows that."""
+        kept = super().checkpoint() if self.scheme.keeps else None
+        return kept and {**kept, "scale": self.scale.copy()}
+
+    def resume(self, kept: dict[str, Array]) -> None:
+        """Go on from a checkpoint."""
+        super().resume(kept)
+        self.scale, self.log = kept["scale"].copy(), self.pending.tolist()

@@ -1,0 +1,288 @@
+"""A model as the kernels of motion take it: one tuple of arrays, and what has to be compiled for it."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...case import Expression
+from ...case.programs import programs, switches
+from ...elements.shape import Array
+from ...interactions.body_contact import facing_table
+from ...interactions.moving import MovingPatch, moving_table
+from ...interactions.prismatic import OnAxis, sliding_table
+from ...kernels.bodies import addresses, element_functions
+from ...kernels.calls import table
+from ...kernels.dynamics import Problem, dynamic_functions
+from ...kernels.events import event_functions, holding
+from ...kernels.feedback import Feedback, feedback_accept, feedback_functions, no_feedback, tail_size
+from ...kernels.impact import begin, impact_functions
+from ...kernels.lowlevel.records import Record
+from ...kernels.ode import ode_functions
+from ...kernels.patches import patch_functions
+from ...kernels.symmetric import matrix_functions
+from ...kernels.tree import no_fronts
+from ...model.feedback import POSITION
+from ...model.groups import with_states
+from ...model.interactions import point_table, turning_table
+from ...model.model import Model
+from ...model.timing import Signal
+from ..energy import is_constant
+from ..linear import full_mass, unknowns_to_coordinates
+from .schemes import INTEGRATORS, Integrator, default_method
+from .tables import Signals, dead_loads, mass_tables, motions, point_laws, vectors, with_own
+
+if TYPE_CHECKING:
+    pass
+from collections.abc import Callable
+from functools import partial
+
+import numba
+from numba import types
+
+from ...case import Dynamic
+from ...kernels import calls, ode
+from ...kernels.advance import Plan, Rows, advance
+from ...kernels.along import read_states
+from ...kernels.batch import no_group
+from ...kernels.compiled_laws import law_address
+from ...kernels.consistent import consistent, kinetic, onto_constraints
+from ...kernels.dynamics import to_full
+from ...kernels.forces import batch_address
+from ...kernels.lowlevel.records import type_of
+from ...kernels.motion import Turning, evaluate, method_of, motion, scratch, turn_on
+from ...kernels.sliding import sliding_check
+from ...kernels.tangents import fill_products
+from .methods import MAKERS, Method
+
+# of the whole time: controllers' states that begin at zero are as large as they would be by then
+SOON = 1e-2
+
+
+def _method(model: Model) -> Integrator:
+    """Return the integrator of the motion."""
+    return INTEGRATORS[getattr(model.case.solver, "method", None) or default_method(model)]
+
+
+def functions(model: Model) -> dict[Any, tuple[Any, ...]]:
+    """Return the functions that the kernels of a model's motion call by address (``kernels.calls``)."""
+    method, layout = _method(model), nothing().layout
+    fronts, viscous = model.numbering.fronts is not None, any(pool.tau for pool in model.pools)
+    slides, acts = any(isinstance(c, OnAxis) for c in model.constraints), bool(model.interactions.points)
+    faces = any(pair.on_bodies for pair in model.contacts)
+    carries = any(isinstance(p, MovingPatch) and p.mass for p in model.interactions.points)
+    return {**dynamic_functions(layout), **matrix_functions(fronts, layout),
+            **element_functions(fronts, viscous, method.conserves, bool(model.loads.natural), bool(model.remembers),
+                                layout),
+            **patch_functions(fronts, acts, slides, carries, faces, method.conserves, layout),
+            **impact_functions(model.contacts, model.sided, layout),
+            **({calls.onto_constraints: (onto_constraints, layout)} if acts or slides else {}),
+            **(ode_functions(layout) if method.scipy is not None else {}),
+            **(event_functions(layout, (feedback_accept, layout)) if model.feedback.conditions else {}),
+            **(feedback_functions(fronts, layout) if model.feedback.rank else {})}
+
+
+@cache
+def nothing() -> Record:
+    """Return a problem without anything: all problems are of its type."""
+    x, n, table2 = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 0))
+    turning = Turning(n, n, x, x, x)
+    return Record(Problem(
+        groups=n, states=x, clocks=n, calls=n, tau=x, points=point_table([]), sliding=sliding_table([], x),
+        moving=moving_table([], int, x), facing=facing_table([]), patched=False, touches=False, sided=False,
+        turning=turning, winds=False, programs=programs([]), place=n, indptr=n, index=n, value=x, full=n, dependents=n,
+        fronts=no_fronts(), width=1, mass=x, diagonals=n, along=table2, load_coord=n, load_value=x, load_signal=n,
+        load_varies=np.zeros(0, dtype=bool), motion_coord=n, motion_factor=x, motion_signal=n, motion_mass=table2,
+        motion_mass_signal=n, motion_mutual=table2, alpha=0.0, pairs=n.reshape(0, 2), turns=n.reshape(0, 4), e0=x,
+        weights=x, straining=x, coordinate=x, extent=0.0, feedback=no_feedback(programs([])), inner=0, rank=0, sure=1))
+
+
+def make_problem(model: Model) -> tuple[Record, list[Signal]]:
+    """Return the record (``Problem``) that the kernels of motion take, and its signals."""
+    num, signals = model.numbering, Signals()
+    T, M = unknowns_to_coordinates(model), full_mass(model)
+    own = num.free < num.n_q
+    weights, straining = np.zeros(num.n_unknowns), np.zeros(num.n_unknowns)
+    weights[own], straining[own] = model.weights[num.free[own]], model.straining[num.free[own]]
+    pairs, turns = vectors(model)
+    tau = np.array([pool.tau for pool in model.pools])
+    for load in model.loads.natural:
+        load.signal[0] = signals.row(load.amplitude)
+    damping = model.case.damping
+    data: dict[str, Any] = {
+        "groups": addresses(model.groups), "states": model.states, "clocks": model.clocks, "tau": tau,
+        "calls": table(functions(model)), "points": point_laws(model, signals, _method(model).conserves),
+        "turning": turning_table(model.turns), "winds": model.winds,
+        "facing": facing_table(model.interactions.points),
+        "sliding": sliding_table(model.constraints, model.e0), "place": num.place,
+        "indptr": num.indptr, "index": num.index, "value": num.value, "full": num.free, "dependents": num.dependent,
+        **mass_tables((T.T @ M @ T).tocsr(), num), "alpha": float(damping.rayleigh.alpha) if damping else 0.0,
+        "pairs": pairs, "turns": turns, "e0": model.e0, "weights": weights, "straining": straining,
+        "coordinate": own.astype(float),
+        "extent": float(model.extent), **dead_loads(model, signals), **motions(model, M, T, signals)}
+    data["moving"] = moving_table(model.interactions.points, signals.row, data["mass"])
+    patched = len(data["points"].mem) > 0 or len(data["sliding"].multiplier) > 0
+    data |= _feedback(model, data, signals)
+    p = Record(Problem(programs=signals.programs(), patched=patched, touches=bool(model.contacts),
+                       sided=model.sided, **data))
+    if p.layout != nothing().layout:
+        raise TypeError(f"a problem of another type: {p.layout}")
+    return p, signals.all
+
+
+def _feedback(model: Model, data: dict[str, Any], signals: Signals) -> dict[str, Any]:
+    """Return what answers the motion, and the arrays of a problem with states of controllers behind the unknowns."""
+    found, num = model.feedback, model.numbering
+    n, n_full, m = num.n_unknowns, len(num.place), len(found.states)
+    if found.rank == 0 and not found.conditions:
+        return {"feedback": no_feedback(programs([])), "inner": n, "rank": 0, "sure": 1}
+    clock = signals.row(Signal(Expression("t")))
+    rows = np.array([signals.row(a) for a in found.answers], dtype=np.int64)
+    columns = np.zeros((len(rows), n + m))
+    items = [np.flatnonzero(data["points"].signal[:, 0] == row) for row in rows]
+    for column, row in zip(columns, rows, strict=True):
+        full, mine = np.zeros(n_full), data["load_signal"] == row
+        np.add.at(full, data["load_coord"][mine], data["load_value"][mine])
+        column[:n] = -num.reduce(full)
+    names, waited = len(found.names), len(found.conditions)
+    feedback = Feedback(
+        **_quantities(model), near=np.zeros(names), row=rows, columns=columns,
+        first=np.cumsum([0, *map(len, items)]), items=np.concatenate([np.zeros(0, dtype=np.int64), *items]),
+        programs=found.programs(), watched=np.zeros(waited, dtype=np.int64), clock=clock, states=m,
+        soon=SOON * getattr(model.case.solver, "t_end", 0.0), scale=np.zeros(m), values=np.zeros(names),
+        slopes=np.zeros(1 + names + 3 * waited), rates=np.zeros(m), full=np.zeros(n_full + m), column=np.zeros(n + m))
+
+    def longer(x: Array, value: float = 0.0) -> Array:
+        return np.ascontiguousarray(np.pad(x, [(0, 0)] * (x.ndim - 1) + [(0, m)], constant_values=value))
+    tail, own = tail_size(n + m, found.rank, m), len(found.answers) + m
+    moving = data["moving"]
+    mass, fixed = (np.concatenate([x, np.zeros(tail if len(x) else 0)]) for x in (data["mass"], moving.fixed))
+    return {"feedback": feedback, "moving": moving._replace(fixed=fixed), "mass": mass, "inner": n,
+            "rank": found.rank, "sure": 2 if switches(feedback.programs, own) else 1,
+            "place": np.concatenate([num.place, n + np.arange(m)]),
+            "full": np.concatenate([num.free, n_full + np.arange(m)]),
+            "coordinate": longer(data["coordinate"], 1.0),
+            **{key: longer(data[key]) for key in ("weights", "straining", "along", "motion_mass")}}
+
+
+def _quantities(model: Model) -> dict[str, Array]:
+    """Return the quantities that something depends on, then the states of controllers, as kernels take them."""
+    found, n_full = model.feedback, len(model.numbering.place)
+    kind, coords, along, across, start = [], [], [], [], []
+    for q in found.quantities:
+        second = q.along if q.across is None else q.across
+        used = np.unique(np.concatenate([q.along.coords, second.coords]))
+        one, two = np.zeros(len(used)), np.zeros(len(used))
+        np.add.at(one, np.searchsorted(used, q.along.coords), q.along.weights)
+        if q.across is not None:
+            np.add.at(two, np.searchsorted(used, q.across.coords), q.across.weights)
+        kind.append(q.kind)
+        coords.append(used)
+        along.append(one)
+        across.append(two)
+        start.append(q.along.p0)
+    m = len(found.states)
+    none, one = np.zeros(0), np.ones(m)
+    return {"kind": np.array([*kind, *[POSITION] * m], dtype=np.int64),
+            "begin": np.cumsum([0, *map(len, coords), *[1] * m]),
+            "coords": np.concatenate([none, *coords, n_full + np.arange(m)]).astype(np.int64),
+            "along": np.concatenate([none, *along, one]), "across": np.concatenate([none, *across, 0.0 * one]),
+            "start": np.array([*start, *[0.0] * m])}
+
+
+def own(problem: Record, model: Model) -> Record:
+    """Return a problem with tables of its own, where they remember something."""
+    p: Problem = problem.values
+    groups, states = with_states(model.groups)
+    room = ("near", "scale", "values", "slopes", "rates", "full", "column", "watched")
+    feedback = p.feedback._replace(**{name: getattr(p.feedback, name).copy() for name in room},
+                                   programs=with_own(p.feedback.programs, "data"))
+    p = p._replace(feedback=feedback, straining=p.straining.copy(), weights=p.weights.copy())
+    p = p._replace(groups=addresses(groups), states=states)
+    if len(p.moving.item):
+        # what moves writes where it is
+        p = p._replace(points=with_own(p.points, "dofs", "G", "p0", "par", "drift"),
+                       moving=with_own(p.moving, "element"), **({"mass": p.mass.copy()} if len(p.moving.fixed) else {}))
+    if len(p.facing.item):
+        # what touches writes what it is opposite to
+        p = p._replace(points=with_own(p.points, "dofs", "G", "p0", "par"), facing=with_own(p.facing, "now", "boxes"))
+    return Record(p._replace(points=with_own(p.points, "mem", "on"), sliding=with_own(p.sliding, "memory", "on", "gap"),
+                             programs=with_own(p.programs, "window", "data")), others=groups)
+
+
+def driving(p: Record) -> list[int]:
+    """Return the signals that positions or angles follow."""
+    fed = p.points.signal[p.points.fed >= 0].tolist()
+    return sorted({*p.motion_signal.tolist(), *fed})
+
+
+def tracks(model: Model, p: Record) -> bool:
+    """Whether anything does work that has no potential: varying loads, motion, dampers, loads that turn."""
+    dampers = any(spring.damped or spring.signal is not None or spring.active is not None for spring in model.springs)
+    fed = bool((p.points.fed >= 0).any())
+    natural = any(not is_constant(load.amplitude) for load in model.loads.natural)
+    natural = natural or bool(model.loads.flows)
+    rubs = any(contact.item.friction for contact in model.contacts)
+    return bool(natural or rubs or p.load_varies.any() or len(p.motion_coord) or bool(p.tau.any()) or p.alpha
+                or dampers or fed or model.loads.patches)
+
+
+Compilation = Callable[[], object]
+_f, _i = types.float64, types.int64
+_x, _n, _xx = types.float64[::1], types.int64[::1], types.float64[:, ::1]
+
+
+def of_elements(model: Model) -> list[Compilation]:
+    """Return what compiles the forces of a model's elements, from matrices aside."""
+    laws = {m.plan.formulation.law: None for m in model.meshes.values() if not m.plan.rigid}
+    if not laws:
+        return []
+    products = (types.float64[:, :, :, ::1], _i, numba.typeof(no_group().plan), _x)
+    return [batch_address, *(partial(law_address, law) for law in laws), partial(fill_products.compile, products)]
+
+
+def of_motion(model: Model, spec: Dynamic) -> list[Compilation]:
+    """Return what compiles everything for a motion, what takes longest first."""
+    name, p = spec.method or default_method(model), nothing()
+    own = calls.compilations(Method(name, spec, p, 0.0, model.relaxing).functions) if name in MAKERS else []
+    called = functions(model)
+    slides = calls.sliding_forces in called
+    return [*of_elements(model), *own, *_called_from_python(p.layout, name in MAKERS, slides, model.sided),
+            *([partial(holding.compile, _holding(p.layout))] if model.feedback.conditions else []),
+            *calls.compilations(called)]
+
+
+def _called_from_python(P: Any, own: bool, slides: bool, sided: bool) -> list[Compilation]:
+    """Return what compiles the kernels that ``Stepper`` calls, or ``OdeStepper`` for SciPy's integrators."""
+    M, W = type_of(motion(0, 0, 0)), type_of(scratch(0, 0, 0, 0))
+    signatures: dict[Any, tuple[Any, ...]] = {
+        consistent: (P, W, M, _f, _x), kinetic: (P, W, M, _f), to_full: (P, _x, _xx, _i, _x),
+        evaluate: (P.place["programs"][1], _f, _xx), turn_on: (P.place["turning"][1], _x, _x, _f, _x, _x),
+        read_states: (P, W, _x, types.boolean[::1], *[_xx] * 3, *[types.float64[:, :, ::1]] * 2, *[_xx] * 6)}
+    if sided:
+        signatures[begin] = signatures[consistent]
+    if slides:
+        signatures[sliding_check] = P.place["sliding"][1].whole(), _x
+    if own:
+        rows, method = type_of(_no_rows()), type_of(method_of(0, np.zeros((0, 0)), 0))
+        plan = type_of(Plan(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False))
+        signatures[advance] = method, P, W, M, M, plan, rows, _i, _i
+    else:
+        signatures |= {
+            ode.mass_factors: (P, W, _x), ode.accelerations: (P, W, _x, M, _f), ode.place: (M, _n, _x),
+            ode.rates: (P, W, _x, M, _n, _f, _x, _x), ode.powers: (P, W, _x, M, _n, _f, _x),
+            ode.settle: (P, W, M, _f), ode.tangents: (P, W, M, _f, _x, _x, _x)}
+    return [partial(kernel.compile, signature) for kernel, signature in signatures.items()]
+
+
+def _holding(P: Any) -> tuple[Any, ...]:
+    """Return the types that the conditions of a motion are asked with."""
+    return P, type_of(scratch(0, 0, 0, 0)), _x, _x, _f
+
+
+def _no_rows() -> Rows:
+    x, n, table = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 0))
+    turns = np.zeros((0, 0, 0))
+    return Rows(x, 0, x, n, n, table, table, table, table, turns, turns, table, table, table)

@@ -1,0 +1,180 @@
+"""The time integrators by name: what each is, and what it refuses. A further one is one entry here, one in ``methods``
+where the tool steps it itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from ...case import Dynamic
+from ...errors import Problem
+from ...model.constraints import TURNED
+from ...model.model import Model
+
+# of methods that damp by choice, where the case says nothing
+SPECTRAL_RADIUS = 0.8
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """What an integrator of SciPy allows.
+
+    ``one_step``: it looks at no earlier step, so that states can be put onto the constraints; ``stages`` that it
+    evaluates per try, where that tells how many tries a step took; ``keeps``: it goes on from (t, y, h) alone;
+    ``jacobian``: it takes one; ``fixed``: its error weights cannot change on the way.
+    """
+
+    one_step: bool
+    stages: int = 0
+    keeps: bool = False
+    jacobian: bool = False
+    fixed: bool = False
+
+
+@dataclass(frozen=True)
+class Integrator:
+    """A time integrator.
+
+    ``order`` of its error at the end of a motion; ``rows`` that it keeps of earlier steps; ``radii`` : the spectral
+    radii at infinity that it takes, if any; ``damps`` what is far too fast for the steps; ``conserves`` energy, by
+    discrete gradients; ``scipy`` : what SciPy's allow.
+    """
+
+    name: str
+    order: int
+    rows: int
+    source: str
+    doc: str
+    radii: tuple[float, float] | None = None
+    damps: bool = True
+    conserves: bool = False
+    scipy: Scheme | None = None
+
+
+_LIST = (
+    Integrator("radau5", 5, 5, "Hairer, Lubich & Roche 1989",
+               "Radau IIA, three stages: order 5, damps what steps cannot resolve"),
+    Integrator("radau9", 9, 7, "Hairer, Lubich & Roche 1989",
+               "Radau IIA, five stages: order 9, for smooth motion to tight tolerances"),
+    Integrator("generalized_alpha", 2, 1, "Chung & Hulbert 1993; Arnold & Bruls 2007",
+               "second order, damping at infinity chosen by spectral_radius (default 0.8)", radii=(0.0, 1.0)),
+    Integrator("hht", 2, 1, "Hilber, Hughes & Taylor 1977",
+               "second order, damping at infinity chosen by spectral_radius from 0.5 to 1 (default 0.8)",
+               radii=(0.5, 1.0)),
+    Integrator("newmark", 2, 1, "Newmark 1959", "average acceleration: second order, no damping, no multipliers",
+               damps=False),
+    Integrator("energy_momentum", 2, 0, "Simo & Tarnow 1992; Gonzalez 2000",
+               "second order, keeps energy and momentum exactly", damps=False, conserves=True),
+    Integrator("RK45", 5, 0, "Dormand & Prince 1980", "SciPy's explicit pair 5(4), known as ode45",
+               scipy=Scheme(True, stages=6, keeps=True)),
+    Integrator("DOP853", 8, 0, "Hairer, Norsett & Wanner 1993", "SciPy's explicit method of order 8",
+               scipy=Scheme(True, stages=12, keeps=True)),
+    Integrator("Radau", 5, 0, "Hairer & Wanner 1996", "SciPy's Radau IIA of order 5, with dense matrices",
+               scipy=Scheme(True, jacobian=True)),
+    Integrator("BDF", 5, 0, "Shampine & Reichelt 1997", "SciPy's BDF of orders 1 to 5, without multipliers",
+               scipy=Scheme(False, jacobian=True)),
+    Integrator("LSODA", 5, 0, "Petzold 1983", "SciPy's switch between Adams and BDF, without multipliers",
+               scipy=Scheme(False, jacobian=True, fixed=True)),
+)
+INTEGRATORS: dict[str, Integrator] = {m.name: m for m in _LIST}
+SCHEMES: dict[str, Scheme] = {m.name: m.scipy for m in _LIST if m.scipy is not None}
+DEFAULT = "radau5"
+# of scenes with impacts
+IMPACTS = "generalized_alpha"
+
+
+def default_method(model: Model) -> str:
+    """Return the method of a case that names none."""
+    return IMPACTS if model.sided else DEFAULT
+
+
+def spectral_radius(spec: Dynamic) -> float:
+    """Return what is left per step of motions far too fast for the steps, for methods that take a choice."""
+    return SPECTRAL_RADIUS if spec.spectral_radius is None else spec.spectral_radius
+
+
+# ---------------------------------------------------------------------- what cannot be
+
+Refusal = tuple[str, str, str]  # key, what is wrong with it, what was expected
+Rule = Callable[[Integrator, Dynamic, Model], Iterator[Refusal]]
+
+
+def _constrained(model: Model) -> str:
+    """Return who holds multipliers."""
+    return ", ".join(sorted({c.owner for c in model.constraints}))
+
+
+def _multistep(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
+    """States of multistep methods cannot be put onto constraints."""
+    if scheme.scipy is not None and not scheme.scipy.one_step and model.constraints:
+        yield ("method", f"{scheme.name} is a multistep method, which cannot satisfy the constraints of "
+               f"{_constrained(model)}", "Radau, RK45, DOP853, or a method of the tool's own, such as radau5")
+
+
+def _undamped(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
+    """Forces of constraints swing up under methods without damping at infinity (Cardona & Geradin 1989)."""
+    if scheme.scipy is not None or scheme.conserves or not model.constraints:
+        return
+    why = f"makes the constraint forces of {_constrained(model)} grow from step to step"
+    if not scheme.damps:
+        turns = all(c.holds in ("rotation", TURNED) for c in model.constraints)
+        types = ", or elements that turn by a coordinate theta, such as reissner3" if turns else ""
+        yield ("method", f"{scheme.name}, which has no numerical damping, {why}",
+               f"radau5, energy_momentum or generalized_alpha{types}")
+    elif scheme.radii is not None and spectral_radius(spec) == 1.0:
+        yield "spectral_radius", f"1, which has no numerical damping, {why}", "a spectral radius below 1, such as 0.8"
+
+
+def _radius(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
+    rho = spec.spectral_radius
+    if rho is None:
+        return
+    if scheme.radii is None:
+        yield ("spectral_radius", f"{scheme.name} has no spectral radius",
+               "no spectral_radius, or method generalized_alpha")
+    elif not scheme.radii[0] <= rho <= scheme.radii[1]:
+        yield ("spectral_radius", f"{rho:g} is out of range for {scheme.name}",
+               f"from {scheme.radii[0]:g} to {scheme.radii[1]:g}, or method generalized_alpha")
+
+
+def _without_gradient(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
+    """Strains by an angle are no quadratic function of the coordinates."""
+    if not scheme.conserves:
+        return
+    names = [m.plan.name for m in model.meshes.values() if not m.plan.rigid and m.plan.formulation.law.mean is None]
+    if names:
+        formulations = sorted({model.meshes[n].plan.formulation.name for n in names})
+        yield ("method", f"{scheme.name} has no energy-conserving forces for formulation "
+               f"{', '.join(formulations)} of {', '.join(names)}",
+               "generalized_alpha or radau5, or elements of another formulation, such as structural")
+
+
+def _forgets(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
+    """States of formulations are accepted where steps of the tool's own methods end."""
+    if model.remembers and (scheme.scipy is not None or scheme.conserves):
+        yield ("method", f"{scheme.name} cannot step formulations with a memory, such as that of "
+               f"{', '.join(model.remembers)}", "radau5, generalized_alpha, hht or newmark")
+
+
+def _impacts(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
+    """Steps of one stage alone end where nothing overlaps and nothing pulls."""
+    if model.sided and scheme.name not in ("generalized_alpha", "hht"):
+        names = ", ".join(dict.fromkeys(contact.name for contact in model.contacts if contact.hard))
+        yield ("method", f"{scheme.name} cannot step contact without a law ({names})",
+               "generalized_alpha or hht, or law: {stiffness: ...} for the contact")
+    names = ", ".join(dict.fromkeys(contact.name for contact in model.contacts if contact.other in model.meshes))
+    if scheme.conserves and names:
+        yield ("method", f"{scheme.name} cannot step contact between bodies ({names})", "generalized_alpha")
+
+
+RULES: tuple[Rule, ...] = (_multistep, _undamped, _radius, _without_gradient, _forgets, _impacts)
+
+
+def method_problems(model: Model) -> list[Problem]:
+    """Return why the method of a case cannot move its model, at the keys of the case."""
+    spec = model.case.solver
+    if not isinstance(spec, Dynamic) or model.loaded is None:
+        return []
+    scheme = INTEGRATORS[spec.method or default_method(model)]
+    return [model.loaded.source.problem(("solver", key), f"solver.{key}: {message}", expected)
+            for rule in RULES for key, message, expected in rule(scheme, spec, model)]

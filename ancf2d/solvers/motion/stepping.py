@@ -1,0 +1,399 @@
+"""One motion stepped through time in compiled chunks: from break to break, with its states as they are stored."""
+
+from __future__ import annotations
+
+import time
+from bisect import bisect_left
+from functools import cached_property
+
+import numpy as np
+
+from ...case import Dynamic
+from ...elements.shape import Array
+from ...errors import ComputationError
+from ...kernels import advance as kernels
+from ...kernels.along import read_states
+from ...kernels.consistent import consistent, kinetic
+from ...kernels.dynamics import forces, to_full
+from ...kernels.impact import begin
+from ...kernels.lowlevel.records import Record
+from ...kernels.motion import (
+    LOST,
+    SIZE,
+    STEP_SIZE,
+    TIME,
+    WORK,
+    Motion,
+    evaluate,
+    motion,
+    scratch,
+    turn_on,
+)
+from ...model.breakpoints import Piece, pieces
+from ...model.model import Model
+from ...model.point_patch import PointConstraint
+from ...model.timing import Signal
+from ..linear import full_mass, unknowns_to_coordinates
+from ..state import MEMORIES, Row
+from ..system import least_size
+from .breaks import MovingPoints, pass_break
+from .events import Events
+from .failures import check_joints, check_signals, failure
+from .feedback import Answers
+from .initial import goes_on
+from .methods import MAKERS, Method, newton_tolerance
+from .problem import driving, own, tracks
+from .schemes import INTEGRATORS, default_method
+
+# a call of the kernels takes about so long [s], so that bars move and interrupts are heard
+CHUNK_SECONDS = 0.2
+LOG_ROWS = 4096
+STATE_BYTES = 16 << 20
+LOG = ("step", "t", "dt", "iterations", "rejected", "error", "violation")
+
+
+class Stepper:
+    """A motion on its way. ``dt`` 0 steps adaptively under ``tolerance``; ``wanted`` are times of states."""
+
+    # adaptive steps begin with the size of a motion that ``expect`` is told
+    looks_ahead = True
+    # whether a state is kept between those that are wanted, for the balance of energy
+    balances = True
+
+    def __init__(self, model: Model, problem: Record, signals: list[Signal], spec: Dynamic, dt: float,
+                 wanted: Array, every: int = 0) -> None:
+        self.model, self.signals, self.spec = model, signals, spec
+        self.problem, self.p = problem, own(problem, model)
+        n = len(problem.coordinate)
+        self.w = Record(scratch(n, len(problem.place), len(problem.mass), len(signals)))
+        self.method = INTEGRATORS[spec.method or default_method(model)]
+        self.tolerance = spec.tolerance or 0.0
+        # None where SciPy steps
+        self.m: Method | None = None
+        if self.method.name in MAKERS:
+            self.tighten(newton_tolerance(self.method, self.tolerance))
+        self.s = Record(motion(n, self.method.rows, len(self.p.turning.length)))
+        self.s.numbers[STEP_SIZE] = self.dt = dt
+        self.wanted, self.every, self.next_wanted = wanted, every, 0
+        self.moving, self.answers, feedback = MovingPoints(model, spec.t_end), Answers(self), model.feedback
+        self.events = Events(self)
+        ends = self.events.breaks(spec.t_end)
+        self.moving.times -= {b.t for b in ends}
+        self.pieces: list[Piece] = pieces([*signals, *feedback.switches], spec.t_end,
+                                          [*self.moving.crossings, *ends, *feedback.instants(spec.t_end)])
+        self.enter(0)
+        self.pending: Array = np.zeros((0, len(LOG)))
+        self.rows = self._rows(n)
+        self.steps = 64
+        self.failed: ComputationError | None = None
+        self._plan: Record | None = None
+        self._at = Record(motion(n, 0, len(self.p.turning.length)))
+        self.tracks = tracks(model, problem)
+        self.driving = np.array(driving(problem), dtype=np.int64)
+        self.facing = [c for c in model.constraints if isinstance(c, PointConstraint) and c.facing is not None]
+
+    @cached_property
+    def past(self) -> Record:
+        """The problem that stored states are evaluated with, as it was then."""
+        return own(self.problem, self.model)
+
+    def tighten(self, tolerance: float) -> None:
+        """Let Newton's increments come down to a tolerance, relative to the size of the motion."""
+        self.m = Method(self.method.name, self.spec, self.p, tolerance, self.model.relaxing)
+
+    def _rows(self, n: int) -> Record:
+        m = int(min(max(STATE_BYTES // (24 * max(n, 1)), 2), max(len(self.wanted), 2) if not self.every else LOG_ROWS))
+        number, kind = np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64)
+        z, v, a = (np.zeros((m, n)) for _ in range(3))
+        turns, feet, states = (np.zeros((m, *x.shape)) for x in self._memory())
+        turned = np.zeros((m, len(self.p.turning.length)))
+        return Record(kernels.Rows(self.wanted, self.every, np.zeros(m), number, kind, z, v, a, np.zeros((m, 2)), turns,
+                                   feet, states, turned, np.zeros((LOG_ROWS, len(LOG)))))
+
+    def _memory(self) -> tuple[Array, Array, Array]:
+        """Return what point laws, prismatic joints and elements remember of the state last accepted."""
+        return self.p.points.mem, self.p.sliding.memory, self.p.states
+
+    @property
+    def t(self) -> float:
+        """The time reached."""
+        return float(self.s.numbers[TIME])
+
+    @property
+    def done(self) -> bool:
+        """Whether the end is reached, and was reached well."""
+        return self.t >= self.spec.t_end and self.failed is None
+
+    def start(self, d: Array, v: Array, turned: Array) -> None:
+        """Begin at full coordinates d with rates v, of which supports and joints leave what they allow.
+
+        ``turned`` (bodies,) is that of ``model.rotation.Turns``.
+        """
+        self._begin_from(d, v, turned)
+        self.s.numbers[SIZE] = least_size(self.model, self.tolerance if self.dt == 0.0 else 0.0)
+        self.answers.weigh()
+        if self.dt == 0.0:
+            self.s.numbers[STEP_SIZE] = self.first_step()
+
+    def _begin_from(self, d: Array, v: Array, turned: Array) -> None:
+        self._place(d, v, turned)
+        given = self.s.v.copy()
+        self.events.catch(self.events.acting())
+        self.consistent(0.0, self._impulse(v))
+        self.answers.begin()
+        self.events.begin()
+        if self.method.conserves and goes_on(self.model):
+            # rates that keep the energy meet constraints in the mean of steps alone
+            self.s.v[:] = given * self.p.coordinate
+
+    def _place(self, d: Array, v: Array, turned: Array) -> None:
+        model, n_q = self.model, self.model.n_q
+        inner = self.p.inner
+        self.s.z[:inner], self.s.v[:inner] = d[self.p.full[:inner]], v[self.p.full[:inner]]
+        self.answers.count_angles(self.p, d, turned)
+        self.p.states[:] = model.states
+        self.s.turned[0] = turned[model.turns.counted]
+        model.turns.recall(model.springs, model.e0 + d[:n_q], d[:n_q], turned)
+        model.interactions.take_hold(d, 0.0)
+        for rows, mem in model.interactions.memory:
+            self.p.points.mem[rows, :mem.shape[1]] = mem
+
+    def _impulse(self, v: Array) -> Array:
+        """Return T^T M (v - v') on the unknowns, with v' of all rates v (n_full,) those that follow from the unknowns'.
+
+        Coordinates that supports and joints have eliminated follow others: what they were to have of v acts on these.
+        """
+        own, out = np.zeros(len(self.p.place)), np.zeros(len(self.s.z))
+        evaluate(self.p.programs, 0.0, self.w.amps)
+        to_full(self.p, self.s.v, self.w.amps, 1, own)
+        missing = v[:self.model.n_q] - own[:self.model.n_q]
+        if missing.any():
+            out[:self.p.inner] = unknowns_to_coordinates(self.model).T @ (full_mass(self.model) @ missing)
+        return out
+
+    def consistent(self, t: float, impulse: Array) -> None:
+        if not (begin if self.p.sided else consistent)(self.p, self.w, self.s, t, impulse):
+            raise ComputationError(
+                "the mass matrix is singular, or joints hold the same motion twice", at={"t": t},
+                advice="give every body a density (rhoI too where the section is given by stiffnesses); remove joints "
+                "that hold the same motion twice")
+        if not (np.isfinite(self.s.a).all() and np.isfinite(self.s.z).all()):
+            check_signals(self, t)
+            raise ComputationError("the accelerations are not finite", at={"t": t},
+                                   advice="check loads, masses and stiffnesses for extreme values")
+        self.s.turned[:] = self.turns_on(t, 0.0, self.s.z, self.s.v)
+        self._restart()
+
+    def turns_on(self, t: float, h: float, z: Array, v: Array) -> Array:
+        """Return rotations and rates (2, sections) at z with rates v at t, a time h after the motion."""
+        out, d, rates = self.s.turned.copy(), np.zeros(len(self.p.place)), np.zeros(len(self.p.place))
+        evaluate(self.p.programs, t, self.w.amps)
+        to_full(self.p, z, self.w.amps, 0, d)
+        to_full(self.p, v, self.w.amps, 1, rates)
+        turn_on(self.p.turning, d, rates, h, *out)
+        return out
+
+    def _restart(self) -> None:
+        """Let the method begin anew from the motion."""
+        if self.m is not None:
+            self.m.restart(self.s)
+
+    def first_step(self) -> float:
+        """Return a step in which little happens: by rates and accelerations at the start, and by what damping takes."""
+        weights = self.p.weights
+        size = max(float(np.max(weights * np.abs(self.s.z), initial=0.0)), 1e-3 * self.p.extent)
+        speed, pull = (float(np.max(weights * np.abs(x), initial=0.0)) for x in (self.s.v, self.s.a))
+        times = [self._largest()]
+        times += [size / speed] if speed > 0.0 else []
+        times += [(2.0 * size / pull) ** 0.5] if pull > 0.0 else []
+        energy = kinetic(self.p, self.w, self.s, self.t)
+        lost = forces(self.p, self.w, self.s.z, self.s.v)[1]
+        times += [energy / lost] if energy > 0.0 and lost > 0.0 else []
+        order = self.method.order if self.m is None else self.m.order
+        return min(times) * 0.1 * self.tolerance ** (1.0 / order)
+
+    def _largest(self) -> float:
+        return self.spec.t_end / (50.0 if len(self.pieces) > 1 or self.tracks else 10.0)
+
+    def expect(self, size: float) -> None:
+        """Take local errors of adaptive steps relative to a displacement [m] of at least this size."""
+        self.s.numbers[SIZE] = max(size, least_size(self.model, self.tolerance))
+        self.answers.weigh()
+        self.s.numbers[STEP_SIZE] = self.first_step()
+
+    @property
+    def size(self) -> float:
+        """The displacement [m] that local errors are relative to."""
+        return float(self.s.numbers[SIZE])
+
+    @property
+    def reached(self) -> float:
+        """The displacement [m] at the time reached, the largest of all coordinates."""
+        inner = self.p.inner
+        return float(np.max(self.p.weights[:inner] * np.abs(self.s.z[:inner]), initial=0.0))
+
+    def run(self) -> list[Row]:
+        """Step for about a fifth of a second; return the states stored meanwhile.
+
+        Raises ComputationError where no more can be done, once the states before that have been returned.
+        """
+        if self.failed is not None:
+            raise self.failed
+        found: list[Row] = []
+        try:
+            self._go(found)
+        except ComputationError as error:
+            self.failed = error
+        self._cut_off(found)
+        if self.failed is not None and not found:
+            raise self.failed
+        return found
+
+    def _cut_off(self, found: list[Row]) -> None:
+        """Drop states from the first one on in which a joint is met by what it does not mean, and fail there."""
+        # only stored states and the last: how far else a call came is a matter of the clock
+        for k, row in enumerate([*found, self.here()] if self.done else found):
+            try:
+                check_joints(self, row)
+            except ComputationError as error:
+                self.failed, found[k:] = error, []
+                return
+
+    def _go(self, found: list[Row]) -> None:
+        """Step for about a fifth of a second and append the states."""
+        started = time.perf_counter()
+        while not self.done:
+            began = time.perf_counter()
+            why, logged = self.advance(found, self.steps)
+            if logged > 0:  # the next call takes about as long as calls should; results do not depend on it
+                steps = CHUNK_SECONDS * logged / max(time.perf_counter() - began, 1e-6)
+                self.steps = int(min(max(steps, 1), 4 * self.steps, LOG_ROWS))
+            if why == kernels.EVENT:
+                following = self.events.happen()
+                if not self.done:
+                    pass_break(self, following)
+            elif self.breaks(why):
+                pass_break(self, self.piece + 1)
+            if found and time.perf_counter() - started > CHUNK_SECONDS:
+                break
+
+    def advance(self, found: list[Row], steps: int) -> tuple[int, int]:
+        """Make at most so many steps and append the states; return why no more were made, and how many were.
+
+        Raises ComputationError where no more can be made.
+        """
+        assert self.m is not None
+        stop, end = self.pieces[self.piece].stop, self.spec.t_end
+        plan = kernels.Plan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), self.tracks)
+        self._plan = self._plan if self._plan is not None and self._plan.values == plan else Record(plan)
+        why, stored, logged, outcome, _ = kernels.advance(
+            self.m.record, self.p, self.w, self.s, self._at, self._plan, self.rows, self.next_wanted, steps)
+        self._collect(found, stored, logged)
+        if why == kernels.FAILED:
+            raise failure(self, outcome)
+        return why, logged
+
+    def breaks(self, why: int) -> bool:
+        """Whether the motion has come to the end of a piece, and not of the whole."""
+        return why == kernels.REACHED and self.pieces[self.piece].stop < self.spec.t_end
+
+    def _collect(self, found: list[Row], stored: int, logged: int) -> None:
+        """Append the states of a call, each with the log of the steps up to it."""
+        log, first, rows, piece = np.vstack([self.pending, self.rows.log[:logged]]), 0, [], self.pieces[self.piece]
+        t, number, kind, z, v, a, work, *memory = (x[:stored].copy() for x in self.rows.values[2:-1])
+        side = np.clip(t, piece.first, piece.last)
+        for k, end in enumerate((len(self.pending) + number + 1).tolist()):
+            last = first if kind[k] == kernels.CHECK else max(min(end, len(log)), first)
+            rows.append(Row(float(t[k]), float(side[k]), int(kind[k]), z[k], v[k], a[k], *work[k].tolist(),
+                            *(x[k] for x in memory), log[first:last]))  # type: ignore[call-arg]
+            first = last
+        if rows and not self.answers.counts:
+            self._let_act(self.past, piece)
+            self._read(rows, side, kind, z, v, a, *memory[:3])
+        found += [row for row in rows if self.balances or row.kind != kernels.CHECK]
+        self.pending = log[first:]
+        self.next_wanted += 0 if self.every else int(np.count_nonzero(kind != kernels.CHECK))
+
+    def _row(self, t: float, kind: int, z: Array, v: Array, a: Array, work: Array, turns: Array, feet: Array,
+             states: Array, turned: Array, log: Array) -> Row:
+        """Return a state of the piece that the motion is in."""
+        first, last, _ = self.pieces[self.piece]
+        return Row(t, min(max(t, first), last), kind, z.copy(), v.copy(), a.copy(), float(work[0]), float(work[1]),
+                   turns.copy(), feet.copy(), states.copy(), turned.copy(), log)
+
+    def _read(self, rows: list[Row], side: Array, kind: Array, *columns: Array) -> None:
+        """Fill in what stored states are in full coordinates; columns are z, v, a and what is remembered of them."""
+        full, energy = np.zeros((4, len(rows), len(self.p.place))), np.zeros((len(rows), 2))
+        read_states(self.past, self.w, side, kind == kernels.INSIDE, *columns, *full, energy)
+        n = len(self.model.numbering.place)
+        for row, d, rates, second, Q, one in zip(rows, *full[..., :n], energy, strict=True):
+            row.full, row.energy = (d, rates, second, Q), (float(one[0]), float(one[1]))
+
+    def enter(self, piece: int) -> None:
+        """Take signals as they are in a piece of the motion."""
+        self.piece = piece
+        self.p.programs.window[:] = self.pieces[piece][:2]
+        self._let_act(self.p, self.pieces[piece])
+
+    def _let_act(self, p: Record, piece: Piece) -> None:
+        """Let act what does in a piece of the motion."""
+        self.events.enter(p, piece)
+        self.moving.enter(p, piece, self.events.acts)
+
+    def here(self) -> Row:
+        s = self.s
+        return self._row(self.t, kernels.END, s.z, s.v, s.a, s.numbers[[WORK, LOST]], *self._memory(), s.turned[0],
+                         self.pending)
+
+    def last(self) -> Row:
+        """Return the state at the time reached, with what is left of the log."""
+        row, self.pending = self.here(), self.pending[:0]
+        return row
+
+    def full(self, row: Row, orders: int = 3) -> list[Array]:
+        """Return d, v, a (n_full,) of a stored state, or fewer ``orders``, put onto the constraints inside a step."""
+        return list(self.known(row).full[:orders])
+
+    def forces(self, row: Row) -> Array:
+        """Return Q - F (n_full,) of a stored state: all forces, damping and multipliers included, less dead loads."""
+        return self.known(row).full[3]
+
+    def known(self, row: Row) -> Row:
+        """Return a stored state once its full coordinates, forces and energies are known."""
+        if not row.full:
+            self.at_row(row)
+            self._read([row], np.array([row.side]), np.array([row.kind]),
+                       *(x[None] for x in (row.z, row.v, row.a, row.turns, row.feet, row.states)))
+        return row
+
+    def at_row(self, row: Row) -> Record:
+        """Return the problem with the memory of a stored state."""
+        self.past.points.mem[:] = row.turns
+        self.past.sliding.memory[:] = row.feet
+        self.past.states[:] = row.states
+        if self.moving or self.events:
+            self._let_act(self.past, self.pieces[bisect_left(self.pieces, row.side, key=lambda piece: piece.last)])
+        self.answers.recall(self.past, row)
+        return self.past
+
+    # ------------------------------------------------------------------ going on later
+
+    def checkpoint(self) -> dict[str, Array] | None:
+        """Return everything that the motion goes on from; None for methods that keep more than can be stored."""
+        out = {name: np.array(value) for name, value in zip(Motion._fields, self.s.values, strict=True)}
+        out |= {"log": np.array(self.pending), "places": np.array([self.next_wanted, self.piece, self.every]),
+                "dt": np.array([self.dt, self.tolerance])}
+        out |= {"sizes": self.p.feedback.scale.copy(), **self.events.kept()}
+        return out | dict(zip(MEMORIES, (x.copy() for x in self._memory()), strict=True))
+
+    def resume(self, kept: dict[str, Array]) -> None:
+        """Go on from a checkpoint."""
+        for name, value in zip(Motion._fields, self.s.values, strict=True):
+            value[:] = kept[name]
+        self.pending = kept["log"].reshape(-1, len(LOG))
+        self.next_wanted = int(kept["places"][0])
+        self.events.resume(kept)
+        self.enter(int(kept["places"][1]))
+        for values, name in zip(self._memory(), MEMORIES, strict=True):
+            values[:] = kept[name]
+        self.answers.resume(kept["sizes"])

@@ -1,0 +1,145 @@
+"""What a motion is made of beside its elements, as tables: signals, mass, dead loads, prescribed motion, point laws."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...case.programs import programs
+from ...elements.shape import Array
+from ...kernels.tree import entries, no_fronts
+from ...model.interactions import point_table
+from ...model.mesh import Index
+from ...model.model import Model
+from ...model.numbering import Numbering
+from ...model.timing import Answer, Clocked
+from ..energy import is_constant
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+
+class Signals:
+    """The signals of a problem, each once."""
+
+    def __init__(self) -> None:
+        self.all: list[Any] = []
+        self._rows: dict[Any, int] = {}
+
+    def row(self, signal: Any) -> int:
+        """Return the row of a signal, which is added where it is new."""
+        if signal not in self._rows:
+            self._rows[signal] = len(self.all)
+            self.all.append(signal)
+        return self._rows[signal]
+
+    def programs(self) -> Any:
+        """Return what evaluates them."""
+        return programs(((None, 0.0, 0.0) if isinstance(s, Answer) else (s.amplitude, s.factor, s.offset)
+                         for s in self.all), {k for k, s in enumerate(self.all) if isinstance(s, Clocked)})
+
+
+def mass_tables(M: csr_matrix | None, num: Numbering) -> dict[str, Any]:
+    """Return a mass matrix, None for zero, as motions keep it (``kernels.symmetric``), and the diagonals of a band."""
+    from scipy.sparse import coo_matrix, tril
+
+    n = num.n_unknowns
+    low = coo_matrix((n, n)) if M is None else tril(M).tocoo()
+    if num.fronts is not None:
+        out = np.zeros(int(num.fronts.at[-1]))
+        out[entries(num.fronts, low.row, low.col)] = low.data
+        return {"fronts": num.fronts, "width": 0, "mass": out, **_diagonals(np.zeros((0, 0)))}
+    width = min(num.half_bandwidth, max(n - 1, 0)) + 1
+    out = np.zeros((n, width))
+    out[low.row, width - 1 + low.col - low.row] = low.data
+    return {"fronts": no_fronts(), "width": width, "mass": out.ravel(), **_diagonals(out)}
+
+
+def _diagonals(mass: Array) -> dict[str, Array]:
+    """Return which diagonals of a band are not zero, and these, each entry at its column."""
+    n, width = mass.shape
+    found = [d for d in range(width) if mass[d:, width - 1 - d].any()]
+    along = np.zeros((len(found), n))
+    for row, d in zip(along, found, strict=True):
+        row[:n - d] = mass[d:, width - 1 - d]
+    return {"diagonals": np.array(found, dtype=np.int64), "along": along}
+
+
+def dead_loads(model: Model, signals: Signals) -> dict[str, Array]:
+    coord, value, row, varies = [], [], [], []
+    for load in model.loads.dead:
+        coord.append(load.dofs)
+        value.append(load.values)
+        row.append(np.full(len(load.dofs), signals.row(load.amplitude)))
+        varies.append(np.full(len(load.dofs), not is_constant(load.amplitude)))
+    empty = np.zeros(0)
+
+    def joined(parts: list[Any], kind: Any) -> Any:
+        return np.concatenate([empty, *parts]).astype(kind)
+    return {"load_coord": joined(coord, np.int64), "load_value": joined(value, float),
+            "load_signal": joined(row, np.int64), "load_varies": joined(varies, bool)}
+
+
+def prescribed(model: Model, signals: Signals) -> dict[str, Array]:
+    """Return the entries of P: what prescribed motion makes of coordinates."""
+    entries = [(coord, factor, signals.row(model.rows[r].signal))
+               for coord, dependent in sorted(model.elimination.dependents.items())
+               for r, factor in dependent.rhs.items() if model.rows[r].signal is not None]
+    return {"motion_coord": np.array([e[0] for e in entries], dtype=np.int64),
+            "motion_factor": np.array([e[1] for e in entries], dtype=float),
+            "motion_signal": np.array([e[2] for e in entries], dtype=np.int64)}
+
+
+def motions(model: Model, M: csr_matrix, T: csr_matrix, signals: Signals) -> dict[str, Array]:
+    """Return prescribed motion: entries of P, T^T M P and P^T M P by signal."""
+    found = prescribed(model, signals)
+    return {**found, **moved_mass(M, T, **found)}
+
+
+def moved_mass(M: csr_matrix, T: csr_matrix, motion_coord: Array, motion_factor: Array, motion_signal: Array
+               ) -> dict[str, Array]:
+    """Return T^T M P and P^T M P by signal."""
+    from scipy.sparse import csr_matrix
+
+    used = np.unique(motion_signal)
+    P = csr_matrix((motion_factor, (motion_coord, np.searchsorted(used, motion_signal))), shape=(len(M.indptr) - 1,
+                                                                                                 len(used)))
+    return {"motion_mass": np.ascontiguousarray((T.T @ M @ P).T.toarray()), "motion_mass_signal": used,
+            "motion_mutual": np.ascontiguousarray((P.T @ M @ P).toarray())}
+
+
+def vectors(model: Model) -> tuple[Index, Index]:
+    """Return the unknowns (m, 2) that are x and y of one vector, and the coordinates (m, 4) that tell how it turns."""
+    pairs: dict[tuple[int, int], Index] = {}
+    place = model.numbering.place
+    for mesh in model.meshes.values():
+        element, nc = mesh.plan.element, mesh.plan.element.components
+        functionals = list(element.functionals)
+        for k, (node, _) in enumerate(functionals):
+            source = np.full((len(mesh.dofs), 4), -1)
+            slopes = [i for i, (at, name) in enumerate(functionals) if at == node and name in ("r_y", "r_x")]
+            if nc == 3:
+                source[:, 0] = mesh.dofs[:, 3 * k + 2]
+            elif slopes:
+                source[:, :2] = mesh.dofs[:, 2 * slopes[-1]:2 * slopes[-1] + 2]
+            else:
+                source[:, :2], source[:, 2:] = mesh.dofs[:, :2], mesh.dofs[:, -2:]
+            xy = place[mesh.dofs[:, nc * k:nc * k + 2]]
+            for m in np.flatnonzero((xy >= 0).all(axis=1)).tolist():
+                pairs.setdefault((int(xy[m, 0]), int(xy[m, 1])), source[m])
+    return (np.array(list(pairs), dtype=np.int64).reshape(-1, 2),
+            np.array(list(pairs.values()), dtype=np.int64).reshape(-1, 4))
+
+
+def point_laws(model: Model, signals: Signals, steps: bool = False) -> Any:
+    """Return the table of all point laws; with ``steps`` it also knows their forces over a step."""
+    own: list[Any] = []
+    table = point_table(model.interactions.points, own, steps=steps)
+    rows = np.array([-1 if k < 0 else signals.row(own[k]) for k in table.signal.ravel()], dtype=np.int64)
+    return table._replace(signal=rows.reshape(table.signal.shape))
+
+
+def with_own(table: Any, *names: str) -> Any:
+    """Return a table with copies of some of its arrays."""
+    return table._replace(**{name: getattr(table, name).copy() for name in names})

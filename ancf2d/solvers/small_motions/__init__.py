@@ -1,0 +1,1 @@
+"""Small motions about a state: modes, damping, responses, linear models, flutter."""

@@ -1,0 +1,379 @@
+"""Load factors at which small motions begin to grow: flutter and divergence under loads without a potential."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...elements.shape import Array
+from ...errors import ComputationError
+from .linearised import Linearised
+from .lowest_modes import characteristic, first_shift
+from .projected import Complex, Quadratic, Space, projected_pairs, projected_values, undamped_values
+from .quadratic import AT_REST, Search, shift_of
+from .relaxing import Term, corrected, system_matrix, terms_of, with_dashpots
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_array
+
+# pairs that are followed beyond the factors asked for
+EXTRA = 6
+# steps of the load factor: shares of the smallest factor that can matter, and of the factor itself
+FIRST, STEP = 0.1, 0.03
+# factors beside the smallest that can matter, and beside the first critical one, at which the search ends
+LAST, BEYOND = 100.0, 4.0
+# growth beside |s| that is none: without damping it grows from a double eigenvalue like a root, with damping straight
+UNDAMPED, DAMPED = 1e-5, 1e-9
+# relative change of a critical factor that has come to rest, and most spaces for it
+SETTLED, MOST = 1e-8, 4
+# relative width of the brackets of critical factors
+ROUND = 1e-10
+# imaginary part beside |s| of what only relaxes: rates that are close to each other make pairs
+RELAXES = 1e-2
+# modes of the space without loads in which eigenvalues are followed, beside the pairs that are, and beyond
+FOLLOWED, MORE = 3, 10
+# points between two factors at which eigenvalues are predicted, and how close to the ends the next factor may be
+GUESSES, INSIDE = 65, 1e-3
+# share of the squared distance of two eigenvalues at two factors that is left where they come close in between, and of
+# which a prediction may miss; most halvings for the second reason, and most guesses
+CLOSE, MISSED, HALVINGS, MOST_GUESSES = 0.1, 0.3, 3, 40
+# points of the root locus
+POINTS = 80
+
+
+@dataclass(frozen=True)
+class Critical:
+    """A critical factor with its kind, frequency [rad/s] and complex vector (n_unknowns,)."""
+
+    factor: float
+    kind: str
+    omega: float
+    vector: Complex
+
+
+@dataclass(frozen=True)
+class Stability:
+    """Critical factors, lowest first; ``last`` is the factor up to which all were sought; columns of the root locus."""
+
+    critical: list[Critical]
+    last: float
+    locus: dict[str, list[float]]
+
+
+@dataclass(frozen=True)
+class Change:
+    """What a factor mu adds to K, mu ``rate`` + mu^2 ``square``, and to C, mu ``gyration`` (n, n); None for nothing.
+
+    ``damps`` tells whether ``gyration`` takes out or brings in energy.
+    """
+
+    rate: csc_array | None = None
+    square: csc_array | None = None
+    gyration: csc_array | None = None
+    damps: bool = False
+
+    def stiffness(self, factor: float) -> csc_array | None:
+        """Return what is added to K."""
+        parts = [f * A for f, A in ((factor, self.rate), (factor * factor, self.square)) if A is not None]
+        return sum(parts[1:], parts[0]) if parts else None
+
+
+def critical_factors(small: Linearised, change: Change, modes: int) -> Stability:
+    """Return the lowest factors mu at which a solution s of (K + dK + s (C + dC) + s^2 M) x = 0 begins to grow.
+
+    ``change`` tells dK and dC over mu.
+
+    The eigenvalues are followed over the factor in a space of few vectors. About each critical factor the space gets
+    those of a Krylov space there, until the factor has come to rest. Materials that relax have their dashpots in the
+    space, and the vector of the motion itself, from the complex modulus, for each critical factor.
+    """
+    track = _Track(small, change, modes)
+    found: list[Critical] = []
+    low = track.sample(0.0)
+    while len(found) < modes:
+        high = track.sample(low.factor + max(FIRST * track.smallest, STEP * low.factor))
+        if high.factor > (BEYOND * found[0].factor if found else LAST * track.smallest):
+            break
+        bracket = track.first_growth(low, high)
+        if bracket is None:
+            low = high
+            continue
+        critical = track.refined(*bracket)
+        # the better space may have none of it
+        factor = bracket[1] if critical is None else critical.factor * (1 + 1e-6)
+        found += [] if critical is None else [critical]
+        low = track.sample(max(low.factor, factor))
+    end = 1.5 * max((c.factor for c in found), default=low.factor)
+    return Stability(found, low.factor, track.locus(np.linspace(0.0, end, POINTS)))
+
+
+@dataclass(frozen=True)
+class _Sample:
+    """The eigenvalues s (m,) of lowest |s| at a load factor, by Im s >= 0, their rates, and how many grow."""
+
+    factor: float
+    s: Complex
+    rate: Complex
+    grows: int
+
+
+class _Track:
+    """The eigenvalues of lowest |s| over the load factor, in a space of few vectors."""
+
+    def __init__(self, small: Linearised, change: Change, modes: int) -> None:
+        self.small, self.change, self.pairs = small, change, modes + EXTRA
+        self.limit = DAMPED if small.rates.damps or change.damps or small.relaxing else UNDAMPED
+        pencil = small.pencil.with_mass(small.model.e0 + small.base.state.d[:small.model.n_q])
+        self.first = math.sqrt(first_shift(pencil))
+        self.still = AT_REST * math.sqrt(characteristic(pencil))
+        self.space, self.terms = Space(self._problem(0.0)), list[Term]()
+        self._project(0.0)
+        # the rates at which materials relax are none of what vibrates
+        s = np.abs(self._values(0.0, relaxes=False))
+        self.lowest = float(s[s > self.still].min(initial=np.inf))
+        if not math.isfinite(self.lowest):
+            raise ComputationError("nothing vibrates", advice="give the bodies a density and a stiffness")
+        stiffer = math.sqrt(1.0 + max((sum(g for g, _ in one.terms) for one in small.relaxing), default=0.0))
+        self.radius = float(np.sort(s)[min(2 * self.pairs, len(s)) - 1]) * (1 + 1e-6) * stiffer
+        self.smallest = self._smallest()
+
+    def _problem(self, factor: float, relaxes: bool = False, at_once: bool = False) -> Quadratic:
+        """Return the problem at a load factor, with the complex modulus, or ``at_once`` as no dashpot moves."""
+        load, gyration = self.change.stiffness(factor), self.change.gyration
+        for one in self.small.relaxing if at_once else ():
+            springs = sum(g for g, _ in one.terms) * one.V
+            load = springs if load is None else load + springs
+        return Quadratic(self.small, load=load, rates=None if gyration is None else factor * gyration, relaxes=relaxes)
+
+    def _project(self, factor: float) -> None:
+        """Add a Krylov space at a load factor to the space, or all that can move where that is little."""
+        for at_once in (True, False) if self.small.relaxing else (False,):
+            problem = self._problem(factor, at_once=at_once)
+            search = Search(problem, shift_of(problem, self.first), self.still)
+            search.fill(self.pairs)
+            for x in search.space.V:
+                self.space.add(x)
+        self.shift = search.s0
+        if self.terms and factor > 0.0:
+            s, x = self._grown(factor)
+            x = corrected(self._problem(factor, relaxes=True), s, x)[1]
+            self.space.add(np.ascontiguousarray(x.real))
+            self.space.add(np.ascontiguousarray(x.imag))
+        V = self.space.V
+        self.matrices = self.space.project()
+        self.strained = [V @ np.array([one.stiffness(x) for x in V]).T for one in self.small.relaxing]
+        self.terms = self._terms(np.eye(len(V)))
+        change = self.change
+        self.changes = np.array([np.zeros((len(V), len(V))) if A is None else V @ (A @ V.T)
+                                 for A in (change.rate, change.square, change.gyration)])
+        self._follow()
+
+    def _terms(self, T: Array) -> list[Term]:
+        """Return the Maxwell terms of all materials in combinations T (k, m) of the space."""
+        materials = zip(self.small.relaxing, self.strained, strict=True)
+        return [term for k, (one, V) in enumerate(materials) for term in terms_of(k, one.terms, T.T @ V @ T)]
+
+    def _grown(self, factor: float) -> tuple[complex, Complex]:
+        """Return the eigenvalue and the vector (n,) of the motion that has just begun to grow at a factor."""
+        s, Y = projected_pairs(self._matrices(factor), self.shift)
+        grows = np.flatnonzero(self._grows(s))
+        # at the very onset, round-off may tell both ways
+        slowest = grows[np.argmin(s[grows].real)] if len(grows) else np.argmax(
+            np.where((s.imag >= 0) & (np.abs(s) <= self.radius), self._growth(s), -np.inf))
+        return complex(s[slowest]), self.space.combined(Y[slowest, :self.matrices.shape[1]])
+
+    def _follow(self) -> None:
+        """Take the lowest modes without loads (k, r), of unit modal mass, to follow the eigenvalues in."""
+        K, C, M = self.matrices
+        w, U = np.linalg.eigh(0.5 * (M + M.T))
+        T = U[:, w > 1e-12 * w[-1]] / np.sqrt(w[w > 1e-12 * w[-1]])
+        self.values, Y = np.linalg.eigh(0.5 * T.T @ (K + K.T) @ T)
+        self.modes = (T @ Y)[:, :FOLLOWED * self.pairs + MORE]
+        self.small_K, self.small_C = (self.modes.T @ A @ self.modes for A in (K, C))
+        self.small_changes = np.array([self.modes.T @ A @ self.modes for A in self.changes])
+        self.small_terms = self._terms(self.modes)
+        self.undamped = not C.any() and not self.changes[2].any()
+
+    def _matrices(self, factor: float, relaxes: bool = True) -> Array:
+        """Return K, C and M in the space at a load factor, with the dashpots of materials that relax behind."""
+        (K, C, M), (rate, square, gyration) = self.matrices, self.changes
+        found = np.array([K + factor * (rate + factor * square), C + factor * gyration, M])
+        return with_dashpots(found, self.terms) if self.terms and relaxes else found
+
+    def _values(self, factor: float, relaxes: bool = True) -> Complex:
+        """Return all eigenvalues in the space, by |s|."""
+        matrices, undamped = self._matrices(factor, relaxes), self.undamped and not (self.terms and relaxes)
+        s = undamped_values(matrices, self.shift) if undamped else projected_values(matrices, self.shift)
+        return s[np.argsort(np.abs(s), kind="stable")]
+
+    def sample(self, factor: float) -> _Sample:
+        """Return the eigenvalues at a load factor, in the lowest modes without loads."""
+        rate, square, gyration = self.small_changes
+        K, C = self.small_K + factor * (rate + factor * square), self.small_C + factor * gyration
+        K1, r = rate + 2.0 * factor * square, len(K)
+        if self.undamped and not self.terms:
+            squares, Z = np.linalg.eig(-K)
+            change = -np.einsum("ij,jk,ki->i", np.linalg.pinv(Z), K1, Z)
+            s = np.sqrt(squares.astype(complex))
+            rate = change / np.where(s == 0.0, 1.0, 2 * s)
+            s, rate = np.concatenate([s, -s]), np.concatenate([rate, -rate])
+        else:
+            s, Z = np.linalg.eig(system_matrix(K, C, self.small_terms))
+            rate = -np.einsum("ij,ji->i", np.linalg.pinv(Z)[:, r:2 * r], K1 @ Z[:r] + gyration @ Z[r:2 * r])
+        grows = int(self._grows(s).sum())
+        # of what only relaxes nothing is predicted: many rates, close to each other
+        some = (s.imag > RELAXES * np.abs(s) if self.terms else s.imag >= 0) & (np.abs(s) <= self.radius)
+        s, rate = s[some].astype(complex), rate[some]
+        order = np.lexsort((s.real, s.imag))
+        return _Sample(factor, s[order], rate[order], grows)
+
+    def first_growth(self, low: _Sample, high: _Sample) -> tuple[float, float] | None:
+        """Return factors between which a motion begins to grow; None where none does between two samples.
+
+        Motions that grow between the two alone are looked for where their eigenvalues are predicted to.
+        """
+        left, count = [(low, high, 0)], 0
+        while left:
+            a, b, depth = left.pop()
+            if b.grows > a.grows:
+                return a.factor, b.factor
+            guess = self._predicted(a, b, depth < HALVINGS) if count < MOST_GUESSES else None
+            if guess is not None:
+                count, middle = count + 1, self.sample(guess)
+                left += [(middle, b, depth + 1), (a, middle, depth + 1)]
+        return None
+
+    def _predicted(self, low: _Sample, high: _Sample, halves: bool) -> float | None:
+        """Return a factor between two samples at which a motion may grow that does not at both.
+
+        The middle where ``halves`` and the prediction does not agree with both samples.
+
+        Two eigenvalues m + sqrt D and m - sqrt D that meet have a mean and a D that are smooth where they are not
+        themselves. Cubics through both samples and their rates predict them. The lowest is beside its conjugate.
+        """
+        (m0, D0), (m1, D1) = _means(low), _means(high)
+        n, h = min(m0.shape[1], m1.shape[1]), high.factor - low.factor
+        if not n or h <= ROUND * high.factor:
+            return None
+        m0, D0, m1, D1 = (x[:, :n] for x in (m0, D0, m1, D1))
+        t = np.linspace(0.0, 1.0, GUESSES)[1:-1, None]
+        m, D = _cubic(m0, m1, h, t), _cubic(D0, D1, h, t)
+        growth = m.real + np.abs(np.sqrt(D).real) - self.limit * np.maximum(np.abs(m), self.lowest)
+        before = np.maximum(*(x[0].real + np.abs(np.sqrt(y[0]).real) for x, y in ((m0, D0), (m1, D1))))
+        gap = np.minimum(np.abs(D0[0]), np.abs(D1[0]))
+        grows = (growth > 0) & (before <= 0.1 * growth)
+        close = (np.abs(D) < CLOSE * gap) & (gap > (self.limit * self.lowest) ** 2)
+        left = np.abs(D) / np.where(gap > 0.0, gap, 1.0)
+        wanted = np.where(grows, 2.0 + growth / self.lowest, np.where(close, 1.0 - left, 0.0))
+        k = np.unravel_index(int(np.argmax(wanted)), wanted.shape)
+        if wanted[k] > 0.0:
+            return low.factor + h * float(np.clip(self._vertex(D0[:, k[1]], D1[:, k[1]], h, float(t[k[0], 0])),
+                                                  INSIDE, 1.0 - INSIDE))
+        missed = np.abs(D1[0] - D0[0] - 0.5 * h * (D0[1] + D1[1])) > MISSED * np.maximum(np.abs(D0[0]), np.abs(D1[0]))
+        return 0.5 * (low.factor + high.factor) if halves and missed.any() else None
+
+    @staticmethod
+    def _vertex(D0: Complex, D1: Complex, h: float, t: float) -> float:
+        """Return where between two samples Re D is largest near t."""
+        for width in 0.02 ** np.arange(1, 5):
+            near = np.clip(t + width * np.linspace(-1.0, 1.0, 101), 0.0, 1.0)
+            t = float(near[np.argmax(_cubic(D0[:, None], D1[:, None], h, near[:, None])[:, 0].real)])
+        return t
+
+    def _growth(self, s: Complex) -> Array:
+        """Return by how much eigenvalues grow faster than round-off lets them."""
+        return np.asarray(s.real - self.limit * np.maximum(np.abs(s), self.lowest))
+
+    def _grows(self, s: Complex) -> NDArray[np.bool_]:
+        """Return which eigenvalues grow, one of each pair."""
+        return (self._growth(s) > 0) & (s.imag >= 0) & (np.abs(s) <= self.radius)
+
+    def _smallest(self) -> float:
+        """Return the factor at which what it adds can be as much as the stiffness in some combination of the modes."""
+        some = (self.values > self.still**2) & (self.values <= self.radius**2)
+        some = some[:self.modes.shape[1]]
+        phi = self.modes[:, some] / np.sqrt(self.values[:len(some)][some])
+        sizes = [float(np.linalg.norm(phi.T @ A @ phi, 2)) if some.any() else 0.0 for A in self.changes[:2]]
+        size = max(sizes[0], math.sqrt(sizes[1]))
+        if not size > 0.0:
+            raise ComputationError("the loads do not change the stiffness", at={"solver": "buckling"},
+                                   advice="a load without an amplitude, which the load factor scales")
+        return 1.0 / size
+
+    def _margins(self, factor: float) -> Array:
+        """Return by how much motions of the whole space grow at a factor, < 0 where they do not, fastest first."""
+        s = self._values(factor)
+        some = s[(s.imag >= 0) & (np.abs(s) <= self.radius)]
+        return np.sort(self._growth(some))[::-1]
+
+    def refined(self, low: float, high: float) -> Critical | None:
+        """Return the critical factor near two others, None where a better space has none there."""
+        last, found = math.inf, self._onset(low, high)
+        for _ in range(MOST):
+            b = high if found is None else found[1]
+            if found is not None and abs(b - last) <= SETTLED * b:
+                break
+            last = b
+            self._project(b)
+            # the better space may have moved it a little
+            width, bracket = 0.02 * b, None
+            while bracket is None and width <= b:
+                bracket = self.first_growth(self.sample(max(0.0, b - width)), self.sample(b + width))
+                width *= 2
+            if bracket is None:
+                return None
+            found, high = self._onset(*bracket), bracket[1]
+        if found is None:
+            return None
+        a, b = found
+        s, x = self._grown(b)
+        flutters = s.imag > 1e-3 * self.lowest
+        return Critical(0.5 * (a + b), "flutter" if flutters else "divergence", s.imag if flutters else 0.0, x)
+
+    def _onset(self, low: float, high: float) -> tuple[float, float] | None:
+        """Return neighbouring factors between which one more motion of the whole space begins to grow.
+
+        None where the modes that the eigenvalues are followed in err: nothing more grows at ``high``.
+        """
+        known, tried = int((self._margins(low) > 0).sum()), dict[float, float]()
+
+        def margin(factor: float) -> float:
+            found = self._margins(factor)
+            tried[factor] = float(found[known]) if len(found) > known else -self.radius
+            return tried[factor]
+        if margin(low) > 0.0 or margin(high) <= 0.0:
+            return None
+        from scipy.optimize import brentq
+
+        brentq(margin, low, high, xtol=0.5 * ROUND * high, rtol=1e-15)
+        return max(f for f, m in tried.items() if m <= 0.0), min(f for f, m in tried.items() if m > 0.0)
+
+    def locus(self, factors: Array) -> dict[str, list[float]]:
+        """Return the eigenvalues of lowest |s| over the factors as columns."""
+        out: dict[str, list[float]] = {"factor": [], "growth": [], "omega": []}
+        for factor in factors:
+            for one in self.sample(float(factor)).s:
+                out["factor"].append(float(factor))
+                out["growth"].append(float(one.real))
+                out["omega"].append(float(one.imag))
+        return out
+
+
+def _means(sample: _Sample) -> tuple[Complex, Complex]:
+    """Return the mean m and D of neighbouring eigenvalues m + sqrt D, m - sqrt D, with their rates (2, pairs)."""
+    if not len(sample.s):
+        return np.zeros((2, 0), dtype=complex), np.zeros((2, 0), dtype=complex)
+    s = np.concatenate([sample.s[:1].conj(), sample.s])
+    rate = np.concatenate([sample.rate[:1].conj(), sample.rate])
+    half, change = 0.5 * np.diff(s), 0.5 * np.diff(rate)
+    return np.array([0.5 * (s[1:] + s[:-1]), 0.5 * (rate[1:] + rate[:-1])]), np.array([half**2, 2 * half * change])
+
+
+def _cubic(low: Complex, high: Complex, h: float, t: Array) -> Complex:
+    """Return the cubic through values and rates (2, k) at 0 and h, at shares t (m, 1) of h."""
+    a, b = t * t * (3 - 2 * t), t * (1 - t)
+    return np.asarray((1 - a) * low[0] + a * high[0] + h * b * ((1 - t) * low[1] - t * high[1]))

@@ -1,0 +1,225 @@
+"""Inputs and outputs of small motions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...elements.shape import Array
+from ...errors import ComputationError
+from ...interactions.forces import LoadSet
+from ...kernels.elements import natural_slope
+from ...model.interactions import Interactions
+from ...model.mesh import Index
+from ...model.point_patch import PointConstraint
+from ...model.points import PointRef
+from ...model.rotation import Rotation
+from ...model.timing import Drive
+from ..linear import full_mass
+from ..post import FORCES, asks_for_forces, place_rate
+from ..section_forces import has_section_forces
+from .linearised import Linearised, Relaxing
+from .small_forces import SmallForces
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
+
+
+@dataclass(frozen=True)
+class Input:
+    """What a unit of one input u does to small motions d = T z + p u.
+
+    K z + C z' + M z'' = f[0] u + f[1] u' + f[2] u''. ``f`` (3, n_unknowns): loads have the first row alone; ``p``
+    (n_full,): motion that is prescribed, 0 for loads. ``relaxing`` (materials, n_unknowns): what of f[0] strains
+    materials that relax, in the order of ``Linearised.relaxing``: it has their factors of s in addition.
+    """
+
+    name: str
+    f: Array
+    p: Array
+    relaxing: Array
+
+
+@dataclass(frozen=True)
+class Output:
+    """A quantity of a probe: sum of weights[k] @ d[coords] over the coordinates d, their rates and second rates.
+
+    ``weights`` (3, n); ``direct``: what an input adds by itself, by its name. ``relaxed``: what a material that relaxes
+    has of it, times its factor of s.
+    """
+
+    probe: str
+    quantity: str
+    coords: Index
+    weights: Array
+    direct: dict[str, float] = field(default_factory=dict)
+    relaxed: Relaxed | None = None
+
+    @property
+    def order(self) -> int:
+        """The lowest rate that it depends on."""
+        return int(np.flatnonzero(self.weights.any(axis=1))[0]) if self.weights.any() else 0
+
+    def of(self, d: Array) -> Array:
+        """Return what it is of coordinates d (n_full,), of rates and of second rates like these (3,)."""
+        return np.asarray(self.weights @ d[self.coords])
+
+    def response(self, s: complex, d: NDArray[np.complex128], name: str) -> complex:
+        """Return what it is in a motion d exp(s t) (n_full,) that a unit of the input ``name`` causes."""
+        out = self.direct.get(name, 0.0) + complex(s ** np.arange(3) @ (self.weights @ d[self.coords]))
+        if self.relaxed is not None:
+            own = self.relaxed
+            out += own.material.factor(s) * (complex(own.weights @ d[self.coords]) + own.direct.get(name, 0.0))
+        return out
+
+
+@dataclass(frozen=True)
+class Relaxed:
+    """The part of a section force that is strained in a material that relaxes, at its long-time modulus.
+
+    ``weights`` (n,) of the coordinates; ``direct``: what natural strains add by themselves, by the name of the input.
+    """
+
+    material: Relaxing
+    weights: Array
+    direct: dict[str, float]
+
+
+class Inputs:
+    """What makes inputs of the names of a model's loads and prescribed motions."""
+
+    def __init__(self, small: Linearised) -> None:
+        self.small, self.model = small, small.model
+        self.d = small.base.state.d
+
+    def __call__(self, names: Sequence[str]) -> list[Input]:
+        """Return the inputs of these names. Raises ComputationError where another support holds what one moves."""
+        self._check()
+        return [self._load(name) if name in self.model.inputs else self._motion(name) for name in names]
+
+    def _check(self) -> None:
+        rows = self.model.rows
+        for _, combined in self.model.elimination.redundant:
+            for r in combined:
+                if isinstance(rows[r].signal, Drive):
+                    others = sorted({rows[k].owner for k in combined} - {rows[r].owner})
+                    raise ComputationError(
+                        f"the input {rows[r].owner} moves {rows[r].holds}, which {', '.join(others)} holds too",
+                        advice="hold or move each point once")
+
+    def _load(self, name: str) -> Input:
+        model, f = self.model, np.zeros((3, self.small.n))
+        f[0] = model.numbering.reduce(load_forces(self.small, model.inputs[name]))
+        strained = [natural_forces(self.small, model.inputs[name], one.groups) for one in self.small.relaxing]
+        return Input(name, f, np.zeros(len(self.d)), self._reduced(strained))
+
+    def _motion(self, name: str) -> Input:
+        model, num, n_q = self.model, self.model.numbering, self.model.n_q
+        p, force = np.zeros(len(self.d)), np.zeros(len(self.d))
+        for coord, dependent in model.elimination.dependents.items():
+            for r, factor in dependent.rhs.items():
+                drive = model.rows[r].signal
+                if isinstance(drive, Drive) and drive.name == name:
+                    p[coord] += factor * drive.amplitude
+        for constraint in model.constraints:
+            if isinstance(constraint, PointConstraint) and isinstance(constraint.signal, Drive) \
+                    and constraint.signal.name == name:
+                self._add_driven(constraint, constraint.signal.amplitude, force)
+        inertia = np.zeros(len(p))
+        inertia[:n_q] = self._mass @ p[:n_q]
+        rates = self.small.rates(self.d, p, lambda: self._mass, linear=True)
+        full = (force - self.small.pencil.full_stiffness(p), -rates, -inertia)
+        strained = [-one.forces(p) for one in self.small.relaxing]
+        return Input(name, np.array([num.reduce(part) for part in full]), p, self._reduced(strained))
+
+    def _reduced(self, forces: Sequence[Array]) -> Array:
+        return np.array([self.model.numbering.reduce(one) for one in forces]).reshape(-1, self.small.n)
+
+    def _add_driven(self, constraint: PointConstraint, amplitude: float, out: Array) -> None:
+        """Subtract how the forces of a constraint change with the angle that it prescribes."""
+        rows, coords = constraint.rows, constraint.coordinates
+        _, H, _ = constraint.forces(rows @ self.d[coords], 0.0)
+        np.add.at(out, coords, -amplitude * (rows.T @ H[:, constraint.fed]))
+
+    @cached_property
+    def _mass(self) -> csr_matrix:
+        return full_mass(self.model, self.model.e0 + self.d[:self.model.n_q])
+
+
+def load_forces(small: Linearised, loads: LoadSet) -> Array:
+    """Return the forces (n_full,) of loads at full size, where they turn those in the state of ``small``."""
+    model, d = small.model, small.base.state.d
+    out = np.zeros(len(d))
+    for load in loads.dead:
+        np.add.at(out, load.dofs, load.values * load.amplitude(1.0))
+    e = model.e0 + d[:model.n_q]
+    for batch in Interactions([], loads.patches, [], model.e0).loads:
+        np.subtract.at(out, batch.dofs, batch.evaluate(e, d, 1.0)[1])
+    for tendon in loads.springs:
+        np.add.at(out, tendon.coordinates, tendon.winding(d))
+    return out + natural_forces(small, loads, model.groups)
+
+
+def natural_forces(small: Linearised, loads: LoadSet, groups: Sequence[Any]) -> Array:
+    """Return the forces (n_full,) that natural strains of loads at full size cause in groups of elements."""
+    model, d = small.model, small.base.state.d
+    out = np.zeros(len(d))
+    if not loads.natural:
+        return out
+    model.set_natural(small.base.state.t if small.base.loaded else None)
+    for strain in loads.natural:
+        strain.amount[1] = strain.amplitude(1.0)
+    for group in groups:
+        natural_slope(group, d, out)
+    for strain in loads.natural:
+        strain.amount[1] = 0.0
+    return -out
+
+
+def outputs(small: Linearised, inputs: Sequence[str] = ()) -> list[Output]:
+    """Return x, y, ux, uy, theta, vx, vy and omega of every probe, as changes from the state of ``small``.
+
+    N, Q and M too where the case asks for them, with what ``inputs`` add to them by themselves.
+    """
+    model, out = small.model, []
+    for name, at in model.case.output.probes.items():
+        point = model.point(at.at, at.y)
+        out += _of_probe(small, name, point)
+        if asks_for_forces(model.case) and has_section_forces(point.mesh):
+            out += _of_forces(small, SmallForces(small, name, point), inputs)
+    return out
+
+
+def _of_forces(small: Linearised, found: SmallForces, inputs: Sequence[str]) -> list[Output]:
+    direct, terms = {one: found.direct(one) for one in inputs}, found.point.mesh.plan.section.maxwell
+    material = next((one for one in small.relaxing if one.terms == terms), None) if terms else None
+    parts: list[Relaxed | None] = [None] * 3
+    if material is not None:
+        natural = [one for one in inputs if one in small.model.inputs and small.model.inputs[one].natural]
+        parts = [Relaxed(material, weights, {one: float(direct[one][k]) for one in natural})
+                 for k, weights in enumerate(found.strained())]
+    return [Output(found.name, q, found.coords, found.weights[k], {one: float(f[k]) for one, f in direct.items()},
+                   parts[k]) for k, q in enumerate(FORCES)]
+
+
+def _of_probe(small: Linearised, name: str, point: PointRef) -> list[Output]:
+    model, d = small.model, small.base.state.d
+    rotation, e = Rotation(point), model.e0 + d[:model.n_q]
+    gradient, theta = rotation.gradient(e), rotation.value(e, d)
+    coords = np.unique(np.concatenate([rotation.dofs, *(c for c, _ in point.position())]))
+    unit, values = np.zeros(len(d)), np.zeros((3, len(coords)))
+    for k, coord in enumerate(coords.tolist()):
+        unit[coord] = 1.0
+        omega = float(gradient @ unit[rotation.dofs])
+        values[:2, k], values[2, k] = place_rate(point, unit, theta, omega), omega
+        unit[coord] = 0.0
+    along = dict(zip(("x", "y", "theta"), values, strict=True))
+    names = {"x": "x", "y": "y", "ux": "x", "uy": "y", "theta": "theta"}
+    rates = {"vx": "x", "vy": "y", "omega": "theta"}
+    return [Output(name, q, coords, np.eye(3)[order][:, None] * along[of])
+            for order, group in enumerate((names, rates)) for q, of in group.items()]

@@ -1,0 +1,372 @@
+"""Small motions about a state at rest: M z'' + C z' + K z = f with sparse matrices over the unknowns of a model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import count
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...elements.shape import Array
+from ...errors import ComputationError
+from ...interactions.forces import LoadSet
+from ...kernels.elements import viscous_force
+from ...model.mesh import Index
+from ...model.model import Model
+from ..ldl import SymmetricBand
+from ..linear import (
+    GeneralBand,
+    TangentMatrix,
+    assemble_mass,
+    coriolis_matrix,
+    make_matrix,
+    pattern,
+    scattered,
+    unknowns_to_coordinates,
+)
+from ..state import State
+from .lowest_modes import Pencil
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_array
+
+
+@dataclass
+class Base:
+    """The state about which a model is linearised, and the model whose loads act there."""
+
+    model: Model
+    state: State
+    loaded: bool
+
+    def pencil(self) -> Pencil:
+        """Return the tangent stiffness there."""
+        return Pencil(self.model, self.state.d, self.state.t, self.loaded, self.state.turned)
+
+
+def base_state(model: Model, about: str) -> Base:
+    """Return the reference, where no loads act, or the equilibrium under all of them (``about: static``).
+
+    Raises ComputationError where there is no such equilibrium.
+    """
+    if about == "static":
+        return _equilibrium(model)
+    guides = [guide for guide in model.loads.guides if len(guide.depends)]
+    return _rest(replace(model, loads=LoadSet(flows=model.loads.flows, guides=guides)))
+
+
+def _rest(model: Model) -> Base:
+    d = model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
+    zero = np.zeros(len(d))
+    history = {"step": 0, "factor": 0.0, "iterations": 0}
+    return Base(model, State(0.0, d, zero, zero, 0.0, last=True, history=history, warnings=_on_the_verge(model)), False)
+
+
+def _on_the_verge(model: Model) -> list[str]:
+    """Return what is to be told of springs that act on one side of the reference alone."""
+    found = []
+    # behind the springs of the case stand elastic tendons
+    for (k, item), spring in zip(model.case.resting_springs.items(), model.springs, strict=False):
+        f, H, _ = spring.forces(np.zeros(len(spring.p0)), 0.0)
+        if item.breaks and H.any() and not f.any():
+            found.append(f"springs.{k} acts on only one side of the reference; small motions are computed as if it "
+                         "acted on both")
+    return found
+
+
+def _equilibrium(model: Model) -> Base:
+    from ..statics.static import solve_static
+
+    iterations, warnings, state = 0, [], None
+    for state in solve_static(model):
+        iterations += int(state.history["iterations"])
+        warnings += state.warnings
+    assert state is not None
+    state.history["iterations"], state.warnings = iterations, warnings
+    return Base(model, state, True)
+
+
+class Linearised:
+    """K, C and M of small motions about a state: M z'' + C z' + K z = f.
+
+    ``z`` (n,) are changes of the unknowns, in the order of ``model.numbering.free``; multipliers are among them, and
+    their rows of K hold the gradients of their constraints. K holds what loads that turn or move add, unless the state
+    is the reference, and is then not symmetric; C holds dashpots, Kelvin-Voigt and Rayleigh damping, and the Coriolis
+    forces of a turning frame.
+    """
+
+    def __init__(self, base: Base) -> None:
+        self.base, self.model = base, base.model
+        self.pencil = base.pencil()
+        self.rates = RateForces(base.model)
+        self.n = base.model.numbering.n_unknowns
+
+    @cached_property
+    def K(self) -> csc_array:
+        """The tangent stiffness (n, n)."""
+        return stored(self.model, self.pencil.matrix, self.pencil.K)
+
+    @cached_property
+    def M(self) -> csc_array:
+        """The mass matrix (n, n); rotary inertia of point masses is that of small rotations about the state."""
+        mass = make_matrix(self.model)
+        assemble_mass(self.model, mass, self.model.e0 + self.base.state.d[:self.model.n_q])
+        return stored(self.model, mass, mass.target.values)
+
+    @cached_property
+    def viscous(self) -> csc_array | None:
+        """Kelvin-Voigt damping and Rayleigh's beta (n, n) alone, None where there is none."""
+        return self.rates.viscous_matrix(self.base.state.d)
+
+    def viscous_forces(self, x: Array) -> Array:
+        """Return what ``viscous`` makes of x (n,), by way of the strains."""
+        num = self.model.numbering
+        v = np.zeros(len(num.place))
+        num.expand(x, v)
+        return num.reduce(self.rates.viscous_forces(self.base.state.d, v))
+
+    @cached_property
+    def relaxing(self) -> list[Relaxing]:
+        """What materials that relax add to K, those with the same terms together."""
+        return [Relaxing(self.model, self.base.state.d, terms) for terms in self.model.maxwell]
+
+    @cached_property
+    def plain(self) -> csc_array:
+        """What else takes out energy (n, n): dashpots, linearised at rest, and Rayleigh's alpha."""
+        return self.rates.plain_damping(self.base.state.d, self.M if self.rates.alpha else None)
+
+    @property
+    def dampers(self) -> csc_array:
+        """All that takes out energy (n, n)."""
+        return self.plain if self.viscous is None else self.plain + self.viscous
+
+    @cached_property
+    def coriolis(self) -> csc_array:
+        """The Coriolis forces of a turning frame (n, n), skew."""
+        return self.rates.turning()
+
+    @property
+    def C(self) -> csc_array:
+        """Everything that rates cause (n, n)."""
+        return self.dampers + self.coriolis
+
+    def stiffness(self, x: Array) -> Array:
+        """Return K x by way of the strains, with the digits that the formed K of fine meshes has lost."""
+        return self.pencil.stiffness(x)
+
+
+def small_motions(model: Model, about: str, solver: str) -> Linearised:
+    """Return the small motions that a solver asks for; in a turning frame they are about the equilibrium there.
+
+    Raises ComputationError where nothing can move, or there is no such equilibrium.
+    """
+    if model.numbering.n_unknowns <= 2 * model.numbering.n_multipliers:
+        raise ComputationError("supports and joints hold everything: nothing can vibrate", at={"solver": solver},
+                               advice="fewer supports or joints")
+    return Linearised(base_state(model, "static" if model.case.steady_rotation is not None else about))
+
+
+class Relaxing:
+    """What materials with the same Maxwell terms add to K of motions exp(s t): their own stiffness times a factor of s.
+
+    ``V`` (n, n) is that stiffness at the long-time modulus, of the strains alone.
+    """
+
+    def __init__(self, model: Model, d: Array, terms: tuple[tuple[float, float], ...]) -> None:
+        self.model, self.d, self.terms = model, d, terms
+        self.groups = [group for pool, group in zip(model.pools, model.groups, strict=True)
+                       if pool.plan.section.maxwell == terms]
+        self.V = _by_columns(model, self.forces)
+
+    def factor(self, s: complex) -> complex:
+        """Return sum g s tau/(1 + s tau), real where s is."""
+        return sum((g * s * tau / (1.0 + s * tau) for g, tau in self.terms), 0.0)
+
+    def slope(self, s: complex) -> complex:
+        """Return the derivative of the factor by s."""
+        return sum((g * tau / (1.0 + s * tau) ** 2 for g, tau in self.terms), 0.0)
+
+    def forces(self, v: Array) -> Array:
+        """Return V v (n_full,) of motions in full coordinates."""
+        out = np.zeros(len(v))
+        self.model.set_natural(None)
+        for group in self.groups:
+            viscous_force(group, 1.0, self.d, v, out)
+        return out
+
+    def stiffness(self, x: Array) -> Array:
+        """Return V x (n,) by way of the strains."""
+        num = self.model.numbering
+        v = np.zeros(len(num.place))
+        num.expand(x, v)
+        return num.reduce(self.forces(v))
+
+
+class RateForces:
+    """The forces that rates of the coordinates cause in a model."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        damping, spin = model.case.damping, model.case.steady_rotation
+        self.alpha = damping.rayleigh.alpha if damping else 0.0
+        self.viscous = [(pool.tau, group) for pool, group in zip(model.pools, model.groups, strict=True) if pool.tau]
+        self.dashpots = any(spring.damped for spring in model.springs)
+        self.omega = spin.omega if spin else 0.0
+        self.flows = bool(model.loads.flows)
+
+    @property
+    def gyrates(self) -> bool:
+        """Whether rates cause forces across them: in a turning frame, and of material that moves along bodies."""
+        return bool(self.omega or self.flows)
+
+    @property
+    def damps(self) -> bool:
+        """Whether anything takes out energy."""
+        return bool(self.alpha or self.viscous or self.dashpots)
+
+    def of_higher_order(self) -> list[int]:
+        """Return the springs that damp, but not to first order in the rates."""
+        out = []
+        for k, spring in enumerate(self.model.springs):
+            if spring.damped and not spring.forces(np.zeros(len(spring.p0)), 0.0)[2].any():
+                out.append(k)
+        return out
+
+    @cached_property
+    def _T(self) -> csc_array:
+        return unknowns_to_coordinates(self.model)
+
+    @cached_property
+    def _coriolis(self) -> csc_array:
+        return coriolis_matrix(self.model, self.omega)
+
+    def __call__(self, d: Array, v: Array, mass: Callable[[], csc_array], linear: bool = False) -> Array:
+        """Return the forces (n_full,) that rates v (n_full,) cause at d; with ``linear`` to first order in v.
+
+        Only dampers of plugins are of higher order. ``mass`` gives M (n_q, n_q), where it is asked for.
+        """
+        out, n_q = self.viscous_forces(d, v), self.model.n_q
+        for forces, dofs in self.model.interactions.rate_forces(d, v, linear) if self.dashpots or self.flows else ():
+            np.add.at(out, dofs, forces)
+        if self.omega:
+            out[:n_q] += self._coriolis @ v[:n_q]
+        if self.alpha:
+            out[:n_q] += self.alpha * (mass() @ v[:n_q])
+        return out
+
+    def plain_damping(self, d: Array, M: csc_array | None) -> csc_array:
+        """Return dashpots, linearised at d (n_full,) at rest, and alpha M; M (n, n) is needed where there is alpha."""
+        from scipy.sparse import csc_array
+
+        n, n_q = self.model.numbering.n_unknowns, self.model.n_q
+        out = csc_array((n, n)) if M is None else self.alpha * M
+        if self.dashpots:
+            blocks = [(batch.dofs, batch.matrices(d, 0.0)[3]) for batch in self.model.interactions.springs]
+            out = out + self._T.T @ scattered(blocks, n_q) @ self._T
+        return csc_array(out)
+
+    def viscous_matrix(self, d: Array) -> csc_array | None:
+        """Return Kelvin-Voigt damping at d (n_full,), Rayleigh's beta included (n, n); None where there is none."""
+        return _by_columns(self.model, lambda v: self.viscous_forces(d, v)) if self.viscous else None
+
+    def viscous_forces(self, d: Array, v: Array) -> Array:
+        """Return the Kelvin-Voigt forces (n_full,) that rates v (n_full,) cause at d, Rayleigh's beta included."""
+        out = np.zeros(len(v))
+        self.model.set_natural(None)
+        for tau, group in self.viscous:
+            viscous_force(group, tau, d, v, out)
+        return out
+
+    def turning(self) -> csc_array:
+        """Return the Coriolis forces of the turning frame and of what moves along bodies (n, n)."""
+        from scipy.sparse import csc_array
+
+        n = self.model.numbering.n_unknowns
+        out = csc_array(self._T.T @ self._coriolis @ self._T) if self.omega else csc_array((n, n))
+        if self.flows:
+            rest = np.zeros(len(self.model.numbering.place))
+            blocks = [(b.dofs, b.matrices(rest, 0.0)[3]) for b in self.model.interactions.flows]
+            out = out + csc_array(self._T.T @ scattered(blocks, self.model.n_q) @ self._T)
+        return out
+
+
+def stored(model: Model, matrix: TangentMatrix, values: Array) -> csc_array:
+    """Return the matrix (n, n) with such entries, stored as ``matrix`` is."""
+    if isinstance(matrix, SymmetricBand):
+        return _of_band(values)
+    i, j = entries(model, matrix)
+    held, matrix.values[...] = matrix.values.copy(), values
+    out = sparse(matrix.read(i, j), i, j, model.numbering.n_unknowns)
+    matrix.values[...] = held
+    out.eliminate_zeros()
+    return out
+
+
+def _of_band(values: Array) -> csc_array:
+    """Return the matrix (n, n) of a symmetric band, whose row i has the entries (i, i - bw) to (i, i)."""
+    from scipy.sparse import dia_array
+
+    n, bw = values.shape[0], values.shape[1] - 1
+    diagonals, offsets = np.zeros((2 * bw + 1, n)), np.arange(-bw, bw + 1)
+    for p in range(bw + 1):
+        diagonals[bw + p] = values[:, bw - p]
+        diagonals[bw - p, :n - p] = values[p:, bw - p]
+    out = dia_array((diagonals, offsets), shape=(n, n)).tocsc()
+    out.eliminate_zeros()
+    return out
+
+
+def sparse(values: Array, i: Index, j: Index, n: int) -> csc_array:
+    """Return the matrix (n, n) with such entries, which go column by column."""
+    from scipy.sparse import csc_array
+
+    return csc_array((values, i.astype(np.int32), np.searchsorted(j, np.arange(n + 1))), shape=(n, n))
+
+
+def entries(model: Model, matrix: TangentMatrix) -> tuple[Index, Index]:
+    """Return the row and column of each entry that a matrix of a model can have, column by column."""
+    n = model.numbering.n_unknowns
+    if isinstance(matrix, SymmetricBand | GeneralBand):
+        bw = matrix.bw
+        i = np.add.outer(np.arange(n), np.arange(-bw, bw + 1)).ravel()
+        inside = (i >= 0) & (i < n)
+        return i[inside], np.repeat(np.arange(n), 2 * bw + 1)[inside]
+    rows, columns = pattern(model)
+    code: Index = np.unique(columns.astype(np.int64) * n + rows.astype(np.int64))
+    return code % max(n, 1), code // max(n, 1)
+
+
+def _by_columns(model: Model, forces: Callable[[Array], Array]) -> csc_array:
+    """Return the matrix (n, n) of forces (n_full,) that are linear in rates (n_full,), many columns at a time.
+
+    No two columns of the same colour meet in a row (Curtis, Powell & Reid 1974).
+    """
+    num = model.numbering
+    matrix = make_matrix(model)
+    i, j = entries(model, matrix)
+    n = num.n_unknowns
+    if isinstance(matrix, SymmetricBand | GeneralBand):
+        colours: Index = np.arange(n) % (2 * matrix.bw + 1)
+    else:
+        colours = _colours(sparse(np.ones(len(i)), i, j, n))
+    values, colour_of = np.zeros(len(i)), colours[j]
+    for colour in range(int(colours.max(initial=-1)) + 1):
+        v = np.zeros(len(num.place))
+        num.expand((colours == colour).astype(float), v)
+        v[num.n_q:] = 0.0
+        mine = np.flatnonzero(colour_of == colour)
+        values[mine] = num.reduce(forces(v))[i[mine]]
+    out = sparse(values, i, j, n)
+    out.eliminate_zeros()
+    return out
+
+
+def _colours(P: csc_array) -> Index:
+    near, out = (P.T @ P).tocsc(), np.full(P.shape[1], -1)
+    for k in range(len(out)):
+        taken = set(out[near.indices[near.indptr[k]:near.indptr[k + 1]]].tolist())
+        out[k] = next(c for c in count() if c not in taken)
+    return out

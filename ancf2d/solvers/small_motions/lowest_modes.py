@@ -1,0 +1,307 @@
+"""Lowest modes of a pair (K, B): shift-invert Lanczos, Rayleigh-Ritz, and a count that none is missed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...elements.shape import Array
+from ...errors import ComputationError
+from ...kernels.elements import tangent_action
+from ...model.model import Model
+from ..ldl import Pivots
+from ..linear import assemble_mass, make_matrix
+from ..system import System
+
+
+class Pencil:
+    """Tangent K of a model at (d, t) beside another matrix B of its unknowns, stored alike.
+
+    ``loads`` tells whether loads that turn or move add their stiffness; ``turned`` (bodies,) the whole turns at d. The
+    model's tangent must be symmetric.
+    """
+
+    def __init__(self, model: Model, d: Array, t: float, loads: bool, turned: Array | None = None) -> None:
+        self.model, self.d, self.t, self.loads = model, d, t, loads
+        self.system = System(model)
+        self.system.count_from((d, model.turns.from_reference(d) if turned is None else turned))
+        self.balance = self.system.assemble(d, t, load_stiffness=loads)
+        self.matrix = self.system.matrix
+        self.K: Array = self.matrix.target.values.copy()
+        self.B: Array = self.K
+        self.n = model.numbering.n_unknowns
+        self.multipliers = model.numbering.n_multipliers
+
+    def with_mass(self, e: Array | None = None) -> Pencil:
+        """Return this pencil with B = M, that of small motion about coordinates ``e`` where they are given."""
+        mass = make_matrix(self.model)
+        assemble_mass(self.model, mass, e)
+        self.B = mass.target.values
+        return self
+
+    def factor(self, shift: float) -> Pivots:
+        """Factor K - shift B."""
+        values = self.matrix.target.values
+        if shift == 0.0:
+            values[...] = self.K
+        else:
+            np.multiply(self.B, -shift, out=values)
+            values += self.K
+        return self.matrix.factor()
+
+    def negative(self, pivots: Pivots) -> int | None:
+        """Return how many negative eigenvalues K - shift B has (Sylvester), those of the multipliers not counted.
+
+        None where it is singular or pivoting hides the inertia.
+        """
+        if pivots.bad >= 0:
+            return None
+        if not self.matrix.knows_inertia:
+            return None
+        return pivots.negative - self.multipliers
+
+    def solve(self, b: Array) -> Array:
+        """Return (K - shift B)^-1 b of the last shift."""
+        return self.matrix.solve(b)
+
+    def other(self, x: Array) -> Array:
+        """Return B x."""
+        return self.matrix.product(self.B, x)
+
+    def formed(self, x: Array) -> Array:
+        """Return K x as the formed matrix gives it."""
+        return self.matrix.product(self.K, x)
+
+    def diagonals(self) -> tuple[Array, Array]:
+        """Return the diagonals of K and B."""
+        return self.matrix.diagonal(self.K), self.matrix.diagonal(self.B)
+
+    def stiffness(self, x: Array) -> Array:
+        """Return K x by way of the strains, with the digits that the formed K of fine meshes has lost."""
+        num = self.model.numbering
+        v = np.zeros(len(self.d))
+        num.expand(x, v)
+        return num.reduce(self.full_stiffness(v))
+
+    def full_stiffness(self, v: Array) -> Array:
+        """Return K v in full coordinates, by way of the strains."""
+        out = np.zeros(len(v))
+        self.model.set_natural(self.t if self.loads else None)
+        for group in self.model.groups:
+            tangent_action(group, self.d, v, out)
+        for _, _, K, dofs in self.system.patches(self.d, self.t, elastic=not self.loads):
+            np.add.at(out, dofs, np.einsum("mij,mj->mi", K, v[dofs]))
+        return out
+
+
+def each(apply: Any, V: Array) -> Array:
+    """Return A v of every row v."""
+    out = np.empty_like(V)
+    for k, v in enumerate(V):
+        out[k] = apply(v)
+    return out
+
+
+def ritz(V: Array, HV: Array, GV: Array, m: int) -> tuple[Array, Array]:
+    """Return the lowest m values of V H V^T y = value V G V^T y (G positive on V), and their combinations (m, k)."""
+    H, G = V @ HV.T, V @ GV.T
+    scale = np.sqrt(np.diag(G))
+    w, U = np.linalg.eigh(0.5 * (G + G.T) / np.outer(scale, scale))
+    keep = w > 1e-10
+    T = (U[:, keep] / np.sqrt(w[keep])) / scale[:, None]
+    values, Y = np.linalg.eigh(0.5 * T.T @ (H + H.T) @ T)
+    return values[:m], (T @ Y[:, :m]).T
+
+
+# below this number of unknowns every mode is computed at once
+DENSE = 400
+# modes beyond those asked for, among which a gap for the count is sought
+EXTRA = 5
+# the shift stays this far above the round-off of K, in units of the largest K_ii/M_ii
+ROUND_OFF = 4e-15
+# eigenvalues within this share of the shift cannot be told from zero
+NOTHING = 1e-8
+# nor those within this share of what is below the elastic modes; round-off of K can push the shift far beyond that
+SOFT = 1e-2
+# relative changes by Rayleigh-Ritz beyond which the vectors are corrected too
+CORRECT = 5e-5
+# of Lanczos itself; Rayleigh-Ritz squares what this leaves
+LANCZOS = 1e-8
+# relative rest of an eigenvalue's correction that is left standing
+SETTLED = 1e-11
+# corrections of an eigenvalue within which it cannot be told from zero
+UNSURE = 10.0
+MAX_CORRECTIONS = 6
+
+
+@dataclass
+class Modes:
+    """Eigenvalues (m,) [1/s^2] ascending, vectors (m, n_unknowns) with unit modal mass, and what is known of them.
+
+    ``error`` (m,): relative change by the last correction. ``floor``: eigenvalues within it cannot be told from zero.
+    ``counted``: the inertia confirms that no lower mode is missing (None: it could not be told).
+    """
+
+    values: Array
+    vectors: Array
+    error: Array
+    floor: float
+    counted: bool | None
+
+
+def characteristic(pencil: Pencil) -> float:
+    """Return a number below the elastic modes of a model [1/s^2].
+
+    It is min EI/(m L^3) over the bodies that deform, m the model's mass and L its length; of rigid bodies alone, a
+    share of the lowest K_ii/M_ii.
+    """
+    model = pencil.model
+    plans = [m.plan for m in model.meshes.values()]
+    length = sum(p.length for p in plans)
+    mass = sum(p.section.rhoA * p.length for p in plans) + sum(m.mass for m in model.case.resting_masses)
+    stiff = [p.section.EI for p in plans if not p.rigid]
+    if stiff and mass:
+        return min(stiff) / (mass * length**3)
+    ratios = _ratios(pencil)
+    return SOFT * float(ratios[ratios > 0].min(initial=np.inf)) if (ratios > 0).any() else 1.0
+
+
+def _ratios(pencil: Pencil) -> Array:
+    """Return K_ii/M_ii of the unknowns that have a mass."""
+    K, M = pencil.diagonals()
+    heavy = M > 0
+    return K[heavy] / M[heavy]
+
+
+def first_shift(pencil: Pencil) -> float:
+    """Return the size of a shift near the lowest elastic eigenvalue, above round-off [1/s^2]."""
+    return max(characteristic(pencil), ROUND_OFF * float(np.max(_ratios(pencil), initial=0.0)))
+
+
+def find_shift(pencil: Pencil) -> float:
+    """Factor K - shift M at a negative shift below every eigenvalue, near the lowest elastic ones; return it."""
+    shift = first_shift(pencil)
+    for _ in range(60):
+        pivots = pencil.factor(-shift)
+        if pencil.negative(pivots) in (0, None) and pivots.bad < 0:
+            return -shift
+        shift *= 4.0
+    raise ComputationError("no shift was found below the lowest eigenvalue", at={"shift": f"{-shift:.3g}"},
+                           advice="check masses and stiffnesses for extreme values")
+
+
+def _all(pencil: Pencil, shift: float) -> tuple[Array, Array]:
+    """Return every finite mode from L^T (K - shift M)^-1 L, M = L L^T."""
+    M = each(pencil.other, np.eye(pencil.n))
+    scale = np.sqrt(np.where(np.diag(M) > 0, np.diag(M), 1.0))
+    w, U = np.linalg.eigh(0.5 * (M + M.T) / np.outer(scale, scale))
+    keep = w > 1e-13 * w[-1]
+    L = (scale[:, None] * U[:, keep] * np.sqrt(w[keep])).T
+    X = each(pencil.solve, L)
+    C = X @ L.T
+    theta, Y = np.linalg.eigh(0.5 * (C + C.T))
+    theta, Y = theta[::-1], Y[:, ::-1]
+    real = theta > 1e-15 * theta[0]
+    theta, Y = theta[real], Y[:, real]
+    return shift + 1.0 / theta, (Y / theta).T @ X
+
+
+def _lanczos(pencil: Pencil, shift: float, m: int, found: Array, seed: int) -> tuple[Array, Array]:
+    """Return m modes nearest above the shift, M-orthogonal to ``found`` (k, n)."""
+    from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
+
+    n = pencil.n
+    mass = LinearOperator((n, n), matvec=pencil.other, dtype=float)
+    weighted = each(pencil.other, found)
+
+    def invert(b: Array) -> Array:
+        x = pencil.solve(np.ascontiguousarray(b).ravel())
+        return x - (weighted @ x) @ found if len(found) else x
+
+    start = invert(pencil.other(np.random.default_rng(seed).standard_normal(n)))
+    inverse = LinearOperator((n, n), matvec=invert, dtype=float)
+    try:
+        values, vectors = eigsh(mass, m, M=mass, sigma=shift, OPinv=inverse, v0=start, tol=LANCZOS,
+                                ncv=min(n, max(2 * m, 20)))
+    except ArpackNoConvergence as error:
+        raise ComputationError(f"Lanczos iteration found {len(error.eigenvalues)} of {m} modes", advice="fewer modes"
+                               ) from error
+    order = np.argsort(values)
+    return values[order], np.ascontiguousarray(vectors.T[order])
+
+
+def _refine(pencil: Pencil, values: Array, V: Array, shift: float) -> tuple[Array, Array, Array]:
+    """Return values, vectors and relative rest: Rayleigh-Ritz with K by strains, corrected while that changes much.
+
+    The error that Rayleigh-Ritz leaves is quadratic in that of the vectors.
+    """
+    m, rest = len(values), np.zeros(len(values))
+    for _ in range(MAX_CORRECTIONS):
+        KV, MV = each(pencil.stiffness, V), each(pencil.other, V)
+        new, Y = ritz(V, KV, MV, m)
+        change = np.abs(new - values) / (np.abs(new) + abs(shift))
+        V, values, rest = Y @ V, new, change**2
+        poor = change > CORRECT
+        if not poor.any():
+            break
+        KV, MV = Y @ KV, Y @ MV
+        pencil.factor(shift)
+        C = each(pencil.solve, KV[poor] - values[poor, None] * MV[poor])
+        for _ in range(2):
+            C -= (C @ MV.T) @ V
+        C /= np.sqrt(np.maximum(np.einsum("kn,kn->k", C, each(pencil.other, C)), 1e-300))[:, None]
+        new, Y = ritz(np.vstack([V, C]), np.vstack([KV, each(pencil.stiffness, C)]),
+                       np.vstack([MV, each(pencil.other, C)]), m)
+        rest = np.abs(new - values) / (np.abs(new) + abs(shift))
+        V, values = Y[:, :m] @ V + Y[:, m:] @ C, new
+        if rest.max() <= SETTLED:
+            break
+    return values, V, rest
+
+
+def _count(pencil: Pencil, values: Array, m: int) -> tuple[int | None, int]:
+    """Return (eigenvalues that the inertia counts, eigenvalues found) below a shift in the widest gap from the m-th on.
+
+    None where there is no gap or the inertia is hidden.
+    """
+    if len(values) <= m:
+        return None, len(values)
+    gaps = np.diff(values[m - 1:]) / np.maximum(np.abs(values[m:]), 1e-300)
+    k = int(np.argmax(gaps))
+    if gaps[k] < 1e-6:
+        return None, len(values)
+    at = 0.5 * (values[m - 1 + k] + values[m + k])
+    return pencil.negative(pencil.factor(at)), m + k
+
+
+def _complete(pencil: Pencil, m: int, shift: float, values: Array, V: Array, rest: Array
+              ) -> tuple[Array, Array, Array, bool | None]:
+    """Return the modes with those that the inertia says are missing, and whether it now confirms them."""
+    for attempt in range(1, 4):
+        inertia, found = _count(pencil, values, m)
+        if inertia is None or inertia <= found:
+            return values, V, rest, None if inertia is None else inertia == found
+        pencil.factor(shift)
+        missing = min(inertia - found + 2, pencil.n - pencil.multipliers - len(values) - 1)
+        more, W = _lanczos(pencil, shift, missing, V, attempt)
+        values, V, rest = _refine(pencil, np.concatenate([values, more]), np.vstack([V, W]), shift)
+    return values, V, rest, False
+
+
+def lowest(pencil: Pencil, m: int) -> Modes:
+    """Return the m lowest modes of a pencil (fewer where there are no more)."""
+    shift = find_shift(pencil)
+    if pencil.n <= max(DENSE, 2 * (m + EXTRA)):
+        values, V = _all(pencil, shift)
+        values, V, rest = _refine(pencil, values[:m], V[:m], shift)
+        counted: bool | None = True
+    else:
+        values, V = _lanczos(pencil, shift, m + EXTRA, np.zeros((0, pencil.n)), 0)
+        values, V, rest, counted = _complete(pencil, m, shift, *_refine(pencil, values, V, shift))
+    m = min(m, len(values))
+    floor = min(NOTHING * abs(shift), SOFT * characteristic(pencil))
+    unsure = np.abs(values) <= UNSURE * rest * (np.abs(values) + abs(shift))
+    values = np.where(unsure, 0.0, values)
+    return Modes(values[:m], V[:m], rest[:m], floor, counted)

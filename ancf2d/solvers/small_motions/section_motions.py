@@ -1,0 +1,182 @@
+"""What cross-sections do in a velocity field: mean motion along and across the beam, rotation, stretch, the rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...elements.definition import ElementType
+from ...elements.formulations import Sampler
+from ...elements.formulations.base import cross
+from ...elements.section import Section
+from ...elements.shape import Array, gauss
+from ...model.classes import mass_matrix
+from ...model.mesh import BodyMesh
+
+# the motions of a straight section, in the order of all arrays here
+MOTIONS = ("axial", "transverse", "rotation", "stretch")
+BLOCK = 8192
+
+
+@dataclass(frozen=True)
+class ClassMotions:
+    """Section motions of the elements of one class, at Gauss stations along the element.
+
+    ``rows`` (4, nx, n_dof): mean velocity along the reference tangent, along its normal, angular velocity, rate of
+    stretch, of a velocity in the element's frame; ``inertia`` (4, nx): mass or moment of inertia that goes with each,
+    quadrature weight included, so that the kinetic energy of the section motions is sum inertia (rows v)^2/2;
+    ``field`` (nx, ny, n_shape): shape functions over the sections, ``dm`` (nx, ny): the mass that goes with them.
+    ``mass`` (n_dof, n_dof) of everything. ``ends`` (2, ny, n_shape): shape functions over the first and the last
+    section, ``end_weight`` (ny,): mass per length of the last; ``conforming``: neighbours share these sections.
+    """
+
+    xi: Array
+    rows: Array
+    inertia: Array
+    field: Array
+    dm: Array
+    mass: Array
+    ends: Array
+    end_weight: Array
+    conforming: bool
+
+
+def class_motions(sampler: Sampler) -> ClassMotions:
+    """Return the section motions of an element class.
+
+    Least squares of the velocity over each section, weighted with rho dV: v_t ~ a - omega (y - y_0),
+    v_n ~ w + s (y - y_0) with y_0 the centre of mass, so that the four are orthogonal; what they leave is the rest.
+    """
+    if not sampler.section.rhoA:
+        # shapes of buckling are told apart by volume where bodies have no density
+        light = sampler
+        sampler = replace(light, section=_of_unit_density(light.section),
+                          profile=light.profile and (lambda xi: _of_unit_density(light.at(xi))))
+    element = sampler.shape.element
+    x, wx = gauss(element.degree_x + 2)
+    ny = element.degree_y + 2
+    y, wy = gauss(ny) if element.degree_y else (np.array([0.5]), np.ones(1))
+    xi, eta = np.repeat(x, len(y)), np.tile(2 * y - 1, len(x))
+    axis = sampler.derivative(x, np.zeros_like(x), 1, 0) @ sampler.e0[:, :2]
+    j0 = np.hypot(axis[:, 0], axis[:, 1])
+    t = axis / j0[:, None]
+    n = np.stack([-t[:, 1], t[:, 0]], axis=1)
+    S = sampler.derivative(xi, eta, 0, 0)
+    if element.degree_y:
+        rx, ry = (sampler.derivative(xi, eta, i, j) @ sampler.e0 for i, j in ((1, 0), (0, 1)))
+        density = cross(rx, ry)
+    else:
+        density = j0
+    section = sampler.at(x)
+    dm = sampler.shape.l * (np.outer(wx * section.rhoA, wy) * density.reshape(len(x), -1))
+    height = 0.5 * np.multiply.outer(np.broadcast_to(section.height, len(x)), 2 * y - 1)
+    S = S.reshape(len(x), len(y), -1)
+    m = dm.sum(axis=1)
+    arm = height - ((dm * height).sum(axis=1) / m)[:, None]
+    rows = np.zeros((4, len(x), element.n_dof))
+    inertia = np.array([m, m, np.zeros_like(m), np.zeros_like(m)])
+    mean = np.einsum("ij,ijk->ik", dm / m[:, None], S)
+    nc = element.components
+    for c in (0, 1):
+        rows[0, :, c::nc], rows[1, :, c::nc] = mean * t[:, c, None], mean * n[:, c, None]
+    if element.degree_y:
+        I = np.einsum("ij,ij->i", dm, arm**2)
+        slope = np.einsum("ij,ijk->ik", dm * arm / I[:, None], S)
+        inertia[2:] = I
+        for c in (0, 1):
+            rows[2, :, c::nc], rows[3, :, c::nc] = -slope * t[:, c, None], slope * n[:, c, None]
+    elif element.has_theta:
+        inertia[2] = section.rhoI / section.rhoA * m
+        rows[2, :, 2::nc] = mean
+    ends = np.array([sampler.derivative(np.full(len(y), s), 2 * y - 1, 0, 0) for s in (0.0, 1.0)])
+    return ClassMotions(x, rows, inertia, S, dm, mass_matrix(sampler), ends, sampler.at(np.ones(1)).rhoA * wy,
+                        _conforms(ends, element))
+
+
+def _of_unit_density(section: Section) -> Section:
+    area = section.height * section.width
+    return replace(section, rhoA=area, rhoI=area * section.EI / section.EA)
+
+
+def _conforms(ends: Array, element: ElementType) -> bool:
+    """Return whether the coordinates of the shared node alone make the end section, alike from both sides."""
+    names = [k for k, (node, _) in enumerate(element.functionals) if node == 0]
+    first, last = ends[0][:, names], ends[1][:, -len(names):]
+    foreign = [np.delete(ends[0], names, axis=1), ends[1][:, :-len(names)]]
+    size = 1e-9 * np.abs(ends).max()
+    alone = all(np.abs(f).max(initial=0.0) <= size for f in foreign)
+    return bool(alone and np.allclose(first, last, rtol=0, atol=size))
+
+
+def element_velocities(mesh: BodyMesh, v: Array, elements: slice = slice(None)) -> Array:
+    """Return the coordinates (ne, n_dof) of a velocity (n_q,) element by element, each in its element's frame."""
+    out = v[mesh.dofs[elements]]
+    turn = mesh.turn[elements] if len(mesh.turn) > 1 else mesh.turn
+    c, s = turn[:, :1], turn[:, 1:]
+    nc = mesh.plan.element.components
+    x, y = out[:, 0::nc].copy(), out[:, 1::nc].copy()
+    out[:, 0::nc], out[:, 1::nc] = c * x + s * y, c * y - s * x
+    return out
+
+
+@dataclass
+class Energies:
+    """Twice the kinetic energy of one velocity field of a body, by its parts.
+
+    ``motions`` (4,) as in MOTIONS; ``total`` of the body; ``gaps``: in what neighbours do not share; ``gradient`` (4,):
+    sum of inertia times the square of each motion's derivative along the axis.
+    """
+
+    motions: Array
+    total: float
+    gaps: float
+    gradient: Array
+
+
+def _gaps(mesh: BodyMesh, classes: list[ClassMotions], v: Array) -> float:
+    """Return int rho |half the jump|^2 dA l, summed over the places where elements share a node."""
+    element = mesh.plan.element
+    if classes[0].conforming:
+        return 0.0
+    total = 0.0
+    local = v[mesh.dofs].reshape(len(mesh.dofs), element.n_shape, -1)
+    second = np.flatnonzero(mesh.shares_start)
+    meeting = np.stack([mesh.cls[second - 1], mesh.cls[second]], axis=1)
+    for i, k in np.unique(meeting, axis=0).tolist():
+        here = second[np.all(meeting == [i, k], axis=1)]
+        a, b = classes[i], classes[k]
+        l = 0.5 * (mesh.classes[i].shape.l + mesh.classes[k].shape.l)
+        jump = (np.einsum("yk,ekc->eyc", a.ends[1], local[here - 1])
+                - np.einsum("yk,ekc->eyc", b.ends[0], local[here]))
+        total += l * 0.25 * float(np.einsum("eyc,y->", jump**2, a.end_weight))
+    return total
+
+
+def energies(mesh: BodyMesh, classes: list[ClassMotions], v: Array) -> Energies:
+    """Return the kinetic energies of a velocity (n_q,) of one body."""
+    parts, gradient, total = np.zeros(4), np.zeros(4), 0.0
+    for first in range(0, mesh.plan.count, BLOCK):
+        block = slice(first, first + BLOCK)
+        local, cls = element_velocities(mesh, v, block), mesh.cls[block]
+        for k, c in enumerate(classes):
+            here = local[cls == k]
+            a = np.einsum("pxa,ea->pex", c.rows, here)
+            parts += np.einsum("pex,px->p", a**2, c.inertia)
+            total += float(np.einsum("ea,ab,eb->", here, c.mass, here, optimize=True))
+            slopes = a @ differentiation(c.xi).T / mesh.classes[k].shape.l
+            gradient += np.einsum("pex,px->p", slopes**2, c.inertia)
+    return Energies(parts, max(total, float(parts.sum())), _gaps(mesh, classes, v), gradient)
+
+
+def differentiation(x: Array) -> Array:
+    """Return the matrix (n, n) that differentiates the polynomial through values at x (n,)."""
+    powers = np.arange(len(x))
+    D = np.where(powers > 0, powers * x[:, None] ** np.maximum(powers - 1, 0), 0.0)
+    return D @ np.linalg.inv(x[:, None] ** powers)
+
+
+def interpolation(x: Array, at: Array) -> Array:
+    """Return the matrix (m, n) that evaluates at ``at`` (m,) the polynomial through values at x (n,)."""
+    powers = np.arange(len(x))
+    return (at[:, None] ** powers) @ np.linalg.inv(x[:, None] ** powers)

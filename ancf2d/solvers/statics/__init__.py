@@ -1,0 +1,1 @@
+"""Equilibria: load steps, paths, buckling, and equilibrium over time."""

@@ -1,0 +1,367 @@
+"""Linear buckling: load factors at which the tangent, extrapolated along the linear response, becomes singular."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...case import Buckling
+from ...elements.shape import Array
+from ...errors import ComputationError
+from ...interactions.forces import LoadSet
+from ...model.model import Model
+from ..ldl import Symmetric
+from ..linear import scattered, unknowns_to_coordinates
+from ..resolution import Resolution
+from ..small_motions.classify import Classifier
+from ..small_motions.eigen import full_shapes
+from ..small_motions.flutter import Change, Stability, critical_factors
+from ..small_motions.linearised import Base, Linearised, base_state, stored
+from ..small_motions.lowest_modes import Pencil, each, ritz
+from ..small_motions.projected import Quadratic
+from ..state import State
+from ..system import System
+from .static import unscaled
+
+# force and damping beside what they are differences of that are round-off
+PUSHED = 1e-9
+# half the difference in the load factor that rates are formed with
+SMALL = 1e-4
+# rotation or strain of the states between which the tangent is differentiated
+STEP = 1e-3
+# rotation or strain of the linear response beyond which a load factor is no statement
+LARGEST = 1e3
+# unknowns up to which an unsymmetric problem is solved at once
+DENSE = 1000
+# imaginary part, relative, that counts as none
+REAL = 1e-6
+EXTRA = 3
+LANCZOS = 1e-10
+# what loads add to the stiffness of what is free, beside it, that is round-off where nothing moves
+UNSTRESSED = 1e-12
+RESTARTS = 200
+# share of a shape in gaps between neighbours beyond which it is the mesh's: beams have 1e-8
+GAPS = 1e-3
+# rotation or strain of the linear response beyond which critical factors are estimates
+FAR = 0.1
+# share of the stiffness that the linearisation misses, from which a load factor is an estimate, and none at all
+ROUGH, MISSED = 0.02, 0.5
+
+
+def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
+    """Yield the linear response to the full load with the load factors at which it buckles, and their shapes.
+
+    (K + mu dK/dt) phi = 0, dK/dt the derivative of the tangent along the linear response to the loads that the factor
+    scales. Loads with an amplitude of their own are constant: they have moved and stressed the model before.
+    """
+    if model.loads.flows:
+        yield _critical_velocities(model, spec)
+        return
+    base, turned, warnings, iterations = _begin(model)
+    pencil = Pencil(model, base, 0.0, True, turned)
+    if not model.symmetric:
+        yield _begins_to_grow(pencil, spec, warnings, iterations)
+        return
+    pivots = pencil.system.factor({"solver": "buckling"})
+    pencil.system.check_strained(pencil.stiffness, pivots, {"solver": "buckling"})
+    unstable = pencil.negative(pivots)
+    u = _response(pencil)
+    size = response_size(pencil, u)
+    moves = size * model.extent > pencil.system.still(pencil.d, 1.0)
+    # where nothing moves, the tangent is linear in the multipliers
+    pencil.B = -tangent_rate(pencil, u, STEP / size if moves else 1.0)
+    # the differences have used the factors' place
+    pencil.factor(0.0)
+    if not moves and not _stressed(pencil):
+        factors, V = np.zeros(0), np.zeros((0, model.numbering.n_unknowns))
+    elif unstable != 0:
+        factors, V = _general(pencil, spec.modes)
+    else:
+        factors, V = _positive(pencil, spec.modes)
+    # a linear response this large says nothing of the beam
+    known = factors * size <= LARGEST
+    factors, V = factors[known], V[known]
+    factors, V, meshed, doubts = _trusted(pencil, u, factors, V, size, _meshed(model, base, V))
+    if unstable:
+        warnings.append("the state without the scaled loads is unstable already")
+    warnings += doubts
+    warnings += [f"shape {k + 1} (load factor {factors[k]:.6g}) belongs to the mesh, not to the beam: neighbouring "
+                 "elements separate. Use fewer elements, or a type whose neighbours share their sections, such as "
+                 "vallejo"
+                 for k in np.flatnonzero(meshed)]
+    start = State(0.0, base, pencil.balance.Q, model.external(0.0), 0.0, turned=turned)
+    good = ~meshed & (factors * size <= FAR)
+    warnings += Resolution(model).of_buckling(start, u, STEP / size if moves else 1.0, factors[good],
+                                              full_shapes(model, V[good]))
+    if len(factors) < spec.modes:
+        warnings.append(f"{len(factors)} positive load factors were found, not {spec.modes}"
+                        + ("" if doubts or len(factors) else ": these loads do not buckle the model in this direction"))
+    yield response_state(pencil, base, u, factors, V, warnings, iterations)
+
+
+def _begins_to_grow(pencil: Pencil, spec: Buckling, warnings: list[str], iterations: int) -> State:
+    """Return the linear response with the factors at which small motions about it begin to grow.
+
+    Loads that turn with the body have no potential: what vibrates may grow while no other equilibrium is near.
+    """
+    model, d = pencil.model, pencil.d
+    lacking = [name for name, mesh in model.meshes.items() if not mesh.plan.section.rhoA and not mesh.plan.rigid]
+    if lacking:
+        raise ComputationError(f"flutter depends on the mass: {', '.join(lacking)} has none", at={"solver": "buckling"},
+                               advice="material.rho, or section.rhoA where the section is given by stiffnesses")
+    pencil.system.factor({"solver": "buckling"})
+    u = _response(pencil)
+    size = response_size(pencil, u)
+    rate = stored(model, pencil.matrix, tangent_rate(pencil, u, STEP / size if size > 0.0 else 1.0))
+    zero = np.zeros(len(d))
+    small = Linearised(Base(model, State(0.0, d, zero, zero, 0.0, turned=pencil.system.turns()[1]), True))
+    from scipy.sparse import diags_array
+
+    moved = diags_array((model.numbering.free < model.n_q).astype(float))
+    found = critical_factors(small, Change((moved @ rate @ moved).tocsc()), spec.modes)
+    return _grown(small, u, found, spec.modes, warnings, iterations, size, "load factor")
+
+
+def _critical_velocities(model: Model, spec: Buckling) -> State:
+    """Return the state under the loads alone with the factors on the velocities of what moves along bodies at which
+    small motions about it begin to grow.
+    """
+    flows = model.loads.flows
+
+    def move(factor: float) -> None:
+        for patch in flows:
+            patch.velocity.factor = factor
+    T, rest = unknowns_to_coordinates(model), np.zeros(len(model.numbering.place))
+    blocks = [(batch.dofs, *batch.matrices(rest, 0.0)[2:]) for batch in model.interactions.flows]
+    square = (T.T @ scattered([(dofs, K) for dofs, K, _ in blocks], model.n_q) @ T).tocsc()
+    gyration = (T.T @ scattered([(dofs, C) for dofs, _, C in blocks], model.n_q) @ T).tocsc()
+    change = Change(None, square, gyration, bool(abs(gyration + gyration.T).max() > PUSHED * abs(gyration).max()))
+    move(0.0)
+    small = Linearised(base_state(model, "static" if model.loads != LoadSet(flows=flows) else "reference"))
+    base, warnings = small.base, list(small.base.state.warnings)
+    found = critical_factors(small, change, spec.modes)
+    iterations = int(base.state.history["iterations"])
+    state = _grown(small, np.zeros_like(rest), found, spec.modes, warnings, iterations, 0.0, "factor")
+    move(1.0)
+    pushed = np.zeros_like(rest)
+    for batch in base.model.interactions.flows:
+        np.add.at(pushed, batch.dofs, batch.matrices(base.state.d, 0.0)[1])
+    if np.abs(model.numbering.reduce(pushed)).max(initial=0.0) > PUSHED * abs(square).max() * model.extent:
+        state.warnings.append("what moves along a curved body changes the state about which it vibrates; the critical "
+                              "factors are those about the state without it")
+    return state
+
+
+def _grown(small: Linearised, u: Array, found: Stability, modes: int, warnings: list[str], iterations: int,
+           size: float, called: str) -> State:
+    """Return the state with the factors at which motions begin to grow; ``size`` is that of the linear response u."""
+    pencil, d = small.pencil, small.pencil.d
+    problem = Quadratic(small)
+    factors = np.array([c.factor for c in found.critical])
+    V = np.array([problem.phases(c.vector)[0] for c in found.critical]).reshape(-1, problem.n)
+    if not len(factors):
+        warnings.append(f"no small motion grows up to the {called} {found.last:.6g}")
+    elif len(factors) < modes:
+        warnings.append(f"{len(factors)} critical {called}s were found up to {found.last:.6g}, not {modes}")
+    for c in found.critical:
+        if c.factor * size > FAR:
+            warnings.append(f"load factor {c.factor:.6g}: the linear response turns or strains the model by "
+                            f"{c.factor * size:.2g} there, so this factor is an estimate")
+    state = response_state(pencil, d, u, factors, V, warnings, iterations)
+    state.report["critical"] = [{"factor": c.factor, "kind": c.kind, "omega": c.omega} for c in found.critical]
+    state.tables["modes"] |= {"omega": [c.omega for c in found.critical],
+                              "instability": [c.kind for c in found.critical]}
+    state.tables["locus"] = dict(found.locus)
+    return state
+
+
+def _trusted(pencil: Pencil, u: Array, factors: Array, V: Array, size: float, meshed: NDArray[np.bool_]
+             ) -> tuple[Array, Array, NDArray[np.bool_], list[str]]:
+    """Return the factors at which the linearised tangent stands for the tangent, their shapes, and warnings.
+
+    Shapes that are the mesh's (``meshed``, returned too) stay, whatever is missed: a warning of their own names them.
+
+    At a factor mu, K + mu dK/dt cancels along phi; what the tangent at mu u itself leaves of phi^T K phi is what the
+    linearisation misses. Axial stiffness times the square of a rotation is as much as the bending stiffness long before
+    the rotation is large: structures that bend before they buckle.
+    """
+    left = []
+    for factor, v in zip(factors, V, strict=True):
+        pencil.system.assemble(pencil.d + factor * u, factor)
+        tangent = pencil.matrix.product(pencil.matrix.target.values, v)
+        left.append(abs(float(v @ tangent) / float(v @ pencil.formed(v))))
+    share = np.array(left)
+    good, out = meshed | (share <= MISSED), []
+    rough = ~meshed & good & (share > ROUGH)
+    for some, says in ((~good, "are no critical loads: linear buckling does not apply here"),
+                       (rough, "are only estimates")):
+        if some.any():
+            k = int(np.flatnonzero(some)[-1])
+            named = ", ".join(f"{f:.6g}" for f in factors[some])
+            out.append(f"load factors {named} {says}. The structure bends or strains before it buckles, by "
+                       f"{factors[k] * size:.2g} (rad) at {factors[k]:.6g}, where the linearisation neglects "
+                       f"{share[k]:.2g} of the stiffness that it takes to vanish. Solver static with method: "
+                       "arc_length finds the critical points, if there are any")
+    return factors[good], V[good], meshed[good], out
+
+
+def _meshed(model: Model, base: Array, V: Array) -> NDArray[np.bool_]:
+    """Return for each shape whether neighbouring elements part, as those of no beam do (m,)."""
+    if any(mesh.plan.rigid for mesh in model.meshes.values()):
+        # rigid bodies have no section whose motion could be told
+        return np.zeros(len(V), dtype=bool)
+    classifier = Classifier(model, base)
+    return np.array([classifier(v, False).gaps > GAPS for v in full_shapes(model, V)], dtype=bool)
+
+
+def _begin(model: Model) -> tuple[Array, Array | None, list[str], int]:
+    """Return the state under what is constant, its turns, warnings on the way, and the iterations it took."""
+    states = list(unscaled(model))
+    if not states:
+        return model.displacements(np.zeros(model.numbering.n_unknowns), 0.0), None, [], 0
+    warnings, iterations = [w for s in states for w in s.warnings], sum(int(s.history["iterations"]) for s in states)
+    return states[-1].d, states[-1].turned, warnings, iterations
+
+
+def _response(pencil: Pencil) -> Array:
+    """Return dd/dt (n_full,) at factor 0: the linear response to the loads that the factor scales."""
+    model, num = pencil.model, pencil.model.numbering
+    z = pencil.d[num.free]
+    moved = (model.displacements(z, SMALL) - model.displacements(z, -SMALL)) / (2 * SMALL)
+    high, low = (pencil.system.forces(pencil.d, t) for t in (SMALL, -SMALL))
+    if not moved.any() and np.array_equal(high.F, low.F) and np.array_equal(high.Q, low.Q):
+        raise ComputationError("no load grows with the load factor", at={"solver": "buckling"},
+                               advice="a load without an amplitude (an amplitude makes it constant)")
+    R = (high.R - low.R) / (2 * SMALL)
+    u = moved
+    for _ in range(4):
+        change = -pencil.solve(R + num.reduce(pencil.full_stiffness(u)))
+        new = moved.copy()
+        num.expand(u[num.free] + change, new)
+        if model.moves:
+            # dependents follow the motion as well as the unknowns
+            new += moved - _expanded(model, moved[num.free])
+        u = new
+        if pencil.system.norm(change) <= 1e-14 * pencil.system.norm(u[num.free]):
+            break
+    if not np.isfinite(u).all():
+        raise ComputationError("the linear response is not finite", at={"solver": "buckling"})
+    return u
+
+
+def _expanded(model: Model, z: Array) -> Array:
+    out = np.zeros(len(model.numbering.place))
+    model.numbering.expand(z, out)
+    return out
+
+
+def _stressed(pencil: Pencil) -> bool:
+    """Return whether loads that move nothing change the stiffness of what is free to move: K^-1 dK/dt x, any x."""
+    num = pencil.model.numbering
+    forces = np.where(num.free < num.n_q, np.random.default_rng(0).normal(size=num.n_unknowns), 0.0)
+    x = pencil.solve(forces)
+    return pencil.system.norm(pencil.solve(pencil.other(x))) > UNSTRESSED * pencil.system.norm(x)
+
+
+def response_size(pencil: Pencil, u: Array) -> float:
+    """Return the rotation or strain that a response u (n_full,) is."""
+    model = pencil.model
+    turned = np.concatenate([mesh.gradients for mesh in model.meshes.values()])
+    moved = pencil.system.norm(u[model.numbering.free]) / model.extent
+    return max(moved, float((turned * np.abs(u[:model.n_q])).max(initial=0.0)))
+
+
+def tangent_rate(pencil: Pencil, u: Array, h: float) -> Array:
+    """Return dK/dt along the response u, as values in the tangent's storage, by differences of fourth order.
+
+    At a distance h that is a small rotation and strain: the truncation is its fourth power, round-off 1e-13 of K.
+    The rows of constraints have no part in it: K is reduced to what constraints leave free along vectors that are
+    K-orthogonal to what they hold, and in these their turning is of second order.
+    """
+    system = System(pencil.model)
+    system.count_from(pencil.system.turns())
+    out = np.zeros_like(pencil.K)
+    for k, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
+        system.assemble(pencil.d + k * h * u, k * h)
+        out += weight / (12 * h) * system.matrix.target.values
+    if isinstance(system.matrix, Symmetric):
+        system.matrix.drop_multipliers(out)
+    return out
+
+
+def _positive(pencil: Pencil, m: int) -> tuple[Array, Array]:
+    """Return the lowest positive factors of a K that is positive on what constraints leave free.
+
+    They belong to the largest theta = 1/mu of B phi = theta K phi.
+    """
+    from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
+
+    n = pencil.n
+    k = min(m + EXTRA, n - 2 * pencil.multipliers - 1)
+    if n <= max(60, 3 * k):
+        return _general(pencil, m)
+    B, K, inverse = (LinearOperator((n, n), matvec=f, dtype=float)
+                     for f in (pencil.other, pencil.formed, lambda b: pencil.solve(np.ascontiguousarray(b).ravel())))
+    start = pencil.solve(np.random.default_rng(0).standard_normal(n))
+    try:
+        theta, vectors = eigsh(B, k, M=K, Minv=inverse, which="LA", v0=start, ncv=min(n, 2 * k + 20), tol=LANCZOS,
+                               maxiter=RESTARTS)
+    except ArpackNoConvergence as error:
+        # without so many positive factors the iteration ends in the crowd near theta = 0
+        theta, vectors = error.eigenvalues, error.eigenvectors
+    if not len(theta):
+        return np.zeros(0), np.zeros((0, n))
+    V = np.ascontiguousarray(vectors.T[np.argsort(-theta)])
+    values, Y = ritz(V, -each(pencil.other, V), each(pencil.stiffness, V), len(V))
+    return _factors(-values, Y @ V, m)
+
+
+def _general(pencil: Pencil, m: int) -> tuple[Array, Array]:
+    """Return the lowest positive factors of an indefinite K (unstable states), or of few unknowns."""
+    n = pencil.n
+    if n <= DENSE:
+        C = each(lambda x: pencil.solve(pencil.other(x)), np.eye(n)).T
+        theta, vectors = np.linalg.eig(C)
+    else:
+        from scipy.sparse.linalg import LinearOperator, eigs
+
+        C = LinearOperator((n, n), matvec=lambda x: pencil.solve(pencil.other(np.ascontiguousarray(x).ravel())),
+                           dtype=float)
+        theta, vectors = eigs(C, m + EXTRA, which="LR", v0=np.random.default_rng(0).standard_normal(n), tol=LANCZOS)
+    real = np.abs(theta.imag) <= REAL * np.abs(theta)
+    order = np.argsort(-theta[real].real)
+    V = np.ascontiguousarray(vectors.real.T[real][order])
+    return _factors(theta[real].real[order], V, m)
+
+
+def _factors(theta: Array, V: Array, m: int) -> tuple[Array, Array]:
+    """Return 1/theta of the m largest theta that are positive beyond round-off, and their vectors."""
+    good = theta > 1e-12 * np.abs(theta).max(initial=0.0)
+    return 1.0 / theta[good][:m], V[good][:m]
+
+
+def response_state(pencil: Pencil, base: Array, u: Array, factors: Array, V: Array, warnings: list[str],
+                   iterations: int) -> State:
+    """Return the linear response u (n_full,) about a base (n_full,), with load factors (m,) and their shapes."""
+    model = pencil.model
+    d = base + u
+    elastic = pencil.full_stiffness(u)
+    Q = pencil.balance.Q + elastic
+    # forces of loads that turn, which the factor scales too
+    for t, sign in ((1.0, 1.0), (0.0, -1.0)):
+        pencil.system.add_loads(Q, base, t, sign)
+    natural = np.zeros_like(Q)
+    stored = pencil.system.add_natural(natural, base, 0.0, 1.0) + float(natural @ u)
+    Q += natural
+    F = model.external(1.0)
+    shapes = full_shapes(model, V / np.maximum(np.abs(V).max(axis=1, initial=0.0), 1e-300)[:, None])
+    history = {"step": 1, "factor": 1.0, "iterations": iterations + 1}
+    energy = pencil.balance.energy + 0.5 * float(elastic @ u) + stored
+    return State(1.0, d, Q, F, energy, linear=True, last=True, history=history,
+                 warnings=warnings, report={"load_factors": [float(f) for f in factors],
+                                            "critical": [{"factor": float(f), "kind": "divergence", "omega": 0.0}
+                                                         for f in factors]},
+                 arrays={"modes/shapes": (shapes, "1", "buckling shapes: rows of nodal coordinates")},
+                 tables={"modes": {"load_factor": [float(f) for f in factors]}})

@@ -1,0 +1,277 @@
+"""A point of an equilibrium path: its tangent, and the bordered Newton iteration that finds the next one.
+
+Equilibrium Q(z, t) - F(z, t) = 0 is one equation short for the unknowns z and the load factor t; a control
+c(z, t) = 0 is the missing one: the arc length from the last point, the load factor, or what a probe does. Each
+iteration uses one factorisation of the tangent stiffness for two right-hand sides (Ramm 1981; Crisfield 1981).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ...case import Probe
+from ...elements.shape import Array
+from ...errors import ComputationError
+from ...kernels.elements import natural_slope
+from ...model.model import Model
+from ...model.points import PointRef
+from ...model.rotation import Rotation
+from ..linear import GeneralSparse
+from ..post import place
+from ..system import Balance, System
+from .newton import at_floor, balanced, check_divergence, check_sound, has_converged
+
+# where elements remember, iterations after which steps are shortened, and to what: where sections that yield meet, full
+# ones may lead from fibres that yield to some that unload and back
+FULL_STEPS, SHORTENED = 8, 0.75
+# half the difference in t that a nonlinear constraint's motion is differentiated with
+SMALL = 1e-5
+
+
+class Control(Protocol):
+    """The equation that picks one point of a path."""
+
+    def evaluate(self, d: Array, t: float) -> tuple[float, Array, float]:
+        """Return c, its gradient (n_unknowns,) by the unknowns, and its derivative by t."""
+        ...
+
+
+@dataclass
+class Metric:
+    """Length of a change of state: root mean square displacement, with the load factor at ``load`` [m^2] of its square.
+
+    ``weights`` (n_unknowns,) [m^2 per unit squared] are zero at multipliers.
+    """
+
+    weights: Array
+    load: float
+
+    def dot(self, a: tuple[Array, float], b: tuple[Array, float]) -> float:
+        """Return the scalar product of two changes (of unknowns, of the load factor)."""
+        return float((self.weights * a[0]) @ b[0] + self.load * a[1] * b[1])
+
+    def norm(self, a: tuple[Array, float]) -> float:
+        """Return the length of a change."""
+        return float(np.sqrt(self.dot(a, a)))
+
+
+@dataclass
+class PathPoint:
+    """An equilibrium with its tangent: ``z`` (n_unknowns,) and ``rate`` are dz/ds and dt/ds by the path's parameter s.
+
+    ``uncertainty`` [m] where round-off ended the iteration, else 0.
+    """
+
+    d: Array
+    t: float
+    s: float
+    z: Array
+    rate: float
+    negative: int
+    balance: Balance
+    iterations: int
+    increment: float
+    uncertainty: float
+
+    @property
+    def tangent(self) -> tuple[Array, float]:
+        """The direction of the path: (dz/ds, dt/ds)."""
+        return self.z, self.rate
+
+
+@dataclass
+class Found:
+    """What the bordered Newton iteration arrived at."""
+
+    d: Array
+    t: float
+    iterations: int
+    increment: float
+    uncertainty: float
+
+
+class ArcLength:
+    """|z - z0|^2 + psi^2 (t - t0)^2 = ds^2: the spherical constraint of Crisfield (1981), linearised each time."""
+
+    def __init__(self, curve: Curve, start: PathPoint, ds: float) -> None:
+        self.metric, self.free, self.ds = curve.metric, curve.model.numbering.free, ds
+        self.z0, self.t0 = start.d[self.free], start.t
+
+    def evaluate(self, d: Array, t: float) -> tuple[float, Array, float]:
+        """Return the constraint over ds, and its derivatives."""
+        dz, dt = d[self.free] - self.z0, t - self.t0
+        c = (self.metric.dot((dz, dt), (dz, dt)) - self.ds**2) / self.ds
+        return c, 2 / self.ds * self.metric.weights * dz, 2 / self.ds * self.metric.load * dt
+
+
+@dataclass
+class AtFactor:
+    """t = value: Newton's method at a load factor."""
+
+    value: float
+    n: int
+
+    def evaluate(self, d: Array, t: float) -> tuple[float, Array, float]:
+        """Return the constraint and its derivatives."""
+        return t - self.value, np.zeros(self.n), 1.0
+
+
+class ProbeValue:
+    """What a probe does (x, y, ux, uy or theta) and its derivatives; rotations count full turns."""
+
+    def __init__(self, model: Model, probe: Probe, quantity: str) -> None:
+        self.model, self.quantity = model, quantity
+        self.point = model.point(probe.at, probe.y)
+        self.rotation = Rotation(self.point)
+        self.motion = model.displacements(np.zeros(model.numbering.n_unknowns), 1.0)
+        self.motion -= model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
+        self.theta = 0.0
+
+    def settle(self, d: Array, turned: Array) -> None:
+        """Count turns from an equilibrium on, whose own are ``turned`` (``model.rotation.Turns``)."""
+        n = self.model.n_q
+        self.theta = self.model.turns.theta(self.rotation, self.model.e0 + d[:n], d[:n], turned)
+
+    def _theta(self, d: Array) -> float:
+        n = self.model.n_q
+        return self.rotation.value(self.model.e0 + d[:n], d[:n], self.theta)
+
+    def value(self, d: Array) -> float:
+        """Return the quantity at a state (n_full,)."""
+        theta = self._theta(d)
+        if self.quantity == "theta":
+            return theta
+        reference, u = place(self.point, self.model.e0, d[:self.model.n_q], theta, False)
+        k = "xy".index(self.quantity[-1])
+        return float(u[k] if self.quantity[0] == "u" else reference[k] + u[k])
+
+    def derivatives(self, d: Array) -> tuple[Array, float]:
+        """Return the gradient (n_unknowns,) by the unknowns and the derivative by t."""
+        full, e = np.zeros(len(d)), self.model.e0 + d[:self.model.n_q]
+        p = self.point
+        if self.quantity == "theta":
+            np.add.at(full, self.rotation.dofs, self.rotation.gradient(e))
+        else:
+            k = "xy".index(self.quantity[-1])
+            carried = p.eta != 0.0 and p.mesh.plan.element.section_kind != "interpolated"
+            on_axis = PointRef(p.mesh, p.s, p.ie, p.xi, p.angle, p.node)
+            coords, weights = (on_axis if carried else p).position()[k]
+            np.add.at(full, coords, weights)
+            if carried:
+                angle = p.angle + self._theta(d)
+                arm = -0.5 * p.eta * p.mesh.plan.section.height * (np.cos(angle), np.sin(angle))[k]
+                np.add.at(full, self.rotation.dofs, arm * self.rotation.gradient(e))
+        return self.model.numbering.reduce(full), float(full @ self.motion)
+
+
+@dataclass
+class AtProbe:
+    """value(probe) = target: displacement control (Batoz & Dhatt 1979)."""
+
+    probe: ProbeValue
+    target: float
+
+    def evaluate(self, d: Array, t: float) -> tuple[float, Array, float]:
+        """Return the constraint and its derivatives."""
+        return self.probe.value(d) - self.target, *self.probe.derivatives(d)
+
+
+class Curve:
+    """The equilibrium path of a model; ``tangent`` scales a direction to one unit of the path's parameter.
+
+    ``turns`` are those of the last point, which corrections count from.
+    """
+
+    def __init__(self, system: System, tolerance: float, max_iterations: int) -> None:
+        self.system, self.model = system, system.model
+        self.tolerance, self.max_iterations = tolerance, max_iterations
+        self.turns = system.turns()
+        squares = system.weights**2
+        self.metric = Metric(squares / max(int(np.count_nonzero(squares)), 1), 0.0)
+        zero = np.zeros(self.model.numbering.n_unknowns)
+        self.motion = self.model.displacements(zero, 1.0) - self.model.displacements(zero, 0.0)
+        # amplitudes that scale are the load factor itself, so that this difference is the derivative
+        self.dead = self.model.external(1.0) - self.model.external(0.0)
+        self.natural = {k: load.amplitude(1.0) - load.amplitude(0.0) for k, load in enumerate(self.model.loads.natural)}
+
+    def load_rate(self, d: Array, t: float) -> Array:
+        """Return dR/dt at fixed unknowns (n_unknowns,): loads that scale, and motion that scales."""
+        model = self.model
+        out, e = -self.dead, model.e0 + d[:model.n_q]
+        for load in model.interactions.loads:
+            np.add.at(out, load.dofs, load.evaluate(e, d, 1.0)[1] - load.evaluate(e, d, 0.0)[1])
+            if model.moves:
+                K = load.evaluate(e, d, t)[2]
+                np.add.at(out, load.dofs, np.einsum("mij,mj->mi", K, self.motion[load.dofs]))
+        for side in (1.0, -1.0):
+            for _, Q, _, dofs in model.interactions.constraints(d, t + side * SMALL):
+                np.add.at(out, dofs, side * Q / (2 * SMALL))
+        if model.loads.natural:
+            model.set_natural(t, self.natural)
+            for group in model.groups:
+                natural_slope(group, d, out)
+        if model.moves:
+            out += self.system.action(d, self.motion, t)
+        return model.numbering.reduce(out)
+
+    def correct(self, control: Control, d: Array, t: float) -> Found:
+        """Return the equilibrium that meets the control, from a guess. Raises ComputationError."""
+        system, num = self.system, self.model.numbering
+        system.count_from(self.turns)
+        increments: list[float] = []
+        residuals: list[float] = []
+        for iteration in range(1, self.max_iterations + 1):
+            at = {"factor": float(f"{t:.6g}")}
+            balance = system.assemble(d, t)
+            residuals.append(float(np.max(np.abs(balance.R), initial=0.0)))
+            if not np.isfinite(residuals[-1]):
+                raise ComputationError("the forces are no longer finite", at=at, history=residuals)
+            system.factor(at)
+            z, dt = self._bordered(control, balance, d, t)
+            if iteration > FULL_STEPS and self.model.remembers:
+                z, dt = SHORTENED * z, SHORTENED * dt
+            increments.append(system.norm(z))
+            check_divergence(increments, self.model.extent, at, residuals)
+            stalled = len(increments) > 2 and increments[-1] > 0.5 * increments[-2]
+            if stalled and at_floor(balance.R, system.noise(d, t)):
+                return Found(d, t, iteration, increments[-1], min(increments[-2:]))
+            d, t = self.model.displacements(d[num.free] + z, t + dt), t + dt
+            if (has_converged(increments, system.norm(d[num.free]), self.tolerance)
+                    and balanced(system, system.forces(d, t), d, t)):
+                return Found(d, t, iteration, increments[-1], 0.0)
+        raise ComputationError(f"Newton's method did not converge in {self.max_iterations} iterations", at=at,
+                               history=residuals)
+
+    def _bordered(self, control: Control, balance: Balance, d: Array, t: float) -> tuple[Array, float]:
+        """Return the Newton step (z, dt) of [K, dR/dt; dc/dz, dc/dt] with two solves."""
+        by_residual = -self.system.matrix.solve(balance.R)
+        by_load = -self.system.matrix.solve(self.load_rate(d, t))
+        c, gradient, by_t = control.evaluate(d, t)
+        slope = by_t + float(gradient @ by_load)
+        if slope == 0.0 or not np.isfinite(slope):
+            raise ComputationError("the load factor has no effect on the controlled quantity",
+                                   at={"factor": float(f"{t:.6g}")})
+        dt = -(c + float(gradient @ by_residual)) / slope
+        return by_residual + dt * by_load, dt
+
+    def point(self, found: Found, s: float, scale: Callable[[Array, Array], float]) -> PathPoint:
+        """Return a converged state with its tangent; ``scale(d, dz/dt)`` is dt/ds."""
+        check_sound(self.model, found.d, None, found.t)
+        balance = self.system.assemble(found.d, found.t)
+        pivots = self.system.factor({"factor": float(f"{found.t:.6g}")})
+        self.system.check_tangent(found.d, found.t, pivots)
+        by_load = -self.system.matrix.solve(self.load_rate(found.d, found.t))
+        rate = scale(found.d, by_load)
+        negative = pivots.negative - self.model.numbering.n_multipliers
+        return PathPoint(found.d, found.t, s, rate * by_load, rate, negative, balance, found.iterations,
+                         found.increment, found.uncertainty)
+
+    @property
+    def knows_inertia(self) -> bool:
+        """Whether pivot signs tell the inertia: not where sparse factors have exchanged rows."""
+        matrix = self.system.matrix
+        return not isinstance(matrix, GeneralSparse) or matrix.knows_inertia

@@ -1,0 +1,265 @@
+"""Equilibrium of what only its weight holds: ropes, chains and pendulums, from any start.
+
+Such a model may be a mechanism in its reference, where the tangent is singular or an equilibrium unstable. It is let go
+there in a medium so thick that inertia plays no part: M z' = -tau R(z), one implicit step after the other, each longer
+than the one before (pseudo-transient continuation; Kelley & Keyes 1998). Where K + M/h is positive definite all the
+way of a step, the potential falls in it, and so the way ends in a minimum, which Newton's method then finds exactly.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+import numpy as np
+
+from ...elements.shape import Array
+from ...errors import ComputationError, SingularTangentError
+from ...model.model import Model
+from ..linear import assemble_mass, make_matrix
+from ..state import State
+from ..system import STILL, System
+from ..threads import largest
+from .newton import NewtonResult, check_sound, negative_pivots, newton, state_of
+
+# a body bends under its weight as if it had no stiffness where its weight is this many times EI/L^2
+SLACK = 100.0
+# shares of the extent: how far the first step goes, the farthest of any, the farthest of one that Newton's method may
+# follow, the error that is left of a step, a push away from an unstable state and how far that has to lead
+FIRST, FARTHEST, NEAR, LEFT, PUSH, AWAY = 0.05, 0.25, 0.02, 1e-7, 0.01, 0.1
+MOST_STEPS = 5000
+MOST_ITERATIONS = 12
+# the next step is longer after few iterations, shorter after many; what fails is repeated with a share
+EASY, GROW, SHRINK = 4, 3.0, 0.3
+# of the first step: one that is not found even that short will not be
+SHORTEST = 1e-15
+# steps of a motion of supports, and how what is stretched out between them is made to sag: by a share of the extent,
+# evenly (0) or as a parabola (1)
+LEVELS = 40
+SAGS = (0.02, 0), (0.05, 1), (0.07, 1), (0.05, 0), (0.03, 1), (0.1, 1)
+
+FELL = ("no path of stable equilibria leads from the reference to the full load: the model sinks from the end of the "
+        "path to another equilibrium, which is reported")
+
+
+def slack(model: Model) -> bool:
+    """Whether gravity bends a body of the model as if it had no bending stiffness."""
+    g = sum(np.hypot(*load.acceleration) for load in model.case.loads if load.acceleration is not None)
+    sections = [(m.plan.section, m.plan.length) for m in model.meshes.values() if not m.plan.rigid]
+    return any(g * section.rhoA * length**3 > SLACK * section.EI for section, length in sections)
+
+
+def hanging(system: System, d: Array, factors: tuple[float, float], tolerance: float, max_iterations: int,
+            fell: bool = False) -> State:
+    """Return a stable equilibrium that is found from the state d (n_full,).
+
+    ``factors``: the load factor of the supports there, and that of the equilibrium. ``fell``: a path that began
+    at the reference ended at d. Raises ComputationError where none is found.
+    """
+    t = factors[1]
+    relaxation = _Relaxation(system, d, factors, tolerance, max_iterations)
+    result = relaxation.run()
+    if not system.model.winds:
+        # loops that a rope pulls tight vanish, and chance decides which of its sections turn over then
+        system.count_from(relaxation.turns)
+    warnings = [FELL] if fell else []
+    if relaxation.pushed:
+        warnings.append(f"the start is next to an unstable equilibrium (negative pivots: {relaxation.pushed}): a push "
+                        f"of {PUSH:g} of the extent led from there to the one reported, which is stable")
+    check_sound(system.model, result.d, None, t)
+    if result.negative_pivots > 0 and system.knows_inertia:
+        warnings.append(f"unstable equilibrium at load factor {t:.6g} (negative pivots: {result.negative_pivots})")
+    result.iterations += relaxation.iterations
+    return state_of(system, result, t, relaxation.steps, relaxation.failures, warnings)
+
+
+class _Relaxation:
+    """A model in a thick medium; ``d`` (n_full,) is where it is, ``h`` [s^2] the length of the next step."""
+
+    def __init__(self, system: System, d: Array, factors: tuple[float, float], tolerance: float,
+                 max_iterations: int) -> None:
+        self.system, self.model = system, system.model
+        self.begin, self.t = factors
+        self.tolerance, self.max_iterations = tolerance, max_iterations
+        mass = make_matrix(self.model)
+        assemble_mass(self.model, mass)
+        self.M: Array = mass.target.values
+        self.start = self.d = d
+        g = max((float(np.hypot(*load.acceleration)) for load in self.model.case.loads
+                 if load.acceleration is not None), default=0.0)
+        self.extent = self.model.extent
+        self.h = FIRST * self.extent / (g or 1.0)
+        self.shortest = SHORTEST * self.h
+        self.steps = self.iterations = self.failures = 0
+        # whether the potential has to fall in each step
+        self.checked = True
+        # the negative pivots of an unstable equilibrium at the start, and the one that was left last
+        self.pushed = 0
+        self.left: Array | None = None
+        # where supports have come to their places, from where the turns of the equilibrium are counted
+        self.turns = system.turns()
+
+    def run(self) -> NewtonResult:
+        """Return the equilibrium that is come to."""
+        if self.model.moves:
+            first, *others = np.linspace(self.begin, self.t, LEVELS + 1)[1:].tolist()
+            # supports that move do work, so that the potential need not fall
+            self.checked = False
+            self._give(first)
+            for factor in others:
+                self._go(factor)
+            self.checked = True
+            self.turns = self.system.turns()
+        while self.steps < MOST_STEPS:
+            moved = self._go(self.t)
+            # where a step of any length hardly moves, there is nothing left to get away from
+            if moved > NEAR * self.extent or (moved > LEFT * self.extent and self._close(self.left, AWAY)):
+                continue
+            result = self._newton(moved <= LEFT * self.extent)
+            if result is None and moved <= STILL * self.extent:
+                result = self._as_it_is(moved)
+            if result is None:
+                continue
+            if not self.system.knows_inertia or result.negative_pivots <= 0:
+                return result
+            if self.system.distance(result.d, self.start) <= NEAR * self.extent:
+                self.pushed = result.negative_pivots
+            self.left = result.d
+            self._push()
+        raise ComputationError("the model does not come to rest under its weight", at={"steps": self.steps},
+                               advice="supports or joints for every part that could move without end, or gravity "
+                                      "that acts on every part that can move")
+
+    def _close(self, d: Array | None, share: float) -> bool:
+        return d is not None and self.system.distance(self.d, d) <= share * self.extent
+
+    def _go(self, t: float) -> float:
+        """Take one step at load factor t; return how far it went [m]. Steps in trouble are repeated shorter."""
+        while True:
+            self.steps += 1
+            if self.steps > MOST_STEPS:
+                return 0.0
+            turns = self.system.turns()
+            try:
+                d, iterations = self._step(t)
+            except ComputationError as error:
+                self.system.count_from(turns)
+                self.failures, self.h = self.failures + 1, SHRINK * self.h
+                if self.h < self.shortest:
+                    raise ComputationError(f"no motion leads from the start to where gravity holds the model: "
+                                           f"{error.failure.reason}", at=error.failure.at,
+                                           advice="a reference that is not straight between its supports"
+                                           ) from error
+                continue
+            moved = self.system.distance(d, self.d)
+            self.d = d
+            self.system.count(d, t)
+            self.h *= GROW if iterations <= EASY else GROW**0.5 if iterations <= 2 * EASY else 1.0 / GROW**0.5
+            return moved
+
+    def _step(self, t: float) -> tuple[Array, int]:
+        """Return the end of a step, R(z) + M (z - z0)/h = 0, and its iterations. Raises ComputationError."""
+        system, num, rate = self.system, self.model.numbering, 1.0 / self.h
+        at = {"factor": float(f"{t:.6g}")}
+        z0 = self.d[num.where].copy()
+        z, d = z0.copy(), self.model.displacements(z0, t)
+        sizes: list[float] = []
+        for iteration in range(1, MOST_ITERATIONS + 1):
+            balance = system.assemble(d, t)
+            R = balance.R + rate * system.matrix.product(self.M, z - z0)
+            system.matrix.values[...] += rate * self.M
+            pivots = system.factor(at)
+            self.iterations += 1
+            if self.checked and pivots.negative > num.n_multipliers and system.knows_inertia:
+                raise ComputationError("the potential is not convex over the whole step", at=at)
+            dz = -system.matrix.solve(R)
+            sizes.append(system.norm(dz))
+            z += dz
+            if not np.isfinite(sizes[-1]) or system.norm(z - z0) > FARTHEST * self.extent:
+                raise ComputationError("the step goes too far", at=at)
+            d = self.model.displacements(z, t)
+            if sizes[-1] <= LEFT * self.extent:
+                return d, iteration
+        raise ComputationError("the step does not converge", at=at, history=sizes)
+
+    def _newton(self, rests: bool) -> NewtonResult | None:
+        """Return the equilibrium next to where the model is, None where there is none as near as that.
+
+        Raises SingularTangentError for a model that ``rests`` anywhere.
+        """
+        turns = self.system.turns()
+        try:
+            result = newton(self.system, self.d.copy(), self.t, self.t, self.tolerance, self.max_iterations)
+            # gravity holds so softly beside the stiffness of a rope that a last correction is worth its while
+            with suppress(ComputationError):
+                result = newton(self.system, result.d.copy(), self.t, self.t, self.tolerance, self.max_iterations)
+            if self.system.distance(result.d, self.d) > AWAY * self.extent:
+                raise ComputationError("another equilibrium", at={})
+            result.negative_pivots = negative_pivots(self.system, result.d, self.t)
+        except ComputationError as error:
+            self.system.count_from(turns)
+            if rests and isinstance(error, SingularTangentError):
+                raise
+            return None
+        self.system.count(result.d, self.t)
+        return result
+
+    def _as_it_is(self, moved: float) -> NewtonResult:
+        """Return where a step without end moves nothing: Newton's method may miss its aims there by round-off."""
+        system, num = self.system, self.model.numbering
+        balance = system.assemble(self.d, self.t)
+        pivots = system.factor({"factor": float(f"{self.t:.6g}")})
+        return NewtonResult(self.d, balance.Q, balance.F, balance.energy, largest(balance.R), 0, [moved],
+                            np.zeros(num.n_unknowns), pivots.negative - num.n_multipliers, moved)
+
+    def _give(self, factor: float) -> None:
+        """Take the first step of moving supports.
+
+        Links in one line between their supports bear any force, and nothing tells which way they give: they are made to
+        sag, in one of several ways from which the step is found.
+        """
+        start = self.d
+        failure: ComputationError | None = None
+        for sag, power in ((0.0, 0), *SAGS):
+            self.d = start if failure is None else self._sagging(start, sag, power)
+            try:
+                self._go(factor)
+            except ComputationError as error:
+                failure = failure or error
+                self.h = self.shortest / SHORTEST
+            else:
+                return
+        assert failure is not None
+        raise failure
+
+    def _sagging(self, d: Array, sag: float, power: int) -> Array:
+        """Return a state in which what may move has sagged from d (n_full,) by a share of the extent."""
+        model, num = self.model, self.model.numbering
+        g = sum((np.array(load.acceleration) for load in model.case.loads if load.acceleration is not None),
+                np.zeros(2))
+        g /= np.hypot(*g) or 1.0
+        across, down = np.zeros(len(num.place)), np.zeros(len(num.place))
+        for mesh in model.meshes.values():
+            x = mesh.first_dof + np.flatnonzero(mesh.kinds == 0)
+            across[x] = across[x + 1] = g[1] * model.e0[x] - g[0] * model.e0[x + 1]
+            down[x], down[x + 1] = g
+        places = across[down != 0.0]
+        s = (across - places.min()) / (np.ptp(places) or 1.0)
+        moved = d + sag * self.extent * (4.0 * s * (1.0 - s)) ** power * down
+        return model.displacements(moved[num.where], self.begin)
+
+    def _push(self) -> None:
+        """Move away from an unstable equilibrium, along what grows most by a few inverse iterations."""
+        system, num = self.system, self.model.numbering
+        while True:
+            system.assemble(self.d, self.t)
+            system.matrix.values[...] += self.M / self.h
+            if system.matrix.factor().negative <= num.n_multipliers:
+                break
+            self.h *= SHRINK
+        v = system.weights * np.random.default_rng(0).standard_normal(num.n_unknowns)
+        for _ in range(20):
+            v = system.matrix.solve(system.matrix.product(self.M, v))
+            v /= system.norm(v)
+        v *= np.sign(v[int(np.argmax(system.weights * np.abs(v)))])
+        self.d = self.model.displacements(self.d[num.where] + PUSH * self.extent * v, self.t)
+        system.count(self.d, self.t)

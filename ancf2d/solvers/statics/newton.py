@@ -1,0 +1,242 @@
+"""Newton's method: one equilibrium from a state nearby, and when it is found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...elements.shape import Array
+from ...errors import ComputationError
+from ...interactions.prismatic import check_ends
+from ...model.element_limits import check_inverted
+from ...model.model import Model
+from ...model.point_patch import check_facing
+from ..active_set import PENETRATION, ROUNDS, begin, exchange
+from ..contact import check_crossed, check_pressed, memory, recall
+from ..state import State
+from ..system import STILL, UNIT_ROUNDOFF, Balance, System
+from ..threads import largest, pieces
+
+TOLERANCE = 1e-9
+MAX_ITERATIONS = 30
+# residual forces beside the largest force: where axial stiffness dwarfs bending stiffness, displacements converge first
+BALANCE = 1e-8
+# beside the largest force of one spring or load: where these cancel, the rest alone decides the displacements
+CANCELLED = 1e-10
+# displacements known to less than this many digits are worth a word
+POOR = 1e-6
+# a residual within this multiple of the bound of round-off cannot be told from zero
+FLOOR = 4.0
+# an equilibrium further from a guess than this share of the guess may be on another branch
+NEAR = 0.5
+
+
+@dataclass
+class NewtonResult:
+    """A converged state of Newton's method, with the largest residual [N, N m].
+
+    ``first`` (n_unknowns,) is the first correction; ``uncertainty`` [m] is where round-off ended it, else 0;
+    ``overlap`` [m] is how deep a body is in an obstacle.
+    """
+
+    d: Array
+    Q: Array
+    F: Array
+    energy: float
+    residual: float
+    iterations: int
+    increments: list[float]
+    first: Array
+    negative_pivots: int
+    uncertainty: float
+    overlap: float = 0.0
+
+
+def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, max_iterations: int) -> NewtonResult:
+    """Return the equilibrium at t as ``_newton`` does, at which nothing pulls and no body is in an obstacle.
+
+    Points of contact are opened and closed between equilibria until none has to be. Raises ComputationError.
+    """
+    if not any(pair.hard for pair in system.model.contacts):
+        result = _newton(system, d, t_old, t, tolerance, max_iterations)
+        check_pressed(system.model, result.d, {"factor": float(f"{t:.6g}")})
+        return result
+    kept, iterations = memory(system.model), 0
+    begin(system, d, t_old)
+    try:
+        for _ in range(ROUNDS):
+            result = _newton(system, d, t_old, t, tolerance, max_iterations)
+            iterations += result.iterations
+            changed, worst = exchange(system, result.d, t)
+            if not changed:
+                result.iterations, result.overlap = iterations, worst
+                check_pressed(system.model, result.d, {"factor": float(f"{t:.6g}")})
+                return result
+            d, t_old = result.d, t
+    except ComputationError:
+        recall(system.model, kept)
+        raise
+    recall(system.model, kept)
+    raise ComputationError(f"where bodies touch was not found: one is {worst:.3g} deep in an obstacle",
+                           at={"factor": float(f"{t:.6g}")},
+                           advice="more elements where it touches, more steps, or obstacles that leave it room")
+
+
+def _newton(system: System, d: Array, t_old: float, t: float, tolerance: float, max_iterations: int) -> NewtonResult:
+    """Return the equilibrium at t from the state d of t_old, which is written to: it becomes the result's.
+
+    Converged means that the next increment, by the contraction seen, would be below ``tolerance`` of the
+    displacements and the forces balance to 1e-8 of the largest, or to their round-off; or that increments have
+    stopped falling while the residual is no more than round-off. Raises ComputationError when it does not converge.
+    """
+    num, z = system.model.numbering, np.empty(system.model.numbering.n_unknowns)
+    at = {"factor": float(f"{t:.6g}")}
+    increments: list[float] = []
+    residuals: list[float] = []
+    for iteration in range(1, max_iterations + 1):
+        moved = iteration == 1 and system.model.moves and t != t_old
+        balance = moved_balance(system, d, t_old, t) if moved else system.assemble(d, t, out=system.room)
+        residuals.append(largest(balance.R))
+        if not np.isfinite(residuals[-1]):
+            raise ComputationError("the forces are no longer finite", at=at, history=residuals)
+        pivots = system.factor(at)
+        if iteration == 1:
+            system.check_tangent(d, t_old if moved else t, pivots)
+        z = system.matrix.solve(balance.R, out=z)
+        np.negative(z, out=z)
+        if iteration == 1:
+            first = z.copy()
+        increments.append(system.norm(z))
+        check_divergence(increments, system.model.extent, at, residuals)
+        stalled = len(increments) > 2 and increments[-1] > 0.5 * increments[-2]
+        # coordinates hold no such corrections
+        nothing = max(increments[-2:]) <= UNIT_ROUNDOFF * system.model.extent
+        if stalled and (nothing or at_floor(balance.R, system.noise(d, t))):
+            uncertainty = min(increments[-2:])
+            break
+        np.add(d[num.where], z, out=z)
+        system.model.displacements(z, t, out=d)
+        # the tangent follows multipliers also where nothing moves
+        settled = iteration > 1 or not first[num.free >= num.n_q].any()
+        # what rests on obstacles may not move at all
+        rests = bool(system.model.contacts) and nothing
+        if settled and (rests or has_converged(increments, system.norm(z), tolerance)):
+            balance = system.forces(d, t, out=system.room)
+            # what an obstacle has let go returns to where no force is left to compare with
+            idle = rests and max(increments[-3:]) <= UNIT_ROUNDOFF * system.model.extent and iteration > 3
+            if idle or balanced(system, balance, d, t):
+                uncertainty = 0.0
+                break
+    else:
+        raise ComputationError(f"Newton's method did not converge in {max_iterations} iterations", at=at,
+                               history=residuals)
+    return NewtonResult(d, balance.Q.copy(), balance.F, balance.energy, largest(balance.R), iteration, increments,
+                        first, pivots.negative - num.n_multipliers, uncertainty)
+
+
+def balanced(system: System, balance: Balance, d: Array, t: float) -> bool:
+    """Whether no residual at d exceeds 1e-8 of the largest force, round-off, or 1e-10 of forces that cancel."""
+    return (system.imbalance(balance) <= BALANCE or at_floor(balance.R, system.noise(d, t))
+            or system.balances(balance, d, t, CANCELLED))
+
+
+def at_floor(R: Array, noise: Array) -> bool:
+    """Whether no residual exceeds what round-off can leave."""
+    return all(bool(np.all(np.abs(R[part]) <= FLOOR * noise[part])) for part in pieces(len(R)))
+
+
+def moved_balance(system: System, d: Array, t_old: float, t: float) -> Balance:
+    """Return the residual of the linear predictor for motion prescribed between the old and the new factor.
+
+    The tangent is that of the old state, which equilibrates the motion it had.
+    """
+    model = system.model
+    system.assemble(d, t_old)
+    moved = model.displacements(d[model.numbering.where], t)
+    loads = system.forces(d, t)
+    R = loads.R + model.numbering.reduce(system.action(d, moved - d, t))
+    return Balance(loads.Q, loads.F, R, loads.energy)
+
+
+def has_converged(increments: list[float], size: float, tolerance: float) -> bool:
+    """Whether the next increment, by the contraction seen, is below ``tolerance`` of the size of the displacements."""
+    last = increments[-1]
+    if last == 0.0:
+        return True
+    if len(increments) < 2 or increments[-2] == 0.0:
+        return False
+    contraction = last / increments[-2]
+    return contraction < 0.5 and last * contraction <= tolerance * size
+
+
+def check_divergence(increments: list[float], extent: float, at: dict[str, Any], residuals: list[float]) -> None:
+    """Raise ComputationError where increments grow or exceed every scale of the model."""
+    grows = len(increments) > 4 and increments[-1] > 2 * increments[-2] > 4 * increments[-3]
+    if not np.isfinite(increments[-1]) or increments[-1] > 1e6 * extent or grows:
+        raise ComputationError("Newton's method diverges", at=at, history=residuals)
+
+
+def check_sound(model: Model, d: Array, last: Array | None, t: float) -> None:
+    """Raise ComputationError where a solution of the equations, that follows on ``last``, is no state of the model."""
+    check_ends(model.constraints, d)
+    check_facing(model.constraints, d, t)
+    check_inverted(model, d, last, t)
+    if last is not None and model.contacts:
+        check_crossed(model, d, last, t)
+
+
+def negative_pivots(system: System, d: Array, t: float) -> int:
+    """Return the negative pivots of the tangent at the equilibrium itself, not one increment before it."""
+    system.assemble(d, t)
+    return system.factor({"factor": float(f"{t:.6g}")}).negative - system.model.numbering.n_multipliers
+
+
+def state_of(system: System, result: NewtonResult, t: float, number: int, cutbacks: int, warnings: list[str]) -> State:
+    """Return what is yielded of an equilibrium: step ``number``, which was cut so many times."""
+    history = {"step": number, "factor": t, "iterations": result.iterations, "residual": result.residual,
+               "increment": result.increments[-1] if result.increments else 0.0, "cutbacks": cutbacks,
+               "energy": result.energy, "negative_pivots": result.negative_pivots}
+    size = system.norm(result.d[system.model.numbering.where])
+    if result.uncertainty > max(POOR * size, STILL * system.model.extent):
+        warnings = [*warnings, f"round-off limits the state at factor {t:.6g}: displacements are known to about "
+                    f"{result.uncertainty / size:.1g} of the largest. Fewer or longer elements give more digits"]
+    if result.overlap > 2.0 * PENETRATION * system.model.extent:
+        warnings = [*warnings, f"at factor {t:.6g} a body is {result.overlap:.2g} deep in an obstacle between its "
+                    "points of contact. More elements where it touches make that less"]
+    turned = system.count(result.d, t)
+    return State(t, result.d, result.Q, result.F, result.energy, turned, history=history, warnings=warnings)
+
+
+@dataclass(frozen=True)
+class Start:
+    """A guess of the equilibrium under the whole load: ``d`` (n_full,), and the negative pivots expected there.
+
+    ``turned`` (bodies,) are its whole turns.
+    """
+
+    d: Array
+    negative_pivots: int
+    turned: Array | None = None
+
+
+def equilibrium_near(system: System, start: Start, t: float, tolerance: float, max_iterations: int
+                     ) -> NewtonResult | None:
+    """Return the equilibrium next to a guess, None where there is none, or one that may be on another branch."""
+    free, turns = system.model.numbering.free, system.turns()
+    guess = system.model.displacements(start.d[free], t)
+    if start.turned is not None:
+        system.count_from((guess, start.turned))
+    try:
+        result = newton(system, guess.copy(), t, t, tolerance, max_iterations)
+        check_sound(system.model, result.d, None, t)
+    except ComputationError:
+        system.count_from(turns)
+        return None
+    strayed = system.distance(result.d, guess) > NEAR * system.norm(guess[free])
+    crossed = system.knows_inertia and negative_pivots(system, result.d, t) != start.negative_pivots
+    if strayed or crossed:
+        system.count_from(turns)
+        return None
+    return result

@@ -1,0 +1,282 @@
+"""Equilibrium paths through limit points: arc length and displacement control."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+import numpy as np
+
+from ...case import Static
+from ...elements.shape import Array
+from ...errors import ComputationError
+from ...model.model import Model
+from ..active_set import PENETRATION, overlap
+from ..contact import check_pressed
+from ..state import State
+from ..system import System
+from .continuation import Curve, Found, PathPoint
+from .newton import MAX_ITERATIONS, POOR, TOLERANCE
+from .path_events import PathLog, ProbeGoal, goal_between, goal_of, hides_limit_points, limit_between
+from .path_steps import ArcSteps, ProbeSteps, Steps, leave
+from .static import unscaled
+
+MOST_STEPS = 1000
+# iterations that a step should take
+WANTED = 6
+# the path may turn by 45 degrees in a step, in the plane of its own extents
+LARGEST_TURN = np.cos(np.pi / 4)
+# a change of inertia is cornered to this share of the path before it is taken for a bifurcation
+CORNERED = 1e-4
+# limit points that may lie in pairs within a step are looked for down to this share of it
+CLOSEST_PAIR = 2.0**-8
+# cuts of one step, and its share of the path, before the path is given up
+MOST_CUTS = 40
+SMALLEST = 1e-9
+
+Event = tuple[PathPoint, Literal["step", "limit", "end"]]
+
+
+class Follower:
+    """Follows a path from point to point and tells what it passes."""
+
+    def __init__(self, model: Model, spec: Static) -> None:
+        self.model, self.spec = model, spec
+        self.curve = Curve(System(model), spec.tolerance or TOLERANCE, spec.max_iterations or MAX_ITERATIONS)
+        self.goal = goal_of(model, spec.until)
+        self.count = getattr(spec.until, "count", None)
+        self.controlled = spec.method == "displacement"
+        self.most = MOST_STEPS if self.controlled else spec.steps or MOST_STEPS
+        self.log = PathLog(model)
+        self.steps: Steps
+        self.number = self.cuts = 0
+        # whether the path is still to be left
+        self.branches = spec.branch is not None
+        # how far ahead a change of inertia was seen, and the step to go on with when it is passed
+        self.suspect, self.resume = 0.0, 0.0
+
+    def states(self) -> Iterator[State]:
+        """Yield the states of the path, limit points among them; the last one is where it is to end."""
+        begin, before = self._begin()
+        if before is not None:
+            yield before
+        if self.goal is not None and self.goal.distance(begin.d, begin.t) == 0.0:
+            if before is None:
+                yield self._state(self._resting(begin), "end", [])
+            return
+        if self.controlled and isinstance(self.goal, ProbeGoal):
+            self.steps = ProbeSteps(self.curve, self.goal, begin, self.spec.steps)
+        else:
+            self.steps = ArcSteps(self.curve, self.goal, begin)
+        a, h = self.steps.start, self.steps.first()
+        while True:
+            if self.number >= self.most:
+                raise self._too_long(a)
+            b, events, warnings = self._next(a, h)
+            if self.branches and self._at_branch(a, b):
+                b, events, warnings = self._leave(a, b)
+            for point, kind in events:
+                state = self._state(point, kind, warnings)
+                yield state
+                if state.last:
+                    return
+                warnings = []
+            h = self._after(b, b.s - a.s, self._inertia_differs(a, b)) * self.steps.renew(b)
+            h = min(h, self.steps.largest(b))
+            self._settle(b.d, b.t)
+            a = b
+
+    def _begin(self) -> tuple[Found, State | None]:
+        """Return the equilibrium at factor 0, and its state where constant loads move the model from the reference."""
+        model = self.model
+        try:
+            states = list(unscaled(model, self.spec.tolerance, self.spec.max_iterations))
+        except ComputationError as error:
+            f = error.failure
+            raise ComputationError(f"under the constant loads alone {f.reason}", at=f.at, history=f.history,
+                                   advice=f.advice) from error
+        if not states:
+            return Found(model.displacements(np.zeros(model.numbering.n_unknowns), 0.0), 0.0, 0, 0.0, 0.0), None
+        state = states[-1]
+        state.t = 0.0
+        state.history.update(step=0, factor=0.0)
+        state.report = self.log.report()
+        self.log.observe(state, False)
+        self._settle(state.d, 0.0, state.turned)
+        if self.goal is not None:
+            state.last = self.goal.distance(state.d, 0.0) == 0.0
+        return Found(state.d, 0.0, 0, 0.0, 0.0), state
+
+    def _settle(self, d: Array, t: float, turned: Array | None = None) -> None:
+        """Count turns on from an equilibrium, which elements remember."""
+        check_pressed(self.model, d, {"factor": float(f"{t:.6g}")})
+        self.curve.system.accept(d, t)
+        turned = self.curve.system.count(d, t) if turned is None else turned
+        self.curve.turns = d, turned
+        if self.goal is not None:
+            self.goal.settle(d, turned)
+
+    def _resting(self, begin: Found) -> PathPoint:
+        """Return where a path begins that does not go anywhere."""
+        balance = self.curve.system.forces(begin.d, begin.t)
+        return PathPoint(begin.d, begin.t, 0.0, np.zeros(self.model.numbering.n_unknowns), 0.0, 0, balance, 0, 0.0, 0.0)
+
+    def _next(self, a: PathPoint, h: float) -> tuple[PathPoint, list[Event], list[str]]:
+        """Return the next point, what is passed on the way in order, and warnings. A step in trouble is cut."""
+        self.cuts, longest = 0, h
+        while True:
+            try:
+                b = self._advance(a, h)
+                if not self._doubtful(a, b, longest):
+                    events = self._events(a, b)
+                    return b, events, [self.log.branch(a, b)] if self._inertia_differs(a, b) else []
+                trouble = ComputationError("the path ahead cannot be resolved by any step",
+                                           at={"factor": float(f"{b.t:.6g}")})
+            except ComputationError as error:
+                trouble = error
+            h, self.cuts = 0.5 * h, self.cuts + 1
+            if self.cuts > MOST_CUTS or h < SMALLEST * a.s:
+                raise self._stuck(trouble, a) from trouble
+
+    def _advance(self, a: PathPoint, h: float, guess: tuple[Array, float] | None = None) -> PathPoint:
+        """Return the path's point a step of h from a. Raises ComputationError where the path is lost."""
+        curve, free = self.curve, self.model.numbering.free
+        if guess is None:
+            t = a.t + h * a.rate
+            guess = self.model.displacements(a.d[free] + h * a.z, t), t
+        found = curve.correct(self.steps.control(a, h), *guess)
+        went = (found.d[free] - a.d[free], found.t - a.t)
+        b = curve.point(found, a.s + h, self.steps.scale(a))
+        for direction in (went, b.tangent):
+            if curve.metric.dot(direction, a.tangent) < LARGEST_TURN * curve.metric.norm(direction) * curve.metric.norm(
+                    a.tangent):
+                raise ComputationError("the path turns too sharply", at={"factor": float(f"{found.t:.6g}")})
+        return b
+
+    def _inertia_differs(self, a: PathPoint, b: PathPoint) -> bool:
+        """Whether the inertia changes otherwise than by the one eigenvalue that a limit point turns."""
+        expected = 1 if a.rate * b.rate < 0 else 0
+        return self.curve.knows_inertia and abs(b.negative - a.negative) != expected
+
+    def _doubtful(self, a: PathPoint, b: PathPoint, longest: float) -> bool:
+        """Whether something may lie between two points that a shorter step would show."""
+        h = b.s - a.s
+        # where elements remember the way, tangents tell of unloading, and nothing of the way between
+        if not self.model.remembers and hides_limit_points(a, b) and h > CLOSEST_PAIR * longest:
+            return True
+        if not self._inertia_differs(a, b) or h <= CORNERED * a.s * (1 + 1e-9):
+            return False
+        if self.suspect <= a.s:
+            self.resume = longest
+        self.suspect = b.s
+        return True
+
+    def _events(self, a: PathPoint, b: PathPoint) -> list[Event]:
+        """Return the limit point between a and b, then b; or, before them, where the path ends."""
+        legs: list[Event] = [(b, "end" if self.steps.ends(b) else "step")]
+        if a.rate * b.rate < 0:
+            limit = limit_between(self.curve, a, b, lambda s, guess: self._advance(a, s - a.s, guess))
+            last = len(self.log.limit_points) + 1 == self.count
+            legs.insert(0, (limit, "limit"))
+            legs = legs[:1] if last else legs
+        out: list[Event] = []
+        start = a
+        for end, kind in legs:
+            if self.goal is not None and not self.controlled:
+                final = goal_between(self.curve, self.goal, start, end, self.steps.scale(start))
+                if final is not None:
+                    return [*out, (final, "end")]
+            out.append((end, kind))
+            start = end
+        return out
+
+    def _at_branch(self, a: PathPoint, b: PathPoint) -> bool:
+        """Whether the bifurcation between two points is the one at which the path is to be left."""
+        assert self.spec.branch is not None
+        return self._inertia_differs(a, b) and len(self.log.bifurcations) == self.spec.branch.at
+
+    def _leave(self, a: PathPoint, b: PathPoint) -> tuple[PathPoint, list[Event], list[str]]:
+        """Return the first point of the branch between two points, as ``_next`` does."""
+        assert self.spec.branch is not None
+        assert isinstance(self.steps, ArcSteps)
+        branch = leave(self.curve, a, b, float(self.spec.branch.direction), self.steps.scale)
+        self.branches, self.suspect = False, 0.0
+        goal, first = self.goal, branch.point
+        passed = goal is not None and goal.distance(a.d, a.t) * goal.distance(first.d, first.t) < 0
+        if passed:
+            raise ComputationError(f"{goal} lies between the bifurcation at load factor {branch.factor:.6g} and the "
+                                   "first point of the branch", at={"factor": float(f"{branch.factor:.6g}")},
+                                   advice="an end of the path further along the branch")
+        warning = self.log.left(branch.factor, self.spec.branch.direction, first.negative, self.curve.knows_inertia)
+        return first, [(first, "step")], [warning]
+
+    def _after(self, b: PathPoint, h: float, crossed: bool) -> float:
+        """Return the step to try after one of h: closing in on a suspect, or by the iterations that it took."""
+        rest, near = self.suspect - b.s, CORNERED * b.s
+        if rest > 0.1 * near and not crossed:
+            return rest if rest <= near else max(0.5 * rest, near)
+        if self.suspect > 0:
+            self.suspect = 0.0
+            return self.resume
+        grow = float(np.clip(np.sqrt(WANTED / max(b.iterations, 1)), 0.5, 2.0))
+        return h * (min(grow, 1.0) if self.cuts else grow)
+
+    def _state(self, point: PathPoint, kind: str, warnings: list[str]) -> State:
+        """Return what is yielded for a point."""
+        self.number += kind != "limit"
+        residual = float(np.max(np.abs(point.balance.R), initial=0.0))
+        history = {"step": self.number, "factor": point.t, "iterations": point.iterations, "residual": residual,
+                   "increment": point.increment, "cutbacks": self.cuts, "energy": point.balance.energy,
+                   "negative_pivots": point.negative}
+        size = self.curve.system.norm(point.d[self.model.numbering.free])
+        if point.uncertainty > POOR * size:
+            warnings = [*warnings, f"round-off limits the state at factor {point.t:.6g}: displacements are known to "
+                                   f"about {point.uncertainty / size:.1g} of the largest. Fewer or longer elements "
+                                   "give more digits"]
+        depth = overlap(self.model, point.d, point.t)
+        if depth > 2.0 * PENETRATION * self.model.extent:
+            warnings = [*warnings, f"at factor {point.t:.6g} a body is {depth:.2g} deep in what it touches, between "
+                                   "its points of contact, which stay where they are on a path. method: newton places "
+                                   "points there; more elements make that less"]
+        turned = self.curve.system.count(point.d, point.t)
+        state = State(point.t, point.d, point.balance.Q, point.balance.F, point.balance.energy, turned, history=history,
+                      warnings=warnings)
+        self.log.observe(state, kind == "limit")
+        if kind == "end" and self.branches:
+            state.warnings = [*state.warnings, self._unbranched()]
+        state.last = kind == "end" or (kind == "limit" and len(self.log.limit_points) == self.count)
+        state.report = self.log.report()
+        if state.last:
+            state.tables = self.log.tables()
+        return state
+
+    def _unbranched(self) -> str:
+        """Return what to say of a path that came to its end before the bifurcation at which it was to be left."""
+        assert self.spec.branch is not None
+        return (f"solver.branch: the path ends before its bifurcation {self.spec.branch.at} (it met "
+                f"{len(self.log.bifurcations)}), so no branch was followed")
+
+    def _too_long(self, a: PathPoint) -> ComputationError:
+        aim = str(self.goal or f"limit point {self.count}")
+        return ComputationError(f"{aim} was not reached within {self.most} steps", advice="more steps, if the path "
+                                "leads there at all", at={"step": self.number, "factor": float(f"{a.t:.6g}")})
+
+    def _stuck(self, error: ComputationError, a: PathPoint) -> ComputationError:
+        f = error.failure
+        advice = ("the probe turns back where a path snaps back (method: arc_length follows it); else another quantity"
+                  if self.controlled else "more iterations, or a finer mesh")
+        if self.model.hinges:
+            advice = ("plastic hinges have no stiffness, and should turn little within one element: hardening of "
+                      f"1e-4 E, more elements, or an end of the path before sections turn as far; {advice}")
+        return ComputationError(f"the path cannot be followed beyond load factor {a.t:.6g}: {f.reason}",
+                                at={"step": self.number + 1, **f.at}, history=f.history, advice=advice)
+
+
+def solve_path(model: Model, spec: Static) -> Iterator[State]:
+    """Yield the states of the equilibrium path from load factor 0 by ``arc_length`` or ``displacement``.
+
+    The load factor scales loads and motion that have no amplitude; the rest is constant. Each state's ``report`` holds
+    the limit points and bifurcations passed so far. Raises ComputationError where the path cannot be followed or does
+    not come to its end in the steps allowed.
+    """
+    return Follower(model, spec).states()

@@ -1,0 +1,216 @@
+"""Equilibrium over time, without inertia: creep, relaxation, slow cycles and thermal histories."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...case import QuasiStatic
+from ...elements.shape import Array
+from ...errors import ComputationError
+from ...model.breakpoints import case_breaks
+from ...model.model import Model
+from ..contact import memory, recall
+from ..state import State
+from ..system import UNIT_ROUNDOFF, System, Turned
+from .newton import MAX_ITERATIONS, TOLERANCE, NewtonResult, check_sound, newton, state_of
+from .static import STEPS, March
+from .step_control import Path
+
+# shares of the whole time: the first step, the longest one, and one that is too short to go on
+FIRST, LONGEST, SHORTEST = 1e-6, 1e-2, 1e-12
+# of the tolerance of a step: how well its equilibrium is found
+CLOSE = 1e-4
+# bounds of the factor from one step to the next, and the share of the longest step that the error allows
+LEAST, MOST, SAFE = 0.2, 3.0, 0.9
+# the errors of all steps fall with this power of their length
+ORDER = 2
+# of the tolerance: the error that steps may make while the time since the last corner grows e-fold, of which two count
+AGE = 0.5
+
+
+@dataclass
+class _Kept:
+    """What a step begins from again after it has been refused."""
+
+    states: Array
+    contacts: list[Array]
+    turns: Turned
+
+
+class Course:
+    """Goes through equilibria over time; ``d`` (n_full,) is the one at ``t``."""
+
+    def __init__(self, model: Model, spec: QuasiStatic) -> None:
+        self.model, self.spec, self.system = model, spec, System(model)
+        self.close = min(TOLERANCE, CLOSE * spec.tolerance)
+        self.iterations = spec.max_iterations or MAX_ITERATIONS
+        self.march = March(self.system, 1.0 / STEPS, self.close, self.iterations)
+        self.t, self.number, self.refused = 0.0, 0, 0
+        # the next step, the corners of amplitudes that are behind, and where the last one was
+        self.h, self.passed, self.begin = FIRST * spec.t_end, 0, 0.0
+        self.size = 0.0
+        self.path = Path([0.0], [self.march.d])
+
+    def states(self, kept: dict[str, Array] | None = None) -> Iterator[State]:
+        """Yield the response at t = 0, which takes no time, and the equilibrium at the end of each step.
+
+        From a checkpoint, only those that follow.
+        """
+        if kept is None:
+            self.model.set_step(0.0)
+            iterations, warnings = self.march.settle()
+            self.system.held = None
+            yield self._at_rest(iterations, warnings)
+        else:
+            self._resume(kept)
+        for b in case_breaks(self.model.case, 0.0, self.spec.t_end)[self.passed:]:
+            yield from self._go(b.before if b.order == 0 else b.t)
+            state = self._jump(b.t) if b.order == 0 else None
+            self.path, self.begin, self.h = Path([self.t], [self.march.d]), self.t, FIRST * self.spec.t_end
+            self.passed += 1
+            if state is not None:
+                yield state
+        yield from self._go(self.spec.t_end)
+
+    def checkpoint(self) -> dict[str, Array]:
+        """Return everything that the course goes on from."""
+        accepted = self.system.accepted
+        turns = {f"{name}/{k}": x for name, pair in (("turns", self.system.turns()), ("march", self.march.turns))
+                 for k, x in enumerate(pair)}
+        return {"numbers": np.array([self.t, self.h, self.begin, self.size]), "path/t": np.array(self.path.t),
+                "counts": np.array([self.number, self.refused, self.passed, self.march.negative]),
+                "path/d": np.array(self.path.d), "d": self.march.d, "states": self.model.states.copy(), **turns,
+                "accepted": np.zeros((0, 0)) if accepted is None else np.array([np.append(*accepted)]),
+                **{f"contact/{k}": mem for k, mem in enumerate(memory(self.model))}}
+
+    def _resume(self, kept: dict[str, Array]) -> None:
+        self.t, self.h, self.begin, self.size = kept["numbers"].tolist()
+        self.number, self.refused, self.passed, self.march.negative = kept["counts"].tolist()
+        self.path = Path(kept["path/t"].tolist(), list(kept["path/d"]))
+        self.march.d, self.march.turns = kept["d"], (kept["march/0"], kept["march/1"])
+        self.system.count_from((kept["turns/0"], kept["turns/1"]))
+        self.system.accepted = next(((row[:-1], float(row[-1])) for row in kept["accepted"]), None)
+        self.model.states[:] = kept["states"]
+        recall(self.model, [kept[f"contact/{k}"] for k in range(len(self.model.contact_tables))])
+
+    def _at_rest(self, iterations: int, warnings: list[str]) -> State:
+        """Return the state at t, where the march stands."""
+        state = self.march.resting(self.t)
+        self._count(state.d)
+        state.history.update(step=self.number, iterations=iterations)
+        state.warnings = warnings + state.warnings
+        self.path = Path([self.t], [self.march.d])
+        return state
+
+    def _count(self, d: Array) -> None:
+        self.number += 1
+        self.size = max(self.size, self.system.norm(d[self.model.numbering.where]))
+
+    def _jump(self, t: float) -> State:
+        """Return the equilibrium behind a jump of the loads or motions at t, which takes no time."""
+        self.t = t
+        self.model.set_step(0.0)
+        found = self.march.jump(t)
+        self.system.held = None
+        return self._at_rest(found, [])
+
+    def _go(self, stop: float) -> Iterator[State]:
+        """Yield the states of steps up to a time."""
+        end = self.spec.t_end
+        while self.t < stop:
+            left, h = stop - self.t, self.h
+            step = left if left < 1.1 * min(h, LONGEST * end) else min(h, LONGEST * end)
+            kept = self._keep()
+            try:
+                result, error = self._tried(step)
+            except ComputationError as failure:
+                self._restore(kept)
+                self.h, self.refused = 0.5 * step, self.refused + 1
+                if self.h < SHORTEST * end:
+                    raise self._stuck(failure) from failure
+                continue
+            # so that errors sum up to the tolerance, in whatever decade of time since the last break they are made
+            share = AGE * step / (self.t + step - self.begin)
+            size = max(self.size, self.system.norm(result.d[self.model.numbering.where]))
+            # what is less is round-off of the positions, as where loads have hardly begun
+            allowed = max(self.spec.tolerance * share * size, UNIT_ROUNDOFF * self.model.extent)
+            grows = SAFE * (allowed / error) ** (1.0 / ORDER) if error > 0.0 else MOST
+            if error > allowed and step > SHORTEST * end:
+                self._restore(kept)
+                self.h, self.refused = max(LEAST, grows) * step, self.refused + 1
+                continue
+            # a step that was cut to end at the stop says little of the next
+            self.h = max(h if step < h else SHORTEST * end, min(MOST, max(LEAST, grows)) * step)
+            yield self._accept(result, stop if step == left else self.t + step)
+
+    def _tried(self, h: float) -> tuple[NewtonResult, float]:
+        """Return the equilibrium after a time h, and the error of the displacements [m] by a step of twice the length.
+
+        Where the way does not matter there is no such error.
+        """
+        if not self.model.remembers:
+            return self._solve(self.t, h, self.path), 0.0
+        whole = self._solve(self.t, h, self.path)
+        middle = self.t + 0.5 * h
+        half = self._solve(self.t, 0.5 * h, self.path)
+        self.system.accept(half.d, middle)
+        path = Path([*self.path.t], [*self.path.d])
+        path.push(middle, half.d.copy())
+        result = self._solve(middle, 0.5 * h, path)
+        return result, self.system.distance(whole.d, result.d) / (2.0**ORDER - 1.0)
+
+    def _solve(self, t: float, h: float, path: Path) -> NewtonResult:
+        self.model.set_step(h)
+        alone = len(path.t) == 1
+        result = newton(self.system, path.extrapolate(t + h).copy(), t if alone else t + h, t + h, self.close,
+                        self.iterations)
+        check_sound(self.model, result.d, path.d[-1], t + h)
+        return result
+
+    def _accept(self, result: NewtonResult, t: float) -> State:
+        self.t = t
+        self._count(result.d)
+        state = state_of(self.system, result, t, self.number - 1, 0, [])
+        self.system.accept(result.d, t)
+        # what is asked for next is asked at this moment
+        self.model.set_step(0.0)
+        self.march.stand(result.d)
+        self.path.push(t, result.d)
+        return state
+
+    def _keep(self) -> _Kept:
+        return _Kept(self.model.states.copy(), memory(self.model), self.system.turns())
+
+    def _restore(self, kept: _Kept) -> None:
+        self.model.states[:] = kept.states
+        recall(self.model, kept.contacts)
+        self.system.count_from(kept.turns)
+
+    def _stuck(self, error: ComputationError) -> ComputationError:
+        f = error.failure
+        return ComputationError(f"no equilibrium was found beyond t = {self.t:.6g}: {f.reason}",
+                                at={"step": self.number, "t": float(f"{self.t:.6g}")}, history=f.history,
+                                advice=f.advice or "a limit of the load is likely, beyond which only a motion goes on "
+                                                   "(solver dynamic); else supports that leave no mechanism")
+
+
+def solve_quasi_static(model: Model, spec: QuasiStatic, kept: dict[str, Array] | None = None) -> Iterator[State]:
+    """Yield the equilibrium at t = 0 and at the end of each step up to t_end, or those behind a checkpoint.
+
+    Steps adapt to the error of the displacements, by comparison with two half steps; they end where amplitudes have
+    corners, and behind their jumps there is a response that takes no time. Raises ComputationError where no equilibrium
+    follows on the last one.
+    """
+    if model.hangs:
+        raise ComputationError("only gravity holds the model, which has no equilibrium to start from",
+                               at={"solver": "quasi_static"}, advice="supports that leave no mechanism")
+    before = 0.0 if kept is None else float(kept["numbers"][0])
+    for state in (course := Course(model, spec)).states(kept):
+        state.last, state.checkpoint = course.t >= spec.t_end, course.checkpoint()
+        rest = {name: value for name, value in state.history.items() if name not in ("step", "factor")}
+        state.history = {"step": state.history["step"], "t": state.t, "dt": state.t - before, **rest}
+        before = state.t
+        yield state

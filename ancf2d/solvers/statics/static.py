@@ -1,0 +1,329 @@
+"""Static equilibrium: one linear solve, or Newton with load steps that adapt."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...elements.shape import Array
+from ...errors import ComputationError, SingularTangentError
+from ...model.breakpoints import case_breaks, case_turns
+from ...model.model import Model
+from ...model.timing import PathTiming
+from ..refine import refined
+from ..state import State
+from ..system import System, Turned
+from ..threads import largest
+from .hanging import hanging, slack
+from .newton import (
+    MAX_ITERATIONS,
+    POOR,
+    TOLERANCE,
+    NewtonResult,
+    Start,
+    at_floor,
+    check_sound,
+    equilibrium_near,
+    moved_balance,
+    negative_pivots,
+    newton,
+    state_of,
+)
+from .step_control import Path, Stride
+
+STEPS = 10
+# displacements are of no use where this share of them is not known
+HOPELESS = 0.5
+# a step that moves against what the tangent at one of its ends foretells, or this much further, has left the branch,
+# unless it moves less than this share of the model's extent
+JUMP = 8.0
+FAINT = 1e-6
+# a singular tangent this close beyond an equilibrium, as a share of its load factor, is one of a critical load
+NEXT = 1e-3
+# share of the way within which two places are one
+ROUND = 1e-9
+
+
+def solve_linear(model: Model) -> Iterator[State]:
+    """Yield the one state of linear statics: K(0) d = Q_k with every load at its full factor.
+
+    Moments and follower loads act in the reference directions; their load stiffness is no linear theory.
+    """
+    system, num = System(model), model.numbering
+    zero = np.zeros(len(num.place))
+    start = system.assemble(zero, 1.0, load_stiffness=False)
+    pivots = system.factor({"solver": "linear_static"})
+    d = model.displacements(np.zeros(num.n_unknowns), 1.0)
+
+    def apply(z: Array) -> Array:
+        full = np.zeros(len(d))
+        num.expand(z, full)
+        return num.reduce(system.action(zero, full, 1.0, linear=True))
+
+    system.check_strained(apply, pivots, {"solver": "linear_static"})
+    load = -num.reduce(start.Q - start.F + (system.action(zero, d, 1.0, linear=True) if d.any() else 0.0))
+    floor = max(system.norm(system.matrix.solve(f)) for f in system.rigid_forces())
+    z, known = refined(apply, system.matrix.solve, system.norm, load, floor, lambda: system.still(zero, 1.0))
+    if not np.isfinite(system.norm(z)):
+        raise ComputationError("the linear solve gave displacements that are not finite",
+                               at={"solver": "linear_static"}, advice="check loads and stiffnesses for extreme values")
+    if known > HOPELESS:
+        raise ComputationError(
+            "the stiffness is too ill-conditioned: no digit of the displacements is significant",
+            at={"solver": "linear_static"}, advice="fewer or longer elements, another element type, or solver static")
+    d = model.displacements(z, 1.0)
+    elastic = system.action(zero, d, 1.0, linear=True)
+    energy = 0.5 * float(elastic[:model.n_q] @ d[:model.n_q])
+    natural = np.zeros_like(d)
+    energy += system.add_natural(natural, zero, None, 1.0) + float(natural @ d)
+    history = {"step": 1, "factor": 1.0, "iterations": 1, "residual": 0.0, "increment": system.norm(d[num.where]),
+               "cutbacks": 0, "energy": energy, "negative_pivots": pivots.negative - num.n_multipliers}
+    warnings = [] if known <= POOR else [
+        f"round-off limits the displacements: they are known to about {known:.1g} of the largest. Fewer or longer "
+        "elements, or solver static, give more digits"]
+    warnings += _pretensioned(model, d)
+    yield State(1.0, d, start.Q + elastic, start.F, energy, linear=True, history=history, warnings=warnings)
+
+
+def _pretensioned(model: Model, d: Array) -> list[str]:
+    """Return the warning that section forces leave out how an elastic tendon under pretension turns with its body."""
+    rest, moved = np.zeros(model.n_q), d[:model.n_q]
+    names = sorted({g.mesh.plan.name for g in model.loads.guides
+                    if 0.0 < g.tension(rest, 1.0) != g.tension(moved, 1.0)})
+    return [f"N, Q and M of {', '.join(names)} leave out how the pretension of the tendon turns with the body: use "
+            "solver static for them"] if names else []
+
+
+def solve_static(model: Model, steps: int | None = None, tolerance: float | None = None,
+                 max_iterations: int | None = None, end: float = 1.0, start: Start | None = None) -> Iterator[State]:
+    """Yield a state per load step, from the reference (factor 0) to the factor ``end``, which may be negative or 0.
+
+    The factor changes by at most ``end/steps`` at a time; a step in trouble is cut, and grows again after easy ones.
+    What acts at factor 0 already (springs that pull, amplitudes that do not begin at 0) is raised first; that yields no
+    state unless ``end`` is 0. Only the last state where that is found from ``start`` at once. Raises ComputationError
+    where the path cannot be followed.
+    """
+    system = System(model)
+    tolerance, max_iterations = tolerance or TOLERANCE, max_iterations or MAX_ITERATIONS
+    # the way to a state counts where elements remember it
+    near = None if start is None or model.remembers else equilibrium_near(system, start, end, tolerance, max_iterations)
+    if near is not None:
+        yield state_of(system, near, end, 1, 0, [])
+        return
+    march = March(system, 1.0 / (steps or STEPS), tolerance, max_iterations)
+    stops = _stops(model, end) if model.remembers and end > 0.0 else []
+    soft = end != 0.0 and slack(model)
+    try:
+        if model.hangs:
+            raise ComputationError("only gravity holds the model", at={"factor": 0.0})
+        iterations, warnings = march.settle()
+        for state in march.go(Load(0.0, 1.0), Load(end, 1.0), stops) if end != 0.0 else [march.resting()]:
+            if soft and state.history["negative_pivots"] > 0 and system.knows_inertia:
+                break
+            state.history["iterations"] += iterations
+            state.warnings = warnings + state.warnings
+            iterations, warnings = 0, []
+            yield state
+        else:
+            return
+    except ComputationError:
+        if not (model.hangs or soft):
+            raise
+    march.take(Load(end, 1.0))
+    yield hanging(system, march.d, (march.load.factor, end), tolerance, max_iterations, not model.hangs)
+
+
+def _stops(model: Model, end: float) -> list[float]:
+    """Return the shares of the way at which loads may turn back: fibres are exact on a way that goes one way."""
+    places = [*(b.t for b in case_breaks(model.case, 0.0, end)), *case_turns(model.case, 0.0, end)]
+    out: list[float] = []
+    for share in sorted(t / end for t in places):
+        if share > ROUND and share < 1.0 - ROUND and (not out or share - out[-1] > ROUND):
+            out.append(share)
+    return out
+
+
+def unscaled(model: Model, tolerance: float | None = None, max_iterations: int | None = None) -> Iterator[State]:
+    """Yield the states that lead to the equilibrium at load factor 0 of a path: constant loads, springs that pull.
+
+    None where that is the reference. Raises ComputationError where it is not found.
+    """
+    timing, system = model.timing, System(model)
+    if isinstance(timing, PathTiming) and timing.constant:
+        with timing.preload():
+            yield from solve_static(model, None, tolerance, max_iterations)
+        return
+    d = model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
+    R = system.forces(d, 0.0).R
+    if R.any() and not at_floor(R, system.noise(d, 0.0)):
+        yield from solve_static(model, None, tolerance, max_iterations, 0.0)
+
+
+@dataclass(frozen=True)
+class Load:
+    """What a state is in balance with: the loads at a factor, and a share of what acts at factor 0 already."""
+
+    factor: float
+    share: float
+
+    def towards(self, other: Load, s: float) -> Load:
+        """Return what is between, at s from 0 to 1."""
+        return Load(self.factor + s * (other.factor - self.factor), self.share + s * (other.share - self.share))
+
+
+class March:
+    """Goes from equilibrium to equilibrium by steps of at most ``longest`` of the way; ``d`` is where it stands."""
+
+    def __init__(self, system: System, longest: float, tolerance: float, max_iterations: int) -> None:
+        self.system, self.model, self.longest = system, system.model, longest
+        self.tolerance, self.max_iterations = tolerance, max_iterations
+        self.d = self.model.displacements(np.zeros(self.model.numbering.n_unknowns), 0.0)
+        self.negative, self.load = 0, Load(0.0, 0.0)
+        # forces (n_unknowns,) that hold the reference in balance at factor 0, with springs that do not pull there
+        self.held: Array | None = None
+        self.tightens = True
+        self.system.count(self.d, 0.0)
+        self.turns = self.system.turns()
+        self.model.interactions.take_hold(self.d, 0.0)
+
+    def settle(self) -> tuple[int, list[str]]:
+        """Go to the equilibrium at factor 0; return iterations and warnings.
+
+        Springs are tightened step by step, and forces that hold the reference beside them are taken away.
+        """
+        R = self.system.forces(self.d, 0.0).R
+        if not R.any() or at_floor(R, self.system.noise(self.d, 0.0)):
+            return 0, []
+        for spring in self.model.springs:
+            spring.tighten(0.0)
+        self.held = self.system.forces(self.d, 0.0).R
+        states = list(self.go(Load(0.0, 0.0), Load(0.0, 1.0)))
+        return sum(int(s.history["iterations"]) for s in states), [w for s in states for w in s.warnings]
+
+    def jump(self, t: float) -> int:
+        """Go on to the equilibrium at t where loads or motions jump, with steps of its own; return iterations."""
+        self.d = self.model.displacements(self.d[self.model.numbering.where], t)
+        self.held, self.tightens = self.system.forces(self.d, t).R, False
+        return sum(int(s.history["iterations"]) for s in self.go(Load(t, 0.0), Load(t, 1.0)))
+
+    def stand(self, d: Array) -> None:
+        """Go on from an equilibrium (n_full,) that was found otherwise."""
+        self.d, self.turns, self.held = d, self.system.turns(), None
+
+    def resting(self, t: float = 0.0) -> State:
+        """Return the state where the march stands, at a factor or time t."""
+        balance = self.system.assemble(self.d, t)
+        R = balance.R
+        negative = self.system.factor({"factor": t}).negative - self.model.numbering.n_multipliers
+        result = NewtonResult(self.d, balance.Q, balance.F, balance.energy, largest(R), 0, [], R, negative, 0.0)
+        return state_of(self.system, result, t, 1, 0, [])
+
+    def take(self, load: Load) -> None:
+        """Let a load act where the march stands."""
+        self._set(load, self.turns)
+
+    def _set(self, load: Load, turns: Turned) -> None:
+        """Let a load act, and count turns from a state on."""
+        self.system.count_from(turns)
+        if self.held is not None:
+            self.system.held = (1.0 - load.share) * self.held
+            for spring in self.model.springs if self.tightens else ():
+                spring.tighten(load.share)
+
+    def go(self, begin: Load, end: Load, stops: Sequence[float] = ()) -> Iterator[State]:
+        """Yield a state per step while one load becomes another; steps end at shares ``stops`` of the way."""
+        path, stride, number, old = Path([0.0], [self.d]), Stride(self.longest, stops), 0, begin
+        while stride.s < 1.0:
+            target = stride.target()
+            new = end if target == 1.0 else begin.towards(end, target)
+            try:
+                result = self._step(path, target, old, new)
+                turns = self.system.turns()
+                changed = result.negative_pivots != self.negative and self.system.knows_inertia
+                if changed:
+                    result.negative_pivots = negative_pivots(self.system, result.d, new.factor)
+            except ComputationError as error:
+                if not stride.cut(target, isinstance(error, SingularTangentError)):
+                    raise _stuck(error, old.factor, number) from error
+                continue
+            if changed and self._bends_away(path, result, old.factor) and stride.corner(target):
+                continue
+            number += 1
+            self.system.count_from(turns)
+            stability = self._stability(result, new.factor)
+            state = state_of(self.system, result, new.factor, number, stride.cutbacks, stability)
+            self.system.accept(result.d, new.factor)
+            self.turns = self.system.turns()
+            yield state
+            self.d, self.negative, self.load, old = result.d, result.negative_pivots, new, new
+            # behind a stop nothing follows from what was before
+            if target in stops:
+                path = Path([], [])
+            path.push(target, result.d)
+            stride.accept(target)
+
+    def _step(self, path: Path, target: float, old: Load, new: Load) -> NewtonResult:
+        """Return the equilibrium at s = ``target``. Raises ComputationError where none follows from the last one."""
+        model, last, first, t = self.model, path.d[-1], len(path.t) == 1, new.factor
+        self._set(new, self.turns)
+        result = newton(self.system, path.extrapolate(target), old.factor if first else t, t, self.tolerance,
+                        self.max_iterations)
+        check_sound(model, result.d, last, t)
+        # where Newton's method has changed little of what the last states foretold, nothing has jumped
+        # where elements remember the way, tangents tell of unloading, and nothing of the way on
+        if not model.remembers and sum(result.increments) > 0.5 * self.system.distance(result.d, last):
+            turns = result.d, self.system.count(result.d, t)
+            self._check_jump(last, result.d, result.first if first else self._foretold(self.turns, old, new), t)
+            self._check_jump(result.d, last, self._foretold(turns, new, old), t)
+            self._set(new, turns)
+        return result
+
+    def _check_jump(self, start: Array, end: Array, foretold: Array, t: float) -> None:
+        """Raise ComputationError where the tangent at one state foretells (n_unknowns,) no way to the other."""
+        where, system = self.model.numbering.where, self.system
+        moved = system.distance(end, start)
+        along = float((system.weights**2 * foretold) @ (end[where] - start[where]))
+        if moved > FAINT * self.model.extent and (along < 0.0 or moved > JUMP * system.norm(foretold)):
+            raise ComputationError("the state jumps to another branch", at={"factor": float(f"{t:.6g}")})
+
+    def _foretold(self, state: Turned, here: Load, there: Load) -> Array:
+        """Return how a change of load moves the unknowns (n_unknowns,), by the tangent at an equilibrium."""
+        system, t, d = self.system, there.factor, state[0]
+        self._set(there, state)
+        R = (moved_balance(system, d, here.factor, t) if self.model.moves else system.assemble(d, t)).R
+        system.factor({"factor": float(f"{t:.6g}")})
+        return -system.matrix.solve(R)
+
+    def _bends_away(self, path: Path, result: NewtonResult, t_old: float) -> bool:
+        """Whether a stable path may bend away before an unstable state, which a shorter step would show."""
+        if self.negative > 0 or result.negative_pivots <= 0:
+            return False
+        return len(path.t) > 1 or negative_pivots(self.system, path.d[-1], t_old) <= 0
+
+    def _stability(self, result: NewtonResult, t: float) -> list[str]:
+        """Return what to say of a state whose stability is not that of the last one."""
+        if (result.negative_pivots > 0) == (self.negative > 0) or not self.system.knows_inertia:
+            return []
+        if self.negative > 0:
+            return [f"the equilibrium is stable again from load factor {t:.6g} on"]
+        apart = [f", or short elements separate in {m.plan.name}" for m in self.model.meshes.values() if m.can_part]
+        return [f"unstable equilibrium from load factor {t:.6g} on: the structure would buckle or snap there"
+                f"{''.join(apart)} ({result.negative_pivots} negative pivots). A small imperfection of shape or load "
+                "leads onto the buckled branch; method: arc_length passes limit points"]
+
+
+def _stuck(error: ComputationError, t: float, number: int) -> ComputationError:
+    met = (f := error.failure).at.get("factor", t)
+    if isinstance(error, SingularTangentError) and 0.0 < abs(met - t) <= NEXT * abs(t):
+        return ComputationError(
+            f"load factor {met:.6g} is critical: the tangent stiffness is singular there",
+            at={"step": number + 1, **f.at},
+            advice="a load factor on either side of it. The structure buckles or snaps there: a small imperfection of "
+                   "shape or load leads onto the buckled branch, and method: arc_length passes limit points")
+    return ComputationError(
+        f"no equilibrium was found beyond load factor {t:.6g}: {f.reason}", at={"step": number + 1, **f.at},
+        history=f.history,
+        advice=f.advice or "a limit point of the load is likely (method: arc_length follows it); else more steps, or "
+                           "supports that leave no mechanism")

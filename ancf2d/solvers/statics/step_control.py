@@ -1,0 +1,103 @@
+"""Strides along the way of statics: how far to go at a time, and where the last equilibria point to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ...elements.shape import Array
+from ..threads import pieces
+
+# shares of the way: the shortest step beside what was gone before, and the shortest first one
+SMALLEST_STEP = 2.0**-16
+SMALLEST_FIRST = 2.0**-50
+# what a step that meets a singular tangent is cut by beside halves, so that no later one meets it again
+ASIDE = 0.99
+# tries within one full step, or while the way gone doubles, before the path is given up
+MOST_TRIES = 60
+# a parabola through states is good for steps this much longer than the last one, a line for its square
+FARTHEST = 4.0
+# easy steps in a row before a cut step grows again
+PATIENCE = 2
+# an unstable state is cornered to this share of the way before it is taken for one that no branch bends away from
+CORNERED = 1e-4
+
+
+@dataclass
+class Path:
+    """The equilibrium path so far, for extrapolation."""
+
+    t: list[float]
+    d: list[Array]
+
+    def extrapolate(self, t: float) -> Array:
+        """Return the polynomial through the last states (at most quadratic) at t, of lower order for a long step."""
+        k = len(self.t)
+        ratio = (t - self.t[-1]) / (self.t[-1] - self.t[-2]) if k > 1 else 0.0
+        k = min(k, 3 if ratio <= FARTHEST else 2 if ratio <= FARTHEST**2 else 1)
+        ts, ds = self.t[-k:], self.d[-k:]
+        weights = [math.prod((t - b) / (a - b) for b in ts if b != a) for a in ts]
+        out = weights[0] * ds[0]
+        for part in pieces(len(out)):
+            for weight, d in zip(weights[1:], ds[1:], strict=True):
+                out[part] += weight * d[part]
+        return out
+
+    def push(self, t: float, d: Array) -> None:
+        self.t, self.d = [*self.t[-2:], t], [*self.d[-2:], d]
+
+
+class Stride:
+    """How far to go at a time on a way s from 0 to 1: steps in trouble are cut, and grow again after easy ones.
+
+    A step ends at each of ``stops``.
+    """
+
+    def __init__(self, longest: float, stops: Sequence[float]) -> None:
+        self.longest = self.h = longest
+        self.stops = stops
+        self.s, self.cutbacks, self.easy = 0.0, 0, PATIENCE
+        self.mark, self.tries = 0.0, 0
+        # the longest step that led to an unstable state, to go on with once that is taken for what it is
+        self.resume = 0.0
+
+    def target(self) -> float:
+        """Return the next s to try."""
+        self.tries += 1
+        farthest = self.s + self.h * (1 + 1e-9)
+        ahead = min((s for s in (*self.stops, 1.0) if s > self.s * (1 + 1e-12)), default=1.0)
+        return ahead if farthest >= ahead else self.s + self.h
+
+    def _cut(self, target: float) -> None:
+        # nothing is known yet of the load that a first step can carry: it is cut faster each time
+        self.h = (target - self.s) * 0.5 ** (1 if self.s > 0.0 else self.cutbacks + 1)
+        self.cutbacks, self.easy = self.cutbacks + 1, 0
+
+    def cut(self, target: float, aside: bool = False) -> bool:
+        """Take a shorter step after a failure; return whether that is worth a try.
+
+        ``aside``: one of which no multiples lead to the target, whose tangent is singular.
+        """
+        self._cut(target)
+        self.h *= ASIDE if aside else 1.0
+        smallest = SMALLEST_STEP * min(self.longest, self.s) if self.s > 0.0 else SMALLEST_FIRST
+        return self.h >= smallest and self.tries <= MOST_TRIES
+
+    def corner(self, target: float) -> bool:
+        """Take a shorter step towards an unstable state; return False where it is cornered already."""
+        nearest = CORNERED * self.s if self.s > 0.0 else SMALLEST_FIRST
+        self.resume = max(self.resume, self.h)
+        if target - self.s <= nearest * (1 + 1e-9) or self.tries > MOST_TRIES:
+            self.h = self.resume
+            return False
+        self._cut(target)
+        return True
+
+    def accept(self, target: float) -> None:
+        """Go on from a state that was found."""
+        self.s, self.cutbacks, self.easy = target, 0, self.easy + 1
+        if self.easy >= PATIENCE:
+            self.h = min(self.longest, 2 * self.h)
+        if target >= min(self.mark + self.longest * (1 - 1e-9), 2 * self.mark):
+            self.mark, self.tries = target, 0
