@@ -90,7 +90,7 @@ def recommended(study: Study) -> str:
     for accuracy in study.accuracies:
         row = study.recommended(accuracy)
         if row is None:
-            rows.append([accuracy_name(accuracy), "no setting solved", *4 * ["-"]])
+            rows.append([accuracy_name(accuracy), "none", *4 * ["-"]])
             continue
         m, step = row.measured, row.task.setting.step
         found = total_text(row) if study.against == "continuum" else error_text(row)
@@ -105,23 +105,23 @@ def limits(study: Study) -> str:
     rows = []
     for known in study.series:
         limit = known.limit
-        value = "none that is known" if not limit.known or limit.answer is None else f"{limit.answer.value:.9g}"
+        value = "none found" if not limit.known or limit.answer is None else f"{limit.answer.value:.9g}"
         rows.append([f"`{known.element}`", known.formulation, value, f"{limit.bar:.0e}" if limit.known else "-",
                      model_text(known).replace("<", "&lt;")])
-    return table(["type", "formulation", f"limit of {with_unit(study.goal)}", "known to", "model error"], rows)
+    return table(["type", "formulation", f"limit of {with_unit(study.goal)}", "accurate to", "model error"], rows)
 
 
 def tail(study: Study) -> str:
     """Return how the continuum was found, and what the budget had no room for."""
     if study.continuum.answer is None:
-        text = "The continuum is not known."
+        text = "The continuum is unknown."
     else:
-        text = (f"The continuum: {study.continuum.answer.value:.8g}, known to {study.continuum.bar:.0e}, from "
+        text = (f"The continuum: {study.continuum.answer.value:.8g}, accurate to {study.continuum.bar:.0e}, from "
                 f"ancf[3,q] with q up to {max(study.continuum_q)}.")
     left = sum(task.repeat > 0 for task in study.dropped)
     solved = sum(row.measured.answer is not None for row in study.rows)
     return (f"{text} {solved} settings were solved in {study.spent:.0f} s; "
-            + (f"{left} had no room in {study.budget:.0f} s." if left else "none was left out."))
+            + (f"{left} did not fit into {study.budget:.0f} s." if left else "none was left out."))
 
 
 def name_of(row: Row) -> str:

@@ -116,10 +116,10 @@ def memory_text(count: int | None) -> str:
 
 def _meaning(study: Study) -> str:
     against = {"limit": "the type's own limit", "continuum": "the type's own limit", "reference": "the number given"}
-    text = (f"error: against {against[study.against]}, relative; '<' if it is less than ten times that of the "
-            "reference, so that only a bound is known. time: median of the solve alone, without compilation. memory: "
-            "peak use of Python and numpy for model and solution. *: no other setting is both faster and more accurate")
-    return text + (", counting the model error." if study.against == "continuum" else ".")
+    text = (f"error: relative to {against[study.against]}; '<' marks an upper bound, if the error is less than ten "
+            "times that of the reference. time: median solution time, without compilation. memory: peak memory of "
+            "Python and NumPy for model and solution. *: no other setting is both faster and more accurate")
+    return text + (", including the model error." if study.against == "continuum" else ".")
 
 
 def _limits(study: Study) -> list[str]:
@@ -137,17 +137,17 @@ def _limits(study: Study) -> list[str]:
         if limit.note and not known.refused:
             notes += _wrapped(f"{known.element} ({known.formulation}): {limit.note}")
     head = ["element", "formulation", *(["quadrature"] if several else []),
-            f"limit of {with_unit(study.goal, study.labels)}", "known to", "model error"]
+            f"limit of {with_unit(study.goal, study.labels)}", "accurate to", "model error"]
     lines = table([head, *rows], left=(0, 1, 2) if several else (0, 1)) if rows else []
     lines += ["", *notes] if notes else []
     if study.continuum.answer is not None and lines:
         q = ", ".join(str(k) for k in study.continuum_q)
         lines += ["", *_wrapped("model error: relative distance of the limit from the plane-stress continuum, "
-                                f"{number(study.continuum.answer.value, 8)} known to {study.continuum.bar:.0e}, found "
-                                f"as the limit of ancf[3,q] with q = {q}, forces and supports spread over the "
-                                "section.")]
+                                f"{number(study.continuum.answer.value, 8)} (accurate to {study.continuum.bar:.0e}). "
+                                f"The continuum is the limit of ancf[3,q] with q = {q}, with forces and supports "
+                                "spread over the section.")]
     elif lines:
-        lines += ["", f"model error: not known; {study.continuum.note}"]
+        lines += ["", f"model error: unknown; {study.continuum.note}"]
     return lines
 
 
@@ -168,7 +168,7 @@ def _left_out(study: Study) -> list[str]:
         return []
     parts = [f"{what} of {', '.join(f'{name} ({count})' for name, count in found.items())}"
              for what, found in (("settings", rows), ("finer references", references)) if found]
-    return ["", *_wrapped(f"left out, for a budget of {duration(study.budget)}: {'; '.join(parts)}")]
+    return ["", *_wrapped(f"left out because of the time limit of {duration(study.budget)}: {'; '.join(parts)}")]
 
 
 def _recommended(study: Study, command: str) -> list[str]:
@@ -178,7 +178,7 @@ def _recommended(study: Study, command: str) -> list[str]:
     for accuracy in study.accuracies:
         row = study.recommended(accuracy)
         if row is None:
-            lines.append(f"for {accuracy_name(accuracy)}: no setting solved is known to be this accurate")
+            lines.append(f"for {accuracy_name(accuracy)}: no setting is known to be this accurate")
             continue
         both = study.against == "continuum"
         error = f"error and model error {total_text(row)}" if both else f"error {error_text(row)}"
