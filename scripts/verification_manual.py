@@ -99,7 +99,7 @@ def row(check: dict[str, Any]) -> list[str]:
 
 def section(case: Verified) -> str:
     """Return what the manual says of a case."""
-    head = ["value", "reference", "computed", "off by", "allowed", "verdict", "source"]
+    head = ["value", "reference", "computed", "difference", "allowed", "verdict", "source"]
     found = table(head, list(map(row, case.checks))) if case.checks else "An example; no reference is known."
     return f"### {case.name}\n\n[{_escaped(case.title)}](../cases/{case.name}.yaml)\n\n{case.about}\n\n{found}\n"
 
