@@ -8,7 +8,8 @@ import numpy as np
 
 from ancf2d.elements import registry
 from ancf2d.model.build import build_model
-from ancf2d.solvers.energy import Energies, Kinds
+from ancf2d.solvers.energy import Kinds
+from ancf2d.solvers.system import System
 from scripts.pages import small, table
 
 from .runs import Motion, case, follow, follow_from
@@ -131,7 +132,7 @@ def turned_strain(element: str, turns: float) -> float:
     x, y = e[kinds.x], e[kinds.x + 1]
     d[kinds.x], d[kinds.x + 1] = (c - 1.0) * x - s * y, s * x + (c - 1.0) * y
     d[kinds.theta] = angle
-    return math.sqrt(2.0 * abs(Energies(model).strain(d, 0.0)) / (2e7 * 0.02**2))
+    return math.sqrt(2.0 * abs(System(model).forces(d, 0.0).energy) / (2e7 * 0.02**2))
 
 
 def turned() -> str:
