@@ -40,7 +40,7 @@ output:
 STOPPED = """
 import os, sys
 from ancf2d.results.writer import ResultWriter
-from ancf2d.solvers import stepping
+from ancf2d.solvers.motion import stepping
 
 stepping.CHUNK_SECONDS = 1e-9
 last, how, states = int(sys.argv.pop(1)), int(sys.argv.pop(1)), 0
