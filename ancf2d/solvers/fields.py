@@ -161,9 +161,8 @@ def _stations(mesh: BodyMesh) -> tuple[Array, Array]:
 
 def _reader(model: Model, mesh: BodyMesh, body: BodyFields) -> Callable[[State], dict[Field, Array]]:
     from .contact_fields import ContactFields
-    from .fibres import StressOfFibres
     from .section_forces import SectionForces
-    from .stress import stress_of
+    from .stress import StressOfFibres, stress_of
 
     xi, eta = body.xi, body.eta
     over = [f for f in body.fields if f.over]

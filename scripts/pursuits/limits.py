@@ -10,7 +10,8 @@ from typing import Any
 
 from ancf2d.case import Dynamic, LoadedCase
 from ancf2d.errors import ComputationError
-from ancf2d.study.accuracy.setting import BEAM, Level, Setting, bodies_with_meshes, meshed, with_setting
+from ancf2d.study.accuracy.control import BEAM
+from ancf2d.study.accuracy.setting import Level, Setting, bodies_with_meshes, meshed, with_setting
 from ancf2d.study.goal import Answer, solve_for_goal
 from ancf2d.study.variants import Variant, parse_variants
 

@@ -17,8 +17,7 @@ from ...model.element_limits import any_inverted, inverted
 from ...model.model import Model
 from ...pace import Pace
 from ..contact import check_pressed, recall_rows
-from ..energy import Energies, constant_loads, is_constant
-from ..kept import kept_energy
+from ..energy import Energies, constant_loads, is_constant, kept_energy
 from ..state import State
 from ..system import least_motion
 from ..threads import largest_share

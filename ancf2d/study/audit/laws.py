@@ -15,7 +15,7 @@ import numpy as np
 from ...elements.shape import Array
 from ...errors import CaseError
 from ...model.model import Model
-from ...solvers.kept import kept_energy
+from ...solvers.energy import kept_energy
 from ...solvers.small_motions.linearised import stored
 from ...solvers.system import System
 from .fields import turned
