@@ -125,7 +125,7 @@ def _values(item: Node) -> list[Any]:
     a, b = map(float, ends)
     if scale and not (a > 0.0 and b > 0.0):
         raise CaseError(item.mark.problem(f"{quoted(item.text)} has an end that is not > 0",
-                                          expected="positive ends behind log:"))
+                                          expected="positive ends after log:"))
     return _spaced(a, b, int(number), bool(scale), whole=all(isinstance(v, int) for v in ends))
 
 
@@ -177,15 +177,15 @@ def _distribution(text: str) -> Distribution:
                                       expected='for example "bodies.beam.material.E~normal(2e11, 1e10)"'))
     path, kind = match[1].strip(), match[2]
     if kind not in _KINDS:
-        raise CaseError(start.problem(f"{quoted(kind)} is no distribution",
+        raise CaseError(start.problem(f"{quoted(kind)} is not a distribution",
                                       expected="normal(mean, sd), uniform(a, b) or lognormal(mu, sigma)"))
     names, right = _KINDS[kind]
     values = [resolve(v.strip()) for v in match[3].split(",")]
     if len(values) != 2 or not all(isinstance(v, int | float) and not isinstance(v, bool) for v in values):
-        raise CaseError(start.problem(f"{kind}({match[3]}) has not two numbers", expected=f"{kind}({names})"))
+        raise CaseError(start.problem(f"{kind}({match[3]}) needs two numbers", expected=f"{kind}({names})"))
     a, b = (float(v) for v in values)
     if not (math.isfinite(a) and math.isfinite(b)) or (b <= a if kind == "uniform" else b <= 0.0):
-        raise CaseError(start.problem(f"{kind}({match[3].strip()}) is not possible", expected=right))
+        raise CaseError(start.problem(f"{kind}({match[3].strip()}) is not valid", expected=right))
     return Distribution(path, kind, (a, b), text)
 
 
@@ -218,7 +218,8 @@ def read_bounds(options: Sequence[str]) -> list[Bounds]:
             continue
         one = Bounds(path.strip(), float(values[0]), float(values[1]), text)
         if not (math.isfinite(one.low) and math.isfinite(one.high) and one.low < one.high):
-            problems.append(_start(text, VARY).problem(f"{ends} is no range", expected="two numbers, the lower first"))
+            problems.append(_start(text, VARY).problem(f"{ends} is not a range", expected="two numbers, the lower "
+                                                       "first"))
         if any(one.path == other.path for other in found):
             problems.append(_start(text, VARY).problem(f"{quoted(one.path)} is varied twice"))
         found.append(one)

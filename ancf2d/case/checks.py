@@ -154,13 +154,13 @@ class _Checker:
         for i, spring in enumerate(self.case.springs or ()):
             if spring is not INVALID and self.solver == "linear_static" and spring.breaks:
                 self.fail(("springs", i), f"springs.{i} is one-sided or has a gap, which linear statics cannot "
-                          "express", "solver static")
+                          "represent", "solver static")
         if self.case.steady_rotation is None:
             return
         for i, load in enumerate(self.case.loads or ()):
             if load is not INVALID and load.acceleration is not None:
                 self.fail(("loads", i), f"loads.{i}: gravity cannot be used with steady_rotation; "
-                          "its direction would turn in the frame")
+                          "its direction would rotate in the frame")
         for i, support in enumerate(self.case.boundary_conditions or ()):
             if support is not INVALID and support.motions:
                 self.fail(("boundary_conditions", i), f"boundary_conditions.{i}: prescribed motion "
@@ -250,8 +250,8 @@ class _Checker:
             elif name == "hz":
                 self.fail(path, f"{dotted(path)}: 'hz' is reserved for the frequencies in the results", "another name")
             elif name in moved and name in loads:
-                self.fail(path, f"{dotted(path)}: '{name}' is the name of a load and of a prescribed motion", "names "
-                          "that differ")
+                self.fail(path, f"{dotted(path)}: '{name}' is the name of a load and of a prescribed motion",
+                          "different names")
             elif name not in (*moved, *loads):
                 known = [*loads, *moved]
                 near = self.binder.nearest(name, known)

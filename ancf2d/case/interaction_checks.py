@@ -29,18 +29,19 @@ def check_feedback(checker: Any) -> None:
         used, path = ", ".join(value.quantities), (*path, "value")
         if moves:
             checker.fail(path, f"{dotted(path)} uses {used}: a prescribed motion cannot depend on the motion itself",
-                      "an expression in t; or a spring and a load in the place of the prescribed motion")
+                      "an expression in t, or a spring and a load in place of the prescribed motion")
         elif checker.solver != "dynamic":
-            checker.fail(path, f"{dotted(path)} uses {used}: solver {checker.solver} has no motion that a load could "
-                      "answer", "solver dynamic, or an expression in t")
+            checker.fail(path, f"{dotted(path)} uses {used}: solver {checker.solver} computes no motion on which a "
+                               "load could depend", "solver dynamic, or an expression in t")
         elif static:
-            checker.fail(path, f"{dotted(path)} uses {used}: the equilibrium of initial.from static is without "
-                      "motion", "initial: {from: rest}, or the result of a case without this load")
+            checker.fail(path, f"{dotted(path)} uses {used}: initial.from static computes an equilibrium without "
+                               "motion", "initial: {from: rest}, or the result of a case without this load")
         elif plain:
             checker.fail(path, f"{dotted(path)} uses {used}: it is a function of time alone", "an expression in t")
     if method == "energy_momentum" and _steered(checker):
-        checker.fail(("solver", "method"), "solver.method: energy_momentum takes the mean of loads over a step, which "
-                  "loads that use probes or controllers do not have", "radau5, generalized_alpha or another method")
+        checker.fail(("solver", "method"), "solver.method: energy_momentum uses mean loads over a step, so loads "
+                     "cannot use probes or controllers", "radau5, generalized_alpha or another "
+                     "method")
 
 
 def _steered(checker: Any) -> bool:
@@ -58,16 +59,16 @@ def check_controllers(checker: Any) -> None:
     for name, controller in case.controllers.items():
         path: Path = ("controllers", name)
         if isinstance(case.parameters, dict) and name in case.parameters:
-            checker.fail(path, f"{dotted(path)}: '{name}' is the name of a parameter, too", "names that differ",
+            checker.fail(path, f"{dotted(path)}: '{name}' is also the name of a parameter", "different names",
                       on_key=True)
         elif name in checker.known("probes")[0]:
-            checker.fail(path, f"{dotted(path)}: '{name}' is the name of a probe, too", "names that differ",
+            checker.fail(path, f"{dotted(path)}: '{name}' is also the name of a probe", "different names",
                       on_key=True)
         try:
             outputs[name] = equations(name, controller).output
         except DerivativeError as error:
-            checker.fail((*path, "kd"), f"{dotted((*path, 'kd'))}: {error}, so that the rate of the input has to be "
-                      "found by a filter", "filter: a time constant > 0, or sample")
+            checker.fail((*path, "kd"), f"{dotted((*path, 'kd'))}: {error}, so the derivative term needs a filter",
+                         "filter: a time constant > 0, or sample")
     found = loop(outputs)
     if found:
         checker.fail(("controllers", found[0]), f"controllers.{found[0]}: its output depends on itself at the same "
@@ -109,7 +110,8 @@ def check_flows(checker: Any) -> None:
             if body not in (None, INVALID) and body.element not in (None, INVALID) and body.element.type == "rigid":
                 checker.fail((*path, "on"), f"{dotted(path)}.on: '{one.on}' is rigid", "a body with elements")
             if not isinstance(one.velocity, float) and checker.solver != "dynamic":
-                checker.fail((*path, "velocity"), f"{dotted(path)}.velocity: over time it is for solver dynamic alone",
+                checker.fail((*path, "velocity"), f"{dotted(path)}.velocity: an amplitude over time needs solver "
+                             "dynamic",
                              f"a number {checker.binder.unit('m/s')}")
     if checker.case.flows and checker.case.steady_rotation is not None:
         checker.fail(("steady_rotation",), "steady_rotation cannot be used with transport or fluid", on_key=True)
@@ -122,7 +124,7 @@ def check_contacts(checker: Any) -> None:
         return
     for name, obstacle in case.obstacles.items():
         if name in case.bodies:
-            checker.fail(("obstacles", name), f"obstacles.{name}: a body has this name, too", "names that differ",
+            checker.fail(("obstacles", name), f"obstacles.{name}: a body also has this name", "different names",
                          on_key=True)
         on = None if obstacle is INVALID else obstacle.on
         if on in case.bodies and case.bodies[on] is not INVALID and case.bodies[on].element is not INVALID \
@@ -140,12 +142,12 @@ def _check_contact(checker: Any, path: Path, contact: Any) -> None:
     if contact.friction and contact.law is None and (
             checker.solver not in ("static", "dynamic") or (checker.solver == "static" and method != "newton")):
         what = f"method {method}" if checker.solver == "static" else f"solver {checker.solver}"
-        checker.fail((*path, "friction"), f"{dotted(path)}: friction needs a law of contact with {what}",
+        checker.fail((*path, "friction"), f"{dotted(path)}: without a contact law, friction cannot be used with {what}",
                      "law: {stiffness, damping}")
     between = contact.between or ()
     if all(name in case.bodies for name in between or (contact.self_,)) and contact.friction and contact.law is None:
         checker.fail((*path, "friction"), f"{dotted(path)}: friction between bodies, or of a body on itself, needs a "
-                     "law of contact", "law: {stiffness, damping}")
+                     "contact law", "law: {stiffness, damping}")
     itself = case.bodies.get(contact.self_, INVALID)
     if itself is not INVALID and itself.element is not INVALID and itself.element.type == "rigid":
         checker.fail((*path, "self"), f"{dotted(path)}.self: {contact.self_} is rigid, and cannot touch itself",

@@ -55,11 +55,13 @@ def _check_fields(checker: Any) -> None:
     told = not others and (not follow or checker.solver in FOLLOWING)
     for k, field in enumerate(case.output.fields):
         if field == "plastic_strain" and not (follow and checker.solver in FOLLOWING):
-            checker.fail(("output", "fields", k), "output.fields: plastic_strain is known of fibres alone, in solvers "
+            checker.fail(("output", "fields", k), "output.fields: plastic_strain is available only for fibres, in "
+                         "solvers "
                          f"{listed(FOLLOWING)}", "a material with yield or stress_strain")
         elif field in FIELDS and (not told or (follow and field == "energy")):
             whose = "relaxes or is hyperelastic" if others else "yields or follows a curve"
-            checker.fail(("output", "fields", k), f"output.fields: {field} is not known of a material that {whose}",
+            checker.fail(("output", "fields", k), f"output.fields: {field} is not available for a material that "
+                         f"{whose}",
                          "N, Q, M" if others or not told else "N, Q, M, stress, strain, plastic_strain")
 
 
@@ -80,6 +82,7 @@ def _check_layers(checker: Any) -> None:
         if INVALID in materials or not any(m.fibres for m in materials) or all(
                 (m.alpha or 0.0) == (materials[0].alpha or 0.0) for m in materials):
             continue
-        checker.fail(("loads", k, "on"), f"loads.{k}.on: the layers of '{load.on}' expand unlike each other, and the "
-                     "stress that this makes within the section does not reach fibres that yield or follow a curve",
-                     "layers of one alpha, or elastic ones")
+        checker.fail(("loads", k, "on"), f"loads.{k}.on: the layers of '{load.on}' expand differently; fibres that "
+                     "yield or follow a curve do not include the resulting stress within the "
+                     "section",
+                     "the same alpha in all layers, or elastic layers")

@@ -296,8 +296,7 @@ class _Parser:
     def named(self, text: str) -> Tree:
         told = text == self.names.variable or text in self.names.quantities
         if told and text in self.names.numbers:
-            raise self.fail(f"'{text}' is a parameter, and has a meaning of its own here; give the parameter another "
-                            "name")
+            raise self.fail(f"'{text}' has a meaning of its own here; give the parameter another name")
         if told or text in self.names.numbers:
             self.take()
             if text == self.names.variable:

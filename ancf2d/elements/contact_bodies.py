@@ -267,7 +267,8 @@ def slip_on(other, mem, place, unit):  # type: ignore[no-untyped-def]
     return unit * way
 
 
-def rub_between(par, p0, u, w, mem, g, z, nx, ny, pressed, own, work, across, rows, f, H, C):  # type: ignore[no-untyped-def]
+def rub_between(par, p0, u, w, mem, g, z, nx, ny, pressed, own, work, across, rows, f, H,
+                C):  # type: ignore[no-untyped-def]
     """Add friction to f, H and C; return the power that it takes.
 
     Rows are N, how the force across changes (with the sign turned), B and A; two more are filled. With F = R.t,

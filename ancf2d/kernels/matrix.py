@@ -163,7 +163,8 @@ def scatter_patches(matrix, Ks, dofs, first, count, place, indptr, index, value)
 
 
 @inner
-def scatter_packed(matrix, Ks, scale, entries, dofs, first, place, indptr, index, value):  # type: ignore[no-untyped-def]
+def scatter_packed(matrix, Ks, scale, entries, dofs, first, place, indptr, index,
+                   value):  # type: ignore[no-untyped-def]
     """Add ``scale`` times the symmetric matrices Ks (entries, m) of elements first, first + 1, ... to the matrix.
 
     ``entries`` (k, 2) are the rows a and columns b <= a that are given: all that are not zero.
@@ -223,7 +224,8 @@ def _chain(dofs, first, most, place):  # type: ignore[no-untyped-def]
     return count
 
 
-def _add_chain_symband(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources, table):  # type: ignore[no-untyped-def]
+def _add_chain_symband(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources,
+                       table):  # type: ignore[no-untyped-def]
     # elements at, at + 1, ... of the batch
     width, n = matrix.values.shape[1], dofs.shape[1]
     size, used = len(entries), 0
@@ -238,7 +240,8 @@ def _add_chain_symband(matrix, Ks, at, count, scale, entries, dofs, first, place
             array_at(matrix.values, starts[x] + m * step, (1,))[0] += scale * _at(Ks, sources[x] + m)
 
 
-def _add_chain_nested(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources, table):  # type: ignore[no-untyped-def]
+def _add_chain_nested(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources,
+                      table):  # type: ignore[no-untyped-def]
     n = dofs.shape[1]
     d = array_at(dofs, (first + at) * n, (count * n,))
     step = _at(place, _at(d, n)) - _at(place, d[0]) if count > 1 else 0
@@ -256,16 +259,19 @@ def _add_chain_nested(matrix, Ks, at, count, scale, entries, dofs, first, place,
                 array_at(matrix.values, k, (1,))[0] += scale * Ks[x, at + m]
 
 
-def _no_chain(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources, table):  # type: ignore[no-untyped-def]
+def _no_chain(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources,
+              table):  # type: ignore[no-untyped-def]
     return
 
 
-def _add_chain(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources, table):  # type: ignore[no-untyped-def]
+def _add_chain(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources,
+               table):  # type: ignore[no-untyped-def]
     raise NotImplementedError
 
 
 @overload(_add_chain, inline="always")
-def _add_chain_of(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources, table):  # type: ignore[no-untyped-def]
+def _add_chain_of(matrix, Ks, at, count, scale, entries, dofs, first, place, starts, sources,
+                  table):  # type: ignore[no-untyped-def]
     return {SymBand: _add_chain_symband, Nested: _add_chain_nested}.get(matrix.instance_class, _no_chain)
 
 

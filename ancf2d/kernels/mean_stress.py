@@ -32,7 +32,8 @@ def mean_force(group, tau_over_h, d0, d1, Q):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def mean_force_tangent(group, tau_over_h, d0, d1, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
+def mean_force_tangent(group, tau_over_h, d0, d1, Q, matrix, place, indptr, index,
+                       value):  # type: ignore[no-untyped-def]
     """As ``mean_force``, and add the symmetric tangent by d1 to the matrix of the unknowns."""
     energy, lost, first, last = 0.0, 0.0, 0, len(group.dofs)
     while first < last:

@@ -71,7 +71,7 @@ def test_samples_end_with_what_they_say(call: Call, call_json: CallJson) -> None
 def test_everything_wrong_with_what_is_varied_is_told_at_once(call: Call) -> None:
     result = call("sweep", "beam.yaml", "--over", "a=1:2", "--sample", "b~beta(1, 2)", "--sample", "c", "--pair")
     assert result.exit_code == 2
-    for text in ("both given", "is not a range", "is no distribution", "not PATH~", "nothing to pair"):
+    for text in ("both given", "is not a range", "is not a distribution", "not PATH~", "nothing to pair"):
         assert text in result.stderr
     assert "need --sample" in call("sweep", "beam.yaml", "--over", "a=1,2", "--seed", "1").stderr
     assert "nothing is varied" in call("sweep", "beam.yaml").stderr

@@ -278,7 +278,7 @@ def test_what_there_is_already_is_not_replaced() -> None:
 
 @pytest.mark.usefixtures("registries")
 def test_keys_that_loads_declare_by_are_refused() -> None:
-    with pytest.raises(PluginError, match="OnLine: loads declare line to the model; give the key another name"):
+    with pytest.raises(PluginError, match="OnLine: loads declare line to the model; rename the key"):
         @extend.load(lambda x, y, par: (0.0,) * 6, potential=True)
         @extend.record
         class OnLine:

@@ -75,7 +75,7 @@ def test_energy_is_conserved_through_the_stops():
 
 
 def test_linear_statics_refuses_what_it_cannot_express():
-    with pytest.raises(CaseError, match="which linear statics cannot express"):
+    with pytest.raises(CaseError, match="which linear statics cannot represent"):
         h.solved(ARMS, "linear_static", springs=[{"type": "rotational", "between": ["a@1", "b@0"], "stiffness": 2.0,
                                                   "only": "tension"}], **ELBOW)
 

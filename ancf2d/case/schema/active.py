@@ -28,7 +28,7 @@ class Condition(ExpressionText):
     def bind(self, node: Node, path: Path, binder: Binder) -> Any:
         text = super().bind(node, path, binder)
         if text is not INVALID and not compares(syntax(text)):
-            return binder.fail(node.mark, path, f"{dotted(path)} compares nothing, so that it is never true or false",
+            return binder.fail(node.mark, path, f"{dotted(path)} compares nothing",
                                "a condition, such as 'abs(tip.y) > 0.1'")
         return text
 
@@ -39,9 +39,9 @@ class Active:
 
     from_: float | None = key(Number("s"), "When it begins (default: at the start)", default=None, example=0.5)
     to: float | None = key(Number("s"), "When it ends (default: never)", default=None, example=1)
-    after: str | None = key(Condition(), "It begins once this holds, in place of from", default=None,
+    after: str | None = key(Condition(), "Condition that starts it, in place of from", default=None,
                             example="abs(tip.y) > 0.1")
-    until: str | None = key(Condition(), "It ends once this holds after it has begun, in place of to", default=None,
+    until: str | None = key(Condition(), "Condition that ends it once it has begun, in place of to", default=None,
                             example="tip.vy < 0")
 
     def check(self) -> Iterator[Issue]:

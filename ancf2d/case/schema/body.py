@@ -60,9 +60,9 @@ class Layers:
     """A section of layers, each of a material; the body has none."""
 
     width: float | Profile = key(ProfileOf("m", gt=0), "Width, out of the plane", example=0.01)
-    layers: tuple[LayerOf, ...] = key(ListOf(Record(LayerOf), "layers", 1), "Layers, from below (negative y) to above")
+    layers: tuple[LayerOf, ...] = key(ListOf(Record(LayerOf), "layers", 1), "Layers, from bottom (negative y) to top")
     axis: float | str = key(ByShape(number=Number("m", ge=0), text=Choice("middle", "centroid")),
-                            "Where the axis lies: in the middle of the height, in the centroid of stiffness, or a "
+                            "Position of the axis: in the middle of the height, at the centroid of stiffness, or at a "
                             "distance above the lower face", default="middle")
 
     def check(self) -> Iterator[Issue]:
@@ -74,17 +74,19 @@ class Layers:
                 if getattr(layer.material, name) is None:
                     yield Issue(("layers", k, "material"), f"{{}}.layers.{k}.material.{name} is missing")
             if layer.material.viscoelastic != self.layers[0].material.viscoelastic:
-                yield Issue(("layers", k, "material"), f"{{}}.layers.{k}.material relaxes otherwise than the lowest "
+                yield Issue(("layers", k, "material"), f"{{}}.layers.{k}.material relaxes differently from the lowest "
                             "layer", "the same viscoelastic in all layers")
             if not isinstance(layer.material.E, float | None) or not isinstance(layer.material.rho, float | None):
                 yield Issue(("layers", k, "material"), f"{{}}.layers.{k}.material varies along the body",
-                            "numbers: materials of layers do not vary")
+                            "constant numbers in the materials of layers")
             if layer.material.law == "neo_hooke":
-                yield Issue(("layers", k, "material", "law"), f"{{}}.layers.{k}.material.law: neo_hooke is not for "
-                            "layers", "linear, or a section {height, width}")
+                yield Issue(("layers", k, "material", "law"), f"{{}}.layers.{k}.material.law: neo_hooke is not "
+                            "available for layers", "linear, or a section {height, "
+                            "width}")
             if layer.material.damping is not None:
                 yield Issue(("layers", k, "material", "damping"), f"{{}}.layers.{k}.material.damping: layers cannot "
-                            "damp by themselves", "damping.rayleigh of the case")
+                            "have damping of their own", "damping.rayleigh of "
+                            "the case")
 
 
 Section = Rectangle | AreaSection | Stiffness | Layers
@@ -132,7 +134,7 @@ class Element:
     definition: str | None = key(Text("the name of a file"), "File that defines an element of your own, relative to "
                                  "the case", default=None)
     nodes: str | tuple[float, ...] | None = key(
-        NODES, "Where nodes are placed. acting: wherever a support, joint, "
+        NODES, "Placement of nodes. acting: wherever a support, joint, "
         "spring, mass or load acts, and at the ends of line loads; count is divided among the "
         "stretches between these points in proportion to their lengths, with at least one "
         "element each, all of equal length. regular: "
@@ -189,7 +191,7 @@ class Element:
         if not isinstance(self.nodes, tuple):
             return
         if self.grading is not None:
-            yield Issue(("grading",), "{}: nodes that are given and grading exclude each other", "one of the two")
+            yield Issue(("grading",), "{}: nodes and grading exclude each other", "one of the two")
         for i, (a, b) in enumerate(pairwise(self.nodes)):
             if not a < b:
                 yield Issue(("nodes", i + 1), f"{{}}.nodes must increase, got {b:g} after {a:g}")

@@ -64,8 +64,8 @@ class Initial:
 
     from_: str = key(StartText(), "Initial state: rest (the reference), static (equilibrium under the loads), or the "
                      "last state of a result file, which must satisfy the supports and joints", default="rest")
-    velocity: tuple[float, float] | None = key(VELOCITY, "Velocity of all bodies; the part that supports and joints do "
-                                               "not allow is lost, as in a plastic impact", default=None)
+    velocity: tuple[float, float] | None = key(VELOCITY, "Velocity of all bodies; components that violate supports "
+                                                         "and joints are lost, as in a plastic impact", default=None)
     rotation_rate: RotationRate | None = key(Record(RotationRate), "Rotation of all bodies about a point, added to the "
                                              "velocity", default=None)
     bodies: dict[str, BodyInitial] = key(MapOf(Record(BodyInitial), "bodies by name"),
@@ -76,7 +76,7 @@ class Initial:
 class Rayleigh:
     """Damping alpha M + beta K, where beta acts on the rates of strain."""
 
-    alpha: float = key(Number("1/s", ge=0), "Factor of the mass matrix: forces -alpha M v, which also slow rigid "
+    alpha: float = key(Number("1/s", ge=0), "Factor of the mass matrix: forces -alpha M v, which also damp rigid "
                        "motions",
                        default=0.0)
     beta: float = key(Number("s", ge=0), "Added to every body's retardation time kelvin_voigt: stress D (eps + beta "
@@ -166,7 +166,7 @@ class Case:
         "buckling, dynamic)", default=None)
     solver: Solver = key(OneOf(Solver), "What to compute, and how")
     goal: Goal | None = key(Record(Goal), "Value whose accuracy matters", default=None)
-    accuracy: float | None = key(Number("", gt=0, lt=1), "Relative accuracy wanted for the goal", default=None,
+    accuracy: float | None = key(Number("", gt=0, lt=1), "Required relative accuracy of the goal", default=None,
                                  example=1e-4)
     output: Output = key(Record(Output), "What to store in the result file", default=Output())
     expected: tuple[Expected, ...] = key(ListOf(Record(Expected), "known values"),
@@ -242,17 +242,16 @@ def register(where: str, cls: R, wanted: tuple[str, ...] = ("name",), methods: t
     """
     tag, keys, typed = tag_of(cls), keys_of(cls), isinstance(_kind(where), Registered)
     if typed and not tag:
-        raise PluginError(f"{cls.__name__} has no tag, the type that a case gives it")
+        raise PluginError(f"{cls.__name__} has no tag, the type by which a case names it")
     missing = [name for name in wanted if name not in keys]
     if missing:
         raise PluginError(f"{cls.__name__} has no key {' and '.join(missing)}")
     taken = [name for name in DECLARED[where] if name in keys and name != "active"]
     if taken:
-        raise PluginError(f"{cls.__name__}: {where} declare {' and '.join(taken)} to the model; give the key another "
-                          "name")
+        raise PluginError(f"{cls.__name__}: {where} declare {' and '.join(taken)} to the model; rename the key")
     for method in methods:
         if not callable(getattr(cls, method, None)):
-            raise PluginError(f"{cls.__name__} has no method {method}(), which gives the numbers of its law")
+            raise PluginError(f"{cls.__name__} has no method {method}(), which returns the constants of its law")
     if _kind(where).known.setdefault(tag, cls) is not cls:
         raise PluginError(f"{where} already have a type '{tag}'")
     for name, value in {**DECLARED[where], **declared}.items():

@@ -50,7 +50,8 @@ class Pid:
     """A PID controller: kp e + ki times the integral of e + kd times the rate of e."""
 
     tag = "pid"
-    input: str = key(ExpressionText(feedback=True), "What is to become zero, e", example="1 - arm.theta")
+    input: str = key(ExpressionText(feedback=True), "Error e, which the controller reduces to zero",
+                     example="1 - arm.theta")
     kp: float = key(Number(), "Gain", default=0.0)
     ki: float = key(Number(), "Gain of the integral [1/s]", default=0.0)
     kd: float = key(Number(), "Gain of the rate [s]", default=0.0)
@@ -59,8 +60,8 @@ class Pid:
     limit: tuple[float, float] | None = key(
         Vector(Number(), "lowest, highest"), "Bounds of the output; the integration stops there", default=None,
         example=[-5, 5])
-    sample: float | None = key(Number("s", gt=0), "Interval at which it acts, its output being held in between: the "
-                               "integral is a sum and the rate a difference (default: it acts all the time)",
+    sample: float | None = key(Number("s", gt=0), "Sampling interval; the output is held in between, the integral is "
+                               "a sum and the rate a difference (default: continuous)",
                                default=None)
 
     def check(self) -> Iterator[Issue]:
@@ -217,14 +218,14 @@ def rate_of(tree: Tree) -> Tree:
         case Quantity(name):
             probe, _, quantity = name.partition(".")
             if quantity not in _RATES:
-                raise DerivativeError(f"the rate of {name} is not known")
+                raise DerivativeError(f"the rate of {name} is unknown")
             return Quantity(f"{probe}.{_RATES[quantity]}")
         case Negative(operand):
             return Negative(rate_of(operand))
         case Power(base, Constant(n)):
             return _times(_times(Constant(n), Power(base, Constant(n - 1.0))), rate_of(base)) if n else Constant(0.0)
         case Power(_, _):
-            raise DerivativeError("the rate of a power with an exponent that varies is not known")
+            raise DerivativeError("the rate of a power with an exponent that varies is unknown")
         case Chain(first, rest):
             return _rate_of_chain(first, rest)
         case Call(name, x):

@@ -109,7 +109,7 @@ class Material:
         ListOf(Record(MaxwellTerm), "terms", 1), "Generalised Maxwell material: springs with dashpots beside E, the "
         "long-time modulus; Poisson's ratio does not change", default=None, example=[{"modulus": 0.5, "time": 0.1}])
 
-    law: str = key(Choice("linear", "neo_hooke"), "Stress by strain; neo_hooke: mu/2 (I_C - 3 - 2 ln J) + "
+    law: str = key(Choice("linear", "neo_hooke"), "Stress-strain law; neo_hooke: mu/2 (I_C - 3 - 2 ln J) + "
                    "lambda/2 (ln J)^2 in plane stress, in formulation continuum", default="linear")
 
     @property
@@ -125,16 +125,17 @@ class Material:
     def check(self) -> Iterator[Issue]:
         """Yield laws that exclude each other, or need what is missing."""
         if self.hardening is not None and self.yield_ is None:
-            yield Issue(("hardening",), "{}.hardening needs a yield stress", "yield, or stress_strain alone, whose "
-                        "curve tells the hardening")
+            yield Issue(("hardening",), "{}.hardening needs a yield stress", "yield, or stress_strain without "
+                        "hardening")
         if self.stress_strain is not None and self.yield_ is not None:
             yield Issue(("yield",), "{}: yield and stress_strain exclude each other", "one of them")
         if self.viscoelastic and self.fibres:
-            yield Issue(("viscoelastic",), "{}: fibres that yield or follow a curve do not relax", "viscoelastic, or "
+            yield Issue(("viscoelastic",), "{}: a material that yields or follows a curve cannot be viscoelastic",
+                        "viscoelastic, or "
                         "yield or stress_strain")
         if self.law == "neo_hooke" and (self.fibres or self.viscoelastic):
-            yield Issue(("law",), "{}: the law neo_hooke neither yields nor relaxes", "linear, or neither yield, "
-                        "stress_strain nor viscoelastic")
+            yield Issue(("law",), "{}: law neo_hooke excludes yield, stress_strain and viscoelastic",
+                        "law: linear, or neo_hooke alone")
         if self.law == "neo_hooke" and self.nu is not None and self.nu < 0.0:
             yield Issue(("nu",), f"{{}}.nu must be at least 0 for the law neo_hooke, got {self.nu:g}")
         if self.fibres and self.E is not None and not isinstance(self.E, float | int):

@@ -45,7 +45,7 @@ class MovingPoint:
     """A point that moves along a body; what is there acts while 0 <= s <= 1."""
 
     on: str = key(Name("the name of a body"), "Body along which it moves", refers="bodies", example="beam")
-    s: Amplitude = key(OneOf(Amplitude), "Where it is over time, as a share of the arc length",
+    s: Amplitude = key(OneOf(Amplitude), "Position S over time, from 0 to 1 along the arc length",
                        example={"type": "ramp", "t1": 2})
 
 

@@ -119,8 +119,8 @@ class Static(Kind):
         example={"load_factor": 1})
     branch: BranchAt | None = key(Record(BranchAt), "Where to leave the path, and to which side (arc_length)",
                                   default=None, example={"at": 1, "direction": 1})
-    verify: bool = key(Flag(), "Solve once more with load steps half as long, and tell the error that steps leave, as "
-                       "where fibres yield (method newton)", default=False)
+    verify: bool = key(Flag(), "Repeat the solution with load steps half as long to estimate the error of the steps, "
+                               "for example where fibres yield (method newton)", default=False)
 
     @property
     def on_path(self) -> bool:
@@ -157,7 +157,7 @@ class Static(Kind):
             yield Issue(("until",), "{}: method displacement ends where a probe reaches a value",
                         "until: {probe, quantity, reaches}")
         if self.branch is not None and self.method != "arc_length":
-            yield Issue(("branch",), f"{{}}: method {self.method} follows no branches", "method: arc_length")
+            yield Issue(("branch",), f"{{}}: method {self.method} cannot follow branches", "method: arc_length")
 
 
 @record
@@ -166,7 +166,7 @@ class QuasiStatic(Kind):
 
     tag = "quasi_static"
     timed = balances = True
-    t_end: float = key(Number("s", gt=0), "End of the time; it begins at 0 with the response that takes no time",
+    t_end: float = key(Number("s", gt=0), "End time; the solution starts at t = 0 with the instantaneous response",
                        example=100)
     tolerance: float = key(Number("", gt=0, lt=1), "Error that a step may make, relative to the largest displacement; "
                            "steps adapt to it", default=STEP_TOLERANCE)
@@ -187,7 +187,7 @@ class Eigen(Kind):
     modes: int = key(Integer(), "Number of modes, from the lowest; if damping makes them complex, the number of "
                      "complex pairs, to which real eigenvalues are added", default=10)
     about: str = _about()
-    damped: bool = key(Flag(), "Whether dampers and damping act", default=True)
+    damped: bool = key(Flag(), "Include dampers and damping", default=True)
     verify: bool = key(Flag(), "Check every mode on a mesh twice as fine: a mode without a counterpart there is "
                        "spurious", default=False)
 
@@ -305,7 +305,7 @@ class Dynamic(Kind):
                       "as long as it converges", default="reuse")
     estimate: bool = key(Flag(), "Estimate the error by additional runs with steps of 2 dt and 4 dt, or with "
                          "10 and 100 times the tolerance", default=True)
-    until: str | None = key(Condition(), "The motion ends once this holds (default: at t_end)", default=None,
+    until: str | None = key(Condition(), "Condition that ends the motion (default: at t_end)", default=None,
                             example="tip.y < 0")
 
     @property
