@@ -93,7 +93,7 @@ def accuracy(counts: Sequence[int], beams: Sequence[tuple[str, str, str]]) -> st
 MESHES = (("paper/table1_2d3n", (8, 16, 32, 64), 1024), ("paper/table1_2d2n", (2, 4, 8), 256),
           ("static/three_hinged_frame", (4, 8), 128), ("static/thick_cantilever", (2, 4), 256),
           ("modes/structural_two_node", (4, 8, 16), 128), ("modes/omar_enhanced", (2, 4, 8), 128))
-TOLD = re.compile(r"(?:displacements are off|bending 2) by about (\S+) %")
+TOLD = re.compile(r"(?:displacements have an error of|bending 2 by) about (\S+) %")
 
 
 def resolution() -> str:

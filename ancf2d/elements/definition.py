@@ -115,7 +115,7 @@ class ElementType:
     ``quadrature`` maps a formulation to the (nx, ny) Gauss points that this type is recommended with
     (formulations know a rule for every type; an entry here overrides it). ``shear_factor`` is
     ``timoshenko`` (10 (1 + nu)/(12 + 11 nu)), ``none`` (1) or a number. ``preset`` maps the option
-    ``preset: paper`` to the seed paper's choices; empty where the paper has none. ``slender`` is the element
+    ``preset: paper`` to the seed paper's choices; empty if the paper does not use the type. ``slender`` is the element
     length over height up to which bending does not lock (measured: docs/accuracy.md). ``lobatto`` is the share of the
     mass that as many Gauss-Lobatto points along the axis integrate as determine the polynomial (the rest is exact).
     """

@@ -273,7 +273,7 @@ class BodyPair:
         depth, s = self.overlap(d)
         if depth <= THROUGH * self.against.plan.section.height:
             return ""
-        return f"{self.name}: {self.body} is pressed {depth:.4g} deep into {self.other} at S = {s:.4g}"
+        return f"{self.name}: {self.body} is pressed {depth:.4g} into {self.other} at S = {s:.4g}"
 
     def _law(self, p: Spot) -> tuple[float, float, float, float, float]:
         """Return length, stiffness, damping, friction and the stiffness of what sticks."""

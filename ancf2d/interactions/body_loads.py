@@ -264,11 +264,11 @@ class Distributed:
         if is_formula(self.value):
             if self.follower:
                 yield Issue(("follower",), "{}: a load that depends on the motion of its points cannot follow the body",
-                            "components along x and y, which may use theta")
+                            "components along x and y; use theta for directions of the body")
             for k, value in enumerate(self.value):
                 if isinstance(value, ProfileTable):
-                    yield Issue(("value", k), f"{{}}.value.{k}: a table cannot stand beside a formula in quantities of "
-                                "the point", "an expression in s")
+                    yield Issue(("value", k), f"{{}}.value.{k}: a table cannot be combined with a formula in "
+                                "quantities of the point", "an expression in s")
 
     def add(self, context: LoadContext, out: LoadSet) -> None:
         """Add the load by quadrature along the elements that it covers."""
@@ -276,7 +276,7 @@ class Distributed:
         if is_formula(self.value):
             if isinstance(context.amplitude, Answer):
                 raise LoadError(("amplitude",), "the amplitude of a load by formula is a function of time alone",
-                                "the formula in value without probes and controllers")
+                                "a formula in value without probes and controllers")
             cover = covered(mesh, self.from_, self.to, VARYING)
             out.patches.append(FormulaLine(mesh, cover, self.value, context.amplitude))
             return
@@ -299,8 +299,8 @@ def _add(load: Eigenstrain | Temperature, values: tuple[AlongBody, AlongBody, Al
         raise LoadError(("on",), f"body '{load.on}' is rigid", "a body that deforms")
     if plan.formulation.natural is None:
         known = [f.name for f in FORMULATIONS.values() if f.natural is not None and f.refuse(plan.element) is None]
-        raise LoadError(("on",), f"formulation {plan.formulation.name} of body '{load.on}' does not support natural "
-                        "strains", "one of " + ", ".join(known))
+        raise LoadError(("on",), f"formulation {plan.formulation.name} of body '{load.on}' does not support "
+                        "eigenstrains", "one of " + ", ".join(known))
     out.natural.append(NaturalStrain(mesh, load.from_, load.to, values, context.amplitude))
 
 
@@ -325,7 +325,7 @@ class Eigenstrain:
     answers = False
     on: str = key(Name("the name of a body"), "Body it acts on", refers="bodies", example="strip")
     axial: float | Profile = key(ProfileOf(), "Strain of the axis", default=0.0, example=1e-3)
-    curvature: float | Profile = key(ProfileOf("1/m"), "Change of the angle per length of the reference, "
+    curvature: float | Profile = key(ProfileOf("1/m"), "Curvature: change of the angle per reference length, "
                                      "counter-clockwise", default=0.0, example=0.2)
     from_: float = key(Number("", ge=0, le=1), "S where it begins", default=0.0)
     to: float = key(Number("", ge=0, le=1), "S where it ends", default=1.0)
@@ -356,7 +356,7 @@ class Temperature:
     answers = False
     on: str = key(Name("the name of a body"), "Body it acts on", refers="bodies", example="strip")
     value: float | Profile = key(ProfileOf("K"), "Change of temperature on the axis", default=0.0, example=60)
-    gradient: float | Profile = key(ProfileOf("K/m"), "Change per metre across, along the section's y axis",
+    gradient: float | Profile = key(ProfileOf("K/m"), "Gradient across the section, along its y axis",
                                     default=0.0)
     from_: float = key(Number("", ge=0, le=1), "S where it begins", default=0.0)
     to: float = key(Number("", ge=0, le=1), "S where it ends", default=1.0)

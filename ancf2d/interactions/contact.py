@@ -33,10 +33,11 @@ TOUCH = 1e-12
 
 @record
 class ContactLaw:
-    """A layer that yields: the pressure grows with how deep two surfaces overlap, and with how fast."""
+    """Compliant contact: the pressure grows with the depth of the overlap and its rate."""
 
     stiffness: float = key(Number("N/m^2", gt=0), "Force per length of the body and per depth", example=1e6)
-    damping: float = key(Number("N s/m^2", ge=0), "Force per length and per rate of the depth; surfaces never pull",
+    damping: float = key(Number("N s/m^2", ge=0), "Force per length and per rate of the depth; the pressure is never "
+                         "negative",
                          default=0.0)
 
 
@@ -53,19 +54,19 @@ class Contact:
                     default="surface")
     law: ContactLaw | None = key(Record(ContactLaw), "Compliant contact (default: nothing penetrates)", default=None)
     friction: float = key(Number("", ge=0), "Coulomb's coefficient of friction", default=0.0)
-    restitution: float | None = key(Number("", ge=0, le=1), "Share of the normal velocity that an impact returns "
-                                    "(dynamic, without law; default: 0, plastic)", default=None)
+    restitution: float | None = key(Number("", ge=0, le=1), "Coefficient of restitution: share of the normal velocity "
+                                    "after an impact (dynamic, without law; default: 0, plastic)", default=None)
     name: str | None = key(NAME, "Name", default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield what does not say what touches."""
         if (self.between is None) == (self.self_ is None):
-            yield Issue((), "{}: a contact is between two things, or of a body with itself", "between or self")
+            yield Issue((), "{}: a contact needs two partners, or a body that touches itself", "between or self")
         if self.between is not None and self.between[0] == self.between[1]:
-            yield Issue(("between",), "{}.between: the same name is given twice", "self for a body that touches itself")
+            yield Issue(("between",), "{}.between: the same name is given twice", "self, for a body that touches "
+                        "itself")
         if self.law is not None and self.restitution is not None:
-            yield Issue(("restitution",), "{}: with a law, its damping says what an impact returns", "law or "
-                        "restitution")
+            yield Issue(("restitution",), "{}: with a law, its damping determines the rebound", "law or restitution")
 
 
 register("contacts", Contact)

@@ -150,7 +150,7 @@ class Force:
     """A force of constant direction."""
 
     tag = "force"
-    at: Point | MovingPoint = key(PLACE, "Where it acts, which may move along a body (dynamic)", example="beam@1")
+    at: Point | MovingPoint = key(PLACE, "Point at which it acts; it may move along a body (dynamic)", example="beam@1")
     value: tuple[float, float] = key(Vector(Number("N"), "fx, fy"), "Force", example=[0, -1000])
     spread: str | None = key(SPREAD, SPREAD_DOC, default=None)
     amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
@@ -224,7 +224,7 @@ class FollowerForce:
     tag = "follower_force"
     at: Point = key(POINT, "Where it acts", example="beam@1")
     value: tuple[float, float] = key(Vector(Number("N"), "tangential, normal"),
-                                     "Force along the axes of the section", example=[0, -1000])
+                                     "Force along the axes of the section, with which it rotates", example=[0, -1000])
     spread: str | None = key(SPREAD, SPREAD_DOC, default=None)
     amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
     active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)

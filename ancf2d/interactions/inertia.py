@@ -23,7 +23,7 @@ from ..model.rotation import Rotation
 class Mass:
     """A point mass, with an optional moment of inertia."""
 
-    at: Point | MovingPoint = key(PLACE, "Point at which the mass is attached, which may move along a body (dynamic)",
+    at: Point | MovingPoint = key(PLACE, "Point at which the mass is attached; it may move along a body (dynamic)",
                                   example="rod@1")
     mass: float = key(Number("kg", ge=0), "Mass", example=1)
     inertia: float = key(Number("kg m^2", ge=0), "Moment of inertia about the point", default=0.0)
@@ -32,7 +32,8 @@ class Mass:
     def check(self) -> Iterator[Issue]:
         """Yield a moment of inertia that moves along a body."""
         if isinstance(self.at, MovingPoint) and self.inertia:
-            yield Issue(("inertia",), "{}.inertia: what moves along a body has no moment of inertia", "no inertia")
+            yield Issue(("inertia",), "{}.inertia: a mass that moves along a body cannot have a moment of inertia",
+                        "no inertia")
 
 
 register("masses", Mass)

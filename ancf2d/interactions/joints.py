@@ -67,7 +67,7 @@ class JointContext:
             gap, others_s = float(np.hypot(*(r - x))), [p.s for p in points[:k] if p.mesh is points[k].mesh]
             if any(abs(points[k].s - s) <= GAP for s in others_s):
                 problems.append((("between", k), f"{self.label}: {points[k].label} coincides with another point of the "
-                                                 "same body", "points of different bodies, or apart along one"))
+                                 "same body", "points of different bodies, or different points of one body"))
             elif not self.begins and gap > closable(x, points[0].mesh, points[k].mesh):
                 problems.append((("between", k),
                                  f"{self.label}: {points[k].label} is at ({r[0]:.6g}, {r[1]:.6g}), {gap:.3g} away from "
@@ -313,6 +313,6 @@ class SliderJoint:
         if not context.begins and abs(gap) > closable(np.array([x, y, *self.through]), point.mesh):
             raise JointError([(("through",), f"{context.label}: {point.label} is at ({x:.6g}, {y:.6g}), "
                                f"{abs(gap):.3g} away from the line",
-                               "a line through where the point is in the reference")])
+                               "a line through the reference position of the point")])
         out.rows.append(Row(*along(point.position(), -s, c), owner, "position across the line",
                             apart=gap if context.begins else 0.0))

@@ -257,8 +257,8 @@ def never_met(case: Case) -> list[str]:
         # between breaks it passes over all that lies between
         if all((x > 1.0 + NEAR).all() or (x < -NEAR).all() for x in s):
             least, most = min(x.min() for x in s), max(x.max() for x in s)
-            out.append(f"{where}: s is between {least:.6g} and {most:.6g} up to t = {t_end:g} and never on {at.on}, so "
-                       "that nothing acts there (it does while 0 <= s <= 1)")
+            out.append(f"{where}: s is between {least:.6g} and {most:.6g} up to t = {t_end:g} and the point is never "
+                       f"on {at.on}, so it has no effect (it acts while 0 <= s <= 1)")
     return out
 
 

@@ -33,18 +33,18 @@ class Motion:
     y: float | Amplitude = key(MOTION, "Displacement along y [m]", default=0.0)
     angle: float | Amplitude = key(MOTION, "Rotation, counter-clockwise [rad]", default=0.0)
     about: tuple[float, float] | None = key(
-        PLACE, "Centre of the rotation, which moves along (default: that of the circle, the point of the half plane, "
-        "the mean of the corners)", default=None, example=[0, 0])
+        PLACE, "Centre of the rotation, which moves with the obstacle (default: that of the circle, the point of the "
+        "half plane, the mean of the corners)", default=None, example=[0, 0])
 
 
-MOTION_DOC = "Motion of the obstacle (default: it stands still)"
-ON_DOC = ("Rigid body that the obstacle is fixed to; the obstacle is placed in the scene as it stands in the reference "
-          "(default: the ground)")
+MOTION_DOC = "Motion of the obstacle (default: none)"
+ON_DOC = ("Rigid body that the obstacle is fixed to; the obstacle is given in its reference position (default: the "
+          "ground)")
 
 
 def _held(self: Any) -> Iterator[Issue]:
     if self.on is not None and self.motion is not None:
-        yield Issue(("motion",), "{}: an obstacle on a body moves with it", "on or motion")
+        yield Issue(("motion",), "{}: an obstacle on a body moves with the body", "on or motion")
 
 
 @record
@@ -54,7 +54,7 @@ class Circle:
     tag = "circle"
     center: tuple[float, float] = key(PLACE, "Centre", example=[0, -0.5])
     radius: float = key(Number("m", gt=0), "Radius", example=0.5)
-    inside: bool = key(Flag(), "Bodies are within the circle, as in a pipe", default=False)
+    inside: bool = key(Flag(), "Bodies are inside the circle, as in a pipe", default=False)
     on: str | None = key(Name("the name of a body"), ON_DOC, default=None, refers="bodies")
     motion: Motion | None = key(Record(Motion), MOTION_DOC, default=None)
     check = _held
@@ -80,7 +80,8 @@ class HalfPlane:
 
     tag = "half_plane"
     through: tuple[float, float] = key(PLACE, "A point of its surface", example=[0, 0])
-    normal: tuple[float, float] = key(Vector(Number(""), nonzero=True), "Direction out of it, to the bodies",
+    normal: tuple[float, float] = key(Vector(Number(""), nonzero=True), "Direction out of the solid, towards the "
+                                      "bodies",
                                       example=[0, 1])
     on: str | None = key(Name("the name of a body"), ON_DOC, default=None, refers="bodies")
     motion: Motion | None = key(Record(Motion), MOTION_DOC, default=None)
@@ -108,8 +109,8 @@ class PolylineObstacle:
 
     tag = "polyline"
     points: tuple[tuple[float, float], ...] = key(
-        ListOf(PLACE, "points", 2), "Corners; bodies are to the left of the way along an open line (above, from left "
-        "to right), and outside a closed one", example=[[0, 0], [1, 0.2]])
+        ListOf(PLACE, "points", 2), "Corners in order; bodies are to the left of an open line (above it, if it runs "
+        "from left to right), and outside a closed one", example=[[0, 0], [1, 0.2]])
     closed: bool = key(Flag(), "Whether the last corner is joined to the first", default=False)
     on: str | None = key(Name("the name of a body"), ON_DOC, default=None, refers="bodies")
     motion: Motion | None = key(Record(Motion), MOTION_DOC, default=None)

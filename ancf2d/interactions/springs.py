@@ -41,7 +41,7 @@ ONLY_DOC = ("tension: acts only against elongation (for angles, counter-clockwis
 PULL_DOC = ("Force as a formula in the elongation u [m] and its rate v, in place of stiffness and damping; positive "
             "pulls the ends together")
 TURN_DOC = ("Moment as a formula in u, the relative rotation less angle [rad], and its rate v, in place of stiffness "
-            "and damping; positive turns the second end back")
+            "and damping; a positive moment turns the second end back")
 End = PointRef | GroundPoint
 
 

@@ -26,7 +26,7 @@ from ..model.timing import Timing
 R = TypeVar("R", bound=type)
 NAME = Name()
 SPREAD = Choice("uniform", "parabolic")
-SPREAD_DOC = "Hold the mean of the section with this weight, in place of the axis (matters from q = 2 on)"
+SPREAD_DOC = "Hold the mean of the section with this weight instead of the axis (relevant for q >= 2)"
 
 
 class SupportError(ValueError):
@@ -89,7 +89,7 @@ def _breathe(point: PointRef, owner: str, out: Equations) -> None:
     """Hold the mean position and keep the section straight and in direction, free to stretch."""
     element = point.mesh.plan.element
     if element.section_kind != "interpolated":
-        raise SupportError(("hold",), f"the section of {element.name} is rigid: it cannot breathe", "section or all")
+        raise SupportError(("hold",), f"the section of {element.name} is rigid and cannot breathe", "section or all")
     across = point.director()[1]
     angle = across - 0.5 * math.pi
     out.rows.append(hold_along(point.position(), angle, owner, "axial position"))
@@ -137,7 +137,7 @@ class Roller:
         """Yield a problem unless exactly one of fixed and normal is given."""
         if (self.fixed is None) == (self.normal is None):
             given = "fixed and normal are both given" if self.fixed else (
-                "the direction to hold is missing")
+                "the direction is missing")
             yield Issue(("normal",) if self.fixed else (), f"{{}}: {given}",
                         "one of fixed: x, fixed: y, or normal: [nx, ny]")
 

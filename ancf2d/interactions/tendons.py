@@ -265,16 +265,17 @@ class Tendon:
     def check(self) -> Iterator[Issue]:
         """Yield what a tendon cannot be."""
         if (self.on is None) == (not self.through):
-            yield Issue((), "{}: a tendon is guided on a body or runs through eyelets", "either on or through")
+            yield Issue((), "{}: a tendon is either guided along a body or runs through eyelets", "either on or "
+                        "through")
         elif self.on is None and len(self.through) < 2:
-            yield Issue(("through",), "{}.through: a tendon needs two eyelets at least")
+            yield Issue(("through",), "{}.through: a tendon needs at least two eyelets")
         if (self.tension is None) == (self.stiffness is None):
-            yield Issue((), "{}: a tendon has a tension, or it is elastic", "either tension or stiffness")
+            yield Issue((), "{}: a tendon has either a given tension or a stiffness", "either tension or stiffness")
         elif self.tension is not None and self.slack:
-            yield Issue(("slack",), "{}.slack: a tendon with a given tension has no unstretched length",
+            yield Issue(("slack",), "{}.slack: a tendon of given tension has no unstretched length",
                         "stiffness in place of tension, or no slack")
         if self.stiffness is not None and self.active is not None:
-            yield Issue(("active",), "{}.active: an elastic tendon always acts",
+            yield Issue(("active",), "{}.active: an elastic tendon cannot begin or end",
                         "a tendon of given tension, or no active")
         if not self.from_ < self.to:
             yield Issue(("to",), f"{{}}: from must be less than to, got from {self.from_:g} to {self.to:g}")
@@ -297,12 +298,12 @@ class Tendon:
                           if isinstance(e, Probe) else (context.point(e), 0.0) for e in self.through])
         plan = context.meshes[self.on].plan
         if plan.rigid:
-            raise LoadError(("on",), f"{self.on} is rigid: a tendon along it does nothing",
+            raise LoadError(("on",), f"{self.on} is rigid: a tendon along it has no effect",
                             "a body that deforms, or through")
         if plan.element.section_kind == "tangent" and self.y != 0.0 and (
                 not isinstance(self.y, float) or self.stiffness is not None):
-            raise LoadError(("y",), f"{plan.element.name} guides a tendon off its axis only if the tension is given "
-                            "and the distance constant", "reissner3, an ANCF type, or through")
+            raise LoadError(("y",), f"{plan.element.name} can guide a tendon off its axis only with given tension and "
+                            "constant distance", "reissner3, an ANCF type, or through")
         return guided(context.meshes[self.on], self.from_, self.to, self.y, self._more)
 
     @property

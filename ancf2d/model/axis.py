@@ -140,7 +140,7 @@ class Smooth:
             coarse, fine = (b - a) * (np.abs(rate) @ self._w), self._length(a, m) + self._length(m, b)
             whole, size = max(whole, float(fine.sum())), max(size, float(np.abs(z[0][0]).max()))
             if whole == 0.0:
-                raise AxisError((), "the curve has no length: all its points are one")
+                raise AxisError((), "the curve has no length: all its points coincide")
             tolerance = EXACT * whole
             speed = np.abs(np.concatenate([z[0][1:], z[1][1:], z[2][1:], rate.T]))
             along = np.concatenate([z[0][1:], rate.T, z[2][1:]])
@@ -156,8 +156,8 @@ class Smooth:
             a, b = np.concatenate([a, m]), np.concatenate([m, b])
             if len(a) > PANELS:
                 break
-        raise AxisError((), f"the curve jumps, has a corner or stands still near {self._variable} = "
-                        f"{float(np.median(a)):.6g}", "one smooth curve; a polyline has corners")
+        raise AxisError((), f"the curve jumps, has a corner or has zero velocity near {self._variable} = "
+                        f"{float(np.median(a)):.6g}", "a smooth curve; use a polyline for corners")
 
     def _at(self, s: Array) -> tuple[Array, NDArray[np.int64]]:
         """Return the parameters u (n,) at s (n,), and their panels."""
@@ -301,5 +301,5 @@ def _check_goes_on(before: Smooth, after: Smooth, s: float) -> None:
     """Raise AxisError where one stretch of a curve does not go on from the one before in its direction."""
     gap, corner = abs(after.ends[0] - before.ends[1]), abs(after.ends[2] - before.last_angle)
     if gap > CLOSED * (before.length + after.length) or corner > CLOSED:
-        raise AxisError((), f"the curve jumps, has a corner or stands still near s = {s:.6g}",
-                        "one smooth curve; a polyline has corners")
+        raise AxisError((), f"the curve jumps, has a corner or has zero velocity near s = {s:.6g}",
+                        "a smooth curve; use a polyline for corners")

@@ -96,8 +96,9 @@ class _Builder:
                 self.meshes[name] = mesh = old if old is not None and same else BodyMesh(plan, dof, node, old)
             except UnsolvableBasisError as error:
                 self.report(("bodies", name, "element"), f"bodies.{name}: elements of length {plan.pieces[0].l:.3g} "
-                            f"and height {plan.section.height:.3g} are beyond floating-point computation ({error})",
-                            "fewer elements, or a length and a height that differ less")
+                            f"and height {plan.section.height:.3g} cannot be computed in floating-point numbers "
+                            f"({error})",
+                            "fewer elements, or a smaller ratio of length and height")
                 continue
             dof, node = dof + mesh.n_dofs, node + mesh.n_nodes
         if self.problems:
@@ -242,7 +243,7 @@ class _Builder:
         for constraint in drop_repeated(elimination, self.equations, set(names)):
             self.report(("boundary_conditions", names.index(constraint.owner), "angle"),
                         f"{constraint.owner}: another support already holds the {constraint.holds}",
-                        "one support that holds or moves it")
+                        "a single support that holds or moves it")
 
     def check_equations(self, elimination: Elimination) -> None:
         """Look for equations that contradict others, and tell what is held twice.
@@ -263,12 +264,13 @@ class _Builder:
                 path = ("boundary_conditions", names.index(row.owner))
             others = sorted({rows[r].owner for r in combined[number_]} - {row.owner})
             self.report(path, f"{row.owner}: {row.holds} contradicts other supports or joints "
-                        f"({', '.join(others)})", "supports and joints that agree")
+                        f"({', '.join(others)})", "consistent supports and joints")
         owners = sorted({f"{rows[n].owner} ({rows[n].holds})" for n in combined if n < linear})
         if owners:
-            self.warnings.append("held twice: " + ", ".join(owners) + "; reactions of least norm are reported")
+            self.warnings.append("held twice: " + ", ".join(owners) + "; the reported reactions are those of least "
+                                 "norm")
         for row in (rows[n] for n in combined if n >= linear):
-            self.warnings.append(f"held twice: the {row.holds} of {row.owner}; its reaction is not determined")
+            self.warnings.append(f"redundant: the {row.holds} of {row.owner}; its reaction is indeterminate")
         equations.constraints = [c for k, c in enumerate(equations.constraints, linear) if k not in combined]
 
     def add_contacts(self, elimination: Elimination) -> list[ContactPair | BodyPair]:
@@ -301,7 +303,7 @@ class _Builder:
             idle = [f"springs.{k}" for (k, item), spring in
                     zip(self.case.resting_springs.items(), self.springs, strict=True)
                     if item.breaks and not spring.reference_stiffness().any()]
-            more = f" ({', '.join(idle)}: not acting in the reference)" if idle else ""
+            more = f" ({', '.join(idle)}: inactive in the reference)" if idle else ""
             self.report(("boundary_conditions",), f"{motion}, so there is no static solution{more}",
                         "a support, joint or spring that prevents this")
 

@@ -288,8 +288,8 @@ class Motion:
         if abs(away) <= 1e-9 * (1.0 if self.key == "angle" else extent):
             return None
         if self.key in "xy":
-            return (f"{self.name} starts {away:.6g} away from the point's reference position",
-                    f"a position that starts at the point, or u{self.key} for a displacement")
+            return (f"{self.name} starts {away:.6g} away from the reference position of the point",
+                    f"a position that starts at the reference position of the point, or u{self.key} for a displacement")
         return f"{self.name} starts at {away:.6g}", "0 at t = 0"
 
     def jump_problem(self, t_end: float) -> tuple[str, str] | None:
@@ -301,8 +301,8 @@ class Motion:
         found = [t for t in found if first < t < end]
         if not found:
             return None
-        more = ("", " and once more")[len(found) - 1] if len(found) < 3 else f" and {len(found) - 1} times more"
-        return f"{self.name} jumps at t = {found[0]:.6g}{more}", "a continuous motion, for instance a smooth table"
+        more = ("", " and once more")[len(found) - 1] if len(found) < 3 else f" and {len(found) - 1} more times"
+        return f"{self.name} jumps at t = {found[0]:.6g}{more}", "a continuous motion, for example a smooth table"
 
 
 def motions(equations: Equations) -> Iterator[Motion]:

@@ -17,7 +17,7 @@ from .mesh import BodyMesh
 
 # of what may overlap, beside the extent of a model
 OVERLAP = 1e-9
-APART = "bodies that start apart, or a law"
+APART = "bodies that do not overlap in the reference, or a law"
 # lengths of a body that is held beyond which it reaches nothing
 REACH = 2.5
 # of what sticks, beside the rate of steps; share of a motion that steps of unknown length are taken for
@@ -55,7 +55,7 @@ class Contacts:
 
     def __post_init__(self) -> None:
         named = {name for item in self.case.contacts for name in item.between or ()}
-        self.warnings += [f"obstacles.{name}: no contact names it, so that nothing touches it"
+        self.warnings += [f"obstacles.{name}: no contact names this obstacle, so it has no effect"
                           for name in self.case.obstacles if name not in named]
         for i, item in enumerate(self.case.contacts):
             for pair in self._pairs(i, item):
@@ -98,7 +98,7 @@ class Contacts:
         rests = not pair.frame.signals and not pair.frame.fields
         if holds and rests and gaps[k] > REACH * mesh.plan.length:
             self.warnings.append(f"contacts.{i}: {pair.body} is held {gaps[k]:.4g} from {pair.other}, more than "
-                                 f"{REACH:g} times its length: they touch only if a support takes it there")
+                                 f"{REACH:g} times its length: they touch only if a support moves it there")
 
     def _look_at_bodies(self, i: int, pairs: list[BodyPair]) -> None:
         """Look for bodies that overlap in the reference."""

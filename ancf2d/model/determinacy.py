@@ -213,5 +213,5 @@ def drop_repeated(elimination: Elimination, equations: Equations, supports: set[
         held = len(follows) == len(c.dofs) and not any(f.terms for f in follows)
         holders = {equations.rows[r].owner for f in follows for r in f.rhs} & supports
         if c.signal is None and (c.holds != LENGTH or (held and len(holders) > 1)):
-            equations.warnings.append(f"held twice: the {c.holds} of {c.owner}; its reaction is not determined")
+            equations.warnings.append(f"redundant: the {c.holds} of {c.owner}; its reaction is indeterminate")
     return [c for c in found if c.signal is not None]

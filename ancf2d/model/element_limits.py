@@ -159,9 +159,8 @@ def hidden_warning(mesh: BodyMesh) -> str | None:
         return None
     usual = default_rule(plan.element, plan.formulation).normal
     motions = f"{hidden} motion{'s' * (hidden > 1)} of each {plan.element.name} element"
-    return (f"bodies.{plan.name}: {plan.rule} leave {motions} with no or almost no stiffness at nu = "
-            f"{plan.section.nu:g}, so that static solutions can be singular and modes spurious. Use quadrature "
-            f"[{usual[0]}, {usual[1]}]")
+    return (f"bodies.{plan.name}: {plan.rule} leave {motions} with little or no stiffness at nu = {plan.section.nu:g}, "
+            f"so static solutions can be singular and modes spurious. Use quadrature [{usual[0]}, {usual[1]}]")
 
 
 def locking_warning(mesh: BodyMesh) -> str | None:
@@ -169,13 +168,13 @@ def locking_warning(mesh: BodyMesh) -> str | None:
     excess, across, plan = thickness_excess(mesh), error_across(mesh), mesh.plan
     if across > TOLD_ACROSS * (1.0 + (plan.length / plan.section.height) ** 2):
         return (f"bodies.{plan.name}: {plan.element.name} in formulation {plan.formulation.name} is {100 * across:.3g} "
-                f"% off under transverse load on a body this short at nu = {plan.section.nu:g}. Use formulation "
-                "continuum")
+                f"% in error under transverse load on a body as short as this, at nu = {plan.section.nu:g}. Use "
+                "formulation continuum")
     more, curved = arc_excess(mesh)
     who = f"bodies.{plan.name}: {plan.element.name} in formulation {plan.formulation.name}"
     if curved is not None and more >= max(TOLD, excess):
         l = curved.shape.l
-        return (f"{who} is too stiff in bending by {100 * more:.3g} %, because one element turns by "
+        return (f"{who} is too stiff in bending by {100 * more:.3g} %, because one element rotates by "
                 f"{abs(curved.turn):.2g} rad, {l / plan.section.height:.3g} heights long. Use more elements, or "
                 "reissner3")
     if excess < TOLD:
@@ -200,9 +199,9 @@ def hinge_warning(mesh: BodyMesh) -> str | None:
     lost = 1.0 if one else 2 / 3
     much = f"by {100 * lost / (plan.count - lost):.2g} %" if plan.count > 1 else "by far"
     place = "half" if one else "a third of"
-    return (f"bodies.{plan.name}: plastic hinges of {plan.element.name} lie {place} an element from the place where "
-            f"the moment peaks: collapse loads are too large, {much} where there is one at each end of the body. "
-            "reissner3 and vallejo have hinges at the nodes")
+    return (f"bodies.{plan.name}: plastic hinges of {plan.element.name} are {place} an element away from the peak of "
+            f"the moment: collapse loads are too large, {much} if each end of the body has one. Use reissner3 or "
+            "vallejo, whose hinges are at the nodes")
 
 
 def coarse_warnings(model: Model, d: Array) -> list[str]:
@@ -222,9 +221,9 @@ def _warning(mesh: BodyMesh, e0: Array, e: Array) -> str | None:
     slender = float(turn[k] * length[k] / height)
     if not slender > SAFE * plan.element.slender:
         return None
-    return (f"bodies.{plan.name}: {plan.element.name} is too stiff for elements bent this far: one turns by "
-            f"{turn[k]:.2g} rad over a length of {length[k] / height:.3g} heights (product {slender:.2g}; "
-            f"up to {SAFE * plan.element.slender:g} is safe). Use more elements, or vallejo or reissner3")
+    return (f"bodies.{plan.name}: {plan.element.name} is too stiff for elements bent as far as this: one rotates by "
+            f"{turn[k]:.2g} rad over a length of {length[k] / height:.3g} heights (product {slender:.2g}; up to "
+            f"{SAFE * plan.element.slender:g} is safe). Use more elements, or vallejo or reissner3")
 
 
 def _bend(mesh: BodyMesh, e: Array) -> Array:
@@ -323,4 +322,4 @@ def check_inverted(model: Model, d: Array, before: Array | None, t: float) -> No
     found = inverted(model, d, before)
     if found is not None:
         raise ComputationError(found, at={"factor": float(f"{t:.6g}")},
-                               advice="a smaller load or motion: no body can be compressed past zero size")
+                               advice="a smaller load or motion; no body can be compressed to zero size")

@@ -259,7 +259,7 @@ def _rotation(point: PointRef, angle: bool) -> Quantity:
 
 def _off_axis(model: Any, probe: str) -> CaseError:
     path = ("output", "probes", probe)
-    message = f"output.probes.{probe}: expressions cannot use a point off the axis of a section that is rigid"
+    message = f"output.probes.{probe}: expressions cannot use a point off the axis of a rigid section"
     if model.loaded is None:
         return CaseError(Problem(message))
     return CaseError(model.loaded.source.problem(path, message, "a point on the axis"))

@@ -100,11 +100,10 @@ def own_element(definition: ElementDefinition, source: str = "") -> ElementType:
                           shear_factor=definition.shear_factor or "timoshenko", lobatto=definition.lobatto)
     if len(polynomials) != element.n_shape:
         raise DefinitionError([(("basis",), f"{len(polynomials)} basis functions for {element.n_shape} nodal "
-                                "coordinates", "as many functions as coordinates at all nodes together")])
+                                "coordinates", "as many functions as coordinates of all nodes")])
     if element.lobatto and element.degree_x < 2:
         raise DefinitionError([(("lobatto",), "two Gauss-Lobatto points overestimate the rotary inertia of a bar, got "
-                                              f"lobatto {element.lobatto:g} for a basis of degree {element.degree_x} "
-                                              "in x",
+                                f"lobatto {element.lobatto:g} for a basis of degree {element.degree_x} in x",
                                 "no lobatto, or a basis of higher degree")])
     return element
 
@@ -142,10 +141,10 @@ def _coordinates(definition: ElementDefinition) -> Iterator[tuple[tuple[Any, ...
                 yield ("nodes", i, "coordinates", j), str(error), ""
     if any("theta" in n.coordinates and set(n.coordinates) != {"r", "theta"} for n in nodes) or len(
             {"theta" in n.coordinates for n in nodes}) > 1:
-        yield ("nodes",), "theta needs r beside it, at every node or at none", "[r, theta] at each node"
+        yield ("nodes",), "theta needs r at the same node, at every node or at none", "[r, theta] at each node"
     first, last = nodes[0], nodes[-1]
     if first.at != 0.0 or last.at != 1.0 or first.coordinates != last.coordinates:
-        yield ("nodes",), ("the first and last node must lie at 0 and 1 and have the same coordinates, so that "
-                           "neighbours can share them"), "the same coordinates at 0 and 1"
+        yield ("nodes",), ("the first and last node must be at 0 and 1 and have the same coordinates, which neighbours "
+                           "share"), "the same coordinates at 0 and 1"
     if "r" not in first.coordinates:
         yield ("nodes", 0, "coordinates"), "the end nodes need the coordinate r", ""

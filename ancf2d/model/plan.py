@@ -165,13 +165,13 @@ def _rule(chosen: Any, element: ElementType, formulation: Formulation, curved: b
     if isinstance(chosen, Selective):
         if not formulation.selective:
             raise RefusedError(("element", "quadrature"),
-                               f"formulation {formulation.name} has one rule for all strains", "[nx, ny]")
+                               f"formulation {formulation.name} uses one quadrature for all strains", "[nx, ny]")
         return Rule(chosen.normal, chosen.shear)
     if chosen == "exact":
         rule = formulation.exact(element)
         if rule is None or curved:
             why = "on a curved axis" if curved else f"for formulation {formulation.name}"
-            raise RefusedError(("element", "quadrature"), f"no finite rule is exact {why}", "[nx, ny]")
+            raise RefusedError(("element", "quadrature"), f"no finite quadrature is exact {why}", "[nx, ny]")
         return Rule(rule, rule)
     return Rule(tuple(chosen), tuple(chosen)) if chosen else default_rule(element, formulation)
 
@@ -250,7 +250,8 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
     preset = element.preset if spec.preset == "paper" else {}
     if spec.preset == "paper" and not preset:
         offered = [t.name for t in registry.ELEMENTS.values() if t.preset]
-        raise RefusedError(("element", "preset"), f"the paper has no {element.name}", "preset on " + ", ".join(offered))
+        raise RefusedError(("element", "preset"), f"the paper does not use {element.name}",
+                           "preset on " + ", ".join(offered))
     usual = _of_layers(element) if isinstance(body.section, Layers) else element.formulation
     formulation = _formulation(spec, element, spec.formulation or str(preset.get("formulation", usual)))
     assert spec.number is not None  # a flexible body without one is refused
@@ -267,11 +268,12 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
     rule = _rule(spec.quadrature or preset.get("quadrature") or theirs, element, formulation,
                  any(p.kappa != 0.0 for p in pieces))
     if isinstance(body.section, Layers) and formulation.name == "continuum" and not rule.uniform:
-        raise RefusedError(("element", "quadrature"), "layers in formulation continuum have one rule for all strains",
+        raise RefusedError(("element", "quadrature"), "layers in formulation continuum use one quadrature for all "
+                           "strains",
                            "[nx, ny], where ny is the number of points across each layer")
     k: Any = spec.shear_factor if spec.shear_factor is not None else preset.get("shear_factor")
     if spec.shear_factor is not None and element.section_kind == "tangent":
-        raise RefusedError(("element", "shear_factor"), f"{element.name} does not shear, so shear_factor has no effect",
+        raise RefusedError(("element", "shear_factor"), f"{element.name} has no shear, so shear_factor has no effect",
                        "no shear_factor")
     section, varying = resolve_section(body, element, formulation, k)
     formulation, rule = with_memory(spec, formulation, section, rule)
@@ -285,7 +287,7 @@ def _plan_rigid(name: str, body: Body) -> BodyPlan:
     """Resolve a rigid body, whatever its count: a bar per straight piece, or short stretches of a curve in a frame."""
     for key in ("formulation", "quadrature", "shear_factor", "preset", "nodes", "grading", "refine"):
         if getattr(body.element, key) is not None:
-            raise RefusedError(("element", key), f"bodies.{name}: a rigid body has no strain, so {key} has no effect",
+            raise RefusedError(("element", key), f"bodies.{name}: a rigid body does not deform, so {key} has no effect",
                                f"no {key}")
     bars = isinstance(body.geometry, Line | Polyline)
     pieces = pieces_of(body.geometry, body.geometry.least) if bars else short_pieces(body.geometry, SHORT)
@@ -341,8 +343,8 @@ def _check_mass(plan: BodyPlan) -> None:
     section = plan.section
     if is_axis_type(plan.element) and abs(section.rhoS) > 1e-9 * section.rhoA * section.height:
         off = section.rhoS / section.rhoA
-        raise SectionError(("section", "axis"), f"bodies.{plan.name}: the centre of mass lies {off:g} off the axis, "
-                           f"but {plan.element.name} has its mass on the axis",
+        raise SectionError(("section", "axis"), f"bodies.{plan.name}: the centre of mass is {off:g} away from the "
+                           f"axis, but {plan.element.name} has its mass on the axis",
                            f"axis: {section.height_of_axis + off:.9g}, or a type of vallejo, ancf")
 
 
@@ -359,7 +361,7 @@ def _computable(plan: BodyPlan) -> BodyPlan:
 
 
 def _incomputable(name: str) -> str:
-    return f"bodies.{name}: its length, section or stiffnesses are too large or too small to compute with"
+    return f"bodies.{name}: its length, section or stiffnesses are too large or too small for floating-point numbers"
 
 
 def warnings_of(plan: BodyPlan) -> list[str]:
@@ -367,28 +369,29 @@ def warnings_of(plan: BodyPlan) -> list[str]:
     out = []
     if plan.count > plan.asked > 0:
         out.append(f"bodies.{plan.name}: element.count {plan.asked} is less than the number of stretches between "
-                   f"corners and places where something acts: {plan.count} elements are used")
+                   f"corners and points where something acts: {plan.count} elements are used")
     if inside := plan.inside():
         places = ", ".join(f"{s:.6g}" for s in inside[:5]) + (", ..." if len(inside) > 5 else "")
-        out.append(f"bodies.{plan.name}: something acts inside an element, at S = {places}, where {plan.element.name} "
-                   "cannot have a kink. Refinement then converges slowly; nodes: acting places a node there")
+        out.append(f"bodies.{plan.name}: a support, joint, spring, mass or load acts inside an element, at S = "
+                   f"{places}, where {plan.element.name} cannot have a kink. Refinement then converges slowly. Use "
+                   "nodes: acting, which places a node there")
     on_axis = is_axis_type(plan.element) or plan.formulation.name == "structural"
     if on_axis and not plan.section.laws and {plan.rule.normal[1], plan.rule.shear[1]} != {1}:
         out.append(f"bodies.{plan.name}: formulation {plan.formulation.name} integrates on the axis; "
                    "the points across have no effect")
     longest = max(p.l for p in plan.pieces) / float(np.min(plan.section_at(np.linspace(0.0, 1.0, 101)).height))
     if longest > plan.element.slender:
-        out.append(f"bodies.{plan.name}: {plan.element.name} is too stiff in bending with elements this slender "
+        out.append(f"bodies.{plan.name}: {plan.element.name} is too stiff in bending with elements as slender as these "
                    f"({longest:.3g} times as long as high; up to {plan.element.slender:g} is safe). Use more elements, "
                    "or vallejo or reissner3, which have no such limit")
     if plan.element.common_coefficients and plan.length <= plan.section.height and plan.count > 1:
         out.append(f"bodies.{plan.name}: neighbours of type {plan.element.name} share only the axis and the directions "
-                   "of their sections, so results are off by half and more under transverse load on a body this short. "
-                   "Use patel in formulation continuum")
+                   "of their sections, so results have errors of 50 % and more under transverse load on a body as "
+                   "short as this. Use patel in formulation continuum")
     turn = max(float(np.abs(p.turns()).max()) for p in plan.pieces)
     if turn > WIDE:
-        out.append(f"bodies.{plan.name}: an element turns by {turn:.2g} rad, which can cost some per cent of "
-                   f"accuracy. Use more elements, so that each turns by less than {WIDE:g} rad")
+        out.append(f"bodies.{plan.name}: an element rotates by {turn:.2g} rad, which can cost some per cent of "
+                   f"accuracy. Use more elements, so that each rotates by less than {WIDE:g} rad")
     if plan.element.common_coefficients and any(p.kappa != 0.0 for p in plan.pieces):
         out.append(f"bodies.{plan.name}: on a curved axis {plan.element.name} curves the reference sections")
     return out

@@ -251,8 +251,8 @@ def check_facing(constraints: Iterable[object], d: Array, t: float) -> None:
             raise ComputationError(
                 f"{constraint.owner}: the section points opposite to its prescribed direction because its element is "
                 "inverted", at={"t": t},
-                advice="smaller steps or a gentler motion, more elements there, or reissner3, whose sections cannot "
-                       "collapse")
+                advice="smaller steps or a slower motion, more elements there, or reissner3, whose sections cannot "
+                "collapse")
 
 
 def formula_record(trees: Sequence[Tree], names: Sequence[str], texts: Sequence[str]) -> Any:

@@ -77,11 +77,11 @@ def _laws_of(body: Body, element: ElementType, formulation: Formulation) -> tupl
     at: tuple[str | int, ...] = ("section", "layers", found[0], "material") if layers else ("material",)
     if formulation.fibres is None:
         known = [f.name for f in FORMULATIONS.values() if f.fibres is not None and f.refuse(element) is None]
-        raise SectionError(at, f"formulation {formulation.name} has no fibres that could yield or follow a curve",
+        raise SectionError(at, f"formulation {formulation.name} has no fibres that can yield or follow a curve",
                            f"formulation {' or '.join(known)}" if known else "a type of cable, reissner2, reissner3")
     if not isinstance(body.section, Layers | Rectangle):
-        raise SectionError(("section",), "an area and its second moment do not tell where the fibres of the material "
-                           "are", "{height, width} or {width, layers}")
+        raise SectionError(("section",), "an area and its second moment do not define the fibres", "{height, width} or "
+                           "{width, layers}")
     return tuple(_law(m) for m in materials if m is not None)
 
 
@@ -105,14 +105,15 @@ def _neo_hookean(spec: Any, formulation: Formulation, rule: Rule) -> Formulation
     """Return a formulation for a neo-Hookean material. Raises SectionError for what it cannot have."""
     at, known = ("material", "law"), [f.name for f in FORMULATIONS.values() if f.points]
     if not formulation.points:
-        raise SectionError(at, f"formulation {formulation.name} cannot have the law neo_hooke, which gives the "
-                           "stress at points of the section", f"a type with formulation {' or '.join(known)}")
+        raise SectionError(at, f"formulation {formulation.name} does not support the law neo_hooke, which needs "
+                           "stresses at points of the section", f"a type with formulation {' or '.join(known)}")
     if not rule.uniform:
-        raise SectionError(("element", "quadrature"), "the law neo_hooke has one rule for all strains", "[nx, ny]")
+        raise SectionError(("element", "quadrature"), "the law neo_hooke uses one quadrature for all strains",
+                           "[nx, ny]")
     for name in ("shear_factor", "preset"):
         if getattr(spec, name) is not None:
-            raise SectionError(("element", name), f"the law neo_hooke has no shear factor, so that {name} cannot be "
-                               "given", f"no {name}")
+            raise SectionError(("element", name), f"the law neo_hooke has no shear factor, so {name} cannot be given",
+                               f"no {name}")
     return neo_hookean(formulation)
 
 
@@ -129,7 +130,7 @@ def with_memory(spec: Any, formulation: Formulation, section: Section, rule: Rul
     if spec.quadrature in (None, "exact"):
         rule = Rule((rule.normal[0], FIBRES), (rule.shear[0], FIBRES if rule.uniform else 1), rule.lobatto)
     if rule.normal[1] < 2:
-        raise SectionError(("element", "quadrature"), "one fibre through each layer does not bend",
+        raise SectionError(("element", "quadrature"), "a single fibre through each layer has no bending stiffness",
                            f"[nx, ny] with ny fibres through each layer, {FIBRES} by default")
     return fibres_of(formulation, section, rule.normal[1]), rule
 
@@ -146,8 +147,8 @@ def _check_range(section: Section) -> None:
     for name, found in constants.items():
         for value in np.atleast_1d(found).tolist():
             if not LEAST <= value <= MOST:
-                raise SectionError(("section",), f"the section has {name} = {value:g}, whose products leave the range "
-                                   "of floating-point numbers", f"{LEAST:g} to {MOST:g}, in other units perhaps")
+                raise SectionError(("section",), f"the section has {name} = {value:g}, whose products exceed the range "
+                                   "of floating-point numbers", f"{LEAST:g} to {MOST:g}, perhaps in other units")
 
 
 def _resolved(body: Any, element: ElementType, formulation: Formulation, k: str | float | None) -> Section:
@@ -197,7 +198,7 @@ def _from_layers(given: Layers, k: str | float | None) -> Section:
 
 def _from_stiffness(s: Any, element: ElementType, formulation: Formulation, alpha: float) -> Section:
     if element.section_kind != "tangent" and s.kGA is None:
-        raise SectionError(("section",), f"{element.name} shears: section needs kGA")
+        raise SectionError(("section",), f"{element.name} has shear: section needs kGA")
     h = np.sqrt(12.0 * s.EI / s.EA)
     A = h * h
     E = s.EA / A
@@ -208,13 +209,13 @@ def _from_stiffness(s: Any, element: ElementType, formulation: Formulation, alph
         other = _first((rhoA != 0.0) & ~np.isclose(rhoI, theirs, rtol=1e-6, atol=0.0), rhoI, theirs)
         if other is not None:
             raise SectionError(
-                ("section", "rhoI"), f"{element.name} has the inertia of a rectangle: section.rhoI is {other[0]:g}",
+                ("section", "rhoI"), f"{element.name} needs the inertia of a rectangle: section.rhoI is {other[0]:g}",
                 f"rhoA EI/EA = {other[1]:g}, or a type of cable, reissner2, reissner3")
         beyond = _first((kGA <= 0.0) | (kGA > 0.5 * s.EA * (1 + 1e-12)), kGA, 0.5 * s.EA)
         if formulation.name != "structural" and beyond is not None:
             raise SectionError(
                 ("section", "kGA"), f"{element.name} with formulation {formulation.name} integrates the shear of a "
-                f"rectangle with nu = 0: section.kGA is {beyond[0]:g}",
+                f"rectangle with nu = 0, but section.kGA is {beyond[0]:g}",
                 f"0 < kGA <= GA = EA/2 = {beyond[1]:g}, formulation structural, or reissner2, reissner3")
     k_s = kGA / (0.5 * s.EA)
     return Section(h, h, E, 0.0, k_s, EA=s.EA, kGA=kGA, EI=s.EI, rhoA=rhoA, rhoI=rhoI, alpha=alpha)

@@ -126,10 +126,10 @@ def _touch(model: Model, one: ContactTable, state: State) -> Touch:
 
 
 def check_pressed(model: Model, d: Array, at: dict[str, float]) -> None:
-    """Raise ComputationError where bodies have pressed so deep into one another that contact may let them through."""
+    """Raise ComputationError where bodies are pressed so deep into one another that contact may let them through."""
     for told in filter(None, (pair.pressed_through(d) for pair in model.contacts)):
-        raise ComputationError(f"{told}, where contact may let it through", at=at,
-                               advice="a stiffer law, or none; smaller steps, or smaller loads")
+        raise ComputationError(f"{told}, where contact may no longer hold it", at=at,
+                               advice="a stiffer law or none, smaller steps, or smaller loads")
 
 
 def check_crossed(model: Model, d: Array, last: Array, t: float) -> None:
@@ -137,7 +137,7 @@ def check_crossed(model: Model, d: Array, last: Array, t: float) -> None:
     for one in model.contact_tables:
         if one.crossed(last, d):
             raise ComputationError(f"{one.pair.name}: {one.pair.body} passes through {one.pair.other}",
-                                   at={"factor": float(f"{t:.6g}")}, advice="more steps, or a gap to begin with")
+                                   at={"factor": float(f"{t:.6g}")}, advice="more steps, or an initial gap")
 
 
 def contact_report(model: Model, state: State) -> list[dict[str, Any]]:

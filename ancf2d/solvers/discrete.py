@@ -102,7 +102,7 @@ class DiscreteModel:
         """Return unknowns (n,), or their rates, as the system has them."""
         found = np.asarray(given)
         if np.iscomplexobj(found):
-            raise TypeError(f"{what} is complex; this model computes with real numbers only")
+            raise TypeError(f"{what} is complex; use real numbers")
         num, full = self._model.numbering, not self._model.constraints
         found = found.astype(float)
         if found.shape == (self.n,):
@@ -113,7 +113,7 @@ class DiscreteModel:
             out = found[num.free]
             off = largest(self._full(out, t, order) - found, self._model.weights) if order == 0 else 0.0
             if off > HELD * self._model.extent:
-                raise ValueError(f"{what} is off by {off:.3g} from what supports and joints hold at t = {t:g}")
+                raise ValueError(f"{what} violates supports and joints by {off:.3g} at t = {t:g}")
             return out
         other = f", or all {num.n_q} nodal coordinates" if full else ""
         raise ValueError(f"{what} has the shape {found.shape}; expected ({self.n},), the unknowns{other}")
@@ -200,7 +200,7 @@ class DiscreteModel:
         lacking = [name for name, mesh in self._model.meshes.items() if not mesh.plan.section.rhoA > 0.0]
         if lacking:
             raise ComputationError(f"there is no mass matrix: {', '.join(lacking)} has no mass",
-                                   advice="material.rho, or section.rhoA where the section is given by stiffnesses")
+                                   advice="material.rho, or section.rhoA if the section is given by stiffnesses")
         return full_mass(self._model)
 
     @cached_property
@@ -289,8 +289,8 @@ class DiscreteModel:
         except RuntimeError:
             raise ComputationError(
                 "the mass matrix is singular, or joints hold the same motion twice",
-                advice="give every body a density (rhoI too where the section is given by stiffnesses); let each joint "
-                       "hold what no other holds") from None
+                advice="give every body a density (rhoI too if the section is given by stiffnesses); remove joints "
+                "that hold the same motion twice") from None
 
     # ------------------------------------------------------------------ probes
 

@@ -55,11 +55,14 @@ FIELDS: dict[str, Field] = {f.name: f for f in (
           "strain"),
     Field("energy", ("energy",), "{F}/{L}^2", "strain energy per volume of the reference", True, "energy"),
     Field("plastic_strain", ("xx",), "1", "plastic strain of the fibres along the axis", True, "plastic", True),
-    Field("pressure", ("pressure",), "{F}/{L}", "force of contact across each face, per length of the axis", False,
+    Field("pressure", ("pressure",), "{F}/{L}", "contact pressure on each face: normal force per length of the axis",
+          False,
           "pressure", True, True),
-    Field("traction", ("traction",), "{F}/{L}", "friction on each face along the axis, per length", False, "traction",
+    Field("traction", ("traction",), "{F}/{L}", "friction force on each face along the axis, per length", False,
+          "traction",
           True, True),
-    Field("gap", ("gap",), "{L}", "distance of each face from what it may touch, nan where nothing is opposite", False,
+    Field("gap", ("gap",), "{L}", "gap: distance of each face from the nearest surface, nan if nothing is opposite",
+          False,
           "gap", True, True),
 )}
 
@@ -72,14 +75,14 @@ def field_problems(model: Model, names: Sequence[str] | None = None) -> list[Pro
         return []
     touches = [] if case.contacts else [
         source.problem(("output", "fields", k) if names is None else (), ("output.fields: " if names is None else "")
-                       + f"{name} is not known: nothing touches in this case", "contacts")
+                       + f"{name} is not available: this case has no contacts", "contacts")
         for k, name in enumerate(wanted) if FIELDS[name].faces]
     over = [k for k, name in enumerate(wanted) if FIELDS[name].over]
     bodies = [name for name, body in case.bodies.items()
               if isinstance(body.section, Stiffness) and not model.meshes[name].plan.rigid]
     if not over or not bodies:
         return touches
-    what, expected = f"the section of body '{bodies[0]}' is given by its stiffnesses alone", "N, Q, M"
+    what, expected = f"the section of body '{bodies[0]}' is given only by its stiffnesses", "N, Q, M"
     return touches + [
         source.problem(("output", "fields", k) if names is None else ("bodies", bodies[0], "section"),
                        ("output.fields: " if names is None else "") + f"{wanted[k]} is not known: {what}",

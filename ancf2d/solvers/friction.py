@@ -35,8 +35,8 @@ def hold(one: ContactTable, which: Iterable[int], d: Array, accepted: tuple[Arra
         point = one.points[k]
         if point.mem[HELD] > 0.0 and point.mem[FREE] == 1.0:
             raise ComputationError(f"{one.pair.name}: a body slides over a corner of {one.pair.other}, where friction "
-                                   "without a law is not known", at={"factor": float(f"{t:.6g}")},
-                                   advice="a circle in the place of the corner, or a law of contact")
+                                   "without a contact law is undefined", at={"factor": float(f"{t:.6g}")},
+                                   advice="a circle in place of the corner, or a contact law")
         point.mem[ANCHOR], point.mem[SLIDES] = before[k], STICKS
         way = slip(point.par, now[k], before[k])
         if abs(way) > NO_SLIP * point.scale and abs(way) * point.par[STICK] > _limit(point, d):

@@ -96,17 +96,17 @@ def left_out(case: Case) -> list[str]:
     """Return what a case says that its solver leaves out of the computation, in words."""
     if isinstance(case.solver, FrequencyResponse | StateSpace):
         idle = case.steady_rotation is None and any(load.name not in case.inputs for load in case.loads)
-        out = ["these motions are about the reference: loads other than inputs have no effect (about: static finds "
-               "the state that they lead to)"] if idle and case.solver.about == "reference" else []
+        out = ["these motions are about the reference, so loads other than inputs have no effect. Use about: static to "
+               "include them"] if idle and case.solver.about == "reference" else []
         fields = [name for name in case.output.fields if name not in ("N", "Q", "M")]
         if isinstance(case.solver, FrequencyResponse) and fields:
-            out.append(f"the response is of probes: {', '.join(fields)} are those of the state about which the model "
-                       "oscillates")
+            out.append(f"the response is that of probes; {', '.join(fields)} are those of the state about which the "
+                       "model oscillates")
         return out
     if case.solver.moves:
         late = [(f"{section}.{k}", item.active.from_) for section in SWITCHED for k, item in enumerate(
             getattr(case, section)) if getattr(item, "active", None) is not None and item.active.from_ is not None]
-        return [*never_met(case), *(f"{what}: it begins at t = {begin:g}, and the motion ends at {case.solver.end:g}"
+        return [*never_met(case), *(f"{what}: it begins at t = {begin:g}, but the motion ends at {case.solver.end:g}"
                                     for what, begin in late if begin >= case.solver.end)]
     if not isinstance(case.solver, Eigen):
         return []
@@ -119,13 +119,13 @@ def left_out(case: Case) -> list[str]:
     dampers += ["damping"] if case.damping is not None else []
     out = []
     if dampers and not case.solver.damped:
-        out.append(f"these modes are undamped (damped: false): {', '.join(dampers)} have no effect")
+        out.append(f"these modes are undamped (damped: false), so {', '.join(dampers)} have no effect")
     if case.solver.about == "reference" and case.steady_rotation is None:
         what = ["loads"] if case.loads else []
         what += ["prescribed motions"] if any(s.motions for s in case.boundary_conditions) else []
         if what:
-            out.append(f"these modes are about the reference: {' and '.join(what)} have no effect, except that "
-                       "prescribed points are held (about: static finds the state that they lead to)")
+            out.append(f"these modes are about the reference, so {' and '.join(what)} have no effect, except that "
+                       "prescribed points are held. Use about: static to include them")
     return out
 
 

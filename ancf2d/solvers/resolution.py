@@ -56,7 +56,7 @@ LARGE_STRAIN = 3.0
 FAINT = 1e-13
 # the kinds of modes that beams have; of those that are off, so many are named
 KINDS, SHOWN = ("bending", "axial", "shear"), 3
-ADVICE = "Use more elements, or --accuracy with a goal, which chooses them; ancf2d convergence shows the error"
+ADVICE = "Use more elements, or --accuracy with a goal; ancf2d convergence shows the error"
 
 
 @dataclass
@@ -242,9 +242,9 @@ class Resolution:
         share = sum(self.lost.values()) / (self.count * self.energy) if self.energy else 0.0
         if share <= UNFOLLOWED:
             return []
-        return [f"the mesh is too coarse for this motion: it does not resolve waves and bending that carry "
-                f"{100 * share:.2g} % of the energy{self._where(self.lost)}. The error estimate of the time steps "
-                f"does not include this. {ADVICE}"]
+        return [f"the mesh is too coarse for this motion: it does not resolve waves and bending with {100 * share:.2g} "
+                f"% of the energy{self._where(self.lost)}. The error estimate of the time steps does not include this. "
+                f"{ADVICE}"]
 
     def _of_statics(self, state: State) -> list[str]:
         found = {name: body.energies(state) for name, body in self._bodies.items()}
@@ -255,7 +255,7 @@ class Resolution:
         off = _share(sum(lost.values()), stored)
         if off <= TOLD:
             return []
-        return [f"the mesh is too coarse: displacements are off by about {_percent(off)} %{self._where(lost)}. "
+        return [f"the mesh is too coarse: displacements have an error of about {_percent(off)} %{self._where(lost)}. "
                 f"{ADVICE}"]
 
     def _of_modes(self, state: State) -> list[str]:
@@ -274,7 +274,7 @@ class Resolution:
                 off[f"{mode['kind']} {mode['number']}"] = error
                 for name, gap in gaps.items():
                     told[name] += gap
-        return self._off("modes: the frequency is off for", off, told)
+        return self._off("modes: frequencies have errors:", off, told)
 
     def of_buckling(self, start: State, u: Array, h: float, factors: Array, shapes: Array) -> list[str]:
         """Return what to say of load factors and their shapes (m, n_q), which loads without a potential do not have.

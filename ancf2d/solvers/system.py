@@ -317,11 +317,11 @@ class System:
         if full < self.model.n_q:
             return SingularTangentError(
                 f"the tangent stiffness is singular: {self.model.describe_coordinate(full)} has no stiffness", at=at,
-                advice="a support or joint that holds it, or a quadrature with more points (hidden zero-energy modes)")
+                advice="a support or joint that holds it, or a quadrature with more points if it is a zero-energy mode")
         held = self.model.constraints[full - self.model.n_q]
         return SingularTangentError(
-            f"the tangent stiffness is singular: {held.owner} ({held.holds}) repeats or contradicts what other "
-            "supports, joints and rigid bodies hold", at=at, advice="supports and joints that hold each motion once")
+            f"the tangent stiffness is singular: {held.owner} ({held.holds}) repeats or contradicts other supports, "
+            "joints and rigid bodies", at=at, advice="supports and joints that hold each motion only once")
 
     def turns(self) -> Turned:
         """Return what turns are counted from: the state last counted or, where torsion springs wind, evaluated."""

@@ -240,7 +240,7 @@ def why_not(model: Model) -> str:
     if solver.moves:
         return unsuited(model)
     if model.remembers:
-        return "materials remember the way to a state"
+        return "materials depend on the load history"
     if any(pair.item.friction for pair in model.contacts):
         return "friction depends on the way to a state"
     if solver.scales and (model.loads.flows or not model.symmetric):

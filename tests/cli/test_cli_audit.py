@@ -65,7 +65,8 @@ def test_coordinates_that_do_not_determine_the_basis_are_a_verdict(call: Call, f
     (["vallejoo"], "did you mean 'vallejo'?"), (["none.yaml"], "none.yaml: error: cannot read the file"),
     (["2d2n", "--formulation", "enhanced"], "2d2n has no formulation enhanced"),
     (["2d2n", "--quadrature", "2"], "'2' is not a pair of numbers of Gauss points"),
-    (["vallejo", "--preset", "paper"], "the paper has no vallejo"), (["wrong.yaml"], "wrong.yaml:2:14: error: basis")])
+    (["vallejo", "--preset", "paper"], "the paper does not use vallejo"), (["wrong.yaml"], "wrong.yaml:2:14: error: "
+                                                                           "basis")])
 def test_what_is_wrong_is_said_with_exit_2(call: Call, folder: Path, arguments: list[str], words: str) -> None:
     (folder / "wrong.yaml").write_text(OWN.replace('"x"', '"x^^2"'))
     result = call("audit", *arguments)

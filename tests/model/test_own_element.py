@@ -59,7 +59,7 @@ def test_all_that_is_wrong_is_told_with_its_place():
 @pytest.mark.parametrize(("basis", "coordinates", "words"), [
     (["1", "x", "y"], ["r", "r_y"], "3 basis functions for 4 nodal coordinates"),
     (["1", "x"], ["r_x"], "need the coordinate r"),
-    (["1", "x"], ["r", "r_x", "theta"], "theta needs r beside it")])
+    (["1", "x"], ["r", "r_x", "theta"], "theta needs r at the same node")])
 def test_what_is_no_element(basis, coordinates, words):
     with pytest.raises(DefinitionError, match=words):
         own_element(definition(basis, *coordinates))

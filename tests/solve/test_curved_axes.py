@@ -203,9 +203,9 @@ def test_what_a_curved_body_weighs(name: str) -> None:
 
 
 @pytest.mark.parametrize(("geometry", "said"), [
-    ({"type": "curve", "x": "abs(s - 0.5)", "y": "s"}, "jumps, has a corner or stands still near s = 0.5"),
-    ({"type": "curve", "x": "(s - 0.25)^2", "y": "(s - 0.25)^3"}, "stands still near s = 0.25"),
-    ({"type": "curve", "x": "0 if s < 0.4 else 1", "y": "s"}, "jumps, has a corner or stands still near s = 0.4"),
+    ({"type": "curve", "x": "abs(s - 0.5)", "y": "s"}, "jumps, has a corner or has zero velocity near s = 0.5"),
+    ({"type": "curve", "x": "(s - 0.25)^2", "y": "(s - 0.25)^3"}, "zero velocity near s = 0.25"),
+    ({"type": "curve", "x": "0 if s < 0.4 else 1", "y": "s"}, "jumps, has a corner or has zero velocity near s = 0.4"),
     ({"type": "curve", "x": "1", "y": "2"}, "the curve has no length"),
     ({"type": "curve", "x": "sqrt(s - 0.1)", "y": "s"}, "no position or no direction at s = 0"),
     ({"type": "curve", "x": "s", "y": "s", "closed": True}, "ends at (1, 1), 1.41 away from its start (0, 0)"),

@@ -198,8 +198,8 @@ def test_an_expression_without_a_value_is_told(more: dict, what: str, name: str,
 
 
 @pytest.mark.parametrize(("changes", "words"), [
-    ({"solver": {"type": "dynamic", "t_end": 1, "method": "energy_momentum"}}, "energy_momentum takes the mean"),
-    ({"solver": {"type": "static"}}, "no motion that a load could answer")])
+    ({"solver": {"type": "dynamic", "t_end": 1, "method": "energy_momentum"}}, "energy_momentum uses mean loads"),
+    ({"solver": {"type": "static"}}, "no motion on which a load could depend")])
 def test_what_cannot_answer_is_refused(changes, words):
     scene = arm("hub.theta")
     with pytest.raises(CaseError, match=words):

@@ -153,5 +153,5 @@ def test_the_fluid_has_weight_and_is_checked() -> None:
     with pytest.raises(ancf2d.CaseError, match="named twice"):
         ancf2d.load({**case, "fluid": [case["fluid"], case["fluid"]], "solver": {"type": "eigen"}})
     moving = {**case["fluid"], "velocity": {"type": "ramp"}}
-    with pytest.raises(ancf2d.CaseError, match="for solver dynamic alone"):
+    with pytest.raises(ancf2d.CaseError, match="needs solver dynamic"):
         ancf2d.load({**case, "fluid": moving, "solver": {"type": "eigen"}})

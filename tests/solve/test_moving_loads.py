@@ -168,7 +168,7 @@ def test_what_never_comes_onto_its_body_is_told() -> None:
         assert [text.startswith("loads.0.at: s is between") for text in told] == [True] * (not meets)
         assert said(masses=[{"at": off, "mass": 1}]) == [text.replace("loads", "masses") for text in told]
     (text,) = said(loads=[{"type": "force", "at": "beam@0.5", "value": [0, 1], "active": {"from": 9}}])
-    assert text == "loads.0: it begins at t = 9, and the motion ends at 0.63662"
+    assert text == "loads.0: it begins at t = 9, but the motion ends at 0.63662"
 
 
 def test_what_moves_is_checked() -> None:

@@ -140,7 +140,7 @@ def test_fewer_pairs_than_asked_for_where_the_rest_is_overdamped() -> None:
     pairs = s[s.imag > 0]
     assert len(pairs) == (omega < 2 / tau).sum() == 2
     np.testing.assert_allclose(pairs**2 + omega[:2] ** 2 * (1 + tau * pairs), 0.0, atol=1e-8 * omega[1] ** 2)
-    assert any("2 pairs vibrate, not 4" in w for w in summary["warnings"])
+    assert any("2 pairs vibrate instead of 4" in w for w in summary["warnings"])
 
 
 def test_equal_bodies_have_every_pair_twice() -> None:

@@ -103,7 +103,7 @@ def test_all_that_is_wrong_with_a_file_is_told_where_it_stands(tmp_path):
 
 @pytest.mark.parametrize(("name", "options", "words"), [
     ("rigid", {}, "rigid has no strain"), ("2d2m", {}, "did you mean '2d2n'"), ("ancf", {}, "orders along and across"),
-    ("vallejo", {"preset": "paper"}, "--preset: error: the paper has no vallejo"),
+    ("vallejo", {"preset": "paper"}, "--preset: error: the paper does not use vallejo"),
     ("2d2n", {"formulation": "enhanced"}, "--formulation: error: 2d2n has no formulation enhanced"),
     ("cable", {"quadrature": "exact"}, "--quadrature: error: no finite rule"),
     ("missing.yaml", {}, "cannot read the file")])

@@ -153,7 +153,7 @@ def test_what_is_not_differentiated_is_told(tmp_path):
     (tmp_path / "scene.yaml").write_text(SCENE)
     loaded = ancf2d.load(tmp_path / "scene.yaml", ["solver.t_end=0.006", "solver.method=radau5"])
     row, = ancf2d.sensitivity(loaded, ["loads.push.amplitude.t1"]).rows
-    assert row.method == "differences of runs: the times at which signals have corners change with the number"
+    assert row.method == "differences of runs: the times of corners of signals depend on the number"
     case = {**THROWN, "solver": {"type": "dynamic", "t_end": 0.01, "dt": 0.005, "method": "energy_momentum"}}
     row, = ancf2d.sensitivity(ancf2d.load(case), ["initial.velocity.1"]).rows
     assert row.method == "differences of runs: the steps of energy_momentum are not differentiated"

@@ -350,11 +350,11 @@ def _needs_body(element: ElementType) -> str | None:
 
 def _refuse_split(element: ElementType) -> str | None:
     if element.common_coefficients:
-        return (f"the y^2 of {element.name} is tied to x^2: without Poisson coupling over the section it would add the "
-                "bending stiffness twice")
+        return (f"the y^2 of {element.name} is coupled to x^2: without Poisson coupling over the section it would add "
+                "the bending stiffness twice")
     if element.degree_y > 2:
         return (f"the section of {element.name} stretches unevenly (y^3): Poisson coupling with the strain of the axis "
-                "alone would miss its mean, and simple tension would be wrong")
+                "alone would give wrong results in simple tension")
     return _needs_body(element)
 
 

@@ -52,7 +52,7 @@ class Differing:
         found = [_tables(model, one) for model, one in zip(models, signals, strict=True)]
         if any(len(one.all) > len(run.signals) and list(pieces(one.all, run.spec.t_end)) != list(stepper.pieces)
                for one in signals):
-            raise UnsuitedError("the times at which signals have corners change with the number")
+            raise UnsuitedError("the times of corners of signals depend on the number")
         same = all(_same(getattr(base, name), tables[name]) for tables in found for name in (*_FOLLOWING, "alpha"))
         groups = [run.model.groups, *(model.groups for model in models)]
         same = same and not stepper.moving and not stepper.events and not len(base.facing.item) and all(

@@ -96,7 +96,7 @@ class Motion:
             except UnsuitedError as found:
                 return motion, numbers, refused | dict.fromkeys(numbers, found)
             except ComputationError as found:
-                reason = UnsuitedError(f"its steps cannot be made once more: {found.failure.reason}")
+                reason = UnsuitedError(f"its steps cannot be repeated: {found.failure.reason}")
                 if last:
                     return motion, numbers, refused | dict.fromkeys(numbers, reason)
             del self.tolerances[0]

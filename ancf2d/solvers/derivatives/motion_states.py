@@ -294,7 +294,7 @@ class Pass:
                 break
         self.off = np.maximum(self.off, last)
         if (last > LOOSE).any():
-            raise UnsuitedError("the tangents of the steps do not tell how they change")
+            raise UnsuitedError("the tangents of the steps do not determine their derivatives")
 
     def _within(self, step: Step, row: Row, course: Course, k: int) -> Change:
         """Return the change of a state that is stored within a step."""

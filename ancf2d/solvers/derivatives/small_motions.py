@@ -124,11 +124,11 @@ class Vibration(_SmallMotions):
         values = np.array([complex(e["growth"], e["omega"]) for e in entries])
         near = np.flatnonzero(np.abs(values - s) <= EQUAL * abs(s)).tolist()
         if not s.imag:
-            raise ComputationError(f"the frequency omega = {s.imag:.9g} is that of a motion that does not vibrate: it "
-                                   "has no derivative", at={"mode": entry + 1}, advice="a goal that names another mode")
+            raise ComputationError(f"the frequency omega = {s.imag:.9g} belongs to a motion that does not vibrate, so "
+                                   "it has no derivative", at={"mode": entry + 1}, advice="a goal for another mode")
         if near[-1] == len(entries) - 1 and len(near) > 1:
-            raise ComputationError(f"the frequency omega = {s.imag:.9g} is one of several that are equal, of which "
-                                   "there may be more than the modes of the case", at={"mode": entry + 1},
+            raise ComputationError(f"the frequency omega = {s.imag:.9g} is one of several equal ones, of which there "
+                                   "may be more than solver.modes", at={"mode": entry + 1},
                                    advice=f"solver.modes: {len(entries) + 2}")
         s = complex(values[near].mean())
         A, near_s, free, n_q = p.matrix(s), p.matrix(s * (1.0 + BESIDE)), self.model.numbering.free, self.model.n_q
@@ -326,8 +326,8 @@ class Instability(OneByOne):
         factors = self.state.report["load_factors"]
         near = [k for k, f in enumerate(factors) if abs(f - factors[number]) <= EQUAL * abs(factors[number])]
         if len(near) > 1 and near[-1] == len(factors) - 1:
-            raise ComputationError(f"the load factor {factors[number]:.9g} is one of several that are equal, of which "
-                                   "there may be more than the modes of the case",
+            raise ComputationError(f"the load factor {factors[number]:.9g} is one of several equal ones, of which "
+                                   "there may be more than solver.modes",
                                    advice=f"solver.modes: {len(factors) + 2}")
         factor = float(np.mean([factors[k] for k in near]))
         pencil, n_q, free = self.pencil, self.model.n_q, self.model.numbering.free

@@ -38,13 +38,13 @@ def unsuited(model: Model) -> str:
     if scheme.name not in MAKERS or scheme.conserves:
         return f"the steps of {scheme.name} are not differentiated"
     if model.remembers:
-        return "materials remember the way to a state"
+        return "materials depend on the load history"
     if model.contacts:
-        return "contact begins and ends at times that depend on the case"
+        return "the times of contact depend on the case"
     if model.feedback.rank or model.feedback.conditions:
-        return "signals or events answer the motion"
+        return "signals or events depend on the motion"
     if model.case.initial is not None and model.case.initial.from_ not in ("rest", "static"):
-        return "the motion goes on from a file"
+        return "the motion continues from a file"
     return ""
 
 
@@ -68,7 +68,7 @@ class Beside:
         """Motions of the models."""
         runs = [Run(model, self.spec) for model in self.differing.models]
         if any(list(run.stepper.pieces) != list(self.pieces) for run in runs):
-            raise UnsuitedError("the times at which signals have corners change with the number")
+            raise UnsuitedError("the times of corners of signals depend on the number")
         return runs
 
     @staticmethod

@@ -231,8 +231,8 @@ class Run:
         first.report["initial"] = {"given": given, "kinetic": kinetic, "lost": lost}
         if abs(lost) > TAKEN * given:
             how = "lost at t = 0, as in a plastic impact" if lost > 0.0 else "added at t = 0 by supports that move"
-            first.warnings.append(f"supports and joints do not allow the initial velocities as given: {abs(lost):.6g} "
-                                  f"of {given:.6g} of kinetic energy ({100 * abs(lost) / given:.3g} %) is {how}")
+            first.warnings.append(f"the initial velocities violate supports and joints: {abs(lost):.6g} of {given:.6g} "
+                                  f"of kinetic energy ({100 * abs(lost) / given:.3g} %) is {how}")
 
     def _look_ahead(self, d: Array, v: Array, turned: Array) -> float:
         """Return a displacement that the motion soon reaches [m], at most a share of the scene's size."""
@@ -260,7 +260,7 @@ class Run:
         energies = self.balance.take(row)
         blocks = {name: row.log[:, k] for k, name in enumerate(LOG)}
         if self.inverted is None and not self.intact and (found := inverted(self.model, d)) is not None:
-            self.inverted = f"{found} at t = {row.t:.6g}: the motion after that is not physical"
+            self.inverted = f"{found} at t = {row.t:.6g}: the motion is not physical from then on"
         turned = self.model.turns.at(d, row.turned)
         state = State(row.t, d, Q, F, energies["strain"], turned, history=energies, v=v, a=a, blocks=blocks,
                       side=row.side, controllers=controllers)
@@ -293,10 +293,10 @@ class Run:
             state.warnings.append(self.inverted)
         if self.balance.gain > GAINED and any(not pair.hard for pair in self.model.contacts):
             names = ", ".join(dict.fromkeys(pair.name for pair in self.model.contacts if not pair.hard))
-            state.warnings.append(f"the motion has gained {100 * self.balance.gain:.2g} % of its energy from nothing: "
-                                  f"the steps are too long for the layer of contact ({names}). Use shorter steps, or "
-                                  "a (smaller) tolerance, a less stiff law, or no law. Where these change nothing, "
-                                  "points have passed the middle of what they touch: use a stiffer law, or none")
+            state.warnings.append(f"the motion has gained {100 * self.balance.gain:.2g} % of its energy by numerical "
+                                  f"errors: the steps are too long for the contact layer ({names}). Use shorter steps, "
+                                  "a (smaller) tolerance, a softer law, or no law. If this does not help, points have "
+                                  "passed the middle of the body that they touch: use a stiffer law, or none")
         state.warnings += fibres_warning(self.model, self.balance.drift)
         if self.spec.dt is None:
             state.warnings += wound_warning(self.model, state.d)
@@ -337,7 +337,7 @@ def wound_warning(model: Model, d: Array) -> list[str]:
     if share <= WOUND:
         return []
     return ["the error of the steps is larger than the tolerance suggests: the tolerance is relative to the largest "
-            f"displacement, rotation included, which is {share:.2g} times the distance that any point has moved. Use a "
+            f"displacement, including rotations, which is {share:.2g} times the largest displacement of a point. Use a "
             "tolerance as many times smaller, or a type without angles as coordinates, such as vallejo"]
 
 
@@ -345,8 +345,8 @@ def drift_warning(drift: float, estimate: float | None) -> list[str]:
     """Return what is to be said of a balance of energy that is off by much more than the estimated error."""
     if estimate is None or drift <= max(LOST, 10.0 * estimate):
         return []
-    return [f"the steps are too long for part of the motion: the energy balance is off by {100 * drift:.2g} %, but the "
-            f"estimated error is {100 * estimate:.2g} %. Shorter steps show which is right"]
+    return [f"the steps are too long for part of the motion: the energy balance has an error of {100 * drift:.2g} %, "
+            f"but the estimated error is only {100 * estimate:.2g} %. Use shorter steps to find out which is right"]
 
 
 def fibres_warning(model: Model, drift: float) -> list[str]:

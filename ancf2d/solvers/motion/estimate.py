@@ -109,7 +109,7 @@ class Estimate:
                 queue += [(row.t, self._places(stepper.full(row, 1)[0])) for row in rows if row.kind != CHECK]
         except ComputationError as error:
             how = f"steps of {stepper.dt:g} s" if stepper.dt > 0.0 else f"a tolerance of {stepper.tolerance:g}"
-            self.failed = f"with {how} the motion could not be followed ({error.failure.reason})"
+            self.failed = f"with {how} the motion could not be computed ({error.failure.reason})"
             return None
         while queue and queue[0][0] < t - near:
             queue.pop(0)
@@ -150,10 +150,10 @@ class Estimate:
         """Return what is to be said of an estimate that cannot be trusted."""
         if not self.failed and self._alike():
             if BROKEN * (len(self.stepper.pieces) - 1) > self.stepper.s.numbers[COUNT]:
-                return ["no error estimate: the amplitudes have so many break points that runs with longer steps take "
-                        "the same steps"]
-            return ["no error estimate: runs with longer steps were cut to the same steps, or there are too few steps. "
-                    "The steps are too long for this motion: use smaller ones"]
+                return ["no error estimate: the amplitudes have so many break points that longer steps are divided "
+                        "into the same steps"]
+            return ["no error estimate: longer steps had to be divided into the same steps, or there are too few "
+                    "steps. Use smaller steps"]
         if self.failed:
             return [f"no error estimate: {self.failed}. Use {self._finer}"]
         estimate, order = self._richardson()
@@ -175,29 +175,30 @@ class Estimate:
         said = (f"the tolerance is missed: the estimated error is {estimate:.2g} of the largest displacements, "
                 f"{estimate / tolerance:.0f} times the tolerance {tolerance:g}. ")
         if estimate <= count * tolerance and self.factor ** order < ASYMPTOTIC:
-            return [said + "Ten times the tolerance leaves about the same error: the steps skip fast vibrations, "
-                    "which only a much smaller tolerance resolves. If they do not matter, use a larger one"
+            return [said + "Ten times the tolerance gives about the same error: the steps skip fast vibrations, which "
+                    "only a much smaller tolerance resolves. If these vibrations do not matter, use a larger tolerance"
                     + self._better() + self._jump()]
         if estimate <= count * tolerance:
             smaller = tolerance * (MISSED * tolerance / estimate) ** (1.0 / min(order, self.order))
-            return [said + "Each step meets the tolerance, but the errors add up: use a smaller tolerance, about "
+            return [said + "Each step meets the tolerance, but the errors add up. Use a tolerance of about "
                     f"{smaller:.1g}" + self._better() + self._jump()]
         # errors that do not grow add up to no more than the number of steps times the tolerance
-        return [said + f"The errors of {count} steps do not add up to this: they grow, because the motion is "
-                "sensitive to its initial state, as chaotic motions are. A smaller tolerance only postpones the time "
-                "from which the motion is unknown; its statistics may still be right"]
+        return [said + "The errors grow, because the motion is sensitive to its initial state, like chaotic motions. A "
+                "smaller tolerance only postpones the time from which the motion is unreliable; its statistics may "
+                "still be right"]
 
     def _better(self) -> str:
-        """Name the recommended method where it is of higher order: it errs less with fewer steps."""
+        """Name the recommended method where it is of higher order: it has a smaller error with fewer steps."""
         best = INTEGRATORS[default_method(self.stepper.model)]
-        return f". Method {best.name} errs less with fewer steps" if best.order > self.stepper.method.order else ""
+        better = best.order > self.stepper.method.order
+        return f". Method {best.name} has a smaller error with fewer steps" if better else ""
 
     def _jump(self) -> str:
         """Say that a prescribed motion starts a model at rest as an impact does, where one does."""
         signals = (self.stepper.signals[k] for k in self.stepper.driving)
         if self.stepper.model.case.initial is not None or not any(rates_of(s, 0.0)[0] for s in signals):
             return ""
-        return (". A prescribed motion begins at full speed, which sets off vibrations as an impact does: let it begin "
+        return (". A prescribed motion begins at full speed, which excites vibrations like an impact. Let it begin "
                 "gradually, or give initial velocities")
 
     @property

@@ -119,8 +119,8 @@ class Events:
         while self.holds():
             self.happen()
             if self.motion.done:
-                raise ComputationError("the motion ends where it begins", at={"t": 0.0},
-                                       advice="a condition solver.until that does not hold at t = 0")
+                raise ComputationError("solver.until is already true at t = 0", at={"t": 0.0},
+                                       advice="a condition solver.until that is false at t = 0")
             acted = self.acting()
             self.motion.enter(0)
             self.catch(acted)
@@ -181,8 +181,9 @@ class Events:
             off = abs(gap) / self.model.extent if k < 0 else 0.0 if c.owner in supports else is_off(c, d)
             if off > CLOSED:
                 raise ComputationError(
-                    f"{c.owner} begins where its points are apart: {c.holds} is off by {off:.3g} of the scene",
-                    at={"t": motion.t}, advice="a condition that holds where the points meet, or a spring in its place")
+                    f"{c.owner} begins while its points are apart: {c.holds} is violated by {off:.3g}",
+                    at={"t": motion.t}, advice="a condition that becomes true where the points meet, or a spring "
+                    "instead")
             if k < 0:
                 self._slide(-1 - k, foot, gap)
                 continue

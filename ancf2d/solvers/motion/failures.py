@@ -53,8 +53,8 @@ def failure(motion: Any, outcome: int) -> ComputationError:
               SINGULAR: "the matrix of a step is singular"}.get(outcome, "Newton's method did not converge")
     return ComputationError(
         f"{reason}, however small the step", at=at, history=[float(x) for x in motion.w.history if x != 0.0],
-        advice="looking at the last states: an element may be inverted, or the motion may have met a singular "
-               "position; smaller steps before it, or a smaller tolerance, may pass it")
+        advice="look at the last states: an element may be inverted, or the mechanism may be in a singular position. "
+        "Smaller steps before it, or a smaller tolerance, may help")
 
 
 def stuck(motion: Any, message: str | None) -> ComputationError:
@@ -67,5 +67,5 @@ def stuck(motion: Any, message: str | None) -> ComputationError:
     return ComputationError(
         f"{motion.method.name}: {reason.rstrip('.').lower()}", at={"t": float(f"{motion.t:.9g}"),
                                                                 "step": int(motion.s.numbers[COUNT]) + 1},
-        advice="method radau5, which takes longer steps in stiff motion, or look at the last states: an element "
-               "may also be inverted")
+        advice="use method radau5, which takes longer steps in stiff motion, and look at the last states: an element "
+        "may be inverted")

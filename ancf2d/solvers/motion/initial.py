@@ -134,7 +134,7 @@ def _from_file(model: Model, name: str) -> tuple[Array, Array, Array | None]:
             if results.nt == 0:
                 raise fail(f"'{path}' holds no state", "a result file with states")
             if model.remembers:
-                raise fail(f"'{path}' does not hold the internal state of formulation {', '.join(model.remembers)}",
+                raise fail(f"'{path}' does not contain the internal state of formulation {', '.join(model.remembers)}",
                            "rest or static")
             _check_mesh(model, results, path, fail)
             dofs = [body.dofs for body in results.bodies.values()]
@@ -143,7 +143,7 @@ def _from_file(model: Model, name: str) -> tuple[Array, Array, Array | None]:
             _check_held(model, d, path, fail)
             return d, v, results.turned(-1)
     except ResultsError as error:
-        raise fail(str(error), "the result file of another run, named relative to the case") from error
+        raise fail(str(error), "the result file of another run, relative to the case") from error
 
 
 def goes_on(model: Model) -> bool:
@@ -185,8 +185,8 @@ def _check_mesh(model: Model, results: Any, path: str, fail: Callable[..., CaseE
     gap = float(np.max(np.abs(e0 - model.e0) * model.weights, initial=0.0))
     if gap > SAME * model.extent:
         raise fail(f"the reference geometry in '{path}' is different: nodes or directions differ by {gap:.3g}",
-                   "a result of the same reference geometry, with nodes at the same places: there is one wherever "
-                   "something acts, unless element.nodes is regular")
+                   "a result of the same reference geometry, with nodes at the same places; unless element.nodes is "
+                   "regular, every support, joint, spring, mass and load has a node")
 
 
 def _check_held(model: Model, d: Array, path: str, fail: Callable[..., CaseError]) -> None:
@@ -197,8 +197,8 @@ def _check_held(model: Model, d: Array, path: str, fail: Callable[..., CaseError
     worst = int(np.argmax(gaps))
     expected = "a result whose last state satisfies the supports and joints of this case"
     if gaps[worst] > HELD * model.extent:
-        raise fail(f"supports or joints hold {model.describe_coordinate(worst)} elsewhere than the last state of "
-                   f"'{path}', by {gaps[worst]:.3g}", expected)
+        raise fail(f"supports or joints hold {model.describe_coordinate(worst)} at another place than the last state "
+                   f"of '{path}', by {gaps[worst]:.3g}", expected)
     found = model.interactions.gradients(full, 0.0) if model.constraints else []
     for constraint, (gap, _, _) in zip(model.constraints, found, strict=True):
         g = gap / constraint.scale

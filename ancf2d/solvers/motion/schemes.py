@@ -53,7 +53,7 @@ class Integrator:
 
 _LIST = (
     Integrator("radau5", 5, 5, "Hairer, Lubich & Roche 1989",
-               "Radau IIA, three stages: order 5, damps what steps cannot resolve"),
+               "Radau IIA, three stages: order 5, damps motions that the steps do not resolve"),
     Integrator("radau9", 9, 7, "Hairer, Lubich & Roche 1989",
                "Radau IIA, five stages: order 9, for smooth motion to tight tolerances"),
     Integrator("generalized_alpha", 2, 1, "Chung & Hulbert 1993; Arnold & Bruls 2007",
@@ -64,7 +64,7 @@ _LIST = (
     Integrator("newmark", 2, 1, "Newmark 1959", "average acceleration: second order, no damping, no multipliers",
                damps=False),
     Integrator("energy_momentum", 2, 0, "Simo & Tarnow 1992; Gonzalez 2000",
-               "second order, keeps energy and momentum exactly", damps=False, conserves=True),
+               "second order, conserves energy and momentum exactly", damps=False, conserves=True),
     Integrator("RK45", 5, 0, "Dormand & Prince 1980", "SciPy's explicit pair 5(4), known as ode45",
                scipy=Scheme(True, stages=6, keeps=True)),
     Integrator("DOP853", 8, 0, "Hairer, Norsett & Wanner 1993", "SciPy's explicit method of order 8",
@@ -108,7 +108,7 @@ def _multistep(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refu
     """States of multistep methods cannot be put onto constraints."""
     if scheme.scipy is not None and not scheme.scipy.one_step and model.constraints:
         yield ("method", f"{scheme.name} is a multistep method, which cannot satisfy the constraints of "
-               f"{_constrained(model)}", "Radau, RK45, DOP853, or a method of the tool's own, such as radau5")
+               f"{_constrained(model)}", "Radau, RK45, DOP853, or one of ancf2d's own methods, such as radau5")
 
 
 def _undamped(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
@@ -118,7 +118,7 @@ def _undamped(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refus
     why = f"makes the constraint forces of {_constrained(model)} grow from step to step"
     if not scheme.damps:
         turns = all(c.holds in ("rotation", TURNED) for c in model.constraints)
-        types = ", or elements that turn by a coordinate theta, such as reissner3" if turns else ""
+        types = ", or elements with the coordinate theta, such as reissner3" if turns else ""
         yield ("method", f"{scheme.name}, which has no numerical damping, {why}",
                f"radau5, energy_momentum or generalized_alpha{types}")
     elif scheme.radii is not None and spectral_radius(spec) == 1.0:
@@ -152,7 +152,7 @@ def _without_gradient(scheme: Integrator, spec: Dynamic, model: Model) -> Iterat
 def _forgets(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
     """States of formulations are accepted where steps of the tool's own methods end."""
     if model.remembers and (scheme.scipy is not None or scheme.conserves):
-        yield ("method", f"{scheme.name} cannot step formulations with a memory, such as that of "
+        yield ("method", f"{scheme.name} does not support formulations with memory, such as that of "
                f"{', '.join(model.remembers)}", "radau5, generalized_alpha, hht or newmark")
 
 
@@ -160,11 +160,11 @@ def _impacts(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusa
     """Steps of one stage alone end where nothing overlaps and nothing pulls."""
     if model.sided and scheme.name not in ("generalized_alpha", "hht"):
         names = ", ".join(dict.fromkeys(contact.name for contact in model.contacts if contact.hard))
-        yield ("method", f"{scheme.name} cannot step contact without a law ({names})",
+        yield ("method", f"{scheme.name} does not support contact without a law ({names})",
                "generalized_alpha or hht, or law: {stiffness: ...} for the contact")
     names = ", ".join(dict.fromkeys(contact.name for contact in model.contacts if contact.other in model.meshes))
     if scheme.conserves and names:
-        yield ("method", f"{scheme.name} cannot step contact between bodies ({names})", "generalized_alpha")
+        yield ("method", f"{scheme.name} does not support contact between bodies ({names})", "generalized_alpha")
 
 
 RULES: tuple[Rule, ...] = (_multistep, _undamped, _radius, _without_gradient, _forgets, _impacts)

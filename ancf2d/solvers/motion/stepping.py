@@ -175,7 +175,7 @@ class Stepper:
         if not (begin if self.p.sided else consistent)(self.p, self.w, self.s, t, impulse):
             raise ComputationError(
                 "the mass matrix is singular, or joints hold the same motion twice", at={"t": t},
-                advice="give every body a density (rhoI too where the section is given by stiffnesses); remove joints "
+                advice="give every body a density (rhoI too if the section is given by stiffnesses); remove joints "
                 "that hold the same motion twice")
         if not (np.isfinite(self.s.a).all() and np.isfinite(self.s.z).all()):
             check_signals(self, t)

@@ -57,11 +57,11 @@ def solve_eigen(model: Model, spec: Eigen) -> Iterator[State]:
     state.tables = {"modes": table(entries, verdicts)}
     state.warnings = [*state.warnings, *found.warnings]
     if spec.damped:
-        state.warnings += [f"springs.{k}: its damping force is of higher order in the rates and has no effect on small "
-                           "motions" for k in small.rates.of_higher_order()]
+        state.warnings += [f"springs.{k}: its damping force is of higher order in the rates, so it has no effect on "
+                           "small motions" for k in small.rates.of_higher_order()]
     if not base.loaded and np.any(small.pencil.balance.R):
-        state.warnings.append("the reference is not an equilibrium because springs are loaded in it (about: static "
-                              "finds the equilibrium)")
+        state.warnings.append("the reference is not an equilibrium, because springs are loaded there. Use about: "
+                              "static")
     yield state
 
 
@@ -106,8 +106,8 @@ def _relaxing(small: Linearised, spec: Eigen, real: bool) -> Found:
     vectors, quarter = (np.array([p[k] for p in phases]).reshape(len(order), small.n) for k in (0, 1))
     warnings = start.warnings if real else []
     if pairs.lost:
-        warnings = [*warnings, f"{pairs.lost} eigenvalues of materials that relax were not found: ask for more modes, "
-                    "whose shapes they are sought with"]
+        warnings = [*warnings, f"{pairs.lost} eigenvalues of viscoelastic materials were not found. Increase "
+                    "solver.modes"]
     return Found(s[order], vectors, quarter, (np.arange(len(s)) < len(still))[order],
                  np.concatenate([start.residual[still], pairs.gaps])[order], warnings)
 
@@ -196,13 +196,12 @@ def mode_warnings(wanted: int, modes: Modes) -> list[str]:
     if len(modes.values) < wanted:
         out.append(f"the model has {len(modes.values)} modes, not {wanted}")
     if modes.counted is False:
-        out.append("the inertia of the shifted stiffness differs from the number of modes found: some modes may be "
-                   "missing")
+        out.append("the number of modes found differs from the count of eigenvalues: some modes may be missing")
     out += _unstable(int((modes.values < -modes.floor).sum()))
     worst = float(modes.error.max(initial=0.0))
     if worst > POOR:
-        out.append(f"round-off limits the frequencies to about {0.5 * worst:.1g} of their values. Fewer or longer "
-                   "elements give more digits")
+        out.append(f"round-off limits the accuracy of the frequencies to about {0.5 * worst:.1g} of their values. "
+                   "Fewer or longer elements give more digits")
     return out
 
 
@@ -215,14 +214,15 @@ def pair_warnings(wanted: int, pairs: Pairs, s: Complex) -> list[str]:
     out = []
     vibrating = int((s.imag > 0).sum())
     if vibrating < wanted and pairs.skipped:
-        out.append(f"{vibrating} pairs converged, not {wanted}. Ask for fewer, or use fewer or longer elements")
+        out.append(f"{vibrating} pairs converged instead of {wanted}. Reduce solver.modes, or use fewer or longer "
+                   "elements")
     elif vibrating < wanted:
-        out.append(f"{vibrating} pairs vibrate, not {wanted}; all other motions decay or grow without oscillating")
+        out.append(f"{vibrating} pairs vibrate instead of {wanted}; all other motions decay or grow without "
+                   "oscillating")
     if pairs.missing is None:
         out.append("the pairs could not be counted: some may be missing")
     elif pairs.missing > 0:
-        out.append(f"{pairs.missing} more eigenvalues lie among those that are listed: further real ones, or pairs "
-                   "that are missing")
+        out.append(f"{pairs.missing} more eigenvalues lie among those listed: further real ones, or missing pairs")
     out += _unstable(int((s.real > IMAGINARY * np.abs(s)).sum()))
     worst = float(pairs.residual.max(initial=0.0))
     if worst > POOR:

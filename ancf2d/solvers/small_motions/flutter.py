@@ -136,7 +136,7 @@ class _Track:
         s = np.abs(self._values(0.0, relaxes=False))
         self.lowest = float(s[s > self.still].min(initial=np.inf))
         if not math.isfinite(self.lowest):
-            raise ComputationError("nothing vibrates", advice="give the bodies a density and a stiffness")
+            raise ComputationError("nothing vibrates", advice="bodies with a density and a stiffness")
         stiffer = math.sqrt(1.0 + max((sum(g for g, _ in one.terms) for one in small.relaxing), default=0.0))
         self.radius = float(np.sort(s)[min(2 * self.pairs, len(s)) - 1]) * (1 + 1e-6) * stiffer
         self.smallest = self._smallest()

@@ -57,8 +57,8 @@ def solve_frequency_response(model: Model, spec: FrequencyResponse) -> Iterator[
     if spec.frequencies is None:
         hz, found, error = placed_responses(problem, inputs, probes, spec, model.case.told_frequencies)
         if len(hz) >= MOST_POINTS:
-            state.warnings = [*state.warnings, f"{len(hz)} frequencies do not yet resolve the responses: give a "
-                                               "smaller range or a larger solver.tolerance"]
+            state.warnings = [*state.warnings, f"{len(hz)} frequencies do not resolve the responses. Use a smaller "
+                              "range or a larger solver.tolerance"]
     else:
         hz = list(spec.frequencies)
         found, error = responses(problem, inputs, probes, hz)
@@ -300,9 +300,9 @@ def _direct(problem: Quadratic, inputs: Sequence[Input], s: complex) -> list[Com
     factors = Factors(problem.matrix(s))
     found = [] if factors.singular else [refined_response(problem, factors, problem.force(one, s), s) for one in inputs]
     if not found or not all(np.isfinite(z).all() for z in found):
-        raise ComputationError("the response is infinite: an undamped mode has this frequency, or something moves "
-                               "freely", at={"hz": float(f"{abs(s) / (2 * math.pi):.6g}")},
-                               advice="give damping, or another frequency")
+        raise ComputationError("the response is infinite: an undamped mode has this frequency, or something is free to "
+                               "move", at={"hz": float(f"{abs(s) / (2 * math.pi):.6g}")},
+                               advice="damping, or another frequency")
     return found
 
 

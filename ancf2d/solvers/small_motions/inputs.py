@@ -110,7 +110,7 @@ class Inputs:
                     others = sorted({rows[k].owner for k in combined} - {rows[r].owner})
                     raise ComputationError(
                         f"the input {rows[r].owner} moves {rows[r].holds}, which {', '.join(others)} holds too",
-                        advice="hold or move each point once")
+                        advice="supports that hold or move each point once")
 
     def _load(self, name: str) -> Input:
         model, f = self.model, np.zeros((3, self.small.n))

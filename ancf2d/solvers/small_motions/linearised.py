@@ -72,8 +72,8 @@ def _on_the_verge(model: Model) -> list[str]:
     for (k, item), spring in zip(model.case.resting_springs.items(), model.springs, strict=False):
         f, H, _ = spring.forces(np.zeros(len(spring.p0)), 0.0)
         if item.breaks and H.any() and not f.any():
-            found.append(f"springs.{k} acts on only one side of the reference; small motions are computed as if it "
-                         "acted on both")
+            found.append(f"springs.{k} is one-sided at the reference; small motions are computed as if it acted in "
+                         "both directions")
     return found
 
 
@@ -164,7 +164,8 @@ def small_motions(model: Model, about: str, solver: str) -> Linearised:
     Raises ComputationError where nothing can move, or there is no such equilibrium.
     """
     if model.numbering.n_unknowns <= 2 * model.numbering.n_multipliers:
-        raise ComputationError("supports and joints hold everything: nothing can vibrate", at={"solver": solver},
+        raise ComputationError("supports and joints hold all coordinates, so nothing can vibrate",
+                               at={"solver": solver},
                                advice="fewer supports or joints")
     return Linearised(base_state(model, "static" if model.case.steady_rotation is not None else about))
 

@@ -188,7 +188,7 @@ def find_shift(pencil: Pencil) -> float:
         if pencil.negative(pivots) in (0, None) and pivots.bad < 0:
             return -shift
         shift *= 4.0
-    raise ComputationError("no shift was found below the lowest eigenvalue", at={"shift": f"{-shift:.3g}"},
+    raise ComputationError("no shift below the lowest eigenvalue was found", at={"shift": f"{-shift:.3g}"},
                            advice="check masses and stiffnesses for extreme values")
 
 

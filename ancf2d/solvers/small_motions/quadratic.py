@@ -89,7 +89,7 @@ class Search:
         self.factors = problem.factors(s0)
         if self.factors.singular:
             raise ComputationError("the matrix K + s C + s^2 M is singular for every s",
-                                   advice="give a mass or a stiffness to everything that can move")
+                                   advice="a mass or a stiffness for everything that can move")
         self.space = Space(problem)
 
     def _inverse(self, b: Array) -> Array:

@@ -39,9 +39,9 @@ class SmallForces:
         self.model = replace(base.model, case=replace(case, loads=tuple(acting)), inputs={})
         coords = reach(self.model, point.mesh, point.ie, base.state)
         if coords is None:
-            raise ComputationError(f"N, Q and M of the probe {name} are not computed: a support or joint holds its "
-                                   "element between the nodes", at={"probe": name},
-                                   advice="no element.nodes: regular, so that a node stands there, or another probe")
+            raise ComputationError(f"N, Q and M of the probe {name} are not computed, because a support or joint holds "
+                                   "its element between the nodes", at={"probe": name},
+                                   advice="the default element.nodes, which places a node there, or another probe")
         self.coords = coords
         self.forces = SectionForces(self.model, point.mesh, np.array([point.xi]))
         self.weights = np.stack([self._derivatives(rate) for rate in range(3)], axis=1)

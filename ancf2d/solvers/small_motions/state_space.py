@@ -29,7 +29,7 @@ ROUNDS, SETTLED = 200, 1e-13
 BESIDE = 1e-10
 # share of a response that is new beside modes and other responses, from which on it is one more vector
 NEW = 1e-4
-UNITS = "consistent units; u = 1 is the load or the motion as the case gives it"
+UNITS = "consistent units; u = 1 is the load or motion of the case"
 
 
 @dataclass
@@ -155,8 +155,8 @@ def _unsymmetric(small: Linearised, spec: StateSpace, inputs: list[Input], outpu
     """
     problem, pairs = pairs_of(small, spec.modes)
     if pairs.rest.any():
-        raise ComputationError("free rigid motions cannot be separated from the other motions under loads that turn "
-                               "with the body", at={"solver": "state_space"}, advice="a support, joint or spring")
+        raise ComputationError("free rigid motions cannot be separated from the other motions under follower loads",
+                               at={"solver": "state_space"}, advice="a support, joint or spring")
     force, blocks, states = np.array([i.f for i in inputs]), [], []
     rows: list[tuple[Array, Array]] = []
     for k, (s, x) in enumerate(zip(pairs.s.tolist(), pairs.vectors, strict=True), start=1):
@@ -282,7 +282,7 @@ def _solved(small: Linearised, forces: Sequence[Array]) -> Array:
     pencil = small.pencil
     if pencil.factor(0.0).bad >= 0:
         raise ComputationError("the tangent stiffness is singular", at={"solver": "state_space"},
-                               advice="a support, joint or spring; or a state that is not critical")
+                               advice="a support, joint or spring, or a state that is not critical")
     return np.array([refined(pencil.stiffness, pencil.solve, pencil.system.norm, f, 0.0)[0] for f in forces
                      ]).reshape(-1, small.n)
 

@@ -85,18 +85,17 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     factors, V = factors[known], V[known]
     factors, V, meshed, doubts = _trusted(pencil, u, factors, V, size, _meshed(model, base, V))
     if unstable:
-        warnings.append("the state without the scaled loads is unstable already")
+        warnings.append("the state without the scaled loads is already unstable")
     warnings += doubts
-    warnings += [f"shape {k + 1} (load factor {factors[k]:.6g}) belongs to the mesh, not to the beam: neighbouring "
-                 "elements separate. Use fewer elements, or a type whose neighbours share their sections, such as "
-                 "vallejo"
+    warnings += [f"shape {k + 1} (load factor {factors[k]:.6g}) is an artefact of the mesh: neighbouring elements "
+                 "separate. Use fewer elements, or a type whose neighbours share their sections, such as vallejo"
                  for k in np.flatnonzero(meshed)]
     start = State(0.0, base, pencil.balance.Q, model.external(0.0), 0.0, turned=turned)
     good = ~meshed & (factors * size <= FAR)
     warnings += Resolution(model).of_buckling(start, u, STEP / size if moves else 1.0, factors[good],
                                               full_shapes(model, V[good]))
     if len(factors) < spec.modes:
-        warnings.append(f"{len(factors)} positive load factors were found, not {spec.modes}"
+        warnings.append(f"{len(factors)} positive load factors were found instead of {spec.modes}"
                         + ("" if doubts or len(factors) else ": these loads do not buckle the model in this direction"))
     yield response_state(pencil, base, u, factors, V, warnings, iterations)
 
@@ -110,7 +109,7 @@ def _begins_to_grow(pencil: Pencil, spec: Buckling, warnings: list[str], iterati
     lacking = [name for name, mesh in model.meshes.items() if not mesh.plan.section.rhoA and not mesh.plan.rigid]
     if lacking:
         raise ComputationError(f"flutter depends on the mass: {', '.join(lacking)} has none", at={"solver": "buckling"},
-                               advice="material.rho, or section.rhoA where the section is given by stiffnesses")
+                               advice="material.rho, or section.rhoA if the section is given by stiffnesses")
     pencil.system.factor({"solver": "buckling"})
     u = _response(pencil)
     size = response_size(pencil, u)
@@ -149,8 +148,8 @@ def _critical_velocities(model: Model, spec: Buckling) -> State:
     for batch in base.model.interactions.flows:
         np.add.at(pushed, batch.dofs, batch.matrices(base.state.d, 0.0)[1])
     if np.abs(model.numbering.reduce(pushed)).max(initial=0.0) > PUSHED * abs(square).max() * model.extent:
-        state.warnings.append("what moves along a curved body changes the state about which it vibrates; the critical "
-                              "factors are those about the state without it")
+        state.warnings.append("flow along a curved body changes the state about which it vibrates; the critical "
+                              "factors are those about the state without flow")
     return state
 
 
@@ -164,11 +163,11 @@ def _grown(small: Linearised, u: Array, found: Stability, modes: int, warnings: 
     if not len(factors):
         warnings.append(f"no small motion grows up to the {called} {found.last:.6g}")
     elif len(factors) < modes:
-        warnings.append(f"{len(factors)} critical {called}s were found up to {found.last:.6g}, not {modes}")
+        warnings.append(f"{len(factors)} critical {called}s were found up to {found.last:.6g} instead of {modes}")
     for c in found.critical:
         if c.factor * size > FAR:
-            warnings.append(f"load factor {c.factor:.6g}: the linear response turns or strains the model by "
-                            f"{c.factor * size:.2g} there, so this factor is an estimate")
+            warnings.append(f"load factor {c.factor:.6g}: the linear response rotates or strains the model by "
+                            f"{c.factor * size:.2g} there, so this factor is only an estimate")
     state = response_state(pencil, d, u, factors, V, warnings, iterations)
     state.report["critical"] = [{"factor": c.factor, "kind": c.kind, "omega": c.omega} for c in found.critical]
     state.tables["modes"] |= {"omega": [c.omega for c in found.critical],
@@ -195,15 +194,15 @@ def _trusted(pencil: Pencil, u: Array, factors: Array, V: Array, size: float, me
     share = np.array(left)
     good, out = meshed | (share <= MISSED), []
     rough = ~meshed & good & (share > ROUGH)
-    for some, says in ((~good, "are no critical loads: linear buckling does not apply here"),
+    for some, says in ((~good, "are not critical loads: linear buckling does not apply here"),
                        (rough, "are only estimates")):
         if some.any():
             k = int(np.flatnonzero(some)[-1])
             named = ", ".join(f"{f:.6g}" for f in factors[some])
             out.append(f"load factors {named} {says}. The structure bends or strains before it buckles, by "
                        f"{factors[k] * size:.2g} (rad) at {factors[k]:.6g}, where the linearisation neglects "
-                       f"{share[k]:.2g} of the stiffness that it takes to vanish. Solver static with method: "
-                       "arc_length finds the critical points, if there are any")
+                       f"{share[k]:.2g} of the stiffness that should vanish. Use solver static with method: arc_length "
+                       "to find critical points")
     return factors[good], V[good], meshed[good], out
 
 
@@ -232,7 +231,7 @@ def _response(pencil: Pencil) -> Array:
     moved = (model.displacements(z, SMALL) - model.displacements(z, -SMALL)) / (2 * SMALL)
     high, low = (pencil.system.forces(pencil.d, t) for t in (SMALL, -SMALL))
     if not moved.any() and np.array_equal(high.F, low.F) and np.array_equal(high.Q, low.Q):
-        raise ComputationError("no load grows with the load factor", at={"solver": "buckling"},
+        raise ComputationError("no load scales with the load factor", at={"solver": "buckling"},
                                advice="a load without an amplitude (an amplitude makes it constant)")
     R = (high.R - low.R) / (2 * SMALL)
     u = moved

@@ -37,8 +37,8 @@ SHORTEST = 1e-15
 LEVELS = 40
 SAGS = (0.02, 0), (0.05, 1), (0.07, 1), (0.05, 0), (0.03, 1), (0.1, 1)
 
-FELL = ("no path of stable equilibria leads from the reference to the full load: the model sinks from the end of the "
-        "path to another equilibrium, which is reported")
+FELL = ("no path of stable equilibria leads from the reference to the full load: the reported equilibrium is the one "
+        "to which the model sinks from the end of the path")
 
 
 def slack(model: Model) -> bool:
@@ -63,8 +63,8 @@ def hanging(system: System, d: Array, factors: tuple[float, float], tolerance: f
         system.count_from(relaxation.turns)
     warnings = [FELL] if fell else []
     if relaxation.pushed:
-        warnings.append(f"the start is next to an unstable equilibrium (negative pivots: {relaxation.pushed}): a push "
-                        f"of {PUSH:g} of the extent led from there to the one reported, which is stable")
+        warnings.append(f"the start is next to an unstable equilibrium (negative pivots: {relaxation.pushed}); a "
+                        f"displacement of {PUSH:g} of the extent leads to the reported equilibrium, which is stable")
     check_sound(system.model, result.d, None, t)
     if result.negative_pivots > 0 and system.knows_inertia:
         warnings.append(f"unstable equilibrium at load factor {t:.6g} (negative pivots: {result.negative_pivots})")
@@ -126,8 +126,8 @@ class _Relaxation:
             self.left = result.d
             self._push()
         raise ComputationError("the model does not come to rest under its weight", at={"steps": self.steps},
-                               advice="supports or joints for every part that could move without end, or gravity "
-                                      "that acts on every part that can move")
+                               advice="supports or joints for all parts that can move without limit, or gravity on all "
+                               "parts that can move")
 
     def _close(self, d: Array | None, share: float) -> bool:
         return d is not None and self.system.distance(self.d, d) <= share * self.extent
@@ -145,7 +145,7 @@ class _Relaxation:
                 self.system.count_from(turns)
                 self.failures, self.h = self.failures + 1, SHRINK * self.h
                 if self.h < self.shortest:
-                    raise ComputationError(f"no motion leads from the start to where gravity holds the model: "
+                    raise ComputationError("no equilibrium under gravity was found from this start: "
                                            f"{error.failure.reason}", at=error.failure.at,
                                            advice="a reference that is not straight between its supports"
                                            ) from error

@@ -79,9 +79,9 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
         recall(system.model, kept)
         raise
     recall(system.model, kept)
-    raise ComputationError(f"where bodies touch was not found: one is {worst:.3g} deep in an obstacle",
+    raise ComputationError(f"the contact points were not found: a body is {worst:.3g} deep in an obstacle",
                            at={"factor": float(f"{t:.6g}")},
-                           advice="more elements where it touches, more steps, or obstacles that leave it room")
+                           advice="more elements in the contact zone, more steps, or obstacles that leave enough room")
 
 
 def _newton(system: System, d: Array, t_old: float, t: float, tolerance: float, max_iterations: int) -> NewtonResult:
@@ -200,11 +200,11 @@ def state_of(system: System, result: NewtonResult, t: float, number: int, cutbac
                "energy": result.energy, "negative_pivots": result.negative_pivots}
     size = system.norm(result.d[system.model.numbering.where])
     if result.uncertainty > max(POOR * size, STILL * system.model.extent):
-        warnings = [*warnings, f"round-off limits the state at factor {t:.6g}: displacements are known to about "
+        warnings = [*warnings, f"round-off limits the state at factor {t:.6g}: displacements are accurate to about "
                     f"{result.uncertainty / size:.1g} of the largest. Fewer or longer elements give more digits"]
     if result.overlap > 2.0 * PENETRATION * system.model.extent:
         warnings = [*warnings, f"at factor {t:.6g} a body is {result.overlap:.2g} deep in an obstacle between its "
-                    "points of contact. More elements where it touches make that less"]
+                    "contact points. Use more elements in the contact zone"]
     turned = system.count(result.d, t)
     return State(t, result.d, result.Q, result.F, result.energy, turned, history=history, warnings=warnings)
 

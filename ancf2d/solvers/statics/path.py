@@ -130,7 +130,7 @@ class Follower:
                 if not self._doubtful(a, b, longest):
                     events = self._events(a, b)
                     return b, events, [self.log.branch(a, b)] if self._inertia_differs(a, b) else []
-                trouble = ComputationError("the path ahead cannot be resolved by any step",
+                trouble = ComputationError("the path cannot be resolved by any step length",
                                            at={"factor": float(f"{b.t:.6g}")})
             except ComputationError as error:
                 trouble = error
@@ -206,7 +206,7 @@ class Follower:
         if passed:
             raise ComputationError(f"{goal} lies between the bifurcation at load factor {branch.factor:.6g} and the "
                                    "first point of the branch", at={"factor": float(f"{branch.factor:.6g}")},
-                                   advice="an end of the path further along the branch")
+                                   advice="an end of the path farther along the branch")
         warning = self.log.left(branch.factor, self.spec.branch.direction, first.negative, self.curve.knows_inertia)
         return first, [(first, "step")], [warning]
 
@@ -230,14 +230,14 @@ class Follower:
                    "negative_pivots": point.negative}
         size = self.curve.system.norm(point.d[self.model.numbering.free])
         if point.uncertainty > POOR * size:
-            warnings = [*warnings, f"round-off limits the state at factor {point.t:.6g}: displacements are known to "
-                                   f"about {point.uncertainty / size:.1g} of the largest. Fewer or longer elements "
-                                   "give more digits"]
+            warnings = [*warnings, f"round-off limits the state at factor {point.t:.6g}: displacements are accurate to "
+                        f"about {point.uncertainty / size:.1g} of the largest. Fewer or longer elements give more "
+                        "digits"]
         depth = overlap(self.model, point.d, point.t)
         if depth > 2.0 * PENETRATION * self.model.extent:
-            warnings = [*warnings, f"at factor {point.t:.6g} a body is {depth:.2g} deep in what it touches, between "
-                                   "its points of contact, which stay where they are on a path. method: newton places "
-                                   "points there; more elements make that less"]
+            warnings = [*warnings, f"at factor {point.t:.6g} a body is {depth:.2g} deep in another surface between its "
+                        "contact points, which are fixed on a path. Use more elements, or method: newton, which adds "
+                        "points there"]
         turned = self.curve.system.count(point.d, point.t)
         state = State(point.t, point.d, point.balance.Q, point.balance.F, point.balance.energy, turned, history=history,
                       warnings=warnings)
@@ -259,15 +259,15 @@ class Follower:
     def _too_long(self, a: PathPoint) -> ComputationError:
         aim = str(self.goal or f"limit point {self.count}")
         return ComputationError(f"{aim} was not reached within {self.most} steps", advice="more steps, if the path "
-                                "leads there at all", at={"step": self.number, "factor": float(f"{a.t:.6g}")})
+                                "reaches this at all", at={"step": self.number, "factor": float(f"{a.t:.6g}")})
 
     def _stuck(self, error: ComputationError, a: PathPoint) -> ComputationError:
         f = error.failure
-        advice = ("the probe turns back where a path snaps back (method: arc_length follows it); else another quantity"
+        advice = ("method: arc_length if the path snaps back, else another quantity"
                   if self.controlled else "more iterations, or a finer mesh")
         if self.model.hinges:
-            advice = ("plastic hinges have no stiffness, and should turn little within one element: hardening of "
-                      f"1e-4 E, more elements, or an end of the path before sections turn as far; {advice}")
+            advice = ("plastic hinges have no stiffness and must not rotate far within one element: hardening of 1e-4 "
+                      f"E, more elements, or an earlier end of the path; {advice}")
         return ComputationError(f"the path cannot be followed beyond load factor {a.t:.6g}: {f.reason}",
                                 at={"step": self.number + 1, **f.at}, history=f.history, advice=advice)
 

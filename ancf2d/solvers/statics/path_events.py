@@ -223,11 +223,11 @@ class PathLog:
     def branch(self, a: PathPoint, b: PathPoint) -> str:
         """Note a bifurcation between two points; return it in words."""
         factor = 0.5 * (a.t + b.t)
-        direction = "and the path goes straight on; the branches that leave here are not followed"
+        direction = "and the path continues straight on; the branches are not followed"
         self.bifurcations.append({"factor": factor, "negative_pivots": [a.negative, b.negative],
                                   "direction": direction})
         return (f"a bifurcation was passed at load factor {factor:.6g} ({a.negative} negative pivots before, "
-                f"{b.negative} after), {direction}; an imperfection leads onto a branch, and so does branch: {{at: "
+                f"{b.negative} after), {direction}; to follow a branch, add an imperfection or branch: {{at: "
                 f"{len(self.bifurcations)}}} under solver")
 
     def left(self, factor: float, direction: int, negative: int, known: bool) -> str:

@@ -68,8 +68,8 @@ class ArcSteps:
         curve.metric.load = curve.metric.dot((self.start.z, 0.0), (self.start.z, 0.0))
         if curve.metric.load == 0.0:
             raise ComputationError("nothing moves as the load factor grows", at={"factor": float(f"{start.t:.6g}")},
-                                   advice="a load or prescribed motion without an amplitude of its own: the load "
-                                          "factor of a path scales those")
+                                   advice="a load or prescribed motion without an amplitude, which the load factor "
+                                   "scales")
         self.renew(self.start)
         self.whole = 0.0 if goal is None else abs(goal.distance(start.d, start.t))
 
@@ -218,9 +218,9 @@ def leave(curve: Curve, a: PathPoint, b: PathPoint, direction: float,
             return Branch(curve.point(found, s, scale(along)), factor)
         except ComputationError as error:
             trouble, amplitude = error, 0.25 * amplitude
-    raise ComputationError(f"no branch was found that leaves the path at load factor {factor:.6g}",
+    raise ComputationError(f"no branch that leaves the path was found at load factor {factor:.6g}",
                            at={"factor": float(f"{factor:.6g}")},
-                           advice="a small load with an amplitude of its own, which leads onto a branch") from trouble
+                           advice="a small load with its own amplitude as an imperfection") from trouble
 
 
 def _softest(curve: Curve, point: PathPoint) -> tuple[float, Array]:

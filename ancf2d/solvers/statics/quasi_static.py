@@ -193,8 +193,8 @@ class Course:
         f = error.failure
         return ComputationError(f"no equilibrium was found beyond t = {self.t:.6g}: {f.reason}",
                                 at={"step": self.number, "t": float(f"{self.t:.6g}")}, history=f.history,
-                                advice=f.advice or "a limit of the load is likely, beyond which only a motion goes on "
-                                                   "(solver dynamic); else supports that leave no mechanism")
+                                advice=f.advice or "a limit load is likely, beyond which only solver dynamic can "
+                                "continue; else supports that leave no mechanism")
 
 
 def solve_quasi_static(model: Model, spec: QuasiStatic, kept: dict[str, Array] | None = None) -> Iterator[State]:
@@ -205,7 +205,7 @@ def solve_quasi_static(model: Model, spec: QuasiStatic, kept: dict[str, Array] |
     follows on the last one.
     """
     if model.hangs:
-        raise ComputationError("only gravity holds the model, which has no equilibrium to start from",
+        raise ComputationError("only gravity stabilises the model, so there is no equilibrium to start from",
                                at={"solver": "quasi_static"}, advice="supports that leave no mechanism")
     before = 0.0 if kept is None else float(kept["numbers"][0])
     for state in (course := Course(model, spec)).states(kept):

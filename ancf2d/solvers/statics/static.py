@@ -81,7 +81,7 @@ def solve_linear(model: Model) -> Iterator[State]:
     history = {"step": 1, "factor": 1.0, "iterations": 1, "residual": 0.0, "increment": system.norm(d[num.where]),
                "cutbacks": 0, "energy": energy, "negative_pivots": pivots.negative - num.n_multipliers}
     warnings = [] if known <= POOR else [
-        f"round-off limits the displacements: they are known to about {known:.1g} of the largest. Fewer or longer "
+        f"round-off limits the displacements: they are accurate to about {known:.1g} of the largest. Fewer or longer "
         "elements, or solver static, give more digits"]
     warnings += _pretensioned(model, d)
     yield State(1.0, d, start.Q + elastic, start.F, energy, linear=True, history=history, warnings=warnings)
@@ -92,7 +92,7 @@ def _pretensioned(model: Model, d: Array) -> list[str]:
     rest, moved = np.zeros(model.n_q), d[:model.n_q]
     names = sorted({g.mesh.plan.name for g in model.loads.guides
                     if 0.0 < g.tension(rest, 1.0) != g.tension(moved, 1.0)})
-    return [f"N, Q and M of {', '.join(names)} leave out how the pretension of the tendon turns with the body: use "
+    return [f"N, Q and M of {', '.join(names)} neglect the rotation of the tendon's pretension with the body: use "
             "solver static for them"] if names else []
 
 
@@ -309,9 +309,9 @@ class March:
         if self.negative > 0:
             return [f"the equilibrium is stable again from load factor {t:.6g} on"]
         apart = [f", or short elements separate in {m.plan.name}" for m in self.model.meshes.values() if m.can_part]
-        return [f"unstable equilibrium from load factor {t:.6g} on: the structure would buckle or snap there"
-                f"{''.join(apart)} ({result.negative_pivots} negative pivots). A small imperfection of shape or load "
-                "leads onto the buckled branch; method: arc_length passes limit points"]
+        return [f"unstable equilibrium from load factor {t:.6g} on: the structure buckles or snaps "
+                f"there{''.join(apart)} ({result.negative_pivots} negative pivots). To follow the buckled branch, add "
+                "a small imperfection of shape or load; to pass limit points, use method: arc_length"]
 
 
 def _stuck(error: ComputationError, t: float, number: int) -> ComputationError:
@@ -320,10 +320,10 @@ def _stuck(error: ComputationError, t: float, number: int) -> ComputationError:
         return ComputationError(
             f"load factor {met:.6g} is critical: the tangent stiffness is singular there",
             at={"step": number + 1, **f.at},
-            advice="a load factor on either side of it. The structure buckles or snaps there: a small imperfection of "
-                   "shape or load leads onto the buckled branch, and method: arc_length passes limit points")
+            advice="a load factor on either side of it. The structure buckles or snaps there. To follow the buckled "
+            "branch, add a small imperfection of shape or load; to pass limit points, use method: arc_length")
     return ComputationError(
         f"no equilibrium was found beyond load factor {t:.6g}: {f.reason}", at={"step": number + 1, **f.at},
         history=f.history,
-        advice=f.advice or "a limit point of the load is likely (method: arc_length follows it); else more steps, or "
-                           "supports that leave no mechanism")
+        advice=f.advice or "method: arc_length if this is a limit point; else more steps, or supports that leave no "
+        "mechanism")
