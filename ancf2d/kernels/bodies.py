@@ -12,8 +12,8 @@ from .elements import commit, force, force_noise, force_tangent, natural_power, 
 from .forces import GROUP
 from .lowlevel.jit import addressed, inner, named
 from .lowlevel.records import Record, at
+from .matrices.symmetric import in_band, in_fronts
 from .mean_stress import mean_force, mean_force_tangent, natural_work
-from .symmetric import in_band, in_fronts
 
 
 def addresses(groups: Sequence[Record]) -> Any:

@@ -16,7 +16,7 @@ from numba.extending import intrinsic
 
 from .forces import GROUP
 from .lowlevel.records import address_of, call_entry, type_of
-from .motion import method_of, motion, scratch
+from .motion.state import method_of, motion, scratch
 
 _f, _i, _b = types.float64, types.int64, types.boolean
 _x, _xx, _z = types.float64[::1], types.float64[:, ::1], types.complex128[::1]

@@ -24,7 +24,7 @@ from .lanes import slots
 from .lowlevel.arrays import array, vector
 from .lowlevel.jit import addressed, inlined, inner
 from .lowlevel.records import address_of, at, caller, rows, table, type_of
-from .motion import evaluate_with_gradient
+from .motion.state import evaluate_with_gradient
 
 # what a law is asked for: each reads and writes rows of one point (``lanes.Slots``)
 STRAIN, GEOMETRIC, MEAN, STRESS, PUSH, PULL, TIMES, SQUARE, REMEMBER, RELAX = range(10)

@@ -26,7 +26,7 @@ from .lanes import vectors_of
 from .lowlevel.arrays import vector
 from .lowlevel.jit import inner, kernel, shared
 from .lowlevel.records import array_at, row, whole
-from .matrix import scatter_packed
+from .matrices.matrix import scatter_packed
 from .natural import NOW
 
 

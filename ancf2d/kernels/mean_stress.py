@@ -10,7 +10,7 @@ from __future__ import annotations
 from .batch import add_forces, batch_length
 from .forces import STEP, STEP_TANGENT, WORK, call_batch, results
 from .lowlevel.jit import kernel
-from .matrix import scatter_packed
+from .matrices.matrix import scatter_packed
 
 
 @kernel

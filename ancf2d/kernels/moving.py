@@ -12,9 +12,9 @@ from typing import Any
 
 from .lowlevel.arrays import array
 from .lowlevel.jit import addressed, inner, named
-from .matrix import scatter
+from .matrices.matrix import scatter
+from .matrices.symmetric import in_band, in_fronts
 from .points import weights_of_item
-from .symmetric import in_band, in_fronts
 
 
 @inner

@@ -8,10 +8,10 @@ from ..elements import contact_geometry
 from ..elements.contact_geometry import BODY, FREE, HOME, RHO, SHAPE, WORK
 from . import calls
 from .compiled_laws import part
-from .dynamics import to_full
 from .lowlevel.jit import addressed_with_memory, inner_with_memory
 from .lowlevel.records import whole
-from .motion import evaluate
+from .motion.dynamics import to_full
+from .motion.state import evaluate
 from .points import amplitude_of, fields_of_item
 
 _gap_at, _stand = part(contact_geometry.gap_at), part(contact_geometry.stand)

@@ -9,6 +9,7 @@ from .facing import bodies_cross, face
 from .lowlevel.arrays import array
 from .lowlevel.jit import addressed, inner, kernel, named
 from .lowlevel.records import whole
+from .matrices.symmetric import in_band, in_fronts
 from .moving import MOVING_MASS
 from .points import (
     evaluate_at,
@@ -30,7 +31,6 @@ from .sliding import (
     sliding_tangent,
     sliding_violation,
 )
-from .symmetric import in_band, in_fronts
 
 
 @kernel

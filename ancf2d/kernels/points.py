@@ -9,7 +9,7 @@ from .compiled_laws import call_accept, call_forces, call_mean
 from .lowlevel.arrays import vector
 from .lowlevel.jit import inlined, inner, kernel
 from .lowlevel.records import array_at
-from .matrix import scatter
+from .matrices.matrix import scatter
 
 
 class Points(NamedTuple):

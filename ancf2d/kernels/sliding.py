@@ -12,7 +12,7 @@ from ..elements import sliding
 from .compiled_laws import part
 from .lowlevel.arrays import array, matrices, numbers, vector
 from .lowlevel.jit import inner, kernel
-from .matrix import scatter
+from .matrices.matrix import scatter
 
 _point_at, _find, _rows_at, _second = (part(f) for f in (
     sliding.point_at, sliding.foot, sliding.rows_at, sliding.second))

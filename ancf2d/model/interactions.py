@@ -15,7 +15,7 @@ from ..interactions.forces import Patch
 from ..interactions.prismatic import OnAxis, sliding_table
 from ..kernels.compiled_laws import point_law_addresses
 from ..kernels.facing import face
-from ..kernels.motion import Turning
+from ..kernels.motion.state import Turning
 from ..kernels.points import (
     Points,
     point_accept,

@@ -10,8 +10,8 @@ import numpy as np
 from ..elements.shape import Array
 from ..interactions.inertia import mass_block, mass_terms
 from ..kernels.lowlevel.records import Record
-from ..kernels.matrix import Band, Csr, scatter_classes
-from ..kernels.tree import Fronts, entries
+from ..kernels.matrices.matrix import Band, Csr, scatter_classes
+from ..kernels.matrices.tree import Fronts, entries
 from ..model.classes import mass_matrix
 from ..model.fronts import make_fronts
 from ..model.mesh import Index
@@ -355,11 +355,11 @@ def inertia_rates(model: Model, state: State) -> Array | None:
 
 
 def dense(A: Array, p: Record) -> Array:
-    """Return a matrix, stored as ``kernels.symmetric`` has it for a problem, in full, with what feedback adds."""
+    """Return a matrix, stored as ``kernels.matrices.symmetric`` has it, in full, with what feedback adds."""
     n, rank, states = len(p.coordinate), p.rank, p.feedback.states
     tail = 0
     if rank:
-        from ..kernels.feedback import tail_size  # with the kernels of motion, which statics does without
+        from ..kernels.motion.feedback import tail_size  # with the kernels of motion, which statics does without
 
         tail = tail_size(n, rank, states)
     base, out = A[:len(A) - tail], np.zeros((n, n))

@@ -61,8 +61,8 @@ class State:
 class Row:
     """A stored state: unknowns with two rates at t, work and loss so far, and the log of the steps up to it.
 
-    ``kind`` as ``kernels.advance`` has it. ``side`` is the time that signals are taken at: t, but at a break, where a
-    step ends, the float before it. ``turns``, ``feet`` and ``states`` are what point laws, prismatic joints and
+    ``kind`` as ``kernels.motion.advance`` has it. ``side`` is the time that signals are taken at: t, but at a break,
+    where a step ends, the float before it. ``turns``, ``feet`` and ``states`` are what point laws, prismatic joints and
     elements remember there, ``turned`` the rotations through full turns of the sections that count them. ``full`` are
     d, v, a and Q - F (n_full,), ``energy`` that of elements and the kinetic one, once they are known.
     """

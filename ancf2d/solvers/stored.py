@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..elements.shape import Array
-from ..kernels.motion import TIME
+from ..kernels.motion.state import TIME
 from .motion.problem import make_problem
 from .motion.stepping import Stepper
 from .state import State

@@ -12,7 +12,7 @@ import numpy as np
 from ..elements.shape import Array
 from ..errors import SingularTangentError
 from ..kernels.elements import commit, force, force_noise, force_tangent, natural_slope, tangent_action
-from ..kernels.matrix import scatter_patches
+from ..kernels.matrices.matrix import scatter_patches
 from ..model.determinacy import rigid_motion
 from ..model.groups import with_trials
 from ..model.mesh import Index

@@ -207,7 +207,7 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
     from ..kernels.batch import no_group
     from ..kernels.elements import force, force_noise, force_tangent, natural_slope, tangent_action
     from ..kernels.lowlevel.records import Record
-    from ..kernels.matrix import scatter_patches
+    from ..kernels.matrices.matrix import scatter_patches
 
     solver, num, none, out = model.case.solver, model.numbering, Record(no_group()), list[Callable[[], object]]()
     tables, no_index = (num.place, num.indptr, num.index, num.value), np.zeros(0, dtype=np.int64)
@@ -224,7 +224,7 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
         out.append(lambda: list(model.interactions.patches(d, 0.0)))
         out.append(partial(scatter_patches, matrix.target, np.zeros((0, 1, 1)), no_index.reshape(0, 1), 0, 0, *tables))
     if model.hangs or solver.vibrates or solver.scales:
-        from ..kernels.matrix import scatter_classes
+        from ..kernels.matrices.matrix import scatter_classes
         from ..solvers.linear import matrix_of_one
 
         small = matrix_of_one(type(matrix))

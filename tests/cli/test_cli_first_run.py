@@ -16,7 +16,7 @@ pytestmark = pytest.mark.slow
 # what no linear static run calls, nor loads where its kernels are compiled already
 NOT_NEEDED = {"matplotlib", "unittest", "scipy.linalg", "scipy.sparse", "scipy.integrate", "scipy.optimize",
               "scipy.special", "numba.np.npyimpl", "numba.typed.listobject", "ancf2d.plot", "ancf2d.view", "ancf2d.api",
-              "ancf2d.kernels.advance", "ancf2d.kernels.points", "ancf2d.solvers.motion.stepping",
+              "ancf2d.kernels.motion.advance", "ancf2d.kernels.points", "ancf2d.solvers.motion.stepping",
               "ancf2d.study.convergence", "ancf2d.study.sweep"}
 # kernels of the package, and functions of numba's own, that linear statics takes; natural strains and states at the
 # stations are six of them, as every element has the same program

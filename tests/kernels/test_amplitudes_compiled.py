@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from ancf2d.case import Amplitude, Constant, Expression, Ramp, Sine, Table, jets
 from ancf2d.case.programs import programs as programs_of
 from ancf2d.errors import ComputationError
-from ancf2d.kernels.motion import evaluate
+from ancf2d.kernels.motion.state import evaluate
 from ancf2d.model.timing import Signal
 
 TIMES, VALUES = (-0.5, 0.25, 1.0, 1.5, 4.0), (1.0, 2.0, 2.5, -1.0, 0.5)

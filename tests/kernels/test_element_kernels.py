@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ancf2d.kernels.elements import element_matrices, force, force_noise, force_tangent, stations, tangent_action
-from ancf2d.kernels.matrix import Csr
+from ancf2d.kernels.matrices.matrix import Csr
 
 EVERY = helpers.covering({"variant": helpers.FEW_VARIANTS}, variant=helpers.VARIANTS, geometry=helpers.GEOMETRIES)
 SIZE = 0.05 * helpers.SECTION["height"]

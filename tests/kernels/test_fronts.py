@@ -8,8 +8,8 @@ from helpers import dense
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ancf2d.kernels.fronts import fronts_factor, fronts_product, fronts_solve
-from ancf2d.kernels.matrix import Nested
+from ancf2d.kernels.matrices.fronts import fronts_factor, fronts_product, fronts_solve
+from ancf2d.kernels.matrices.matrix import Nested
 from ancf2d.model.fronts import band_cost, fronts_cost, least_degree, make_fronts
 
 none = np.zeros(0, dtype=np.int64)

@@ -6,8 +6,8 @@ from helpers import dense
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ancf2d.kernels.band import ldl_factor, ldl_solve
-from ancf2d.kernels.matrix import Band, Csr, Nested, SymBand, scatter_patches
+from ancf2d.kernels.matrices.band import ldl_factor, ldl_solve
+from ancf2d.kernels.matrices.matrix import Band, Csr, Nested, SymBand, scatter_patches
 from ancf2d.model.fronts import Fronts
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.kernels.elements import element_matrices, force, viscous_force
-from ancf2d.kernels.matrix import Csr
+from ancf2d.kernels.matrices.matrix import Csr
 from ancf2d.kernels.mean_stress import mean_force, mean_force_tangent
 from ancf2d.model.body_groups import damping_time
 from ancf2d.model.classes import mass_matrix

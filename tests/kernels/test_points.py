@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ancf2d.elements import contact_geometry as geometry
-from ancf2d.kernels.matrix import SymBand
+from ancf2d.kernels.matrices.matrix import SymBand
 from ancf2d.kernels.patches import point_noise, point_violation
 from ancf2d.kernels.points import (
     point_accept,

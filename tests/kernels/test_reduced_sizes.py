@@ -6,7 +6,7 @@ import helpers as h
 import numba
 import numpy as np
 
-from ancf2d.kernels.dynamics import to_unknowns
+from ancf2d.kernels.motion.dynamics import to_unknowns
 from ancf2d.solvers.motion.problem import make_problem
 
 

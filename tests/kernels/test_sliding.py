@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from ancf2d.interactions.prismatic import OnAxis, foot_point, sliding_table
-from ancf2d.kernels.matrix import Csr
+from ancf2d.kernels.matrices.matrix import Csr
 from ancf2d.kernels.sliding import (
     sliding_accept,
     sliding_check,

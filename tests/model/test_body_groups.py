@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ancf2d.kernels.elements import force_tangent
-from ancf2d.kernels.matrix import SymBand
+from ancf2d.kernels.matrices.matrix import SymBand
 from ancf2d.model import body_groups
 from ancf2d.model.body_groups import Pool, place_of
 from ancf2d.model.element_limits import inverted

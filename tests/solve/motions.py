@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ancf2d.case import load_case_text
-from ancf2d.kernels.advance import CHECK, INSIDE
+from ancf2d.kernels.motion.advance import CHECK, INSIDE
 from ancf2d.model.build import build_model
 from ancf2d.solvers.energy import Energies
 from ancf2d.solvers.motion import stepping

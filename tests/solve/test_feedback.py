@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 import ancf2d
 from ancf2d.errors import CaseError, ComputationError
-from ancf2d.kernels.ode import tangents
+from ancf2d.kernels.motion.ode import tangents
 from ancf2d.solvers.linear import dense
 
 J, KP, KD, KI, LIMIT, FILTER = 0.2 + 1.5 / 4, 20.0, 1.0, 30.0, 8.0, 0.01

@@ -75,7 +75,7 @@ def test_joints_with_multipliers_and_sliding_points_are_the_same_with_fronts() -
 
 @pytest.mark.parametrize("method", [name for name, m in INTEGRATORS.items() if m.scipy is not None])
 def test_scipys_methods_move_fronts(method: str) -> None:
-    from ancf2d.kernels.dynamics import to_full
+    from ancf2d.kernels.motion.dynamics import to_full
     from ancf2d.solvers.motion.initial import initial_motion
     from ancf2d.solvers.motion.ode import OdeStepper
     from ancf2d.solvers.motion.problem import make_problem

@@ -6,7 +6,7 @@ import helpers as h
 import pytest
 from motions import GRAVITY, Ride, rigid, rod
 
-from ancf2d.kernels.advance import advance
+from ancf2d.kernels.motion.advance import advance
 from ancf2d.solvers.motion import stepping
 from ancf2d.solvers.motion.methods import MAKERS
 from ancf2d.solvers.motion.schemes import INTEGRATORS, SCHEMES, method_problems

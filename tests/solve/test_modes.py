@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from ancf2d.kernels.matrix import band_product
+from ancf2d.kernels.matrices.matrix import band_product
 from ancf2d.model.determinacy import rigid_motion
 from ancf2d.solvers.small_motions import lowest_modes as lowest_module
 from ancf2d.solvers.small_motions.lowest_modes import Pencil, lowest

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from motions import OWN, rigid, rod
 
-from ancf2d.kernels.motion import WORK
+from ancf2d.kernels.motion.state import WORK
 from ancf2d.solvers.energy import Energies
 from ancf2d.solvers.motion.dynamic import Run
 from ancf2d.solvers.motion.schemes import SCHEMES

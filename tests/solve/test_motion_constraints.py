@@ -10,7 +10,7 @@ import pytest
 from motions import GRAVITY, THIN, ride, rigid, rod
 from scipy.optimize import minimize_scalar
 
-from ancf2d.kernels.advance import INSIDE
+from ancf2d.kernels.motion.advance import INSIDE
 from ancf2d.model.rotation import Rotation
 
 SOFT = {"E": 5e6, "nu": 0.3, "rho": 1000.0}

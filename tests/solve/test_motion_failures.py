@@ -12,7 +12,7 @@ from motions import GRAVITY, RUBBER, rod
 
 from ancf2d.case.schema.amplitudes import Expression
 from ancf2d.errors import ComputationError
-from ancf2d.kernels.motion import COUNT
+from ancf2d.kernels.motion.state import COUNT
 from ancf2d.model.timing import Signal
 from ancf2d.solvers.motion.estimate import SAFETY, TENFOLD, Estimate
 from ancf2d.solvers.motion.schemes import INTEGRATORS

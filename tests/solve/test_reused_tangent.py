@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from motions import GRAVITY, Ride, ride, rod
 
-from ancf2d.kernels.dynamics import TANGENTS
-from ancf2d.kernels.motion import HELD_STEP, HELD_STEPS
-from ancf2d.kernels.reused_tangent import MAKING
+from ancf2d.kernels.motion.dynamics import TANGENTS
+from ancf2d.kernels.motion.reused_tangent import MAKING
+from ancf2d.kernels.motion.state import HELD_STEP, HELD_STEPS
 from ancf2d.solvers.motion import stepping
 
 RADAU = ("radau5", "radau9")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ancf2d.errors import ComputationError
-from ancf2d.kernels.advance import CHECK
+from ancf2d.kernels.motion.advance import CHECK
 from ancf2d.solvers.motion.dynamic import Balance
 from ancf2d.solvers.motion.initial import initial_motion
 from ancf2d.solvers.motion.ode import OdeStepper

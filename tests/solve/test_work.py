@@ -16,7 +16,7 @@ import helpers as h
 import pytest
 from motions import GRAVITY, STEEL, Ride, rigid, rod
 
-from ancf2d.kernels.motion import COUNT, REJECTED
+from ancf2d.kernels.motion.state import COUNT, REJECTED
 from ancf2d.solvers import linear, system
 
 STORED = Path(__file__).with_name("work.json")

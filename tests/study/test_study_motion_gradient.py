@@ -5,8 +5,8 @@ import pytest
 
 import ancf2d
 from ancf2d.case.numbers import variable_at
-from ancf2d.kernels import along
 from ancf2d.kernels.lowlevel.records import Record
+from ancf2d.kernels.motion import along
 from ancf2d.model.groups import unlike
 from ancf2d.solvers.derivatives import linear_steps
 from ancf2d.solvers.derivatives.varied_motions import Beside

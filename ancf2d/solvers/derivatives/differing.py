@@ -10,10 +10,10 @@ import numpy as np
 
 from ...elements.shape import Array
 from ...interactions.prismatic import sliding_table
-from ...kernels import along
 from ...kernels.bodies import addresses
 from ...kernels.lowlevel.records import Record
-from ...kernels.motion import scratch
+from ...kernels.motion import along
+from ...kernels.motion.state import scratch
 from ...kernels.points import Points
 from ...model.breakpoints import pieces
 from ...model.groups import of_elements, unlike

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from ...elements.shape import Array
-from ...kernels import step_equations
 from ...kernels.lowlevel.records import Record
-from ...kernels.newmark import Newmark
-from ...kernels.radau import Radau
-from ...kernels.tree import entries
+from ...kernels.matrices.tree import entries
+from ...kernels.motion import step_equations
+from ...kernels.motion.newmark import Newmark
+from ...kernels.motion.radau import Radau
 from ...model.mesh import Index
 from ...model.model import Model
 from ..linear import pattern

@@ -19,10 +19,10 @@ from numpy.polynomial import polynomial
 
 from ...case import Dynamic
 from ...elements.shape import Array
-from ...kernels import along
-from ...kernels.advance import CHECK, EVENT, INSIDE
 from ...kernels.lowlevel.records import Record
-from ...kernels.motion import REJECTED
+from ...kernels.motion import along
+from ...kernels.motion.advance import CHECK, EVENT, INSIDE
+from ...kernels.motion.state import REJECTED
 from ...model.model import Model
 from ..motion.breaks import pass_break
 from ..motion.dynamic import Run

@@ -10,11 +10,11 @@ import numpy as np
 from ...elements.shape import Array
 from ...elements.sliding import OFF
 from ...interactions.moving import MovingPatch
-from ...kernels.advance import NEAR
-from ...kernels.consistent import kinetic, onto_constraints
-from ...kernels.dynamics import place_at
 from ...kernels.lowlevel.records import Record
-from ...kernels.motion import GRID, LOST, STEP_SIZE, WORK, evaluate
+from ...kernels.motion.advance import NEAR
+from ...kernels.motion.consistent import kinetic, onto_constraints
+from ...kernels.motion.dynamics import place_at
+from ...kernels.motion.state import GRID, LOST, STEP_SIZE, WORK, evaluate
 from ...model.breakpoints import Break, Piece, breakpoints
 from ...model.model import Model
 from ...model.timing import Signal

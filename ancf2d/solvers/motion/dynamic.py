@@ -11,8 +11,8 @@ import numpy as np
 from ...case import Dynamic
 from ...elements.shape import Array
 from ...errors import ComputationError
-from ...kernels.advance import CHECK, INSIDE
-from ...kernels.motion import COUNT, REJECTED
+from ...kernels.motion.advance import CHECK, INSIDE
+from ...kernels.motion.state import COUNT, REJECTED
 from ...model.element_limits import any_inverted, inverted
 from ...model.model import Model
 from ...pace import Pace

@@ -10,8 +10,8 @@ import numpy as np
 
 from ...elements.shape import Array
 from ...errors import ComputationError
-from ...kernels.advance import CHECK
-from ...kernels.motion import COUNT
+from ...kernels.motion.advance import CHECK
+from ...kernels.motion.state import COUNT
 from ...model.mesh import Index
 from ...model.model import Model
 from ...model.points import PointRef

@@ -15,8 +15,8 @@ from ...case import SWITCHED, Gated, Latch
 from ...elements.shape import Array
 from ...errors import ComputationError
 from ...interactions.moving import MovingPatch
-from ...kernels.events import HOLDS, NO_VALUE, NONE, PASSED, WAITING, holding
 from ...kernels.lowlevel.records import Record
+from ...kernels.motion.events import HOLDS, NO_VALUE, NONE, PASSED, WAITING, holding
 from ...model.breakpoints import Break, Piece
 from ...model.constraints import MOTIONS
 from ...model.determinacy import rigid_motion

@@ -8,8 +8,8 @@ import numpy as np
 
 from ...errors import ComputationError
 from ...interactions.prismatic import OnAxis
-from ...kernels.dynamics import to_full
-from ...kernels.motion import COUNT, NOT_FINITE, OLD_STEP, SINGULAR, STEP_SIZE, evaluate
+from ...kernels.motion.dynamics import to_full
+from ...kernels.motion.state import COUNT, NOT_FINITE, OLD_STEP, SINGULAR, STEP_SIZE, evaluate
 from ...kernels.sliding import sliding_check
 from ...model.point_patch import check_facing
 from ...model.timing import Answer

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from ...elements.shape import Array
-from ...kernels.dynamics import to_full
 from ...kernels.lowlevel.records import Record
-from ...kernels.motion import SIZE, evaluate
+from ...kernels.motion.dynamics import to_full
+from ...kernels.motion.state import SIZE, evaluate
 from ...model.feedback import ANGLE
 from ...model.point_patch import check_formulas
 from ..state import Row

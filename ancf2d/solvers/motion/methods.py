@@ -12,19 +12,26 @@ from numpy.polynomial import polynomial
 from ...case import Dynamic
 from ...elements.shape import Array
 from ...kernels import calls
-from ...kernels.advance import work
-from ...kernels.conserving import (
+from ...kernels.lowlevel.records import Record
+from ...kernels.motion.advance import work
+from ...kernels.motion.conserving import (
     Conserving,
     conserving_accept,
     conserving_restart,
     conserving_step,
     conserving_work,
 )
-from ...kernels.lowlevel.records import Record
-from ...kernels.motion import Step, method_of
-from ...kernels.newmark import Newmark, newmark_accept, newmark_go_on, newmark_inside, newmark_restart, newmark_step
-from ...kernels.radau import TILE, Radau, radau_accept, radau_restart, radau_step
-from ...kernels.stages import radau_inside, relaxing
+from ...kernels.motion.newmark import (
+    Newmark,
+    newmark_accept,
+    newmark_go_on,
+    newmark_inside,
+    newmark_restart,
+    newmark_step,
+)
+from ...kernels.motion.radau import TILE, Radau, radau_accept, radau_restart, radau_step
+from ...kernels.motion.stages import radau_inside, relaxing
+from ...kernels.motion.state import Step, method_of
 from ...model.mesh import Index
 from .schemes import Integrator, spectral_radius
 
@@ -170,7 +177,7 @@ MAKERS: dict[str, Maker] = {
 
 
 class Method:
-    """An integrator as kernels take it: ``record`` is a ``kernels.motion.Method``, ``own`` what it has beside that.
+    """An integrator as kernels take it: ``record`` is a ``state.Method`` of theirs, ``own`` what it has beside that.
 
     ``functions`` are those that it is called by (``kernels.calls``).
     """

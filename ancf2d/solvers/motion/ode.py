@@ -9,11 +9,11 @@ import numpy as np
 
 from ...case import Dynamic
 from ...elements.shape import Array
-from ...kernels.advance import CHECK, END, INSIDE, NEAR
-from ...kernels.events import BEYOND, FLOAT, FLOATS, LOOKS, NO_VALUE, NONE, TRIES, holding
 from ...kernels.lowlevel.records import Record
-from ...kernels.motion import COUNT, LOST, OLD_STEP, SIZE, STEP_SIZE, TIME, WORK, motion
-from ...kernels.ode import accelerations, mass_factors, place, powers, rates, settle, tangents
+from ...kernels.motion.advance import CHECK, END, INSIDE, NEAR
+from ...kernels.motion.events import BEYOND, FLOAT, FLOATS, LOOKS, NO_VALUE, NONE, TRIES, holding
+from ...kernels.motion.ode import accelerations, mass_factors, place, powers, rates, settle, tangents
+from ...kernels.motion.state import COUNT, LOST, OLD_STEP, SIZE, STEP_SIZE, TIME, WORK, motion
 from ...model.model import Model
 from ..linear import dense
 from . import stepping

@@ -15,15 +15,15 @@ from ...interactions.moving import MovingPatch, moving_table
 from ...interactions.prismatic import OnAxis, sliding_table
 from ...kernels.bodies import addresses, element_functions
 from ...kernels.calls import table
-from ...kernels.dynamics import Problem, dynamic_functions
-from ...kernels.events import event_functions, holding
-from ...kernels.feedback import Feedback, feedback_accept, feedback_functions, no_feedback, tail_size
-from ...kernels.impact import begin, impact_functions
 from ...kernels.lowlevel.records import Record
-from ...kernels.ode import ode_functions
+from ...kernels.matrices.symmetric import matrix_functions
+from ...kernels.matrices.tree import no_fronts
+from ...kernels.motion.dynamics import Problem, dynamic_functions
+from ...kernels.motion.events import event_functions, holding
+from ...kernels.motion.feedback import Feedback, feedback_accept, feedback_functions, no_feedback, tail_size
+from ...kernels.motion.impact import begin, impact_functions
+from ...kernels.motion.ode import ode_functions
 from ...kernels.patches import patch_functions
-from ...kernels.symmetric import matrix_functions
-from ...kernels.tree import no_fronts
 from ...model.feedback import POSITION
 from ...model.groups import with_states
 from ...model.interactions import point_table, turning_table
@@ -43,16 +43,17 @@ import numba
 from numba import types
 
 from ...case import Dynamic
-from ...kernels import calls, ode
-from ...kernels.advance import Plan, Rows, advance
-from ...kernels.along import read_states
+from ...kernels import calls
 from ...kernels.batch import no_group
 from ...kernels.compiled_laws import law_address
-from ...kernels.consistent import consistent, kinetic, onto_constraints
-from ...kernels.dynamics import to_full
 from ...kernels.forces import batch_address
 from ...kernels.lowlevel.records import type_of
-from ...kernels.motion import Turning, evaluate, method_of, motion, scratch, turn_on
+from ...kernels.motion import ode
+from ...kernels.motion.advance import Plan, Rows, advance
+from ...kernels.motion.along import read_states
+from ...kernels.motion.consistent import consistent, kinetic, onto_constraints
+from ...kernels.motion.dynamics import to_full
+from ...kernels.motion.state import Turning, evaluate, method_of, motion, scratch, turn_on
 from ...kernels.sliding import sliding_check
 from ...kernels.tangents import fill_products
 from .methods import MAKERS, Method

@@ -11,13 +11,13 @@ import numpy as np
 from ...case import Dynamic
 from ...elements.shape import Array
 from ...errors import ComputationError
-from ...kernels import advance as kernels
-from ...kernels.along import read_states
-from ...kernels.consistent import consistent, kinetic
-from ...kernels.dynamics import forces, to_full
-from ...kernels.impact import begin
 from ...kernels.lowlevel.records import Record
-from ...kernels.motion import (
+from ...kernels.motion import advance as kernels
+from ...kernels.motion.along import read_states
+from ...kernels.motion.consistent import consistent, kinetic
+from ...kernels.motion.dynamics import forces, to_full
+from ...kernels.motion.impact import begin
+from ...kernels.motion.state import (
     LOST,
     SIZE,
     STEP_SIZE,

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...case.programs import programs
 from ...elements.shape import Array
-from ...kernels.tree import entries, no_fronts
+from ...kernels.matrices.tree import entries, no_fronts
 from ...model.interactions import point_table
 from ...model.mesh import Index
 from ...model.model import Model
@@ -41,7 +41,7 @@ class Signals:
 
 
 def mass_tables(M: csr_matrix | None, num: Numbering) -> dict[str, Any]:
-    """Return a mass matrix, None for zero, as motions keep it (``kernels.symmetric``), and the diagonals of a band."""
+    """Return a mass matrix, None for zero, as ``kernels.matrices.symmetric`` has it, and the diagonals of a band."""
     from scipy.sparse import coo_matrix, tril
 
     n = num.n_unknowns

@@ -22,7 +22,7 @@ from .command import CODES, INTERRUPTED, Called, call, told, unreal
 from .pen import Ended, Limits, confined
 
 SECONDS = 30.0  # of the processor's time within which a file must be validated
-IMPORTED = ("ancf2d.kernels.elements", "ancf2d.kernels.radau", "ancf2d.solvers.registry",
+IMPORTED = ("ancf2d.kernels.elements", "ancf2d.kernels.motion.radau", "ancf2d.solvers.registry",
             "ancf2d.solvers.motion.dynamic", "ancf2d.results", "ancf2d.study.warmup", "scipy.integrate",
             "scipy.sparse.linalg", "click.testing")
 PATIENCE = 2.0  # seconds of the processor's time until a run is interrupted

@@ -9,7 +9,7 @@ import numpy as np
 
 import ancf2d
 from ancf2d.elements.shape import Array
-from ancf2d.kernels.advance import INSIDE
+from ancf2d.kernels.motion.advance import INSIDE
 from ancf2d.model.build import build_model
 from ancf2d.solvers.motion.initial import initial_motion
 from ancf2d.solvers.motion.methods import Method

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from . import calls
+from .. import calls
+from ..lowlevel.arrays import copy
+from ..lowlevel.jit import kernel, kernel_with_memory
+from ..patches import accept_patches, rates_of_constraints, violation
 from .consistent import _by_motion, constraint_matrix
 from .dynamics import lost_to_mass_damping, power_of_loads, residual, to_full
-from .lowlevel.arrays import copy
-from .lowlevel.jit import kernel, kernel_with_memory
-from .motion import evaluate
-from .patches import accept_patches, rates_of_constraints, violation
+from .state import evaluate
 
 
 @kernel

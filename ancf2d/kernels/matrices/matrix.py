@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 from numba.extending import overload
 
+from ..lowlevel.arrays import array, numbers
+from ..lowlevel.jit import inner, kernel
+from ..lowlevel.records import array_at
 from .fronts import entry, fill_rows
-from .lowlevel.arrays import array, numbers
-from .lowlevel.jit import inner, kernel
-from .lowlevel.records import array_at
 
 
 class SymBand(NamedTuple):

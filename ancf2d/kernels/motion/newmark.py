@@ -6,13 +6,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import calls
+from .. import calls
+from ..lowlevel.arrays import copy
+from ..lowlevel.jit import addressed, inner
+from ..moving import add_moving_product
 from .dynamics import add_mass, factor, norm, remember, residual, settled, solve_with
 from .feedback import weigh_state
-from .lowlevel.arrays import copy
-from .lowlevel.jit import addressed, inner
-from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE, evaluate
-from .moving import add_moving_product
+from .state import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE, evaluate
 
 # an iteration that shrinks the increment by less than this gets a tangent of its own
 SLOW = 0.2

@@ -13,13 +13,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import calls
+from .. import calls
+from ..lowlevel.arrays import copy, copy_rows
+from ..lowlevel.jit import addressed, inner
+from ..lowlevel.records import array_at
+from ..moving import add_moving_product
+from ..patches import violation
 from .dynamics import MET, norm, remember, residual, solve_with, to_full, weighed
 from .feedback import weigh_state
-from .lowlevel.arrays import copy, copy_rows
-from .lowlevel.jit import addressed, inner
-from .lowlevel.records import array_at
-from .motion import (
+from .reused_tangent import count, tangent, turn, turns
+from .stages import as_at_stage, as_at_start, begin_stages, lost_in_relaxing, place, relax
+from .state import (
     CONTRACTION,
     DONE,
     HELD_STEP,
@@ -32,10 +36,6 @@ from .motion import (
     SIZE,
     evaluate,
 )
-from .moving import add_moving_product
-from .patches import violation
-from .reused_tangent import count, tangent, turn, turns
-from .stages import as_at_stage, as_at_start, begin_stages, lost_in_relaxing, place, relax
 
 # unknowns that are worked on at a time
 TILE = 128

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from . import calls
-from .bodies import elastic
+from .. import calls
+from ..bodies import elastic
+from ..lowlevel.arrays import copy, copy_rows
+from ..lowlevel.jit import inner, kernel
+from ..moving import moving_inertia
 from .dynamics import residual, to_full, twice_kinetic
-from .lowlevel.arrays import copy, copy_rows
-from .lowlevel.jit import inner, kernel
-from .motion import evaluate
-from .moving import moving_inertia
+from .state import evaluate
 
 
 class Moments(NamedTuple):
@@ -38,7 +38,7 @@ def read_states(p, w, side, inside, z, v, a, turns, feet, states,  # type: ignor
     """Fill d, rates, second and Q - F (m, n_full) with what stored states are in full coordinates.
 
     Those inside steps are put onto the constraints first, in z and v (m, n) themselves. side (m,) are the times of
-    signals, turns, feet and states what is remembered there (``kernels.advance.Rows``). energy (m, 2) : of elements
+    signals, turns, feet and states what is remembered there (``advance.Rows``). energy (m, 2) : of elements
     and kinetic.
     """
     for k in range(len(side)):

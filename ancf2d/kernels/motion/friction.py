@@ -15,16 +15,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..elements import contact, contact_geometry
-from ..elements.contact_geometry import ANCHOR, BEHIND, CLOSED, FRICTION, HOME, NONE, RHO, SLIDES, STICK, WORK
-from . import calls
-from .compiled_laws import call_accept, call_forces, part
+from ...elements import contact, contact_geometry
+from ...elements.contact_geometry import ANCHOR, BEHIND, CLOSED, FRICTION, HOME, NONE, RHO, SLIDES, STICK, WORK
+from .. import calls
+from ..compiled_laws import call_accept, call_forces, part
+from ..lowlevel.arrays import copy, copy_rows
+from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory
+from ..lowlevel.records import whole
+from ..points import add_to, amplitude_of, fields_of_item, rates_of_item
 from .consistent import allowed_rates, constraint_matrix
 from .dynamics import to_full, to_unknowns
-from .lowlevel.arrays import copy, copy_rows
-from .lowlevel.jit import addressed_with_memory, inner, inner_with_memory
-from .lowlevel.records import whole
-from .points import add_to, amplitude_of, fields_of_item, rates_of_item
 
 _gap_at, _slip = part(contact_geometry.gap_at), part(contact.slip)
 _stand = part(contact_geometry.stand)

@@ -5,7 +5,7 @@ closes in the step, its positions are right, but the method takes the stop for a
 left of the rates depends on when in the step that was. So rates are set after it: to what the constraints that are
 closed allow, by the least change in kinetic energy (plastic impact), or to ``restitution`` times the rate of approach;
 accelerations and multipliers follow from the state. Both take energy, and never give any, where the obstacle rests.
-Friction has impulses, too (``kernels.friction``).
+Friction has impulses, too (``friction``).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..elements.contact_geometry import (
+from ...elements.contact_geometry import (
     BEHIND,
     BY_CHOICE,
     CLOSED,
@@ -25,19 +25,19 @@ from ..elements.contact_geometry import (
     OPEN,
     SLIDES,
 )
-from . import calls
-from .bodies import elastic, set_natural
-from .compiled_laws import call_forces
+from .. import calls
+from ..bodies import elastic, set_natural
+from ..compiled_laws import call_forces
+from ..lowlevel.arrays import copy
+from ..lowlevel.jit import addressed_with_memory, inner_with_memory, kernel_with_memory
+from ..lowlevel.records import whole
+from ..passages import tunnels
+from ..patches import face_bodies, forces_but_contacts, patch_forces, rates_of_constraints
+from ..points import amplitude_of, fields_of_item
 from .consistent import consistent, constraint_matrix
 from .dynamics import to_full, twice_kinetic
 from .friction import drag, point_hold, point_slip, rub, rubs, take_hold
-from .lowlevel.arrays import copy
-from .lowlevel.jit import addressed_with_memory, inner_with_memory, kernel_with_memory
-from .lowlevel.records import whole
-from .motion import evaluate
-from .passages import tunnels
-from .patches import face_bodies, forces_but_contacts, patch_forces, rates_of_constraints
-from .points import amplitude_of, fields_of_item
+from .state import evaluate
 
 # of the largest rate: constraints that part slower than this are closed
 PARTING = 1e-9

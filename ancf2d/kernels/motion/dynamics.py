@@ -6,14 +6,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import calls
-from .bodies import elastic, elastic_noise, elastic_tangent, power_of_natural, set_natural, viscous
-from .lowlevel.arrays import rank, ranked
-from .lowlevel.jit import addressed, inner, kernel
-from .lowlevel.records import array_at
-from .motion import evaluate
-from .moving import moving_inertia, place_moving
-from .patches import add_patch_tangent, forces_but_contacts, patch_forces, patch_noise, violation
+from .. import calls
+from ..bodies import elastic, elastic_noise, elastic_tangent, power_of_natural, set_natural, viscous
+from ..lowlevel.arrays import rank, ranked
+from ..lowlevel.jit import addressed, inner, kernel
+from ..lowlevel.records import array_at
+from ..moving import moving_inertia, place_moving
+from ..patches import add_patch_tangent, forces_but_contacts, patch_forces, patch_noise, violation
+from .state import evaluate
 
 # constraints hold where they are off by no more than this share of their scale
 MET = 1e-13
@@ -35,7 +35,7 @@ class Problem(NamedTuple):
     unknowns x and y of one vector; turns : (m, 4) how it turns: by theta, x and y of a gradient, or of two points; e0 :
     (n_q,) reference; weights, straining : (n,) [m], those of ``Model``, and coordinate : (n,) 1, all 0 for multipliers;
     extent : of the scene [m]. feedback : what answers the motion; inner : unknowns without controllers' states, the
-    last ones; rank : of what signals and states add to tangents (``kernels.feedback``); sure : iterations at least, 2
+    last ones; rank : of what signals and states add to tangents (``feedback``); sure : iterations at least, 2
     where these switch: small increments do not see that.
     """
 

@@ -5,7 +5,7 @@ Matrices of steps of s stages are bands, the stages of an unknown side by side.
 
 from __future__ import annotations
 
-from .lowlevel.jit import inner, kernel
+from ..lowlevel.jit import inner, kernel
 
 
 @inner

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from . import calls
+from .. import calls
+from ..lowlevel.jit import addressed, inlined
+from ..lowlevel.records import array_at
 from .band import ldl_factor, ldl_solve
 from .fronts import fronts_factor, fronts_product, fronts_solve
-from .lowlevel.jit import addressed, inlined
-from .lowlevel.records import array_at
 from .matrix import Nested, SymBand, band_product, product_by_diagonals
 
 # pivots below this share of the terms that they are the difference of are none

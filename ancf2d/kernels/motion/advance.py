@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from . import calls
-from .bodies import remember_elements
+from .. import calls
+from ..bodies import remember_elements
+from ..lowlevel.arrays import copy, copy_rows
+from ..lowlevel.jit import addressed, inner, kernel
+from ..lowlevel.records import array_at
+from ..patches import accept_patches, violation
 from .dynamics import lost_to_mass_damping, norm, power_of_loads, to_full
 from .events import NONE, aim, gains, interpolate
-from .lowlevel.arrays import copy, copy_rows
-from .lowlevel.jit import addressed, inner, kernel
-from .lowlevel.records import array_at
-from .motion import (
+from .state import (
     CONTRACTION,
     COUNT,
     DONE,
@@ -31,7 +32,6 @@ from .motion import (
     evaluate,
     turn_on,
 )
-from .patches import accept_patches, violation
 
 # rotation in a step [rad] beyond which stages may be on another turn than the end of the step before
 FAR = 2.5

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from .lowlevel.arrays import numbers
-from .lowlevel.blocks import backward, eliminate, forward, inverse, room, size, take, take_diagonal
-from .lowlevel.jit import inlined, inner, kernel
+from ..lowlevel.arrays import numbers
+from ..lowlevel.blocks import backward, eliminate, forward, inverse, room, size, take, take_diagonal
+from ..lowlevel.jit import inlined, inner, kernel
 
 # below this half bandwidth, blocks of four would reach over more than one row
 NARROW = 4

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import calls
-from .bodies import group_at, set_natural
+from .. import calls
+from ..bodies import group_at, set_natural
+from ..lowlevel.arrays import copy, copy_rows
+from ..lowlevel.jit import addressed, inner
 from .dynamics import to_full
-from .lowlevel.arrays import copy, copy_rows
-from .lowlevel.jit import addressed, inner
 
 # a share of the springs that is none, and yet tells that it is a share
 NO_SHARE = 1e-300

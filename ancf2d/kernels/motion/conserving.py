@@ -6,8 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import calls
-from .bodies import mean_elastic, mean_elastic_tangent, set_natural, work_of_natural
+from .. import calls
+from ..bodies import mean_elastic, mean_elastic_tangent, set_natural, work_of_natural
+from ..lowlevel.jit import addressed, inner
+from ..lowlevel.records import whole
 from .dynamics import (
     FORCES,
     TANGENTS,
@@ -23,10 +25,8 @@ from .dynamics import (
     to_full,
     to_unknowns,
 )
-from .lowlevel.jit import addressed, inner
-from .lowlevel.records import whole
-from .motion import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE, evaluate
 from .newmark import SLOW
+from .state import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE, evaluate
 
 # increments that no longer shrink are done below this share of the motion
 ROUND_OFF = 1e-15

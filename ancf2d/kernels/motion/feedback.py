@@ -13,18 +13,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..elements import point_laws
-from . import calls
-from .band import ldl_factor, ldl_solve
-from .compiled_laws import part
+from ...elements import point_laws
+from .. import calls
+from ..compiled_laws import part
+from ..lowlevel.arrays import numbers
+from ..lowlevel.jit import addressed, inlined, inner
+from ..lowlevel.records import array_at, whole
+from ..matrices.band import ldl_factor, ldl_solve
+from ..matrices.fronts import fronts_factor, fronts_solve
+from ..matrices.symmetric import TINY, band_of
+from ..points import add_to, amplitude_of, fields_of_item, law_of_item, rates_of_item, work_arrays
 from .dynamics import to_unknowns
-from .fronts import fronts_factor, fronts_solve
-from .lowlevel.arrays import numbers
-from .lowlevel.jit import addressed, inlined, inner
-from .lowlevel.records import array_at, whole
-from .motion import SIZE, evaluate_with_gradient
-from .points import add_to, amplitude_of, fields_of_item, law_of_item, rates_of_item, work_arrays
-from .symmetric import TINY, band_of
+from .state import SIZE, evaluate_with_gradient
 
 _turn = part(point_laws.turn)
 # what a quantity is: a position, a rate, the angle of a direction or its rate
@@ -38,7 +38,7 @@ class Feedback(NamedTuple):
     begin[i + 1], and of ``start``: what it is in the reference, or the length of a direction; near (q,) : angles last
     accepted. row (k,) : signals; columns (k, n) : what the dead loads that follow them do to the residual; items : the
     point laws that do, from first[j] to first[j + 1]; programs : of signals, rates, conditions, and the margins of
-    these (``model.feedback.margin``); watched (conditions,) : which are waited for (``kernels.events``); clock : the
+    these (``model.feedback.margin``); watched (conditions,) : which are waited for (``events``); clock : the
     signal that is the time; states : m; soon : a time in which states change; scale (m,) : how large states have been;
     values (q,), slopes (1 + q, and three margins of each condition), rates (m,), full (n_full,), column (n,) to work
     in.

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.extending import register_jitable
 
-from ..case import jets
-from ..elements.point_laws import turn
-from .lowlevel.jit import inner, kernel
+from ...case import jets
+from ...elements.point_laws import turn
+from ..lowlevel.jit import inner, kernel
 
 # numbers that go from step to step; LIMIT: of adaptive steps since Newton's method failed at a longer one, 0 for none
 TIME, STEP_SIZE, CONTRACTION, SIZE, OLD_ERROR, OLD_STEP, WORK, LOST, COUNT, GRID, REJECTED, TRIES, LIMIT = range(13)

@@ -1,7 +1,7 @@
 """Symmetric LDL^T without pivoting front by front, for what is no chain (``model.fronts``).
 
 A front of s pivots and u rows beyond them holds its numbers row by row, in the lower half of s + u rows that lie
-s + u - 1 apart, as the band of a matrix that is full (``kernels.band``). The matrix has entries in columns of pivots
+s + u - 1 apart, as the band of a matrix that is full (``band``). The matrix has entries in columns of pivots
 alone; what these leave of the rest is added to the parent's front.
 """
 
@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..lowlevel.arrays import numbers, vector
+from ..lowlevel.blocks import inverse, room, size
+from ..lowlevel.jit import inner, kernel
+from ..lowlevel.records import array_at
 from .band import solve_lower, solve_upper, take_out
-from .lowlevel.arrays import numbers, vector
-from .lowlevel.blocks import inverse, room, size
-from .lowlevel.jit import inner, kernel
-from .lowlevel.records import array_at
 
 
 @inner
@@ -69,7 +69,7 @@ def fill_rows(fronts, d, place, shift, n, table):  # type: ignore[no-untyped-def
 def fronts_factor(fronts, values, tiny, scale):  # type: ignore[no-untyped-def]
     """Factor K = L D L^T in place; return (first bad unknown or -1, negative pivots, smallest relative pivot).
 
-    As ``kernels.band.ldl_factor`` does.
+    As ``band.ldl_factor`` does.
     """
     C, sizes = numbers(values, room(fronts.largest)), vector(fronts.largest)
     for q in range(len(fronts.parent)):

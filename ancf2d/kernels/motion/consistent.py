@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import calls
+from .. import calls
+from ..lowlevel.jit import inner, inner_with_memory, kernel, kernel_with_memory
+from ..patches import patch_forces, rates_of_constraints
 from .dynamics import add_mass, patches_tangent, residual, to_full, twice_kinetic
-from .lowlevel.jit import inner, inner_with_memory, kernel, kernel_with_memory
-from .motion import evaluate
-from .patches import patch_forces, rates_of_constraints
+from .state import evaluate
 
 
 @inner

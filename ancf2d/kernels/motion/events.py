@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from . import calls
+from .. import calls
+from ..lowlevel.arrays import copy
+from ..lowlevel.jit import addressed, inner, kernel
 from .dynamics import to_full, twice_kinetic
 from .feedback import tell
-from .lowlevel.arrays import copy
-from .lowlevel.jit import addressed, inner, kernel
-from .motion import GAINED, evaluate, evaluate_with_gradient
+from .state import GAINED, evaluate, evaluate_with_gradient
 
 # of a condition: nothing waits for it; it is waited for; it holds where the motion has come to an event
 PASSED, WAITING, HOLDS = range(3)

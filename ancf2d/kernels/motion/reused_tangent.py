@@ -6,12 +6,12 @@ the next ones of the same length: what is left of the contraction is that of the
 
 from __future__ import annotations
 
-from . import calls
+from .. import calls
+from ..lowlevel.arrays import copy
+from ..lowlevel.jit import inner
 from .dynamics import FACTORS, directions, factor, to_full, turned
-from .lowlevel.arrays import copy
-from .lowlevel.jit import inner
-from .motion import HELD_COST, HELD_STEP, HELD_STEPS, HELD_TIME, evaluate
 from .stages import as_at_stage, place, stiffen
+from .state import HELD_COST, HELD_STEP, HELD_STEPS, HELD_TIME, evaluate
 
 # what a tangent and its factors cost, in iterations
 MAKING = 1.5

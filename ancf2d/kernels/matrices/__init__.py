@@ -1,0 +1,1 @@
+"""Symmetric matrices of the unknowns and their factors: bands, fronts, compressed rows."""
