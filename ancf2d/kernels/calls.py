@@ -95,31 +95,31 @@ point_sides = _call(_nothing, None, _x, _x, _xx, _x)
 face = _call(_nothing, None, None, _x)
 bodies_cross = _call(_b, None, None, _x, _x)
 point_mean, sliding_mean = _call(_pair, None, _x, _x, _x, _xx, _xx, _b, _x), _call(_nothing, None, _x, _x, _x, _x)
-# matrices: kernels.symmetric
+# matrices: kernels.matrices.symmetric
 factor, factor_complex = _call(_b, None, _x, _x), _call(_b, None, _z, _x)
 solve, solve_complex = _call(_nothing, None, _x, _x), _call(_nothing, None, _z, _z)
 product, mass_product = _call(_nothing, None, _x, _x, _x), _call(_nothing, None, _x, _x)
 # (p, factor, matrix) of masses that move
 moving_mass = _call(_nothing, None, _f, _x)
 add_sizes, keep_between = _call(_nothing, None, _x, _x, _x), _call(_nothing, None, _x, _x)
-# the equations of motion: kernels.dynamics
+# the equations of motion: kernels.motion.dynamics
 forces = _call(_pair, None, _SCRATCH, _x, _x)
 forces_tangent = _call(_f, None, _SCRATCH, _x, _x, _f)
 at_floor = _call(_b, None, _SCRATCH, _x, _x)
-# what answers the motion: kernels.feedback
+# what answers the motion: kernels.motion.feedback
 feedback, feedback_accept = (_call(_nothing, None, _SCRATCH) for _ in range(2))
 feedback_tangent = _call(_nothing, None, _SCRATCH, _f)
-# conditions that something waits for: kernels.events
+# conditions that something waits for: kernels.motion.events
 holding = _call(_i, None, _SCRATCH, _x, _x, _f)
 crossing = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _MOTION, _f, _f, _f)
-# for SciPy's integrators: kernels.ode, kernels.consistent
+# for SciPy's integrators: kernels.motion.ode, kernels.motion.consistent
 accelerations = _call(_b, None, _SCRATCH, _x, _MOTION, _f)
 onto_constraints = _call(_nothing, None, _SCRATCH, _x, _x, _f)
-# impacts: kernels.impact
+# impacts: kernels.motion.impact
 tunnels = _call(_b, None, _SCRATCH, _MOTION, _METHOD, _f, _f)
 impact = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _f, _f, _f)
 lost_in_impact = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _f, _f, _b)
-# friction there: kernels.friction
+# friction there: kernels.motion.friction
 point_slip = _call(_f, None, _i, _x, _x, _xx, _x)
 rub = _call(_nothing, None, _SCRATCH, _x, _x, _x, _x, _x)
 drag = _call(_nothing, None, _SCRATCH, _x, _x, _x, _x)

@@ -21,7 +21,7 @@ from .points import PointRef, dot
 from .rotation import Rotation
 from .timing import Answer, Signal
 
-# how a quantity follows from coordinates (kernels.feedback has the same numbers)
+# how a quantity follows from coordinates (kernels.motion.feedback has the same numbers)
 POSITION, RATE, ANGLE, SPIN = range(4)
 # of an interval: times so near to an instant are it
 NEAR = 1e-9

@@ -268,9 +268,8 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
     rule = _rule(spec.quadrature or preset.get("quadrature") or theirs, element, formulation,
                  any(p.kappa != 0.0 for p in pieces))
     if isinstance(body.section, Layers) and formulation.name == "continuum" and not rule.uniform:
-        raise RefusedError(("element", "quadrature"), "layers in formulation continuum use one quadrature for all "
-                           "strains",
-                           "[nx, ny], where ny is the number of points across each layer")
+        raise RefusedError(("element", "quadrature"), "layers in formulation continuum use one quadrature for "
+                           "all strains", "[nx, ny], where ny is the number of points across each layer")
     k: Any = spec.shear_factor if spec.shear_factor is not None else preset.get("shear_factor")
     if spec.shear_factor is not None and element.section_kind == "tangent":
         raise RefusedError(("element", "shear_factor"), f"{element.name} has no shear, so shear_factor has no effect",
@@ -373,8 +372,8 @@ def warnings_of(plan: BodyPlan) -> list[str]:
     if inside := plan.inside():
         places = ", ".join(f"{s:.6g}" for s in inside[:5]) + (", ..." if len(inside) > 5 else "")
         out.append(f"bodies.{plan.name}: a support, joint, spring, mass or load acts inside an element, at S = "
-                   f"{places}, where {plan.element.name} cannot have a kink. Refinement then converges slowly. Use "
-                   "nodes: acting, which places a node there")
+                   f"{places}, where {plan.element.name} cannot have a kink. Refinement then converges slowly; "
+                   "nodes: acting places a node there")
     on_axis = is_axis_type(plan.element) or plan.formulation.name == "structural"
     if on_axis and not plan.section.laws and {plan.rule.normal[1], plan.rule.shear[1]} != {1}:
         out.append(f"bodies.{plan.name}: formulation {plan.formulation.name} integrates on the axis; "
@@ -386,8 +385,8 @@ def warnings_of(plan: BodyPlan) -> list[str]:
                    "or vallejo or reissner3, which have no such limit")
     if plan.element.common_coefficients and plan.length <= plan.section.height and plan.count > 1:
         out.append(f"bodies.{plan.name}: neighbours of type {plan.element.name} share only the axis and the directions "
-                   "of their sections, so results have errors of 50 % and more under transverse load on a body as "
-                   "short as this. Use patel in formulation continuum")
+                   "of their sections, so results are off by 50 % and more under transverse load on a short body. "
+                   "Use patel in formulation continuum")
     turn = max(float(np.abs(p.turns()).max()) for p in plan.pieces)
     if turn > WIDE:
         out.append(f"bodies.{plan.name}: an element rotates by {turn:.2g} rad, which can cost some per cent of "

@@ -197,7 +197,8 @@ def test_a_file_with_other_bodies_is_refused(bent):
 
 
 @pytest.mark.parametrize(("support", "message"), [
-    ({"type": "pin", "at": "b@1"}, r"hold [xy] of b at S = 1 at another place than the last state of '.*bent\.h5', by 0\."),
+    ({"type": "pin", "at": "b@1"},
+     r"hold [xy] of b at S = 1 at another place than the last state of '.*bent\.h5', by 0\."),
     ({"type": "prescribed", "at": "b@1", "angle": {"type": "expression", "value": "t"}},
      r"support_1: the rotation differs in the last state of '.*bent\.h5'"),
 ])

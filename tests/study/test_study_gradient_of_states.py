@@ -185,5 +185,5 @@ def test_equal_ones_that_stay_equal():
     assert row.elasticity == pytest.approx(1.0, abs=1e-3)
     assert row.error <= 1e-6 * abs(row.derivative)
     # of the last pair there may be a third one that is not computed
-    with pytest.raises(ComputationError, match="there may be more than solver.modes"):
+    with pytest.raises(ComputationError, match=r"there may be more than solver\.modes"):
         ancf2d.sensitivity(case | {"solver": {"type": "eigen", "modes": 2}}, ["parameters.thick"])

@@ -13,13 +13,13 @@ from .fronts import entry, fill_rows
 
 
 class SymBand(NamedTuple):
-    """Lower half, row by row: values[i, bw + j - i], j <= i (kernels.band)."""
+    """Lower half, row by row: values[i, bw + j - i], j <= i (kernels.matrices.band)."""
 
     values: Any
 
 
 class Nested(NamedTuple):
-    """Lower half, front by front (kernels.fronts)."""
+    """Lower half, front by front (kernels.matrices.fronts)."""
 
     values: Any
     fronts: Any
@@ -288,7 +288,7 @@ def scatter_classes(matrix, Ms, cls, dofs, place, indptr, index, value):  # type
 
 @kernel
 def band_product(A, x, y):  # type: ignore[no-untyped-def]
-    """Fill y = K x of a symmetric band (kernels.band's storage)."""
+    """Fill y = K x of a symmetric band (kernels.matrices.band's storage)."""
     n, w = A.shape
     bw = w - 1
     y[:] = 0.0
