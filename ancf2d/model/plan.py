@@ -249,9 +249,8 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
     element = _element_type(spec, definition)
     preset = element.preset if spec.preset == "paper" else {}
     if spec.preset == "paper" and not preset:
-        offered = [t.name for t in registry.ELEMENTS.values() if t.preset]
-        raise RefusedError(("element", "preset"), f"the paper does not use {element.name}",
-                           "preset on " + ", ".join(offered))
+        offered = ", ".join(t.name for t in registry.ELEMENTS.values() if t.preset)
+        raise RefusedError(("element", "preset"), f"the paper does not use {element.name}", f"preset on {offered}")
     usual = _of_layers(element) if isinstance(body.section, Layers) else element.formulation
     formulation = _formulation(spec, element, spec.formulation or str(preset.get("formulation", usual)))
     assert spec.number is not None  # a flexible body without one is refused
@@ -371,9 +370,8 @@ def warnings_of(plan: BodyPlan) -> list[str]:
                    f"corners and points where something acts: {plan.count} elements are used")
     if inside := plan.inside():
         places = ", ".join(f"{s:.6g}" for s in inside[:5]) + (", ..." if len(inside) > 5 else "")
-        out.append(f"bodies.{plan.name}: a support, joint, spring, mass or load acts inside an element, at S = "
-                   f"{places}, where {plan.element.name} cannot have a kink. Refinement then converges slowly; "
-                   "nodes: acting places a node there")
+        out.append(f"bodies.{plan.name}: a support, joint, spring, mass or load acts inside an element (S = {places}), "
+                   f"where {plan.element.name} cannot have a kink: use nodes: acting, or refinement converges slowly")
     on_axis = is_axis_type(plan.element) or plan.formulation.name == "structural"
     if on_axis and not plan.section.laws and {plan.rule.normal[1], plan.rule.shear[1]} != {1}:
         out.append(f"bodies.{plan.name}: formulation {plan.formulation.name} integrates on the axis; "
