@@ -22,7 +22,7 @@ from ..elements.formulations.base import PointLaw as StrainLaw
 from ..elements.point_laws import PointLaw
 from .lanes import slots
 from .lowlevel.arrays import array, vector
-from .lowlevel.jit import addressed, inlined, inner
+from .lowlevel.jit import addressed, inlined, inner, merged
 from .lowlevel.records import address_of, at, caller, rows, table, type_of
 from .motion.state import evaluate_with_gradient
 
@@ -40,7 +40,7 @@ def _no_memory(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def
     pass
 
 
-@inlined
+@merged
 def _matrix_vector(A, x, out, m, n, lanes):  # type: ignore[no-untyped-def]
     for l in range(lanes):
         for i in range(m):
@@ -50,7 +50,7 @@ def _matrix_vector(A, x, out, m, n, lanes):  # type: ignore[no-untyped-def]
             out[i, l] = v
 
 
-@inlined
+@merged
 def _transposed_vector(A, x, out, m, n, lanes):  # type: ignore[no-untyped-def]
     for l in range(lanes):
         for j in range(n):
@@ -60,7 +60,7 @@ def _transposed_vector(A, x, out, m, n, lanes):  # type: ignore[no-untyped-def]
             out[j, l] = v
 
 
-@inlined
+@merged
 def _matrix_matrix(A, B, out, m, n, k, lanes):  # type: ignore[no-untyped-def]
     for i in range(m):
         for l in range(lanes):
@@ -71,7 +71,7 @@ def _matrix_matrix(A, B, out, m, n, k, lanes):  # type: ignore[no-untyped-def]
                 out[i, j, l] = v
 
 
-@inlined
+@merged
 def _transposed_matrix(A, B, out, m, n, k, lanes):  # type: ignore[no-untyped-def]
     for i in range(n):
         for l in range(lanes):
@@ -82,14 +82,14 @@ def _transposed_matrix(A, B, out, m, n, k, lanes):  # type: ignore[no-untyped-de
                 out[i, j, l] = v
 
 
-@inlined
+@merged
 def _less(x, y, m, lanes):  # type: ignore[no-untyped-def]
     for i in range(m):
         for l in range(lanes):
             x[i, l] -= y[i, l]
 
 
-@inlined
+@merged
 def _from(A, B, m, n, lanes):  # type: ignore[no-untyped-def]
     for i in range(m):
         for j in range(n):
@@ -212,11 +212,12 @@ def part(function: Callable[..., Any]) -> Any:
     return _PARTS[function]
 
 
+@cache
 def _seen_whole(function: Callable[..., Any]) -> Any:
     """Return a function of laws as a kernel inlines it; what it calls are parts."""
     copy = _copied(function)
     _connect(copy)
-    return inlined(copy)
+    return merged(copy)
 
 
 def _copied(function: Any) -> Any:
