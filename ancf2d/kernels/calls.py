@@ -112,10 +112,14 @@ feedback_tangent = _call(_nothing, None, _SCRATCH, _f)
 # conditions that something waits for: kernels.motion.events
 holding = _call(_i, None, _SCRATCH, _x, _x, _f)
 crossing = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _MOTION, _f, _f, _f)
-# for SciPy's integrators: kernels.motion.ode, kernels.motion.consistent
-accelerations = _call(_b, None, _SCRATCH, _x, _MOTION, _f)
+# states that belong to constraints: kernels.motion.consistent
+consistent = _call(_b, None, _SCRATCH, _x, _x, _x, _f, _x)
+by_motion = _call(_nothing, None, _SCRATCH, _i, _x)
 onto_constraints = _call(_nothing, None, _SCRATCH, _x, _x, _f)
+# for SciPy's integrators: kernels.motion.ode
+accelerations = _call(_b, None, _SCRATCH, _x, _MOTION, _f)
 # impacts: kernels.motion.impact
+behind = _call(_b, None, _SCRATCH, _x, _x, _x, _f, _x, _x, _x, _b)
 tunnels = _call(_b, None, _SCRATCH, _MOTION, _METHOD, _f, _f)
 impact = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _f, _f, _f)
 lost_in_impact = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _f, _f, _b)

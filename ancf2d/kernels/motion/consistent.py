@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from .. import calls
-from ..lowlevel.jit import inner, inner_with_memory, kernel, kernel_with_memory
+from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, kernel, kernel_with_memory
 from ..patches import patch_forces, rates_of_constraints
 from .dynamics import add_mass, patches_tangent, residual, to_full, twice_kinetic
 from .state import evaluate
@@ -21,8 +23,8 @@ def constraint_matrix(p, w):  # type: ignore[no-untyped-def]
     add_mass(p, 1.0, w.A)
 
 
-@inner_with_memory
-def _by_motion(p, w, order, out):  # type: ignore[no-untyped-def]
+@addressed_with_memory
+def by_motion(p, w, order, out):  # type: ignore[no-untyped-def]
     """Fill what prescribed motion alone makes of the constraints (order 1: rates, 2: accelerations) at multipliers."""
     out[:] = 0.0
     if len(p.motion_coord) == 0:
@@ -55,63 +57,63 @@ def kinetic(p, w, s, t):  # type: ignore[no-untyped-def]
 def allowed_rates(p, w, v, impulse, rhs):  # type: ignore[no-untyped-def]
     """Fill the right-hand side (n,) beside ``constraint_matrix`` of what rates v (n,) change by, at w.d and w.v."""
     velocity, acceleration = np.zeros(len(w.d)), np.zeros(len(w.d))
-    by_motion = np.zeros(len(rhs))
+    motion = np.zeros(len(rhs))
     rhs[:] = 0.0
     if p.patched:
         rates_of_constraints(p, w.d, w.v, w.amps, velocity, acceleration)
         calls.product(p.calls, (p, w.A, v, w.y))
-        _by_motion(p, w, 1, by_motion)
+        calls.by_motion(p.calls, (p, w, 1, motion))
         for i in range(len(rhs)):
             if p.coordinate[i] == 0.0:
-                rhs[i] = -velocity[p.full[i]] - w.y[i] - by_motion[i]
+                rhs[i] = -velocity[p.full[i]] - w.y[i] - motion[i]
     for i in range(len(rhs)):
         rhs[i] += impulse[i]
 
 
 @kernel_with_memory
-def consistent(p, w, s, t, impulse):  # type: ignore[no-untyped-def]
-    """Make rates, accelerations and multipliers of the motion s consistent at t; return whether that went well.
+def consistent(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
+    """Make rates v, accelerations a and the multipliers in z consistent at t; return whether that went well.
 
     Rates change by ``impulse`` (n,), that of rates which the unknowns do not have, and by the least kinetic energy that
     meets the constraints.
     """
-    n = len(s.z)
+    n = len(z)
     evaluate(p.programs, t, w.amps)
     velocity, acceleration = np.zeros(len(w.d)), np.zeros(len(w.d))
-    by_motion = np.zeros(n)
-    to_full(p, s.z, w.amps, 0, w.d)
-    to_full(p, s.v, w.amps, 1, w.v)
+    motion = np.zeros(n)
+    to_full(p, z, w.amps, 0, w.d)
+    to_full(p, v, w.amps, 1, w.v)
     constraint_matrix(p, w)
     rhs = np.zeros(n)
-    allowed_rates(p, w, s.v, impulse, rhs)
+    allowed_rates(p, w, v, impulse, rhs)
     factors = w.A.copy()
     if not calls.factor(p.calls, (p, factors, w.y)):
         return False
     calls.solve(p.calls, (p, factors, rhs))
     for i in range(n):
-        s.v[i] = (s.v[i] + rhs[i]) * p.coordinate[i]
-        s.z[i] *= p.coordinate[i]
-    s.a[:] = 0.0
-    calls.forces(p.calls, (p, w, s.z, s.v))
-    residual(p, w, s.v, s.a)
+        v[i] = (v[i] + rhs[i]) * p.coordinate[i]
+        z[i] *= p.coordinate[i]
+    a[:] = 0.0
+    calls.forces(p.calls, (p, w, z, v))
+    residual(p, w, v, a)
     for i in range(p.inner, n):
         # rates of controllers' states are what they have to be
-        s.v[i] -= w.R[i]
+        v[i] -= w.R[i]
         w.R[i] = 0.0
     for i in range(n):
         rhs[i] = -w.R[i]
     if p.patched:
         rates_of_constraints(p, w.d, w.v, w.amps, velocity, acceleration)
-        _by_motion(p, w, 2, by_motion)
+        calls.by_motion(p.calls, (p, w, 2, motion))
         for i in range(n):
             if p.coordinate[i] == 0.0:
-                rhs[i] = -acceleration[p.full[i]] - by_motion[i]
+                rhs[i] = -acceleration[p.full[i]] - motion[i]
     calls.solve(p.calls, (p, factors, rhs))
     for i in range(n):
         if p.coordinate[i] == 0.0:
-            s.z[i] = rhs[i]
+            z[i] = rhs[i]
         else:
-            s.a[i] = rhs[i]
+            a[i] = rhs[i]
     return True
 
 
@@ -120,7 +122,7 @@ def onto_constraints(p, w, z, v, t):  # type: ignore[no-untyped-def]
     """Move z and v onto the constraints at t by the least change in the metric of the mass; multipliers stay."""
     n = len(z)
     evaluate(p.programs, t, w.amps)
-    rhs, velocity, acceleration, by_motion = np.zeros(n), np.zeros(len(w.d)), np.zeros(len(w.d)), np.zeros(n)
+    rhs, velocity, acceleration, motion = np.zeros(n), np.zeros(len(w.d)), np.zeros(len(w.d)), np.zeros(n)
     for _ in range(5):
         to_full(p, z, w.amps, 0, w.d)
         constraint_matrix(p, w)
@@ -139,10 +141,15 @@ def onto_constraints(p, w, z, v, t):  # type: ignore[no-untyped-def]
     constraint_matrix(p, w)
     rates_of_constraints(p, w.d, w.v, w.amps, velocity, acceleration)
     calls.product(p.calls, (p, w.A, v, w.y))
-    _by_motion(p, w, 1, by_motion)
+    calls.by_motion(p.calls, (p, w, 1, motion))
     for i in range(n):
-        rhs[i] = 0.0 if p.coordinate[i] != 0.0 else -velocity[p.full[i]] - w.y[i] - by_motion[i]
+        rhs[i] = 0.0 if p.coordinate[i] != 0.0 else -velocity[p.full[i]] - w.y[i] - motion[i]
     if calls.factor(p.calls, (p, w.A, w.y)):
         calls.solve(p.calls, (p, w.A, rhs))
         for i in range(n):
             v[i] += rhs[i] * p.coordinate[i]
+
+
+def constraint_functions(problem: Any) -> dict[Any, tuple[Any, ...]]:
+    """Return the functions that the table of a model of this type has where it has constraints (``kernels.calls``)."""
+    return {calls.by_motion: (by_motion, problem), calls.onto_constraints: (onto_constraints, problem)}

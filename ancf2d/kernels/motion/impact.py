@@ -114,19 +114,19 @@ def _rates(p, w, z, v, a, g, rate, second):  # type: ignore[no-untyped-def]
 
 
 @inner_with_memory
-def _settle(p, w, x, t, impulse, how):  # type: ignore[no-untyped-def]
-    """Make rates, accelerations and multipliers of x consistent, letting go what would pull; return whether it went."""
-    for i in range(len(x.z)):
-        x.z[i] *= p.coordinate[i]
+def _settle(p, w, z, v, a, t, impulse, how):  # type: ignore[no-untyped-def]
+    """Make rates, accelerations and multipliers consistent, letting go what would pull; return whether it went."""
+    for i in range(len(z)):
+        z[i] *= p.coordinate[i]
     for _ in range(_MOST):
-        if not consistent(p, w, x, t, impulse):
+        if not calls.consistent(p.calls, (p, w, z, v, a, t, impulse)):
             return False
         impulse[:] = 0.0
         if rubs(p):
-            calls.drag(p.calls, (p, w, x.z, x.v, x.a, how))
+            calls.drag(p.calls, (p, w, z, v, a, how))
         pulls = False
         for i in range(len(how)):
-            if how[i] == CLOSED and x.z[p.place[p.points.multiplier[i]]] > 0.0:
+            if how[i] == CLOSED and z[p.place[p.points.multiplier[i]]] > 0.0:
                 how[i] = OPEN
                 p.points.mem[i, HELD] = OPEN
                 pulls = True
@@ -136,7 +136,7 @@ def _settle(p, w, x, t, impulse, how):  # type: ignore[no-untyped-def]
 
 
 @kernel_with_memory
-def begin(p, w, s, t, impulse):  # type: ignore[no-untyped-def]
+def begin(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
     """Do as ``consistent`` where one-sided constraints touch: those that part are open, the others take the impact."""
     n = len(p.points.mem)
     how, g, rate, second = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
@@ -145,12 +145,12 @@ def begin(p, w, s, t, impulse):  # type: ignore[no-untyped-def]
             # as it stuck or slid in an equilibrium
             p.points.mem[i, SLIDES] = 0.0
     evaluate(p.programs, t, w.amps)
-    _hold(p, w, s.z, s.v, how)
-    _rates(p, w, s.z, s.v, s.a, g, rate, second)
+    _hold(p, w, z, v, how)
+    _rates(p, w, z, v, a, g, rate, second)
     fastest = 0.0
-    for i in range(len(s.v)):
-        fastest = max(fastest, p.weights[i] * abs(s.v[i]))
-    bounce, approach = np.zeros(len(s.z)), np.zeros(len(s.z))
+    for i in range(len(v)):
+        fastest = max(fastest, p.weights[i] * abs(v[i]))
+    bounce, approach = np.zeros(len(z)), np.zeros(len(z))
     bounces = False
     for i in range(n):
         if how[i] == CLOSED and rate[i] > PARTING * fastest:
@@ -161,10 +161,10 @@ def begin(p, w, s, t, impulse):  # type: ignore[no-untyped-def]
             approach[k], bounce[k] = rate[i], -p.points.restitution[i] * rate[i]
             bounces |= bounce[k] > 0.0
     bounce += impulse
-    good = _after(p, w, s, t, bounce, approach, how, bounces)
+    good = calls.behind(p.calls, (p, w, z, v, a, t, bounce, approach, how, bounces))
     _release(p, how)
     if rubs(p):
-        to_full(p, s.z, w.amps, 0, w.d)
+        to_full(p, z, w.amps, 0, w.d)
         calls.take_hold(p.calls, (whole(p.points), w.d, w.amps))
     for i in range(n):
         if p.points.restitution[i] >= 0.0 and p.points.par[i, FRICTION] > 0.0:
@@ -172,23 +172,23 @@ def begin(p, w, s, t, impulse):  # type: ignore[no-untyped-def]
     return good
 
 
-@inner_with_memory
-def _after(p, w, x, t, impulse, approach, how, bounces):  # type: ignore[no-untyped-def]
-    """Set the rates of x after an impact, then all else; what bounces off no longer presses."""
+@addressed_with_memory
+def behind(p, w, z, v, a, t, impulse, approach, how, bounces):  # type: ignore[no-untyped-def]
+    """Set the rates behind an impact, then all else; what bounces off no longer presses."""
     if rubs(p):
-        calls.rub(p.calls, (p, w, x.z, x.v, impulse, approach, how))
+        calls.rub(p.calls, (p, w, z, v, impulse, approach, how))
     if not bounces:
-        return _settle(p, w, x, t, impulse, how)
+        return _settle(p, w, z, v, a, t, impulse, how)
     kept = impulse.copy()
-    for i in range(len(x.z)):
-        x.z[i] *= p.coordinate[i]
-    good = consistent(p, w, x, t, impulse)
+    for i in range(len(z)):
+        z[i] *= p.coordinate[i]
+    good = calls.consistent(p.calls, (p, w, z, v, a, t, impulse))
     for i in range(len(how)):
         if how[i] == CLOSED and kept[p.place[p.points.multiplier[i]]] > 0.0:
             how[i] = OPEN
             p.points.mem[i, HELD] = OPEN
     impulse[:] = 0.0
-    return good and _settle(p, w, x, t, impulse, how)
+    return good and _settle(p, w, z, v, a, t, impulse, how)
 
 
 @inner_with_memory
@@ -225,7 +225,7 @@ def _held(p, w, z, v, t, tracks):  # type: ignore[no-untyped-def]
 
 @inner_with_memory
 def _bounce(p, w, s, end, t, h, bounce, approach, how, conserves):  # type: ignore[no-untyped-def]
-    """Do as ``_after`` in a step from s at t, with so much of the bounce that it gives no energy.
+    """Do as ``behind`` in a step from s at t, with so much of the bounce that it gives no energy.
 
     Kinetic energy behind an impact is that of a plastic one and the square of the bounce times what that adds. A
     bounce with restitution 1 takes no energy either. Nothing that follows a signal moves meanwhile.
@@ -244,17 +244,17 @@ def _bounce(p, w, s, end, t, h, bounce, approach, how, conserves):  # type: igno
                     p.points.mem[i, HELD] = how[i]
         for i in range(len(bounce)):
             bounce[i] = share * full[i]
-        _after(p, w, end, t + h, bounce, approach, how, share > 0.0)
-        behind = _held(p, w, end.z, end.v, t + h, False)
+        calls.behind(p.calls, (p, w, end.z, end.v, end.a, t + h, bounce, approach, how, share > 0.0))
+        held = _held(p, w, end.z, end.v, t + h, False)
         if attempt == 0:
-            if behind <= before and not conserves:
+            if held <= before and not conserves:
                 return
-            whole_bounce, share = behind, 0.0
+            whole_bounce, share = held, 0.0
         elif attempt == 1:
-            plastic = behind
+            plastic = held
             added = whole_bounce - plastic
             share = min(np.sqrt(max(0.0, before - plastic) / added), MORE) if added > 0.0 else 0.0
-        elif behind <= before:
+        elif held <= before:
             return
         else:
             share *= 0.5
@@ -319,7 +319,7 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
     if bounces and rests:
         _bounce(p, w, s, end, t, h, bounce, approach, how, elastic_ones)
     else:
-        _after(p, w, end, t + h, bounce, approach, how, bounces)
+        calls.behind(p.calls, (p, w, end.z, end.v, end.a, t + h, bounce, approach, how, bounces))
     _release(p, how)
     # straight on between states that touch nothing from within
     for i in range(len(s.z)):
@@ -342,8 +342,9 @@ def impact_functions(contacts: Any, sided: bool, problem: Any) -> dict[Any, tupl
     out: dict[Any, tuple[Any, ...]] = {calls.tunnels: (tunnels, problem)} if contacts else {}
     if sided:
         points = problem.place["points"][1].whole()
-        out |= {calls.point_sides: (point_sides, points),
-                calls.impact: (impact, problem), calls.lost_in_impact: (lost_in_impact, problem)}
+        out |= {calls.point_sides: (point_sides, points), calls.consistent: (consistent, problem),
+                calls.behind: (behind, problem), calls.impact: (impact, problem),
+                calls.lost_in_impact: (lost_in_impact, problem)}
         if any(pair.item.friction for pair in contacts):
             out |= {calls.point_slip: (point_slip, points), calls.rub: (rub, problem), calls.drag: (drag, problem),
                     calls.point_hold: (point_hold, points), calls.take_hold: (take_hold, points)}

@@ -10,7 +10,7 @@ from .. import calls
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import kernel, kernel_with_memory
 from ..patches import accept_patches, rates_of_constraints, violation
-from .consistent import _by_motion, constraint_matrix
+from .consistent import constraint_matrix
 from .dynamics import lost_to_mass_damping, power_of_loads, residual, to_full
 from .state import evaluate
 
@@ -42,14 +42,14 @@ def accelerations(p, w, factors, s, t):  # type: ignore[no-untyped-def]
         s.a[:] = -w.R
         calls.solve(p.calls, (p, factors, s.a))
         return True
-    velocity, acceleration, by_motion = np.zeros(len(w.d)), np.zeros(len(w.d)), np.zeros(n)
+    velocity, acceleration, motion = np.zeros(len(w.d)), np.zeros(len(w.d)), np.zeros(n)
     rhs[:] = -w.R
     constraint_matrix(p, w)
     rates_of_constraints(p, w.d, w.v, w.amps, velocity, acceleration)
-    _by_motion(p, w, 2, by_motion)
+    calls.by_motion(p.calls, (p, w, 2, motion))
     for i in range(n):
         if p.coordinate[i] == 0.0:
-            rhs[i] = -acceleration[p.full[i]] - by_motion[i]
+            rhs[i] = -acceleration[p.full[i]] - motion[i]
     if not calls.factor(p.calls, (p, w.A, w.y)):
         return False
     calls.solve(p.calls, (p, w.A, rhs))

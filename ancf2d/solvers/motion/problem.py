@@ -51,7 +51,7 @@ from ...kernels.lowlevel.records import type_of
 from ...kernels.motion import ode
 from ...kernels.motion.advance import Plan, Rows, advance
 from ...kernels.motion.along import read_states
-from ...kernels.motion.consistent import consistent, kinetic, onto_constraints
+from ...kernels.motion.consistent import consistent, constraint_functions, kinetic
 from ...kernels.motion.dynamics import to_full
 from ...kernels.motion.state import Turning, evaluate, method_of, motion, scratch, turn_on
 from ...kernels.sliding import sliding_check
@@ -79,7 +79,7 @@ def functions(model: Model) -> dict[Any, tuple[Any, ...]]:
                                 layout),
             **patch_functions(fronts, acts, slides, carries, faces, method.conserves, layout),
             **impact_functions(model.contacts, model.sided, layout),
-            **({calls.onto_constraints: (onto_constraints, layout)} if acts or slides else {}),
+            **(constraint_functions(layout) if acts or slides else {}),
             **(ode_functions(layout) if method.scipy is not None else {}),
             **(event_functions(layout, (feedback_accept, layout)) if model.feedback.conditions else {}),
             **(feedback_functions(fronts, layout) if model.feedback.rank else {})}
@@ -259,7 +259,7 @@ def _called_from_python(P: Any, own: bool, slides: bool, sided: bool) -> list[Co
     """Return what compiles the kernels that ``Stepper`` calls, or ``OdeStepper`` for SciPy's integrators."""
     M, W = type_of(motion(0, 0, 0)), type_of(scratch(0, 0, 0, 0))
     signatures: dict[Any, tuple[Any, ...]] = {
-        consistent: (P, W, M, _f, _x), kinetic: (P, W, M, _f), to_full: (P, _x, _xx, _i, _x),
+        consistent: (P, W, _x, _x, _x, _f, _x), kinetic: (P, W, M, _f), to_full: (P, _x, _xx, _i, _x),
         evaluate: (P.place["programs"][1], _f, _xx), turn_on: (P.place["turning"][1], _x, _x, _f, _x, _x),
         read_states: (P, W, _x, types.boolean[::1], *[_xx] * 3, *[types.float64[:, :, ::1]] * 2, *[_xx] * 6)}
     if sided:

@@ -172,7 +172,8 @@ class Stepper:
         return out
 
     def consistent(self, t: float, impulse: Array) -> None:
-        if not (begin if self.p.sided else consistent)(self.p, self.w, self.s, t, impulse):
+        make = begin if self.p.sided else consistent
+        if not make(self.p, self.w, self.s.z, self.s.v, self.s.a, t, impulse):
             raise ComputationError(
                 "the mass matrix is singular, or joints hold the same motion twice", at={"t": t},
                 advice="give every body a density (rhoI too if the section is given by stiffnesses); remove joints "
