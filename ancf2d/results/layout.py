@@ -6,6 +6,7 @@ import hashlib
 import platform
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import cache
 from importlib import metadata
 from typing import Any
 
@@ -32,8 +33,9 @@ STATE_FIELDS = ("d", "v", "a")  # of nq numbers per state
 BODIES = "turned"  # of one number per body and state
 
 
+@cache
 def versions() -> dict[str, str]:
-    """Return the versions that a result depends on, read without importing the packages."""
+    """Return the versions that a result depends on, read once and without importing the packages."""
     found = {"ancf2d": __version__, "python": platform.python_version()}
     for name in PACKAGES:
         try:

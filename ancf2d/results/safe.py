@@ -88,14 +88,15 @@ def _check_format(path: Path, file: h5py.File) -> None:
 
 def attribute(node: h5py.Group | h5py.Dataset, name: str, default: Any = None) -> Any:
     """Return an attribute as a plain number, string or list."""
-    if name not in node.attrs:
+    known = node.attrs
+    if name not in known:
         return default
-    kind = node.attrs.get_id(name).dtype
+    kind = known.get_id(name).dtype
     if kind.kind not in "biufS" and h5py.check_string_dtype(kind) is None:
         return default
     if kind.kind == "f" and kind.itemsize > LARGEST_NUMBER:
         return default
-    value = node.attrs[name]
+    value = known[name]
     if isinstance(value, bytes):
         return value.decode("utf-8", "replace")
     if isinstance(value, (np.generic, np.ndarray)):

@@ -40,7 +40,15 @@ def text_type(texts: Sequence[str]) -> np.dtype:
 
 def set_text(node: h5py.Group | h5py.Dataset, name: str, text: str) -> None:
     """Set a text attribute, cut to what the header of an object has room for."""
-    node.attrs[name] = _clean(text)
+    key = name.encode()
+    if h5a.exists(node.id, key):
+        h5a.delete(node.id, key)
+    _write_text(node.id, key, text)
+
+
+def _write_text(node: Any, key: bytes, text: str) -> None:
+    """Write a text attribute that is not there yet, in a fraction of the time that h5py takes."""
+    h5a.create(node, key, _TEXT, _ONE).write(np.array(_clean(text), h5py.string_dtype()))
 
 
 def _clean(text: str) -> str:
@@ -82,7 +90,7 @@ def _write_column(group: h5py.Group, name: str, rows: np.ndarray, chunk: tuple[i
     dataset = h5d.create(group.id, name.encode(), h5t.py_create(rows.dtype), space, layout)
     dataset.write(h5s.ALL, h5s.ALL, np.ascontiguousarray(rows))
     for label, text in (("units", units), ("description", description)):
-        h5a.create(dataset, label.encode(), _TEXT, _ONE).write(np.array(_clean(text), h5py.string_dtype()))
+        _write_text(dataset, label.encode(), text)
 
 
 class Series:
