@@ -22,7 +22,7 @@ DATA = [plain_data(compose(text, Origin("f", []))) for text in TEXTS]
 ODD = [None, True, 0, -1, 1e308, -0.0, 8.5, "", "abc", "beam@0.5", "rest", "@", "x@", [], [0],
        [0, 0], [[0, 0], [1, 1]], {}, {"type": "force"}, {"type": []}, {"a": 1}, [None], "t", "1e3"]
 MARKS = "\t:{}[]&*!|>%@`#,?-\"'\x85\u2028😀\ufeff\x00"
-PROFILE = settings(derandomize=True, deadline=None, max_examples=100)
+PROFILE = settings(derandomize=True, deadline=None, max_examples=50)
 
 
 def loads_or_explains(text, vocabulary, **options):

@@ -284,7 +284,8 @@ def test_json_follows_its_schema(call: Call, call_json: CallJson, arguments: lis
     """What is printed is valid, and every key on the first level is described."""
     import jsonschema
 
-    call("run", "beam.yaml", "-q")
+    if "beam.h5" in arguments:
+        call("run", "beam.yaml", "-q")
     schema = json.loads(call("schema", "--of", arguments[0]).stdout)
     jsonschema.Draft7Validator.check_schema(schema)
     found = call_json(*arguments, "--json")

@@ -98,8 +98,9 @@ def test_completion_names_commands_kinds_and_options() -> None:
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="no bash is installed")
 @pytest.mark.parametrize(("words", "expected"), [
-    (["ancf2d", "conv"], ["convergence"]), (["ancf2d", "run", "--acc"], ["--accuracy"]),
-    (["ancf2d", "completion", "f"], ["fish"]), (["ancf2d", "plot", "be"], [])])
+    pytest.param(["ancf2d", "conv"], ["convergence"], marks=pytest.mark.slow),
+    (["ancf2d", "run", "--acc"], ["--accuracy"]),
+    pytest.param(["ancf2d", "completion", "f"], ["fish"], marks=pytest.mark.slow), (["ancf2d", "plot", "be"], [])])
 def test_bash_completes_once_it_has_read_what_completion_prints(words: list[str], expected: list[str],
                                                                 folder: Path) -> None:
     (folder / "bin").mkdir()

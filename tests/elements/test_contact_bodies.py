@@ -102,10 +102,7 @@ def rubbing(one, two, place, slides, depth):
     return point
 
 
-@pytest.mark.parametrize("slides", [False, True], ids=["sticks", "slides"])
-@pytest.mark.parametrize("place", ["within", "end"])
-@pytest.mark.parametrize("two", SECTIONS)
-@pytest.mark.parametrize("one", SECTIONS)
+@helpers.pairwise(one=SECTIONS, two=SECTIONS, place=["within", "end"], slides=[False, True])
 def test_friction_has_its_derivatives_but_for_the_depth_and_takes_its_power(one, two, place, slides):
     depth = 1e-3
     point = rubbing(one, two, place, slides, depth)

@@ -39,7 +39,7 @@ def position_gradients(law, station: int, u):
 
 
 @EVERY
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(seed=SEEDS, size=st.floats(-8, 0))
 def test_increment_of_strain_is_exact(formulation, geometry, seed, size):
     """Also for increments small beside the displacements: what is left is the round-off of the two strains."""
@@ -54,7 +54,7 @@ def test_increment_of_strain_is_exact(formulation, geometry, seed, size):
 
 
 @EVERY
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(seed=SEEDS)
 def test_turning_the_mid_configuration_makes_no_strain(formulation, geometry, seed):
     sampled = law(formulation, geometry)

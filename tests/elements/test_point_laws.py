@@ -196,7 +196,7 @@ def test_constraint_forces_are_the_gradient_of_multiplier_times_violation(name):
 @given(first=STEP, second=STEP)
 # a step so short that the force is that of its middle
 @example(first=[0.0, 0.015625, 0.0, -0.5, 0.0, 0.0], second=[0.0078125, 0.015625, 0.0, -0.5, 0.0, 0.0])
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @pytest.mark.parametrize("name", ELASTIC)
 def test_the_force_of_a_step_does_the_difference_of_energy_as_work(name, first, second):
     item = ITEMS[name]
@@ -209,7 +209,7 @@ def test_the_force_of_a_step_does_the_difference_of_energy_as_work(name, first, 
 
 
 @given(first=STEP, second=STEP)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @pytest.mark.parametrize("name", ELASTIC)
 def test_dampers_take_what_they_say_over_a_step(name, first, second):
     """With the mean rate of a step of length h, f . (u1 - u0) = U1 - U0 + h * power, and the power is not negative."""
@@ -222,7 +222,7 @@ def test_dampers_take_what_they_say_over_a_step(name, first, second):
 
 
 @given(first=STEP, second=STEP)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @pytest.mark.parametrize("name", CONSTRAINTS)
 def test_constraints_are_met_at_the_end_and_do_the_work_of_their_change(name, first, second):
     item = ITEMS[name]
@@ -268,7 +268,7 @@ def turned(item, u, angle):
 
 
 @given(angle=st.floats(-40.0, 40.0), size=STEP)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @pytest.mark.parametrize("name", [n for n in ITEMS if n[-2:] not in ("01", "02", "10", "20") and n != "held"])
 def test_turning_the_scene_turns_the_forces_and_keeps_the_energy(name, angle, size):
     """Directions are given in the frame of their own reference: they turn as vectors of the plane do."""
@@ -288,7 +288,7 @@ def test_turning_the_scene_turns_the_forces_and_keeps_the_energy(name, angle, si
 
 
 @given(first=STEP, second=STEP)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @pytest.mark.parametrize("name", [n for n in BALANCED if n[-2:] not in ("01", "02", "10", "20")])
 def test_the_forces_of_a_step_turn_nothing_about_its_middle(name, first, second):
     """Angular momentum: inner forces have no moment on the mean of both states; a moment has its own."""

@@ -7,6 +7,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from helpers import chosen
 from instruments.extremes import statics
 from instruments.extremes.scenes import BY_LABEL, SUBJECTS, Beam, cantilever
 
@@ -115,7 +116,7 @@ def test_a_weak_excess_is_left_to_the_documents() -> None:
     assert not ancf2d.solve(case, states=False).warnings
 
 
-@pytest.mark.parametrize("label", ["omar", "patel"])
+@pytest.mark.parametrize("label", chosen(["omar", "patel"], ["omar"]))
 @pytest.mark.parametrize(("count", "error"), [(64, 0.58), (128, 0.11)])
 def test_elements_that_lock_where_they_bend_far_say_so(label: str, count: int, error: float) -> None:
     """A load of 1000 times the buckling load bends the first elements by half a radian each, over many heights."""
@@ -124,7 +125,7 @@ def test_elements_that_lock_where_they_bend_far_say_so(label: str, count: int, e
     assert any("too stiff for elements bent as far as this" in w for w in found.warnings)
 
 
-@pytest.mark.parametrize("label", ["omar", "patel", "li", "vallejo", "reissner3"])
+@pytest.mark.parametrize("label", chosen(["omar", "patel", "li", "vallejo", "reissner3"], ["patel", "reissner3"]))
 def test_elements_that_follow_how_far_they_bend_say_nothing(label: str) -> None:
     found = statics.pushed(label, 1e3, 256)
     assert found.error < 0.02

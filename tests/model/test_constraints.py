@@ -100,8 +100,7 @@ def test_a_prescribed_angle_is_met_by_the_turned_body(case):
     assert abs(helpers.constraint_at(constraint, np.zeros(model.n_q), 1.0)[0]) > 0.5
 
 
-@pytest.mark.parametrize("at", [0.0, 0.31, 0.5, 1.0])
-@pytest.mark.parametrize("first", helpers.chosen(helpers.SMALL_TYPES, helpers.FEW_TYPES))
+@helpers.covering({"first": helpers.FEW_TYPES}, first=helpers.SMALL_TYPES, at=[0.0, 0.31, 0.5, 1.0])
 def test_the_reference_meets_every_weld_and_prescribed_angle_between_the_nodes_of_arcs_too(first, at):
     for second in helpers.KINDS.values():
         arc = {"type": "arc", "center": [0.0, 0.0], "radius": 1.0, "from": 0.3, "to": 2.8}

@@ -60,9 +60,9 @@ def test_a_ratio_is_a_geometric_series_and_the_linear_profile_of_lengths() -> No
 
 
 def test_lengths_follow_a_table_with_jumps_and_nodes_that_are_given() -> None:
-    fine = ends({"count": 4000, "grading": TABLE})
+    fine = ends({"count": 400, "grading": TABLE})
     middle, length = 0.5 * (fine[1:] + fine[:-1]), np.diff(fine)
-    away = abs(middle - 0.3) > 1e-3
+    away = abs(middle - 0.3) > 1e-2
     h = np.where(middle < 0.3, 1 + middle / 0.3, 0.25 + 0.75 * (middle - 0.3) / 0.7)
     np.testing.assert_allclose((length / h)[away] / (length / h)[0], 1.0, rtol=1e-4)
     np.testing.assert_allclose(ends(SPECS["nodes"]), [0, 0.1, 0.4, 1])
@@ -70,8 +70,7 @@ def test_lengths_follow_a_table_with_jumps_and_nodes_that_are_given() -> None:
     np.testing.assert_allclose(ends({**SPECS["nodes"], "refine": 2}), [0, 0.05, 0.1, 0.25, 0.4, 0.7, 1])
 
 
-@pytest.mark.parametrize("geometry", AXES)
-@pytest.mark.parametrize("name", SPECS)
+@helpers.covering(name=SPECS, geometry=AXES)
 def test_refined_meshes_have_all_nodes_of_coarser_ones_on_every_axis(name: str, geometry: str) -> None:
     acting = {"masses": [{"at": "b@0.37", "mass": 1.0}]}
     spec, axis = SPECS[name], AXES[geometry]

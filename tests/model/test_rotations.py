@@ -33,7 +33,7 @@ def test_the_gradient_is_the_derivative_of_the_angle(name, geometry, s):
 
 
 @pytest.mark.parametrize(("name", "geometry", "s"), PLACES)
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(angle=st.floats(-3, 3))
 def test_a_rigid_rotation_turns_every_section_by_its_angle(name, geometry, s, angle):
     model, rotation = rotation_at(name, geometry, s)

@@ -22,7 +22,8 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize(("suffix", "magic"), [(".png", b"\x89PNG"), (".pdf", b"%PDF"),
-                                               (".svg", b"<?xml"), (".PNG", b"\x89PNG")])
+                                               (".svg", b"<?xml"),
+                                               pytest.param(".PNG", b"\x89PNG", marks=pytest.mark.slow)])
 def test_a_figure_is_written_in_the_format_of_its_suffix(tmp_path: Path, suffix: str,
                                                          magic: bytes) -> None:
     figure = draw(open_results(bent_beam(tmp_path / "a.h5")))

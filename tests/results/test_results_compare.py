@@ -46,8 +46,9 @@ def test_round_off_in_an_entry_that_ought_to_be_zero_is_no_difference(tmp_path: 
 
 
 @pytest.mark.parametrize(("dataset", "index"), [
-    ("mesh/e0", 4), ("states/d", (3, 17)), ("states/d", (3, 18)), ("states/t", 2),
-    ("probes/tip/uy", 4), ("probes/tip/theta", 4), ("mesh/bodies/beam/lengths", 0)])
+    ("mesh/e0", 4), ("states/d", (3, 17)), pytest.param("states/d", (3, 18), marks=pytest.mark.slow), ("states/t", 2),
+    pytest.param("probes/tip/uy", 4, marks=pytest.mark.slow), ("probes/tip/theta", 4),
+    pytest.param("mesh/bodies/beam/lengths", 0, marks=pytest.mark.slow)])
 def test_a_change_of_1e_7_is_seen_where_it_is(tmp_path: Path, dataset: str, index: object) -> None:
     a, b = pair(tmp_path)
     change(b, dataset, index, 1e-7)

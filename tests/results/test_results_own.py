@@ -69,7 +69,7 @@ def test_a_file_of_its_own_is_replaced_and_no_other(tmp_path: Path, name: str) -
     MADE[name](tmp_path, path, False)
     assert is_own(path)
     MADE[name](tmp_path, path, False)
-    for text in (CASE, MEASURED, "{}", "mine", ""):
+    for text in (CASE, MEASURED, "{}", "mine", "") if name == "r.h5" else (CASE, ""):
         path.write_text(text)
         with pytest.raises(ResultsError, match="was not made by ancf2d"):
             MADE[name](tmp_path, path, False)

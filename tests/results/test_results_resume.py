@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 import pytest
 from chaotic import DYNAMIC, begin, content, states
+from helpers import covering
 from synthetic import HEADER, coordinates, tangent_body
 from test_results_kills import dies
 
@@ -40,8 +41,7 @@ def whole(path: Path, until: int = 30) -> Path:
     return w.finish({})
 
 
-@pytest.mark.parametrize("flush", [0.0, 1e9])
-@pytest.mark.parametrize("every", [1, 4])
+@covering(flush=[0.0, 1e9], every=[1, 4])
 def test_resumed_run_ends_with_the_file_of_an_uninterrupted_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                                                                 flush: float, every: int) -> None:
     monkeypatch.setattr(writer_module, "FLUSH_SECONDS", flush)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import helpers
 import numpy as np
 import pytest
 from motions import resumed_behind_events
@@ -179,8 +180,7 @@ def test_the_order_is_kept_over_ten_conditions(method: str, dt: float, order: in
         assert math.log2(errors[0] / errors[1]) > order - 0.7
 
 
-@pytest.mark.parametrize("shift", [0.0, 0.05, 0.0834])
-@pytest.mark.parametrize("condition", ["end.ux > {}", "(end.ux > {})*(t > 0)", "{} < end.ux < 9"])
+@helpers.covering(shift=[0.0, 0.05, 0.0834], condition=["end.ux > {}", "(end.ux > {})*(t > 0)", "{} < end.ux < 9"])
 def test_what_holds_for_a_thousandth_of_a_step_is_found(condition: str, shift: float) -> None:
     """x = 1/3 sin 3 t, above its height less 1e-6 for 9e-4 s: in steps of 0.5 s and less, wherever they end."""
     level = (1 - 1e-6) / 3

@@ -182,8 +182,7 @@ MIXED = [{"type": "force", "at": "beam@1", "value": [0.4 * EI, -0.8 * EI]},
          {"type": "moment", "at": "beam@1", "value": 0.4 * EI}, *FOLLOWING]
 
 
-@pytest.mark.parametrize("loads", [helpers.tip(0, -EI), FOLLOWING, MIXED], ids=["dead", "follower", "all"])
-@pytest.mark.parametrize("name", helpers.KINDS.values())
+@helpers.covering(name=helpers.KINDS.values(), loads=[helpers.tip(0, -EI), FOLLOWING, MIXED])
 def test_arc_length_and_displacement_control_give_the_states_of_load_control(name, loads):
     newton = cantilever(name, "static", loads)
     arc = cantilever(name, path({"load_factor": 1}), loads)

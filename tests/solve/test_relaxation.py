@@ -115,7 +115,7 @@ def test_steps_are_told_in_time() -> None:
 def test_five_terms_creep_over_decades_as_accurately_as_asked_for() -> None:
     load = [{"type": "force", "at": "beam@1", "value": [0, FORCE]}]
     whole = ancf2d.solve(beam(TYPES[0], (), 1.0, loads=load)).course["tip"]["uy"][-1]
-    for tolerance in (1e-4, 1e-5):
+    for tolerance in (1e-3, 1e-4):
         done = ancf2d.solve(beam(TYPES[0], PRONY, 100.0, tolerance, loads=load))
         error = np.abs(done.course["tip"]["uy"] / whole - creep(done.course_t, PRONY)).max()
         assert 1e-3 * tolerance < error < tolerance
@@ -248,8 +248,9 @@ def exact_motion(t: float, terms: tuple[tuple[float, float], ...], omega: np.nda
     return total
 
 
-@pytest.mark.parametrize(("method", "steps", "order"), [
-    ("generalized_alpha", (150, 300), 2), ("newmark", (150, 300), 2), ("radau5", (30, 60), 5), ("radau9", (5, 8), 9)])
+@pytest.mark.parametrize(("method", "steps", "order"), h.chosen(
+    [("generalized_alpha", (150, 300), 2), ("newmark", (150, 300), 2), ("radau5", (30, 60), 5), ("radau9", (5, 8), 9)],
+    ["generalized_alpha", "radau9"]))
 def test_motions_keep_the_order_of_their_steps(method: str, steps: tuple[int, int], order: int) -> None:
     """A clamped beam of rubber under a sudden force, beside all of its modes: the error falls as h to the order."""
     terms = ((0.5, 0.05), (0.3, 0.5))

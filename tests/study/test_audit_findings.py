@@ -1,6 +1,7 @@
 """What the examination must find by itself: of listed types, and of their bases under a neutral name."""
 
 import audits
+import helpers
 import numpy as np
 import pytest
 
@@ -43,8 +44,9 @@ def test_common_coefficients_are_nonconforming_with_a_spurious_branch(named, kin
     assert "n^-0.9" in found["spurious_branch"].meaning
 
 
-@pytest.mark.parametrize("kind", ["omar", "kerkkanen", "vallejo", "li", "patel", "cable", "reissner2", "reissner3",
-                                  "ancf[2,2]"])
+@pytest.mark.parametrize("kind", helpers.chosen(
+    ["omar", "kerkkanen", "vallejo", "li", "patel", "cable", "reissner2", "reissner3", "ancf[2,2]"],
+    ["kerkkanen", "patel", "cable", "reissner3"]))
 def test_others_conform_and_have_no_spurious_branch(kind):
     found = audits.find(kind, "position_continuity", "spurious_branch", "patch_axial")
     assert {f.verdict for f in found.values()} == {"pass"}

@@ -60,7 +60,7 @@ def moving_force(speed: float, x: float, t: Array, force: float, modes: int = 60
     return out
 
 
-def moving_mass(speed: float, mass: float, t: Array, modes: int = 16) -> Array:
+def moving_mass(speed: float, mass: float, t: Array, modes: int = 8) -> Array:
     """Return the deflection of the middle, for g = 1, under a mass that crosses: M q'' + C q' + K q = m g, by modes."""
     v, k = speed * CRITICAL, math.pi * np.arange(1, modes + 1)
 
