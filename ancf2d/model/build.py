@@ -267,7 +267,7 @@ class _Builder:
                         f"({', '.join(others)})", "consistent supports and joints")
         owners = sorted({f"{rows[n].owner} ({rows[n].holds})" for n in combined if n < linear})
         if owners:
-            self.warnings.append("held twice: " + ", ".join(owners) + "; the reported reactions are those of least "
+            self.warnings.append("redundant: " + ", ".join(owners) + "; the reported reactions are those of least "
                                  "norm")
         for row in (rows[n] for n in combined if n >= linear):
             self.warnings.append(f"redundant: the {row.holds} of {row.owner}; its reaction is indeterminate")

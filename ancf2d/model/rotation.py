@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ..elements.shape import Array
-from .mesh import BodyMesh
+from .mesh import BodyMesh, Index
 from .point_patch import DIRECTION, PointPatch, turn_fields
 from .points import PointRef, point_ref
 
@@ -186,3 +186,28 @@ class Turns:
         for spring in springs:
             for k, end in enumerate(spring.sections):
                 spring.mem[k] = 0.0 if end is None else self.theta(Rotation(end), e, d, turned)
+
+
+class Kinds:
+    """Full coordinates by what they are: ``x`` of positions and gradients (their y is next), ``theta``, ``place``.
+
+    ``place`` are those of ``x`` that are positions.
+    """
+
+    def __init__(self, meshes: Iterable[BodyMesh]) -> None:
+        kinds = np.concatenate([m.kinds for m in meshes])
+        self.x: Index = np.flatnonzero((kinds == 0) | (kinds == 3))
+        self.place: Index = np.flatnonzero(kinds == 0)
+        self.theta: Index = np.flatnonzero(kinds == 2)
+
+    def translation(self, out: Array, vx: float, vy: float) -> None:
+        """Add the rates of a translation to ``out`` (n_q,)."""
+        out[self.place] += vx
+        out[self.place + 1] += vy
+
+    def rotation(self, out: Array, e: Array, omega: float, about: tuple[float, float] = (0.0, 0.0)) -> None:
+        """Add the rates of nodal coordinates e (n_q,) that turn about a point: omega x them; omega for theta."""
+        out[self.x] -= omega * e[self.x + 1]
+        out[self.x + 1] += omega * e[self.x]
+        out[self.theta] += omega
+        self.translation(out, omega * about[1], -omega * about[0])

@@ -14,8 +14,8 @@ from ..interactions.forces import DeadLoad
 from ..interactions.moving import MovingPatch
 from ..kernels.elements import commit, stations
 from ..kernels.lowlevel.records import Record
-from ..model.mesh import Index
 from ..model.model import Model
+from ..model.rotation import Kinds
 from ..model.timing import Signal
 
 if TYPE_CHECKING:
@@ -41,31 +41,6 @@ def constant_loads(model: Model, loads: Iterable[DeadLoad]) -> Array:
     return out
 
 
-class Kinds:
-    """Full coordinates by what they are: ``x`` of positions and gradients (their y is next), ``theta``, ``place``.
-
-    ``place`` are those of ``x`` that are positions.
-    """
-
-    def __init__(self, model: Model) -> None:
-        kinds = np.concatenate([m.kinds for m in model.meshes.values()])
-        self.x: Index = np.flatnonzero((kinds == 0) | (kinds == 3))
-        self.place: Index = np.flatnonzero(kinds == 0)
-        self.theta: Index = np.flatnonzero(kinds == 2)
-
-    def translation(self, out: Array, vx: float, vy: float) -> None:
-        """Add the rates of a translation to ``out`` (n_q,)."""
-        out[self.place] += vx
-        out[self.place + 1] += vy
-
-    def rotation(self, out: Array, e: Array, omega: float, about: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Add the rates of nodal coordinates e (n_q,) that turn about a point: omega x them; omega for theta."""
-        out[self.x] -= omega * e[self.x + 1]
-        out[self.x + 1] += omega * e[self.x]
-        out[self.theta] += omega
-        self.translation(out, omega * about[1], -omega * about[0])
-
-
 class Energies:
     """Kinetic, strain and potential energy and the momentum of one model at states (d, v) in full coordinates.
 
@@ -74,7 +49,7 @@ class Energies:
     """
 
     def __init__(self, model: Model) -> None:
-        self.model, self.kinds = model, Kinds(model)
+        self.model, self.kinds = model, Kinds(model.meshes.values())
         patches = [p for p in model.interactions.points if isinstance(p, MovingPatch)]
         self.moving = [p for p in patches if p.mass]
         self.weights = [p for p in patches if has_potential(p)]

@@ -46,7 +46,7 @@ def test_a_table_with_a_line_for_each_check_and_exit_0_whatever_the_verdicts(cal
     assert lines[0] == "mine: basis 1, x, y, x*y, x^2, x^3; 12 coordinates"
     assert lines[1] == "formulation enhanced, 1 x 1 Gauss points"
     assert [line.split()[0] for line in lines[4:4 + len(CHECKS)]] == [c.name for c in CHECKS]
-    assert "6 motions of an element without strain energy under 1 x 1 points" in result.stdout
+    assert "6 motions of an element without strain energy with 1 x 1 points" in result.stdout
     assert lines[-1].endswith(" note")
     assert call("audit", "mine.yaml", "-q").stdout == ""
 

@@ -172,6 +172,6 @@ def test_warnings_go_to_stderr_and_into_the_summary(call: Call, folder: Path) ->
     twice = BEAM.replace("loads:", "  - {name: again, type: pin, at: beam@0}\nloads:")
     (folder / "beam.yaml").write_text(twice)
     result = call("run", "beam.yaml", "--json")
-    assert "warning: held twice" in result.stderr
-    assert any("held twice" in w for w in json.loads(result.stdout)["warnings"])
+    assert "warning: redundant" in result.stderr
+    assert any("redundant" in w for w in json.loads(result.stdout)["warnings"])
     assert call("run", "beam.yaml", "-q").stderr == ""

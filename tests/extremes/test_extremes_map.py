@@ -37,7 +37,7 @@ def wait() -> cell.Found:
 @pytest.mark.parametrize(("compute", "verdict"), [
     (lambda: cell.Found(1e-4), "holds"), (lambda: cell.Found(1e-2), "wrong"), (lambda: cell.Found(math.nan), "wrong"),
     (lambda: cell.Found(1e-2, ["round-off limits it"]), "degrades"),
-    (lambda: cell.Found(1e-2, ["held twice: a pin"]), "wrong"), (refuse, "refused"), (lambda: 1 / 0, "wrong")])
+    (lambda: cell.Found(1e-2, ["redundant: a pin"]), "wrong"), (refuse, "refused"), (lambda: 1 / 0, "wrong")])
 def test_a_wrong_number_is_wrong_unless_it_was_told_of(compute, verdict: str) -> None:
     assert made(compute).verdict == verdict
 

@@ -97,7 +97,7 @@ def test_the_advice_is_not_what_is_in_use_and_does_not_depend_on_the_arc() -> No
 
 
 def test_an_arc_too_wide_for_an_element_is_told() -> None:
-    assert any("turns by 1.6 rad" in w for w in arc("vallejo", "enhanced", 1).model.warnings)
+    assert any("rotates by 1.6 rad" in w for w in arc("vallejo", "enhanced", 1).model.warnings)
     assert not any("an element rotates by" in w for w in arc("vallejo", "enhanced", 2).model.warnings)
 
 

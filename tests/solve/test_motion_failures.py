@@ -80,7 +80,7 @@ def estimate_of(fine: float, tolerance: float, steps: int, asked: bool = True, g
                 driven: str | None = None, method: str = "radau5") -> Estimate:
     """An estimate whose levels differ by ``fine`` and ``growth`` times that, where the largest displacement is 1."""
     model = SimpleNamespace(extent=1.0, sided=False, case=SimpleNamespace(
-        accuracy=None, initial=None, solver=SimpleNamespace(tolerance=tolerance if asked else None)))
+        accuracy=None, initial=None, solver=SimpleNamespace(tolerance=tolerance if asked else None)), contacts=[])
     numbers = np.zeros(COUNT + 1)
     numbers[COUNT] = steps
     found = Estimate.__new__(Estimate)

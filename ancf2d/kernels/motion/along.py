@@ -9,7 +9,7 @@ from ..bodies import elastic
 from ..lowlevel.arrays import copy, copy_rows
 from ..lowlevel.jit import inner, kernel
 from ..moving import moving_inertia
-from .dynamics import residual, to_full, twice_kinetic
+from .dynamics import FORCES, residual, to_full, twice_kinetic
 from .state import evaluate
 
 
@@ -51,6 +51,8 @@ def read_states(p, w, side, inside, z, v, a, turns, feet, states,  # type: ignor
         to_full(p, a[k], w.amps, 2, second[k])
         energy[k, 1] = 0.5 * twice_kinetic(p, w, v[k])
         energy[k, 0] = calls.forces(p.calls, (p, w, z[k], v[k]))[0]
+        # steps alone are counted
+        w.counts[FORCES] -= 1
         if p.patched:
             # of elements alone
             w.other[:] = 0.0

@@ -15,9 +15,9 @@ from ...kernels.motion.state import COUNT
 from ...model.mesh import Index
 from ...model.model import Model
 from ...model.points import PointRef
+from ...model.rotation import Kinds
 from ...model.timing import rates_of
 from ...pace import Pace
-from ..energy import Kinds
 from ..state import Row
 from ..system import least_motion, least_size, sticks
 from .schemes import INTEGRATORS, default_method
@@ -237,6 +237,6 @@ def _rows(point: PointRef) -> list[tuple[Index, Array]]:
 
 def _nodes(model: Model) -> list[list[tuple[Index, Array]]]:
     """Return x and y of every node."""
-    x = Kinds(model).place
+    x = Kinds(model.meshes.values()).place
     one = np.ones(1)
     return [[(np.array([i]), one), (np.array([i + 1]), one)] for i in x]

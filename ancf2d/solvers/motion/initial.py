@@ -17,8 +17,8 @@ from ...errors import CaseError, ComputationError, Problem, ResultsError
 from ...model.build import build_model
 from ...model.model import Model
 from ...model.point_patch import PointConstraint
+from ...model.rotation import Kinds
 from ...model.transfer import renumbered
-from ..energy import Kinds
 
 # relative to the size of the scene: reference coordinates that are the same, and states that supports hold
 SAME, HELD = 1e-9, 1e-6
@@ -48,7 +48,7 @@ def initial_motion(model: Model) -> tuple[Array, Array, Array]:
 
 def _rates(model: Model, initial: Initial, e: Array, stored: Array) -> Array:
     """Return the rates (n_q,) at nodal coordinates e: what is said of a body, else of all, else what was stored."""
-    kinds = Kinds(model)
+    kinds = Kinds(model.meshes.values())
     out = stored.copy()
     for name, mesh in model.meshes.items():
         said = initial.bodies.get(name, initial)

@@ -268,7 +268,7 @@ def agree(scene: Scene, got: Answer, to: Similarity | None = None, shift: float 
     if "dt" in scene.case["solver"] and max(a.summary.get("rejected", 0) for a in (base, got)):
         return within_estimate(scene, got, to)
     worst = Finding(announced=announced(base, got))
-    held_twice = any("held twice" in w for w in (*base.warnings, *got.warnings))
+    held_twice = any("redundant" in w for w in (*base.warnings, *got.warnings))
     for (kind, name), value in base.seen(to).items():
         if exempt(kind, name) or (held_twice and kind in ("force", "moment")) or (kind, name) not in got.values:
             continue
