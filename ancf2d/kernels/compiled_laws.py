@@ -273,6 +273,7 @@ def _compiled_point_law(law: PointLaw, what: str) -> tuple[Any, int]:
     def accept(p0, u, par, mem):  # type: ignore[no-untyped-def]
         law_of(p0, u, par, mem)
 
+    function: Any
     function, signature = {"forces": (forces, _FORCES), "mean": (mean, _MEAN), "accept": (accept, _ACCEPT)}[what]
     # the cache knows it by this name
     function.__qualname__ = f"{what}_{law.name}"
