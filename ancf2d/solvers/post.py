@@ -7,6 +7,7 @@ import numpy as np
 from ..case import Case
 from ..elements.shape import Array
 from ..model.determinacy import rigid_motion
+from ..model.mesh import Index
 from ..model.model import Model
 from ..model.points import PointRef, dot
 from ..model.rotation import Rotation
@@ -52,6 +53,54 @@ class Observer:
         if self.forces and has_section_forces(point.mesh):
             values.update(zip(FORCES, section_forces(self.model, state, point), strict=True))
         return {k: float(v) for k, v in values.items()}
+
+
+    def slopes(self, name: str, quantity: str, state: State) -> tuple[Index, Array, Array]:
+        """Return coordinates (m,), and what changes of them and of their rates (m,) do to a quantity but N, Q, M."""
+        point, rotation = self.probes[name], self.rotations[name]
+        e = self.model.e0 + state.d[:self.model.n_q]
+        by_theta = rotation.gradient(e)
+        if quantity in ("theta", "omega"):
+            none = np.zeros(len(rotation.dofs))
+            if quantity == "theta":
+                return rotation.dofs, by_theta, none
+            assert state.v is not None
+            return rotation.dofs, _turning_rate(rotation, e, state.v), by_theta
+        axis = 0 if quantity.endswith("x") else 1
+        carried = _carried(point)
+        coords, by = (_on_axis(point) if carried else point).position()[axis]
+        if not carried:
+            none = np.zeros(len(coords))
+            return (coords, none, by) if quantity.startswith("v") else (coords, by, none)
+        theta = self.model.turns.theta(rotation, e, state.d[:self.model.n_q], turns_of(self.model, state))
+        return _carried_slopes(point, rotation, quantity.startswith("v"), axis, theta, e, state, (coords, by), by_theta)
+
+
+def _turning_rate(rotation: Rotation, e: Array, v: Array) -> Array:
+    """Return what changes of coordinates (m,) do to the rate of a rotation, by differences of its gradient."""
+    out = np.zeros(len(rotation.dofs))
+    for k, i in enumerate(rotation.dofs.tolist()):
+        h, moved = 1e-3 * (float(np.abs(e[rotation.dofs]).max()) or 1.0), e.copy()
+        for step, weight in ((1.0, 8.0), (-1.0, -8.0), (2.0, -1.0), (-2.0, 1.0)):
+            moved[i] = e[i] + step * h
+            out[k] += weight / (12.0 * h) * float(rotation.gradient(moved) @ v[rotation.dofs])
+    return out
+
+
+def _carried_slopes(point: PointRef, rotation: Rotation, rate: bool, axis: int, theta: float, e: Array, state: State,
+                    of_axis: tuple[Index, Array], by_theta: Array) -> tuple[Index, Array, Array]:
+    """Return what ``Observer.slopes`` does of a place, or its rate, off the axis of a section that is rigid."""
+    y, angle = 0.5 * point.eta * point.mesh.plan.section.height, point.angle + theta
+    coords = np.concatenate([of_axis[0], rotation.dofs])
+    # of the normal (-sin, cos), its derivative by the angle and the next one
+    turned, again = ((-np.cos(angle), -np.sin(angle))[axis], (np.sin(angle), -np.cos(angle))[axis])
+    of_place = np.concatenate([of_axis[1], y * turned * by_theta])
+    if not rate:
+        return coords, of_place, np.zeros(len(coords))
+    assert state.v is not None
+    omega = float(by_theta @ state.v[rotation.dofs])
+    by_d = y * (again * omega * by_theta + turned * _turning_rate(rotation, e, state.v))
+    return coords, np.concatenate([np.zeros(len(of_axis[0])), by_d]), of_place
 
 
 def turns_of(model: Model, state: State) -> Array:

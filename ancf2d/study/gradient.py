@@ -18,12 +18,15 @@ from ..case import (
     Static,
     with_overrides,
 )
+from ..case.binder import TOLD
 from ..case.numbers import Variable, numbers_at
 from ..elements.shape import Array
 from ..errors import ComputationError
+from ..model.mesh import Index
 from ..model.model import Model
 from ..solvers.derivatives.differences import Quotient, UnsuitedError, derivative
 from ..solvers.derivatives.motion import Motion
+from ..solvers.derivatives.motion_adjoint import MotionAdjoint
 from ..solvers.derivatives.small_motions import Excited, Instability, Vibration
 from ..solvers.derivatives.statics import Equilibrium, Path, Response
 from ..solvers.derivatives.varied_motions import unsuited
@@ -31,7 +34,7 @@ from ..solvers.statics.static import unscaled
 from .goal import for_study
 from .record import Progress
 from .run import describe_goal, prepare, quantity, run_case, vocabulary
-from .windows import Windows, window_of
+from .windows import Windows, window_of, window_weights
 
 # steps of a number beside its size: between models at the same unknowns, whose forces are known to the last digits but
 # cancel each other, and between runs
@@ -103,6 +106,35 @@ class GoalValues:
                 raise ComputationError(f"the solver does not compute {describe_goal(goal)}")
         return np.array(found, dtype=float)
 
+    @property
+    def places(self) -> bool:
+        """Whether all are quantities of probes that positions and rates tell."""
+        return all(goal.probe is not None and goal.quantity in TOLD for goal in self.goals)
+
+    def bodies(self, model: Model) -> set[str]:
+        """Return the bodies that are read."""
+        return {model.case.output.probes[str(goal.probe)].at.body for goal in self.goals}
+
+    def slopes(self, model: Model, states: Sequence[Any]) -> list[tuple[int, int, Index, Array, Array]]:
+        """Return goal, state, coordinates (m,), and what changes of these and of their rates (m,) do to the goal."""
+        from ..solvers.post import Observer
+
+        observer, out = Observer(model, forces=False), []
+        for k, goal in enumerate(self.goals):
+            for number, weight in self._weights(goal, observer, states):
+                coords, by_d, by_v = observer.slopes(str(goal.probe), str(goal.quantity), states[number])
+                out.append((k, number, coords, weight * by_d, weight * by_v))
+        return out
+
+    @staticmethod
+    def _weights(goal: Goal, observer: Any, states: Sequence[Any]) -> list[tuple[int, float]]:
+        """Return the states that a goal is of, and what a change of its value there does to it."""
+        if window_of(goal) is None:
+            return [(len(states) - 1, 1.0)]
+        found = [observer.observe(state)[str(goal.probe)][str(goal.quantity)] for state in states]
+        weights = window_weights(goal, np.array([state.t for state in states]), np.array(found))
+        return [(int(k), float(weights[k])) for k in np.flatnonzero(weights)]
+
 
 def last_summary(model: Model, states: Sequence[Any], reacts: bool = True, forces: bool = False,
                  goals: Sequence[Goal] = ()) -> dict[str, Any]:
@@ -144,7 +176,10 @@ class Study:
         self.progress = replace(progress, warn=lambda text: None, state=lambda state: None, built=lambda model: None,
                                 judges=False)
         self.values, self.numbering = watch(self.model, states), numbering_of(self.model)
-        self.responses, self.reason = self._responses(states)
+        self.responses, self.reason = list[Any](), ""
+        self.adjoint = self._adjoint(states)
+        if self.adjoint is None:
+            self.responses, self.reason = self._responses(states)
 
     def _run(self, variable: Variable | None, h: float) -> tuple[Model, list[Any]]:
         """Return model and states of a run with a number changed by h. Raises CaseError and ComputationError."""
@@ -154,6 +189,16 @@ class Study:
         if outcome.failure is not None:
             raise outcome.failure
         return outcome.model, states
+
+    def _adjoint(self, states: list[Any]) -> MotionAdjoint | None:
+        """Return what goals of a motion tell of all numbers at once, None where that is not known."""
+        watch = self.watch
+        if not self.moves or not isinstance(watch, GoalValues) or not watch.places or why_not(self.model):
+            return None
+        try:
+            return MotionAdjoint(self.model, states[-1], watch, watch.whole)
+        except UnsuitedError:
+            return None
 
     def _responses(self, states: list[Any]) -> tuple[list[Any], str]:
         """Return how the states respond to a change, or why that is not known: then runs beside it tell."""
@@ -172,12 +217,17 @@ class Study:
     def expect(self, variables: Sequence[Variable]) -> None:
         """Find together what is found more cheaply for several numbers than for each."""
         sizes = [STEP * size_of(variable, self.model.extent) for variable in variables]
-        for one in self.responses:
+        for one in (*self.responses, *([] if self.adjoint is None else [self.adjoint])):
             one.prepare([(self._beside(v), h) for v, h in zip(variables, sizes, strict=True)])
 
     def differentiate(self, variable: Variable) -> tuple[Quotient, str]:
         """Return the derivative to a number, and how it was found."""
         size, reason = size_of(variable, self.model.extent), self.reason
+        if self.adjoint is not None:
+            try:
+                return self.adjoint.slope(self._beside(variable), STEP * size), "exact"
+            except UnsuitedError as error:
+                reason = str(error)
         if self.responses:
             try:
                 return self._responded(variable, STEP * size), "exact"

@@ -111,3 +111,23 @@ def mean(t: Array, f: Array, window: tuple[float, float]) -> float:
 def peak(t: Array, f: Array, window: tuple[float, float]) -> float:
     """Return the largest magnitude of samples f (n,) at times t (n,) within a window."""
     return float(np.abs(_within(t, f, window)[1]).max())
+
+
+def window_weights(goal: Any, t: Array, f: Array) -> Array:
+    """Return what a change of each sample f (n,) at times t (n,) does to the value of a goal over a window.
+
+    The mean is linear in the samples, and the peak in those about the largest.
+    """
+    window = window_of(goal)
+    assert window is not None
+    of, out = (mean if goal.mean_over else peak), np.zeros(len(t))
+    h = 1e-6 * float(np.abs(f).max(initial=0.0)) or 1.0
+    for k in np.flatnonzero((t >= window[0]) | (np.append(t[1:], np.inf) >= window[0])).tolist():
+        moved = f.copy()
+        moved[k] += h
+        above = of(t, moved, window)
+        moved[k] -= 2 * h
+        out[k] = (above - of(t, moved, window)) / (2 * h)
+        if t[k] > window[1]:
+            break
+    return out

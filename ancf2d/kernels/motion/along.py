@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from .. import calls
-from ..bodies import elastic
-from ..lowlevel.arrays import copy, copy_rows
+from ..bodies import elastic, group_at, set_natural
+from ..elements import tangent_action, viscous_action
+from ..lowlevel.arrays import copy, copy_rows, vector
 from ..lowlevel.jit import inner, kernel
 from ..moving import moving_inertia
-from .dynamics import FORCES, residual, to_full, twice_kinetic
+from ..points import add_to, evaluate_item, fields_of_item, work_arrays
+from .dynamics import FORCES, norm, residual, to_full, to_unknowns, twice_kinetic
 from .state import evaluate
 
 
@@ -109,3 +111,72 @@ def tangents(p, w, at, c, out):  # type: ignore[no-untyped-def]
         _recall(p, w, at, k)
         calls.forces_tangent(p.calls, (p, w, at.z[k], at.v[k], c))
         copy(w.A, out[k])
+
+
+@kernel
+def works(p, w, at, lam, out):  # type: ignore[no-untyped-def]
+    """Fill out (m, k) with what the residual of each state does as work on lam (m, n, k)."""
+    for k in range(len(at.t)):
+        _recall(p, w, at, k)
+        calls.forces(p.calls, (p, w, at.z[k], at.v[k]))
+        residual(p, w, at.v[k], at.a[k])
+        for q in range(lam.shape[2]):
+            x = 0.0
+            for i in range(len(w.R)):
+                x += lam[k, i, q] * w.R[i]
+            out[k, q] = x
+
+
+@inner
+def _unsymmetric(points, d, v, amps, lam, by_d, by_v):  # type: ignore[no-untyped-def]
+    """Add to by_d and by_v what point laws do to lam . Q beside the symmetric parts of their tangents."""
+    if len(points.forces) == 0:
+        return
+    u, w, a, f, H, C = work_arrays(points)
+    mu = vector(len(u))
+    for i in range(len(points.forces)):
+        m = points.field[i + 1] - points.field[i]
+        evaluate_item(points, i, d, v, amps, u, w, a, f, H, C)
+        fields_of_item(points, i, lam, mu)
+        for r in range(m):
+            f[r], w[r] = 0.0, 0.0
+            for q in range(m):
+                f[r] += 0.5 * (H[q * m + r] - H[r * m + q]) * mu[q]
+                w[r] += 0.5 * (C[q * m + r] - C[r * m + q]) * mu[q]
+        add_to(points, i, f, by_d)
+        add_to(points, i, w, by_v)
+
+
+@kernel
+def left_out(p, w, at, lam, none, room, by_z, by_v):  # type: ignore[no-untyped-def]
+    """Fill by_z and by_v (m, n): what changes of z and v do to lam . R beyond what ``tangents`` tells.
+
+    lam (m, n) belongs to each state; none (signals, 3) are signals that are zero, room (3, n_full) is overwritten.
+    """
+    full, by_d, by_rate = room[0], room[1], room[2]
+    for k in range(len(at.t)):
+        _recall(p, w, at, k)
+        to_full(p, at.z[k], w.amps, 0, w.d)
+        to_full(p, at.v[k], w.amps, 1, w.v)
+        to_full(p, lam[k], none, 0, full)
+        set_natural(p, w.amps, w.amps)
+        # what is quadratic in the rates keeps most digits where these are alike
+        size, rates = norm(p, lam[k]), max(norm(p, at.v[k]), 1e-3 * p.extent)
+        scale = rates / size if size > 0.0 else 1.0
+        for i in range(len(full)):
+            full[i] *= scale
+            by_d[i], by_rate[i] = 0.0, 0.0
+        for g in range(len(p.groups)):
+            if p.tau[g] > 0.0:
+                group = group_at(p.groups[g])
+                viscous_action(group, p.tau[g], w.d, w.v, full, by_d, by_rate, w.other)
+                w.Q[:] = 0.0
+                tangent_action(group, w.d, full, w.Q)
+                for i in range(len(full)):
+                    by_rate[i] -= p.tau[g] * w.Q[i]
+        _unsymmetric(p.points, w.d, w.v, w.amps, full, by_d, by_rate)
+        to_unknowns(p, by_d, by_z[k], False)
+        to_unknowns(p, by_rate, by_v[k], False)
+        for i in range(len(by_z[k])):
+            by_z[k, i] /= scale
+            by_v[k, i] *= p.coordinate[i] / scale

@@ -5,6 +5,7 @@ Matrices of steps of s stages are bands, the stages of an unknown side by side.
 
 from __future__ import annotations
 
+from ..lowlevel.arrays import copy_rows
 from ..lowlevel.jit import inner, kernel
 
 
@@ -239,4 +240,5 @@ def back(LU, pivots, bw, C, mass, rows, columns, free, rubs, rates, begins, kept
                         g = step * s + i
                         x += begins[step, 0, i, j] * vb[g, r, q] + begins[step, 1, i, j] * ab[g, r, q]
                     starts[step, j, r, q] += free[r] * x + kept[step, j + 1] * end[3, r, q]
-        end[:] = starts[step]
+        for j in range(4):
+            copy_rows(starts[step, j], end[j])

@@ -152,6 +152,24 @@ class Differing:
             total += R
         return out
 
+    def works(self, at: Record, window: Array, lam: Array) -> Array:
+        """Return differences (k, m, goals) of what the residuals do as work on lam (m, n, goals)."""
+        self._enter(window)
+        out, work = np.zeros((len(self.weights), len(lam), lam.shape[2])), np.zeros((len(lam), lam.shape[2]))
+        mine = self._moments(at)
+        for p, w, weights in zip(self.problems, self.w, self.weights.T, strict=True):
+            along.works(p, w, mine, lam, work)
+            out += weights[:, None, None] * work
+        for p, total in zip(self.inertia, out, strict=False):
+            along.works(p, self.w[0], _forgotten(at), lam, work)
+            total += work
+        return out
+
+    @property
+    def moves(self) -> bool:
+        """Whether the number changes how coordinates follow from unknowns, or what is prescribed."""
+        return self.problems[0].values.place is not self.run.problem.values.place
+
 
 def _forgotten(at: Record) -> Record:
     """Return states without what is remembered."""

@@ -14,11 +14,9 @@ from ...model.model import Model
 from ..motion.dynamic import Run
 from ..state import Row, State
 from .differences import SHORTER, SMOOTH, TRIES, Quotient, UnsuitedError
-from .motion_states import Pass, unlike
+from .motion_states import NEWTON, Pass, unlike
 from .varied_motions import Beside, Varied
 
-# of Newton's increments, the first that does not shorten fixed steps: stages are differentiated as they are
-NEWTON = (1e-13, 1e-12, 1e-11, 1e-10)
 # differences of lower order, beside the largest change, for which a motion is not made again: the square is left
 SMOOTH_ENOUGH = 2e-4
 # steps that tell whether a number is varied by too much

@@ -32,6 +32,8 @@ from .differences import UnsuitedError
 from .linear_steps import Change, Entries, Equations, Stages, method_of
 from .varied_motions import Beside, carried, joined, rests
 
+# of Newton's increments, the first that does not shorten fixed steps: stages are differentiated as they are
+NEWTON = (1e-13, 1e-12, 1e-11, 1e-10)
 # numbers that the stages of a window of steps are kept in, at most
 WINDOW = 1 << 21
 # of the scene: how far tangents are tried along a change
@@ -74,22 +76,87 @@ class Course:
             getattr(self.stages, name)[:, :, columns] += getattr(other.stages, name)
 
 
-class Pass:
-    """A motion made once more, with the changes of its states beside it. Raises UnsuitedError."""
+class Once:
+    """A motion made once more, step by step, with the linear equations of its steps."""
 
-    def __init__(self, model: Model, spec: Dynamic, whole: bool, tolerance: float,
-                 rejected: int | None) -> None:
-        self.run, self.rejected = Run(model, spec), math.inf if rejected is None else rejected
-        self.stepper, self.whole = self.run.stepper, whole
+    def __init__(self, model: Model, spec: Dynamic, tolerance: float) -> None:
+        self.run = Run(model, spec)
+        self.stepper = self.run.stepper
         self.stepper.tighten(tolerance)
-        # the same motion once more, for what it does at breaks
-        self.other: Stepper | None = None
         p, m = self.stepper.p, self.stepper.m
         assert m is not None
         self.own, self.method = m.own, method_of(m.own)
         self.entries = Entries(model, p, self.method.stages)
         self.mass, self.free = self.entries.read(p.mass), self.entries.free
         self.damped = bool(p.tau.any()) or len(p.points.mem) > 0
+
+    def steps(self) -> Iterator[Step | None]:
+        """Make the motion; yield its steps, and None where it has come to a break."""
+        stepper, rows = self.stepper, list[Row]()
+        while not stepper.done:
+            s, p = stepper.s, stepper.p
+            t, z = stepper.t, s.z.copy()
+            turns, feet = p.points.mem.copy(), p.sliding.memory.copy()
+            why, logged = stepper.advance(rows, 1)
+            if why == EVENT:
+                raise UnsuitedError("events answer the motion")
+            if logged:
+                h = float(stepper.rows.log[0, 2])
+                stages = self.method.taken(self.own.values, z, t, h)
+                yield Step(t, h, stages, turns, feet, [row for row in rows if row.kind != CHECK])
+                rows = []
+            if stepper.breaks(why):
+                yield None
+
+    def moments(self, window: Sequence[Step]) -> Record:
+        def joined(name: str) -> Array:
+            return np.concatenate([getattr(step.stages, name) for step in window])
+
+        s = self.method.stages
+        turns, feet = (np.repeat(np.array([getattr(step, name) for step in window]), s, axis=0)
+                       for name in ("turns", "feet"))
+        return Record(along.Moments(joined("t"), joined("z"), joined("v"), joined("a"), turns, feet))
+
+    def equations(self, window: Sequence[Step], at: Record) -> Equations:
+        """Return the equations of some steps, factored."""
+        p, w = self.stepper.p, self.stepper.w
+        A = np.zeros((len(at.t), len(p.mass)))
+        along.tangents(p, w, at, 0.0, A)
+        K = self.entries.read(A)
+        C = np.broadcast_to(p.alpha * self.mass, K.shape)
+        if self.damped:
+            along.tangents(p, w, at, 1.0, A)
+            C = C + self.entries.read(A) - K
+        lengths = np.array([step.h for step in window])
+        try:
+            return Equations(self.entries, self.method, lengths, K, C, self.mass, self.damped or p.alpha != 0.0)
+        except ArithmeticError as found:
+            t = window[found.args[0]].t
+            raise UnsuitedError(f"the equations of the step at t = {t:.6g} are singular") from None
+
+    @cached_property
+    def by_mass(self) -> Any:
+        """The factors of the mass matrix."""
+        from scipy.sparse.linalg import splu
+
+        return splu(self.entries.matrix(self.mass).tocsc())
+
+    def now(self) -> Record:
+        """Return the state that the motion is in, with its accelerations."""
+        s, p = self.stepper.s, self.stepper.p
+        return Record(along.Moments(np.array([self.stepper.t]), *(np.array(x)[None] for x in (
+            s.z, s.v, s.a, p.points.mem, p.sliding.memory))))
+
+
+class Pass(Once):
+    """A motion made once more, with the changes of its states beside it. Raises UnsuitedError."""
+
+    def __init__(self, model: Model, spec: Dynamic, whole: bool, tolerance: float,
+                 rejected: int | None) -> None:
+        super().__init__(model, spec, tolerance)
+        self.rejected, self.whole = math.inf if rejected is None else rejected, whole
+        # the same motion once more, for what it does at breaks
+        self.other: Stepper | None = None
         self.rows: list[Row] = []
         self.changes: list[Array] = []
         # whether tangents are all exact so far
@@ -108,7 +175,7 @@ class Pass:
         change = self._begin()
         self._take(stepper.last(), change)
         size, window = min(self._size(), steps or self._size()), list[Step]()
-        for step in self._steps():
+        for step in self.steps():
             if stepper.dt > 0.0 and stepper.s.numbers[REJECTED] > self.rejected:
                 return False
             if step is not None:
@@ -133,18 +200,9 @@ class Pass:
 
     def _accelerations(self) -> Array:
         """Return how accelerations (n, 2 numbers) change with the numbers where the motion is now and begins anew."""
-        s, p = self.stepper.s, self.stepper.p
-        at = Record(along.Moments(np.array([self.stepper.t]), *(np.array(x)[None] for x in (
-            s.z, s.v, s.a, p.points.mem, p.sliding.memory))))
-        dR = [one.differing.residuals(at, p.programs.window)[:, 0] for one in self.numbers]
-        return np.asarray(-self._by_mass.solve(np.concatenate(dR).T))
-
-    @cached_property
-    def _by_mass(self) -> Any:
-        """The factors of the mass matrix."""
-        from scipy.sparse.linalg import splu
-
-        return splu(self.entries.matrix(self.mass).tocsc())
+        at, window = self.now(), self.stepper.p.programs.window
+        dR = [one.differing.residuals(at, window)[:, 0] for one in self.numbers]
+        return np.asarray(-self.by_mass.solve(np.concatenate(dR).T))
 
     def _behind_break(self, change: Change) -> Change:
         """Return the change behind a break, which the motion passes."""
@@ -166,24 +224,6 @@ class Pass:
         each = s * n * (10 * k + 10) + s * len(self.mass) * (2 + s) + s * n * (3 * s * self.stepper.p.width + 1)
         return int(min(max(WINDOW // each, 1), 256))
 
-    def _steps(self) -> Iterator[Step | None]:
-        """Make the motion; yield its steps, and None where it has come to a break."""
-        stepper, rows = self.stepper, list[Row]()
-        while not stepper.done:
-            s, p = stepper.s, stepper.p
-            t, z = stepper.t, s.z.copy()
-            turns, feet = p.points.mem.copy(), p.sliding.memory.copy()
-            why, logged = stepper.advance(rows, 1)
-            if why == EVENT:
-                raise UnsuitedError("events answer the motion")
-            if logged:
-                h = float(stepper.rows.log[0, 2])
-                stages = self.method.taken(self.own.values, z, t, h)
-                yield Step(t, h, stages, turns, feet, [row for row in rows if row.kind != CHECK])
-                rows = []
-            if stepper.breaks(why):
-                yield None
-
     def _take(self, row: Row, change: Change) -> None:
         """Keep a stored state and its change."""
         if not self.whole:
@@ -198,11 +238,11 @@ class Pass:
         if not window:
             return change
         n, m = self.entries.n, len(window) * self.method.stages
-        at = self._moments(window)
+        at = self.moments(window)
         dR = np.zeros((m, n, 2 * len(self.numbers)))
         for k, one in enumerate(self.numbers):
             dR[:, :, 2 * k:2 * k + 2] = np.moveaxis(one.differing.residuals(at, self.stepper.p.programs.window), 0, 2)
-        equations = self._equations(window, at)
+        equations = self.equations(window, at)
         course = Course(*equations.follow(dR, change))
         self.precise = self.precise and self._exact(equations, at, dR, course)
         if not self.precise:
@@ -215,32 +255,6 @@ class Pass:
                 if row.t < self.run.spec.t_end:
                     self._take(row, self._within(step, row, course, k))
         return course.at(-1)
-
-    def _moments(self, window: Sequence[Step]) -> Record:
-        def joined(name: str) -> Array:
-            return np.concatenate([getattr(step.stages, name) for step in window])
-
-        s = self.method.stages
-        turns, feet = (np.repeat(np.array([getattr(step, name) for step in window]), s, axis=0)
-                       for name in ("turns", "feet"))
-        return Record(along.Moments(joined("t"), joined("z"), joined("v"), joined("a"), turns, feet))
-
-    def _equations(self, window: Sequence[Step], at: Record) -> Equations:
-        """Return the equations of some steps, factored."""
-        p, w = self.stepper.p, self.stepper.w
-        A = np.zeros((len(at.t), len(p.mass)))
-        along.tangents(p, w, at, 0.0, A)
-        K = self.entries.read(A)
-        C = np.broadcast_to(p.alpha * self.mass, K.shape)
-        if self.damped:
-            along.tangents(p, w, at, 1.0, A)
-            C = C + self.entries.read(A) - K
-        lengths = np.array([step.h for step in window])
-        try:
-            return Equations(self.entries, self.method, lengths, K, C, self.mass, self.damped or p.alpha != 0.0)
-        except ArithmeticError as found:
-            t = window[found.args[0]].t
-            raise UnsuitedError(f"the equations of the step at t = {t:.6g} are singular") from None
 
     def _exact(self, equations: Equations, at: Record, dR: Array, course: Course) -> bool:
         """Whether residuals change by nothing along the changes: along the sum of all, so that one look is enough.

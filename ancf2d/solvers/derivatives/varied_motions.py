@@ -22,8 +22,11 @@ from .differing import Differing
 from .linear_steps import Change
 
 CENTRAL, NEAR = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0, np.array([0.0, -0.5, 0.0, 0.5, 0.0])
-# a number's models: those of differences about it, or to one side of it
+# a number's models: those of differences about it, or to one side of it; the same of two models beside that of the case
 SIDES = {0: (-2, -1, 0, 1, 2), 1: (0, 1, 2, 3, 4), -1: (0, -1, -2, -3, -4)}
+FEW = {0: (-1, 0, 1), 1: (0, 1, 2), -1: (0, -1, -2)}
+# differences of second order by two models, and how much the second difference is beside them
+TWO = {0: np.array([[-0.5, 0.0, 0.5], [0.5, -1.0, 0.5]]), 1: np.array([[-1.5, 2.0, -0.5], [-0.5, 1.0, -0.5]])}
 
 # the model where the number is changed by h
 Varied = Callable[[float], Model]
@@ -51,16 +54,19 @@ def unsuited(model: Model) -> str:
 class Beside:
     """A number of the case: models beside it, h apart, and motions of these that start as the first one does.
 
-    ``weights`` (2, sides) give differences of fourth and of lower order of what the sides have.
+    ``weights`` (2, sides) give differences of fourth and of lower order of what the sides have; with ``few`` sides, of
+    second order and how much they change over h.
     """
 
-    def __init__(self, at: Varied, h: float, run: Run) -> None:
+    def __init__(self, at: Varied, h: float, run: Run, few: bool = False) -> None:
         self.at, self.h, self.spec, self.pieces = at, h, run.spec, run.stepper.pieces
-        side = self._side(at, h)
-        table = np.array([CENTRAL, NEAR]) / h if side == 0 else np.array([FORWARD, LOWER]) / (h * side)
+        sides: dict[int, tuple[int, ...]] = dict(FEW if few else SIDES)
+        side = self._side(at, h, sides)
+        table = TWO[abs(side)] if few else np.array([FORWARD, LOWER] if side else [CENTRAL, NEAR])
         used = np.flatnonzero(table.any(axis=0))
-        self.weights, self.steps = table[:, used], [SIDES[side][k] * h for k in used.tolist()]
-        self.differing = Differing(run, [at(step) for step in self.steps], self.weights)
+        self.weights, self.steps = table[:, used] / (h * (side or 1)), [sides[side][k] * h for k in used.tolist()]
+        models = [run.model if few and step == 0.0 else at(step) for step in self.steps]
+        self.differing = Differing(run, models, self.weights)
         self._start: Change | None = None
 
     @cached_property
@@ -72,18 +78,18 @@ class Beside:
         return runs
 
     @staticmethod
-    def _side(at: Varied, h: float) -> int:
+    def _side(at: Varied, h: float, sides: dict[int, tuple[int, ...]]) -> int:
         """Return to which side models can be had: 0 of both, else the sign."""
         for side in (0, 1):
             try:
-                for k in SIDES[side]:
-                    # differences about the number do not need its own model
-                    if k or side:
+                for k in sides[side]:
+                    # the number's own model is not needed, or known
+                    if k or (side and len(sides[0]) > 3):
                         at(k * h)
                 return side
             except CaseError:
                 continue
-        for k in SIDES[-1]:
+        for k in sides[-1]:
             at(k * h)
         return -1
 
@@ -118,6 +124,7 @@ def _behind_break(stepper: Stepper, base: Stepper, piece: int, change: Change | 
                   ) -> tuple[Array, Array, Array]:
     """Return z, v and a behind a break of ``base``, of a motion that is there before it, or ``change`` away."""
     s = stepper.s
+    stepper.enter(piece - 1)
     for name in ("z", "v", "a"):
         own, of = getattr(s, name), getattr(base.s, name)
         own[:] = of if change is None else of + step * getattr(change, name)[:, 0]

@@ -1,0 +1,252 @@
+"""A motion once more, and then backwards: what changes of its residuals do to a few goals.
+
+The equations R_i = 0 of the stages of each step, differentiated (``solvers.derivatives.motion_states``), have a matrix. With the
+transposed one, what the end of a step does to the goals tells what its residuals and its start do (the discrete adjoint).
+Steps are kept as far as there is room, and else made again, window by window, from checkpoints (Griewank & Walther,
+Evaluating Derivatives, SIAM 2008): memory does not grow with the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.polynomial import polynomial
+
+from ...case import Dynamic
+from ...elements.shape import Array
+from ...kernels.lowlevel.records import Record
+from ...kernels.motion import along
+from ...kernels.motion.advance import INSIDE
+from ...kernels.motion.state import REJECTED
+from ...model.model import Model
+from ..motion.breaks import pass_break
+from ..motion.dynamic import Run
+from ..motion.stepping import Stepper
+from ..state import Row
+from .differences import UnsuitedError
+from .linear_steps import Change, Equations, Stages
+from .motion_states import CLOSE, CORRECTIONS, LOOSE, TRIED, Once, Step
+from .varied_motions import carried
+
+# numbers that the stages of all steps are kept in, and those of one window of steps, at most
+KEPT, WINDOW = 1 << 24, 1 << 22
+# changes before breaks of models with multipliers that are carried behind them, at most
+COLUMNS = 4000
+# of what a step begins with
+PARTS = ("z", "v", "a", "own")
+
+
+class Numbers(Protocol):
+    """What is told of a motion on the way back, and adds up what numbers do to goals (k,)."""
+
+    def note(self, at: Record, window: Array, lam: Array) -> None:
+        """Take states, the times (2,) of signals there, and virtual displacements lam (m, n, k).
+
+        Goals change by -lam . dR where the residuals of the states do by dR.
+        """
+        ...
+
+    def pass_break(self, stepper: Stepper, piece: int, end: Change, at: Record | None, mu: Array) -> None:
+        """Take a motion before a break, the piece behind it, and what changes behind it do to goals.
+
+        Where rates do not jump, and numbers change accelerations there alone, by way of the residuals of a state, its
+        virtual displacements mu (n, k) are given.
+        """
+        ...
+
+
+@dataclass
+class Part:
+    """Some steps, from a checkpoint on, and the stored states of each; or a break, behind which piece ``behind`` is."""
+
+    kept: dict[str, Array]
+    count: int = 0
+    steps: list[Step] | None = field(default_factory=list)
+    rows: list[tuple[int, int]] = field(default_factory=list)
+    behind: int = -1
+
+
+class Backwards(Once):
+    """A motion made once more, which goes backwards then. Raises UnsuitedError."""
+
+    def __init__(self, model: Model, spec: Dynamic, whole: bool, tolerance: float) -> None:
+        super().__init__(model, spec, tolerance)
+        self.whole, self.rows, self.parts, self.off = whole, list[Row](), list[Part](), 0.0
+        if self.stepper.moving or self.stepper.events or len(self.stepper.p.facing.item):
+            raise UnsuitedError("points move along bodies, or things begin to act")
+
+    def make(self) -> None:
+        """Make the motion. ``rows`` are then its stored states, the first and the last among them, ``parts`` its steps.
+        """
+        stepper, n = self.stepper, self.entries.n
+        self.run.begin()
+        self.begun, self.window = self.now(), stepper.p.programs.window.copy()
+        self.rows = [stepper.last()]
+        size = max(WINDOW // (self.method.stages * n * (6 + 3 * self.method.stages * max(stepper.p.width, 1))), 8)
+        part, room, columns = Part(self._checkpoint()), KEPT, 0
+        for step in self.steps():
+            if step is None:
+                self._add(part)
+                self.parts.append(Part(self._checkpoint(), behind=stepper.piece + 1))
+                columns += 0 if self.free.all() else 2 * n
+                if columns > COLUMNS:
+                    raise UnsuitedError("constraints begin anew too often")
+                pass_break(stepper, stepper.piece + 1)
+                part = Part(self._checkpoint())
+                continue
+            if self.whole:
+                part.rows += [(part.count, len(self.rows) + k) for k in range(len(step.rows))]
+                self.rows += step.rows
+            room -= 3 * step.stages.z.size
+            if room > 0 and part.steps is not None:
+                part.steps.append(step)
+            else:
+                part.steps = None
+            part.count += 1
+            if part.count >= size:
+                self._add(part)
+                part = Part(self._checkpoint())
+        self._add(part)
+        self.rows.append(stepper.last())
+        if not self.free.all() and any(row.kind == INSIDE for row in self.rows):
+            raise UnsuitedError("states within steps are put onto constraints")
+
+    def _checkpoint(self) -> dict[str, Array]:
+        found = self.stepper.checkpoint()
+        assert found is not None
+        return found
+
+    def _add(self, part: Part) -> None:
+        if part.count:
+            self.parts.append(part)
+
+    @property
+    def rejected(self) -> int:
+        """How many steps were made again shorter."""
+        return int(self.stepper.s.numbers[REJECTED])
+
+    def back(self, bars: Sequence[Change], numbers: Numbers) -> Change:
+        """Return what changes of the start do to goals; each of ``bars`` (n, k) is what those of a stored state do."""
+        end = bars[-1]
+        for part in reversed(self.parts):
+            self.stepper.resume(part.kept)
+            end = self._break(part, end, numbers) if part.behind >= 0 else self._through(part, end, bars, numbers)
+        return end.plus(bars[0]) if self.whole else end
+
+    def _again(self, count: int) -> list[Step]:
+        """Make steps again."""
+        found: list[Step] = []
+        for step in self.steps():
+            if step is not None:
+                found.append(step)
+            if len(found) == count:
+                break
+        return found
+
+    def _through(self, part: Part, end: Change, bars: Sequence[Change], numbers: Numbers) -> Change:
+        """Return what changes of the start of some steps do to goals, from what those of their end do."""
+        window = self.stepper.p.programs.window.copy()
+        steps = self._again(part.count) if part.steps is None else part.steps
+        at = self.moments(steps)
+        equations = self.equations(steps, at)
+        n, k, m = self.entries.n, end.z.shape[1], len(at.t)
+        stages = Stages(np.zeros(0), *(np.zeros((m, n, k)) for _ in range(3)))
+        starts = np.zeros((len(steps), 4, n, k))
+        for number, row in part.rows:
+            self._stored(steps[number], self.rows[row], number, bars[row], stages, starts)
+        lam, start = equations.back(stages, starts, end)
+        self._correct(equations, at, lam, start)
+        numbers.note(at, window, lam)
+        return start
+
+    def _stored(self, step: Step, row: Row, number: int, bar: Change, stages: Stages, starts: Array) -> None:
+        """Add what a state that is stored in a step does to the goals to stages and starts."""
+        s = self.method.stages
+        mine = slice(s * number, s * number + s)
+        if row.kind != INSIDE:
+            for name in ("z", "v", "a"):
+                getattr(stages, name)[s * number + s - 1] += getattr(bar, name)
+            return
+        assert self.stepper.m is not None
+        basis, x = self.stepper.m.record.basis.T, (row.t - step.t) / step.h
+        f = [polynomial.polyval(x, polynomial.polyder(basis, order)) for order in range(3)]
+        free = self.free[:, None]
+        made = sum(np.multiply.outer(one, by) for one, by in zip(f, (
+            bar.z, free * bar.v / step.h, free * bar.a / step.h**2), strict=True))
+        start, found = self.method.dense_back(np.asarray(made), step.h, self.free)
+        starts[number] += [start.z + bar.z, start.v, start.a, start.own]
+        for name in ("z", "v", "a"):
+            getattr(stages, name)[mine] += getattr(found, name)
+
+    def _left_out(self, at: Record, lam: Array) -> tuple[Array, Array]:
+        """Return what changes of positions and rates do to the work on lam (m, n, k) beyond what tangents tell."""
+        p, w = self.stepper.p, self.stepper.w
+        by_z, by_v = np.zeros((2, *lam.shape))
+        if not self.damped:
+            return by_z, by_v
+        none, room = np.zeros_like(w.amps), np.zeros((3, len(p.place)))
+        one, two = np.zeros((2, *lam.shape[:2]))
+        for q in range(lam.shape[2]):
+            along.left_out(p, w, at, np.ascontiguousarray(lam[:, :, q]), none, room, one, two)
+            by_z[:, :, q], by_v[:, :, q] = one, two
+        return by_z, by_v
+
+    def _correct(self, equations: Equations, at: Record, lam: Array, start: Change) -> None:
+        """Correct lam and what the start does by what tangents leave out: they are Newton's, not all exact."""
+        weights, more, last = self.stepper.p.weights[None, :, None], lam, np.inf
+        size = float((weights * np.abs(lam)).max(initial=0.0))
+        for _ in range(CORRECTIONS):
+            by_z, by_v = self._left_out(at, more)
+            if not (by_z.any() or by_v.any()):
+                return
+            n, k = lam.shape[1:]
+            stages = Stages(np.zeros(0), -by_z, -by_v, np.zeros(lam.shape))
+            more, change = equations.back(stages, np.zeros((len(equations.rates), 4, n, k)), Change.none(n, k))
+            lam += more
+            for name in ("z", "v", "a", "own"):
+                getattr(start, name)[:] += getattr(change, name)
+            share = float((weights * np.abs(more)).max(initial=0.0)) / (size or 1.0)
+            if share <= CLOSE or share >= last:
+                break
+            last = share
+        self.off = max(self.off, share * share / last if np.isfinite(last) else share)
+        if share > LOOSE:
+            raise UnsuitedError("the tangents of the steps do not tell how they change")
+
+    def _break(self, part: Part, end: Change, numbers: Numbers) -> Change:
+        """Return what changes before a break do to goals."""
+        stepper = self.stepper
+        if not self.free.all():
+            numbers.pass_break(stepper, part.behind, end, None, end.a)
+            return self._carried_back(part, end)
+        before = stepper.s.v.copy()
+        pass_break(stepper, part.behind)
+        at, p, w = self.now(), stepper.p, stepper.w
+        # accelerations behind it follow from positions and rates
+        mu = self.by_mass.solve(end.a + end.own)
+        if (stepper.s.v == before).all():
+            numbers.pass_break(stepper, part.behind, end, at, mu)
+        by_z, by_v = self._left_out(at, mu[None])
+        A, B = np.zeros((2, 1, len(p.mass)))
+        along.tangents(p, w, at, 0.0, A)
+        along.tangents(p, w, at, 1.0, B)
+        K, C = self.entries.matrix(self.entries.read(A)[0]), self.entries.matrix(self.entries.read(B - A)[0])
+        M, none = self.entries.matrix(self.mass), np.zeros_like(mu)
+        if not (stepper.s.v == before).all():
+            stepper.resume(part.kept)
+            numbers.pass_break(stepper, part.behind, end, None, mu)
+        return Change(end.z - K @ mu - by_z[0], end.v - C @ mu - p.alpha * (M @ mu) - by_v[0], none, none.copy())
+
+    def _carried_back(self, part: Part, end: Change) -> Change:
+        """Return what changes before a break do to goals, by all of them, one by one."""
+        other, n, out = Run(self.run.model, self.run.spec).stepper, self.entries.n, Change.none(*end.z.shape)
+        for name in ("z", "v"):
+            for i in np.flatnonzero(self.free).tolist():
+                change = Change.none(n, 1)
+                getattr(change, name)[i] = 1.0
+                found = carried(other, self.stepper, change, part.behind, TRIED * self.stepper.p.extent)
+                getattr(out, name)[i] = sum(getattr(found, of)[:, 0] @ getattr(end, of) for of in PARTS)
+        return out

@@ -1,0 +1,218 @@
+"""What numbers of a case do to a few goals of a motion, by the motion backwards, whatever their number.
+
+Each number adds what its change of the residuals does as work on the virtual displacements of ``solvers.backwards``:
+it needs two models, and of these what the number changes alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from ...case import Dynamic
+from ...elements.shape import Array
+from ...errors import CaseError, ComputationError
+from ...kernels.lowlevel.records import Record
+from ...kernels.motion.dynamics import to_full
+from ...kernels.motion.state import evaluate
+from ...model.mesh import Index
+from ...model.model import Model
+from ..motion.dynamic import Run
+from ..motion.stepping import Stepper
+from ..state import State
+from .backwards import PARTS, Backwards
+from .differences import Quotient, UnsuitedError
+from .linear_steps import Change
+from .motion_states import NEWTON
+from .varied_motions import Beside, Varied, rests
+
+# of the step of differences of fourth order: that of two models, whose second difference beside the first is to be
+# small: the square of it is left
+SHORT, STRAIGHT = 0.125, 2e-4
+# of a step that is too long, what is aimed at, and how often it is shortened
+WANTED, TRIES = 3e-5, 3
+# of derivatives by differences with the step that is tried first
+ROUND_OFF = 3e-11
+
+
+class Goals(Protocol):
+    """Numbers that are read of states, and what changes of these do to them."""
+
+    def __call__(self, model: Model, states: Sequence[State]) -> Array:
+        """Return the values (k,)."""
+        ...
+
+    def slopes(self, model: Model, states: Sequence[State]) -> list[tuple[int, int, Index, Array, Array]]:
+        """Return goal, state, coordinates (m,), and what changes of these and of their rates (m,) do to the goal."""
+        ...
+
+    def bodies(self, model: Model) -> set[str]:
+        """Return the bodies that are read."""
+        ...
+
+
+class Sums:
+    """What numbers do to goals."""
+
+    def __init__(self) -> None:
+        self.all: list[Sum] = []
+
+    def note(self, at: Record, window: Array, lam: Array) -> None:
+        """Take what the residuals at states do."""
+        for one in self.all:
+            one.note(at, window, lam)
+
+    def pass_break(self, stepper: Stepper, piece: int, end: Change, at: Record | None, mu: Array) -> None:
+        """Take what is behind a break."""
+        window = stepper.p.programs.window.copy()
+        for one in self.all:
+            if at is None or one.number.differing.moves:
+                one.change(one.number.pass_break(stepper, piece), end)
+            else:
+                one.note(at, window, mu[None])
+
+
+class Sum:
+    """What a number does to goals (k,): its derivative, and the sums of the sizes of what it adds up from (2, k)."""
+
+    def __init__(self, number: Beside, k: int) -> None:
+        self.number, self.value, self.sizes = number, np.zeros(k), np.zeros((2, k))
+
+    def note(self, at: Record, window: Array, lam: Array) -> None:
+        """Add what the residuals at states do."""
+        self.take(-self.number.differing.works(at, window, lam))
+
+    def take(self, parts: Array) -> None:
+        """Add differences (2, m, k), of which the second tell how far the first change over a step."""
+        self.value += parts[0].sum(axis=0)
+        self.sizes += np.abs(parts).sum(axis=1)
+
+    def change(self, found: Change, bar: Change) -> None:
+        """Add what a change (n, 2) of a state does, whose changes do ``bar`` (n, k)."""
+        parts = [getattr(found, name).T @ getattr(bar, name) for name in PARTS]
+        self.take(np.sum(parts, axis=0)[:, None])
+
+    @property
+    def bent(self) -> float:
+        """How far differences are from those of a straight line."""
+        shares = self.sizes[1] / np.where(self.sizes[0] > 0.0, self.sizes[0], 1.0)
+        return float(shares.max(initial=0.0))
+
+
+class MotionAdjoint:
+    """What numbers do to goals of a motion."""
+
+    def __init__(self, model: Model, last: State, goals: Goals, whole: bool) -> None:
+        spec = model.case.solver
+        assert isinstance(spec, Dynamic)
+        # no coarser motions beside
+        self.model, self.spec, self.goals, self.whole = model, replace(spec, estimate=False), goals, whole
+        self.found: dict[Varied, Quotient | Exception] = {}
+        self.motion = self._made(int(last.report["rejected"]))
+        self.base, self.first = Run(model, self.spec), dict[Varied, float]()
+        self.states = [self.motion.run.state(row) for row in self.motion.rows]
+        self.values = goals(model, self.states)
+
+    def _made(self, rejected: int) -> Backwards:
+        """Make the motion with the tightest tolerance of Newton's method that it allows."""
+        for tolerance in NEWTON:
+            last = tolerance == NEWTON[-1]
+            motion = Backwards(self.model, self.spec, self.whole, tolerance)
+            try:
+                motion.make()
+            except ComputationError as found:
+                if last:
+                    raise UnsuitedError(f"its steps cannot be made once more: {found.failure.reason}") from None
+                continue
+            if last or motion.stepper.dt == 0.0 or motion.rejected <= rejected:
+                return motion
+        raise AssertionError
+
+    def prepare(self, beside: Sequence[tuple[Varied, float]]) -> None:
+        """Find the derivatives to several numbers at once."""
+        todo = [(at, h * SHORT) for at, h in beside]
+        for k in range(TRIES):
+            todo = self._once(todo, last=k == TRIES - 1)
+            if not todo:
+                break
+
+    def slope(self, at: Varied, h: float) -> Quotient:
+        """Return the derivatives (k,) of the goals. Raises UnsuitedError, CaseError, ComputationError."""
+        if at not in self.found:
+            self.prepare([(at, h)])
+        found = self.found[at]
+        if isinstance(found, Exception):
+            raise found
+        return found
+
+    def _once(self, todo: Sequence[tuple[Varied, float]], last: bool) -> list[tuple[Varied, float]]:
+        """Find derivatives; return the numbers whose steps are too long, with shorter ones."""
+        bars, sums = self._bars(), Sums()
+        for at, h in todo:
+            self.first.setdefault(at, h)
+            try:
+                sums.all.append(Sum(Beside(at, h, self.base, few=True), bars[-1].z.shape[1]))
+            except (CaseError, ComputationError, UnsuitedError) as found:
+                self.found[at] = found
+        if not sums.all:
+            return []
+        start, again = self.motion.back(bars, sums), []
+        for one in sums.all:
+            number = one.number
+            try:
+                self._begin(one, start)
+                one.take(self._read(number))
+            except (CaseError, ComputationError, UnsuitedError) as found:
+                self.found[number.at] = found
+                continue
+            if one.bent > STRAIGHT and not last:
+                again.append((number.at, number.h * min(WANTED / one.bent, 0.1)))
+                continue
+            noise = ROUND_OFF * self.first[number.at] / number.h
+            error = one.sizes[0] * (one.bent**2 + self.motion.off + noise)
+            self.found[number.at] = Quotient(one.value, error, number.h)
+        return again
+
+    def _bars(self) -> list[Change]:
+        """Return what changes of each stored state do to the goals (n, k)."""
+        n, num, free = self.motion.entries.n, self.model.numbering, self.motion.free
+        slopes = self.goals.slopes(self.model, self.states)
+        out = [Change.none(n, 1 + max(goal for goal, *_ in slopes)) for _ in self.states]
+        for goal, state, coords, by_d, by_v in slopes:
+            for name, by in (("z", by_d), ("v", by_v)):
+                full = np.zeros(len(num.place))
+                np.add.at(full, coords, by)
+                getattr(out[state], name)[:, goal] += num.reduce(full) * (free if name == "v" else 1.0)
+        return out
+
+    def _begin(self, one: Sum, start: Change) -> None:
+        """Add what a number does by the start of the motion."""
+        if self.motion.free.all() and rests(self.base):
+            mu = self.motion.by_mass.solve(start.a + start.own)
+            one.note(self.motion.begun, self.motion.window, mu[None])
+            return
+        one.change(one.number.begin(), start)
+
+    def _read(self, number: Beside) -> Array:
+        """Return differences (2, 1, k) of what is read where unknowns stay as they are."""
+        found, own = number.differing, self.model.meshes
+        if not found.moves and all(model.meshes[name] is own[name] for model in found.models
+                                   for name in self.goals.bodies(self.model)):
+            return np.zeros((2, 1, len(self.values)))
+        read = [self.goals(model, self._beside(number, side) if found.moves else self.states)
+                for side, model in enumerate(found.models)]
+        return np.asarray(number.weights @ np.array(read))[:, None]
+
+    def _beside(self, number: Beside, side: int) -> list[State]:
+        """Return the states of a model beside the number at the same unknowns."""
+        p, w, out = number.differing.problems[side], number.differing.w[side], list[State]()
+        for row, state in zip(self.motion.rows, self.states, strict=True):
+            full = np.zeros((2, len(p.place)))
+            evaluate(p.programs, row.side, w.amps)
+            to_full(p, row.z, w.amps, 0, full[0])
+            to_full(p, row.v, w.amps, 1, full[1])
+            out.append(replace(state, d=full[0], v=full[1]))
+        return out

@@ -1,0 +1,131 @@
+"""Derivatives of goals of motions by the motion backwards: differences of motions that are solved to round-off."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_study_motion_gradient import SCENE, solved
+
+import ancf2d
+from ancf2d.case.numbers import numbers_at
+from ancf2d.solvers.derivatives import backwards, linear_steps
+from ancf2d.solvers.motion import methods
+from ancf2d.solvers.post import Observer
+from ancf2d.solvers.state import State
+from ancf2d.study.gradient import GoalValues, Study, gradient, prepare
+from ancf2d.study.record import Progress
+
+# held without multipliers, and by others where the case has them
+CLAMP, PIN = ("boundary_conditions.base={name: base, type: clamp, at: arm@0}",
+              "boundary_conditions.base={name: base, type: pin, at: arm@0}")
+# what acts on bodies, springs, masses and loads, what damps, how it begins
+NUMBERS = ["bodies.arm.material.E", "bodies.arm.material.damping.kelvin_voigt", "bodies.arm.section.width",
+           "bodies.fork.geometry.end.0", "bodies.fork.section.rhoA", "springs.stay.stiffness", "springs.stay.between.1.0",
+           "springs.coil.damping", "masses.lump.mass", "loads.push.value.1", "loads.pull.amplitude.frequency",
+           "damping.rayleigh.alpha", "initial.bodies.fork.rotation_rate.omega"]
+SOME = ["bodies.arm.material.rho", "springs.coil.angle", "loads.weight.value.1"]
+# integrator and how the arm is held: with multipliers where the scene has them, which Newmark's method refuses
+MOTIONS = {"generalized_alpha": ("generalized_alpha", CLAMP, NUMBERS), "radau5": ("radau5", CLAMP, NUMBERS),
+           "multipliers": ("radau5", None, [*SOME, "boundary_conditions.base.uy.scale"]), "hht": ("hht", CLAMP, SOME),
+           "newmark": ("newmark", PIN, SOME), "radau9": ("radau9", None, SOME)}
+
+
+def scene(folder, method, held, *more):
+    """Return the scene of motions, with an integrator and its arm held in a way."""
+    (folder / "scene.yaml").write_text(SCENE)
+    return ancf2d.load(folder / "scene.yaml", [f"solver.method={method}", *([held] if held else []), *more])
+
+
+def found(loaded, paths):
+    """Return the derivatives (numbers,) that the motion backwards tells."""
+    study = Study(loaded, GoalValues((loaded.case.goal,)), Progress())
+    assert study.adjoint is not None
+    variables = numbers_at(loaded, paths)
+    study.expect(variables)
+    rows = [study.differentiate(variable) for variable in variables]
+    assert {how for _, how in rows} == {"exact"}
+    return np.array([quotient.value[0] for quotient, _ in rows]), np.array([quotient.error[0] for quotient, _ in rows])
+
+
+def test_the_motion_backwards_tells_what_changes_of_its_states_do(tmp_path):
+    """Both ways are those of the same steps, whatever number: transposed matrices have the same values."""
+    loaded = scene(tmp_path, "radau5", CLAMP)
+    read = GoalValues((loaded.case.goal,))
+    _, changes = gradient(loaded, lambda model, states: read(model, states[-1:]), NUMBERS)
+    assert found(loaded, NUMBERS)[0] == pytest.approx(changes[0], rel=2e-8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MOTIONS)
+def test_the_motion_backwards(name, monkeypatch, tmp_path):
+    """Derivatives are those of the discrete motion: central differences of runs, by every integrator."""
+    monkeypatch.setattr(methods, "TIGHT", 1e-13)
+    method, held, paths = MOTIONS[name]
+    loaded, h = scene(tmp_path, method, held), 3e-5
+    values, errors = found(loaded, paths)
+    for variable, value, error in zip(numbers_at(loaded, paths), values, errors, strict=True):
+        expected = (solved(loaded, variable.path, h) - solved(loaded, variable.path, -h)) / (2 * h * variable.value)
+        assert value == pytest.approx(expected, rel=1e-6, abs=1e-9 / abs(variable.value)), variable.path
+        assert error <= 1e-6 * abs(value)
+
+
+@pytest.mark.parametrize("goal", ["mean_over: [0.002, 0.009]",
+                                  pytest.param("peak_over: [0.0033, 0.0071]", marks=pytest.mark.slow)])
+def test_goals_over_windows(goal, monkeypatch, tmp_path):
+    """Stored states at ends of steps and within them, and samples between them, are differentiated as they are read."""
+    monkeypatch.setattr(methods, "TIGHT", 1e-13)
+    loaded = scene(tmp_path, "radau5", CLAMP, "goal={probe: knee, quantity: ux, " + goal + "}")
+    paths, h = ["loads.pull.value.0", "bodies.arm.material.rho"], 3e-5
+    for variable, value in zip(numbers_at(loaded, paths), found(loaded, paths)[0], strict=True):
+        expected = (solved(loaded, variable.path, h) - solved(loaded, variable.path, -h)) / (2 * h * variable.value)
+        assert value == pytest.approx(expected, rel=1e-6)
+
+
+def test_what_is_kept_of_a_motion_changes_nothing(monkeypatch, tmp_path):
+    """Steps made again from checkpoints, window by window, and sparse matrices give the same derivatives."""
+    loaded = scene(tmp_path, "radau5", CLAMP)
+    values, _ = found(loaded, SOME)
+    monkeypatch.setattr(backwards, "KEPT", 0)
+    monkeypatch.setattr(backwards, "WINDOW", 0)
+    assert found(loaded, SOME)[0] == pytest.approx(values, rel=1e-10)
+    monkeypatch.setattr(linear_steps, "BAND", 0)
+    assert found(loaded, SOME)[0] == pytest.approx(values, rel=1e-8)
+
+
+def test_a_number_that_turns_a_phase_far(tmp_path):
+    """u = F (1 - cos(w t))/(m w^2) - ... of a free mass under F sin(w t), after 400 turns of the signal: steps shorten.
+
+    m u'' = F sin(w t) gives u = F/(m w) (t - sin(w t)/w), and du/dw by hand.
+    """
+    w, t, F, m = 2 * np.pi * 400.0, 1.0, 3.0, 2.0
+    case = {"bodies": {"mass": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
+                                "section": {"height": 0.1, "width": 0.1},
+                                "element": {"type": "rigid", "mass": m, "inertia": 1.0}}},
+            "loads": [{"name": "push", "type": "force", "at": "mass@0.5", "value": [F, 0],
+                       "amplitude": {"type": "sine", "frequency": w / (2 * np.pi)}}],
+            "solver": {"type": "dynamic", "t_end": t, "dt": 2.5e-4, "method": "radau5"},
+            "goal": {"probe": "mass", "quantity": "ux"}, "output": {"probes": {"mass": "mass@0.5"}, "interval": 1.0}}
+    row, = ancf2d.sensitivity(case, ["loads.push.amplitude.frequency"]).rows
+    exact = F / m * (-(t - np.sin(w * t) / w) / w**2 + (-t * np.cos(w * t) / w + np.sin(w * t) / w**2) / w)
+    assert row.method == "exact"
+    assert row.derivative == pytest.approx(2 * np.pi * exact, rel=1e-5)
+
+
+def test_what_probes_read_is_differentiated(tmp_path):
+    """Differences of what is read, along coordinates and their rates, on the axis and off it."""
+    loaded = scene(tmp_path, "radau5", CLAMP, "output.probes={tip: fork@1, off: {at: fork@0.7, y: 0.01}, "
+                   "knee: {at: arm@0.6, y: 0.004}}", "goal.probe=tip")
+    model, rng = prepare(loaded), np.random.default_rng(5)
+    d, v, none = 0.02 * rng.standard_normal(model.n_q), rng.standard_normal(model.n_q), np.zeros(model.n_q)
+    state, observer, h = State(0.0, d, none, none, 0.0, v=v), Observer(model), 1e-6
+
+    def read(name, quantity, step):
+        moved = replace(state, d=d + step * one, v=v + step * two)
+        return observer.observe(moved)[name][quantity]
+
+    one, two = rng.standard_normal((2, model.n_q))
+    for name in observer.probes:
+        for quantity in ("x", "uy", "theta", "vx", "vy", "omega"):
+            coords, by_d, by_v = observer.slopes(name, quantity, state)
+            exact = (read(name, quantity, h) - read(name, quantity, -h)) / (2 * h)
+            assert by_d @ one[coords] + by_v @ two[coords] == pytest.approx(exact, rel=1e-6), (name, quantity)
