@@ -1,9 +1,9 @@
-"""A motion once more, and then backwards: what changes of its residuals do to a few goals.
+"""A motion made once more, then followed backwards: how changes of its residuals change a few goals.
 
-The equations R_i = 0 of the stages of each step, differentiated (``solvers.derivatives.motion_states``), have a matrix. With the
-transposed one, what the end of a step does to the goals tells what its residuals and its start do (the discrete adjoint).
-Steps are kept as far as there is room, and else made again, window by window, from checkpoints (Griewank & Walther,
-Evaluating Derivatives, SIAM 2008): memory does not grow with the motion.
+The linearised equations of a step (``solvers.derivatives.motion_states``), transposed, turn the derivative of the goals
+with respect to the end of the step into those with respect to its residuals and its start (the discrete adjoint).
+Stages are kept while there is room. Later ones are computed again from checkpoints, window by window (Griewank &
+Walther, Evaluating Derivatives, SIAM 2008, chapter 12), so memory does not grow with the number of steps.
 """
 
 from __future__ import annotations
