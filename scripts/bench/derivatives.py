@@ -27,11 +27,12 @@ MOTIONS = (("generalized_alpha", 4, 40), ("generalized_alpha", 4, 2000), ("gener
            ("radau5", 64, 500))
 COUNTS, HEIGHTS = (1, 5, 10, 40), 20
 NUMBERS = ["bodies.arm.material.E", "springs.stay.stiffness", "springs.stay.damping", "masses.lump.mass",
-           "loads.push.value.1", "bodies.arm.material.rho", "bodies.arm.geometry.end.0", "loads.push.amplitude.frequency",
-           "bodies.arm.material.damping.kelvin_voigt", "initial.rotation_rate.omega", "damping.rayleigh.alpha",
-           "bodies.arm.section.width", "springs.stay.between.1.0", "springs.stay.between.1.1", "springs.stay.length",
-           "loads.weight.value.1", "masses.lump.inertia", "loads.push.value.0", "bodies.arm.geometry.end.1",
-           "bodies.arm.material.nu", *(f"bodies.arm.section.height.value.{k}" for k in range(HEIGHTS))]
+           "loads.push.value.1", "bodies.arm.material.rho", "bodies.arm.geometry.end.0",
+           "loads.push.amplitude.frequency", "bodies.arm.material.damping.kelvin_voigt", "initial.rotation_rate.omega",
+           "damping.rayleigh.alpha", "bodies.arm.section.width", "springs.stay.between.1.0",
+           "springs.stay.between.1.1", "springs.stay.length", "loads.weight.value.1", "masses.lump.inertia",
+           "loads.push.value.0", "bodies.arm.geometry.end.1", "bodies.arm.material.nu",
+           *(f"bodies.arm.section.height.value.{k}" for k in range(HEIGHTS))]
 
 
 def case(method: str, elements: int, steps: int) -> dict[str, Any]:

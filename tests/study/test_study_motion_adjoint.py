@@ -21,8 +21,8 @@ CLAMP, PIN = ("boundary_conditions.base={name: base, type: clamp, at: arm@0}",
 # what acts on bodies, springs, masses and loads, what damps, how it begins
 NUMBERS = ["bodies.arm.material.E", "bodies.arm.material.damping.kelvin_voigt", "bodies.arm.section.width",
            "bodies.fork.geometry.end.0", "bodies.fork.section.rhoA", "springs.stay.stiffness",
-           "springs.stay.between.1.0", "springs.coil.damping", "masses.lump.mass", "loads.push.value.1", "loads.pull.amplitude.frequency",
-           "damping.rayleigh.alpha", "initial.bodies.fork.rotation_rate.omega"]
+           "springs.stay.between.1.0", "springs.coil.damping", "masses.lump.mass", "loads.push.value.1",
+           "loads.pull.amplitude.frequency", "damping.rayleigh.alpha", "initial.bodies.fork.rotation_rate.omega"]
 SOME = ["bodies.arm.material.rho", "springs.coil.angle", "loads.weight.value.1"]
 # integrator and how the arm is held: with multipliers where the scene has them, which Newmark's method refuses
 MOTIONS = {"generalized_alpha": ("generalized_alpha", CLAMP, NUMBERS), "radau5": ("radau5", CLAMP, NUMBERS),

@@ -78,8 +78,10 @@ class Backwards(Once):
         if self.stepper.moving or self.stepper.events or len(self.stepper.p.facing.item):
             raise UnsuitedError("points move along bodies, or things begin to act")
 
-    def make(self) -> None:
-        """Make the motion. ``rows`` are then its stored states, the first and the last among them, ``parts`` its steps.
+    def make(self, rejected: float = np.inf) -> bool:
+        """Make the motion; return whether no more than ``rejected`` of its fixed steps were made again shorter.
+
+        ``rows`` are then its stored states, the first and the last among them, ``parts`` its steps.
         """
         stepper, n = self.stepper, self.entries.n
         self.run.begin()
@@ -88,6 +90,8 @@ class Backwards(Once):
         size = max(WINDOW // (self.method.stages * n * (6 + 3 * self.method.stages * max(stepper.p.width, 1))), 8)
         part, room, columns = Part(self._checkpoint()), KEPT, 0
         for step in self.steps():
+            if stepper.dt > 0.0 and stepper.s.numbers[REJECTED] > rejected:
+                return False
             if step is None:
                 self._add(part)
                 self.parts.append(Part(self._checkpoint(), behind=stepper.piece + 1))
@@ -113,6 +117,7 @@ class Backwards(Once):
         self.rows.append(stepper.last())
         if not self.free.all() and any(row.kind == INSIDE for row in self.rows):
             raise UnsuitedError("states within steps are put onto constraints")
+        return stepper.dt == 0.0 or stepper.s.numbers[REJECTED] <= rejected
 
     def _checkpoint(self) -> dict[str, Array]:
         found = self.stepper.checkpoint()
@@ -122,11 +127,6 @@ class Backwards(Once):
     def _add(self, part: Part) -> None:
         if part.count:
             self.parts.append(part)
-
-    @property
-    def rejected(self) -> int:
-        """How many steps were made again shorter."""
-        return int(self.stepper.s.numbers[REJECTED])
 
     def back(self, bars: Sequence[Change], numbers: Numbers) -> Change:
         """Return what changes of the start do to goals; each of ``bars`` (n, k) is what those of a stored state do."""

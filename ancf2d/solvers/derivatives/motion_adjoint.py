@@ -122,13 +122,11 @@ class MotionAdjoint:
             last = tolerance == NEWTON[-1]
             motion = Backwards(self.model, self.spec, self.whole, tolerance)
             try:
-                motion.make()
+                if motion.make(np.inf if last else rejected):
+                    return motion
             except ComputationError as found:
                 if last:
-                    raise UnsuitedError(f"its steps cannot be made once more: {found.failure.reason}") from None
-                continue
-            if last or motion.stepper.dt == 0.0 or motion.rejected <= rejected:
-                return motion
+                    raise UnsuitedError(f"its steps cannot be repeated: {found.failure.reason}") from None
         raise AssertionError
 
     def prepare(self, beside: Sequence[tuple[Varied, float]]) -> None:
