@@ -37,6 +37,10 @@ COMPILING = pytest.StashKey["subprocess.Popen[bytes]"]()
 for _name in THREADS:
     os.environ.setdefault(_name, "1")
 
+# processes that tests start, and the next run of the tests, would each compile the same sources for a second or more
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
 # a shell without job control starts what is put behind & with Ctrl-C ignored, and so would be all that tests start
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)

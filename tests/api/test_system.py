@@ -195,7 +195,8 @@ def test_the_mass_matrix_moves_the_mass() -> None:
 
 # ---------------------------------------------------------------------------- motion
 
-@pytest.mark.parametrize("damped", [False, True], ids=["free", "spring and damper"])
+@pytest.mark.parametrize("damped", [pytest.param(False, marks=pytest.mark.slow), True],
+                         ids=["free", "spring and damper"])
 def test_scipy_integrates_a_cable_as_the_tool_does(damped: bool) -> None:
     spring = {"type": "translational", "between": ["beam@1", [1, 1]], "stiffness": 80, "damping": 3, "length": 0.3}
     case = cantilever("cable", bodies={"beam": body("cable", (0, 0), (1, 0), 2, 2e5)}, solver=DYNAMIC,

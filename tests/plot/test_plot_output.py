@@ -40,11 +40,11 @@ def test_equal_figures_are_equal_files(tmp_path: Path, monkeypatch: pytest.Monke
     assert one == two
 
 
-@pytest.mark.parametrize("name", ["a.xyz", "a"])
-def test_an_unknown_suffix_names_the_known_ones(tmp_path: Path, name: str) -> None:
+def test_an_unknown_suffix_names_the_known_ones(tmp_path: Path) -> None:
     figure = draw(open_results(bent_beam(tmp_path / "a.h5")))
-    with pytest.raises(ResultsError, match=r"suffix.*\.pdf, .*\.png, .*\.svg"):
-        save(figure, tmp_path / name)
+    for name in ("a.xyz", "a"):
+        with pytest.raises(ResultsError, match=r"suffix.*\.pdf, .*\.png, .*\.svg"):
+            save(figure, tmp_path / name)
     with pytest.raises(ResultsError, match=r"cannot write .*does not exist"):
         save(figure, tmp_path / "none" / "a.png")
 

@@ -118,7 +118,7 @@ def test_an_impact_with_friction_is_that_of_a_rigid_body(friction, restitution, 
     assert lost(found) == pytest.approx(energy, rel=3e-3)
 
 
-@pytest.mark.parametrize("restitution", [0.0, 0.5])
+@pytest.mark.parametrize("restitution", [pytest.param(0.0, marks=pytest.mark.slow), 0.5])
 def test_a_rod_that_falls_flat_slides_on_more_slowly(restitution):
     """Both ends hit at once: friction takes its share of the whole impulse, and no more than stops the rod."""
     fall = math.sqrt(2.0 * G * HEIGHT)

@@ -74,7 +74,7 @@ def test_a_strip_wraps_around_a_drum() -> None:
     assert fy == pytest.approx(0.9, rel=1e-2)
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("friction", [pytest.param(0.0, marks=pytest.mark.slow), 0.3])
 def test_a_strip_whose_face_just_touches_the_drum_where_it_is_clamped_wraps_around_it(friction: float) -> None:
     """The corner at the clamp touches and cannot move; the axis goes around a drum that is larger by half a height."""
     exact = reference.strip_on_drum(2e9 * 0.05 * 0.01**3 / 12.0, 1.0, 0.505, 60.0)

@@ -288,7 +288,7 @@ def test_states_are_those_of_accepted_steps() -> None:
     assert ends[0]["m"] == pytest.approx(ends[1]["m"], rel=1e-7)
 
 
-@pytest.mark.parametrize("method", ["generalized_alpha", "radau5"])
+@pytest.mark.parametrize("method", [pytest.param("generalized_alpha", marks=pytest.mark.slow), "radau5"])
 def test_a_bar_yields_in_motion(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A sudden force F = f A s_y stretches a bar by e_y/(2 (1 - f)), by the work of F; it then vibrates elastically.
 

@@ -31,7 +31,7 @@ def first(case: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
-@pytest.mark.parametrize(("element", "count"), [("cable", 16), ("reissner3", 24)])
+@pytest.mark.parametrize(("element", "count"), [("cable", 16), pytest.param("reissner3", 24, marks=pytest.mark.slow)])
 def test_becks_column(element: str, count: int) -> None:
     """Beck 1952: 20.0509; the frequency there is 11.0156."""
     found = first(column(element=element, count=count))

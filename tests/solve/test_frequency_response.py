@@ -53,7 +53,7 @@ def error(found: Any, known: Any) -> float:
     return float(np.max(np.abs(found / known - 1)))
 
 
-@pytest.mark.parametrize("element", ["cable", "reissner3"])
+@pytest.mark.parametrize("element", [pytest.param("cable", marks=pytest.mark.slow), "reissner3"])
 def test_receptance_and_base_excitation_are_those_of_the_closed_form(element: str) -> None:
     found = ancf2d.solve(cantilever(["shaker", "base"], element))
     w, slope = exact(F=1)
@@ -76,7 +76,7 @@ def root_forces(F: float = 0.0, base: float = 0.0, tau: float = 0.003) -> Any:
     return np.array(out).T
 
 
-@pytest.mark.parametrize(("element", "count"), [("cable", 48), ("reissner3", 160)])
+@pytest.mark.parametrize(("element", "count"), [("cable", 48), pytest.param("reissner3", 160, marks=pytest.mark.slow)])
 def test_section_forces_are_those_of_the_closed_form(element: str, count: int) -> None:
     """One by one, and in a reduced space; with the viscous stress and the inertia of the element itself."""
     case = cantilever(["shaker", "base"], element, count)

@@ -76,18 +76,18 @@ def inclined(angle: float, mu: float, t_end: float = 0.5, k: float = 1e7, order:
                 t_end, **solver)
 
 
-@pytest.mark.parametrize("solver", helpers.chosen(
-    [{"tolerance": 1e-4}, {"tolerance": 1e-4, "method": "radau5"}, {"dt": 5e-4, "method": "newmark"},
-     {"dt": 5e-4, "method": "hht"}, {"tolerance": 1e-5, "method": "RK45"}], [{"tolerance": 1e-4}]), ids=str)
+@pytest.mark.parametrize("solver", [
+    {"tolerance": 1e-4, "method": "radau5"}, pytest.param({"tolerance": 1e-4}, marks=pytest.mark.slow),
+    pytest.param({"dt": 1e-3, "method": "newmark"}, marks=pytest.mark.slow)], ids=str)
 def test_a_block_slides_down_a_rail_or_rests_on_it(solver):
     angle = 0.3
     along = np.array([np.cos(angle), np.sin(angle)])
-    for mu in (0.2, 0.4):
-        found = inclined(angle, mu, every=1, **solver)
+    for mu, t_end in ((0.2, 0.5), (0.4, 0.1)):
+        found = inclined(angle, mu, t_end, every=1, **solver)
         way = -float((found.place("box@0") - found.place("box@0", 0)) @ along)
         slope = G * (np.sin(angle) - mu * np.cos(angle))
         # tan 0.3 = 0.31; a spring of the stiffness of the layer gives before it slides
-        assert way == pytest.approx(max(0.5 * slope * 0.25, 0.0), rel=0.01, abs=1e-5)
+        assert way == pytest.approx(max(0.5 * slope * t_end**2, 0.0), rel=0.01, abs=1e-5)
         total, _ = found.totals()
         lost = np.array([row.lost for row in found.rows])
         np.testing.assert_allclose(total + lost, total[0], atol=1e-3 * max(abs(total[0] - total[-1]), 1e-2))
@@ -100,12 +100,13 @@ def test_the_order_of_the_bodies_does_not_matter():
     np.testing.assert_allclose(one.full()[0], two.full()[0], atol=1e-12)
 
 
-def test_momentum_is_kept_where_one_body_drags_another():
+@pytest.mark.parametrize("method", [None, pytest.param("RK45", marks=pytest.mark.slow)])
+def test_momentum_is_kept_where_one_body_drags_another(method):
     """Two bars that meet aslant in free space: friction turns and drags both, in balance."""
     bodies = {"one": block([0, 0.12], [1, 0.12]), "two": block([-0.3, 0], [1.2, 0.01])}
     found = ride({"bodies": bodies, "initial": {"bodies": {"one": {"velocity": [1.0, -0.5]}}},
                   "contacts": [{"between": ["one", "two"], "friction": 0.5, "law": {"stiffness": 1e6}}]},
-                 0.1, every=1, tolerance=1e-6)
+                 0.1, every=1, tolerance=1e-6, **({} if method is None else {"method": method}))
     total, momenta = found.totals()
     lost = np.array([row.lost for row in found.rows])
     np.testing.assert_allclose(momenta, momenta[0] * np.ones_like(momenta), atol=1e-9)
@@ -113,7 +114,7 @@ def test_momentum_is_kept_where_one_body_drags_another():
     np.testing.assert_allclose(total + lost, total[0], rtol=1e-3)
 
 
-@pytest.mark.parametrize("steps", [10, 40])
+@pytest.mark.parametrize("steps", [10, pytest.param(40, marks=pytest.mark.slow)])
 def test_bodies_that_begin_to_touch_do_not_pass_through_one_another_in_a_load_step(steps):
     """Loads that would push leaves through one another, which touch with no gap, cut the step."""
     def leaf(y):

@@ -17,7 +17,7 @@ from ancf2d.study.run import prepare
 Array = NDArray[np.float64]
 
 
-@pytest.mark.parametrize("speed", chosen((0.1, 0.5, 1.0, 2.0), (0.5, 2.0)))
+@pytest.mark.parametrize("speed", chosen((0.1, 0.5, 1.0, 2.0), (0.5,)))
 def test_force_that_crosses_a_beam(speed: float) -> None:
     force = -1e-3
     solved = ancf2d.solve(under_force(speed, force))

@@ -63,7 +63,7 @@ def elastica():
     return end_of(found, V)[1], found[2], found[1]
 
 
-@pytest.mark.parametrize("rail", ["cable", "reissner3"])
+@pytest.mark.parametrize("rail", ["cable", pytest.param("reissner3", marks=pytest.mark.slow)])
 def test_a_load_that_slides_along_a_beam_stays_normal_to_it(rail):
     y, angle, S = elastica()
     assert y < -0.3

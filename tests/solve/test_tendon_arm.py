@@ -1,4 +1,4 @@
-"""An arm of ten rigid vertebrae that a tendon bends: each joint by itself in statics, energies in motion."""
+"""An arm of six rigid vertebrae that a tendon bends: each joint by itself in statics, energies in motion."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-N, LENGTH, OFF, STIFFNESS, TENSION = 10, 0.05, 0.01, 0.4, 20.0
+N, LENGTH, OFF, STIFFNESS, TENSION = 6, 0.05, 0.01, 0.4, 20.0
 
 
 def arm(solver: dict[str, Any], damping: float = 0.0, amplitude: Any = None, **tendon: Any) -> helpers.Solution:

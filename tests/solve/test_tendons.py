@@ -277,14 +277,14 @@ INPUTS: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize(("name", "kind"), [("wound", "reissner3"), *(
     pytest.param(name, kind, marks=pytest.mark.slow) for name, kind in (
-        ("given", "reissner3"), ("laced", "reissner3"), ("given", "vallejo"), ("wound", "vallejo")))])
+        ("laced", "reissner3"), ("given", "vallejo")))])
 def test_tendons_as_inputs_are_derivatives_of_statics(name: str, kind: str) -> None:
     """At frequency 0, about a loaded state: motions, N, Q and M beside differences of equilibria; tension or slack."""
     load = {"type": "tendon", "name": "t", **INPUTS[name]}
     # other tendons, and what pulls at them all, act in the state
     others = [{"type": "tendon", **one} for other, one in INPUTS.items() if other != name]
     push = {"type": "force", "at": "a@1", "value": [300.0, -5.0]}
-    scene: dict[str, Any] = {"bodies": {"a": beam(kind, 5)}, "boundary_conditions": CLAMP, "output": {
+    scene: dict[str, Any] = {"bodies": {"a": beam(kind, 3)}, "boundary_conditions": CLAMP, "output": {
         "probes": {"p": "a@0.43", "q": "a@0.9"}, "fields": ["N", "Q", "M"]}}
     response = ancf2d.solve({**scene, "loads": [load, *others, push], "solver": {
         "type": "frequency_response", "frequencies": [0], "inputs": ["t"], "about": "static"}}).summary["response"]["t"]

@@ -97,7 +97,8 @@ def test_steps_are_differentiated(method, monkeypatch, tmp_path):
         assert error <= 1e-6 * abs(value)
 
 
-@pytest.mark.parametrize("solver", [{"dt": 0.02}, {"tolerance": 1e-6}, {"dt": 0.02, "method": "generalized_alpha"}])
+@pytest.mark.parametrize("solver", [pytest.param({"dt": 0.02}, marks=pytest.mark.slow), {"tolerance": 1e-6},
+                                    {"dt": 0.02, "method": "generalized_alpha"}])
 def test_a_thrown_body_is_known_in_closed_form(solver):
     """u_y = v t + g t^2/2, whatever the steps: at the end and, within steps too, at all stored times."""
     case = ancf2d.load({**THROWN, "solver": {"type": "dynamic", "t_end": 0.1, **solver}})
