@@ -234,11 +234,11 @@ def _meeting(dofs: Index, natural: Index, terms: dict[int, list[int]]) -> list[I
     """Return which unknowns meet in the rows of ``dofs`` (m, n), dependents expanded."""
     rows = natural[dofs]
     sets = [np.where(rows >= 0, rows, -1)]
+    expanded: dict[int, list[list[int]]] = {}
     for m in np.flatnonzero((rows <= -2).any(axis=1)):
         reached = _expand(dofs[m], natural, terms)
-        if reached:
-            sets.append(np.array([reached], dtype=np.int64))
-    return sets
+        expanded.setdefault(len(reached), []).append(reached)
+    return [*sets, *(np.array(alike, dtype=np.int64) for count, alike in expanded.items() if count)]
 
 
 def _expand(coords: Index, natural: Index, terms: dict[int, list[int]]) -> list[int]:
@@ -282,7 +282,8 @@ def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[C
     free = np.flatnonzero(natural == 0)
     natural[free] = np.arange(len(free))
     terms = {c: [int(natural[k]) for k in elimination.dependents[c].terms] for c in dependents}
-    touched = [*(m.dofs for m in meshes), *(p.dofs for p in patches)]
+    # points of contact on one curve have the same coordinates
+    touched = [*(m.dofs for m in meshes), *(np.unique(p.dofs, axis=0) for p in patches)]
     sets = [s for dofs in touched for s in _meeting(dofs, natural, terms)]
     multipliers = [_expand(c.dofs, natural, terms) for c in constraints]
     sets += [np.array([reached], dtype=np.int64) for reached in multipliers if reached]

@@ -166,13 +166,14 @@ class _Part:
         self.rates = self._accelerations()
         self.lines = list(self._line_loads())
         self.guides = [(g, g.tension(state.d[:n_q], state.side)) for g in model.loads.guides if g.mesh is body.mesh]
-        self.inner = list(self._inner_forces())
+        # elements, xi and generalised forces of what acts within them
+        inner = list(self._inner_forces())
+        self.within, self.at = np.array([i[0] for i in inner], dtype=np.int64), np.array([i[1] for i in inner])
+        self.acting = np.array([i[2] for i in inner]).reshape(-1, *self.e.shape[1:])
 
     def _each(self, of_classes: list[Array]) -> Array:
         """Return an array of the elements' class, or those of all elements (m, ...) where their classes differ."""
         return of_classes[self.k] if self.classes is None else np.array([of_classes[k] for k in self.classes])
-
-    # ------------------------------------------------------------------ what acts on the elements
 
     def _accelerations(self) -> Array | None:
         """Return nodal coordinates (m, n_shape, nc) of gravity, centrifugal and Coriolis acceleration and -a."""
@@ -209,18 +210,21 @@ class _Part:
 
     def _inner_forces(self) -> Iterator[tuple[int, float, Array]]:
         """Yield element, xi and generalised forces (n_shape, nc) of what acts within one of the elements."""
+        place = {int(ie): m for m, ie in enumerate(self.chosen)}
         for item in self.body.inside:
-            for m in np.flatnonzero(self.chosen == item.ie):
-                yield int(m), item.xi, item.force.reshape(-1, self.body.nc)
+            if item.ie in place:
+                yield place[item.ie], item.xi, item.force.reshape(-1, self.body.nc)
         if self.rates is None:
             return
         for point, terms in self.body.point_masses:
-            for m in np.flatnonzero(self.chosen == point.ie):
-                rates, force, first = self.rates[m].ravel(), np.zeros(self.dofs.shape[1]), self.dofs[m, 0]
-                for term in terms:
-                    for coords, weights in term.columns:
-                        force[coords - first] += term.inertia * (weights @ rates[coords - first]) * weights
-                yield int(m), point.xi, force.reshape(-1, self.body.nc)
+            if point.ie not in place:
+                continue
+            m = place[point.ie]
+            rates, force, first = self.rates[m].ravel(), np.zeros(self.dofs.shape[1]), self.dofs[m, 0]
+            for term in terms:
+                for coords, weights in term.columns:
+                    force[coords - first] += term.inertia * (weights @ rates[coords - first]) * weights
+            yield m, point.xi, force.reshape(-1, self.body.nc)
 
     def _line_samples(self, upto: float) -> Iterator[tuple[Array, Array]]:
         """Yield points xi (m, g) before ``upto`` of each line load, and the force (m, g, 2) that each stands for."""
@@ -260,8 +264,6 @@ class _Part:
             angle = angle + np.arctan2(_cross(v0, dv), np.sum(v0 * (v0 + dv), axis=-1))
         return np.cos(angle), np.sin(angle)
 
-    # ------------------------------------------------------------------ wrenches
-
     def _nodal(self) -> Array:
         """Return the elastic and viscous forces (m, n_shape, nc) of the elements on their coordinates."""
         body, state = self.body, self.state
@@ -279,19 +281,22 @@ class _Part:
         if self.rates is not None:
             M = self._each(self.body.masses)
             out += (self.rates.reshape(len(self.dofs), 1, -1) @ M).reshape(out.shape)
-        for m, _, force in self.inner:
-            out[m] += force
+        np.add.at(out, self.within, self.acting)
         return out
 
-    def _node_wrench(self, forces: Array, chosen: Array, m: int | None = None) -> Array:
-        """Return the wrench (m, 3) of the generalised forces on chosen coordinates, of all elements or of element m."""
+    def _node_wrench(self, forces: Array, chosen: Array, elements: Index | slice = slice(None)) -> Array:
+        """Return the wrench (m, 3) of the generalised forces on chosen coordinates of elements."""
         f = forces[:, chosen]
-        local = self.local if m is None else self.local[m:m + 1]
-        moment = _cross(local[:, chosen], f).sum(axis=1)
+        moment = _cross(self.local[elements][:, chosen], f).sum(axis=1)
         if self.body.nc == 3:
             moment = moment + f[:, :, 2].sum(axis=1)
         at = self.body.is_r & chosen
         return np.concatenate([forces[:, at, :2].sum(axis=1), moment[:, None]], axis=1)
+
+    @cached_property
+    def _wrenches(self) -> Array:
+        """The wrench (m, 3) of each of what acts within elements."""
+        return self._node_wrench(self.acting, np.ones(self.acting.shape[1], bool), self.within)
 
     def _load_wrench(self, station: int, upto: float) -> Array:
         """Return the wrench (m, 3) of the loads on the elements' parts before a station."""
@@ -300,9 +305,8 @@ class _Part:
             arm = self._rows(xi) @ self.local
             total[:, :2] += force.sum(axis=1)
             total[:, 2] += _cross(arm, force).sum(axis=1)
-        for m, xi_of, force in self.inner:
-            if xi_of < upto:
-                total[m] += self._node_wrench(force[None], np.ones(len(force), bool), m)[0]
+        before = self.at < upto
+        np.add.at(total, self.within[before], self._wrenches[before])
         if self.rates is None:
             return total
         S, dm, dI = (self._each([v[station][j] for v in self.body.volumes]) for j in range(3))
@@ -335,8 +339,6 @@ class _Part:
         for fx, fy, moment in borne:
             out -= np.stack([c * fx + s * fy, c * fy - s * fx, moment], axis=-1)
         return out
-
-    # ------------------------------------------------------------------ tendons along the body
 
     def _run(self, guide: Guide, xi: Array) -> tuple[Array, Array, Array]:
         """Return what a guide at xi (m, g) has of y and dy/dx (2, m, g), its direction d(r + y n)/dx and the arm y n
