@@ -1,4 +1,4 @@
-"""Laws of contact of a point of a body with an obstacle: one that yields, and one that lets nothing penetrate.
+"""Laws of contact of a point of a body with an obstacle: one that yields (``contact_layer``), and one that does not.
 
 A point that is free to move along the curve stands where the gap is least, g_z = 0
 (``contact_geometry``); with A = t.rho_q, B = nu.rho_qz, T = t.rho_z, c = nu.rho_zz and D = 1/k its Hessian is
@@ -19,52 +19,40 @@ from .contact_geometry import (
     BY,
     BY_BY,
     BY_CHOICE,
-    CIRCLE,
     CLOSES,
-    DAMPING,
     FEATURE,
-    FORCE,
     FREE,
     FRICTION,
     HELD,
     HOME,
     MATRIX,
     NONE,
-    NORMAL,
     OF_THETA,
     OPEN,
-    ORIGIN,
     OTHER,
     PLACE,
-    POLYLINE,
-    RATES,
     RHO,
     ROW,
     SECTION,
-    SHAPE,
     SLIDES,
-    SLOPE,
     STICK,
     STICKS,
     STIFFNESS,
-    TANGENT,
     TERMS,
     TOUCH,
     VECTOR,
-    WEIGHT,
     WORK,
     along,
     count_of,
-    entries,
     facing,
     gap_at,
     is_back,
     least,
-    reach,
     spread,
     spread_both,
     stand,
 )
+from .contact_layer import drag, layer, layer_at, settle, settle_at, slip
 from .point_laws import APART, PointLaw, match_work, work_matrix, work_vector
 
 
@@ -118,28 +106,6 @@ def bent_free(par, z, nx, ny, k, work, H, m):  # type: ignore[no-untyped-def]
                 H[p, q] -= B * work[OTHER + q] / below
 
 
-def slip(par, s, anchor):  # type: ignore[no-untyped-def]
-    """Return how far a place s on the obstacle is from another, the short way around; 0 where there is no other."""
-    if np.isnan(anchor):
-        return 0.0
-    way = s - anchor
-    if int(par[SHAPE]) == CIRCLE:
-        round_ = 2.0 * np.pi * abs(par[ORIGIN + 2])
-    elif int(par[SHAPE]) == POLYLINE and par[ORIGIN + 1] > 0.0:
-        round_ = par[ORIGIN + 1]
-    else:
-        return way
-    return way - round_ * np.floor(way / round_ + 0.5)
-
-
-def drag(par, way, pressed):  # type: ignore[no-untyped-def]
-    """Return the force of friction along s after a slip, and whether it slides: elastic up to Coulomb's limit."""
-    force, most = -par[STICK] * way, par[FRICTION] * pressed
-    if abs(force) <= most:
-        return force, False
-    return (most if force > 0.0 else -most), True
-
-
 def dragged(par, mem, way, pressed):  # type: ignore[no-untyped-def]
     """Return the force of friction along s after a slip, and whether it slides, by force or as whoever solves says."""
     if mem[SLIDES] == 0.0:
@@ -174,73 +140,6 @@ def fields_of(par):  # type: ignore[no-untyped-def]
     """Return how many fields the curve and the obstacle have."""
     _, pose = count_of(par)
     return (3 if int(par[SECTION]) == OF_THETA else 2) * int(par[TERMS]) + pose
-
-
-def _stiffen(par, z, nx, ny, k, force, held, stick, work, H, C):  # type: ignore[no-untyped-def]
-    """Add the derivatives of the force of a layer to H and C, from what ``compliant`` leaves in work."""
-    body, pose = count_of(par)
-    n, weight, stiffness, damping = body + pose, par[WEIGHT], par[STIFFNESS], par[DAMPING]
-    for i in range(n):
-        N, T, slope = work[NORMAL + i], work[TANGENT + i], 0.0
-        for j in range(n):
-            x, y = work[BY_BY + 8 * i + j], work[BY_BY + 64 + 8 * i + j]
-            bend = nx * x + ny * y + k * T * work[TANGENT + j]
-            slope += bend * work[RATES + j]
-            turn = nx * y - ny * x - k * (N * work[TANGENT + j] + T * work[NORMAL + j])
-            work[MATRIX + 8 * i + j] = stick * T * work[TANGENT + j] - force * bend - held * turn
-        # of the force, with the sign turned
-        work[SLOPE + i] = weight * (stiffness * N + damping * slope)
-    for i in range(n):
-        for j in range(n):
-            work[MATRIX + 8 * i + j] += work[ROW + i] * work[SLOPE + j]
-    spread_both(par, z, work, H, 0, 1.0)
-    if damping > 0.0:
-        for i in range(n):
-            for j in range(n):
-                work[MATRIX + 8 * i + j] = work[ROW + i] * work[NORMAL + j]
-        spread_both(par, z, work, C, 0, weight * damping)
-
-
-def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """Pressure max(0, -k g - c dg/dt) per length at a point, with friction that is elastic up to Coulomb's limit.
-
-    Force and derivatives are made by X, of which there are few, and spread to the fields once.
-    """
-    work = work_vector(WORK)
-    z, weight, stiffness, damping = par[HOME], par[WEIGHT], par[STIFFNESS], par[DAMPING]
-    stand(par, p0, u, z, work)
-    g, nx, ny, k, s, ds = gap_at(par, work[RHO], work[RHO + 1], -1.0)
-    if g >= 0.0 or is_back(par, nx, ny, work):
-        return 0.0, APART if g >= 0.0 and g > reach(par, p0, u, z) else 0.0
-    body, pose = count_of(par)
-    n, rate = body + pose, 0.0
-    entries(par, w, z, work, RATES)
-    for i in range(n):
-        x, y = work[BY + i], work[BY + 8 + i]
-        work[NORMAL + i], work[TANGENT + i] = nx * x + ny * y, nx * y - ny * x
-        rate += work[NORMAL + i] * work[RATES + i]
-    pressure = -stiffness * g - damping * rate
-    energy = 0.5 * weight * stiffness * g * g
-    if pressure <= 0.0:
-        return energy, weight * stiffness * g * -rate
-    power, force = weight * damping * rate * rate, weight * pressure
-    held, slides, way = 0.0, False, 0.0
-    if par[FRICTION] > 0.0:
-        way = slip(par, s, mem[ANCHOR])
-        held, slides = drag(par, way, force)
-    # Coulomb's limit follows the pressure, and else the spring the slip
-    share = (par[FRICTION] if way > 0.0 else -par[FRICTION]) * ds if slides else 0.0
-    stick = 0.0 if slides or par[FRICTION] == 0.0 else par[STICK] * ds * ds
-    held *= ds
-    for i in range(n):
-        N, T = work[NORMAL + i], work[TANGENT + i]
-        power -= held * T * work[RATES + i]
-        work[FORCE + i], work[ROW + i] = -force * N - held * T, N - share * T
-    spread(par, z, work, FORCE, 0, f, 0)
-    if len(H) == 0:
-        return energy, power
-    _stiffen(par, z, nx, ny, k, force, held, stick, work, H, C)
-    return energy, power
 
 
 def speed(work, w, m):  # type: ignore[no-untyped-def]
@@ -346,20 +245,12 @@ def _settle(par, p0, u, mem, z, pressed):  # type: ignore[no-untyped-def]
     """Let friction remember where on the obstacle an accepted state holds to."""
     work = work_vector(WORK)
     stand(par, p0, u, z, work)
-    g, _, _, _, s, _ = gap_at(par, work[RHO], work[RHO + 1], -1.0)
-    if pressed < 0.0:
-        pressed = par[WEIGHT] * par[STIFFNESS] * max(-g, 0.0)
+    s = gap_at(par, work[RHO], work[RHO + 1], -1.0)[4]
     held, slides = dragged(par, mem, slip(par, s, mem[ANCHOR]), pressed)
     if mem[BEHIND] != NONE:
         held, slides, mem[BEHIND] = mem[BEHIND], True, NONE
     if slides or np.isnan(mem[ANCHOR]):
         mem[ANCHOR] = s + held / par[STICK]
-
-
-def accept_compliant(p0, u, par, mem):  # type: ignore[no-untyped-def]
-    """Take the accepted state as what friction goes on from."""
-    if par[FRICTION] > 0.0:
-        _settle(par, p0, u, mem, par[HOME], -1.0)
 
 
 def accept_hard(p0, u, par, mem):  # type: ignore[no-untyped-def]
@@ -376,5 +267,6 @@ def accept_hard(p0, u, par, mem):  # type: ignore[no-untyped-def]
             mem[SLIDES] = 0.0 if pressed > 0.0 else CLOSES
 
 
-COMPLIANT = PointLaw("compliant_contact", compliant, over_step(compliant, 0), accept=accept_compliant)
+COMPLIANT = PointLaw("compliant_contact", layer_at, over_step(layer_at, 0), accept=settle_at, along=layer,
+                     accept_along=settle)
 HARD = PointLaw("hard_contact", hard, over_step(hard, 1), constraint=True, accept=accept_hard)

@@ -21,7 +21,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from . import contact
-from .contact import drag
 from .contact_geometry import (
     ANCHOR,
     AT,
@@ -60,6 +59,7 @@ from .contact_geometry import (
     stand,
     take,
 )
+from .contact_layer import drag
 from .point_laws import PointLaw, work_matrix, work_vector
 
 # par from ORIGIN on: section, powers and offset of the other curve at SECTION, TERMS and OFFSET, as of one's own; on

@@ -218,25 +218,44 @@ def feature_at(par, x, y):  # type: ignore[no-untyped-def]
     return found
 
 
-def gap_at(par, x, y, feature):  # type: ignore[no-untyped-def]
-    """Return (g, nu_x, nu_y, k, s, ds): the gap, its gradient and curvature, the arc length on the obstacle there and
-    its derivative along (-nu_y, nu_x); of a polyline from one of its parts, or from the nearest (``feature`` -1)."""
+def distance_at(par, x, y, feature):  # type: ignore[no-untyped-def]
+    """Return (g, nu_x, nu_y, k, part): the gap, its gradient and curvature, and the part of a polyline that it is to.
+
+    That is ``feature``, or the nearest where it is -1.
+    """
     shape = int(par[SHAPE])
     if shape == HALF_PLANE:
         nx, ny = par[ORIGIN + 2], par[ORIGIN + 3]
-        dx, dy = x - par[ORIGIN], y - par[ORIGIN + 1]
-        return nx * dx + ny * dy, nx, ny, 0.0, -ny * dx + nx * dy, 1.0
+        return nx * (x - par[ORIGIN]) + ny * (y - par[ORIGIN + 1]), nx, ny, 0.0, 0
     if shape == CIRCLE:
         dx, dy, R = x - par[ORIGIN], y - par[ORIGIN + 1], par[ORIGIN + 2]
         # a negative radius: from within
         sign = 1.0 if R > 0.0 else -1.0
         D = max(np.sqrt(dx * dx + dy * dy), 1e-12 * abs(R))
-        nx, ny = sign * dx / D, sign * dy / D
-        return sign * D - R, nx, ny, sign / D, abs(R) * np.arctan2(dy, dx), R / D
+        return sign * D - R, sign * dx / D, sign * dy / D, sign / D, 0
     what = feature_at(par, x, y) if feature < 0 else int(feature)
-    if what % 2 == 0:
-        return side_of(par, what // 2, x, y)
-    return corner(par, what // 2, x, y)
+    g, nx, ny, k, _, _ = side_of(par, what // 2, x, y) if what % 2 == 0 else corner(par, what // 2, x, y)
+    return g, nx, ny, k, what
+
+
+def place_at(par, x, y, part):  # type: ignore[no-untyped-def]
+    """Return (s, ds): the arc length on the obstacle opposite to (x, y), and its derivative along (-nu_y, nu_x)."""
+    shape = int(par[SHAPE])
+    dx, dy = x - par[ORIGIN], y - par[ORIGIN + 1]
+    if shape == HALF_PLANE:
+        return par[ORIGIN + 2] * dy - par[ORIGIN + 3] * dx, 1.0
+    if shape == CIRCLE:
+        R = par[ORIGIN + 2]
+        return abs(R) * np.arctan2(dy, dx), R / max(np.sqrt(dx * dx + dy * dy), 1e-12 * abs(R))
+    _, _, _, _, s, ds = side_of(par, part // 2, x, y) if part % 2 == 0 else corner(par, part // 2, x, y)
+    return s, ds
+
+
+def gap_at(par, x, y, feature):  # type: ignore[no-untyped-def]
+    """Return (g, nu_x, nu_y, k, s, ds), as ``distance_at`` and ``place_at`` do."""
+    g, nx, ny, k, part = distance_at(par, x, y, feature)
+    s, ds = place_at(par, x, y, part)
+    return g, nx, ny, k, s, ds
 
 
 def reach(par, p0, u, z):  # type: ignore[no-untyped-def]

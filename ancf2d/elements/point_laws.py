@@ -95,8 +95,12 @@ class PointLaw:
 
     ``symmetric`` tells whether H is, ``constraint`` whether the last field is a multiplier. ``accept(p0, u, par, mem)``
     updates ``mem`` at an accepted state. These may call other functions of numbers and arrays, and make arrays with
-    ``work_vector`` and ``work_matrix``. ``forces`` may return the power APART.
-    A law of items that share fields (``Items.runs``) may be asked for forces alone, with H and C of no size.
+    ``work_vector`` and ``work_matrix``.
+
+    ``along`` and ``accept_along`` do the same for many items that share their fields (``Items.runs``), whose rows
+    ``par`` and ``mem`` then are: forces and energies are sums. ``along`` may be asked for forces alone, with H and C of
+    no size. Where nothing acts it returns the power APART and, in place of the energy, a sum of changes of fields below
+    which nothing can act. ``accept_along`` is given no fields, p0 and u of no size, where it would return that.
     """
 
     name: str
@@ -105,9 +109,11 @@ class PointLaw:
     symmetric: bool = True
     constraint: bool = False
     accept: Callable[..., Any] | None = None
+    along: Callable[..., Any] | None = None
+    accept_along: Callable[..., Any] | None = None
 
 
-# the dissipated power that tells that neither an item acts, nor any other one on the same fields
+# the dissipated power that tells that no item acts
 APART = -np.inf
 
 # formulas of a case by the address that laws know them by, and what evaluates them; kernels have their own of both

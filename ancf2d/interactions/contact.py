@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Set
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -178,14 +179,12 @@ class ContactPair:
     # whether its points touch bodies
     on_bodies = False
 
-    @property
+    @cached_property
     def runs(self) -> Index:
         """How many spots from each on (m,) are of the same curve of an element, so that they share fields."""
         out = np.ones(len(self.spots), dtype=np.int64)
         for i in range(len(self.spots) - 2, -1, -1):
-            same = self.spots[i].ie == self.spots[i + 1].ie and self.par[i, geometry.OFFSET] == self.par[
-                i + 1, geometry.OFFSET]
-            if same and np.array_equal(self.G[i], self.G[i + 1]):
+            if self.on_curve[i] == self.on_curve[i + 1]:
                 out[i] += out[i + 1]
         return out
 
@@ -201,8 +200,9 @@ class ContactPair:
         coords, rows, p0 = _pose_rows(frame)
         dofs, G, start, par = [], [], [], []
         known: dict[tuple[int, float], tuple[Array, int, int]] = {}
-        for p in self.spots:
-            eta = eta_at(mesh, p)
+        # the element and the height of the curve that each spot is of
+        self.on_curve = [(p.ie, eta_at(mesh, p)) for p in self.spots]
+        for p, (_, eta) in zip(self.spots, self.on_curve, strict=True):
             at = int(mesh.cls[p.ie]), eta
             if at not in known:
                 known[at] = curve_rows(mesh, p.ie, eta)
@@ -274,7 +274,9 @@ class ContactPair:
 
 def movable(mesh: BodyMesh, item: Contact, held: Set[int]) -> list[Spot]:
     """Return where a body may touch but for what coordinates that supports hold leave where it is."""
-    return [p for p in spots(mesh, item.side, item.law is not None) if not _moved_by(mesh, p) <= held]
+    concerned = np.isin(mesh.dofs, list(held)).sum(axis=1) > 0
+    return [p for p in spots(mesh, item.side, item.law is not None)
+            if not (concerned[p.ie] and _moved_by(mesh, p) <= held)]
 
 
 def _moved_by(mesh: BodyMesh, spot: Spot) -> set[int]:
@@ -319,7 +321,8 @@ class CompliantContact:
     def items(self) -> Items:
         """Return the law as tables have it."""
         p = self.pair
-        return Items(self.law, p.dofs, p.G, p.p0, p.par, p.mem, p.signal, p.fed, restitution=math.nan, runs=p.runs)
+        return Items(self.law, p.dofs, p.G, p.p0, p.par, p.mem, p.signal, p.fed, restitution=math.nan, runs=p.runs,
+                     stays=not p.on_bodies)
 
     def keep_in(self, par: Array, mem: Array) -> None:
         """Keep constants and memory in rows of a table."""
@@ -366,7 +369,7 @@ class ContactPoint(PointConstraint):
 
     def items(self) -> Items:
         """Return the law as tables have it."""
-        return super().items()._replace(restitution=self.pair.item.restitution or 0.0)
+        return super().items()._replace(restitution=self.pair.item.restitution or 0.0, stays=not self.pair.on_bodies)
 
     def keep_in(self, par: Array, mem: Array) -> None:
         """Keep constants and memory in rows of a table."""

@@ -117,7 +117,7 @@ class MovingPatch:
         m = self.element(0.0)
         _, G, p0, par = self._place(max(m, 0), 0.0)
         return Items(self.law, self.dofs[max(m, 0)][None], G[None], p0[None], par[None], np.zeros((1, MAX_MEM)),
-                     self.signal, on=m != OFF)
+                     self.signal, on=m != OFF, stays=False)
 
     def acting(self, m: int, t: float, d: Array, v: Array, a: Array) -> tuple[float, Array]:
         """Return xi in element m and the forces (n_dof,) on its coordinates at t, at d with rates v and a (n_full,)."""

@@ -86,6 +86,7 @@ mean_tangent = _call(_f, None, _i, _f, _x, _x, _x, _x)
 # point laws, and prismatic joints
 point_forces, sliding_forces = _call(_pair, None, _x, _x, _xx, _x), _call(_nothing, None, _x, _x, _xx, _x)
 point_tangent, sliding_tangent = (_call(_nothing, None, _x, _x, _xx, _f, _x, _x) for _ in range(2))
+point_skew = _call(_b, None, _x, _x)
 point_noise, sliding_noise = (_call(_nothing, None, _x, _x) for _ in range(2))
 point_violation, sliding_violation = (_call(_f, None, _x, _xx) for _ in range(2))
 point_rates, sliding_rates = (_call(_nothing, None, _x, _x, _xx, _x, _x) for _ in range(2))

@@ -254,12 +254,16 @@ _v, _m = types.float64[::1], types.float64[:, ::1]
 _FORCES = types.UniTuple(types.float64, 2)(_v, _v, _v, _v, _v, _v, _v, _m, _m)
 _MEAN = types.UniTuple(types.float64, 2)(_v, _v, _v, _v, _v, _v, _v, _v, _v)
 _ACCEPT = types.void(_v, _v, _v, _v)
+# of many items: a row of constants and of memory for each
+_ALONG = types.UniTuple(types.float64, 2)(_v, _v, _v, _m, _v, _m, _v, _m, _m)
+_ACCEPT_ALONG = types.void(_v, _v, _m, _m)
 call_forces, call_mean, call_accept = caller(_FORCES), caller(_MEAN), caller(_ACCEPT)
+call_along, call_accept_along = caller(_ALONG), caller(_ACCEPT_ALONG)
 
 
 @cache
 def _compiled_point_law(law: PointLaw, what: str) -> tuple[Any, int]:
-    """Return a law's ``forces``, ``mean`` or ``accept`` with its address, which holds as long as the function lives."""
+    """Return one of a law's functions with its address, which holds as long as the function lives."""
     law_of = part(getattr(law, what))
 
     def forces(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
@@ -274,20 +278,29 @@ def _compiled_point_law(law: PointLaw, what: str) -> tuple[Any, int]:
         law_of(p0, u, par, mem)
 
     function: Any
-    function, signature = {"forces": (forces, _FORCES), "mean": (mean, _MEAN), "accept": (accept, _ACCEPT)}[what]
+    function, signature = {"forces": (forces, _FORCES), "mean": (mean, _MEAN), "accept": (accept, _ACCEPT),
+                           "along": (forces, _ALONG), "accept_along": (accept, _ACCEPT_ALONG)}[what]
     # the cache knows it by this name
     function.__qualname__ = f"{what}_{law.name}"
     compiled = addressed(function)
     return compiled, address_of(compiled, signature)
 
 
+def _wanted(law: PointLaw, steps: bool) -> list[str]:
+    """Return which functions of a law are wanted; with ``steps`` its forces over a step too."""
+    return ["forces", *(["mean"] if steps else []),
+            *(name for name in ("accept", "along", "accept_along") if getattr(law, name) is not None)]
+
+
 def point_law_compilations(law: PointLaw, steps: bool) -> list[Callable[[], object]]:
     """Return what compiles a law's functions, one by one; with ``steps`` its forces over a step too."""
-    wanted = ["forces", *(["mean"] if steps else []), *(["accept"] if law.accept is not None else [])]
-    return [partial(_compiled_point_law, law, what) for what in wanted]
+    return [partial(_compiled_point_law, law, what) for what in _wanted(law, steps)]
 
 
-def point_law_addresses(law: PointLaw, steps: bool) -> tuple[int, int, int]:
-    """Return the addresses of a law's functions; with ``steps`` that of its forces over a step too."""
-    return (_compiled_point_law(law, "forces")[1], _compiled_point_law(law, "mean")[1] if steps else 0,
-            0 if law.accept is None else _compiled_point_law(law, "accept")[1])
+def point_law_addresses(law: PointLaw, steps: bool) -> list[int]:
+    """Return the addresses of forces, mean, accept, along and accept_along of a law, 0 for what it has not.
+
+    With ``steps`` that of its forces over a step too.
+    """
+    found = {what: _compiled_point_law(law, what)[1] for what in _wanted(law, steps)}
+    return [found.get(what, 0) for what in ("forces", "mean", "accept", "along", "accept_along")]

@@ -8,6 +8,7 @@ from ..elements import contact_geometry
 from ..elements.contact_geometry import BODY, FREE, HOME, RHO, SHAPE, WORK
 from . import calls
 from .compiled_laws import part
+from .curves import is_apart
 from .lowlevel.jit import addressed_with_memory, inner_with_memory
 from .lowlevel.records import whole
 from .motion.dynamics import to_full
@@ -22,12 +23,12 @@ _FIELDS = 100
 
 
 @inner_with_memory
-def _place(p, w, i, amps, u, work):  # type: ignore[no-untyped-def]
-    """Return where point i is, as its obstacle sees it, and its gap, at w.d and signals ``amps``."""
+def _place(p, d, i, amps, u, work):  # type: ignore[no-untyped-def]
+    """Return where point i is, as its obstacle sees it, and its gap, at d (n_full,) and signals ``amps``."""
     points = p.points
     b, m = points.field[i], points.field[i + 1] - points.field[i]
     rates, amplitude = u[len(u) // 2:], work[WORK:]
-    fields_of_item(points, i, w.d, u)
+    fields_of_item(points, i, d, u)
     amplitude_of(points, i, amps, u, rates, amplitude)
     _stand(points.par[i], points.p0[b:b + m], u, points.par[i, HOME], work)
     return work[RHO], work[RHO + 1], _gap_at(points.par[i], work[RHO], work[RHO + 1], -1.0)[0]
@@ -54,27 +55,37 @@ def _meets_obstacle(p, i):  # type: ignore[no-untyped-def]
             and int(p.points.par[i, SHAPE]) != BODY)
 
 
+@inner_with_memory
+def _stays_apart(points, i, before, after):  # type: ignore[no-untyped-def]
+    """Return whether the curve that begins at item i cannot act between two states: what cannot act is convex."""
+    return (points.along[i] != 0 and points.apart[i] > 0.0 and is_apart(points, i, before)
+            and is_apart(points, i, after))
+
+
 @addressed_with_memory
 def tunnels(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     """Return whether a point passes through an obstacle in the step from s at t to m.end, out of it at both."""
     n, end, depth = len(p.points.mem), m.end, DEPTH * p.extent
     near = TOUCHES * p.extent
-    u, work, before = np.zeros(2 * _FIELDS), np.zeros(WORK + 3), np.zeros((n, 3))
-    evaluate(p.programs, t, w.amps)
-    to_full(p, s.z, w.amps, 0, w.d)
-    start = w.d.copy()
-    for i in range(n):
-        if _meets_obstacle(p, i):
-            before[i, 0], before[i, 1], before[i, 2] = _place(p, w, i, w.amps, u, work)
+    u, work, amps = np.zeros(2 * _FIELDS), np.zeros(WORK + 3), w.amps.copy()
+    evaluate(p.programs, t, amps)
+    to_full(p, s.z, amps, 0, w.d)
+    start, i = w.d.copy(), 0
     evaluate(p.programs, t + h, w.amps)
     to_full(p, end.z, w.amps, 0, w.d)
-    for i in range(n):
+    while i < n:
+        if _stays_apart(p.points, i, start, w.d):
+            i += p.points.run[i]
+            continue
         if _meets_obstacle(p, i):
-            x, y, g = _place(p, w, i, w.amps, u, work)
-            dx, dy = x - before[i, 0], y - before[i, 1]
-            if before[i, 2] > -near and g > -near and np.sqrt(dx * dx + dy * dy) > before[i, 2] + g \
-                    and _is_crossed(p.points.par[i], before[i, 0], before[i, 1], before[i, 2], dx, dy, depth):
-                return True
+            x0, y0, g0 = _place(p, start, i, amps, u, work)
+            if g0 > -near:
+                x, y, g = _place(p, w.d, i, w.amps, u, work)
+                dx, dy = x - x0, y - y0
+                if g > -near and np.sqrt(dx * dx + dy * dy) > g0 + g \
+                        and _is_crossed(p.points.par[i], x0, y0, g0, dx, dy, depth):
+                    return True
+        i += 1
     if len(p.facing.item) > 0:
         return calls.bodies_cross(p.calls, (whole(p.facing), whole(p.points), start, w.d))
     return False

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from . import calls
+from .curves import add_skew, point_accept, point_forces, point_tangent
 from .facing import bodies_cross, face
 from .lowlevel.arrays import array
 from .lowlevel.jit import addressed, inner, kernel, named
@@ -14,11 +15,8 @@ from .moving import MOVING_MASS
 from .points import (
     evaluate_at,
     evaluate_item,
-    point_accept,
     point_constraint_rates,
-    point_forces,
     point_mean_forces,
-    point_tangent,
     weights_of_item,
     work_arrays,
 )
@@ -160,7 +158,7 @@ def patch_functions(fronts: bool, has_points: bool, has_sliding: bool, has_movin
         out |= {calls.point_forces: (point_forces, points), calls.point_noise: (point_noise, points),
                 calls.point_violation: (point_violation, points), calls.point_accept: (point_accept, points),
                 calls.point_rates: (point_constraint_rates, points),
-                calls.point_tangent: (_TANGENTS[fronts][0], problem)}
+                calls.point_tangent: (_TANGENTS[fronts][0], problem), calls.point_skew: (add_skew, points)}
         if mean:
             out[calls.point_mean] = point_mean_forces, points
     if has_sliding:

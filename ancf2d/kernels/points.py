@@ -1,40 +1,62 @@
-"""Springs, dampers, loads that turn and constraints of points: laws (``elements.point_laws``) over a table."""
+"""Springs, dampers, turning loads and constraints of points, one by one: laws (``elements.point_laws``) in a table."""
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ..elements.point_laws import APART
-from .compiled_laws import call_accept, call_forces, call_mean
+from .compiled_laws import call_forces, call_mean
 from .lowlevel.arrays import vector
 from .lowlevel.jit import inlined, inner, kernel
 from .lowlevel.records import array_at
-from .matrices.matrix import scatter
+
+
+class Sewn(NamedTuple):
+    """What curves with points of contact (``Points.run``) act on of the unknowns, and where their matrices go.
+
+    begin : (n + 1, 3) where the unknowns, rows and entries of each item begin; unknown (k,), with the matrix W (k,
+    fields) that gives the fields, ``span`` (k, 2) as ``Points`` has it; slot : of each lower entry (k, l), row by row,
+    the place in the matrix; skew : what is not symmetric of it, of the tangent made last, and rubs (n,) whether any is;
+    most : unknowns of an item. Empty in statics.
+    """
+
+    begin: Any
+    unknown: Any
+    W: Any
+    span: Any
+    slot: Any
+    skew: Any
+    rubs: Any
+    most: int
 
 
 class Points(NamedTuple):
     """Items of point laws. Item i has fields p0 + G d[dofs] and coordinates dofs.
 
-    forces, mean, accept : (n,) addresses of the law's functions, 0 for what it has not or nobody asks for; field, dof,
-    entry : (n + 1,) where the fields, coordinates and entries of G of item i begin in p0, dofs and G (columns of G one
-    after another); par : (n, constants); mem : (n, numbers) last angles, and what else laws remember;
+    forces, mean, accept, along, accept_along : (n,) addresses of the law's functions, 0 for what it has not or nobody
+    asks for; field, dof, entry : (n + 1,) where the fields, coordinates and entries of G of item i begin in p0, dofs
+    and G (columns of G one after another); span : (coordinates, 2) fields from the first to behind the last one that
+    each moves; par : (n, constants); mem : (n, numbers) last angles, and what else laws remember;
     signal : (n, 3) rows of the amplitudes, -1 for a constant 1; fed : (n, 3) fields that these signals prescribe, or
     -1;
     multiplier : (n,) full coordinate of the multiplier, or -1; scale : (n,) size of the constraint's terms;
     on : (n,) whether it acts: where it does not, a law has no force and a constraint no multiplier; drift : rates that
     fields have while their coordinates rest;
     restitution : (n,) what an impact returns to one-sided constraints, nan: contacts with a law, -1: no contact; run :
-    (n,) how many items from here on share fields, coordinates and amplitude: their forces are summed up first.
+    (n,) how many items from here on share fields, coordinates and amplitude: ``along`` has them all. apart : (n,) how
+    far they were from acting at ``there`` (coordinates,), each beside what coordinates move, ``lever`` (coordinates,).
     """
 
     forces: Any
     mean: Any
     accept: Any
+    along: Any
+    accept_along: Any
     field: Any
     dof: Any
     entry: Any
     dofs: Any
     G: Any
+    span: Any
     p0: Any
     par: Any
     mem: Any
@@ -46,10 +68,10 @@ class Points(NamedTuple):
     drift: Any
     restitution: Any
     run: Any
-
-
-# fields of an item from which on it is worth knowing which coordinates each depends on
-MANY = 24
+    apart: Any
+    lever: Any
+    there: Any
+    sewn: Sewn
 
 
 @inlined
@@ -59,17 +81,26 @@ def weights_of_item(points, i):  # type: ignore[no-untyped-def]
     return array_at(points.G, points.entry[i], (n, m))
 
 
+@inlined
+def coordinates_of_item(points, i):  # type: ignore[no-untyped-def]
+    """Return the coordinates (n,) of item i, and the fields (n, 2) that each moves."""
+    first, n = points.dof[i], points.dof[i + 1] - points.dof[i]
+    return array_at(points.dofs, first, (n,)), array_at(points.span, 2 * first, (n, 2))
+
+
 @inner
 def fields_of_item(points, i, d, out):  # type: ignore[no-untyped-def]
     """Fill G d of item i."""
-    first, m = points.dof[i], points.field[i + 1] - points.field[i]
-    G = weights_of_item(points, i)
+    n, m = points.dof[i + 1] - points.dof[i], points.field[i + 1] - points.field[i]
+    dofs, span = coordinates_of_item(points, i)
     for k in range(m):
         out[k] = 0.0
-    for c in range(points.dof[i + 1] - first):
-        x = d[points.dofs[first + c]]
-        for k in range(m):
-            out[k] += G[c, k] * x
+    for c in range(n):
+        low, x = span[c, 0], d[dofs[c]]
+        own = array_at(out, low, (span[c, 1] - low,))
+        row = array_at(points.G, points.entry[i] + c * m + low, (len(own),))
+        for k in range(len(own)):
+            own[k] += row[k] * x
 
 
 @inner
@@ -97,13 +128,15 @@ def amplitude_of(points, i, amps, u, w, a):  # type: ignore[no-untyped-def]
 @inner
 def add_to(points, i, f, Q):  # type: ignore[no-untyped-def]
     """Add G^T f of item i to Q."""
-    first, m = points.dof[i], points.field[i + 1] - points.field[i]
-    G = weights_of_item(points, i)
-    for c in range(points.dof[i + 1] - first):
-        s = 0.0
-        for k in range(m):
-            s += G[c, k] * f[k]
-        Q[points.dofs[first + c]] += s
+    n, m = points.dof[i + 1] - points.dof[i], points.field[i + 1] - points.field[i]
+    dofs, span = coordinates_of_item(points, i)
+    for c in range(n):
+        low, s = span[c, 0], 0.0
+        own = array_at(f, low, (span[c, 1] - low,))
+        row = array_at(points.G, points.entry[i] + c * m + low, (len(own),))
+        for k in range(len(own)):
+            s += row[k] * own[k]
+        Q[dofs[c]] += s
 
 
 @inner
@@ -141,45 +174,7 @@ def law_of_item(points, i, u, w, a, f, H, C, wide):  # type: ignore[no-untyped-d
 
 
 @inlined
-def _acts(f, H, C, m, wide):  # type: ignore[no-untyped-def]
-    for p in range(m):
-        if f[p] != 0.0:
-            return True
-    found = False
-    for p in range(m * wide):
-        found |= H[p] != 0.0 or C[p] != 0.0
-    return found
-
-
-@inner
-def _evaluate_run(points, i, u, w, a, f, H, C, own, alone):  # type: ignore[no-untyped-def]
-    """Fill f, H, C with the sum over the items from i on that share these fields; return (energy, power, whether any
-    acts). ``alone``: H and C are not asked for. ``own`` (fields + 2 fields^2,) is room."""
-    m = points.field[i + 1] - points.field[i]
-    wide = 0 if alone and points.run[i] > 1 else m
-    energy, power = law_of_item(points, i, u, w, a, f, H, C, wide)
-    if power == APART:
-        return energy, 0.0, False
-    acts = points.run[i] == 1 or _acts(f, H, C, m, wide)
-    f1, H1, C1 = array_at(own, 0, (m,)), array_at(own, m, (m * m,)), array_at(own, m + m * m, (m * m,))
-    for k in range(i + 1, i + points.run[i]):
-        U, lost = law_of_item(points, k, u, w, a, f1, H1, C1, wide)
-        if lost == APART:
-            break
-        energy += U
-        power += lost
-        if _acts(f1, H1, C1, m, wide):
-            acts = True
-            for p in range(m):
-                f[p] += f1[p]
-            for p in range(m * wide):
-                H[p] += H1[p]
-                C[p] += C1[p]
-    return energy, power, acts
-
-
-@inlined
-def _most(begin):  # type: ignore[no-untyped-def]
+def most_of(begin):  # type: ignore[no-untyped-def]
     """Return how many entries an item has at most, from where those of each begin."""
     most = 0
     for i in range(len(begin) - 1):
@@ -190,72 +185,40 @@ def _most(begin):  # type: ignore[no-untyped-def]
 @inlined
 def work_arrays(points):  # type: ignore[no-untyped-def]
     """Return u, w, a, f, H, C."""
-    n = _most(points.field)
+    n = most_of(points.field)
     return vector(n), vector(n), vector(3), vector(n), vector(n * n), vector(n * n)
 
 
-@kernel
-def point_forces(points, d, v, amps, Q):  # type: ignore[no-untyped-def]
-    """Add the forces at d with rates v to Q (n_full,); return (energy, dissipated power).
-
-    ``amps`` (signals, 3) are the values of the signals with their first and second time derivatives.
-    """
-    energy, power = 0.0, 0.0
-    if len(points.forces) == 0:
-        return energy, power
-    u, w, a, f, H, C = work_arrays(points)
-    own, i = vector(len(f) + 2 * len(H)), 0
-    while i < len(points.forces):
-        rates_of_item(points, i, v, w)
-        fields_of_item(points, i, d, u)
-        amplitude_of(points, i, amps, u, w, a)
-        U, lost, acts = _evaluate_run(points, i, u, w, a, f, H, C, own, True)
-        energy += U
-        power += lost
-        if acts:
-            add_to(points, i, f, Q)
-        i += points.run[i]
-    return energy, power
-
-
 @inner
-def _along(points, i, H, C, h, c, symmetric, row, K):  # type: ignore[no-untyped-def]
-    """Fill K (n, n) with G^T (h H + c C) G of item i, or its symmetric part; ``row`` (fields + 2 n,) is room.
+def stiffness_of(points, i, H, C, h, c, symmetric, row, K):  # type: ignore[no-untyped-def]
+    """Fill K (n, n) with G^T (h H + c C) G of item i, or its symmetric part; ``row`` (fields,) is room.
 
     H is overwritten.
     """
     m, n = points.field[i + 1] - points.field[i], points.dof[i + 1] - points.dof[i]
-    G, A, D = weights_of_item(points, i), array_at(H, 0, (m, m)), array_at(C, 0, (m, m))
-    for p in range(m):
-        for q in range(m):
-            A[p, q] = h * A[p, q] + c * D[p, q]
+    A = array_at(H, 0, (m, m))
+    for p in range(m * m):
+        H[p] = h * H[p] + c * C[p]
     if symmetric:
         for p in range(m):
             for q in range(p):
                 A[p, q] = A[q, p] = 0.5 * (A[p, q] + A[q, p])
-    low, high = 0, m
-    # few fields of a long tendon depend on a coordinate each, those of its elements
-    if m > MANY:
-        for s in range(n):
-            low, high = m, 0
-            for q in range(m):
-                if G[s, q] != 0.0:
-                    low, high = min(low, q), q + 1
-            row[m + 2 * s], row[m + 2 * s + 1] = low, high
+    _, span = coordinates_of_item(points, i)
+    line = array_at(row, 0, (m,))
     for r in range(n):
         for q in range(m):
-            row[q] = 0.0
-        for p in range(m):
-            g = G[r, p]
-            if g != 0.0:
-                for q in range(m):
-                    row[q] += g * A[p, q]
+            line[q] = 0.0
+        low = span[r, 0]
+        for p in range(span[r, 1] - low):
+            g, own = array_at(points.G, points.entry[i] + r * m + low, (m,))[p], array_at(H, (low + p) * m, (m,))
+            for q in range(m):
+                line[q] += g * own[q]
         for s in range(r + 1 if symmetric else n):
-            if m > MANY:
-                low, high = int(row[m + 2 * s]), int(row[m + 2 * s + 1])
-            x = 0.0
-            for q in range(low, high):
-                x += row[q] * G[s, q]
+            low, x = span[s, 0], 0.0
+            part = array_at(row, low, (span[s, 1] - low,))
+            own = array_at(points.G, points.entry[i] + s * m + low, (len(part),))
+            for q in range(len(part)):
+                x += part[q] * own[q]
             K[r, s] = x
     if symmetric:
         for r in range(n):
@@ -264,40 +227,14 @@ def _along(points, i, H, C, h, c, symmetric, row, K):  # type: ignore[no-untyped
 
 
 @kernel
-def point_tangent(points, d, v, amps, c, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
-    """Add the forces to Q and the symmetric part of H + c C to the matrix of the unknowns; return the energy."""
-    energy = 0.0
-    if len(points.forces) == 0:
-        return energy
-    u, w, a, f, H, C = work_arrays(points)
-    most = _most(points.dof)
-    entries, row = vector(most * most), vector(len(f) + 2 * most)
-    own, i = vector(len(f) + 2 * len(H)), 0
-    while i < len(points.forces):
-        rates_of_item(points, i, v, w)
-        fields_of_item(points, i, d, u)
-        amplitude_of(points, i, amps, u, w, a)
-        U, _, acts = _evaluate_run(points, i, u, w, a, f, H, C, own, False)
-        energy += U
-        if acts:
-            add_to(points, i, f, Q)
-            first, n = points.dof[i], points.dof[i + 1] - points.dof[i]
-            K = array_at(entries, 0, (n, n))
-            _along(points, i, H, C, 1.0, c, True, row, K)
-            dofs = points.dofs[first:first + n].reshape((1, n))
-            scatter(matrix, K, dofs, 0, place, indptr, index, value)
-        i += points.run[i]
-    return energy
-
-
-@kernel
 def point_matrices(points, d, v, amps, linear, energy, Q, K, C):  # type: ignore[no-untyped-def]
     """Fill energies (n,), forces Q (n, k), stiffness K and damping C (n, k, k) of items with k coordinates each.
 
-    ``linear``: what a signal prescribes enters to first order only, as in linear theory about the reference.
+    K and C of no size are left out. ``linear``: what a signal prescribes enters to first order only, as in linear
+    theory about the reference.
     """
     u, w, a, f, H, D = work_arrays(points)
-    row = vector(len(f) + 2 * _most(points.dof))
+    row = vector(len(f))
     for i in range(len(points.forces)):
         m, n, fed = points.field[i + 1] - points.field[i], len(Q[i]), points.fed[i, 0]
         fields_of_item(points, i, d, u)
@@ -307,7 +244,9 @@ def point_matrices(points, d, v, amps, linear, energy, Q, K, C):  # type: ignore
         first_order = linear and fed >= 0
         if first_order:
             u[fed] = held
-        energy[i] = law_of_item(points, i, u, w, a, f, H, D, m)[0]
+        # points of curves need no matrix for their forces
+        wide = 0 if len(K) == 0 and points.along[i] != 0 and not first_order else m
+        energy[i] = law_of_item(points, i, u, w, a, f, H, D, wide)[0]
         if first_order:
             f[m - 1] += H[fed * m + m - 1] * a[0]
         Q[i] = 0.0
@@ -315,8 +254,10 @@ def point_matrices(points, d, v, amps, linear, energy, Q, K, C):  # type: ignore
         for c in range(n):
             for p in range(m):
                 Q[i, c] += G[c, p] * f[p]
-        _along(points, i, H, D, 1.0, 0.0, False, row, K[i])
-        _along(points, i, H, D, 0.0, 1.0, False, row, C[i])
+        if len(K) == 0:
+            continue
+        stiffness_of(points, i, H, D, 1.0, 0.0, False, row, K[i])
+        stiffness_of(points, i, H, D, 0.0, 1.0, False, row, C[i])
 
 
 @kernel
@@ -330,7 +271,7 @@ def point_mean_forces(points, d0, d1, v, amps0, amps1, lam_from_d1, Q):  # type:
     if len(points.forces) == 0:
         return energy, power
     u0, w, a0, f, _, _ = work_arrays(points)
-    u1, a1 = vector(_most(points.field)), vector(3)
+    u1, a1 = vector(most_of(points.field)), vector(3)
     for i in range(len(points.forces)):
         b, m = points.field[i], points.field[i + 1] - points.field[i]
         fields_of_item(points, i, d0, u0)
@@ -382,17 +323,3 @@ def point_constraint_rates(points, d, v, amps, out_velocity, out_acceleration): 
                 acceleration += w[p] * H[p * m + q] * w[q]
         out_velocity[points.multiplier[i]] = velocity
         out_acceleration[points.multiplier[i]] = acceleration
-
-
-@kernel
-def point_accept(points, d, amps):  # type: ignore[no-untyped-def]
-    """Let laws remember the accepted state d."""
-    if len(points.forces) == 0:
-        return
-    u, w, a, _, _, _ = work_arrays(points)
-    for i in range(len(points.forces)):
-        if points.accept[i] != 0:
-            b, m = points.field[i], points.field[i + 1] - points.field[i]
-            fields_of_item(points, i, d, u)
-            amplitude_of(points, i, amps, u, w, a)
-            call_accept(points.accept[i], (points.p0[b:b + m], u[:m], points.par[i], points.mem[i]))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from typing import Any, Protocol, runtime_checkable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -14,20 +14,19 @@ from ..interactions.contact import CompliantContact
 from ..interactions.forces import Patch
 from ..interactions.prismatic import OnAxis, sliding_table
 from ..kernels.compiled_laws import point_law_addresses
+from ..kernels.curves import point_accept
 from ..kernels.facing import face
 from ..kernels.motion.state import Turning
-from ..kernels.points import (
-    Points,
-    point_accept,
-    point_constraint_rates,
-    point_matrices,
-)
+from ..kernels.points import Points, Sewn, point_constraint_rates, point_matrices
 from ..kernels.sliding import sliding_constraint_rates, sliding_matrix
 from .constraints import Constraint
 from .mesh import Index
 from .point_patch import Items, PointConstraint, PointPatch
 from .rotation import Turns
 from .timing import rates_of
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 # energy, forces (m, n), stiffness (m, n, n) and coordinates (m, n) of m things with n coordinates each
 Evaluated = tuple[float, Array, Array, Index]
@@ -77,19 +76,76 @@ def point_table(patches: Sequence[HasItems], signals: list[Any] | None = None,
         rows.append([*(known[id(signal)] for signal in own), *[-1] * (MAX_SIGNALS - len(own))])
         given = p.fed if isinstance(p.fed, tuple) else (p.fed,)
         fed.append([*given, *[-1] * (MAX_SIGNALS - len(given))])
-    addresses = np.array([point_law_addresses(p.law, steps) for p in items], dtype=np.int64).reshape(-1, 3)
+    addresses = np.array([point_law_addresses(p.law, steps) for p in items], dtype=np.int64).reshape(-1, 5)
 
     def column(values: list[Any], dtype: type) -> Any:
         return np.repeat(np.array(values, dtype=dtype), each, axis=0)
-    forces, mean, accept = column(list(addresses), np.int64).reshape(-1, 3).T.copy()
+    forces, mean, accept, along, accept_along = column(list(addresses), np.int64).reshape(-1, 5).T.copy()
     signal, prescribed = (column(table, np.int64).reshape(-1, MAX_SIGNALS) for table in (rows, fed))
-    return Points(forces, mean, accept, field, dof, entry, dofs, G, p0, par, mem, signal, prescribed,
-                  column([p.multiplier for p in items], np.int64), column([p.scale for p in items], np.float64),
-                  column([p.on for p in items], np.bool_), np.zeros_like(p0),
-                  column([p.restitution for p in items], np.float64),
-                  np.concatenate([np.zeros(0, dtype=np.int64), *(
-                      np.ones(count, dtype=np.int64) if p.runs is None else p.runs
-                      for p, count in zip(items, each, strict=True))]))
+    run = np.concatenate([np.zeros(0, dtype=np.int64), *(
+        np.ones(count, dtype=np.int64) if p.runs is None else p.runs for p, count in zip(items, each, strict=True))])
+    lever = np.concatenate([np.zeros(0), *(np.abs(p.G).sum(axis=1).ravel() for p in items)])
+    return Points(forces, mean, accept, along, accept_along, field, dof, entry, dofs, G, _spans(items), p0, par, mem,
+                  signal, prescribed, column([p.multiplier for p in items], np.int64),
+                  column([p.scale for p in items], np.float64), column([p.on for p in items], np.bool_),
+                  np.zeros_like(p0), column([p.restitution for p in items], np.float64), run, np.zeros(n), lever,
+                  np.zeros(len(dofs)), no_sewn())
+
+
+def _spans(items: Sequence[Items]) -> Index:
+    """Return the fields (coordinates of all items, 2), from the first to behind the last one, that each moves.
+
+    All fields where G changes.
+    """
+    found = [np.zeros((0, 2), dtype=np.int64)]
+    for p in items:
+        count, m, n = p.G.shape
+        found.append(_span(np.swapaxes(p.G, 1, 2)).reshape(-1, 2) if p.stays else np.tile([0, m], (count * n, 1)))
+    return np.concatenate(found)
+
+
+def _span(rows: Array) -> Index:
+    """Return the first and behind the last entry that is not zero of each row (..., m), all where there is none."""
+    used = rows != 0.0
+    return np.stack([used.argmax(axis=-1), rows.shape[-1] - used[..., ::-1].argmax(axis=-1)], axis=-1)
+
+
+def no_sewn() -> Sewn:
+    """Return that no curves act on anything: all are of its type."""
+    none, index = np.zeros(0), np.zeros(0, dtype=np.int64)
+    return Sewn(np.zeros((0, 3), dtype=np.int64), index, none, np.zeros((0, 2), dtype=np.int64), index, none,
+                np.zeros(0, dtype=bool), 0)
+
+
+def sew(points: Points, T: csr_matrix, slots: Callable[[Index, Index], Index]) -> Points:
+    """Return a table that knows what its curves act on of the unknowns z, by d = T z (n_q,).
+
+    ``slots(i, j)`` : where the entries (i, j), j <= i, of the matrix of the unknowns are.
+    """
+    begin, unknown, rows, spans, slot = np.zeros((len(points.forces) + 1, 3), dtype=np.int64), [], [], [], []
+    following = 0
+    for i in range(len(points.forces)):
+        begin[i + 1] = begin[i]
+        if i < following or points.along[i] == 0:
+            continue
+        following = i + int(points.run[i])
+        parts = [slice(*T.indptr[c:c + 2]) for c in points.dofs[points.dof[i]:points.dof[i + 1]]]
+        used, to = np.unique(np.concatenate([T.indices[p] for p in parts]), return_inverse=True)
+        own = np.zeros((len(used), len(parts)))
+        own[to, np.repeat(np.arange(len(parts)), [p.stop - p.start for p in parts])] = np.concatenate(
+            [T.data[p] for p in parts])
+        W = own @ points.G[points.entry[i]:points.entry[i + 1]].reshape(len(parts), -1)
+        high, low = np.tril_indices(len(used))
+        unknown.append(used)
+        rows.append(W.ravel())
+        spans.append(_span(W))
+        slot.append(slots(np.maximum(used[low], used[high]), np.minimum(used[low], used[high])))
+        begin[i + 1] += [len(used), W.size, len(low)]
+    index = np.zeros(0, dtype=np.int64)
+    return points._replace(sewn=Sewn(
+        begin, np.concatenate([index, *unknown]), np.concatenate([np.zeros(0), *rows]),
+        np.concatenate([index.reshape(0, 2), *spans]), np.concatenate([index, *slot]), np.zeros(int(begin[-1, 2])),
+        np.zeros(len(points.forces), dtype=bool), max((len(u) for u in unknown), default=0)))
 
 
 def turning_table(turns: Turns) -> Turning:
@@ -150,18 +206,22 @@ class Batch:
         ``linear``: constraints are those of linear theory about the reference.
         """
         Q, K, C = np.empty(self._shape[:2]), np.empty(self._shape), np.empty(self._shape)
+        self._fill(d, t, linear, np.zeros_like(d) if v is None else v, Q, K, C)
+        return float(self._energy.sum()), Q, K, C
+
+    def _fill(self, d: Array, t: float, linear: bool, v: Array, Q: Array, K: Array, C: Array) -> None:
+        """Fill the energies, and what ``matrices`` returns: K and C of no size are left out."""
         for k, active in self.timed:
             self.table.on[k] = active.at(t)
         self.turn_to(d)
-        rates = np.zeros_like(d) if v is None else v
-        point_matrices(self.table, d, rates, self.amplitudes(t), linear, self._energy, Q, K, C)
-        return float(self._energy.sum()), Q, K, C
+        point_matrices(self.table, d, v, self.amplitudes(t), linear, self._energy, Q, K, C)
 
     def energy(self, d: Array, t: float, worked: bool = False) -> float:
         """Return the energy at rest at d (n_full,); see ``Interactions.energy``."""
-        total = self.matrices(d, t)[0]
+        nothing = np.empty((0, *self._shape[1:]))
+        self._fill(d, t, False, np.zeros_like(d), np.empty(self._shape[:2]), nothing, nothing)
         contact = (self.table.restitution != -1.0) & (self.table.fed[:, 0] < 0)
-        return float(self._energy[~contact].sum()) if worked else total
+        return float(self._energy[~contact if worked else slice(None)].sum())
 
     def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
         """Return energy, forces (m, n) and stiffness (m, n, n) at rest at d (n_full,)."""

@@ -69,7 +69,8 @@ class Items(NamedTuple):
     dofs : (m, n); G : (m, fields, n); p0 : (m, fields); par : (m, constants); mem : (m, numbers); what they follow (or
     up to three signals) and the fields that it prescribes, their multiplier and the size of their terms
     (``PointPatch``), and whether they act; what an impact returns of the rate of one-sided constraints (nan: a contact
-    with a law of its own; -1: no contact); how many sets from each on have the same fields (m,), None: no two have.
+    with a law of its own; -1: no contact); how many sets from each on have the same fields (m,), None: no two have;
+    whether G stays as it is.
     """
 
     law: PointLaw
@@ -85,6 +86,7 @@ class Items(NamedTuple):
     on: bool = True
     restitution: float = -1.0
     runs: Index | None = None
+    stays: bool = True
 
 
 def constants_of(item: Any) -> list[float]:

@@ -94,11 +94,11 @@ def nodal_forces_of_points(one: ContactTable, state: State, rub: bool = True) ->
     m = len(table.forces)
     coords: Index = table.dofs.reshape(m, -1)
     n = coords.shape[1]
-    energy, Q, K, C = np.zeros(m), np.zeros((m, n)), np.zeros((m, n, n)), np.zeros((m, n, n))
+    energy, Q, nothing = np.zeros(m), np.zeros((m, n)), np.zeros((0, n, n))
     v = np.zeros(len(state.d))
     if state.v is not None:
         v[:len(state.v)] = state.v
-    point_matrices(table, state.d, v, amps, False, energy, Q, K, C)
+    point_matrices(table, state.d, v, amps, False, energy, Q, nothing, nothing)
     table.par[:, FRICTION] = friction
     return coords, Q
 

@@ -123,33 +123,39 @@ def test_the_back_of_a_body_does_not_touch():
 
 
 @pairwise(section=SECTIONS, pose=POSES, shape=SHAPES, home=[-0.86, 0.3])
-def test_a_law_that_tells_that_a_curve_is_apart_is_right(section, pose, shape, home):
-    point, rng = Point(COMPLIANT, section, pose, shape), np.random.default_rng(7)
+def test_points_of_a_curve_together_are_the_sum_of_each(section, pose, shape, home):
+    """The first one tells whether the curve is apart from the obstacle: none of the others acts then."""
+    point, rng = Point(COMPLIANT, section, pose, shape, 0.3, damping=0.4), np.random.default_rng(7)
     terms = SECTIONS[section][1]
     if shape == "polyline":
         # closed
         point.par[geometry.ORIGIN + 1] = 3.0
-    least, told = 0.0, 0
+    places = [home, *np.linspace(-1.0, 1.0, 9)]
+    par, mem = np.tile(point.par, (len(places), 1)), np.tile(point.mem, (len(places), 1))
+    par[:, geometry.HOME] = places
+    apart, touching, m = 0, 0, len(point.u)
     for _ in range(150):
-        u = 0.1 * rng.standard_normal(len(point.u))
+        u = 0.1 * rng.standard_normal(m)
         # to all sides, further than the curve is long and nearer
         u[[0, terms]] += rng.uniform(-0.3, 0.3, 2) if shape == "pipe" else rng.uniform(-4.0, 4.0, 2)
-        point.par[geometry.HOME] = home
-        point(u, point.w)
-        if point.power != APART:
-            continue
-        told += 1
-        for z in np.linspace(-1.0, 1.0, 9):
+        f, H, C = np.zeros(m), np.zeros((m, m)), np.zeros((m, m))
+        energy, power = COMPLIANT.along(point.p0, u, point.w, par, np.zeros(3), mem, f, H, C)
+        alone = []
+        for z in places:
             point.par[geometry.HOME] = z
-            energy, f, H, C = point(u, point.w)
-            least = max(least, energy, np.abs(f).max(), np.abs(H).max(), np.abs(C).max())
-    assert least == 0.0
+            alone.append((*point(u, point.w), point.power))
+        # where nothing acts, energy and power are a distance and a mark
+        found = (0.0, f, H, C, 0.0) if power == APART else (energy, f, H, C, power)
+        for total, parts in zip(found, zip(*alone, strict=True), strict=True):
+            np.testing.assert_allclose(total, sum(parts), rtol=1e-12, atol=1e-12 * np.abs(H).max())
+        apart, touching = apart + (power == APART), touching + (energy > 0.0)
+    assert touching > 0
     # a curve that is longer than the pipe is wide is never apart from it
-    assert told > 8 or shape == "pipe"
+    assert apart > 8 or shape == "pipe"
 
 
 def test_nothing_is_told_of_the_curve_beside_an_open_polyline():
     point = Point(COMPLIANT, "curve", "still", "polyline")
     point.u[4] = 50.0
     assert point(point.u, point.w)[0] == 0.0
-    assert point.power == 0.0
+    assert geometry.reach(point.par, point.p0, point.u, 0.3) == np.inf

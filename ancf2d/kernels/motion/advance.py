@@ -104,11 +104,15 @@ def _recall(m, p, h, x):  # type: ignore[no-untyped-def]
 
 @addressed
 def work(p, w, s, m, at, t, h, end):  # type: ignore[no-untyped-def]
-    """Return (work, loss) up to the fraction ``end`` of the step, by four Lobatto points of its interpolation."""
-    done, lost = 0.0, 0.0
-    for k in range(4):
-        x = end * (0.0, 0.27639320225002106, 0.7236067977499789, 1.0)[k]
-        f = (1.0 / 12.0, 5.0 / 12.0, 5.0 / 12.0, 1.0 / 12.0)[k]
+    """Return (work, loss) up to the fraction ``end`` of the step, from its interpolation.
+
+    By two Gauss points for methods of second order, by four of Lobatto for others.
+    """
+    done, lost, low = 0.0, 0.0, m.order <= SECOND
+    for k in range(2 if low else 4):
+        x = end * ((0.21132486540518713, 0.7886751345948129, 0.0, 0.0) if low
+                   else (0.0, 0.27639320225002106, 0.7236067977499789, 1.0))[k]
+        f = 0.5 if low else (1.0 / 12.0, 5.0 / 12.0, 5.0 / 12.0, 1.0 / 12.0)[k]
         interpolate(m, p, s, h, x, at.z, at.v, at.a)
         _recall(m, p, h, x)
         one, two = power(p, w, at.z, at.v, at.a, t + x * h)

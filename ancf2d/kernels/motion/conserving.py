@@ -25,11 +25,13 @@ from .dynamics import (
     to_full,
     to_unknowns,
 )
-from .newmark import SLOW
 from .state import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE, evaluate
 
 # increments that no longer shrink are done below this share of the motion
 ROUND_OFF = 1e-15
+
+# an iteration that shrinks the increment by less than this gets a tangent of its own
+SLOW = 0.2
 
 
 class Conserving(NamedTuple):

@@ -9,22 +9,25 @@ import numpy as np
 from .. import calls
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed, inner
+from ..lowlevel.records import whole
 from ..moving import add_moving_product
 from .dynamics import add_mass, factor, norm, remember, residual, settled, solve_with
 from .feedback import weigh_state
 from .state import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE, evaluate
 
-# an iteration that shrinks the increment by less than this gets a tangent of its own
-SLOW = 0.2
+# iterations that a tangent with its factors costs: where the last one would take more of them, there is a new one
+MAKING = 3.0
 # of the extent: gaps within which a point counts as one that touches, and so the increments that tell nothing more
 TOUCHES = 4e-12
+# what is not symmetric in a tangent: at most so many products with it for a solve, and what may be left of one
+KRYLOV, ENOUGH = 8, 1e-4
 
 
 class Newmark(NamedTuple):
     """(1 - am) alg_1 + am alg_0 = (1 - af) a_1 + af a_0 with Newmark's beta and gamma (Arnold & Bruls 2007).
 
     tolerance : of Newton's increments, relative to the size of the motion; full : a tangent for every iteration;
-    end : a Step; alg : (n,).
+    end : a Step; alg : (n,); rows (2 KRYLOV + 1, n) : room.
     """
 
     am: float
@@ -36,6 +39,7 @@ class Newmark(NamedTuple):
     full: bool
     end: Any
     alg: Any
+    rows: Any
 
 
 @inner
@@ -66,6 +70,68 @@ def _stands(p, w, end, iteration, step):  # type: ignore[no-untyped-def]
         return True
     # what touches but would be pulled on is open again in the next iteration, and closed in the one after it
     return p.sided and iteration > 2 and step <= TOUCHES * p.extent and not _pulls(p, end.z)
+
+
+@inner
+def _left(step, rate, wanted):  # type: ignore[no-untyped-def]
+    """Return how many increments are to come before they are small enough, by the last one and the contraction."""
+    if rate >= 0.5:
+        return np.inf
+    return np.log(wanted / step) / np.log(max(rate, 1e-3)) if step > wanted else 0.0
+
+
+@inner
+def _along(p, x, y):  # type: ignore[no-untyped-def]
+    """Return the product of two changes of the unknowns as displacements."""
+    total = 0.0
+    for i in range(len(x)):
+        total += p.weights[i] * p.weights[i] * x[i] * y[i]
+    return total
+
+
+@inner
+def _turn(p, w, x, out):  # type: ignore[no-untyped-def]
+    """Fill ``out`` with S^-1 N x, with the factors of S and what N a tangent has beside; return whether it has any."""
+    for i in range(len(out)):
+        out[i] = 0.0
+    if not calls.point_skew(p.calls, (whole(p.points), x, out)):
+        return False
+    solve_with(p, w.A, out)
+    return True
+
+
+@inner
+def _solve(m, p, w, x):  # type: ignore[no-untyped-def]
+    """Solve (S + N) x = b in place, with the factors of S in w.A: x + S^-1 N x = S^-1 b by conjugate residuals.
+
+    Friction makes N, which is small beside S. The same as GMRES (Eisenstat, Elman & Schultz 1983), without restarts.
+    """
+    solve_with(p, w.A, x)
+    n, r = len(x), m.rows[2 * KRYLOV]
+    if not p.patched or not _turn(p, w, x, r):
+        return
+    enough = ENOUGH * ENOUGH * _along(p, x, x)
+    for i in range(n):
+        r[i] = -r[i]
+    for k in range(KRYLOV):
+        if not _along(p, r, r) > enough:
+            break
+        to, of = m.rows[k], m.rows[KRYLOV + k]
+        _turn(p, w, r, of)
+        for i in range(n):
+            to[i] = r[i]
+            of[i] += r[i]
+        for j in range(k):
+            share = _along(p, of, m.rows[KRYLOV + j]) / _along(p, m.rows[KRYLOV + j], m.rows[KRYLOV + j])
+            for i in range(n):
+                to[i] -= share * m.rows[j, i]
+                of[i] -= share * m.rows[KRYLOV + j, i]
+        share = _along(p, r, of) / _along(p, of, of)
+        for i in range(n):
+            x[i] += share * to[i]
+            r[i] -= share * of[i]
+    for i in range(n):
+        x[i] += r[i]
 
 
 @inner
@@ -105,7 +171,7 @@ def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
     iteration = 0
     _move(m, p, s, h)
     while True:
-        if iteration == 0 or m.full or rate > SLOW or p.sided:
+        if iteration == 0 or m.full or p.sided or _left(last, rate, m.tolerance * size) > MAKING:
             calls.forces_tangent(p.calls, (p, w, end.z, end.v, cv))
             add_mass(p, ca + p.alpha * cv, w.A)
             if not factor(p, w, w.A):
@@ -115,7 +181,7 @@ def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
         residual(p, w, end.v, end.a)
         for i in range(n):
             w.x[i] = -w.R[i]
-        solve_with(p, w.A, w.x)
+        _solve(m, p, w, w.x)
         step = norm(p, w.x)
         remember(w, iteration, step)
         if not np.isfinite(step):

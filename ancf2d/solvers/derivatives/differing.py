@@ -31,8 +31,8 @@ _FOLLOWING = ("place", "indptr", "index", "value", "full", "dependents", "motion
               "motion_signal")
 _LOADS = ("load_coord", "load_value", "load_signal", "load_varies")
 # of each item of point laws; along its fields, its coordinates and its entries
-_OF_ITEMS = ("forces", "mean", "accept", "par", "signal", "fed", "multiplier", "scale", "on", "restitution", "run")
-_ALONG = {"p0": "field", "drift": "field", "dofs": "dof", "G": "entry"}
+_OF_ITEMS = ("forces", "mean", "accept", "par", "signal", "fed", "multiplier", "scale", "on", "restitution")
+_ALONG = {"p0": "field", "drift": "field", "dofs": "dof", "span": "dof", "G": "entry"}
 
 
 class Differing:
@@ -207,23 +207,24 @@ def _unlike_items(laws: Sequence[Points]) -> Index | slice:
             apart = ~np.isclose(getattr(first, name), getattr(other, name), rtol=0.0, atol=0.0, equal_nan=True)
             found |= apart.any(axis=tuple(range(1, apart.ndim)))
         for name, along_ in _ALONG.items():
-            starts = getattr(first, along_)
-            unlike_ = np.flatnonzero(getattr(first, name) != getattr(other, name))
-            found[np.searchsorted(starts, unlike_, side="right") - 1] = True
+            starts, unlike_ = getattr(first, along_), getattr(first, name) != getattr(other, name)
+            rows = np.flatnonzero(unlike_.any(axis=tuple(range(1, unlike_.ndim))))
+            found[np.searchsorted(starts, rows, side="right") - 1] = True
     return np.flatnonzero(found)
 
 
 def of_items(points: Points, which: Index | slice) -> Points:
     """Return a table of some items, which remember what is theirs."""
     if isinstance(which, slice):
-        return with_own(points, "mem", "on")
+        return with_own(points, "mem", "on", "apart", "there")
     parts: dict[str, Any] = {name: np.ascontiguousarray(getattr(points, name)[which]) for name in (*_OF_ITEMS, "mem")}
     for name, along_ in _ALONG.items():
         starts = getattr(points, along_)
         rows = [getattr(points, name)[starts[i]:starts[i + 1]] for i in which]
         parts[along_] = np.concatenate([[0], np.cumsum([len(row) for row in rows])]).astype(np.int64)
         parts[name] = np.concatenate([getattr(points, name)[:0], *rows])
-    return points._replace(**parts)
+    # one by one: others of their curves may be missing
+    return points._replace(run=np.ones(len(which), dtype=np.int64), along=np.zeros(len(which), dtype=np.int64), **parts)
 
 
 def _unlike_loads(tables: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -32,7 +32,7 @@ from ...model.timing import Signal
 from ..energy import is_constant
 from ..linear import full_mass, unknowns_to_coordinates
 from .schemes import INTEGRATORS, Integrator, default_method
-from .tables import Signals, dead_loads, mass_tables, motions, point_laws, vectors, with_own
+from .tables import Signals, dead_loads, mass_tables, motions, sewn_laws, vectors, with_own
 
 if TYPE_CHECKING:
     pass
@@ -114,7 +114,7 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
     damping = model.case.damping
     data: dict[str, Any] = {
         "groups": addresses(model.groups), "states": model.states, "clocks": model.clocks, "tau": tau,
-        "calls": table(functions(model)), "points": point_laws(model, signals, _method(model).conserves),
+        "calls": table(functions(model)), "points": sewn_laws(model, T, signals, _method(model).conserves),
         "turning": turning_table(model.turns), "winds": model.winds,
         "facing": facing_table(model.interactions.points),
         "sliding": sliding_table(model.constraints, model.e0), "place": num.place,
@@ -209,7 +209,8 @@ def own(problem: Record, model: Model) -> Record:
     if len(p.facing.item):
         # what touches writes what it is opposite to
         p = p._replace(points=with_own(p.points, "dofs", "G", "p0", "par"), facing=with_own(p.facing, "now", "boxes"))
-    return Record(p._replace(points=with_own(p.points, "mem", "on"), sliding=with_own(p.sliding, "memory", "on", "gap"),
+    points = with_own(p.points, "mem", "on", "apart", "there")._replace(sewn=with_own(p.points.sewn, "skew", "rubs"))
+    return Record(p._replace(points=points, sliding=with_own(p.sliding, "memory", "on", "gap"),
                              programs=with_own(p.programs, "window", "data")), others=groups)
 
 

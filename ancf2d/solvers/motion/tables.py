@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,7 +11,7 @@ import numpy as np
 from ...case.programs import programs
 from ...elements.shape import Array
 from ...kernels.matrices.tree import entries, no_fronts
-from ...model.interactions import point_table
+from ...model.interactions import point_table, sew
 from ...model.mesh import Index
 from ...model.model import Model
 from ...model.numbering import Numbering
@@ -46,14 +48,24 @@ def mass_tables(M: csr_matrix | None, num: Numbering) -> dict[str, Any]:
 
     n = num.n_unknowns
     low = coo_matrix((n, n)) if M is None else tril(M).tocoo()
+    width = 0 if num.fronts is not None else _width(num)
+    out = np.zeros(n * width if num.fronts is None else int(num.fronts.at[-1]))
+    out[_slots(num)(low.row, low.col)] = low.data
+    return {"fronts": no_fronts() if num.fronts is None else num.fronts, "width": width, "mass": out,
+            **_diagonals(out.reshape(-1, width) if width else np.zeros((0, 0)))}
+
+
+def _width(num: Numbering) -> int:
+    """Return how many entries a band has in each row."""
+    return min(num.half_bandwidth, max(num.n_unknowns - 1, 0)) + 1
+
+
+def _slots(num: Numbering) -> Callable[[Index, Index], Index]:
+    """Return what finds the places of entries (i, j), j <= i, of a matrix of the unknowns."""
     if num.fronts is not None:
-        out = np.zeros(int(num.fronts.at[-1]))
-        out[entries(num.fronts, low.row, low.col)] = low.data
-        return {"fronts": num.fronts, "width": 0, "mass": out, **_diagonals(np.zeros((0, 0)))}
-    width = min(num.half_bandwidth, max(n - 1, 0)) + 1
-    out = np.zeros((n, width))
-    out[low.row, width - 1 + low.col - low.row] = low.data
-    return {"fronts": no_fronts(), "width": width, "mass": out.ravel(), **_diagonals(out)}
+        return partial(entries, num.fronts)
+    width = _width(num)
+    return lambda i, j: np.asarray(i * width + width - 1 + j - i)
 
 
 def _diagonals(mass: Array) -> dict[str, Array]:
@@ -130,6 +142,11 @@ def vectors(model: Model) -> tuple[Index, Index]:
                 pairs.setdefault((int(xy[m, 0]), int(xy[m, 1])), source[m])
     return (np.array(list(pairs), dtype=np.int64).reshape(-1, 2),
             np.array(list(pairs.values()), dtype=np.int64).reshape(-1, 4))
+
+
+def sewn_laws(model: Model, T: csr_matrix, signals: Signals, steps: bool) -> Any:
+    """Return the table of all point laws, which also knows what their curves act on of the unknowns z, by d = T z."""
+    return sew(point_laws(model, signals, steps), T, _slots(model.numbering))
 
 
 def point_laws(model: Model, signals: Signals, steps: bool = False) -> Any:

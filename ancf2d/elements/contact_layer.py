@@ -1,0 +1,388 @@
+"""The law of a layer between a curve of an element and an obstacle: pressure and friction at all points of the curve.
+
+The obstacle sees a point rho at q = R^T (rho - x) plus a constant, by its pose (R, x). With the unit vectors nu across
+and t along it there, and its curvature k, the gap has the gradient N = nu.q_u by the fields and the Hessian
+nu.q_uu + k T T, T = t.q_u; the place on the obstacle has ds times T and t.q_uu - k (N T + T N). In q_uu there is how
+sections bend the curve, and how the pose turns it; all else is zero.
+
+Functions of arrays and numbers alone, which kernels compile as they are: loops count from zero, so that nobody asks
+whether an index counts from the end.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .contact_geometry import (
+    ANCHOR,
+    BACK,
+    BY_ANGLE,
+    BY_DIRECTION,
+    CIRCLE,
+    CURVE,
+    DAMPING,
+    FACE,
+    FRICTION,
+    HOME,
+    LENGTH,
+    OF_TANGENT,
+    OF_THETA,
+    OFFSET,
+    ORIGIN,
+    POLYLINE,
+    POSE,
+    POSE_X,
+    POSE_Y,
+    SECTION,
+    SHAPE,
+    STICK,
+    STIFFNESS,
+    STILL,
+    TERMS,
+    WEIGHT,
+    distance_at,
+    place_at,
+    reach,
+)
+from .point_laws import APART, work_matrix
+
+# rows of work: the fields, powers of z and their derivatives, N, T, and others by the fields
+HERE, POWERS, SLOPES, ACROSS, ALONG, FALL, OTHER = range(7)
+ROWS = 7
+# what an obstacle that does not turn sees (``seen``)
+PLAIN = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+
+
+def slip(par, s, anchor):  # type: ignore[no-untyped-def]
+    """Return how far a place s on the obstacle is from another, the short way around; 0 where there is no other."""
+    if np.isnan(anchor):
+        return 0.0
+    way = s - anchor
+    if int(par[SHAPE]) == CIRCLE:
+        round_ = 2.0 * np.pi * abs(par[ORIGIN + 2])
+    elif int(par[SHAPE]) == POLYLINE and par[ORIGIN + 1] > 0.0:
+        round_ = par[ORIGIN + 1]
+    else:
+        return way
+    return way - round_ * np.floor(way / round_ + 0.5)
+
+
+def drag(par, way, pressed):  # type: ignore[no-untyped-def]
+    """Return the force of friction along s after a slip, and whether it slides: elastic up to Coulomb's limit."""
+    force, most = -par[STICK] * way, par[FRICTION] * pressed
+    if abs(force) <= most:
+        return force, False
+    return (most if force > 0.0 else -most), True
+
+
+def sets_of(par):  # type: ignore[no-untyped-def]
+    """Return how many sets of coefficients the curve has, and where the fields of the pose begin."""
+    sets = 3 if int(par[SECTION]) == OF_THETA else 2
+    return sets, sets * int(par[TERMS])
+
+
+def stand(par, work, z):  # type: ignore[no-untyped-def]
+    """Fill the powers of z; return rho, drho/dz, and how far it goes with the section: drho by theta or by the tangent.
+
+    That is of x and y by its first component, and by its second one.
+    """
+    terms, section = int(par[TERMS]), int(par[SECTION])
+    xs, ys, P, S = work[HERE, :terms], work[HERE, terms:2 * terms], work[POWERS], work[SLOPES]
+    x, y, x1, y1, x2, y2, m0, m1, m2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0
+    for j in range(terms):
+        P[j], S[j] = m0, m1
+        x, y, x1, y1, x2, y2 = (x + xs[j] * m0, y + ys[j] * m0, x1 + xs[j] * m1, y1 + ys[j] * m1, x2 + xs[j] * m2,
+                                y2 + ys[j] * m2)
+        m0, m1, m2 = m0 * z, m1 * z + m0, m2 * z + 2.0 * m1
+    h, a, b, c, d = par[OFFSET], 0.0, 0.0, 0.0, 0.0
+    if section == OF_THETA:
+        ts, t, t1 = work[HERE, 2 * terms:], 0.0, 0.0
+        for j in range(terms):
+            t, t1 = t + ts[j] * P[j], t1 + ts[j] * S[j]
+        a, b = -h * np.cos(t), -h * np.sin(t)
+        x, y, x1, y1 = x + b, y - a, x1 + a * t1, y1 + b * t1
+    elif section == OF_TANGENT and h != 0.0:
+        L = np.sqrt(x1 * x1 + y1 * y1)
+        ex, ey = x1 / L, y1 / L
+        x, y = x - h * ey, y + h * ex
+        a, b, c, d = h * ex * ey / L, h * ey * ey / L, -h * ex * ex / L, -h * ex * ey / L
+        x1, y1 = x1 + a * x2 + c * y2, y1 + b * x2 + d * y2
+    return x, y, x1, y1, a, b, c, d
+
+
+def seen(par, fields, x, y):  # type: ignore[no-untyped-def]
+    """Return q, the direction (c, s) of the obstacle, and what q follows where its direction changes (x, y)."""
+    pose = int(par[POSE])
+    if pose == BY_ANGLE:
+        c, s = np.cos(fields[2]), np.sin(fields[2])
+    elif pose == BY_DIRECTION:
+        c, s = fields[2] / par[LENGTH], fields[3] / par[LENGTH]
+    else:
+        return x, y, 1.0, 0.0, 0.0, 0.0
+    x, y = x - fields[0], y - fields[1]
+    return c * x + s * y, c * y - s * x, c, s, x / par[LENGTH], y / par[LENGTH]
+
+
+def row_of(par, work, x, y, bends, q, out):  # type: ignore[no-untyped-def]
+    """Set out (fields,) to v.q_u of a vector v as the obstacle sees it."""
+    terms, section, pose = int(par[TERMS]), int(par[SECTION]), int(par[POSE])
+    P, S, us, vs = work[POWERS], work[SLOPES], out[:terms], out[terms:2 * terms]
+    vx, vy = q[2] * x - q[3] * y, q[3] * x + q[2] * y
+    a, b = vx * bends[0] + vy * bends[1], vx * bends[2] + vy * bends[3]
+    for j in range(terms):
+        us[j], vs[j] = vx * P[j], vy * P[j]
+    _, at = sets_of(par)
+    if section == OF_TANGENT:
+        for j in range(terms):
+            us[j] += a * S[j]
+            vs[j] += b * S[j]
+    elif section == OF_THETA:
+        ts = out[2 * terms:]
+        for j in range(terms):
+            ts[j] = a * P[j]
+    if pose == BY_ANGLE:
+        out[at], out[at + 1], out[at + 2] = -vx, -vy, x * q[1] - y * q[0]
+    elif pose == BY_DIRECTION:
+        out[at], out[at + 1], out[at + 2], out[at + 3] = -vx, -vy, x * q[4] + y * q[5], x * q[5] - y * q[4]
+
+
+def bent_by(par, work, vx, vy, bends):  # type: ignore[no-untyped-def]
+    """Return the second derivatives of v.rho by the section: by theta, or by the tangent twice along x, x and y, y."""
+    section, h = int(par[SECTION]), par[OFFSET]
+    if section == OF_THETA:
+        return vy * bends[0] - vx * bends[1], 0.0, 0.0
+    if section != OF_TANGENT or h == 0.0:
+        return 0.0, 0.0, 0.0
+    terms, S, e0, e1 = int(par[TERMS]), work[SLOPES], 0.0, 0.0
+    xs, ys = work[HERE, :terms], work[HERE, terms:2 * terms]
+    for j in range(terms):
+        e0, e1 = e0 + xs[j] * S[j], e1 + ys[j] * S[j]
+    L = np.sqrt(e0 * e0 + e1 * e1)
+    e0, e1, share = e0 / L, e1 / L, h / (L * L)
+    # e has (3 e e e - e I - I e)/L^2, and n.v = e0 vy - e1 vx
+    turned = e0 * vy - e1 * vx
+    return (share * (3.0 * e0 * e0 * turned - turned - 2.0 * e0 * vy),
+            share * (3.0 * e0 * e1 * turned - e1 * vy + e0 * vx),
+            share * (3.0 * e1 * e1 * turned - turned + 2.0 * e1 * vx))
+
+
+def bend(par, work, x, y, bends, q, H):  # type: ignore[no-untyped-def]
+    """Add v.q_uu of a vector v as the obstacle sees it to H."""
+    terms, pose, m, row = int(par[TERMS]), int(par[POSE]), len(H), work[OTHER]
+    sets, at = sets_of(par)
+    if int(par[SECTION]) != CURVE:
+        xx, xy, yy = bent_by(par, work, q[2] * x - q[3] * y, q[3] * x + q[2] * y, bends)
+        first, P = (2 * terms, work[POWERS]) if sets == 3 else (0, work[SLOPES])
+        for i in range(terms):
+            one, two = H[first + i, first:], H[terms + i]
+            for j in range(terms):
+                f = P[i] * P[j]
+                one[j] += f * xx
+                if sets == 2:
+                    one[terms + j] += f * xy
+                    two[j] += f * xy
+                    two[terms + j] += f * yy
+    if pose == BY_ANGLE:
+        row_of(par, work, -y, x, bends, q, row)
+        for j in range(m):
+            H[at + 2, j] += row[j]
+            H[j, at + 2] += row[j]
+        H[at + 2, at + 2] -= row[at + 2]
+    elif pose == BY_DIRECTION:
+        x, y = x / par[LENGTH], y / par[LENGTH]
+        for k in range(at + 2, at + 4):
+            row_of(par, work, x, y, bends, PLAIN, row)
+            x, y = -y, x
+            for j in range(m):
+                H[k, j] += row[j]
+                H[j, k] += row[j]
+
+
+def rates(par, work, w, bends, q):  # type: ignore[no-untyped-def]
+    """Return the rate of rho beside the obstacle (2), that of q (2), and of what bends the section (2)."""
+    terms, section, pose = int(par[TERMS]), int(par[SECTION]), int(par[POSE])
+    P, S, us, vs, x, y, a, b = work[POWERS], work[SLOPES], w[:terms], w[terms:2 * terms], 0.0, 0.0, 0.0, 0.0
+    for j in range(terms):
+        x, y = x + us[j] * P[j], y + vs[j] * P[j]
+    if section == OF_TANGENT:
+        for j in range(terms):
+            a, b = a + us[j] * S[j], b + vs[j] * S[j]
+    elif section == OF_THETA:
+        ts = w[2 * terms:]
+        for j in range(terms):
+            a += ts[j] * P[j]
+    x, y = x + a * bends[0] + b * bends[2], y + a * bends[1] + b * bends[3]
+    if pose == STILL:
+        return x, y, x, y, a, b
+    moves = w[sets_of(par)[1]:]
+    x, y = x - moves[0], y - moves[1]
+    seen_x, seen_y = q[2] * x + q[3] * y, q[2] * y - q[3] * x
+    if pose == BY_ANGLE:
+        return x, y, seen_x + moves[2] * q[1], seen_y - moves[2] * q[0], a, b
+    return (x, y, seen_x + moves[2] * q[4] + moves[3] * q[5], seen_y + moves[2] * q[5] - moves[3] * q[4], a, b)
+
+
+def fall(par, work, nx, ny, w, moving, bends, q, out):  # type: ignore[no-untyped-def]
+    """Set out (fields,) to the derivative of nu.dq/dt at a given nu, nu.q_uu w."""
+    terms, pose = int(par[TERMS]), int(par[POSE])
+    sets, at = sets_of(par)
+    for j in range(len(out)):
+        out[j] = 0.0
+    vx, vy, turns = moving[0], moving[1], w[at:]
+    if pose == BY_ANGLE:
+        row_of(par, work, -turns[2] * ny, turns[2] * nx, bends, q, out)
+        out[at + 2] += nx * (q[2] * vy - q[3] * vx) - ny * (q[2] * vx + q[3] * vy)
+    elif pose == BY_DIRECTION:
+        c, s, L = turns[2], turns[3], par[LENGTH]
+        row_of(par, work, (c * nx - s * ny) / L, (c * ny + s * nx) / L, bends, PLAIN, out)
+        out[at + 2], out[at + 3] = (nx * vx + ny * vy) / L, (nx * vy - ny * vx) / L
+    if int(par[SECTION]) != CURVE:
+        xx, xy, yy = bent_by(par, work, q[2] * nx - q[3] * ny, q[3] * nx + q[2] * ny, bends)
+        own, P = (out[2 * terms:], work[POWERS]) if sets == 3 else (out, work[SLOPES])
+        a, b = xx * moving[4] + xy * moving[5], xy * moving[4] + yy * moving[5]
+        for j in range(terms):
+            own[j] += a * P[j]
+            if sets == 2:
+                own[terms + j] += b * P[j]
+
+
+def stiffen(par, work, force, held, stick, share, k, sheared, H, C):  # type: ignore[no-untyped-def]
+    """Add the derivatives of the force of a point to H and C, but for q_uu, from N, T and what ``fall`` filled."""
+    weight, m = par[WEIGHT], len(H)
+    N, T, slope = work[ACROSS], work[ALONG], work[FALL]
+    stiff, damping = weight * par[STIFFNESS], weight * par[DAMPING]
+    for j in range(m):
+        # of the force, with the sign turned
+        slope[j] = stiff * N[j] + damping * (slope[j] + k * sheared * T[j])
+    for i in range(m):
+        line, row = H[i], N[i] - share * T[i]
+        both, turn = (stick - force * k) * T[i] + held * k * N[i], held * k * T[i]
+        for j in range(m):
+            line[j] += row * slope[j] + both * T[j] + turn * N[j]
+    if damping > 0.0:
+        for i in range(m):
+            line, row = C[i], damping * (N[i] - share * T[i])
+            for j in range(m):
+                line[j] += row * N[j]
+
+
+def opposite(par, work):  # type: ignore[no-untyped-def]
+    """Return drho/dz (2), what bends it, what ``seen`` returns, and where the obstacle sees the point, at its home."""
+    x, y, x1, y1, a, b, c, d = stand(par, work, par[HOME])
+    q = seen(par, work[HERE, sets_of(par)[1]:], x, y)
+    if int(par[POSE]) == STILL:
+        return x1, y1, (a, b, c, d), q, (q[0], q[1])
+    return x1, y1, (a, b, c, d), q, (par[POSE_X] + q[0], par[POSE_Y] + q[1])
+
+
+def looks_away(par, x1, y1, nx, ny, q):  # type: ignore[no-untyped-def]
+    """Return whether the point is on the face that looks away from the obstacle: that of a thin body overlaps, too."""
+    if par[FACE] == 0.0:
+        return False
+    tx, ty = q[2] * x1 + q[3] * y1, q[2] * y1 - q[3] * x1
+    return par[FACE] * (tx * ny - ty * nx) > BACK * np.sqrt(tx * tx + ty * ty)
+
+
+def apart_by(par, gap, length, q):  # type: ignore[no-untyped-def]
+    """Return by how much fields may change, in sum, before a curve of a length can touch that a gap is opposite to.
+
+    A section may turn right round, and where the pose turns, each place moves by its distance. It is half of that, as
+    the direction of a pose need not be of its own length before a step has converged.
+    """
+    pose, far = int(par[POSE]), 0.5 * (gap - length) - abs(par[OFFSET])
+    if pose == STILL:
+        return far
+    distance = np.sqrt(q[0] * q[0] + q[1] * q[1]) + length
+    return far / max(1.0, distance / par[LENGTH] if pose == BY_DIRECTION else distance)
+
+
+def rubbed(par, place, part, anchor, force):  # type: ignore[no-untyped-def]
+    """Return the force of friction along t, its spring, and what share of the force across it is where it slides."""
+    if par[FRICTION] == 0.0:
+        return 0.0, 0.0, 0.0
+    s, ds = place_at(par, place[0], place[1], part)
+    way = slip(par, s, anchor)
+    held, slides = drag(par, way, force)
+    if slides:
+        # Coulomb's limit follows the pressure
+        return held * ds, 0.0, (par[FRICTION] if way > 0.0 else -par[FRICTION]) * ds
+    return held * ds, par[STICK] * ds * ds, 0.0
+
+
+def layer(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
+    """Pressure max(0, -k g - c dg/dt) per length at points of a curve, with friction that is elastic up to a limit.
+
+    ``par`` and ``mem`` have a row for each point; f, H and C are of them all. H and C may have no size. Returns
+    (energy, power), or how far the curve is from the obstacle and APART where nothing acts.
+    """
+    energy, power, acts, far, m = 0.0, 0.0, False, 0.0, len(u)
+    work = work_matrix(ROWS, m)
+    here, row = work[HERE], work[OTHER]
+    for j in range(m):
+        here[j] = p0[j] + u[j]
+    for i in range(len(par)):
+        one = par[i]
+        x1, y1, bends, q, place = opposite(one, work)
+        g, nx, ny, k, part = distance_at(one, place[0], place[1], -1.0)
+        if g >= 0.0:
+            if i == 0:
+                far = apart_by(one, g, reach(one, p0, u, one[HOME]), q)
+                if far > 0.0:
+                    break
+            continue
+        if looks_away(one, x1, y1, nx, ny, q):
+            continue
+        acts, weight = True, one[WEIGHT]
+        moving = rates(one, work, w, bends, q)
+        rate, sheared = nx * moving[2] + ny * moving[3], nx * moving[3] - ny * moving[2]
+        pressure = -one[STIFFNESS] * g - one[DAMPING] * rate
+        energy += 0.5 * weight * one[STIFFNESS] * g * g
+        if pressure <= 0.0:
+            power -= weight * one[STIFFNESS] * g * rate
+            continue
+        force = weight * pressure
+        held, stick, share = rubbed(one, place, part, mem[i, ANCHOR], force)
+        power += weight * one[DAMPING] * rate * rate - held * sheared
+        px, py = force * nx - held * ny, force * ny + held * nx
+        row_of(one, work, px, py, bends, q, row)
+        for j in range(m):
+            f[j] -= row[j]
+        if len(H) > 0:
+            row_of(one, work, nx, ny, bends, q, work[ACROSS])
+            row_of(one, work, -ny, nx, bends, q, work[ALONG])
+            fall(one, work, nx, ny, w, moving, bends, q, work[FALL])
+            stiffen(one, work, force, held, stick, share, k, sheared, H, C)
+            bend(one, work, -px, -py, bends, q, H)
+    return (energy, power) if acts else (far, APART)
+
+
+def layer_at(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
+    """Do as ``layer`` does at one point; return (energy, power), 0 where it is apart."""
+    energy, power = layer(p0, u, w, par.reshape((1, len(par))), a, mem.reshape((1, len(mem))), f, H, C)
+    return (0.0, 0.0) if power == APART else (energy, power)
+
+
+def settle(p0, u, par, mem):  # type: ignore[no-untyped-def]
+    """Let friction remember where on the obstacle the points of a curve hold to in an accepted state."""
+    m = len(u)
+    work = work_matrix(ROWS, m)
+    here = work[HERE]
+    for j in range(m):
+        here[j] = p0[j] + u[j]
+    for i in range(len(par)):
+        one, anchor = par[i], mem[i, ANCHOR]
+        if m == 0:
+            mem[i, ANCHOR] = np.nan
+        if m == 0 or one[FRICTION] == 0.0:
+            continue
+        _, _, _, _, place = opposite(one, work)
+        g, _, _, _, part = distance_at(one, place[0], place[1], -1.0)
+        s, _ = place_at(one, place[0], place[1], part)
+        held, slides = drag(one, slip(one, s, anchor), one[WEIGHT] * one[STIFFNESS] * max(-g, 0.0))
+        if slides or np.isnan(anchor):
+            mem[i, ANCHOR] = s + held / one[STICK]
+
+
+def settle_at(p0, u, par, mem):  # type: ignore[no-untyped-def]
+    """Do as ``settle`` at one point."""
+    settle(p0, u, par.reshape((1, len(par))), mem.reshape((1, len(mem))))

@@ -1,0 +1,228 @@
+"""Forces and tangents of all point laws; points of contact on one curve together, and those that are apart left out."""
+
+from __future__ import annotations
+
+from ..elements.point_laws import APART
+from .compiled_laws import call_accept, call_accept_along, call_along
+from .lowlevel.arrays import vector
+from .lowlevel.jit import inlined, inner, kernel
+from .lowlevel.records import array_at
+from .matrices.matrix import scatter
+from .points import (
+    add_to,
+    amplitude_of,
+    coordinates_of_item,
+    evaluate_item,
+    fields_of_item,
+    most_of,
+    stiffness_of,
+    work_arrays,
+)
+
+# of the largest entry of a matrix: what is less symmetric than this
+SKEW = 1e-12
+
+
+@inner
+def _both_fields(points, i, d, v, u, w):  # type: ignore[no-untyped-def]
+    """Fill the fields u and the rates w of item i together, where its coordinates alone move it."""
+    n, m = points.dof[i + 1] - points.dof[i], points.field[i + 1] - points.field[i]
+    dofs, span = coordinates_of_item(points, i)
+    for k in range(m):
+        u[k] = w[k] = 0.0
+    for c in range(n):
+        low, x, y = span[c, 0], d[dofs[c]], v[dofs[c]]
+        us, ws = array_at(u, low, (span[c, 1] - low,)), array_at(w, low, (span[c, 1] - low,))
+        row = array_at(points.G, points.entry[i] + c * m + low, (len(us),))
+        for k in range(len(us)):
+            us[k] += row[k] * x
+            ws[k] += row[k] * y
+
+
+@inlined
+def _rows(x, i, count):  # type: ignore[no-untyped-def]
+    """Return so many rows of a table from row i on."""
+    return array_at(x, i * x.shape[1], (count, x.shape[1]))
+
+
+@inner
+def is_apart(points, i, d):  # type: ignore[no-untyped-def]
+    """Return whether items from i on cannot act, by how far they were from it and what has moved since."""
+    n, first, way = points.dof[i + 1] - points.dof[i], points.dof[i], 0.0
+    dofs, lever = array_at(points.dofs, first, (n,)), array_at(points.lever, first, (n,))
+    there = array_at(points.there, first, (n,))
+    for c in range(n):
+        way += lever[c] * abs(d[dofs[c]] - there[c])
+    return way < points.apart[i]
+
+
+@inner
+def _stay_apart(points, i, d, apart):  # type: ignore[no-untyped-def]
+    """Keep how far items from i on are from acting at d."""
+    points.apart[i] = apart
+    if apart > 0.0:
+        n, first = points.dof[i + 1] - points.dof[i], points.dof[i]
+        dofs, there = array_at(points.dofs, first, (n,)), array_at(points.there, first, (n,))
+        for c in range(n):
+            there[c] = d[dofs[c]]
+
+
+@inner
+def _evaluate_run(points, i, d, v, amps, u, w, a, f, H, C, alone):  # type: ignore[no-untyped-def]
+    """Fill f, H, C with the sum over the items from i on that share fields; return (energy, power, whether any acts).
+
+    ``alone``: H and C need not be filled.
+    """
+    b, m, run = points.field[i], points.field[i + 1] - points.field[i], points.run[i]
+    if points.along[i] == 0:
+        energy, power = evaluate_item(points, i, d, v, amps, u, w, a, f, H, C)
+        return energy, power, True
+    if not points.on[i] or (points.apart[i] > 0.0 and is_apart(points, i, d)):
+        return 0.0, 0.0, False
+    _both_fields(points, i, d, v, u, w)
+    amplitude_of(points, i, amps, u, w, a)
+    wide = 0 if alone else m
+    f[:m] = 0.0
+    H[:wide * m] = 0.0
+    C[:wide * m] = 0.0
+    energy, power = call_along(points.along[i], (
+        points.p0[b:b + m], u[:m], w[:m], _rows(points.par, i, run), a, _rows(points.mem, i, run), f[:m],
+        array_at(H, 0, (wide, wide)), array_at(C, 0, (wide, wide))))
+    acts = power != APART
+    _stay_apart(points, i, d, 0.0 if acts or points.fed[i, 0] >= 0 else energy)
+    return (energy, power, True) if acts else (0.0, 0.0, False)
+
+
+@kernel
+def point_forces(points, d, v, amps, Q):  # type: ignore[no-untyped-def]
+    """Add the forces at d with rates v to Q (n_full,); return (energy, dissipated power).
+
+    ``amps`` (signals, 3) are the values of the signals with their first and second time derivatives.
+    """
+    energy, power = 0.0, 0.0
+    if len(points.forces) == 0:
+        return energy, power
+    u, w, a, f, H, C = work_arrays(points)
+    i = 0
+    while i < len(points.forces):
+        U, lost, acts = _evaluate_run(points, i, d, v, amps, u, w, a, f, H, C, True)
+        energy += U
+        power += lost
+        if acts:
+            add_to(points, i, f, Q)
+        i += points.run[i]
+    return energy, power
+
+
+@inner
+def _add_sewn(points, i, H, C, c, rows, values):  # type: ignore[no-untyped-def]
+    """Add W (H + c C) W^T of the curve that begins at item i to the matrix, and keep what of it is not symmetric.
+
+    Returns whether anything is not. ``rows`` (unknowns + 1, most fields,) is room.
+    """
+    sewn, m = points.sewn, points.field[i + 1] - points.field[i]
+    begin, n = array_at(sewn.begin, 3 * i, (3,)), sewn.begin[i + 1, 0] - sewn.begin[i, 0]
+    W, span = array_at(sewn.W, begin[1], (n, m)), array_at(sewn.span, 2 * begin[0], (n, 2))
+    slot, skew = array_at(sewn.slot, begin[2], (n * (n + 1) // 2,)), array_at(sewn.skew, begin[2], (n * (n + 1) // 2,))
+    for k in range(m * m):
+        H[k] += c * C[k]
+    for r in range(n):
+        line, low = array_at(rows, r * m, (m,)), span[r, 0]
+        for q in range(m):
+            line[q] = 0.0
+        for p in range(span[r, 1] - low):
+            x, own = array_at(W, r * m + low, (m,))[p], array_at(H, (low + p) * m, (m,))
+            for q in range(m):
+                line[q] += x * own[q]
+    k, largest, least = 0, 0.0, 0.0
+    for r in range(n):
+        for s in range(r + 1):
+            x, y = _product(rows, r * m, W, s * m, span, s), _product(rows, s * m, W, r * m, span, r)
+            values[slot[k]] += 0.5 * (x + y)
+            skew[k] = 0.5 * (x - y)
+            largest, least, k = max(largest, abs(x + y)), max(least, abs(x - y)), k + 1
+    return least > SKEW * largest
+
+
+@inlined
+def _product(x, i, y, j, span, s):  # type: ignore[no-untyped-def]
+    """Return the product of a row at i and one at j over the fields of ``span``."""
+    low, total = span[s, 0], 0.0
+    a, b = array_at(x, i + low, (span[s, 1] - low,)), array_at(y, j + low, (span[s, 1] - low,))
+    for q in range(len(a)):
+        total += a[q] * b[q]
+    return total
+
+
+@kernel
+def add_skew(points, x, y):  # type: ignore[no-untyped-def]
+    """Add to y (n,) what curves have of a product with x (n,) that their symmetric tangents, made last, leave out.
+
+    Returns whether there is any.
+    """
+    sewn, found = points.sewn, False
+    for i in range(len(sewn.rubs)):
+        if sewn.rubs[i]:
+            found = True
+            first, n = sewn.begin[i, 0], sewn.begin[i + 1, 0] - sewn.begin[i, 0]
+            unknown, skew, k = array_at(sewn.unknown, first, (n,)), array_at(sewn.skew, sewn.begin[i, 2], (n * n,)), 0
+            for r in range(n):
+                total, a = 0.0, unknown[r]
+                for s in range(r):
+                    total += skew[k + s] * x[unknown[s]]
+                    y[unknown[s]] -= skew[k + s] * x[a]
+                y[a] += total
+                k += r + 1
+    return found
+
+
+@kernel
+def point_tangent(points, d, v, amps, c, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
+    """Add the forces to Q and the symmetric part of H + c C to the matrix of the unknowns; return the energy."""
+    energy = 0.0
+    if len(points.forces) == 0:
+        return energy
+    u, w, a, f, H, C = work_arrays(points)
+    most, sewn = most_of(points.dof), points.sewn
+    entries, rows = vector(most * most), vector(len(f) * max(1, sewn.most))
+    values = array_at(matrix.values, 0, (matrix.values.size,))
+    i = 0
+    while i < len(points.forces):
+        U, _, acts = _evaluate_run(points, i, d, v, amps, u, w, a, f, H, C, False)
+        energy += U
+        sewn.rubs[i] = False
+        if acts:
+            add_to(points, i, f, Q)
+            first, n = points.dof[i], points.dof[i + 1] - points.dof[i]
+            if points.along[i] != 0:
+                sewn.rubs[i] = _add_sewn(points, i, H, C, c, rows, values)
+            else:
+                K = array_at(entries, 0, (n, n))
+                stiffness_of(points, i, H, C, 1.0, c, True, rows, K)
+                scatter(matrix, K, points.dofs[first:first + n].reshape((1, n)), 0, place, indptr, index, value)
+        i += points.run[i]
+    return energy
+
+
+@kernel
+def point_accept(points, d, amps):  # type: ignore[no-untyped-def]
+    """Let laws remember the accepted state d."""
+    if len(points.forces) == 0:
+        return
+    u, w, a, _, _, _ = work_arrays(points)
+    i = 0
+    while i < len(points.forces):
+        b, m, run = points.field[i], points.field[i + 1] - points.field[i], points.run[i]
+        if points.along[i] != 0:
+            if points.apart[i] > 0.0 and is_apart(points, i, d):
+                m = 0
+            else:
+                fields_of_item(points, i, d, u)
+                amplitude_of(points, i, amps, u, w, a)
+            call_accept_along(points.accept_along[i], (points.p0[b:b + m], u[:m], _rows(points.par, i, run),
+                                                       _rows(points.mem, i, run)))
+        elif points.accept[i] != 0:
+            fields_of_item(points, i, d, u)
+            amplitude_of(points, i, amps, u, w, a)
+            call_accept(points.accept[i], (points.p0[b:b + m], u[:m], points.par[i], points.mem[i]))
+        i += run
