@@ -353,7 +353,7 @@ def test_the_balance_of_energy_is_of_the_order_of_the_motion() -> None:
 @pytest.mark.parametrize(("change", "words"), [
     ({"element": h.element("vallejo", 2, "continuum")}, "has no fibres"),
     ({"section": {"A": 0.005, "I": 4e-6, "height": 0.1}}, "do not define the fibres"),
-    ({"element": {**h.element("reissner3", 2), "quadrature": [2, 1]}}, "one fibre")])
+    ({"element": {**h.element("reissner3", 2), "quadrature": [2, 1]}}, "a single fibre")])
 def test_what_has_no_fibres_is_refused(change: dict[str, Any], words: str) -> None:
     body = {"geometry": h.line(LENGTH), "element": h.element("reissner3", 2), "material": STEEL,
             "section": {"height": HEIGHT, "width": WIDTH}, **change}

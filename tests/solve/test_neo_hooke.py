@@ -97,7 +97,7 @@ def test_the_tangent_of_a_body_is_exact() -> None:
     (h.element("vallejo", 2, "structural"), "does not support the law neo_hooke"),
     (h.element("cable", 2), "does not support the law neo_hooke"),
     ({**h.element("vallejo", 2, "continuum"), "shear_factor": 0.8}, "no shear factor"),
-    ({**h.element("vallejo", 2, "continuum"), "quadrature": {"normal": [2, 2], "shear": [1, 1]}}, "one rule")])
+    ({**h.element("vallejo", 2, "continuum"), "quadrature": {"normal": [2, 2], "shear": [1, 1]}}, "one quadrature")])
 def test_what_has_no_such_law_is_refused(element: dict[str, Any], words: str) -> None:
     with pytest.raises(CaseError, match=words):
         build_model(h.load({"rod": {**BAR, "element": element}}, "static", bc=[{"type": "clamp", "at": "rod@0"}]))

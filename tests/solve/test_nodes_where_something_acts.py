@@ -95,7 +95,7 @@ def test_a_mid_node_is_inside_an_element() -> None:
     assert models["acting"].n_elements == 2
     assert any("element.count 1 is less than" in w for w in models["acting"].warnings)
     assert models["regular"].n_elements == 1
-    assert any("inside an element, at S = 0.5" in w for w in models["regular"].warnings)
+    assert any("inside an element (S = 0.5)" in w for w in models["regular"].warnings)
 
 
 @helpers.every_small_type

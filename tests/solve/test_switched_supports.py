@@ -207,7 +207,7 @@ def test_a_joint_that_begins_is_a_plastic_impact(kind: str) -> None:
     # welded: both as one of length 2 about its centre: omega (8/12) = 1/3, v = -1/4
     assert lost == pytest.approx(0.0 if kind == "pin" else 1 / 6 - 0.5 * (2 / 3 * 0.25 + 2 / 16), abs=1e-6)
     apart = {**meets, "active": {"after": "t > 0.3"}}
-    with pytest.raises(ComputationError, match="tie begins where its points are apart"):
+    with pytest.raises(ComputationError, match="tie begins while its points are apart"):
         solve(bodies={"rod": ROD, "other": other}, joints=[apart], initial={"bodies": {"rod": {"velocity": [-1, 0]}}})
 
 
@@ -302,7 +302,7 @@ def test_a_bead_comes_onto_a_bar_or_leaves_it(method: str, active: Any) -> None:
 def test_a_bead_that_is_off_its_bar_cannot_begin_to_slide() -> None:
     rod = {**ROD, "geometry": {"type": "line", "start": [1.5, 1], "end": [1.5, 2]}}
     slides = {"type": "prismatic", "point": "rod@0", "on": "bar", "name": "rail"}
-    with pytest.raises(ComputationError, match="rail begins where its points are apart"):
+    with pytest.raises(ComputationError, match="rail begins while its points are apart"):
         solve(bodies={"bar": {**ROD, "geometry": {"type": "line", "start": [0, 0], "end": [4, 0]}}, "rod": rod},
               joints=[{**slides, "active": {"from": 0.1}}])
 

@@ -105,7 +105,7 @@ def test_all_that_is_wrong_with_a_file_is_told_where_it_stands(tmp_path):
     ("rigid", {}, "rigid has no strain"), ("2d2m", {}, "did you mean '2d2n'"), ("ancf", {}, "orders along and across"),
     ("vallejo", {"preset": "paper"}, "--preset: error: the paper does not use vallejo"),
     ("2d2n", {"formulation": "enhanced"}, "--formulation: error: 2d2n has no formulation enhanced"),
-    ("cable", {"quadrature": "exact"}, "--quadrature: error: no finite rule"),
+    ("cable", {"quadrature": "exact"}, "--quadrature: error: no finite quadrature"),
     ("missing.yaml", {}, "cannot read the file")])
 def test_what_cannot_be_examined_is_refused_in_the_words_of_the_command_line(name, options, words):
     with pytest.raises(CaseError, match=words):
