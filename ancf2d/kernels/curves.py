@@ -190,11 +190,13 @@ def point_tangent(points, d, v, amps, c, Q, matrix, place, indptr, index, value)
     while i < len(points.forces):
         U, _, acts = _evaluate_run(points, i, d, v, amps, u, w, a, f, H, C, False)
         energy += U
-        sewn.rubs[i] = False
+        in_place = points.along[i] != 0 and len(sewn.rubs) > 0
+        if in_place:
+            sewn.rubs[i] = False
         if acts:
             add_to(points, i, f, Q)
             first, n = points.dof[i], points.dof[i + 1] - points.dof[i]
-            if points.along[i] != 0:
+            if in_place:
                 sewn.rubs[i] = _add_sewn(points, i, H, C, c, rows, values)
             else:
                 K = array_at(entries, 0, (n, n))

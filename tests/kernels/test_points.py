@@ -8,18 +8,14 @@ from types import SimpleNamespace
 import helpers
 import numpy as np
 import pytest
+from scipy.sparse import identity
 
 from ancf2d.elements import contact_geometry as geometry
+from ancf2d.kernels.curves import add_skew, point_accept, point_forces, point_tangent
 from ancf2d.kernels.matrices.matrix import SymBand
 from ancf2d.kernels.patches import point_noise, point_violation
-from ancf2d.kernels.points import (
-    point_accept,
-    point_constraint_rates,
-    point_forces,
-    point_mean_forces,
-    point_tangent,
-)
-from ancf2d.model.interactions import point_table
+from ancf2d.kernels.points import point_constraint_rates, point_mean_forces
+from ancf2d.model.interactions import point_table, sew
 
 WAVE = {"type": "sine", "frequency": 0.5}
 SPRINGS = [
@@ -268,7 +264,11 @@ def test_empty_tables_do_nothing():
 
 
 def test_points_of_contact_on_one_curve_are_summed_and_left_out_where_it_is_far():
-    """Sums over items that share fields beside those one by one; what is far behind the first is never looked at."""
+    """Sums over items that share fields beside those one by one; what is far behind the first is never looked at.
+
+    Tables that know the places of their entries in the matrix add the same to it. With what friction makes
+    unsymmetric, a product with the matrix is the derivative of the forces.
+    """
     touch = {"between": ["rope", "wheel"], "friction": 0.4, "law": {"stiffness": 1e3, "damping": 2.0}, "side": "axis"}
     model = helpers.build(
         {"rope": helpers.body({"type": "path", "start": [-2.0, 0.49], "pieces": [{"line": 4.0}]},
@@ -280,14 +280,17 @@ def test_points_of_contact_on_one_curve_are_summed_and_left_out_where_it_is_far(
     alone = points._replace(run=np.ones_like(points.run))
     n = model.n_q + len(model.constraints)
     d, v = 1e-3 * rng.standard_normal(n), 1e-2 * rng.standard_normal(n)
+    # some points slide from where they held to
+    point_accept(points, d + 1e-2 * rng.standard_normal(n), none)
     far = np.zeros(len(points.forces), dtype=bool)
     gaps = model.contacts[0].gaps(d, 0.0)
     for i in np.flatnonzero(points.run == 4):
         far[i + 1:i + 4] = gaps[i:i + 4].min() > 0.6
     assert far.sum() >= 9
     assert (gaps < 0.0).sum() >= 2
+    sewn = sew(points, identity(n, format="csr"), lambda i, j: i * n + n - 1 + j - i)
     found = []
-    for table in (alone, points):
+    for table in (alone, points, sewn):
         if table is points:
             points.par[far, geometry.HOME] = np.nan
         Q, P = np.zeros(n), np.zeros(n)
@@ -296,6 +299,17 @@ def test_points_of_contact_on_one_curve_are_summed_and_left_out_where_it_is_far(
         both = point_forces(table, d, v, none, Q)
         energy = point_tangent(table, d, v, none, 0.3, P, K, *plain)
         found.append((np.array([*both, energy]), Q, P, K.values))
-    for one, other in zip(*found, strict=True):
+    for one, *others in zip(*found, strict=True):
         assert np.abs(one).max() > 0.0
-        np.testing.assert_allclose(other, one, rtol=1e-12, atol=1e-13 * np.abs(one).max())
+        for other in others:
+            np.testing.assert_allclose(other, one, rtol=1e-12, atol=1e-13 * np.abs(one).max())
+    lower = np.array([[K.values[i, n - 1 + j - i] if j <= i else 0.0 for j in range(n)] for i in range(n)])
+    x, h, ends = rng.standard_normal(n), 1e-7, np.zeros((2, n))
+    y = (lower + np.tril(lower, -1).T) @ x
+    symmetric = y.copy()
+    assert add_skew(sewn, x, y)
+    for end, s in zip(ends, (h, -h), strict=True):
+        point_forces(table, d + s * x, v + 0.3 * s * x, none, end)
+    slope = (ends[0] - ends[1]) / (2 * h)
+    np.testing.assert_allclose(y, slope, atol=1e-5 * np.abs(slope).max())
+    assert np.abs(symmetric - slope).max() > 1e-3 * np.abs(slope).max()
