@@ -1,8 +1,6 @@
 """Laws of contact of a point of a body with an obstacle: one that yields (``contact_layer``), and one that does not.
 
-A point that is free to move along the curve stands where the gap is least, g_z = 0
-(``contact_geometry``); with A = t.rho_q, B = nu.rho_qz, T = t.rho_z, c = nu.rho_zz and D = 1/k its Hessian is
-nu.rho_qq + (c A A - T (A B + B A) - D B B)/(T T + c D), which has a limit at a corner (D = 0) and on a plane (D = inf).
+A point without a law may stand between nodes, and slide there (``contact_sliding``).
 
 Functions of arrays and numbers alone, which kernels compile as they are.
 """
@@ -13,8 +11,7 @@ import numpy as np
 
 from .contact_geometry import (
     ANCHOR,
-    AT_1,
-    AT_2,
+    AT_HOME,
     BEHIND,
     BY,
     BY_BY,
@@ -35,6 +32,8 @@ from .contact_geometry import (
     ROW,
     SECTION,
     SLIDES,
+    SLIDING,
+    STANDING,
     STICK,
     STICKS,
     STIFFNESS,
@@ -42,17 +41,15 @@ from .contact_geometry import (
     TOUCH,
     VECTOR,
     WORK,
-    along,
     count_of,
-    facing,
     gap_at,
     is_back,
-    least,
     spread,
     spread_both,
     stand,
 )
 from .contact_layer import drag, layer, layer_at, settle, settle_at, slip
+from .contact_sliding import bent_free, facing, least, yields
 from .point_laws import APART, PointLaw, match_work, work_matrix, work_vector
 
 
@@ -76,34 +73,6 @@ def bent(par, z, nx, ny, k, work, H):  # type: ignore[no-untyped-def]
     spread_both(par, z, work, H, 0, 1.0)
 
 
-def bent_free(par, z, nx, ny, k, work, H, m):  # type: ignore[no-untyped-def]
-    """Add the Hessian of the gap of a point that stands where it is least along the curve to H (m fields)."""
-    bent(par, z, nx, ny, 0.0, work, H)
-    body, pose = count_of(par)
-    x1, y1 = along(par, work, AT_1, 1)
-    x2, y2 = along(par, work, AT_2, 2)
-    T, bend = -ny * x1 + nx * y1, nx * x2 + ny * y2
-    # B = nu.(rho_XX X' W + rho_X W')
-    for a in range(body + pose):
-        v = 0.0
-        for b in range(body):
-            v += (nx * work[BY_BY + 8 * a + b] + ny * work[BY_BY + 64 + 8 * a + b]) * work[AT_1 + b]
-        work[VECTOR + a], work[VECTOR + 8 + a] = v, nx * work[BY + a] + ny * work[BY + 8 + a]
-    spread(par, z, work, VECTOR, 0, work, ROW)
-    spread(par, z, work, VECTOR + 8, 1, work, OTHER)
-    for q in range(m):
-        work[OTHER + q] += work[ROW + q]
-    normal(par, z, -ny, nx, work, work, ROW)
-    D = 1.0 / k if k != 0.0 else 0.0
-    below = T * T + bend * D if k != 0.0 else bend
-    for p in range(m):
-        A, B = work[ROW + p], work[OTHER + p]
-        for q in range(m):
-            if k != 0.0:
-                H[p, q] += (bend * A * work[ROW + q] - T * (A * work[OTHER + q] + B * work[ROW + q])
-                            - D * B * work[OTHER + q]) / below
-            else:
-                H[p, q] -= B * work[OTHER + q] / below
 
 
 def dragged(par, mem, way, pressed):  # type: ignore[no-untyped-def]
@@ -164,23 +133,24 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     f[m], H[m, m] = force / c, -1.0 / c
     if mem[FREE] < 0.0 or mem[HELD] == OPEN:
         return 0.0, 0.0
-    work, z = work_vector(WORK), par[HOME]
-    if mem[FREE] == 1.0:
-        z = least(par, p0, u, mem, work)
-        if np.isnan(z):
-            return 0.0, 0.0
-        g, nx, ny, k, s, ds = facing(par, mem, work)
+    work, stays = work_vector(WORK), mem[FREE] == AT_HOME
+    z, feature = par[HOME] if stays else mem[PLACE], -1.0 if stays else mem[FEATURE]
+    found = least(par, p0, u, mem, force, work) if mem[FREE] == SLIDING else np.nan
+    moves = not np.isnan(found)
+    if moves:
+        z = found
+        g, nx, ny, k, s, ds = facing(par, mem, z, force, work)
     else:
-        feature = -1.0
-        if mem[FREE] > 0.0:
-            z, feature = mem[PLACE], mem[FEATURE]
         stand(par, p0, u, z, work)
         g, nx, ny, k, s, ds = gap_at(par, work[RHO], work[RHO + 1], feature)
     if mem[HELD] == BY_CHOICE and (force - c * g < -c * par[TOUCH] or is_back(par, nx, ny, work)):
         return 0.0, 0.0
-    H[m, m] = 0.0
-    if mem[FREE] == 1.0:
-        bent_free(par, z, nx, ny, k, work, H, m)
+    soft, slope = 0.0, 0.0
+    if mem[FREE] == SLIDING or mem[FREE] == STANDING:
+        soft, slope, _ = yields(par, z)
+    H[m, m], slope = -soft, 0.5 * slope * force
+    if moves:
+        H[m, m] += 0.5 * slope * yields(par, z)[1] * bent_free(par, z, nx, ny, k, force, work, H, m)
     else:
         bent(par, z, nx, ny, k, work, H)
     normal(par, z, nx, ny, work, work, ROW)
@@ -188,9 +158,9 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
         f[p] = -force * work[ROW + p]
         for q in range(m):
             H[p, q] *= -force
-        H[p, m] = H[m, p] = work[ROW + p]
-    f[m] = g
-    if par[FRICTION] == 0.0 or mem[FREE] == 1.0 or mem[SLIDES] == CLOSES or (force <= 0.0 and mem[SLIDES] == 0.0):
+        H[p, m] = H[m, p] = work[ROW + p] - (slope * work[OTHER + p] if moves else 0.0)
+    f[m] = g + soft * force
+    if par[FRICTION] == 0.0 or moves or mem[SLIDES] == CLOSES or (force <= 0.0 and mem[SLIDES] == 0.0):
         return 0.0, 0.0
     way = slip(par, s, mem[ANCHOR])
     held, slides = dragged(par, mem, way, force)
@@ -255,13 +225,13 @@ def _settle(par, p0, u, mem, z, pressed):  # type: ignore[no-untyped-def]
 
 def accept_hard(p0, u, par, mem):  # type: ignore[no-untyped-def]
     """Take the accepted state as where the search for the point goes on, and what friction goes on from."""
-    if mem[FREE] == 1.0:
-        z = least(par, p0, u, mem, work_vector(WORK))
+    if mem[FREE] == SLIDING:
+        z = least(par, p0, u, mem, -u[len(u) - 1], work_vector(WORK))
         if not np.isnan(z):
             mem[PLACE] = z
-    elif mem[FREE] != -1.0 and mem[HELD] != OPEN and par[FRICTION] > 0.0:
+    elif mem[FREE] >= AT_HOME and mem[HELD] != OPEN and par[FRICTION] > 0.0:
         pressed = max(-u[len(u) - 1], 0.0)
-        _settle(par, p0, u, mem, par[HOME] if mem[FREE] == 0.0 else mem[PLACE], pressed)
+        _settle(par, p0, u, mem, par[HOME] if mem[FREE] == AT_HOME else mem[PLACE], pressed)
         if mem[HELD] == BY_CHOICE:
             # forces of a step are no impulses: what closes in the next one has those of its impact
             mem[SLIDES] = 0.0 if pressed > 0.0 else CLOSES

@@ -22,17 +22,19 @@ CURVE, OF_THETA, OF_TANGENT = 0, 1, 2
 STILL, BY_ANGLE, BY_DIRECTION = 0, 1, 2
 # BODY: no obstacle, but another body (contact_bodies)
 HALF_PLANE, CIRCLE, POLYLINE, BODY = 0, 1, 2, 3
-# par: the place on the body, what acts there, the obstacle's pose in the reference, its shape and what describes it
+# par: the place on the body, what acts there, the obstacle's pose in the reference, how a point between nodes yields
+# (``contact_sliding``), its shape and what describes it
 (SECTION, TERMS, OFFSET, HOME, WEIGHT, STIFFNESS, DAMPING, FRICTION, STICK, TOUCH, POSE, POSE_X, POSE_Y, LENGTH, FACE,
- SHAPE, ORIGIN) = range(17)
-# mem: where along the element; whether it moves there (0 it stands at home, 1 it is free, 2 it stands at that place,
-# -1 it is out of use); what of a polyline it is opposite to; the place on the obstacle that friction holds it to;
-# whether it is closed (1) or open (0), which force and gap tell where it is -1; and whether it sticks (2) or slides,
-# with friction of this sign along s (1 or -1), which the forces tell where it is 0; with none in the step of a motion
-# in which it closes, where that is the impact's (3); and the force of friction along s that it begins with behind an
-# impact, inf where there was none
+ BENDS, SHEARS, SHAPE, ORIGIN) = range(19)
+# mem: where along the element; whether it moves there (0 it stands at home, 1 it slides about a corner, 2 it stands at
+# that place of the beam's curve and 3 of the element's own; -1 and -2 it is out of use, on either curve); what of a
+# polyline it is opposite to; the place on the obstacle that friction holds it to; whether it is closed (1) or open (0),
+# which force and gap tell where it is -1; and whether it sticks (2) or slides, with friction of this sign along s (1 or
+# -1), which the forces tell where it is 0; with none in the step of a motion in which it closes, where that is the
+# impact's (3); and the force of friction along s that it begins with behind an impact, inf where there was none
 PLACE, FREE, FEATURE, ANCHOR, HELD, SLIDES, BEHIND = range(7)
 MEMORY = 7
+UNUSED_OWN, UNUSED, AT_HOME, SLIDING, STANDING, OWN = -2.0, -1.0, 0.0, 1.0, 2.0, 3.0
 STICKS, CLOSES, NONE = 2.0, 3.0, np.inf
 BY_CHOICE, OPEN, CLOSED = -1.0, 0.0, 1.0
 # numbers of work: X, X', X'' (8 each), rho (2), its derivatives by X (2, 8) and (2, 8, 8), small vectors and matrices
@@ -42,9 +44,6 @@ NORMAL, TANGENT, RATES, SLOPE, FORCE = range(VECTOR + 8, VECTOR + 48, 8)
 WORK = 370
 # a face that looks this much away from an obstacle is the back of what touches (cosine of the angle to its normal)
 BACK = 0.7
-# beyond a multiple of its length, the polynomial of an element says nothing of its neighbour
-INSIDE = 1.0
-TRIES = 30
 
 
 def count_of(par):  # type: ignore[no-untyped-def]
@@ -301,44 +300,6 @@ def stand(par, p0, u, z, work):  # type: ignore[no-untyped-def]
     take(par, p0, u, z, work)
     offset(par, work)
     seen(par, work)
-
-
-def least(par, p0, u, mem, work):  # type: ignore[no-untyped-def]
-    """Return z next to mem[PLACE] where the gap to mem[FEATURE] is least, nan where that is beyond the element."""
-    z, feature = mem[PLACE], mem[FEATURE]
-    for _ in range(TRIES):
-        stand(par, p0, u, z, work)
-        _, nx, ny, k, _, _ = gap_at(par, work[RHO], work[RHO + 1], feature)
-        x1, y1 = along(par, work, AT_1, 1)
-        x2, y2 = along(par, work, AT_2, 2)
-        T, slope, bend = -ny * x1 + nx * y1, nx * x1 + ny * y1, nx * x2 + ny * y2
-        if k != 0.0:
-            # D g_z and D g_zz, which stay finite at a corner
-            slope, bend = slope / k, T * T + bend / k
-            bend = max(bend, 0.1 * (x1 * x1 + y1 * y1))
-        elif bend <= 0.0:
-            return np.nan
-        step = -slope / bend
-        new = min(max(z + step, z - 0.5), z + 0.5)
-        moved, z = abs(new - z), new
-        if not abs(z) < 1.5:
-            return np.nan
-        if moved < 1e-13:
-            break
-    stand(par, p0, u, z, work)
-    return z if abs(z) <= INSIDE else np.nan
-
-
-def facing(par, mem, work):  # type: ignore[no-untyped-def]
-    """Return (g, nu, k, s, ds) where the gap is least along the curve: nu is then normal to it, at a corner too."""
-    g, nx, ny, k, s, ds = gap_at(par, work[RHO], work[RHO + 1], mem[FEATURE])
-    if k != 0.0:
-        tx, ty = along(par, work, AT_1, 1)
-        L = np.sqrt(tx * tx + ty * ty)
-        cx, cy = -ty / L, tx / L
-        sign = 1.0 if cx * nx + cy * ny > 0.0 else -1.0
-        nx, ny = sign * cx, sign * cy
-    return g, nx, ny, k, s, ds
 
 
 def spread(par, z, work, first, order, out, add):  # type: ignore[no-untyped-def]

@@ -173,6 +173,13 @@ class ElementType:
         return max(p.degree_y for p in self.polynomials)
 
     @property
+    def degree_of_turn(self) -> int:
+        """Highest power of x by which sections turn along the axis."""
+        if self.section_kind == "interpolated":
+            return max(t.i for p in self.polynomials for t in p.terms if t.j == 1)
+        return self.degree_x if self.has_theta else self.degree_x - 1
+
+    @property
     def common_coefficients(self) -> bool:
         """Whether some basis function ties powers of y to powers of x."""
         return any(len({(t.i, t.j) for t in p.terms}) > 1 for p in self.polynomials)

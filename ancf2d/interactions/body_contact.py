@@ -13,7 +13,8 @@ from ..elements import contact_geometry as geometry
 from ..elements.contact_bodies import COMPLIANT_BODIES, HARD_BODIES, Facing
 from ..elements.shape import Array
 from ..model.mesh import BodyMesh, Index
-from .contact import TOUCH, Contact, Spot, curve_rows, eta_at, face_of, levels_of, offset_of, pieces_along, spots
+from .contact import TOUCH, Contact
+from .contact_curves import Spot, curve_rows, eta_at, face_of, levels_of, offset_of, padded, pieces_along, spots
 
 # of the mean height of two bodies: what is deeper is not what a point touches, but the far side
 DEEPEST = 0.75
@@ -51,13 +52,6 @@ def _terms(mesh: BodyMesh) -> int:
     return 1 + max(mesh.plan.element.degree_x, mesh.plan.element.degree_y)
 
 
-def _padded(rows: Array, terms: int, wanted: int) -> Array:
-    """Return rows with more powers, all zero."""
-    out = np.zeros((len(rows) // terms, wanted, rows.shape[1]))
-    out[:, :terms] = rows.reshape(-1, terms, rows.shape[1])
-    return out.reshape(-1, rows.shape[1])
-
-
 def curves_of(mesh: BodyMesh, side: str) -> list[Curve]:
     """Return the curves of a body that may be touched: its faces and ends, or its axis."""
     out, count, levels = [], len(mesh.dofs), levels_of(mesh, side)
@@ -75,7 +69,7 @@ def curves_of(mesh: BodyMesh, side: str) -> list[Curve]:
             height = eta_at(mesh, Spot(ie, 0.0, eta, 0.0))
             rows, own, kind = curve_rows(mesh, ie, height)
             joined = (1 if ie > 0 or mesh.plan.closed else 0) + (2 if ie < count - 1 or mesh.plan.closed else 0)
-            add(ie, _padded(rows, own, terms), kind, OFFSET=offset_of(mesh, height), JOINED=joined,
+            add(ie, padded(rows, own, terms), kind, OFFSET=offset_of(mesh, height), JOINED=joined,
                 SIGN=-1.0 if eta == levels[0] and side == "surface" else 1.0, BEGINS=float(mesh.starts[ie]),
                 GOES=float(mesh.lengths[ie]))
     if side == "surface" and not mesh.plan.closed:
@@ -87,7 +81,7 @@ def curves_of(mesh: BodyMesh, side: str) -> list[Curve]:
                 add(ie, _across(mesh, ie, z, low, high), kind, **place)
             else:
                 below, above = offset_of(mesh, low), offset_of(mesh, high)
-                add(ie, _padded(rows, own, terms), kind, **place, END=z, MIDDLE=0.5 * (below + above),
+                add(ie, padded(rows, own, terms), kind, **place, END=z, MIDDLE=0.5 * (below + above),
                     HALF=0.5 * (above - below))
     return out
 
@@ -133,6 +127,8 @@ class BodyPair:
     frame, fed, signal, size = None, -1, None, laws.BODY_MEMORY
     # whether its points touch bodies
     on_bodies = True
+    # and stay at places of their own curve
+    still = False
     # what each is opposite to changes
     runs = None
 
@@ -144,8 +140,9 @@ class BodyPair:
         self.law = HARD_BODIES if self.hard else COMPLIANT_BODIES
         # what is reported is the force on the first body named: none of a body on itself
         self.sign = 0.0 if item.between is None else 1.0 if item.between[0] == self.body else -1.0
-        self.spots = chosen or spots(mesh, item.side, not self.hard) if whole else (
-            _corners(mesh) if item.side == "surface" else [p for p in spots(mesh, "axis", False) if _is_end(mesh, p)])
+        ends = _corners(mesh) if item.side == "surface" else [
+            p for p in spots(mesh, "axis", False, False) if _is_end(mesh, p)]
+        self.spots = chosen or spots(mesh, item.side, not self.hard, False) if whole else ends
         self.s: Array = np.array([self._along(p) / mesh.plan.length for p in self.spots])
         self.curves = curves_of(other, item.side)
         self._items()
@@ -170,7 +167,7 @@ class BodyPair:
             G.append(both)
             start.append(np.concatenate([rows @ mesh.e0[mesh.dofs[p.ie] - mesh.first_dof], opposite.p0]))
             par.append([kind, terms, offset_of(mesh, eta), p.z, *self._law(p), TOUCH * self.scale, geometry.STILL, 0.0,
-                        0.0, 1.0, self._face(p), geometry.BODY, *opposite.constants, *self._limits(p)])
+                        0.0, 1.0, self._face(p), 0.0, 0.0, geometry.BODY, *opposite.constants, *self._limits(p)])
         own = np.array([mesh.dofs[p.ie] for p in self.spots]).reshape(len(self.spots), -1)
         self.dofs: Index = np.hstack([own, np.broadcast_to(opposite.dofs, (len(own), len(opposite.dofs)))])
         self.G, self.p0, self.par = np.array(G), np.array(start), np.array(par)

@@ -10,18 +10,24 @@ from typing import Any
 from numba import types
 
 from ..elements import contact_geometry as geometry
+from ..elements import contact_sliding as sliding
 from ..elements.contact_geometry import (
+    AT_HOME,
     CIRCLE,
     DAMPING,
     FEATURE,
     FREE,
+    HELD,
     HOME,
     MEMORY,
     ORIGIN,
+    OWN,
     PLACE,
     POLYLINE,
     RHO,
     SHAPE,
+    SLIDING,
+    STANDING,
     WORK,
 )
 from .compiled_laws import part
@@ -30,11 +36,14 @@ from .lowlevel.arrays import vector
 from .lowlevel.jit import inner, kernel
 from .points import amplitude_of, fields_of_item
 
-# places at which an interval between points of contact is looked at
-SAMPLES = 9
+# places at which an interval between points of contact is looked at; depth beside a point that it contains already, of
+# what the beam yields there
+SAMPLES, BESIDE = 9, 0.25
 
-_facing, _feature_at, _gap_at, _is_back, _least, _stand = (part(f) for f in (
-    geometry.facing, geometry.feature_at, geometry.gap_at, geometry.is_back, geometry.least, geometry.stand))
+_feature_at, _gap_at, _is_back, _stand = (part(f) for f in (
+    geometry.feature_at, geometry.gap_at, geometry.is_back, geometry.stand))
+_facing, _least, _slopes, _yields, _yields_beside = (part(f) for f in (
+    sliding.facing, sliding.least, sliding.slopes, sliding.yields, sliding.yields_beside))
 
 
 @kernel
@@ -45,21 +54,42 @@ def contact_gaps(points, d, amps, gaps, along, faces):  # type: ignore[no-untype
         b, m = points.field[i], points.field[i + 1] - points.field[i]
         fields_of_item(points, i, d, u)
         amplitude_of(points, i, amps, u, w, a)
-        z = points.par[i, HOME] if points.mem[i, FREE] == 0.0 else points.mem[i, PLACE]
+        z = points.par[i, HOME] if points.mem[i, FREE] == AT_HOME else points.mem[i, PLACE]
         _stand(points.par[i], points.p0[b:b + m], u, z, work)
-        feature = -1.0 if points.mem[i, FREE] == 0.0 else points.mem[i, FEATURE]
+        feature = -1.0 if points.mem[i, FREE] == AT_HOME else points.mem[i, FEATURE]
         gaps[i], nx, ny, _, along[i], _ = _gap_at(points.par[i], work[RHO], work[RHO + 1], feature)
+        if points.mem[i, FREE] == SLIDING or points.mem[i, FREE] == STANDING:
+            gaps[i] -= u[m - 1] * _yields(points.par[i], z)[0]
         faces[i] = not _is_back(points.par[i], nx, ny, work)
+
+
+@kernel
+def lean(points, d, amps, slope, bend, part_of):  # type: ignore[no-untyped-def]
+    """Fill g_z and g_zz of the gap of each point between others (n,) at d (n_full,), and the part of the obstacle that
+    it is nearest to."""
+    u, w, a, work = vector(200), vector(200), vector(3), vector(WORK)
+    for i in range(len(points.forces)):
+        if points.mem[i, FREE] <= 0.0:
+            continue
+        par, z, b, m = points.par[i], points.mem[i, PLACE], points.field[i], points.field[i + 1] - points.field[i]
+        fields_of_item(points, i, d, u)
+        amplitude_of(points, i, amps, u, w, a)
+        _stand(par, points.p0[b:b + m], u, z, work)
+        _, nx, ny, k, _, _ = _gap_at(par, work[RHO], work[RHO + 1], points.mem[i, FEATURE])
+        slope[i], bend[i], _, _ = _slopes(par, z, 0.0, nx, ny, k, work)
+        part_of[i] = points.mem[i, FEATURE]
+        if int(par[SHAPE]) == POLYLINE:
+            part_of[i] = float(_feature_at(par, work[RHO], work[RHO + 1]))
 
 
 @inner
 def _try(par, p0, u, mem, work, z, feature, low, high, best):  # type: ignore[no-untyped-def]
     """Follow the gap to one part of the obstacle downhill from z; keep its least value where that is the deepest."""
     mem[PLACE], mem[FEATURE] = z, feature
-    found = _least(par, p0, u, mem, work)
+    found = _least(par, p0, u, mem, 0.0, work)
     if math.isnan(found) or not low <= found <= high:
         return
-    g, nx, ny, _, _, _ = _facing(par, mem, work)
+    g, nx, ny, _, _, _ = _facing(par, mem, found, 0.0, work)
     if g < best[0] and not _is_back(par, nx, ny, work):
         best[0], best[1], best[2] = g, found, feature
 
@@ -83,11 +113,14 @@ def deepest(points, free, d, amps, depth, place, feature):  # type: ignore[no-un
         amplitude_of(points, i, amps, u, w, a)
         low, high = par[HOME] - par[DAMPING], par[HOME] + par[DAMPING]
         longest, at = 0.0, 0
+        taken = points.mem[i, HELD] > 0.0 and points.mem[i, FREE] > 0.0
         for k in range(SAMPLES):
             zs[k] = low + (high - low) * k / (SAMPLES - 1)
             _stand(par, p0, u, zs[k], work)
             xs[k], ys[k] = work[RHO], work[RHO + 1]
             g[k] = _gap_at(par, xs[k], ys[k], -1.0)[0]
+            if taken and points.mem[i, FREE] != OWN:
+                g[k] -= u[m - 1] * _yields_beside(par, zs[k], points.mem[i, PLACE])
             if k > 0:
                 longest = max(longest, math.hypot(xs[k] - xs[k - 1], ys[k] - ys[k - 1]))
             if g[k] < g[at]:
@@ -96,12 +129,26 @@ def deepest(points, free, d, amps, depth, place, feature):  # type: ignore[no-un
         if g[at] > longest:
             continue
         best[0] = 0.0
+        if taken:
+            depth[i], place[i], feature[i] = _beside(par, u[m - 1], points.mem[i], xs[at], ys[at], zs[at], g[at])
+            continue
         if int(par[SHAPE]) != POLYLINE:
             if int(par[SHAPE]) != CIRCLE or par[ORIGIN + 2] > 0.0 or 0 < at < SAMPLES - 1:
                 _try(par, p0, u, mem, work, zs[at], -1.0, low, high, best)
         else:
             _try_polyline(par, p0, u, mem, work, zs, xs, ys, g, longest, best)
         depth[i], place[i], feature[i] = -best[0], best[1], best[2]
+
+
+@inner
+def _beside(par, multiplier, mem, x, y, z, g):  # type: ignore[no-untyped-def]
+    """Return (depth, z, feature) where a body is in another part of an obstacle than a point in the same interval, by
+    more than a share of what it yields there."""
+    what = float(_feature_at(par, x, y)) if int(par[SHAPE]) == POLYLINE else mem[FEATURE]
+    soft = 0.0 if mem[FREE] == OWN else _yields(par, mem[PLACE])[0]
+    if what == mem[FEATURE] or g >= BESIDE * multiplier * soft:
+        return 0.0, 0.0, 0.0
+    return -g, z, what
 
 
 @inner
@@ -148,7 +195,8 @@ def contact_compilations(problem: Any, obstacles: bool, bodies: bool, sided: boo
         if sided:
             out.append(partial(body_deepest.compile, (facing, points, b, x, x, x)))
     if obstacles:
-        out.append(partial(contact_gaps.compile, (points, x, xx, x, x, b)))
+        out += [partial(contact_gaps.compile, (points, x, xx, x, x, b)),
+                partial(lean.compile, (points, x, xx, x, x, x))]
         if sided:
             out.append(partial(deepest.compile, (points, b, x, xx, x, x, x)))
     return out

@@ -3,28 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ..elements.contact_bodies import BEGINS, FOOT, GOES
-from ..elements.contact_geometry import FREE, FRICTION, ORIGIN, PLACE
+from ..elements.contact_geometry import (
+    BENDS,
+    DAMPING,
+    FEATURE,
+    FREE,
+    FRICTION,
+    HELD,
+    HOME,
+    ORIGIN,
+    OWN,
+    PLACE,
+    SHEARS,
+    SLIDING,
+    STANDING,
+    UNUSED_OWN,
+)
 from ..elements.contact_geometry import STICK as STIFF
+from ..elements.contact_sliding import at_corner
 from ..elements.shape import Array
 from ..interactions.body_contact import BodyPair, facing_table
 from ..interactions.contact import STICK, CompliantContact, ContactPair, ContactPoint
+from ..interactions.contact_curves import BeamCurves
 from ..kernels.compiled_laws import point_law_compilations
 from ..kernels.contact import contact_compilations
 from ..kernels.points import Points
 from .interactions import HasItems, Interactions, point_table
 from .timing import rates_of
 
+# depth beside closed points that counts as none where curves are not cubic, beside the extent of the scene, and beside
+# what their forces would do in the middle of an element
+BETWEEN, ROUGH = 1e-6, 40.0
 # slip of a rigid body that sticks under all forces of the scene, beside its extent; load factors that are looked at
 SLIP, FACTORS = 1e-6, 16
 
 
 class ContactTable:
-    """The points of a contact with an obstacle, with what they remember at the moment."""
+    """The points of a contact with an obstacle, with what they remember at the moment.
+
+    ``fixed`` (m,) are those whose gap supports hold; ``supported`` (m, 2) tells which ends of intervals touch so.
+    """
 
     def __init__(self, constraints: Iterable[Any], pair: Any) -> None:
         self.pair = pair
@@ -33,21 +57,98 @@ class ContactTable:
         self.patches: list[Any] = self.points or [CompliantContact(pair)]
         self.table: Points = point_table(self.patches, self.signals)
         self.size = pair.size
+        self.curves = BeamCurves(self.patches)
+        self.fixed, self.supported = (np.zeros((len(self.points), *n), dtype=bool) for n in ((), (2,)))
 
     def at(self, d: Array, t: float) -> tuple[Points, Array]:
         """Return the table and the amplitudes at t, at d (n_full,)."""
         mem = [p.mem[:self.size] for p in self.points] if self.points else self.pair.mem[:, :self.size]
         self.table.mem[:, :self.size] = mem
         amps = np.array([(s(t), *rates_of(s, t)) for s in self.signals]).reshape(-1, 3)
+        self.turn_to(d)
         return self.table, amps
 
     def turn_to(self, d: Array) -> None:
-        """Let points act on what they are opposite to at d (n_full,): an obstacle, wherever they are."""
+        """Let points touch with the curves that they have at d (n_full,): what they are opposite to is an obstacle."""
+        self.curves.take(self.table, d, True)
+
+    def stands(self, k: int, feature: float) -> float:
+        """Return how point k between others touches a part of what it is opposite to: it slides about a corner, and
+        elsewhere stands at a place of the curve that it is on."""
+        point = self.points[k]
+        if at_corner(point.par, feature):
+            return SLIDING
+        return OWN if point.mem[FREE] in (OWN, UNUSED_OWN) else STANDING
 
     @property
     def free(self) -> Any:
         """Which points may move along their element (m,)."""
         return np.array([p.free for p in self.pair.spots])
+
+    @cached_property
+    def ends(self) -> Any:
+        """The points at home at both ends of the interval of each that may move (m, 2), -1 where there is none."""
+        mesh, half = self.pair.mesh, self.pair.par[:, DAMPING]
+        count, closed = len(mesh.dofs), mesh.plan.closed
+        known = {(p.ie, round(p.z, 9), p.eta): k for k, p in enumerate(self.pair.spots) if not p.free}
+        out = np.full((len(half), 2), -1)
+        for k in np.flatnonzero(self.free):
+            p = self.pair.spots[k]
+            for side, z in enumerate((p.z - half[k], p.z + half[k])):
+                after = p.ie + 1 if p.ie < count - 1 else 0 if closed else p.ie
+                own = known.get((p.ie, round(z, 9), p.eta), -1)
+                out[k, side] = own if own >= 0 or z < 1.0 - 1e-9 else known.get((after, -1.0, p.eta), -1)
+        return out
+
+    def look_at_supports(self, d: Array, t: float, near: float) -> None:
+        """Look which ends of intervals that supports hold touch at d (n_full,), up to ``near``: they bear no force."""
+        for side in range(2):
+            end = self.ends[:, side]
+            if self.fixed[end[end >= 0]].any():
+                self.supported[:, side] = (end >= 0) & self.fixed[end] & (np.abs(self.gaps(d, t)[0][end]) <= near)
+            at = {k: (float(self.pair.par[k, HOME] + (2 * side - 1) * self.pair.par[k, DAMPING]), -1.0)
+                  for k in np.flatnonzero(self.free & (self.ends[:, side] < 0)).tolist()}
+            if at:
+                gap = self.gradients(d, t, at)[2]
+                self.supported[list(at), side] = np.abs(gap[list(at)]) <= near
+
+    def inside(self, held: Any) -> Any:
+        """Return which intervals (m,) between points at home are inside a contact zone.
+
+        ``held`` (m,) tells which points are closed. Inside, the next interval on either side has a closed point between
+        its ends, or is closed at both of them, or there is none behind a closed end.
+        """
+        free, ends = np.flatnonzero(self.free), self.ends[self.free]
+        closed, none = (held[ends] & (ends >= 0)) | self.supported[free], len(held)
+        beyond = np.full((none + 1, 2), none)
+        for side in range(2):
+            beyond[ends[:, side], side] = free
+        points, whole = np.append(held, False), np.ones(none + 1, dtype=bool)
+        whole[free] = closed.all(axis=1)
+        out = np.zeros(none, dtype=bool)
+        out[free] = True
+        for side in range(2):
+            following = np.where(ends[:, side] >= 0, beyond[ends[:, side], 1 - side], none)
+            out[free] &= points[following] | (closed[:, side] & whole[following])
+        return out
+
+    def slack(self, held: Any, force: Array, feature: Array) -> Array:
+        """Return the depth (m,) between the ends of elements that counts as none.
+
+        ``held`` and ``force`` (m,) tell which points are closed. Where curves are not cubic, beside a closed point its
+        force would bend the beam by some of this; corners of obstacles are left out.
+        """
+        free, out = np.flatnonzero(self.free), np.zeros(len(held))
+        if not self.pair.still or self.pair.cubic:
+            return out
+        ends, par = self.ends[free], self.pair.par[free]
+        closed = held[ends] & (ends >= 0)
+        # what supports hold has no point
+        near = (closed | (ends < 0)).any(axis=1) & ~at_corner(par, feature[free])
+        soft = par[:, BENDS] / 64.0 + par[:, SHEARS] / 4.0
+        out[free] = np.where(near, BETWEEN * self.pair.scale + ROUGH * soft * np.where(
+            closed, np.abs(force[ends]), 0.0).sum(axis=1), 0.0)
+        return out
 
     def gaps(self, d: Array, t: float) -> tuple[Array, Any]:
         """Return the gap of each point (m,) where it stands, and whether its face is the one that touches."""
@@ -74,6 +175,42 @@ class ContactTable:
         depth, place, feature = np.zeros(n), np.zeros(n), np.zeros(n)
         deepest(table, self.free, d, amps, depth, place, feature)
         return depth, place, feature
+
+    def gradients(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None = None
+                  ) -> tuple[Any, Array, Array]:
+        """Return coordinates (m, n), gradients (m, n) and gaps (m,) of points at d (n_full,).
+
+        Those between others are where they stand, or ``at`` a place z with the part of the obstacle opposite.
+        """
+        from ..kernels.points import point_matrices
+
+        table, amps = self.at(d, t)
+        table.mem[:, HELD] = 1.0
+        for k, (place, feature) in (at or {}).items():
+            table.mem[k, PLACE], table.mem[k, FEATURE] = place, feature
+            table.mem[k, FREE] = self.stands(k, feature)
+        self.turn_to(d)
+        dofs = table.dofs.reshape(len(table.forces), -1).copy()
+        unit = d.copy()
+        unit[dofs[:, -1]] = 1.0
+        m, n = dofs.shape
+        energy, Q, K, C = np.zeros(m), np.zeros((m, n)), np.zeros((m, n, n)), np.zeros((m, n, n))
+        # of gaps alone, without friction and what the beam yields
+        kept = table.par[:, [FRICTION, BENDS, SHEARS]]
+        table.par[:, [FRICTION, BENDS, SHEARS]] = 0.0
+        point_matrices(table, unit, np.zeros_like(d), amps, False, energy, Q, K, C)
+        table.par[:, [FRICTION, BENDS, SHEARS]] = kept
+        return dofs[:, :-1], Q[:, :-1], Q[:, -1]
+
+    def lean(self, d: Array, t: float) -> tuple[Array, Array, Array]:
+        """Return g_z and g_zz (m,) of points that stand between others, and the part of the obstacle nearest to them.
+        """
+        from ..kernels.contact import lean
+
+        table, amps = self.at(d, t)
+        slope, bend, part_of = np.zeros((3, len(table.forces)))
+        lean(table, d, amps, slope, bend, part_of)
+        return slope, bend, part_of
 
     def crossed(self, before: Array, d: Array) -> bool:
         """Return that no point passes through a body between two states: obstacles have one side."""
@@ -102,12 +239,6 @@ class BodyTable(ContactTable):
     def __init__(self, constraints: Iterable[Any], pair: Any) -> None:
         super().__init__(constraints, pair)
         self.facing = facing_table(self.patches)
-
-    def at(self, d: Array, t: float) -> tuple[Points, Array]:
-        """Return the table and the amplitudes at t; each point is opposite to what it is at d (n_full,)."""
-        table, amps = super().at(d, t)
-        self.turn_to(d)
-        return table, amps
 
     def turn_to(self, d: Array) -> None:
         """Let points act on the elements that they are opposite to at d (n_full,)."""

@@ -11,7 +11,8 @@ import numpy as np
 from ..case import Case, Dynamic
 from ..elements.shape import Array
 from ..interactions.body_contact import BodyPair, body_pairs
-from ..interactions.contact import CompliantContact, ContactPair, ContactPoint, movable
+from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
+from ..interactions.contact_curves import movable
 from ..interactions.obstacles import Frame
 from .mesh import BodyMesh
 
@@ -68,15 +69,18 @@ class Contacts:
     def _pairs(self, i: int, item: Any) -> list[Any]:
         body, other = (item.self_, item.self_) if item.between is None else item.between
         name = item.name or f"{body}-{other}"
+        # friction would hold a point to where it does not stay
+        still = (not isinstance(self.case.solver, Dynamic) and item.law is None and not item.friction
+                 and getattr(self.case.solver, "method", "newton") == "newton")
         if body in self.case.obstacles:
             body, other = other, body
         if other in self.case.obstacles:
-            if not movable(self.meshes[body], item, self.held):
+            if not movable(self.meshes[body], item.side, item.law is not None, self.held, still):
                 self.problems.append((("contacts", i), f"contacts.{i}: supports hold all of {body}, which cannot touch "
                                       f"{other}", "a body that moves"))
                 return []
             pair = ContactPair(item, name, self.meshes[body], self.case.obstacles[other], self.frames[other],
-                               self.extent, self.held, rapid_rate(self.case))
+                               self.extent, self.held, rapid_rate(self.case), still=still)
             pair.other = other
             self._look(i, pair)
             return [pair]

@@ -11,6 +11,7 @@ from ..elements.point_laws import MAX_MEM, MAX_PAR, MAX_SIGNALS
 from ..elements.shape import Array
 from ..interactions.body_contact import facing_table
 from ..interactions.contact import CompliantContact
+from ..interactions.contact_curves import BeamCurves
 from ..interactions.forces import Patch
 from ..interactions.prismatic import OnAxis, sliding_table
 from ..kernels.compiled_laws import point_law_addresses
@@ -163,7 +164,7 @@ class Batch:
         self.signals: list[Any] = []
         self.patches = patches
         self.table = point_table(patches, self.signals)
-        self.facing = facing_table(patches)
+        self.facing, self.curves = facing_table(patches), BeamCurves(patches)
         m = len(self.table.forces)
         # where bodies touch, these change
         self.dofs: Index = self.table.dofs.reshape(m, -1)
@@ -185,7 +186,8 @@ class Batch:
         return np.array([(s(t), *(rates_of(s, t) if rates else (0.0, 0.0))) for s in self.signals]).reshape(-1, 3)
 
     def turn_to(self, d: Array) -> None:
-        """Let points that touch bodies act on the elements that they are opposite to at d (n_full,)."""
+        """Let points touch with the curves that they have at d (n_full,), and what they are opposite to there."""
+        self.curves.take(self.table, d, False)
         if len(self.facing.item):
             face(self.facing, self.table, d)
 

@@ -17,9 +17,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..elements.contact_geometry import FEATURE, FREE, FRICTION, HELD, PLACE, POLYLINE, SHAPE, STIFFNESS, TOUCH
+from ..elements.contact_geometry import FEATURE, FREE, HELD, OWN, PLACE, SLIDING, STIFFNESS, TOUCH
+from ..elements.contact_sliding import yields
 from ..elements.shape import Array
+from .complementarity import DEPENDENT, lemke
 from .friction import hold, rub
+from .lift_off import choose_curves, come_inside, let_go, open_point, slide, stand_at
 
 if TYPE_CHECKING:
     from ..interactions.contact import ContactPoint
@@ -35,9 +38,6 @@ PULL = 1e-9
 SAME = 1e-9
 # equilibria on the way to one where nothing changes, before that is given up
 ROUNDS = 40
-# pivots per unknown of Lemke's method; what counts as none of numbers whose diagonal is 1, so that points depend on
-# each other; ratios that are equal
-PIVOTS, DEPENDENT, EQUAL = 20, 1e-12, 1e-12
 # share of a gap's gradient that supports leave where it is more than round-off
 MOVES = 1e-9
 # times that points beside closed ones are closed, too, where a body would buckle between those
@@ -53,7 +53,8 @@ def begin(system: System, d: Array, t: float) -> None:
     for one in system.model.contact_tables:
         if one.pair.hard and any(p.mem[HELD] < 0.0 for p in one.points):
             gap, faces = one.gaps(d, t)
-            moves = _moves(system, *_rows(one, d, t, {})[:2])
+            moves = _moves(system, *one.gradients(d, t)[:2])
+            one.fixed = ~moves & ~one.free
             for k, (point, spot) in enumerate(zip(one.points, one.pair.spots, strict=True)):
                 touches = faces[k] and not spot.free and gap[k] <= point.par[TOUCH]
                 point.mem[HELD] = float(bool(touches and moves[k]))
@@ -88,6 +89,13 @@ class _Spot(NamedTuple):
     feature: float = -1.0
 
     @property
+    def soft(self) -> float:
+        """What an open point between others yields under a unit force beyond the polynomial of its element."""
+        if self.held or not self.one.pair.spots[self.k].free or self.one.stands(self.k, self.feature) == OWN:
+            return 0.0
+        return yields(self.point.par, self.place)[0]
+
+    @property
     def point(self) -> ContactPoint:
         """The point whose multiplier is its force, before a free one has been chosen for it."""
         return self.one.points[self.k]
@@ -101,6 +109,8 @@ def _depths(one: ContactTable, d: Array, t: float) -> tuple[Array, Array, Array]
     held = np.array([p.mem[HELD] > 0.0 for p in one.points])
     home = ~free & ~held & faces
     depth[home] = np.maximum(-gap[home], 0.0)
+    force = np.array([-d[p.multiplier] for p in one.points])
+    depth[free & (depth <= one.slack(held, force, feature))] = 0.0
     return depth, place, feature
 
 
@@ -110,50 +120,19 @@ def overlap(model: Model, d: Array, t: float) -> float:
     return max((float(_depths(one, d, t)[0].max(initial=0.0)) for one in hard), default=0.0)
 
 
-def _rows(one: ContactTable, d: Array, t: float, at: dict[int, tuple[float, float]]) -> tuple[Any, Array, Array]:
-    """Return coordinates (m, n), gradients (m, n) and gaps (m,) of points: free ones where they are, or ``at``."""
-    from ..kernels.points import point_matrices
-
-    table, amps = one.at(d, t)
-    table.mem[:, HELD] = 1.0
-    for k, (place, feature) in at.items():
-        table.mem[k, FREE], table.mem[k, PLACE], table.mem[k, FEATURE] = _stands(one.points[k], place, feature)
-    one.turn_to(d)
-    dofs = table.dofs.reshape(len(table.forces), -1).copy()
-    unit = d.copy()
-    unit[dofs[:, -1]] = 1.0
-    m, n = dofs.shape
-    energy, Q, K, C = np.zeros(m), np.zeros((m, n)), np.zeros((m, n, n)), np.zeros((m, n, n))
-    # of gaps alone: friction of a point that once slid is none of them
-    friction = table.par[:, FRICTION].copy()
-    table.par[:, FRICTION] = 0.0
-    point_matrices(table, unit, np.zeros_like(d), amps, False, energy, Q, K, C)
-    table.par[:, FRICTION] = friction
-    return dofs[:, :-1], Q[:, :-1], Q[:, -1]
-
-
-def _stands(point: ContactPoint, place: float, feature: float) -> tuple[float, float, float]:
-    """Return what a free point remembers: a corner says where it touches, elsewhere it stays where it is put.
-
-    A body may bend just as the obstacle does, and any place will do.
-    """
-    corner = point.par[SHAPE] == POLYLINE and feature % 2 == 1
-    return 2.0 - corner, place, feature
-
-
 def _look(one: ContactTable, d: Array, t: float, depths: tuple[Array, Array, Array], home: bool) -> list[_Spot]:
     """Return the points that are closed, those at home that may close and, unless ``home``, places between them."""
     depth, place, feature = depths
     free, held = one.free, np.array([p.mem[HELD] > 0.0 for p in one.points])
     _, faces = one.gaps(d, t)
-    dofs, rows, gap = _rows(one, d, t, {})
+    dofs, rows, gap = one.gradients(d, t)
     out = [_Spot(one, k, bool(held[k]), dofs[k], rows[k], float(gap[k]))
            for k in np.flatnonzero(held | (~free & faces)).tolist()]
     if home:
         return out
     new = {k: (float(place[k]), float(feature[k])) for k in np.flatnonzero(free & (depth > 0.0)).tolist()
            if not _there(one, k, place[k], feature[k])}
-    dofs, rows, gap = _rows(one, d, t, new)
+    dofs, rows, gap = one.gradients(d, t, new)
     return out + [_Spot(one, k, False, dofs[k], rows[k], float(gap[k]), *new[k]) for k in new]
 
 
@@ -167,23 +146,29 @@ def _beside(one: ContactTable, k: int) -> list[int]:
 def _there(one: ContactTable, k: int, place: float, feature: float) -> bool:
     """Whether a free point in use already stands at a place, or turns about the same corner."""
     mems = [one.points[j].mem for j in _beside(one, k) if one.points[j].mem[HELD] > 0.0]
-    return any(mem[FEATURE] == feature if mem[FREE] == 1.0 else abs(mem[PLACE] - place) < SAME for mem in mems)
+    return any(mem[FEATURE] == feature if mem[FREE] == SLIDING else abs(mem[PLACE] - place) < SAME for mem in mems)
 
 
-def exchange(system: System, d: Array, t: float) -> tuple[int, float]:
+def exchange(system: System, d: Array, t: float, left: set[ContactPoint]) -> tuple[int, float]:
     """Open and close points of contact at an equilibrium d (n_full,), and move d to where that leads by the tangent.
 
-    Returns the number of changes, and the largest depth [m]. An equilibrium without changes is one of bodies and
+    Returns the number of changes, and the largest depth [m]; ``left`` gathers points that have come out of a contact
+    zone on the way to this equilibrium. An equilibrium without changes is one of bodies and
     obstacles, whatever led there.
     """
     limit = PENETRATION * system.model.extent
     hard = [one for one in system.model.contact_tables if one.pair.hard]
+    sliding = [one for one in hard if one.pair.still]
+    turned = 0
+    for one in sliding:
+        one.look_at_supports(d, t, 2.0 * limit)
+        turned += let_go(one, d, t) + choose_curves(one, left)
     depths = [_depths(one, d, t) for one in hard]
     worst = max((float(depth.max(initial=0.0)) for depth, _, _ in depths), default=0.0)
     pulls = np.array([d[p.multiplier] for one in hard for p in one.points if p.mem[HELD] > 0.0])
-    turned = sum(rub(one, d, t, system.accepted or (d, t)) for one in hard if one.pair.item.friction)
+    turned += sum(rub(one, d, t, system.accepted or (d, t)) for one in hard if one.pair.item.friction)
     if worst <= limit and not (pulls > PULL * np.abs(pulls).max(initial=0.0)).any():
-        return turned, worst
+        return turned or slide(system, sliding, d, t, left) or sum(come_inside(one, left) for one in sliding), worst
     # first the points at home, as those between follow from them
     home = any((depth[~one.free] > limit).any() for one, (depth, _, _) in zip(hard, depths, strict=True))
     spots = [s for one, depth in zip(hard, depths, strict=True) for s in _look(one, d, t, depth, home)]
@@ -208,6 +193,7 @@ class _Response:
             np.add.at(row, s.dofs, s.row)
         self.at = self.num.place[[s.point.multiplier for s in spots]]
         self.force = np.array([-d[s.point.multiplier] if s.held else 0.0 for s in spots])
+        self.soft = [s.soft for s in spots]
         self.stiff = np.array([s.point.par[STIFFNESS] for s in spots])
         self.b = np.where(self.held, self.force, [s.gap for s in spots]) + self.told(self.base)
         self.steps: dict[int, Array] = {}
@@ -226,7 +212,9 @@ class _Response:
         else:
             rhs = self.num.reduce(self.rows[k], np.zeros(len(self.num.place)))
         self.steps[k] = self.matrix.solve(rhs).copy()
-        return self.told(self.steps[k])
+        out = self.told(self.steps[k])
+        out[k] += self.soft[k]
+        return out
 
     def settled(self, limit: float) -> dict[int, float] | None:
         """Return how far closed points open, and the forces on open ones, so that both are complementary.
@@ -293,7 +281,7 @@ def _settle(system: System, d: Array, t: float, spots: list[_Spot], limit: float
     closed = [s.held != (k in found) for k, s in enumerate(tried)]
     for s, now in zip(tried, closed, strict=True):
         if s.held and not now:
-            _open(s.point, d)
+            open_point(s.point, d)
     for k, s in enumerate(tried):
         if closed[k] and not s.held:
             j = _close(s, found[k], d)
@@ -320,12 +308,6 @@ def _grown(spots: list[_Spot]) -> list[_Spot]:
     return out
 
 
-def _open(point: ContactPoint, d: Array) -> None:
-    point.mem[HELD], d[point.multiplier] = 0.0, 0.0
-    if point.mem[FREE] > 0.0:
-        point.mem[FREE] = -1.0
-
-
 def _close(s: _Spot, force: float, d: Array) -> int:
     """Close a point with its force, and return its number; between those at home any of its element not in use does.
 
@@ -336,53 +318,6 @@ def _close(s: _Spot, force: float, d: Array) -> int:
         k = min(_beside(s.one, k), key=lambda j: 0.0 if points[j].mem[HELD] <= 0.0 else -d[points[j].multiplier])
     point = points[k]
     if s.one.pair.spots[k].free:
-        point.mem[FREE], point.mem[PLACE], point.mem[FEATURE] = _stands(point, s.place, s.feature)
+        stand_at(s.one, k, s.place, s.feature)
     point.mem[HELD], d[point.multiplier] = 1.0, -force
     return k
-
-
-def lemke(M: Array, q: Array) -> Array | None:
-    """Return z >= 0 (n,) with w = q + M z >= 0 and w z = 0, by Lemke's method with the lexicographic rule.
-
-    M (n, n) has been scaled to entries of about 1 on its diagonal. None where there is no solution along its way, as
-    there always is for positive semidefinite M if there is one at all.
-    """
-    n = len(q)
-    if (q >= 0.0).all():
-        return np.zeros(n)
-    # columns: w, z, the artificial variable, the right-hand side
-    T = np.hstack([np.eye(n), -M, -np.ones((n, 1)), q[:, None]])
-    basis = np.arange(n)
-    row, entering = int(np.argmin(q)), 2 * n
-    for _ in range(PIVOTS * (n + 1)):
-        T[row] /= T[row, entering]
-        others = np.arange(n) != row
-        T[others] -= np.outer(T[others, entering], T[row])
-        left, basis[row] = int(basis[row]), entering
-        if left == 2 * n:
-            break
-        entering = left + n if left < n else left - n
-        row = _leaves(T, basis, entering, n)
-        if row < 0:
-            return None
-    else:
-        return None
-    z = np.zeros(n)
-    closed = basis[(basis >= n) & (basis < 2 * n)] - n
-    z[closed] = np.maximum(np.linalg.solve(M[np.ix_(closed, closed)], -q[closed]), 0.0)
-    return z
-
-
-def _leaves(T: Array, basis: Any, entering: int, n: int) -> int:
-    """Return the row whose variable the entering one drives out first, -1 where there is none."""
-    column = T[:, entering]
-    rows = np.flatnonzero(column > DEPENDENT)
-    for key in (2 * n + 1, *range(n)):
-        if len(rows) < 2:
-            break
-        ratio = T[rows, key] / column[rows]
-        rows = rows[ratio <= ratio.min() + EQUAL * (1.0 + abs(ratio.min()))]
-        artificial = rows[basis[rows] == 2 * n]
-        if key == 2 * n + 1 and len(artificial):
-            return int(artificial[0])
-    return int(rows[0]) if len(rows) else -1

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..elements.contact_geometry import FREE, FRICTION
+from ..elements.contact_geometry import FREE, FRICTION, SLIDING, STANDING
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
@@ -26,11 +26,13 @@ def memory(model: Model) -> list[Array]:
     return [np.array([row[:one.size] for row in _remembered(one)]) for one in model.contact_tables]
 
 
-def recall(model: Model, kept: list[Array]) -> None:
-    """Let points of contact remember what they did."""
+def recall(model: Model, kept: list[Array], slide: bool = False) -> None:
+    """Let points of contact remember what they did; those that stand where a body lifts off ``slide`` with it."""
     for one, mem in zip(model.contact_tables, kept, strict=True):
         for own, row in zip(_remembered(one), mem, strict=True):
             own[:len(row)] = row
+            if slide and one.pair.still and own[FREE] == STANDING:
+                own[FREE] = SLIDING
 
 
 def _remembered(one: ContactTable) -> list[Array]:

@@ -15,7 +15,8 @@ import numpy as np
 from ..elements.contact_bodies import SIGN
 from ..elements.contact_geometry import ORIGIN
 from ..elements.shape import Array
-from ..interactions.contact import Contact, ContactLaw, Spot, levels_of, pieces_along
+from ..interactions.contact import Contact, ContactLaw
+from ..interactions.contact_curves import Spot, levels_of, pieces_along
 from ..model.contact_tables import contact_table
 from ..model.mesh import BodyMesh
 from ..model.model import Model

@@ -13,7 +13,7 @@ from ..elements.fibres import places
 from ..elements.formulations import Sampler
 from ..elements.shape import Array
 from ..errors import Problem
-from ..interactions.contact import levels_of
+from ..interactions.contact_curves import levels_of
 from ..model.mesh import BodyMesh
 from ..model.model import Model
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..elements.contact import slip
-from ..elements.contact_geometry import ANCHOR, FREE, FRICTION, HELD, SLIDES, STICK, STICKS
+from ..elements.contact_geometry import ANCHOR, FREE, FRICTION, HELD, SLIDES, SLIDING, STICK, STICKS
 from ..elements.shape import Array
 from ..errors import ComputationError
 
@@ -33,7 +33,7 @@ def hold(one: ContactTable, which: Iterable[int], d: Array, accepted: tuple[Arra
     before, now = one.stand(*accepted)[1], one.stand(d, t)[1]
     for k in which:
         point = one.points[k]
-        if point.mem[HELD] > 0.0 and point.mem[FREE] == 1.0:
+        if point.mem[HELD] > 0.0 and point.mem[FREE] == SLIDING:
             raise ComputationError(f"{one.pair.name}: a body slides over a corner of {one.pair.other}, where friction "
                                    "without a contact law is undefined", at={"factor": float(f"{t:.6g}")},
                                    advice="a circle in place of the corner, or a contact law")

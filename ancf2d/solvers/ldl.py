@@ -23,6 +23,8 @@ SINGULAR = 4e-16
 STIFF = 10.0
 # stiffness beside the largest one of the matrix, both as forces over displacements, that counts as none
 NO_STIFFNESS = 1e-12
+# and the most that they add beside the stiffness by which they yield
+MOST = 0.5
 # what stands for it where there is none at all, so large that round-off of forces moves nothing [N/m]
 RIGID = 1e15
 
@@ -98,7 +100,8 @@ class Symmetric(ABC):
     congruent, and the same solution, once gamma G^T times the multipliers' part is added to the other part of the
     right-hand side (Golub & Greif 2003). Where K is positive definite on what the constraints leave free,
     K + G^T gamma G is so altogether. As each multiplier stands behind all unknowns that it acts on, no pivot then
-    vanishes.
+    vanishes. Constraints that yield have -c for a 0; theirs becomes -c/(1 - gamma c), and what is solved for is
+    1 - gamma c times the multiplier.
     """
 
     values: Array
@@ -107,6 +110,7 @@ class Symmetric(ABC):
     def __init__(self, n: int, multipliers: Multipliers | None) -> None:
         self.scale, self.multipliers = np.zeros(n), multipliers
         self.pull: Array | None = None
+        self.shares: Array = np.ones(0)
         if multipliers is not None:
             self.rows = self.at(multipliers.multiplier[multipliers.owner], multipliers.index)
 
@@ -155,8 +159,12 @@ class Symmetric(ABC):
     def _stiffen(self, m: Multipliers) -> None:
         """Add gamma g g^T of each multiplier, and keep gamma g."""
         flat = self.values.reshape(-1)
-        g = flat[self.rows]
-        self.pull = pull = m.stiffness(g, self.diagonal(self.values).copy())[m.owner] * g
+        g, diagonal = flat[self.rows], self.diagonal(self.values).copy()
+        gamma, yields = m.stiffness(g, diagonal), np.maximum(-diagonal[m.multiplier], 0.0)
+        np.minimum(gamma, MOST / np.maximum(yields, MOST / np.maximum(gamma, 1e-300)), out=gamma)
+        self.shares = 1.0 - gamma * yields
+        flat[self.at(m.multiplier, m.multiplier)] /= self.shares
+        self.pull = pull = gamma[m.owner] * g
         used = np.flatnonzero(g)
         owner, count = m.owner[used], np.bincount(m.owner[used], minlength=len(m.multiplier))
         first = np.cumsum(count) - count
@@ -193,7 +201,7 @@ class Symmetric(ABC):
             x[m.multiplier] = 0.0
             borne = np.where(m.moved, b - self.product(self.formed, x), 0.0)
             self._solved(borne)
-            x[m.multiplier] = borne[m.multiplier]
+            x[m.multiplier] = borne[m.multiplier] / self.shares
         else:
             self._solved_with(m, x)
         return x
@@ -202,6 +210,7 @@ class Symmetric(ABC):
         assert self.pull is not None
         np.add.at(x, m.index, self.pull * x[m.multiplier][m.owner])
         self._solved(x)
+        x[m.multiplier] /= self.shares
 
     @property
     def knows_inertia(self) -> bool:

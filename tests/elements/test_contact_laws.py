@@ -7,6 +7,7 @@ import pytest
 from helpers import pairwise
 
 from ancf2d.elements import contact_geometry as geometry
+from ancf2d.elements import contact_sliding as sliding
 from ancf2d.elements.contact import COMPLIANT, HARD
 from ancf2d.elements.point_laws import APART
 
@@ -22,13 +23,13 @@ LENGTH = 1.3
 class Point:
     """One point of contact: a bent curve, an obstacle somewhere on it, and how the law is asked."""
 
-    def __init__(self, law, section, pose, shape, friction=0.0, free=False, damping=0.0):
+    def __init__(self, law, section, pose, shape, friction=0.0, free=False, damping=0.0, bends=0.0):
         rng = np.random.default_rng(3)
         kind, terms = SECTIONS[section]
         how, entries = POSES[pose]
         self.law = law
         self.par = np.array([kind, terms, 0.1, 0.3, 0.7, 100.0, damping, friction, 50.0, 1e-12, how, 0.1, -0.05, LENGTH,
-                             0.0, *SHAPES[shape]])
+                             0.0, bends, 0.0, *SHAPES[shape]])
         curve = 0.02 * rng.standard_normal((3 if section == "theta" else 2, terms))
         curve[0, :2] += [0.1, 0.5]
         curve[1, 0] += 0.12
@@ -66,17 +67,18 @@ def differences(function, x, h=1e-5):
     return np.stack(out, axis=-1)
 
 
-# law, friction, damping, whether it is free along the body
-CONTACTS = {"compliant": (COMPLIANT, 0.0, 0.0, False), "compliant, slips": (COMPLIANT, 0.3, 0.4, False),
-            "compliant, sticks": (COMPLIANT, 100.0, 0.4, False), "hard": (HARD, 0.0, 0.0, False),
-            "hard, slips": (HARD, 0.3, 0.0, False), "hard, sticks": (HARD, 100.0, 0.0, False),
-            "hard, free": (HARD, 0.0, 0.0, True)}
+# law, friction, damping (half the interval without a law), whether it is free along the body, how it yields
+CONTACTS = {"compliant": (COMPLIANT, 0.0, 0.0, 0), "compliant, slips": (COMPLIANT, 0.3, 0.4, 0),
+            "compliant, sticks": (COMPLIANT, 100.0, 0.4, 0), "hard": (HARD, 0.0, 0.0, 0),
+            "hard, slips": (HARD, 0.3, 0.0, 0), "hard, sticks": (HARD, 100.0, 0.0, 0),
+            "hard, slides": (HARD, 0.0, 0.0, 1), "hard, slides and yields": (HARD, 0.0, 1.1, 1, 3.0),
+            "hard, stands and yields": (HARD, 0.3, 1.1, 2, 3.0)}
 
 
 @pairwise(contact=CONTACTS, section=SECTIONS, pose=POSES, shape=SHAPES)
 def test_stiffness_and_damping_are_the_derivatives_of_the_forces(contact, section, pose, shape):
-    law, friction, damping, free = CONTACTS[contact]
-    point = Point(law, section, pose, shape, friction, free, damping)
+    law, friction, damping, free, *bends = CONTACTS[contact]
+    point = Point(law, section, pose, shape, friction, free, damping, *bends)
     _, f, H, C = point(point.u, point.w)
     size = 1.0 + np.abs(H).max()
     np.testing.assert_allclose(H, differences(lambda u: point(u, point.w)[1], point.u), atol=1e-8 * size)
@@ -86,20 +88,41 @@ def test_stiffness_and_damping_are_the_derivatives_of_the_forces(contact, sectio
         np.testing.assert_allclose(f, slope, atol=1e-8 * size)
 
 
+@pytest.mark.parametrize("force", [0.0, 3.0])
 @pytest.mark.parametrize("shape", ["circle", "polyline"])
-def test_a_free_point_stands_where_the_gap_is_least(shape):
-    point = Point(HARD, "curve", "still", shape, free=True)
+def test_a_point_slides_to_where_the_gap_is_least_beside_what_the_beam_yields(shape, force):
+    point = Point(HARD, "curve", "still", shape, free=1, damping=1.1, bends=0.1)
     work = np.zeros(geometry.WORK)
-    z = geometry.least(point.par, point.p0, point.u, point.mem, work)
+    z = sliding.least(point.par, point.p0, point.u, point.mem, force, work)
 
-    def gap(z):
+    def least(z):
         geometry.stand(point.par, point.p0, point.u, z, work)
-        if shape == "circle":
-            return np.hypot(work[geometry.RHO] - 0.1, work[geometry.RHO + 1] + 0.6) - 1.0
-        return np.hypot(work[geometry.RHO] - 0.2, work[geometry.RHO + 1] - 0.4)
+        to, radius = ((0.1, -0.6), 1.0) if shape == "circle" else ((0.2, 0.4), 0.0)
+        gap = np.hypot(work[geometry.RHO] - to[0], work[geometry.RHO + 1] - to[1]) - radius
+        if shape == "polyline" and work[geometry.RHO + 1] < 0.4:
+            gap = -gap
+        return gap + 0.5 * force * sliding.yields(point.par, z)[0]
 
     assert abs(z) < 1.0
-    assert gap(z) == pytest.approx(min(gap(z + h) for h in np.linspace(-0.2, 0.2, 2001)), abs=1e-9)
+    slopes = [least(z + h) - least(z - h) for h in (1e-4, 1e-3)]
+    np.testing.assert_allclose(slopes, 0.0, atol=1e-9)
+
+
+def test_a_beam_yields_between_two_places_as_one_that_is_clamped_there():
+    """Deflection of a clamped beam under a force at a and under one at b (Roark's formulas, table 8.1, 1d)."""
+    point = Point(HARD, "curve", "still", "circle", damping=0.5, bends=2.0 / 3.0)
+    home, EI, length = point.par[geometry.HOME], 0.5, 1.0
+
+    def deflection(x, a):
+        if x > a:
+            x, a = length - x, length - a
+        b = length - a
+        return b * b * x * x * (3.0 * a * length - 3.0 * a * x - b * x) / (6.0 * EI * length**3)
+
+    for x, a in ((0.2, 0.7), (0.5, 0.5), (0.9, 0.3), (0.35, 0.35)):
+        found = sliding.yields_beside(point.par, home + x - 0.5, home + a - 0.5)
+        assert found == pytest.approx(deflection(x, a), rel=1e-12)
+    assert sliding.yields(point.par, home + 0.15)[0] == pytest.approx(deflection(0.65, 0.65), rel=1e-12)
 
 
 def test_nothing_acts_on_a_point_that_is_away_and_nothing_pulls():

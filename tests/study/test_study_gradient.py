@@ -160,6 +160,25 @@ STRUT = {
 }
 
 
+@pytest.mark.slow
+def test_a_strip_lifted_from_a_floor():
+    """The place where it lifts off moves with the force, and the height changes by that, too."""
+    case = ancf2d.load({
+        "bodies": {"strip": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
+                             "section": {"EA": 1e6, "EI": 1.0, "rhoA": 1.0}, "element": {"type": "cable", "count": 8}}},
+        "boundary_conditions": [{"type": "roller", "at": "strip@0", "fixed": "x"}],
+        "loads": [{"type": "gravity", "value": [0, -9.81]},
+                  {"name": "tip", "type": "force", "at": "strip@1", "value": [0, 3]}],
+        "obstacles": {"floor": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}},
+        "contacts": [{"between": ["strip", "floor"], "side": "axis"}],
+        "solver": {"type": "static", "steps": 5}, "goal": {"probe": "tip", "quantity": "uy"},
+        "output": {"probes": {"tip": "strip@1"}}})
+    _, J = gradient(case, [case.case.goal], ["loads.tip.value.1"])
+    expected = differences_of_solves(case, "loads.tip.value.1", 1e-2, lambda s: s.value)
+    # runs may differ in which points on the floor bear it
+    assert J[0] == pytest.approx([expected], rel=1e-4)
+
+
 def test_euler_column():
     """mu P = pi^2 EI/(4 L^2) (Euler): the factor goes with EI, L^-2 and P^-1."""
     case = {**STRUT, "solver": {"type": "buckling", "modes": 2}, "goal": {"load_factor": 1}}

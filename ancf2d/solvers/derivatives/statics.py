@@ -89,7 +89,7 @@ class Equilibrium(OneByOne):
         system = System(model)
         system.count_from(self.turns)
         if self.contacts is not None:
-            recall(model, self.contacts)
+            recall(model, self.contacts, slide=True)
         return system
 
     def _solved(self, b: Array) -> Array:

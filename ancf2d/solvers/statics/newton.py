@@ -64,12 +64,13 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
         check_pressed(system.model, result.d, {"factor": float(f"{t:.6g}")})
         return result
     kept, iterations = memory(system.model), 0
+    left: set[Any] = set()
     begin(system, d, t_old)
     try:
         for _ in range(ROUNDS):
             result = _newton(system, d, t_old, t, tolerance, max_iterations)
             iterations += result.iterations
-            changed, worst = exchange(system, result.d, t)
+            changed, worst = exchange(system, result.d, t, left)
             if not changed:
                 result.iterations, result.overlap = iterations, worst
                 check_pressed(system.model, result.d, {"factor": float(f"{t:.6g}")})

@@ -1,0 +1,158 @@
+"""Points of contact without a law between the nodes of a body: how the beam yields there, and where they slide to.
+
+Between the ends of an element a beam bends under a force p at z more than the element can. It goes c(z) p further,
+c = l^3 x^3 (1 - x)^3/3 EI + l x (1 - x)/kGA at x = 0..1 along the element, as a beam that is clamped at both ends, and
+so the gap is g(q, z) + c(z) p. With the multiplier lambda = -p all follows from
+
+    L = lambda g(q, z) - c(z) lambda^2/2.
+
+A point that slides stands where L is stationary, g_z + c_z p/2 = 0, as where a body lifts off an obstacle; with
+G = g_zz + c_zz p/2 and v = g_qz/G, eliminating z leaves
+
+    L_qq = lambda (g_qq - g_qz v),  L_q,lambda = g_q - c_z p v/2,  L_lambda,lambda = -c + c_z^2 p/4 G.
+
+With A = t.rho_q, B = nu.rho_qz, T = t.rho_z and the curvature k = 1/D of the gap g_qz = k T A + B; what follows has
+limits at a corner (D = 0) and on a plane (D = inf).
+
+Functions of arrays and numbers alone, which kernels compile as they are.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .contact_geometry import (
+    AT_1,
+    AT_2,
+    BENDS,
+    BY,
+    BY_BY,
+    DAMPING,
+    FEATURE,
+    HOME,
+    MATRIX,
+    OTHER,
+    PLACE,
+    POLYLINE,
+    RHO,
+    ROW,
+    SHAPE,
+    SHEARS,
+    VECTOR,
+    along,
+    count_of,
+    gap_at,
+    spread,
+    spread_both,
+    stand,
+)
+
+TRIES = 30
+# how far beyond the ends of an element a point may slide before another element has it
+BEYOND = 1.5
+
+
+def yields(par, z):  # type: ignore[no-untyped-def]
+    """Return c at z and its first two derivatives; 0 beyond the interval of the point."""
+    if par[BENDS] == 0.0 or abs(z - par[HOME]) >= par[DAMPING]:
+        return 0.0, 0.0, 0.0
+    half = par[DAMPING]
+    x = 0.5 + 0.5 * (z - par[HOME]) / half
+    v, d = x * (1.0 - x), 0.5 * (1.0 - 2.0 * x) / half
+    by_v, twice = 3.0 * par[BENDS] * v * v + par[SHEARS], 6.0 * par[BENDS] * v
+    return (par[BENDS] * v * v + par[SHEARS]) * v, by_v * d, twice * d * d - 0.5 * by_v / half**2
+
+
+def yields_beside(par, z, at):  # type: ignore[no-untyped-def]
+    """Return how far the beam goes at z under a unit force ``at`` another place of the interval, beyond its curve."""
+    if par[BENDS] == 0.0 or max(abs(z - par[HOME]), abs(at - par[HOME])) >= par[DAMPING]:
+        return 0.0
+    x, a = 0.5 + 0.5 * (z - par[HOME]) / par[DAMPING], 0.5 + 0.5 * (at - par[HOME]) / par[DAMPING]
+    if x > a:
+        x, a = 1.0 - x, 1.0 - a
+    bent = 0.5 * par[BENDS] * x * (1.0 - a) * (3.0 * a - x * (1.0 + 2.0 * a))
+    return (bent + par[SHEARS]) * x * (1.0 - a)
+
+
+def at_corner(par, feature):  # type: ignore[no-untyped-def]
+    """Whether what a point is opposite to is the corner of a polyline."""
+    return (par[..., SHAPE] == POLYLINE) & (feature % 2 == 1)
+
+
+def slopes(par, z, force, nx, ny, k, work):  # type: ignore[no-untyped-def]
+    """Return (g_z + c_z p/2, G, T, bend) at z, from the normal nu of the gap; bend is G without what k does."""
+    _, c1, c2 = yields(par, z)
+    x1, y1 = along(par, work, AT_1, 1)
+    x2, y2 = along(par, work, AT_2, 2)
+    T, bend = -ny * x1 + nx * y1, nx * x2 + ny * y2 + 0.5 * c2 * force
+    return nx * x1 + ny * y1 + 0.5 * c1 * force, k * T * T + bend, T, bend
+
+
+def least(par, p0, u, mem, force, work):  # type: ignore[no-untyped-def]
+    """Return z next to mem[PLACE] where a point slides to under a force, nan where there is none on its element."""
+    z, feature = mem[PLACE], mem[FEATURE]
+    corner = at_corner(par, feature)
+    for _ in range(TRIES):
+        stand(par, p0, u, z, work)
+        _, nx, ny, k, _, _ = gap_at(par, work[RHO], work[RHO + 1], feature)
+        slope, G, T, bend = slopes(par, z, force, nx, ny, k, work)
+        if corner and k != 0.0:
+            # D g_z and D g_zz, which stay finite
+            slope, G = slope / k, max(T * T + bend / k, 0.1 * T * T)
+        elif G <= 0.0:
+            return np.nan
+        new = min(max(z - slope / G, z - 0.5), z + 0.5)
+        moved, z = abs(new - z), new
+        if not abs(z) < BEYOND:
+            return np.nan
+        if moved < 1e-13:
+            break
+    stand(par, p0, u, z, work)
+    return z
+
+
+def facing(par, mem, z, force, work):  # type: ignore[no-untyped-def]
+    """Return (g, nu, k, s, ds) at z; at a corner, where it may be 0, nu follows from the tangent of the curve."""
+    g, nx, ny, k, s, ds = gap_at(par, work[RHO], work[RHO + 1], mem[FEATURE])
+    if at_corner(par, mem[FEATURE]) and k != 0.0:
+        _, c1, _ = yields(par, z)
+        tx, ty = along(par, work, AT_1, 1)
+        L = np.sqrt(tx * tx + ty * ty)
+        lean = min(max(0.5 * c1 * force / L, -0.5), 0.5)
+        up = np.sqrt(1.0 - lean * lean) * (1.0 if -ty * nx + tx * ny > 0.0 else -1.0)
+        nx, ny = (-up * ty - lean * tx) / L, (up * tx - lean * ty) / L
+    return g, nx, ny, k, s, ds
+
+
+def bent_free(par, z, nx, ny, k, force, work, H, m):  # type: ignore[no-untyped-def]
+    """Add g_qq - g_qz v to H (m fields); leave v in work (OTHER) and return 1/G."""
+    body, pose = count_of(par)
+    for a in range(body + pose):
+        for b in range(body + pose):
+            work[MATRIX + 8 * a + b] = nx * work[BY_BY + 8 * a + b] + ny * work[BY_BY + 64 + 8 * a + b]
+    spread_both(par, z, work, H, 0, 1.0)
+    _, _, T, bend = slopes(par, z, force, nx, ny, k, work)
+    # B = nu.(rho_XX X' W + rho_X W')
+    for a in range(body + pose):
+        v = 0.0
+        for b in range(body):
+            v += (nx * work[BY_BY + 8 * a + b] + ny * work[BY_BY + 64 + 8 * a + b]) * work[AT_1 + b]
+        work[VECTOR + a], work[VECTOR + 8 + a] = v, nx * work[BY + a] + ny * work[BY + 8 + a]
+    spread(par, z, work, VECTOR, 0, work, ROW)
+    spread(par, z, work, VECTOR + 8, 1, work, OTHER)
+    for q in range(m):
+        work[OTHER + q] += work[ROW + q]
+    for a in range(body + pose):
+        work[VECTOR + a] = -ny * work[BY + a] + nx * work[BY + 8 + a]
+    spread(par, z, work, VECTOR, 0, work, ROW)
+    # of k = 0 all without D
+    D, one = (1.0 / k, 1.0) if k != 0.0 else (1.0, 0.0)
+    below = one * T * T + bend * D
+    for p in range(m):
+        A, B = work[ROW + p], work[OTHER + p]
+        for q in range(m):
+            H[p, q] += (one * (bend * A * work[ROW + q] - T * (A * work[OTHER + q] + B * work[ROW + q]))
+                        - D * B * work[OTHER + q]) / below
+    for p in range(m):
+        work[OTHER + p] = (one * T * work[ROW + p] + D * work[OTHER + p]) / below
+    return D / below

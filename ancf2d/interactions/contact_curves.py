@@ -1,0 +1,298 @@
+"""Where bodies may touch: places along them, and the curves that they have there as polynomials of each element.
+
+In statics a point of contact without a law may stand anywhere between the ends of an element. What touches there is
+the curve that a beam has between these: the cubic through them, along their sections but for the mean shear of the
+element. With chord C = r_1 - r_0, directions T of the axis as sections have it and their mean T_m over the element,
+
+    r(x) = r_0 + x C + l (x (1 - x)^2 (T_0 - T_m) - x^2 (1 - x) (T_1 - T_m)),  x = 0..1.
+
+Under a force at x the beam goes l^3 (x (1 - x))^3/3 EI + l x (1 - x)/kGA beyond it (``elements.contact_sliding``), and
+the ends go where they do in beam theory, to the order of the element: forces that act on the element's own polynomial,
+whose third derivatives are others, move them by errors of the order of l^3.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence, Set
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..elements import contact_geometry as geometry
+from ..elements.shape import Array, gauss
+from ..model.mesh import BodyMesh, Index
+
+# Gauss points of a compliant contact along an element and over the end of a body, and of the mean direction
+ALONG, ACROSS, MEAN = 4, 3, 6
+# powers of z of x (1 - x)^2 and -x^2 (1 - x) at x = (1 + z)/2
+FIRST, LAST = np.array([1.0, -1.0, -1.0, 1.0]) / 8.0, np.array([-1.0, -1.0, 1.0, 1.0]) / 8.0
+CUBIC = 4
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A place of a body that may touch: element, z from -1 to 1 along it, eta = 2 y/h off the axis.
+
+    ``weight`` [m] is the length that it stands for; ``free``: it may move along its element.
+    """
+
+    ie: int
+    z: float
+    eta: float
+    weight: float
+    free: bool = False
+
+
+def pieces_along(mesh: BodyMesh) -> int:
+    """Return into how many intervals an element is divided: as many as it has positions of the axis of its own."""
+    element = mesh.plan.element
+    own = [node for node, name in element.functionals if "y" not in name.partition("_")[2]]
+    shared = sum(node == len(element.nodes) - 1 for node in own)
+    return max(len(own) - shared, 1)
+
+
+def levels_of(mesh: BodyMesh, side: str) -> list[float]:
+    """Return eta of the curves that may touch: the lower and upper face, or the axis."""
+    if side == "axis":
+        return [0.0]
+    below = 2.0 * mesh.plan.section.height_of_axis / mesh.plan.section.height
+    return [-below, 2.0 - below]
+
+
+def spots(mesh: BodyMesh, side: str, compliant: bool, still: bool) -> list[Spot]:
+    """Return where a body may touch.
+
+    A compliant contact is integrated over Gauss points of the faces and ends. One without a law holds the ends of
+    elements and, in motion, what divides them (``pieces_along``); in statics (``still``) one more point is free in each
+    element.
+    """
+    out, count = [], len(mesh.dofs)
+    if compliant:
+        x, w = gauss(ALONG)
+        out = [Spot(ie, 2.0 * a - 1.0, eta, b * float(mesh.lengths[ie])) for eta in levels_of(mesh, side)
+               for ie in range(count) for a, b in zip(x.tolist(), w.tolist(), strict=True)]
+        if side == "surface" and not mesh.plan.closed:
+            low, high = levels_of(mesh, side)
+            y, w = gauss(ACROSS)
+            out += [Spot(ie, z, low + (high - low) * a, b * mesh.plan.section.height)
+                    for ie, z in ((0, -1.0), (count - 1, 1.0)) for a, b in zip(y.tolist(), w.tolist(), strict=True)]
+        return out
+    parts = 1 if still else pieces_along(mesh)
+    for eta in levels_of(mesh, side):
+        for ie in range(count):
+            for i in range(parts):
+                z = -1.0 + 2.0 * i / parts
+                # at a corner between pieces both have the same point of the axis
+                if i > 0 or ie == 0 or side == "surface" or mesh.shares_start[ie]:
+                    out.append(Spot(ie, z, eta, float(mesh.lengths[ie]) / parts))
+                out.append(Spot(ie, z + 1.0 / parts, eta, float(mesh.lengths[ie]) / parts, free=True))
+        if not mesh.plan.closed:
+            out.append(Spot(count - 1, 1.0, eta, float(mesh.lengths[-1]) / parts))
+    return out
+
+
+def movable(mesh: BodyMesh, side: str, compliant: bool, held: Set[int], still: bool) -> list[Spot]:
+    """Return where a body may touch but for what coordinates that supports hold leave where it is."""
+    concerned = np.isin(mesh.dofs, list(held)).sum(axis=1) > 0
+    return [p for p in spots(mesh, side, compliant, still) if not (concerned[p.ie] and _moved_by(mesh, p) <= held)]
+
+
+def _moved_by(mesh: BodyMesh, spot: Spot) -> set[int]:
+    """Return the coordinates that move a spot."""
+    eta = eta_at(mesh, spot)
+    rows, terms, kind = curve_rows(mesh, spot.ie, eta)
+    powers = spot.z ** np.arange(terms)
+    slopes = np.arange(terms) * spot.z ** np.maximum(np.arange(terms) - 1, 0)
+    parts = rows.reshape(-1, terms, rows.shape[1])
+    sizes: Array = np.abs(powers @ parts).sum(axis=0)
+    if kind == geometry.OF_TANGENT and eta != 0.0:
+        sizes = sizes + np.abs(slopes @ parts).sum(axis=0)
+    used = sizes > 1e-12 * sizes.max()
+    return set(mesh.dofs[spot.ie][used].tolist())
+
+
+def eta_at(mesh: BodyMesh, spot: Spot) -> float:
+    """Return eta of a spot in the shape functions' height, where the height varies along the body."""
+    if mesh.plan.varying is None:
+        return spot.eta
+    height = mesh.classes[mesh.cls[spot.ie]].sampler.at(np.array([0.5 * (spot.z + 1.0)])).height
+    return spot.eta * float(np.broadcast_to(height, 1)[0]) / mesh.plan.section.height
+
+
+def face_of(spot: Spot, side: str) -> float:
+    """Return 1 for the upper face, -1 for the lower one, 0 for the axis and for the end of a body."""
+    return 0.0 if side == "axis" or abs(spot.eta) < 1e-12 else math.copysign(1.0, spot.eta)
+
+
+def offset_of(mesh: BodyMesh, eta: float) -> float:
+    """Return how far a curve is off the axis, where sections stay straight."""
+    return 0.0 if mesh.plan.element.section_kind == "interpolated" else 0.5 * eta * mesh.plan.section.height
+
+
+def is_cubic(mesh: BodyMesh) -> bool:
+    """Whether sections turn along an element as those of a beam under forces at its ends."""
+    return mesh.plan.element.degree_of_turn > 1
+
+
+def yields_of(mesh: BodyMesh, spot: Spot, still: bool) -> tuple[float, float]:
+    """Return l^3/3 EI and l/kGA of the element that a free spot may stand in, in statics: see ``contact_sliding``."""
+    section, l = mesh.plan.section, spot.weight
+    if not (still and spot.free) or mesh.plan.rigid:
+        return 0.0, 0.0
+    return l**3 / (3.0 * section.EI), 0.0 if mesh.plan.element.section_kind == "tangent" else l / section.kGA
+
+
+def curve_rows(mesh: BodyMesh, ie: int, eta: float) -> tuple[Array, int, int]:
+    """Return the matrix (fields, n_dof) that gives the coefficients of a curve of an element, its powers, its kind."""
+    element, shape = mesh.plan.element, mesh.classes[mesh.cls[ie]].shape
+    kinds = {"interpolated": geometry.CURVE, "theta": geometry.OF_THETA, "tangent": geometry.OF_TANGENT}
+    kind = kinds[element.section_kind]
+    terms, half, nc = element.degree_x + 1, shape.l / 2, element.components
+    at = (np.array([0.5]), np.array([eta if kind == geometry.CURVE else 0.0]))
+    powers = np.stack([shape(*at, j, 0)[0] * half**j / math.factorial(j) for j in range(terms)])
+    sets = 3 if kind == geometry.OF_THETA else 2
+    rows = np.zeros((sets * terms, element.n_dof))
+    for c in range(sets):
+        rows[c * terms:(c + 1) * terms, c::nc] = powers
+    return rows, terms, kind
+
+
+def padded(rows: Array, terms: int, wanted: int) -> Array:
+    """Return rows with more powers, all zero."""
+    out = np.zeros((len(rows) // terms, wanted, rows.shape[1]))
+    out[:, :terms] = rows.reshape(-1, terms, rows.shape[1])
+    return out.reshape(-1, rows.shape[1])
+
+
+def touching_rows(mesh: BodyMesh, ie: int, eta: float, side: str, still: bool) -> tuple[Array, int, int]:
+    """Return as ``curve_rows`` does the rows of what touches, with as many powers as beams have in statics (``still``).
+    """
+    rows, terms, kind = curve_rows(mesh, ie, eta)
+    if still and not mesh.plan.rigid:
+        wanted = max(terms, CUBIC)
+        rows, terms = padded(rows, terms, wanted), wanted
+    # the axis whatever the section does
+    return (rows[:2 * terms], terms, geometry.CURVE) if side == "axis" else (rows, terms, kind)
+
+
+class BeamCurve:
+    """The curve that a beam has between the ends of an element, beside the element's own.
+
+    Where sections turn by a rotation, x and y of it have -C_y h and C_x h beside the rest, which is linear in the
+    coordinates: ``linear`` (fields, n_dof). ``chord`` (2, n_dof) gives the chord C, and ``bends`` (powers, n_dof) the
+    polynomial h of rotations; ``start``, ``c0`` and ``h0`` are theirs in the reference.
+    """
+
+    def __init__(self, mesh: BodyMesh, ie: int, eta: float, side: str) -> None:
+        e, nc = mesh.e0[mesh.dofs[ie] - mesh.first_dof], mesh.plan.element.components
+        rows, wanted, _ = touching_rows(mesh, ie, eta, side, True)
+        axis, _, _ = touching_rows(mesh, ie, 0.0, "axis", True)
+        straight, bends = _chord(mesh, ie, wanted), np.zeros((wanted, mesh.plan.element.n_dof))
+        self.linear = rows.copy()
+        self.linear[:2 * wanted] += straight - axis
+        if mesh.plan.element.section_kind == "interpolated":
+            turned = _bends(mesh, ie, 1, wanted) * mesh.classes[mesh.cls[ie]].shape.l
+            # along sections with r_y is (r_y, y; -r_y, x)
+            self.linear[:wanted, 1::nc] += turned
+            self.linear[wanted:2 * wanted, 0::nc] -= turned
+        else:
+            bends[:, 2::nc] = _bends(mesh, ie, 0, wanted)
+        self.bends, self.chord = bends, 2.0 * straight[[1, wanted + 1]]
+        self.start, self.c0, self.h0 = self.linear @ e, self.chord @ e, bends @ e
+
+
+def beam_curve(mesh: BodyMesh, spot: Spot, side: str, still: bool) -> BeamCurve | None:
+    """Return the curve of the beam where a free spot may touch with it in statics, and where it is not the element's
+    own."""
+    if not (still and spot.free) or mesh.plan.rigid or mesh.plan.element.section_kind == "tangent":
+        return None
+    return BeamCurve(mesh, spot.ie, eta_at(mesh, spot), side)
+
+
+def _chord(mesh: BodyMesh, ie: int, wanted: int) -> Array:
+    """Return the rows (2 wanted, n_dof) of a straight line between the ends of an element."""
+    element, shape, nc = mesh.plan.element, mesh.classes[mesh.cls[ie]].shape, mesh.plan.element.components
+    first, last = shape(np.array([0.0, 1.0]), np.zeros(2), 0, 0)
+    out = np.zeros((2 * wanted, element.n_dof))
+    for c in range(2):
+        out[c * wanted, c::nc], out[c * wanted + 1, c::nc] = 0.5 * (first + last), 0.5 * (last - first)
+    return out
+
+
+def _bends(mesh: BodyMesh, ie: int, across: int, wanted: int) -> Array:
+    """Return x (1 - x)^2 (f_0 - f_m) - x^2 (1 - x) (f_1 - f_m) as rows (wanted, shape functions) of powers of z.
+
+    f is what an element interpolates, or its derivative across.
+    """
+    shape = mesh.classes[mesh.cls[ie]].shape
+    x, w = gauss(MEAN)
+    first, last = shape(np.array([0.0, 1.0]), np.zeros(2), 0, across)
+    mean = w @ shape(x, np.zeros(len(x)), 0, across)
+    out = np.zeros((wanted, len(mean)))
+    out[:CUBIC] = np.outer(FIRST, first - mean) + np.outer(LAST, last - mean)
+    return out
+
+
+class _Curves:
+    """Points of a table whose curves have the same numbers of fields and coordinates, as ``BeamCurves`` takes them."""
+
+    def __init__(self, items: list[int], patches: list[Any]) -> None:
+        curves = [patch.beam for patch in patches]
+        self.items = np.array(items)
+        wide, own = curves[0].linear.shape
+        given = [patch.items() for patch in patches]
+        self.dofs: Index = np.array([one.dofs[0][:own] for one in given])
+        self.own = np.array([one.G[0][:wide, :own] for one in given]), np.array([one.p0[0][:wide] for one in given])
+        self.linear, self.start, self.chord, self.bends, self.c0, self.h0 = (
+            np.array([getattr(curve, name) for curve in curves])
+            for name in ("linear", "start", "chord", "bends", "c0", "h0"))
+
+    def at(self, which: Index, own: Any, d: Array) -> tuple[Array, Array]:
+        """Return the rows (k, fields, n) and fields (k, fields) in the reference of those points at d (n_full,).
+
+        Of the element's ``own`` curve (k,), or of the beam's, whose fields are then those at d.
+        """
+        u, rows, start = d[self.dofs[which]], self.linear[which].copy(), self.start[which].copy()
+        chord, bends = self.chord[which], self.bends[which]
+        c, h = self.c0[which] + np.einsum("kcn,kn->kc", chord, u), self.h0[which] + np.einsum("kpn,kn->kp", bends, u)
+        count = h.shape[1]
+        for first, i, sign in ((0, 1, -1.0), (count, 0, 1.0)):
+            part, by_c = slice(first, first + count), sign * c[:, i, None]
+            of_bends, of_chord = by_c[..., None] * bends, sign * h[..., None] * chord[:, i, None]
+            rows[:, part] += of_bends + of_chord
+            start[:, part] += by_c * h - np.einsum("kpn,kn->kp", of_bends + of_chord, u)
+        return np.where(own[:, None, None], self.own[0][which], rows), np.where(own[:, None], self.own[1][which], start)
+
+
+class BeamCurves:
+    """The points of a table of point laws that touch with the curve of the beam or with the element's own."""
+
+    def __init__(self, patches: Sequence[Any]) -> None:
+        groups: dict[tuple[int, ...], tuple[list[int], list[Any]]] = {}
+        at = 0
+        for patch in patches:
+            curve = getattr(patch, "beam", None)
+            if curve is not None:
+                items, found = groups.setdefault(curve.linear.shape, ([], []))
+                items.append(at)
+                found.append(patch)
+            at += len(patch.items().p0)
+        self.groups = [_Curves(*group) for group in groups.values()]
+
+    def take(self, points: Any, d: Array, unused: bool) -> None:
+        """Write what points touch with at displacements d (n_full,) into the table (``kernels.points.Points``); that of
+        ``unused`` ones, too."""
+        for group in self.groups:
+            free = points.mem[group.items, geometry.FREE]
+            which: Index = np.flatnonzero(unused | (free > 0.0))
+            if not len(which):
+                continue
+            own = (free[which] == geometry.OWN) | (free[which] == geometry.UNUSED_OWN)
+            rows, start = group.at(which, own, d)
+            items, (wide, n) = group.items[which], rows.shape[1:]
+            fields = points.field[items + 1] - points.field[items]
+            points.p0[points.field[items][:, None] + np.arange(wide)] = start
+            points.G[points.entry[items][:, None, None] + np.arange(n) * fields[:, None, None]
+                     + np.arange(wide)[:, None]] = rows

@@ -1,0 +1,64 @@
+"""Problems of linear complementarity: w = q + M z with w >= 0, z >= 0 and w z = 0, by Lemke's method.
+
+C. E. Lemke, Bimatrix equilibrium points and mathematical programming, Management Science 11 (1965) 681-689; R. W.
+Cottle, J.-S. Pang, R. E. Stone, The Linear Complementarity Problem, 2009, section 4.4.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..elements.shape import Array
+
+# pivots per unknown; what counts as none of numbers whose diagonal is 1, so that rows depend on each other; ratios that
+# are equal
+PIVOTS, DEPENDENT, EQUAL = 20, 1e-12, 1e-12
+
+
+def lemke(M: Array, q: Array) -> Array | None:
+    """Return z >= 0 (n,) with w = q + M z >= 0 and w z = 0, by Lemke's method with the lexicographic rule.
+
+    M (n, n) has been scaled to entries of about 1 on its diagonal. None where there is no solution along its way, as
+    there always is for positive semidefinite M if there is one at all.
+    """
+    n = len(q)
+    if (q >= 0.0).all():
+        return np.zeros(n)
+    # columns: w, z, the artificial variable, the right-hand side
+    T = np.hstack([np.eye(n), -M, -np.ones((n, 1)), q[:, None]])
+    basis = np.arange(n)
+    row, entering = int(np.argmin(q)), 2 * n
+    for _ in range(PIVOTS * (n + 1)):
+        T[row] /= T[row, entering]
+        others = np.arange(n) != row
+        T[others] -= np.outer(T[others, entering], T[row])
+        left, basis[row] = int(basis[row]), entering
+        if left == 2 * n:
+            break
+        entering = left + n if left < n else left - n
+        row = _leaves(T, basis, entering, n)
+        if row < 0:
+            return None
+    else:
+        return None
+    z = np.zeros(n)
+    closed = basis[(basis >= n) & (basis < 2 * n)] - n
+    z[closed] = np.maximum(np.linalg.solve(M[np.ix_(closed, closed)], -q[closed]), 0.0)
+    return z
+
+
+def _leaves(T: Array, basis: Any, entering: int, n: int) -> int:
+    """Return the row whose variable the entering one drives out first, -1 where there is none."""
+    column = T[:, entering]
+    rows = np.flatnonzero(column > DEPENDENT)
+    for key in (2 * n + 1, *range(n)):
+        if len(rows) < 2:
+            break
+        ratio = T[rows, key] / column[rows]
+        rows = rows[ratio <= ratio.min() + EQUAL * (1.0 + abs(ratio.min()))]
+        artificial = rows[basis[rows] == 2 * n]
+        if key == 2 * n + 1 and len(artificial):
+            return int(artificial[0])
+    return int(rows[0]) if len(rows) else -1

@@ -1,0 +1,210 @@
+"""Where points of contact between nodes slide to: the places where a body lifts off, as unknowns beside its positions.
+
+A point at z with the force p lets nothing through where its gap g + c(z) p is 0 (``elements.contact_sliding``), and is
+at the right place where the beam is tangent to what it touches, sigma = g_z + c_z p/2 = 0: there the energy of the
+equilibrium that it leads to is largest. Between equilibria, all places of a scene take a step of Newton's method for
+this, in which positions and forces follow the places by the tangent.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..elements.contact_geometry import DAMPING, FEATURE, FREE, HELD, HOME, OWN, PLACE, STANDING, UNUSED, UNUSED_OWN
+from ..elements.contact_sliding import yields
+from ..elements.shape import Array
+
+if TYPE_CHECKING:
+    from ..interactions.contact import ContactPoint
+    from ..model.contact_tables import ContactTable
+    from .system import System
+
+# half the difference in z that gradients are differentiated with
+DIFFERENCE = 1e-4
+# changes of z that count as none; the largest at a time; and beyond the end of an interval
+SETTLED, LARGEST, BEYOND = 1e-5, 0.6, 1e-9
+# of the way to a closed point that is left in a step, and what is left of it where that point opens
+NEARER, MEETS = 0.2, 0.02
+# curvature beside that of the gap alone below which a place is moved no further
+FLAT = 1e-3
+
+
+def stand_at(one: ContactTable, k: int, place: float, feature: float) -> None:
+    """Let point k stand at z = ``place`` of its element, opposite to a part of the obstacle."""
+    mem = one.points[k].mem
+    mem[FREE], mem[PLACE], mem[FEATURE] = one.stands(k, feature), place, feature
+
+
+def open_point(point: ContactPoint, d: Array) -> None:
+    """Let a point bear nothing from now on."""
+    point.mem[HELD], d[point.multiplier] = 0.0, 0.0
+    if point.mem[FREE] > 0.0:
+        point.mem[FREE] = UNUSED_OWN if point.mem[FREE] == OWN else UNUSED
+
+
+def choose_curves(one: ContactTable, left: set[ContactPoint]) -> int:
+    """Let points between others touch with the curve of the element inside a contact zone, and with that of the beam
+    elsewhere; return how many closed ones have come out of the zone, and add them to ``left``."""
+    inside, before = one.inside(np.array([p.mem[HELD] > 0.0 for p in one.points])), len(left)
+    for k in np.flatnonzero(one.free).tolist():
+        mem = one.points[k].mem
+        if mem[FREE] < 0.0:
+            mem[FREE] = UNUSED_OWN if inside[k] and one.pair.cubic else UNUSED
+        elif mem[FREE] == OWN and not inside[k]:
+            mem[FREE] = STANDING
+            left.add(one.points[k])
+    return len(left) - before
+
+
+def _enclosed(one: ContactTable, left: set[ContactPoint]) -> list[int]:
+    """Return the closed points that stand on the curve of the beam and have come to be inside a contact zone, but for
+    those that have ``left`` one."""
+    held = np.array([p.mem[HELD] > 0.0 for p in one.points])
+    inside = one.inside(held) & held & one.pair.cubic
+    return [k for k in np.flatnonzero(inside).tolist()
+            if one.points[k].mem[FREE] == STANDING and one.points[k] not in left]
+
+
+def come_inside(one: ContactTable, left: set[ContactPoint]) -> int:
+    """Let closed points that have come to be inside a contact zone touch with the curve of the element; return how
+    many."""
+    found = _enclosed(one, left)
+    for k in found:
+        one.points[k].mem[FREE] = OWN
+    return len(found)
+
+
+def let_go(one: ContactTable, d: Array, t: float) -> int:
+    """Open points beside a side of a polyline that ends before them, and beside closed ones that say more; return how
+    many."""
+    if not any(p.mem[HELD] > 0.0 and p.mem[FREE] == STANDING for p in one.points):
+        return 0
+    parts, gone = one.lean(d, t)[2], 0
+    for k, (point, part) in enumerate(zip(one.points, parts.tolist(), strict=True)):
+        if point.mem[HELD] <= 0.0 or point.mem[FREE] != STANDING:
+            continue
+        beside = any(j < 0 or one.points[j].mem[HELD] > 0.0 for j in one.ends[k])
+        if part != point.mem[FEATURE] or (beside and not one.pair.cubic):
+            open_point(point, d)
+            gone += 1
+    return gone
+
+
+class _Place:
+    """A point between others that stands at z = ``z`` under ``force``.
+
+    ``slope`` and ``bend`` are g_z and g_zz, ``turn`` (n_full,) is g_qz; ``c1`` and ``c2`` are derivatives of c.
+    """
+
+    def __init__(self, one: ContactTable, k: int, force: float, slope: float, bend: float, turn: Array) -> None:
+        self.one, self.k, self.point, self.force = one, k, one.points[k], force
+        self.slope, self.bend, self.turn = slope, bend, turn
+        self.z, self.feature = float(self.point.mem[PLACE]), float(self.point.mem[FEATURE])
+        _, self.c1, self.c2 = yields(self.point.par, self.z)
+
+    @property
+    def sigma(self) -> float:
+        """How far the beam is from being tangent to what it touches there."""
+        return self.slope + 0.5 * self.c1 * self.force
+
+    @property
+    def own(self) -> float:
+        """Return the derivative of sigma by z, where nothing else moves."""
+        return self.bend + 0.5 * self.c2 * self.force
+
+
+def _places(one: ContactTable, d: Array, t: float, left: set[ContactPoint]) -> list[_Place]:
+    """Return the points of a contact that stand between others, but for those that a contact zone encloses."""
+    enclosed = _enclosed(one, left)
+    own = [k for k, p in enumerate(one.points) if p.mem[HELD] > 0.0 and p.mem[FREE] == STANDING and k not in enclosed]
+    if not own:
+        return []
+    slope, bend, _ = one.lean(d, t)
+    turns = np.zeros((len(own), len(d)))
+    for side in (-1.0, 1.0):
+        at = {k: (float(one.points[k].mem[PLACE] + side * DIFFERENCE), float(one.points[k].mem[FEATURE])) for k in own}
+        dofs, rows, _ = one.gradients(d, t, at)
+        for turn, k in zip(turns, own, strict=True):
+            np.add.at(turn, dofs[k], side * 0.5 / DIFFERENCE * rows[k])
+    return [_Place(one, k, float(-d[one.points[k].multiplier]), float(slope[k]), float(bend[k]), turn)
+            for k, turn in zip(own, turns, strict=True)]
+
+
+def slide(system: System, hard: list[ContactTable], d: Array, t: float, left: set[ContactPoint]) -> int:
+    """Move points between others to where bodies are tangent to what they touch, and the state d (n_full,) with them.
+
+    Returns how many have moved. d is an equilibrium.
+    """
+    places = [p for one in hard for p in _places(one, d, t, left)]
+    if not places:
+        return 0
+    num = system.model.numbering
+    system.assemble(d, t)
+    system.factor({"factor": float(f"{t:.6g}")})
+    answers = np.zeros((len(places), len(d)))
+    for answer, p in zip(answers, places, strict=True):
+        push = p.force * p.turn
+        push[p.point.multiplier] = -(p.slope + p.c1 * p.force)
+        num.expand(system.matrix.solve(num.reduce(push)), answer)
+    turns, multipliers = np.array([p.turn for p in places]), [p.point.multiplier for p in places]
+    S = turns @ answers.T - 0.5 * np.array([p.c1 for p in places])[:, None] * answers[:, multipliers].T
+    S += np.diag([p.own for p in places])
+    steps = _step(S, np.array([p.sigma for p in places]), np.array([p.force for p in places]),
+                  np.array([abs(p.own) for p in places]))
+    moved = np.abs(steps) > SETTLED
+    if moved.any():
+        new = [_allowed(p, p.z + step, d) for p, step in zip(places, steps.tolist(), strict=True)]
+        steps = np.array(new) - [p.z for p in places]
+        system.model.displacements((d + steps @ answers)[num.where], t, out=d)
+        for p, z in zip(places, new, strict=True):
+            _move(p, z, d)
+    return int(moved.sum())
+
+
+def _step(S: Array, sigma: Array, force: Array, own: Array) -> Array:
+    """Return how far places move: uphill in energy, by Newton's method where that leads there."""
+    weight = np.sqrt(np.maximum(force, 0.0))
+    H = weight[:, None] * S / np.where(weight > 0.0, weight, 1.0)
+    values, modes = np.linalg.eigh(0.5 * (H + H.T))
+    size = np.maximum(np.abs(values), FLAT * (modes.T**2 @ own))
+    step = modes @ ((modes.T @ (weight * sigma)) / np.where(size > 0.0, size, 1.0))
+    out: Array = np.clip(-step / np.where(weight > 0.0, weight, 1.0), -LARGEST, LARGEST)
+    return out
+
+
+def _allowed(place: _Place, z: float, d: Array) -> float:
+    """Return z, or what is nearer by so much that no closed point is passed; one that is next opens instead."""
+    point = place.point
+    for end, side in zip(place.one.ends[place.k].tolist(), (-1.0, 1.0), strict=True):
+        if end < 0 or place.one.points[end].mem[HELD] <= 0.0:
+            continue
+        room = point.par[DAMPING] - side * (place.z - point.par[HOME])
+        if side * (z - place.z) > (1.0 - NEARER) * room:
+            z = place.z + side * (1.0 - NEARER) * room
+            if NEARER * room < MEETS:
+                other = place.one.points[end]
+                d[point.multiplier] += d[other.multiplier]
+                open_point(other, d)
+    return z
+
+
+def _move(place: _Place, z: float, d: Array) -> None:
+    """Let a point stand at z; the one of the next interval takes its place where that is beyond its own."""
+    point, pair = place.point, place.one.pair
+    if abs(z - point.par[HOME]) <= point.par[DAMPING] + BEYOND:
+        point.mem[PLACE] = z
+        return
+    here, up = pair.spots[place.k], 1.0 if z > point.par[HOME] else -1.0
+    force, ie, count = -d[point.multiplier], here.ie, len(pair.mesh.dofs)
+    open_point(point, d)
+    if abs(here.z + 2.0 * up * point.par[DAMPING]) > 1.0:
+        ie = (ie + int(up)) % count if pair.mesh.plan.closed else ie + int(up)
+        z = -up + (z - up) * float(pair.mesh.lengths[here.ie] / pair.mesh.lengths[min(max(ie, 0), count - 1)])
+    for j, (other, spot) in enumerate(zip(place.one.points, pair.spots, strict=True)):
+        near = spot.free and (spot.ie, spot.eta) == (ie, here.eta) and abs(z - spot.z) <= other.par[DAMPING] + BEYOND
+        if near and other.mem[HELD] <= 0.0:
+            stand_at(place.one, j, z, place.feature)
+            other.mem[HELD], d[other.multiplier] = 1.0, -force
+            return
