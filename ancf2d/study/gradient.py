@@ -176,10 +176,11 @@ class Study:
         self.progress = replace(progress, warn=lambda text: None, state=lambda state: None, built=lambda model: None,
                                 judges=False)
         self.values, self.numbering = watch(self.model, states), numbering_of(self.model)
-        self.responses, self.reason = list[Any](), ""
-        self.adjoint = self._adjoint(states)
-        if self.adjoint is None:
-            self.responses, self.reason = self._responses(states)
+        # what tells how states change, once it is known of how many numbers
+        self.ended = states
+        self.adjoint: MotionAdjoint | None = None
+        self.responses: list[Any] | None = None
+        self.reason = ""
 
     def _run(self, variable: Variable | None, h: float) -> tuple[Model, list[Any]]:
         """Return model and states of a run with a number changed by h. Raises CaseError and ComputationError."""
@@ -190,15 +191,30 @@ class Study:
             raise outcome.failure
         return outcome.model, states
 
-    def _adjoint(self, states: list[Any]) -> MotionAdjoint | None:
+    def _choose(self, numbers: int) -> None:
+        """Choose what tells derivatives to so many numbers: one way back for each goal, or one forth for each number.
+        """
+        if self.adjoint is None and self.responses is None:
+            watch = self.watch
+            if self.moves and isinstance(watch, GoalValues) and len(watch.goals) <= max(numbers, 1) and watch.places:
+                self.adjoint = self._adjoint(watch)
+            if self.adjoint is None:
+                self._go_forth()
+
+    def _adjoint(self, goals: GoalValues) -> MotionAdjoint | None:
         """Return what goals of a motion tell of all numbers at once, None where that is not known."""
-        watch = self.watch
-        if not self.moves or not isinstance(watch, GoalValues) or not watch.places or why_not(self.model):
+        if why_not(self.model):
             return None
         try:
-            return MotionAdjoint(self.model, states[-1], watch, watch.whole)
+            return MotionAdjoint(self.model, self.ended[-1], goals, goals.whole)
         except UnsuitedError:
             return None
+
+    def _go_forth(self) -> None:
+        """Let the states tell how they change."""
+        self.adjoint = None
+        self.responses, self.reason = self._responses(self.ended)
+        self.ended = self.ended[-1:]
 
     def _responses(self, states: list[Any]) -> tuple[list[Any], str]:
         """Return how the states respond to a change, or why that is not known: then runs beside it tell."""
@@ -216,23 +232,27 @@ class Study:
 
     def expect(self, variables: Sequence[Variable]) -> None:
         """Find together what is found more cheaply for several numbers than for each."""
-        sizes = [STEP * size_of(variable, self.model.extent) for variable in variables]
-        for one in (*self.responses, *([] if self.adjoint is None else [self.adjoint])):
-            one.prepare([(self._beside(v), h) for v, h in zip(variables, sizes, strict=True)])
+        self._choose(len(variables))
+        beside = [(self._beside(v), STEP * size_of(v, self.model.extent)) for v in variables]
+        if self.adjoint is not None:
+            try:
+                self.adjoint.prepare(beside)
+            except UnsuitedError:
+                self._go_forth()
+        for one in self.responses or ():
+            one.prepare(beside)
 
     def differentiate(self, variable: Variable) -> tuple[Quotient, str]:
         """Return the derivative to a number, and how it was found."""
+        self._choose(1)
         size, reason = size_of(variable, self.model.extent), self.reason
-        if self.adjoint is not None:
-            try:
-                return self.adjoint.slope(self._beside(variable), STEP * size), "exact"
-            except UnsuitedError as error:
-                reason = str(error)
-        if self.responses:
+        if self.adjoint is not None or self.responses:
             try:
                 return self._responded(variable, STEP * size), "exact"
             except UnsuitedError as error:
                 reason = str(error)
+            finally:
+                self.models.pop(variable.path, None)
         return self._differences(variable, STEP_OF_RUNS * size), f"differences of runs: {reason}"
 
     def _beside(self, variable: Variable) -> Callable[[float], Model]:
@@ -252,12 +272,14 @@ class Study:
 
     def _responded(self, variable: Variable, h: float) -> Quotient:
         at = self._beside(variable)
-        slopes = [one.slope(at, h) for one in self.responses]
+        if self.adjoint is not None:
+            return self.adjoint.slope(at, h)
+        slopes = [one.slope(at, h) for one in self.responses or ()]
 
         def watched(step: float) -> Array:
             model = at(step) if step else self.model
             return self.watch(model, [
-                s for one, slope in zip(self.responses, slopes, strict=True)
+                s for one, slope in zip(self.responses or (), slopes, strict=True)
                 for s in one.states(model, step * slope.value + abs(step) * slope.kink)])
         if self.middle is None:
             # beside the values of a run: Newton's iterations go further where steps are differentiated, and a peak is
@@ -265,7 +287,6 @@ class Study:
             solver = self.model.case.solver
             self.middle = watched(0.0) if self.moves or isinstance(solver, FrequencyResponse) else self.values
         found = derivative(watched, min(slope.h for slope in slopes), middle=self.middle)
-        del self.models[variable.path]
         share = max(_share(slope) for slope in slopes)
         return Quotient(found.value, found.error + share * np.abs(found.value), found.h)
 

@@ -39,9 +39,9 @@ def scene(folder, method, held, *more):
 def found(loaded, paths):
     """Return the derivatives (numbers,) that the motion backwards tells."""
     study = Study(loaded, GoalValues((loaded.case.goal,)), Progress())
-    assert study.adjoint is not None
     variables = numbers_at(loaded, paths)
     study.expect(variables)
+    assert study.adjoint is not None
     rows = [study.differentiate(variable) for variable in variables]
     assert {how for _, how in rows} == {"exact"}
     return np.array([quotient.value[0] for quotient, _ in rows]), np.array([quotient.error[0] for quotient, _ in rows])

@@ -8,8 +8,10 @@ Walther, Evaluating Derivatives, SIAM 2008, chapter 12), so memory does not grow
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import islice
 from typing import Protocol
 
 import numpy as np
@@ -31,8 +33,11 @@ from .linear_steps import Change, Equations, Stages
 from .motion_states import CLOSE, CORRECTIONS, LOOSE, TRIED, Once, Step
 from .varied_motions import carried
 
-# numbers that the stages of all steps are kept in, and those of one window of steps, at most
-KEPT, WINDOW = 1 << 24, 1 << 22
+# numbers that stages and virtual displacements of all steps, checkpoints, and the matrices of one window of steps are
+# kept in, at most
+KEPT, CHECKPOINTS, WINDOW = 1 << 24, 1 << 22, 1 << 22
+# parts that are left where checkpoints are dropped, at least
+LEAST = 8
 # changes before breaks of models with multipliers that are carried behind them, at most
 COLUMNS = 4000
 # of what a step begins with
@@ -60,13 +65,20 @@ class Numbers(Protocol):
 
 @dataclass
 class Part:
-    """Some steps, from a checkpoint on, and the stored states of each; or a break, behind which piece ``behind`` is."""
+    """Some steps, from a checkpoint on, and the stored states of each; or a break, behind which piece ``behind`` is.
+
+    ``at`` are the stages and ``lam`` (m, n, k) virtual displacements there, where they are kept; ``end`` is what
+    changes behind a break do to goals.
+    """
 
     kept: dict[str, Array]
     count: int = 0
     steps: list[Step] | None = field(default_factory=list)
     rows: list[tuple[int, int]] = field(default_factory=list)
     behind: int = -1
+    at: Record | None = None
+    lam: Array | None = None
+    end: Change | None = None
 
 
 class Backwards(Once):
@@ -83,11 +95,10 @@ class Backwards(Once):
 
         ``rows`` are then its stored states, the first and the last among them, ``parts`` its steps.
         """
-        stepper, n = self.stepper, self.entries.n
+        stepper = self.stepper
         self.run.begin()
         self.begun, self.window = self.now(), stepper.p.programs.window.copy()
         self.rows = [stepper.last()]
-        size = max(WINDOW // (self.method.stages * n * (6 + 3 * self.method.stages * max(stepper.p.width, 1))), 8)
         part, room, columns = Part(self._checkpoint()), KEPT, 0
         for step in self.steps():
             if stepper.dt > 0.0 and stepper.s.numbers[REJECTED] > rejected:
@@ -95,7 +106,7 @@ class Backwards(Once):
             if step is None:
                 self._add(part)
                 self.parts.append(Part(self._checkpoint(), behind=stepper.piece + 1))
-                columns += 0 if self.free.all() else 2 * n
+                columns += 0 if self.free.all() else 2 * self.entries.n
                 if columns > COLUMNS:
                     raise UnsuitedError("constraints begin anew too often")
                 pass_break(stepper, stepper.piece + 1)
@@ -110,7 +121,7 @@ class Backwards(Once):
             else:
                 part.steps = None
             part.count += 1
-            if part.count >= size:
+            if part.count >= self.size:
                 self._add(part)
                 part = Part(self._checkpoint())
         self._add(part)
@@ -119,37 +130,80 @@ class Backwards(Once):
             raise UnsuitedError("states within steps are put onto constraints")
         return stepper.dt == 0.0 or stepper.s.numbers[REJECTED] <= rejected
 
+    @cached_property
+    def size(self) -> int:
+        """The steps of a window."""
+        s, n = self.method.stages, self.entries.n
+        return max(WINDOW // (s * n * (6 + 3 * s * max(self.stepper.p.width, 1))), 8)
+
+    def keeps(self, goals: int) -> bool:
+        """Whether there is room for the virtual displacements of so many goals at all stages."""
+        if any(part.count and part.steps is None for part in self.parts):
+            return False
+        size = sum(part.count for part in self.parts) * self.method.stages * self.entries.n
+        return (3 + goals) * size <= KEPT
+
     def _checkpoint(self) -> dict[str, Array]:
+        """Return where the motion is, without what it tells of its steps."""
+        self.stepper.pending = self.stepper.pending[:0]
         found = self.stepper.checkpoint()
         assert found is not None
         return found
 
     def _add(self, part: Part) -> None:
-        if part.count:
-            self.parts.append(part)
+        """Add a part; where checkpoints fill their room, every second one is dropped."""
+        if not part.count:
+            return
+        self.parts.append(part)
+        each = sum(x.size for x in part.kept.values())
+        if each * len(self.parts) > CHECKPOINTS and len(self.parts) > LEAST:
+            self.parts = list(_joined(self.parts))
 
     def back(self, bars: Sequence[Change], numbers: Numbers) -> Change:
         """Return what changes of the start do to goals; each of ``bars`` (n, k) is what those of a stored state do."""
         end = bars[-1]
         for part in reversed(self.parts):
-            self.stepper.resume(part.kept)
-            end = self._break(part, end, numbers) if part.behind >= 0 else self._through(part, end, bars, numbers)
+            end = self._before(part, end, bars, numbers)
         return end.plus(bars[0]) if self.whole else end
 
-    def _again(self, count: int) -> list[Step]:
+    def tell(self, numbers: Numbers) -> None:
+        """Tell numbers once more what was told on the way back: all virtual displacements have been kept."""
+        for part in reversed(self.parts):
+            self.stepper.resume(part.kept)
+            if part.end is not None:
+                self._break(part, part.end, numbers)
+            elif part.at is not None and part.lam is not None:
+                numbers.note(part.at, self.stepper.p.programs.window.copy(), part.lam)
+
+    def _before(self, part: Part, end: Change, bars: Sequence[Change], numbers: Numbers) -> Change:
+        """Return what changes before a part do to goals, from what those behind it do."""
+        self.stepper.resume(part.kept)
+        if part.behind >= 0:
+            part.end = end
+            return self._passed(part, end, self._break(part, end, numbers))
+        if part.count <= self.size:
+            return self._through(part, end, bars, numbers)
+        # a long part: checkpoints within it first
+        room = max(CHECKPOINTS // sum(x.size for x in part.kept.values()), LEAST)
+        size, inside = max(self.size, -(-part.count // room)), list[Part]()
+        for begin in range(0, part.count, size):
+            count = min(size, part.count - begin)
+            mine = [(k - begin, row) for k, row in part.rows if begin <= k < begin + count]
+            inside.append(Part(self._checkpoint(), count, None, mine))
+            for _ in self._again(count):
+                pass
+        for one in reversed(inside):
+            end = self._before(one, end, bars, numbers)
+        return end
+
+    def _again(self, count: int) -> Iterator[Step]:
         """Make steps again."""
-        found: list[Step] = []
-        for step in self.steps():
-            if step is not None:
-                found.append(step)
-            if len(found) == count:
-                break
-        return found
+        return islice((step for step in self.steps() if step is not None), count)
 
     def _through(self, part: Part, end: Change, bars: Sequence[Change], numbers: Numbers) -> Change:
         """Return what changes of the start of some steps do to goals, from what those of their end do."""
         window = self.stepper.p.programs.window.copy()
-        steps = self._again(part.count) if part.steps is None else part.steps
+        steps = list(self._again(part.count)) if part.steps is None else part.steps
         at = self.moments(steps)
         equations = self.equations(steps, at)
         n, k, m = self.entries.n, end.z.shape[1], len(at.t)
@@ -159,6 +213,8 @@ class Backwards(Once):
             self._stored(steps[number], self.rows[row], number, bars[row], stages, starts)
         lam, start = equations.back(stages, starts, end)
         self._correct(equations, at, lam, start)
+        if self.keeps(k):
+            part.at, part.lam, part.steps = at, lam, []
         numbers.note(at, window, lam)
         return start
 
@@ -216,28 +272,39 @@ class Backwards(Once):
         if share > LOOSE:
             raise UnsuitedError("the tangents of the steps do not tell how they change")
 
-    def _break(self, part: Part, end: Change, numbers: Numbers) -> Change:
-        """Return what changes before a break do to goals."""
+    def _break(self, part: Part, end: Change, numbers: Numbers) -> tuple[Record, Array]:
+        """Tell numbers of a break; return the state behind it, and virtual displacements (n, k) there."""
         stepper = self.stepper
         if not self.free.all():
             numbers.pass_break(stepper, part.behind, end, None, end.a)
-            return self._carried_back(part, end)
+            return self.now(), end.a
         before = stepper.s.v.copy()
         pass_break(stepper, part.behind)
-        at, p, w = self.now(), stepper.p, stepper.w
         # accelerations behind it follow from positions and rates
-        mu = self.by_mass.solve(end.a + end.own)
+        at, mu = self.now(), self.by_mass.solve(end.a + end.own)
         if (stepper.s.v == before).all():
             numbers.pass_break(stepper, part.behind, end, at, mu)
+        else:
+            stepper.resume(part.kept)
+            numbers.pass_break(stepper, part.behind, end, None, mu)
+        return at, mu
+
+    def _passed(self, part: Part, end: Change, behind: tuple[Record, Array]) -> Change:
+        """Return what changes before a break do to goals."""
+        if self.free.all():
+            self.stepper.enter(part.behind)
+            return self.consistent(*behind, end)
+        return self._carried_back(part, end)
+
+    def consistent(self, at: Record, mu: Array, end: Change) -> Change:
+        """Return what changes of positions and rates do to goals in a state whose accelerations follow from them."""
+        p, w = self.stepper.p, self.stepper.w
         by_z, by_v = self._left_out(at, mu[None])
         A, B = np.zeros((2, 1, len(p.mass)))
         along.tangents(p, w, at, 0.0, A)
         along.tangents(p, w, at, 1.0, B)
         K, C = self.entries.matrix(self.entries.read(A)[0]), self.entries.matrix(self.entries.read(B - A)[0])
         M, none = self.entries.matrix(self.mass), np.zeros_like(mu)
-        if not (stepper.s.v == before).all():
-            stepper.resume(part.kept)
-            numbers.pass_break(stepper, part.behind, end, None, mu)
         return Change(end.z - K @ mu - by_z[0], end.v - C @ mu - p.alpha * (M @ mu) - by_v[0], none, none.copy())
 
     def _carried_back(self, part: Part, end: Change) -> Change:
@@ -250,3 +317,21 @@ class Backwards(Once):
                 found = carried(other, self.stepper, change, part.behind, TRIED * self.stepper.p.extent)
                 getattr(out, name)[i] = sum(getattr(found, of)[:, 0] @ getattr(end, of) for of in PARTS)
         return out
+
+
+def _joined(parts: Sequence[Part]) -> Iterator[Part]:
+    """Yield parts, of each two that follow each other one."""
+    last: Part | None = None
+    for part in parts:
+        if last is None or part.behind >= 0:
+            if last is not None:
+                yield last
+            last = None if part.behind >= 0 else part
+            if part.behind >= 0:
+                yield part
+            continue
+        rows = last.rows + [(last.count + k, row) for k, row in part.rows]
+        yield Part(last.kept, last.count + part.count, None, rows)
+        last = None
+    if last is not None:
+        yield last

@@ -26,6 +26,8 @@ from ..motion.problem import make_problem, own
 from ..motion.tables import Signals, dead_loads, mass_tables, moved_mass, point_laws, prescribed, with_own
 from .differences import UnsuitedError
 
+# of the states at which differences by work are taken, those at which it is seen how straight they are
+EVERY = 8
 # how coordinates follow from unknowns
 _FOLLOWING = ("place", "indptr", "index", "value", "full", "dependents", "motion_coord", "motion_factor",
               "motion_signal")
@@ -60,13 +62,17 @@ class Differing:
                                                zip(groups[0], own, strict=True)) for own in groups)
         self.items: Index | slice = slice(None)
         self.joints = True
-        self.inertia: list[Record] = []
+        self.reduced = same
         if same:
             self._reduce(base, found, signals)
         else:
             self.problems = [own(make_problem(model)[0], model) for model in models]
-        n = len(base.coordinate)
-        self.w = [Record(scratch(n, len(base.place), len(base.mass), len(p.programs.first) - 1)) for p in self.problems]
+        # room that all share whose signals are as many
+        n, rooms = len(base.coordinate), dict[int, Record]()
+        for p in self.problems:
+            m = len(p.programs.first) - 1
+            rooms[m] = rooms.get(m) or Record(scratch(n, len(base.place), len(base.mass), m))
+        self.w = [rooms[len(p.programs.first) - 1] for p in self.problems]
 
     def _reduce(self, base: Any, found: Sequence[dict[str, Any]], signals: Sequence[Signals]) -> None:
         """Make problems of what is not the same in all models."""
@@ -88,10 +94,18 @@ class Differing:
                 groups=addresses(records), tau=tau, points=points, sliding=joined, patched=bool(len(points.mem)),
                 programs=with_own(programs, "window", "data"), motion_mass=np.zeros_like(base.motion_mass), **mass,
                 **values), records))
-        for row in self.weights:
-            changed = self._mass(row)
-            if changed is not None:
-                self.inertia.append(changed)
+
+    @cached_property
+    def inertia(self) -> list[Record]:
+        """Problems whose mass is the sum of the models' by each of the weights, none where that is nothing."""
+        found = [self._mass(row) for row in self.weights] if self.reduced else []
+        return [p for p in found if p is not None]
+
+    @cached_property
+    def mass(self) -> Any:
+        """The sparse sum of the models' mass by the first weights, None where it is nothing."""
+        blocks = list(_mass_blocks(self.run.model, self.models, self.weights[0])) if self.reduced else []
+        return self._T.T @ scattered(blocks, self.run.model.n_q) @ self._T if blocks else None
 
     def _groups(self, base: Any) -> list[tuple[list[Record], Array]]:
         """Return of each model the elements that are not the same in all, and their damping times."""
@@ -125,9 +139,10 @@ class Differing:
     def _T(self) -> Any:
         return unknowns_to_coordinates(self.run.model)
 
-    def _enter(self, window: Array) -> None:
+    @staticmethod
+    def _enter(window: Array, problems: Sequence[Record]) -> None:
         """Take signals as they are in a time (2,)."""
-        for p in (*self.problems, *self.inertia):
+        for p in problems:
             p.programs.window[:] = window
 
     def _moments(self, at: Record) -> Record:
@@ -141,7 +156,7 @@ class Differing:
 
     def residuals(self, at: Record, window: Array) -> Array:
         """Return differences (k, m, n) of the residuals at m states, with signals as they are in a time (2,)."""
-        self._enter(window)
+        self._enter(window, [*self.problems, *self.inertia])
         shape, mine = at.values.z.shape, self._moments(at)
         out, R = np.zeros((len(self.weights), *shape)), np.zeros(shape)
         for p, w, weights in zip(self.problems, self.w, self.weights.T, strict=True):
@@ -153,22 +168,44 @@ class Differing:
         return out
 
     def works(self, at: Record, window: Array, lam: Array) -> Array:
-        """Return differences (k, m, goals) of what the residuals do as work on lam (m, n, goals)."""
-        self._enter(window)
-        out, work = np.zeros((len(self.weights), len(lam), lam.shape[2])), np.zeros((len(lam), lam.shape[2]))
-        mine = self._moments(at)
-        for p, w, weights in zip(self.problems, self.w, self.weights.T, strict=True):
-            along.works(p, w, mine, lam, work)
-            out += weights[:, None, None] * work
-        for p, total in zip(self.inertia, out, strict=False):
-            along.works(p, self.w[0], _forgotten(at), lam, work)
-            total += work
+        """Return two differences (2, m, goals) of what the residuals do as work on lam (m, n, goals).
+
+        The first is by the first weights. The second, without the mass, is taken at some of the states alone, and is
+        large in proportion.
+        """
+        m, goals = len(lam), lam.shape[2]
+        out, some, mine = np.zeros((2, m, goals)), np.arange(0, m, EVERY), self._moments(at)
+        few, on_few = _some(mine, some), np.ascontiguousarray(lam[some])
+        self._enter(window, self.problems)
+        for p, w, (first, second) in zip(self.problems, self.w, self.weights.T.tolist(), strict=True):
+            work = np.zeros((m, goals) if first else (len(some), goals))
+            along.works(p, w, *((mine, lam) if first else (few, on_few)), work)
+            if first:
+                out[0] += first * work
+            out[1, some] += second * m / len(some) * (work[some] if first else work)
+        return out + self._inertial_work(at, window, lam)
+
+    def _inertial_work(self, at: Record, window: Array, lam: Array) -> Array:
+        """Return what the change of the mass by the first weights does as work (2, m, goals)."""
+        out, base = np.zeros((2, len(lam), lam.shape[2])), self.run.problem.values
+        if len(base.motion_coord) and self.inertia:
+            # mass that is moved acts too
+            self._enter(window, self.inertia)
+            along.works(self.inertia[0], self.w[0], _forgotten(at), lam, out[0])
+        elif not len(base.motion_coord) and self.mass is not None:
+            forces = self.mass @ (at.values.a + base.alpha * at.values.v).T
+            np.einsum("mik,im->mk", lam, forces, out=out[0])
         return out
 
     @property
     def moves(self) -> bool:
         """Whether the number changes how coordinates follow from unknowns, or what is prescribed."""
         return self.problems[0].values.place is not self.run.problem.values.place
+
+
+def _some(at: Record, which: Index) -> Record:
+    """Return some of the states."""
+    return Record(along.Moments(*(np.ascontiguousarray(x[which]) for x in at.values)))
 
 
 def _forgotten(at: Record) -> Record:

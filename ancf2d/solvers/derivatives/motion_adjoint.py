@@ -7,12 +7,12 @@ it needs two models, and of these what the number changes alone.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
-from ...case import Dynamic
+from ...case import Dynamic, Initial
 from ...elements.shape import Array
 from ...errors import CaseError, ComputationError
 from ...kernels.lowlevel.records import Record
@@ -21,6 +21,7 @@ from ...kernels.motion.state import evaluate
 from ...model.mesh import Index
 from ...model.model import Model
 from ..motion.dynamic import Run
+from ..motion.initial import initial_rates
 from ..motion.stepping import Stepper
 from ..state import State
 from .backwards import PARTS, Backwards
@@ -29,13 +30,15 @@ from .linear_steps import Change
 from .motion_states import NEWTON
 from .varied_motions import Beside, Varied, rests
 
-# of the step of differences of fourth order: that of two models, whose second difference beside the first is to be
-# small: the square of it is left
-SHORT, STRAIGHT = 0.125, 2e-4
-# of a step that is too long, what is aimed at, and how often it is shortened
-WANTED, TRIES = 3e-5, 3
+# of the step of differences of fourth order: that of two models. Their second difference, beside the first, is to be
+# small: its square is left
+SHORT, STRAIGHT = 0.02, 5e-5
+# how often a step that is too long is shortened
+TRIES = 3
 # of derivatives by differences with the step that is tried first
 ROUND_OFF = 3e-11
+# of goals
+EPSILON = 2.2e-16
 
 
 class Goals(Protocol):
@@ -102,8 +105,21 @@ class Sum:
         return float(shares.max(initial=0.0))
 
 
+@dataclass
+class Start:
+    """What changes of the start do to goals (n, k).
+
+    Where accelerations follow from a state at rest, or with given rates: by its residuals as work on ``mu``, and by
+    rates.
+    """
+
+    all: Change
+    mu: Array | None
+    rates: Array | None
+
+
 class MotionAdjoint:
-    """What numbers do to goals of a motion."""
+    """What numbers do to goals of a motion. Raises UnsuitedError."""
 
     def __init__(self, model: Model, last: State, goals: Goals, whole: bool) -> None:
         spec = model.case.solver
@@ -115,6 +131,11 @@ class MotionAdjoint:
         self.base, self.first = Run(model, self.spec), dict[Varied, float]()
         self.states = [self.motion.run.state(row) for row in self.motion.rows]
         self.values = goals(model, self.states)
+        self.bars = self._bars()
+        # what the start does, and by its residuals; once virtual displacements are kept, numbers come one by one
+        self.start: Start | None = None
+        if self.motion.keeps(self.bars[-1].z.shape[1]):
+            self.start = self._started(self.motion.back(self.bars, Sums()))
 
     def _made(self, rejected: int) -> Backwards:
         """Make the motion with the tightest tolerance of Newton's method that it allows."""
@@ -130,7 +151,11 @@ class MotionAdjoint:
         raise AssertionError
 
     def prepare(self, beside: Sequence[tuple[Varied, float]]) -> None:
-        """Find the derivatives to several numbers at once."""
+        """Find the derivatives to several numbers at once, where these cannot be found one by one."""
+        if self.start is None:
+            self._find(beside)
+
+    def _find(self, beside: Sequence[tuple[Varied, float]]) -> None:
         todo = [(at, h * SHORT) for at, h in beside]
         for k in range(TRIES):
             todo = self._once(todo, last=k == TRIES - 1)
@@ -140,7 +165,7 @@ class MotionAdjoint:
     def slope(self, at: Varied, h: float) -> Quotient:
         """Return the derivatives (k,) of the goals. Raises UnsuitedError, CaseError, ComputationError."""
         if at not in self.found:
-            self.prepare([(at, h)])
+            self._find([(at, h)])
         found = self.found[at]
         if isinstance(found, Exception):
             raise found
@@ -148,16 +173,20 @@ class MotionAdjoint:
 
     def _once(self, todo: Sequence[tuple[Varied, float]], last: bool) -> list[tuple[Varied, float]]:
         """Find derivatives; return the numbers whose steps are too long, with shorter ones."""
-        bars, sums = self._bars(), Sums()
+        sums, k = Sums(), self.bars[-1].z.shape[1]
         for at, h in todo:
             self.first.setdefault(at, h)
             try:
-                sums.all.append(Sum(Beside(at, h, self.base, few=True), bars[-1].z.shape[1]))
+                sums.all.append(Sum(Beside(at, h, self.base, few=True), k))
             except (CaseError, ComputationError, UnsuitedError) as found:
                 self.found[at] = found
         if not sums.all:
             return []
-        start, again = self.motion.back(bars, sums), []
+        start, again = self.start, []
+        if start is None:
+            start = self._started(self.motion.back(self.bars, sums))
+        else:
+            self.motion.tell(sums)
         for one in sums.all:
             number = one.number
             try:
@@ -166,11 +195,13 @@ class MotionAdjoint:
             except (CaseError, ComputationError, UnsuitedError) as found:
                 self.found[number.at] = found
                 continue
-            if one.bent > STRAIGHT and not last:
-                again.append((number.at, number.h * min(WANTED / one.bent, 0.1)))
-                continue
             noise = ROUND_OFF * self.first[number.at] / number.h
-            error = one.sizes[0] * (one.bent**2 + self.motion.off + noise)
+            # of the step, where (bent x)^2 and noise / x are least together
+            shorter = (0.5 * noise / max(one.bent, STRAIGHT)**2) ** (1 / 3)
+            if one.bent > STRAIGHT and shorter < 0.5 and not last:
+                again.append((number.at, number.h * shorter))
+                continue
+            error = one.sizes[0] * (one.bent**2 + self.motion.off + noise) + EPSILON / number.h * np.abs(self.values)
             self.found[number.at] = Quotient(one.value, error, number.h)
         return again
 
@@ -186,13 +217,25 @@ class MotionAdjoint:
                 getattr(out[state], name)[:, goal] += num.reduce(full) * (free if name == "v" else 1.0)
         return out
 
-    def _begin(self, one: Sum, start: Change) -> None:
+    def _started(self, start: Change) -> Start:
+        """Return what changes of the start do, given that they are ``start``."""
+        motion, initial = self.motion, self.model.case.initial or Initial()
+        if not motion.free.all() or len(motion.stepper.p.motion_coord) or initial.from_ != "rest":
+            return Start(start, None, None)
+        motion.stepper.enter(0)
+        mu = motion.by_mass.solve(start.a + start.own)
+        return Start(start, mu, None if rests(self.base) else motion.consistent(motion.begun, mu, start).v)
+
+    def _begin(self, one: Sum, start: Start) -> None:
         """Add what a number does by the start of the motion."""
-        if self.motion.free.all() and rests(self.base):
-            mu = self.motion.by_mass.solve(start.a + start.own)
-            one.note(self.motion.begun, self.motion.window, mu[None])
+        if start.mu is None:
+            one.change(one.number.begin(), start.all)
             return
-        one.change(one.number.begin(), start)
+        one.note(self.motion.begun, self.motion.window, start.mu[None])
+        if start.rates is not None:
+            sides = zip(one.number.weights[0].tolist(), one.number.differing.models, strict=True)
+            by_rates = sum(weight * initial_rates(model) for weight, model in sides if weight) @ start.rates
+            one.take(np.array([by_rates, np.zeros_like(by_rates)])[:, None])
 
     def _read(self, number: Beside) -> Array:
         """Return differences (2, 1, k) of what is read where unknowns stay as they are."""

@@ -19,6 +19,7 @@ from ...model.model import Model
 from ...model.point_patch import PointConstraint
 from ...model.rotation import Kinds
 from ...model.transfer import renumbered
+from ..linear import full_mass, unknowns_to_coordinates
 
 # relative to the size of the scene: reference coordinates that are the same, and states that supports hold
 SAME, HELD = 1e-9, 1e-6
@@ -62,6 +63,25 @@ def _rates(model: Model, initial: Initial, e: Array, stored: Array) -> Array:
         coords = slice(mesh.first_dof, mesh.first_dof + mesh.n_dofs)
         out[coords] = v[coords]
     return out
+
+
+def initial_rates(model: Model) -> Array:
+    """Return the rates (n_unknowns,) at t = 0 of a motion from rest without multipliers and prescribed motion.
+
+    They are the projection of those that were asked for in the metric of the mass M: T^T M (T v - V) = 0.
+    """
+    rest = np.zeros(model.numbering.n_unknowns)
+    d = model.displacements(rest, 0.0)[:model.n_q]
+    asked = _rates(model, model.case.initial or Initial(), model.e0 + d, np.zeros(model.n_q))
+    v = np.asarray(asked[model.numbering.free])
+    T = unknowns_to_coordinates(model)
+    missing = asked - T @ v
+    if missing.any():
+        from scipy.sparse.linalg import spsolve
+
+        M = full_mass(model)
+        v = v + spsolve((T.T @ M @ T).tocsc(), T.T @ (M @ missing))
+    return v
 
 
 def static_case(case: Case) -> Case:
