@@ -120,20 +120,17 @@ def tangent_action(group, d, v, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def viscous_action(group, tau, d, v, lam, by_d, by_v, other):  # type: ignore[no-untyped-def]
-    """Add to by_d and by_v what changes of d and v do to lam . Q, Q the Kelvin-Voigt forces.
+    """Add to by_v C lam: what changes of v do to lam . Q, Q the Kelvin-Voigt forces. ``other`` is room.
 
-    That by rates is C lam. That by displacements is half the difference of what is quadratic in the rates w, their
-    forces and sigma . d2eps/du2 B w, at w = v + lam and v - lam, less C lam. ``other`` is room.
+    What changes of d do is by_d - by_v. To by_d half the difference of what is quadratic in the rates w is added, their
+    forces and sigma . d2eps/du2 B w, at w = v + lam and v - lam.
     """
     for k in range(2):
         sign = 1.0 - 2.0 * k
         for i in range(len(d)):
             other[i] = v[i] + sign * lam[i]
         _add_batches(TWIST, group, 0.5 * sign * tau, d, other, by_d)
-        for i in range(len(d)):
-            other[i] = sign * lam[i]
-        _add_batches(RATE, group, 0.5 * sign * tau, d, other, by_v)
-        _add_batches(RATE, group, -0.5 * sign * tau, d, other, by_d)
+    _add_batches(RATE, group, tau, d, lam, by_v)
 
 
 @kernel

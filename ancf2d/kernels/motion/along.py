@@ -169,7 +169,11 @@ def left_out(p, w, at, lam, none, room, by_z, by_v):  # type: ignore[no-untyped-
         for g in range(len(p.groups)):
             if p.tau[g] > 0.0:
                 group = group_at(p.groups[g])
-                viscous_action(group, p.tau[g], w.d, w.v, full, by_d, by_rate, w.other)
+                w.Q[:] = 0.0
+                viscous_action(group, p.tau[g], w.d, w.v, full, by_d, w.Q, w.other)
+                for i in range(len(full)):
+                    by_d[i] -= w.Q[i]
+                    by_rate[i] += w.Q[i]
                 w.Q[:] = 0.0
                 tangent_action(group, w.d, full, w.Q)
                 for i in range(len(full)):

@@ -252,7 +252,7 @@ class Backwards(Once):
 
     def _correct(self, equations: Equations, at: Record, lam: Array, start: Change) -> None:
         """Correct lam and what the start does by what tangents leave out: they are Newton's, not all exact."""
-        weights, more, last = self.stepper.p.weights[None, :, None], lam, np.inf
+        weights, more, before, left = self.stepper.p.weights[None, :, None], lam, 1.0, 0.0
         size = float((weights * np.abs(lam)).max(initial=0.0))
         for _ in range(CORRECTIONS):
             by_z, by_v = self._left_out(at, more)
@@ -265,12 +265,13 @@ class Backwards(Once):
             for name in ("z", "v", "a", "own"):
                 getattr(start, name)[:] += getattr(change, name)
             share = float((weights * np.abs(more)).max(initial=0.0)) / (size or 1.0)
-            if share <= CLOSE or share >= last:
+            # what the next correction would be: tangents are as good as they were
+            left, worse, before = share * share / before, share >= before, share
+            if left <= CLOSE or worse:
                 break
-            last = share
-        self.off = max(self.off, share * share / last if np.isfinite(last) else share)
-        if share > LOOSE:
-            raise UnsuitedError("the tangents of the steps do not tell how they change")
+        self.off = max(self.off, left)
+        if left > LOOSE:
+            raise UnsuitedError("the tangents of the steps do not determine their derivatives")
 
     def _break(self, part: Part, end: Change, numbers: Numbers) -> tuple[Record, Array]:
         """Tell numbers of a break; return the state behind it, and virtual displacements (n, k) there."""
