@@ -8,11 +8,11 @@ from test_study_motion_gradient import SCENE, solved
 
 import ancf2d
 from ancf2d.case.numbers import numbers_at
-from ancf2d.solvers.derivatives import backwards, linear_steps
+from ancf2d.solvers.derivatives import backwards, linear_steps, motion_states
 from ancf2d.solvers.motion import methods
 from ancf2d.solvers.post import Observer
 from ancf2d.solvers.state import State
-from ancf2d.study.gradient import GoalValues, Study, gradient, prepare
+from ancf2d.study.gradient import GoalValues, Study, derivatives, prepare
 from ancf2d.study.record import Progress
 
 # held without multipliers, and by others where the case has them
@@ -47,12 +47,23 @@ def found(loaded, paths):
     return np.array([quotient.value[0] for quotient, _ in rows]), np.array([quotient.error[0] for quotient, _ in rows])
 
 
-def test_the_motion_backwards_tells_what_changes_of_its_states_do(tmp_path):
-    """Both ways are those of the same steps, whatever number: transposed matrices have the same values."""
-    loaded = scene(tmp_path, "radau5", CLAMP)
+@pytest.mark.parametrize("name", ["newmark", *(pytest.param(name, marks=pytest.mark.slow) for name in MOTIONS
+                                               if name != "newmark")])
+def test_both_ways_are_those_of_the_same_steps(name, monkeypatch, tmp_path):
+    """Forwards and backwards in time the same matrices stand, transposed: psi . (J^-1 dR) = (J^-T psi) . dR."""
+    # corrections of the motion forwards go on to round-off, too
+    monkeypatch.setattr(motion_states, "ENOUGH", 1e-13)
+    monkeypatch.setattr(motion_states, "CLOSE", 1e-12)
+    method, held, paths = MOTIONS[name]
+    loaded = scene(tmp_path, method, held)
     read = GoalValues((loaded.case.goal,))
-    _, changes = gradient(loaded, lambda model, states: read(model, states[-1:]), NUMBERS)
-    assert found(loaded, NUMBERS)[0] == pytest.approx(changes[0], rel=2e-8)
+    told = derivatives(loaded, lambda model, states: read(model, states), numbers_at(loaded, paths))
+    assert set(told.methods) == {"exact"}
+    values, _ = found(loaded, paths)
+    # what changes of the goal by a relative change of the number are, where it hardly depends on it
+    sizes = np.abs([variable.value for variable in told.variables])
+    apart = np.abs(values - told.jacobian[0])
+    assert (apart <= 1e-9 * np.abs(values) + 1e-11 * abs(told.values[0]) / sizes).all(), apart / np.abs(values)
 
 
 @pytest.mark.slow
@@ -82,14 +93,36 @@ def test_goals_over_windows(goal, monkeypatch, tmp_path):
 
 
 def test_what_is_kept_of_a_motion_changes_nothing(monkeypatch, tmp_path):
-    """Steps made again from checkpoints, window by window, and sparse matrices give the same derivatives."""
+    """Steps made again from checkpoints, few or many, and sparse matrices give the same derivatives."""
     loaded = scene(tmp_path, "radau5", CLAMP)
     values, _ = found(loaded, SOME)
-    monkeypatch.setattr(backwards, "KEPT", 0)
-    monkeypatch.setattr(backwards, "WINDOW", 0)
-    assert found(loaded, SOME)[0] == pytest.approx(values, rel=1e-10)
+    for name, size in (("KEPT", 0), ("WINDOW", 0), ("LEAST", 2), ("CHECKPOINTS", 0)):
+        monkeypatch.setattr(backwards, name, size)
+        assert found(loaded, SOME)[0] == pytest.approx(values, rel=1e-9), name
     monkeypatch.setattr(linear_steps, "BAND", 0)
     assert found(loaded, SOME)[0] == pytest.approx(values, rel=1e-8)
+
+
+def test_checkpoints_stay_within_their_room(monkeypatch, tmp_path):
+    """Every second one is dropped where they are too many, and steps between those that are left are made again."""
+    for name, size in (("KEPT", 0), ("WINDOW", 0), ("LEAST", 2), ("CHECKPOINTS", 0)):
+        monkeypatch.setattr(backwards, name, size)
+    loaded = scene(tmp_path, "generalized_alpha", CLAMP, "solver.dt=1e-4", "loads.push.amplitude={type: constant}")
+    motion = backwards.Backwards(prepare(loaded), loaded.case.solver, False, 1e-12)
+    assert motion.make()
+    # windows of 8 steps
+    assert sum(part.count for part in motion.parts) == 100
+    assert len([part for part in motion.parts if part.count]) <= 3
+
+
+def test_one_way_is_chosen_by_goals_and_numbers(tmp_path):
+    """One way back for each goal, or one forth for each number: the fewer."""
+    loaded = scene(tmp_path, "radau5", CLAMP)
+    goals = tuple(replace(loaded.case.goal, quantity=name) for name in ("x", "y", "theta"))
+    for paths, back in ((SOME, True), (SOME[:2], False)):
+        study = Study(loaded, GoalValues(goals), Progress())
+        study.expect(numbers_at(loaded, paths))
+        assert (study.adjoint is not None) == back
 
 
 def test_a_number_that_turns_a_phase_far(tmp_path):

@@ -30,12 +30,14 @@ from ..motion.stepping import Stepper
 from ..state import Row
 from .differences import UnsuitedError
 from .linear_steps import Change, Equations, Stages
-from .motion_states import CLOSE, CORRECTIONS, LOOSE, TRIED, Once, Step
+from .motion_states import CORRECTIONS, LOOSE, TRIED, Once, Step
 from .varied_motions import carried
 
 # numbers that stages and virtual displacements of all steps, checkpoints, and the matrices of one window of steps are
 # kept in, at most
 KEPT, CHECKPOINTS, WINDOW = 1 << 24, 1 << 22, 1 << 22
+# corrections of virtual displacements, beside the largest, that are none: goals may hardly depend on a number
+NEGLIGIBLE = 1e-12
 # parts that are left where checkpoints are dropped, at least
 LEAST = 8
 # changes before breaks of models with multipliers that are carried behind them, at most
@@ -267,7 +269,7 @@ class Backwards(Once):
             share = float((weights * np.abs(more)).max(initial=0.0)) / (size or 1.0)
             # what the next correction would be: tangents are as good as they were
             left, worse, before = share * share / before, share >= before, share
-            if left <= CLOSE or worse:
+            if left <= NEGLIGIBLE or worse:
                 break
         self.off = max(self.off, left)
         if left > LOOSE:
