@@ -52,6 +52,8 @@ class Circle:
     """A disc; or, with ``inside``, all that is outside a circle."""
 
     tag = "circle"
+    # whether the surface has no corners
+    smooth = True
     center: tuple[float, float] = key(PLACE, "Centre", example=[0, -0.5])
     radius: float = key(Number("m", gt=0), "Radius", example=0.5)
     inside: bool = key(Flag(), "Bodies are inside the circle, as in a pipe", default=False)
@@ -79,6 +81,7 @@ class HalfPlane:
     """All that is behind a straight line."""
 
     tag = "half_plane"
+    smooth = True
     through: tuple[float, float] = key(PLACE, "A point of its surface", example=[0, 0])
     normal: tuple[float, float] = key(Vector(Number(""), nonzero=True), "Direction out of the solid, towards the "
                                       "bodies",
@@ -108,6 +111,7 @@ class PolylineObstacle:
     """Straight walls from corner to corner: closed around a solid, or open, with the solid to the right."""
 
     tag = "polyline"
+    smooth = False
     points: tuple[tuple[float, float], ...] = key(
         ListOf(PLACE, "points", 2), "Corners in order; bodies are to the left of an open line (above it, if it runs "
         "from left to right), and outside a closed one", example=[[0, 0], [1, 0.2]])
