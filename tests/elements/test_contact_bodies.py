@@ -29,7 +29,7 @@ class Point:
         if place == "end" and two != "curve":
             curve[[laws.END, laws.MIDDLE, laws.HALF, laws.SIGN]] = 1.0, 0.01, 0.08, -1.0
         self.par = np.array([kind, terms, 0.1, 0.3, 0.7, 100.0, damping, 0.0, 1.0, 1e-12, geometry.STILL, 0.0, 0.0, 1.0,
-                             0.0, 0.0, *curve])
+                             0.0, 0.0, 0.0, 0.0, *curve])
 
         def bent(section, count):
             fields = 0.02 * rng.standard_normal((3 if section == "theta" else 2, count))

@@ -321,11 +321,11 @@ def test_a_bar_yields_in_motion(method: str, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_motions_that_unresolved_vibrations_carry_away_are_told() -> None:
-    """A bar is pulled and pushed to 1.3 of its yield force, with steps of 25 periods of its vibrations."""
+    """A bar is pulled and pushed to 1.3 of its yield force, with steps of 62 periods of its vibrations."""
     body = {"geometry": h.line(LENGTH), "element": h.element("reissner3", 1), "section": {
         "height": HEIGHT, "width": WIDTH}, "material": {**STEEL, "rho": 7850, "hardening": {"kinematic": 0.1 * E}}}
     told = [any("the energy balance is off" in w for w in ancf2d.solve(h.load({"rod": body}, {
-        "type": "dynamic", "t_end": 1.0, "dt": 0.02, "method": method, "estimate": False},
+        "type": "dynamic", "t_end": 1.0, "dt": 0.05, "method": method, "estimate": False},
         bc=[{"type": "clamp", "at": "rod@0"}], output={"interval": 0.1}, loads=[
             {"type": "force", "at": "rod@1", "value": [1.3 * HEIGHT * WIDTH * YIELD, 0],
              "amplitude": {"type": "sine", "frequency": 1.0}}])).warnings) for method in ("newmark", "radau5")]

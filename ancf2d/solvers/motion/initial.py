@@ -19,7 +19,6 @@ from ...model.model import Model
 from ...model.point_patch import PointConstraint
 from ...model.rotation import Kinds
 from ...model.transfer import renumbered
-from ..linear import full_mass, unknowns_to_coordinates
 
 # relative to the size of the scene: reference coordinates that are the same, and states that supports hold
 SAME, HELD = 1e-9, 1e-6
@@ -70,6 +69,9 @@ def initial_rates(model: Model) -> Array:
 
     They are the projection of those that were asked for in the metric of the mass M: T^T M (T v - V) = 0.
     """
+    # checking a case imports no kernels
+    from ..linear import full_mass, unknowns_to_coordinates
+
     rest = np.zeros(model.numbering.n_unknowns)
     d = model.displacements(rest, 0.0)[:model.n_q]
     asked = _rates(model, model.case.initial or Initial(), model.e0 + d, np.zeros(model.n_q))
