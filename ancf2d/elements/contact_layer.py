@@ -371,9 +371,7 @@ def settle(p0, u, par, mem):  # type: ignore[no-untyped-def]
         here[j] = p0[j] + u[j]
     for i in range(len(par)):
         one, anchor = par[i], mem[i, ANCHOR]
-        if m == 0:
-            mem[i, ANCHOR] = np.nan
-        if m == 0 or one[FRICTION] == 0.0:
+        if one[FRICTION] == 0.0:
             continue
         _, _, _, _, place = opposite(one, work)
         g, _, _, _, part = distance_at(one, place[0], place[1], -1.0)

@@ -216,11 +216,9 @@ def point_accept(points, d, amps):  # type: ignore[no-untyped-def]
     while i < len(points.forces):
         b, m, run = points.field[i], points.field[i + 1] - points.field[i], points.run[i]
         if points.along[i] != 0:
-            if points.apart[i] > 0.0 and is_apart(points, i, d):
-                m = 0
-            else:
-                fields_of_item(points, i, d, u)
-                amplitude_of(points, i, amps, u, w, a)
+            # apart or not: friction holds to where the last accepted state was
+            fields_of_item(points, i, d, u)
+            amplitude_of(points, i, amps, u, w, a)
             call_accept_along(points.accept_along[i], (points.p0[b:b + m], u[:m], _rows(points.par, i, run),
                                                        _rows(points.mem, i, run)))
         elif points.accept[i] != 0:
