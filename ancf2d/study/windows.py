@@ -116,18 +116,23 @@ def peak(t: Array, f: Array, window: tuple[float, float]) -> float:
 def window_weights(goal: Any, t: Array, f: Array) -> Array:
     """Return what a change of each sample f (n,) at times t (n,) does to the value of a goal over a window.
 
-    The mean is linear in the samples, and the peak in those about the largest.
+    The mean is linear in the samples, and the peak is one of them, or lies between two at an end of the window.
     """
     window = window_of(goal)
     assert window is not None
-    of, out = (mean if goal.mean_over else peak), np.zeros(len(t))
-    h = 1e-6 * float(np.abs(f).max(initial=0.0)) or 1.0
-    for k in np.flatnonzero((t >= window[0]) | (np.append(t[1:], np.inf) >= window[0])).tolist():
-        moved = f.copy()
-        moved[k] += h
-        above = of(t, moved, window)
-        moved[k] -= 2 * h
-        out[k] = (above - of(t, moved, window)) / (2 * h)
-        if t[k] > window[1]:
-            break
+    (times, values), out = _within(t, f, window), np.zeros(len(t))
+    by = np.zeros(len(times))
+    if goal.mean_over:
+        halves = 0.5 * np.diff(times) / (window[1] - window[0])
+        by[:-1] += halves
+        by[1:] += halves
+    else:
+        k = int(np.abs(values).argmax())
+        by[k] = np.sign(values[k])
+    out[(t > window[0]) & (t < window[1])] = by[1:-1]
+    for at, weight in ((window[0], by[0]), (window[1], by[-1])):
+        j = min(max(int(np.searchsorted(t, at, side="right")) - 1, 0), len(t) - 2)
+        share = (at - t[j]) / (t[j + 1] - t[j]) if t[j + 1] > t[j] else 1.0
+        out[j] += (1.0 - share) * weight
+        out[j + 1] += share * weight
     return out

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from ancf2d.study.accuracy.control import solve_to_accuracy
 from ancf2d.study.goal import solve_for_goal
 from ancf2d.study.gradient import gradient
 from ancf2d.study.run import vocabulary
-from ancf2d.study.windows import mean, peak
+from ancf2d.study.windows import mean, peak, window_weights
 
 EA, MU, L = 1000.0, 0.3, 1.0
 WAVE = math.sqrt(EA)
@@ -126,3 +127,16 @@ def test_a_run_tells_windows_on_the_command_line(tmp_path, monkeypatch):
     assert found["value"] == pytest.approx(-1.375 * MU * 10.0 * L, rel=1e-2)
     text = CliRunner().invoke(main, ["run", "a.yaml", "--force"]).stdout
     assert any(line.startswith(name) and f"{found['value']:.4f}"[:5] in line for line in text.splitlines())
+
+
+@pytest.mark.parametrize("window", [(0.5, 2.75), (1.0, 3.0), (0.0, 4.0)])
+@pytest.mark.parametrize("of", [mean, peak])
+def test_weights_of_a_window_are_its_derivatives(of, window) -> None:
+    """With a jump at t = 2; both values are of first degree in the samples, so that they are weights times samples."""
+    t, f = np.array([0.0, 1.0, 2.0, 2.0, 3.0, 4.0]), np.array([0.3, 1.0, -0.5, -2.0, 1.5, 0.1])
+    goal = SimpleNamespace(mean_over=window if of is mean else None, peak_over=window if of is peak else None)
+    weights = window_weights(goal, t, f)
+    assert weights @ f == pytest.approx(of(t, f, window), rel=1e-14)
+    step = 1e-6 * np.eye(len(f))
+    by_differences = [(of(t, f + e, window) - of(t, f - e, window)) / 2e-6 for e in step]
+    np.testing.assert_allclose(weights, by_differences, atol=1e-9)
