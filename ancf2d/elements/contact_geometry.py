@@ -39,8 +39,6 @@ STICKS, CLOSES, NONE = 2.0, 3.0, np.inf
 BY_CHOICE, OPEN, CLOSED = -1.0, 0.0, 1.0
 # numbers of work: X, X', X'' (8 each), rho (2), its derivatives by X (2, 8) and (2, 8, 8), small vectors and matrices
 AT, AT_1, AT_2, RHO, BY, BY_BY, VECTOR, MATRIX, ROW, OTHER = 0, 8, 16, 24, 26, 42, 170, 226, 290, 330
-# of the vectors: how gap and place follow X, rates of X, how the force follows it, and the force on it
-NORMAL, TANGENT, RATES, SLOPE, FORCE = range(VECTOR + 8, VECTOR + 48, 8)
 WORK = 370
 # a face that looks this much away from an obstacle is the back of what touches (cosine of the angle to its normal)
 BACK = 0.7
@@ -72,23 +70,6 @@ def take(par, p0, u, z, work):  # type: ignore[no-untyped-def]
     body, pose = count_of(par)
     for i in range(pose):
         work[AT + body + i] = p0[sets * terms + i] + u[sets * terms + i]
-
-
-def entries(par, w, z, work, first):  # type: ignore[no-untyped-def]
-    """Fill what X is of fields w at z, which may be rates, from ``first`` on."""
-    terms, section = int(par[TERMS]), int(par[SECTION])
-    body, pose = count_of(par)
-    sets = 3 if section == OF_THETA else 2
-    for c in range(sets):
-        v0, v1 = 0.0, 0.0
-        for j in range(terms - 1, -1, -1):
-            v1 = v1 * z + v0
-            v0 = v0 * z + w[c * terms + j]
-        work[first + c] = v0
-        if section == OF_TANGENT:
-            work[first + 2 + c] = v1
-    for i in range(pose):
-        work[first + body + i] = w[sets * terms + i]
 
 
 def offset(par, work):  # type: ignore[no-untyped-def]

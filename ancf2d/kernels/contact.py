@@ -64,9 +64,8 @@ def contact_gaps(points, d, amps, gaps, along, faces):  # type: ignore[no-untype
 
 
 @kernel
-def lean(points, d, amps, slope, bend, part_of):  # type: ignore[no-untyped-def]
-    """Fill g_z and g_zz of the gap of each point between others (n,) at d (n_full,), and the part of the obstacle that
-    it is nearest to."""
+def lean(points, d, amps, slope, bend):  # type: ignore[no-untyped-def]
+    """Fill g_z and g_zz of the gap of each point between others (n,) at d (n_full,)."""
     u, w, a, work = vector(200), vector(200), vector(3), vector(WORK)
     for i in range(len(points.forces)):
         if points.mem[i, FREE] <= 0.0:
@@ -77,9 +76,6 @@ def lean(points, d, amps, slope, bend, part_of):  # type: ignore[no-untyped-def]
         _stand(par, points.p0[b:b + m], u, z, work)
         _, nx, ny, k, _, _ = _gap_at(par, work[RHO], work[RHO + 1], points.mem[i, FEATURE])
         slope[i], bend[i], _, _ = _slopes(par, z, 0.0, nx, ny, k, work)
-        part_of[i] = points.mem[i, FEATURE]
-        if int(par[SHAPE]) == POLYLINE:
-            part_of[i] = float(_feature_at(par, work[RHO], work[RHO + 1]))
 
 
 @inner
@@ -196,7 +192,7 @@ def contact_compilations(problem: Any, obstacles: bool, bodies: bool, sided: boo
             out.append(partial(body_deepest.compile, (facing, points, b, x, x, x)))
     if obstacles:
         out += [partial(contact_gaps.compile, (points, x, xx, x, x, b)),
-                partial(lean.compile, (points, x, xx, x, x, x))]
+                partial(lean.compile, (points, x, xx, x, x))]
         if sided:
             out.append(partial(deepest.compile, (points, b, x, xx, x, x, x)))
     return out

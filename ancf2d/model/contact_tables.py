@@ -132,11 +132,11 @@ class ContactTable:
             out[free] &= points[following] | (closed[:, side] & whole[following])
         return out
 
-    def slack(self, held: Any, force: Array, feature: Array) -> Array:
+    def slack(self, held: Any, force: Array) -> Array:
         """Return the depth (m,) between the ends of elements that counts as none.
 
         ``held`` and ``force`` (m,) tell which points are closed. Where curves are not cubic, beside a closed point its
-        force would bend the beam by some of this; corners of obstacles are left out.
+        force would bend the beam by some of this.
         """
         free, out = np.flatnonzero(self.free), np.zeros(len(held))
         if not self.pair.still or self.pair.cubic:
@@ -144,7 +144,7 @@ class ContactTable:
         ends, par = self.ends[free], self.pair.par[free]
         closed = held[ends] & (ends >= 0)
         # what supports hold has no point
-        near = (closed | (ends < 0)).any(axis=1) & ~at_corner(par, feature[free])
+        near = (closed | (ends < 0)).any(axis=1)
         soft = par[:, BENDS] / 64.0 + par[:, SHEARS] / 4.0
         out[free] = np.where(near, BETWEEN * self.pair.scale + ROUGH * soft * np.where(
             closed, np.abs(force[ends]), 0.0).sum(axis=1), 0.0)
@@ -202,15 +202,14 @@ class ContactTable:
         table.par[:, [FRICTION, BENDS, SHEARS]] = kept
         return dofs[:, :-1], Q[:, :-1], Q[:, -1]
 
-    def lean(self, d: Array, t: float) -> tuple[Array, Array, Array]:
-        """Return g_z and g_zz (m,) of points that stand between others, and the part of the obstacle nearest to them.
-        """
+    def lean(self, d: Array, t: float) -> tuple[Array, Array]:
+        """Return g_z and g_zz (m,) of points that stand between others."""
         from ..kernels.contact import lean
 
         table, amps = self.at(d, t)
-        slope, bend, part_of = np.zeros((3, len(table.forces)))
-        lean(table, d, amps, slope, bend, part_of)
-        return slope, bend, part_of
+        slope, bend = np.zeros((2, len(table.forces)))
+        lean(table, d, amps, slope, bend)
+        return slope, bend
 
     def crossed(self, before: Array, d: Array) -> bool:
         """Return that no point passes through a body between two states: obstacles have one side."""

@@ -110,7 +110,7 @@ def _depths(one: ContactTable, d: Array, t: float) -> tuple[Array, Array, Array]
     home = ~free & ~held & faces
     depth[home] = np.maximum(-gap[home], 0.0)
     force = np.array([-d[p.multiplier] for p in one.points])
-    depth[free & (depth <= one.slack(held, force, feature))] = 0.0
+    depth[free & (depth <= one.slack(held, force))] = 0.0
     return depth, place, feature
 
 
@@ -162,7 +162,7 @@ def exchange(system: System, d: Array, t: float, left: set[ContactPoint]) -> tup
     turned = 0
     for one in sliding:
         one.look_at_supports(d, t, 2.0 * limit)
-        turned += let_go(one, d, t) + choose_curves(one, left)
+        turned += let_go(one, d) + choose_curves(one, left)
     depths = [_depths(one, d, t) for one in hard]
     worst = max((float(depth.max(initial=0.0)) for depth, _, _ in depths), default=0.0)
     pulls = np.array([d[p.multiplier] for one in hard for p in one.points if p.mem[HELD] > 0.0])

@@ -76,17 +76,12 @@ def come_inside(one: ContactTable, left: set[ContactPoint]) -> int:
     return len(found)
 
 
-def let_go(one: ContactTable, d: Array, t: float) -> int:
-    """Open points beside a side of a polyline that ends before them, and beside closed ones that say more; return how
-    many."""
-    if not any(p.mem[HELD] > 0.0 and p.mem[FREE] == STANDING for p in one.points):
-        return 0
-    parts, gone = one.lean(d, t)[2], 0
-    for k, (point, part) in enumerate(zip(one.points, parts.tolist(), strict=True)):
-        if point.mem[HELD] <= 0.0 or point.mem[FREE] != STANDING:
-            continue
-        beside = any(j < 0 or one.points[j].mem[HELD] > 0.0 for j in one.ends[k])
-        if part != point.mem[FEATURE] or (beside and not one.pair.cubic):
+def let_go(one: ContactTable, d: Array) -> int:
+    """Open points beside closed ones that say more, where sections do not turn as a beam's; return how many."""
+    gone = 0
+    for k, point in enumerate(one.points if not one.pair.cubic else ()):
+        standing = point.mem[HELD] > 0.0 and point.mem[FREE] == STANDING
+        if standing and any(j < 0 or one.points[j].mem[HELD] > 0.0 for j in one.ends[k]):
             open_point(point, d)
             gone += 1
     return gone
@@ -121,7 +116,7 @@ def _places(one: ContactTable, d: Array, t: float, left: set[ContactPoint]) -> l
     own = [k for k, p in enumerate(one.points) if p.mem[HELD] > 0.0 and p.mem[FREE] == STANDING and k not in enclosed]
     if not own:
         return []
-    slope, bend, _ = one.lean(d, t)
+    slope, bend = one.lean(d, t)
     turns = np.zeros((len(own), len(d)))
     for side in (-1.0, 1.0):
         at = {k: (float(one.points[k].mem[PLACE] + side * DIFFERENCE), float(one.points[k].mem[FEATURE])) for k in own}
