@@ -54,10 +54,16 @@ def kinetic(p, w, s, t):  # type: ignore[no-untyped-def]
 
 
 @inner_with_memory
-def allowed_rates(p, w, v, impulse, rhs):  # type: ignore[no-untyped-def]
-    """Fill the right-hand side (n,) beside ``constraint_matrix`` of what rates v (n,) change by, at w.d and w.v."""
+def allowed_rates(p, w, z, v, impulse, rhs):  # type: ignore[no-untyped-def]
+    """Fill what rates v (n,) at z change by, and multipliers are, under an impulse (n,), with signals in w.amps.
+
+    Returns whether ``constraint_matrix`` is regular, and its factors.
+    """
     velocity, acceleration = np.zeros(len(w.d)), np.zeros(len(w.d))
     motion = np.zeros(len(rhs))
+    to_full(p, z, w.amps, 0, w.d)
+    to_full(p, v, w.amps, 1, w.v)
+    constraint_matrix(p, w)
     rhs[:] = 0.0
     if p.patched:
         rates_of_constraints(p, w.d, w.v, w.amps, velocity, acceleration)
@@ -68,6 +74,11 @@ def allowed_rates(p, w, v, impulse, rhs):  # type: ignore[no-untyped-def]
                 rhs[i] = -velocity[p.full[i]] - w.y[i] - motion[i]
     for i in range(len(rhs)):
         rhs[i] += impulse[i]
+    factors = w.A.copy()
+    regular = calls.factor(p.calls, (p, factors, w.y))
+    if regular:
+        calls.solve(p.calls, (p, factors, rhs))
+    return regular, factors
 
 
 @kernel_with_memory
@@ -81,15 +92,10 @@ def consistent(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
     evaluate(p.programs, t, w.amps)
     velocity, acceleration = np.zeros(len(w.d)), np.zeros(len(w.d))
     motion = np.zeros(n)
-    to_full(p, z, w.amps, 0, w.d)
-    to_full(p, v, w.amps, 1, w.v)
-    constraint_matrix(p, w)
     rhs = np.zeros(n)
-    allowed_rates(p, w, v, impulse, rhs)
-    factors = w.A.copy()
-    if not calls.factor(p.calls, (p, factors, w.y)):
+    regular, factors = allowed_rates(p, w, z, v, impulse, rhs)
+    if not regular:
         return False
-    calls.solve(p.calls, (p, factors, rhs))
     for i in range(n):
         v[i] = (v[i] + rhs[i]) * p.coordinate[i]
         z[i] *= p.coordinate[i]

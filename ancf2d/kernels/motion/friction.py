@@ -155,15 +155,10 @@ def rub(p, w, z, v, impulse, approach, how):  # type: ignore[no-untyped-def]
     count = _closed(p, how, items)
     if count == 0:
         return
-    to_full(p, z, w.amps, 0, w.d)
-    to_full(p, v, w.amps, 1, w.v)
-    constraint_matrix(p, w)
     rhs = np.zeros(n)
-    allowed_rates(p, w, v, impulse, rhs)
-    factors = w.A.copy()
-    if not calls.factor(p.calls, (p, factors, w.y)):
+    regular, factors = allowed_rates(p, w, z, v, impulse, rhs)
+    if not regular:
         return
-    calls.solve(p.calls, (p, factors, rhs))
     whole_impulse, rates = impulse - approach, np.zeros(n)
     calls.solve(p.calls, (p, factors, whole_impulse))
     for k in range(n):

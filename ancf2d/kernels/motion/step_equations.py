@@ -57,16 +57,21 @@ def _eliminate(bw, LU, pivots):  # type: ignore[no-untyped-def]
 
 
 @inner
+def _swap(b, k, p):  # type: ignore[no-untyped-def]
+    """Exchange two rows of b (n s, k)."""
+    if p != k:
+        for q in range(b.shape[1]):
+            x = b[k, q]
+            b[k, q] = b[p, q]
+            b[p, q] = x
+
+
+@inner
 def _solve(bw, LU, pivots, b):  # type: ignore[no-untyped-def]
     """Solve with the factors of a band, in place of right-hand sides b (n s, k)."""
     n, m = b.shape
     for k in range(n):
-        p = pivots[0, k]
-        if p != k:
-            for q in range(m):
-                x = b[k, q]
-                b[k, q] = b[p, q]
-                b[p, q] = x
+        _swap(b, k, pivots[0, k])
         for r in range(k + 1, min(n, k + bw + 1)):
             f = LU[r, k - r + bw]
             if f != 0.0:
@@ -102,12 +107,7 @@ def _solve_transposed(bw, LU, pivots, b):  # type: ignore[no-untyped-def]
             if f != 0.0:
                 for q in range(m):
                     b[k, q] -= f * b[r, q]
-        p = pivots[0, k]
-        if p != k:
-            for q in range(m):
-                x = b[k, q]
-                b[k, q] = b[p, q]
-                b[p, q] = x
+        _swap(b, k, pivots[0, k])
 
 
 @kernel

@@ -15,7 +15,7 @@ from ..motion.dynamic import Run
 from ..state import Row, State
 from .differences import SHORTER, SMOOTH, TRIES, Quotient, UnsuitedError
 from .motion_states import NEWTON, Pass, unlike
-from .varied_motions import Beside, Varied
+from .varied_motions import Beside, Together, Varied
 
 # differences of lower order, beside the largest change, for which a motion is not made again: the square is left
 SMOOTH_ENOUGH = 2e-4
@@ -23,7 +23,7 @@ SMOOTH_ENOUGH = 2e-4
 FIRST_STEPS = 16
 
 
-class Motion:
+class Motion(Together):
     """The change of the states of a motion with numbers of its case, of the last alone unless ``whole``."""
 
     def __init__(self, model: Model, last: State, whole: bool) -> None:
@@ -39,7 +39,7 @@ class Motion:
         self.tolerances, self.beside = list(NEWTON), dict[tuple[Varied, float], Beside | Exception]()
         self.run = Run(model, self.spec)
 
-    def prepare(self, beside: Sequence[tuple[Varied, float]]) -> None:
+    def find(self, beside: Sequence[tuple[Varied, float]]) -> None:
         """Find the derivatives to several numbers at once, with shorter steps of those where they are too long.
 
         The first steps of the motion tell most of this.
@@ -55,15 +55,6 @@ class Motion:
                        for (at, h), share in zip(todo, shares, strict=True)]
             todo = shorter if first else [new for new, old in zip(shorter, todo, strict=True) if new != old]
         self.beside.clear()
-
-    def slope(self, at: Varied, h: float) -> Quotient:
-        """Return the derivatives of z, v and a of all states. Raises UnsuitedError, CaseError, ComputationError."""
-        if at not in self.found:
-            self.prepare([(at, h)])
-        found = self.found[at]
-        if isinstance(found, Exception):
-            raise found
-        return found
 
     def _numbers(self, todo: Sequence[tuple[Varied, float]]) -> tuple[dict[int, Beside], dict[int, Exception]]:
         """Return the numbers that can be varied, and why others cannot, by their places."""

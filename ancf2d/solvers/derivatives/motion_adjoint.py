@@ -28,7 +28,7 @@ from .backwards import PARTS, Backwards
 from .differences import Quotient, UnsuitedError
 from .linear_steps import Change
 from .motion_states import NEWTON
-from .varied_motions import Beside, Varied, rests
+from .varied_motions import Beside, Together, Varied, rests
 
 # of the step of differences of fourth order: that of two models. Their second difference, beside the first, is to be
 # small: its square is left
@@ -118,7 +118,7 @@ class Start:
     rates: Array | None
 
 
-class MotionAdjoint:
+class MotionAdjoint(Together):
     """What numbers do to goals of a motion. Raises UnsuitedError."""
 
     def __init__(self, model: Model, last: State, goals: Goals, whole: bool) -> None:
@@ -153,23 +153,15 @@ class MotionAdjoint:
     def prepare(self, beside: Sequence[tuple[Varied, float]]) -> None:
         """Find the derivatives to several numbers at once, where these cannot be found one by one."""
         if self.start is None:
-            self._find(beside)
+            self.find(beside)
 
-    def _find(self, beside: Sequence[tuple[Varied, float]]) -> None:
+    def find(self, beside: Sequence[tuple[Varied, float]]) -> None:
+        """Find the derivatives, with shorter steps of numbers where they are too long."""
         todo = [(at, h * SHORT) for at, h in beside]
         for k in range(TRIES):
             todo = self._once(todo, last=k == TRIES - 1)
             if not todo:
                 break
-
-    def slope(self, at: Varied, h: float) -> Quotient:
-        """Return the derivatives (k,) of the goals. Raises UnsuitedError, CaseError, ComputationError."""
-        if at not in self.found:
-            self._find([(at, h)])
-        found = self.found[at]
-        if isinstance(found, Exception):
-            raise found
-        return found
 
     def _once(self, todo: Sequence[tuple[Varied, float]], last: bool) -> list[tuple[Varied, float]]:
         """Find derivatives; return the numbers whose steps are too long, with shorter ones."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
@@ -17,7 +18,7 @@ from ..motion.dynamic import Run
 from ..motion.methods import MAKERS
 from ..motion.schemes import INTEGRATORS, default_method
 from ..motion.stepping import Stepper
-from .differences import FORWARD, LOWER, UnsuitedError
+from .differences import FORWARD, LOWER, Quotient, UnsuitedError
 from .differing import Differing
 from .linear_steps import Change
 
@@ -49,6 +50,29 @@ def unsuited(model: Model) -> str:
     if model.case.initial is not None and model.case.initial.from_ not in ("rest", "static"):
         return "the motion continues from a file"
     return ""
+
+
+class Together(ABC):
+    """What finds derivatives to several numbers at once, and keeps them."""
+
+    found: dict[Varied, Quotient | Exception]
+
+    @abstractmethod
+    def find(self, beside: Sequence[tuple[Varied, float]]) -> None:
+        """Find the derivatives to numbers with their steps, or why there is none."""
+
+    def prepare(self, beside: Sequence[tuple[Varied, float]]) -> None:
+        """Find what will be asked for."""
+        self.find(beside)
+
+    def slope(self, at: Varied, h: float) -> Quotient:
+        """Return the derivatives to a number. Raises UnsuitedError, CaseError, ComputationError."""
+        if at not in self.found:
+            self.find([(at, h)])
+        found = self.found[at]
+        if isinstance(found, Exception):
+            raise found
+        return found
 
 
 class Beside:
