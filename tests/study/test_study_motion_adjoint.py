@@ -80,12 +80,13 @@ def test_the_motion_backwards(name, monkeypatch, tmp_path):
         assert error <= 1e-6 * abs(value)
 
 
-@pytest.mark.parametrize("goal", ["mean_over: [0.002, 0.009]",
-                                  pytest.param("peak_over: [0.0033, 0.0071]", marks=pytest.mark.slow)])
-def test_goals_over_windows(goal, monkeypatch, tmp_path):
+@pytest.mark.parametrize(("method", "goal"), [
+    ("radau5", "mean_over: [0.002, 0.009]"), ("generalized_alpha", "mean_over: [0.002, 0.009]"),
+    pytest.param("radau5", "peak_over: [0.0033, 0.0071]", marks=pytest.mark.slow)])
+def test_goals_over_windows(method, goal, monkeypatch, tmp_path):
     """Stored states at ends of steps and within them, and samples between them, are differentiated as they are read."""
     monkeypatch.setattr(methods, "TIGHT", 1e-13)
-    loaded = scene(tmp_path, "radau5", CLAMP, "goal={probe: knee, quantity: ux, " + goal + "}")
+    loaded = scene(tmp_path, method, CLAMP, "goal={probe: knee, quantity: ux, " + goal + "}")
     paths, h = ["loads.pull.value.0", "bodies.arm.material.rho"], 3e-5
     for variable, value in zip(numbers_at(loaded, paths), found(loaded, paths)[0], strict=True):
         expected = (solved(loaded, variable.path, h) - solved(loaded, variable.path, -h)) / (2 * h * variable.value)
