@@ -16,6 +16,7 @@ from ancf2d.kernels.matrices.matrix import SymBand
 from ancf2d.kernels.patches import point_noise, point_violation
 from ancf2d.kernels.points import point_constraint_rates, point_mean_forces
 from ancf2d.model.interactions import point_table, sew
+from ancf2d.model.rotation import Kinds
 
 WAVE = {"type": "sine", "frequency": 0.5}
 SPRINGS = [
@@ -313,3 +314,21 @@ def test_points_of_contact_on_one_curve_are_summed_and_left_out_where_it_is_far(
     slope = (ends[0] - ends[1]) / (2 * h)
     np.testing.assert_allclose(y, slope, atol=1e-5 * np.abs(slope).max())
     assert np.abs(symmetric - slope).max() > 1e-3 * np.abs(slope).max()
+
+
+def test_friction_of_a_layer_holds_to_the_last_accepted_state_of_points_that_are_apart() -> None:
+    """A bar far above a floor moves along it by 0.3 m: where it lands, it has slipped from there alone."""
+    model = helpers.build({"bar": helpers.body(helpers.line(1.0), helpers.element("cable", 2))},
+                          obstacles={"floor": {"type": "half_plane", "through": [0, -10], "normal": [0, 1]}},
+                          contacts=[{"between": ["bar", "floor"], "side": "axis", "friction": 0.3,
+                                     "law": {"stiffness": 1e6}}])
+    (batch,) = model.interactions.springs
+    d = np.zeros(len(model.numbering.place))
+    model.interactions.take_hold(d, 0.0)
+    first = batch.table.mem[:, geometry.ANCHOR].copy()
+    # which finds that no point can touch
+    point_forces(batch.table, d, d, batch.amplitudes(0.0), np.zeros_like(d))
+    assert (batch.table.apart > 0.0).any()
+    Kinds(model.meshes.values()).translation(d, 0.3, 0.0)
+    batch.accept(d, 0.0)
+    np.testing.assert_allclose(np.abs(batch.table.mem[:, geometry.ANCHOR] - first), 0.3, rtol=1e-12)
