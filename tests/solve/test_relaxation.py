@@ -183,46 +183,6 @@ def complex_modulus(s: complex, terms: tuple[tuple[float, float], ...]) -> compl
     return 1.0 + sum(g * s * tau / (1.0 + s * tau) for g, tau in terms)
 
 
-@pytest.mark.parametrize("terms", [ZENER, PRONY, ((2.0, 1e-2), (0.1, 1e-3))], ids=["zener", "prony", "strong"])
-def test_receptances_have_the_complex_modulus(terms: tuple[tuple[float, float], ...]) -> None:
-    """Of a beam of one material, H(omega) = sum_k phi_k^2/(omega_k^2 E(i omega)/E - omega^2) over its elastic modes."""
-    shake = [{"type": "force", "at": "beam@1", "value": [0, 1.0], "name": "shaker"}]
-    hz = [0.1, 1.0, 2.5, 10.0, 40.0]
-    body = {"geometry": h.line(LENGTH), "element": h.element("cable", 2), "material": material(terms),
-            "section": {"height": SIZE, "width": SIZE}}
-    scene = {"bc": [{"type": "clamp", "at": "beam@0"}], "loads": shake, "output": {"probes": {"tip": "beam@1"}}}
-    done = ancf2d.solve(h.load({"beam": body}, {"type": "frequency_response", "inputs": ["shaker"],
-                                                "frequencies": hz}, **scene))
-    found = done.summary["response"]["shaker"]["tip"]["uy"]
-    elastic = {**body, "material": material(())}
-    modes = ancf2d.solve(h.load({"beam": elastic}, {"type": "eigen", "modes": 8}, bc=scene["bc"]))
-    model = build_model(h.load({"beam": elastic}, {"type": "eigen", "modes": 8}, bc=scene["bc"]))
-    across = point_ref(model.meshes["beam"], 1.0).position()[1]
-    phi = np.array([dot(across, shape) for shape in modes.arrays["modes/shapes"]])
-    omega = np.array([f["omega"] for f in modes.summary["frequencies"]])
-    for f, re, im in zip(hz, found["re"], found["im"], strict=True):
-        w = 2 * np.pi * f
-        exact = np.sum(phi**2 / (omega**2 * complex_modulus(1j * w, terms) - w**2))
-        assert abs(complex(re, im) / exact - 1.0) < 1e-7
-
-
-def test_modes_are_those_of_the_complex_modulus() -> None:
-    """s^2 + omega^2 E(s)/E = 0 for each elastic omega: a pair, and a real root for each term."""
-    body = {"geometry": h.line(LENGTH), "element": h.element("reissner3", 4), "material": material(PRONY),
-            "section": {"height": SIZE, "width": SIZE}}
-    found, elastic = (ancf2d.solve(h.load({"beam": {**body, "material": m}}, {"type": "eigen", "modes": 4},
-                                          bc=[{"type": "clamp", "at": "beam@0"}])).summary["frequencies"]
-                      for m in (material(PRONY), material(())))
-    pairs = [f for f in found if f["omega"]]
-    assert len(pairs) == 4
-    for mode, free in zip(pairs, elastic, strict=True):
-        s = complex(mode["growth"], mode["omega"])
-        assert abs(s**2 + free["omega"] ** 2 * complex_modulus(s, PRONY)) < 1e-8 * abs(s) ** 2
-    real = np.sort([f["growth"] for f in found if not f["omega"]])
-    exact = np.sort(np.concatenate([real_roots(f["omega"], PRONY) for f in elastic]))
-    np.testing.assert_allclose(real, exact, rtol=1e-8)
-
-
 def real_roots(omega: float, terms: tuple[tuple[float, float], ...]) -> np.ndarray:
     """Return the real s of s^2 + omega^2 E(s)/E = 0, with the denominators multiplied out."""
     ways = [np.polynomial.Polynomial([1.0, tau]) for _, tau in terms]
