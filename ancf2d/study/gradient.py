@@ -22,11 +22,10 @@ from ..case.binder import TOLD
 from ..case.numbers import Variable, numbers_at
 from ..elements.shape import Array
 from ..errors import ComputationError
-from ..model.mesh import Index
 from ..model.model import Model
 from ..solvers.derivatives.differences import Quotient, UnsuitedError, derivative
 from ..solvers.derivatives.motion import Motion
-from ..solvers.derivatives.motion_adjoint import MotionAdjoint
+from ..solvers.derivatives.motion_adjoint import Goals, MotionAdjoint, Term
 from ..solvers.derivatives.small_motions import Excited, Instability, Vibration
 from ..solvers.derivatives.statics import Equilibrium, Path, Response
 from ..solvers.derivatives.varied_motions import unsuited
@@ -43,7 +42,8 @@ STEP, STEP_OF_RUNS = 4e-4, 2e-3
 TIGHT = 1e-12
 
 # what is differentiated: numbers (m,) of the states that a model goes through. It may have ``goals``, those that it
-# reads of modes and load factors, and ``whole``, which is False where it reads the last state alone
+# reads of modes and load factors; ``whole``, which is False where it reads the last state alone; and ``places``, which
+# is True where it has what ``motion_adjoint.Goals`` has
 Watch = Callable[[Model, Sequence[Any]], Array]
 
 
@@ -111,29 +111,35 @@ class GoalValues:
         """Whether all are quantities of probes that positions and rates tell."""
         return all(goal.probe is not None and goal.quantity in TOLD for goal in self.goals)
 
-    def bodies(self, model: Model) -> set[str]:
-        """Return the bodies that are read."""
-        return {model.case.output.probes[str(goal.probe)].at.body for goal in self.goals}
+    @property
+    def count(self) -> int:
+        """How many depend on states."""
+        return len(self.goals)
 
-    def slopes(self, model: Model, states: Sequence[Any]) -> list[tuple[int, int, Index, Array, Array]]:
-        """Return goal, state, coordinates (m,), and what changes of these and of their rates (m,) do to the goal."""
+    def alike(self, one: Model, other: Model) -> bool:
+        """Return whether the values of the same states are those of both models."""
+        return probes_alike(one, other, {str(goal.probe) for goal in self.goals})
+
+    def terms(self, model: Model, states: Sequence[Any]) -> list[Term]:
+        """Return what quantities of probes do to the goals."""
         from ..solvers.post import Observer
 
-        observer, out = Observer(model, forces=False), []
+        observer, out = Observer(model, forces=False), list[Term]()
         for k, goal in enumerate(self.goals):
-            for number, weight in self._weights(goal, observer, states):
-                coords, by_d, by_v = observer.slopes(str(goal.probe), str(goal.quantity), states[number])
-                out.append((k, number, coords, weight * by_d, weight * by_v))
+            probe, quantity = str(goal.probe), str(goal.quantity)
+            if window_of(goal) is None:
+                out.append((k, len(states) - 1, probe, quantity, 1.0))
+                continue
+            read = np.array([observer.observe(state)[probe][quantity] for state in states])
+            weights = window_weights(goal, np.array([state.t for state in states]), read)
+            out += [(k, int(n), probe, quantity, float(weights[n])) for n in np.flatnonzero(weights)]
         return out
 
-    @staticmethod
-    def _weights(goal: Goal, observer: Any, states: Sequence[Any]) -> list[tuple[int, float]]:
-        """Return the states that a goal is of, and what a change of its value there does to it."""
-        if window_of(goal) is None:
-            return [(len(states) - 1, 1.0)]
-        found = [observer.observe(state)[str(goal.probe)][str(goal.quantity)] for state in states]
-        weights = window_weights(goal, np.array([state.t for state in states]), np.array(found))
-        return [(int(k), float(weights[k])) for k in np.flatnonzero(weights)]
+
+def probes_alike(one: Model, other: Model, names: Iterable[str]) -> bool:
+    """Return whether probes are on the same bodies in two models."""
+    bodies = {one.case.output.probes[name].at.body for name in names}
+    return all(one.meshes[body] is other.meshes[body] for body in bodies)
 
 
 def last_summary(model: Model, states: Sequence[Any], reacts: bool = True, forces: bool = False,
@@ -195,18 +201,18 @@ class Study:
         """Choose what tells derivatives to so many numbers: one way back for each goal, or one forth for each number.
         """
         if self.adjoint is None and self.responses is None:
-            watch = self.watch
-            if self.moves and isinstance(watch, GoalValues) and len(watch.goals) <= max(numbers, 1) and watch.places:
+            watch: Any = self.watch
+            if self.moves and getattr(watch, "places", False) and watch.count <= max(numbers, 1):
                 self.adjoint = self._adjoint(watch)
             if self.adjoint is None:
                 self._go_forth()
 
-    def _adjoint(self, goals: GoalValues) -> MotionAdjoint | None:
+    def _adjoint(self, goals: Goals) -> MotionAdjoint | None:
         """Return what goals of a motion tell of all numbers at once, None where that is not known."""
         if why_not(self.model):
             return None
         try:
-            return MotionAdjoint(self.model, self.ended[-1], goals, goals.whole)
+            return MotionAdjoint(self.model, self.ended[-1], goals)
         except UnsuitedError:
             return None
 

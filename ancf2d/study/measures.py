@@ -11,19 +11,19 @@ from typing import Any
 import numpy as np
 
 from ..case import Goal, LoadedCase
+from ..case.binder import TOLD
 from ..case.nodes import Mark, Origin
 from ..case.series import series
-from ..case.syntax import Chain, Comparison, Constant, ExpressionError, Names, Tree, named_in, renamed, syntax
+from ..case.syntax import Chain, Comparison, Constant, ExpressionError, Names, Time, Tree, named_in, renamed, syntax
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError
 from ..model.model import Model
 from ..solvers.fields import FIELDS, FieldReader, field_problems
-from .gradient import last_summary
+from .gradient import GoalValues, Term, last_summary, probes_alike
 from .run import describe_goal, quantity
 from .windows import window_of
 
 GOAL, MASS, ENERGY = "goal", "mass", "strain_energy"
-QUANTITIES = ("x", "y", "ux", "uy", "theta", "vx", "vy", "omega")
 SECTION = ("N", "Q", "M")
 REACTIONS = ("fx", "fy", "m")
 _EXTREME = re.compile(r"(?<![\w.])(max|min)\s*\(")
@@ -52,7 +52,7 @@ class Vocabulary:
 
     def __init__(self, loaded: LoadedCase) -> None:
         case = loaded.case
-        rates = QUANTITIES if case.solver.moves else QUANTITIES[:5]
+        rates = TOLD if case.solver.moves else TOLD[:5]
         self.probes = tuple(case.output.probes)
         found = [f"{probe}.{q}" for probe in self.probes for q in (*rates, *SECTION)]
         supports = [s.name for s in case.boundary_conditions if s.name]
@@ -133,8 +133,8 @@ class Measures:
 
     def __init__(self, measures: Sequence[Measure], goal: Goal | None) -> None:
         self.measures = tuple(measures)
-        self.names = {name for m in measures for tree in (m.tree, *(e.tree for e in m.extremes.values() if e.tree))
-                      for name in named_in(tree)}
+        self.names = {name for m in measures for name in _names(m)}
+        self.parameters = {name for name in self.names if "." not in name} - {GOAL, MASS, ENERGY}
         self.goals = (goal,) if goal is not None and GOAL in self.names else ()
         self.along = any(e.tree is not None for m in measures for e in m.extremes.values())
         self.whole = self.along or any(window_of(g) is not None for g in self.goals)
@@ -143,20 +143,63 @@ class Measures:
 
     def __call__(self, model: Model, states: Sequence[Any]) -> Array:
         """Return the values (measures,). Raises ComputationError where the solver does not compute one."""
-        course = [self._told(model, states[:k], k == len(states))
-                  for k in range(1 if self.along else len(states), len(states) + 1)]
-        found = []
+        course, found = self._course(model, states), []
         for measure in self.measures:
             meaning = dict(course[-1])
             for name, extreme in measure.extremes.items():
-                values = self._field(model, states[-1], extreme.field) if extreme.tree is None else \
-                    np.array([_value(extreme.tree, told) for told in course])
-                meaning[name] = float(values.max() if extreme.largest else values.min())
+                if extreme.tree is None:
+                    values = self._field(model, states[-1], extreme.field)
+                    meaning[name] = float(values.max() if extreme.largest else values.min())
+                else:
+                    _, meaning[name] = _extreme_of(extreme, course)
             found.append(_value(measure.tree, meaning))
             if not np.isfinite(found[-1]):
                 raise ComputationError(f"'{measure.text}' has no value here", at={"value": found[-1]},
                                        advice="names of what the solver computes, and functions within their range")
         return np.array(found)
+
+    def _course(self, model: Model, states: Sequence[Any]) -> list[dict[str, float]]:
+        """Return what the names mean at each state, or at the last alone where nothing is read along the way."""
+        return [self._told(model, states[:k], k == len(states))
+                for k in range(1 if self.along else len(states), len(states) + 1)]
+
+    @property
+    def places(self) -> bool:
+        """Whether all follow from the model and from quantities of probes that positions and rates tell."""
+        read = {name.rpartition(".")[2] for name in self.names - self.parameters - {GOAL, MASS}}
+        return not self.fields and read <= set(TOLD) and GoalValues(self.goals).places
+
+    @property
+    def count(self) -> int:
+        """How many depend on states."""
+        return sum(bool(_names(measure) - self.parameters - {MASS}) for measure in self.measures)
+
+    def alike(self, one: Model, other: Model) -> bool:
+        """Return whether the values of the same states are those of both models."""
+        given, probes = (one.case.parameters, other.case.parameters), {name.rpartition(".")[0] for name in self.names}
+        return (MASS not in self.names and all(given[0][name] == given[1][name] for name in self.parameters)
+                and probes_alike(one, other, probes - {""}) and GoalValues(self.goals).alike(one, other))
+
+    def terms(self, model: Model, states: Sequence[Any]) -> list[Term]:
+        """Return what quantities of probes do to the values, by the chain rule; an extreme is the value of one state.
+        """
+        course, out = self._course(model, states), list[Term]()
+        first, goals = len(states) - len(course), GoalValues(self.goals)
+        for k, measure in enumerate(self.measures):
+            meaning, of = dict(course[-1]), dict[str, list[tuple[int, str, float]]]()
+            for name, extreme in measure.extremes.items():
+                assert extreme.tree is not None
+                at, meaning[name] = _extreme_of(extreme, course)
+                of[name] = [(first + at, own, by) for own, by in _slopes(extreme.tree, course[at])]
+            for name, outer in _slopes(measure.tree, meaning):
+                for number, own, by in of.get(name, [(len(states) - 1, name, 1.0)]):
+                    if own == GOAL:
+                        out += [(k, n, probe, quantity, outer * by * weight)
+                                for _, n, probe, quantity, weight in goals.terms(model, states[:number + 1])]
+                    elif "." in own:
+                        probe, _, quantity = own.rpartition(".")
+                        out.append((k, number, probe, quantity, outer * by))
+        return out
 
     def _told(self, model: Model, states: Sequence[Any], ended: bool) -> dict[str, float]:
         """Return what the names mean at the last of some states; a goal over a window has a value once all ``ended``.
@@ -189,6 +232,27 @@ class Measures:
             values = [np.sqrt(np.maximum(v[..., 0]**2 - v[..., 0] * v[..., 1] + v[..., 1]**2 + 3 * v[..., 2]**2, 0.0))
                       for v in values]
         return np.concatenate([np.ravel(v) for v in values]) if values else np.zeros(1)
+
+
+def _names(measure: Measure) -> set[str]:
+    """Return the names in an expression, and in its extremes."""
+    trees = measure.tree, *(extreme.tree for extreme in measure.extremes.values() if extreme.tree)
+    return {name for tree in trees for name in named_in(tree)} - set(measure.extremes)
+
+
+def _extreme_of(extreme: Extreme, course: list[dict[str, float]]) -> tuple[int, float]:
+    """Return at which of some states an expression has its extreme value, and that."""
+    assert extreme.tree is not None
+    values = np.array([_value(extreme.tree, told) for told in course])
+    at = int(values.argmax() if extreme.largest else values.argmin())
+    return at, float(values[at])
+
+
+def _slopes(tree: Tree, meaning: dict[str, float]) -> list[tuple[str, float]]:
+    """Return the names in a tree with the derivative of its value by each."""
+    meant: dict[str, Tree] = {name: Constant(value) for name, value in meaning.items()}
+    moved = ((name, Chain(Constant(meaning[name]), (("+", Time()),))) for name in dict.fromkeys(named_in(tree)))
+    return [(name, float(series(renamed(tree, meant | {name: by}), np.zeros(1), 1)[1, 0])) for name, by in moved]
 
 
 def _value(tree: Tree, meaning: dict[str, float]) -> float:

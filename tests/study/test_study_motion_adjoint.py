@@ -13,6 +13,7 @@ from ancf2d.solvers.motion import methods
 from ancf2d.solvers.post import Observer
 from ancf2d.solvers.state import State
 from ancf2d.study.gradient import GoalValues, Study, derivatives, prepare
+from ancf2d.study.measures import Measures, Vocabulary, read_measure
 from ancf2d.study.record import Progress
 
 # held without multipliers, and by others where the case has them
@@ -91,6 +92,27 @@ def test_goals_over_windows(method, goal, monkeypatch, tmp_path):
     for variable, value in zip(numbers_at(loaded, paths), found(loaded, paths)[0], strict=True):
         expected = (solved(loaded, variable.path, h) - solved(loaded, variable.path, -h)) / (2 * h * variable.value)
         assert value == pytest.approx(expected, rel=1e-6)
+
+
+def test_expressions_over_a_motion(tmp_path):
+    """The chain rule over products, powers, extremes, goals over windows, masses and parameters, both ways."""
+    loaded = scene(tmp_path, "newmark", PIN, "solver.t_end=0.003", "output.interval=0.0005", "parameters={far: 0.3}",
+                   "goal={probe: knee, quantity: ux, mean_over: [0.0008, 0.0024]}")
+    texts = ["tip.x*tip.vy^2 + 3*goal", "mass*sqrt(1 + max(tip.uy - 2*knee.uy)) - min(tip.omega)", "far^2*knee.theta",
+             "max(far - tip.x)/mass", "mass"]
+    words, paths = Vocabulary(loaded), ["bodies.arm.material.rho", "parameters.far", "springs.stay.stiffness",
+                                        "bodies.fork.geometry.end.0", "loads.push.value.1"]
+    read = Measures([read_measure(text, "--minimise", words, ["far"]) for text in texts], loaded.case.goal)
+    assert read.places
+    assert read.count == 4
+    variables = numbers_at(loaded, paths)
+    forth = derivatives(loaded, lambda model, states: read(model, states), variables)
+    assert set(forth.methods) == {"exact"}
+    back = Study(loaded, read, Progress())
+    back.expect(variables)
+    assert back.adjoint is not None
+    for variable, column in zip(variables, forth.jacobian.T, strict=True):
+        assert back.differentiate(variable)[0].value == pytest.approx(column, rel=1e-6, abs=1e-9), variable.path
 
 
 def test_what_is_kept_of_a_motion_changes_nothing(monkeypatch, tmp_path):

@@ -46,6 +46,20 @@ def test_lightest_cantilever(method):
     assert found.evaluations <= 40
 
 
+def test_the_slowest_throw():
+    """A body thrown at (v_x, v_y) that is to be at x = 3 after 1 s is slowest there with v_x = 3 and v_y = g."""
+    case = {"bodies": {"stone": {"geometry": {"type": "line", "start": [0, 0], "end": [0.1, 0]},
+                                 "element": {"type": "rigid", "mass": 1.0, "inertia": 1e-3},
+                                 "section": {"height": 0.1, "width": 0.1}}},
+            "loads": [{"type": "gravity", "value": [0, -9.81]}], "initial": {"velocity": [1.0, 2.0]},
+            "solver": {"type": "dynamic", "t_end": 1.0, "dt": 0.1}, "output": {"probes": {"end": "stone@0.5"}}}
+    found = ancf2d.optimise(case, {"initial.velocity.0": (0, 9), "initial.velocity.1": (0, 20)},
+                            "end.vx^2 + end.vy^2", "end.ux >= 3")
+    assert found.found
+    assert [row["value"] for row in found.rows] == pytest.approx([3.0, 9.81], rel=1e-6)
+    assert found.minimum == pytest.approx(9.0, rel=1e-6)
+
+
 def test_constraints_that_cannot_be_met_are_told():
     found = ancf2d.optimise(TEXT, {HEIGHT: (0.02, 0.03)}, "mass", ["tip.uy >= -0.001", "wall.fy >= 0"])
     assert not found.found

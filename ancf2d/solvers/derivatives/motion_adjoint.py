@@ -18,11 +18,11 @@ from ...errors import CaseError, ComputationError
 from ...kernels.lowlevel.records import Record
 from ...kernels.motion.dynamics import to_full
 from ...kernels.motion.state import evaluate
-from ...model.mesh import Index
 from ...model.model import Model
 from ..motion.dynamic import Run
 from ..motion.initial import initial_rates
 from ..motion.stepping import Stepper
+from ..post import Observer
 from ..state import State
 from .backwards import PARTS, Backwards
 from .differences import Quotient, UnsuitedError
@@ -37,23 +37,35 @@ SHORT, STRAIGHT = 0.02, 5e-5
 TRIES = 3
 # of derivatives by differences with the step that is tried first
 ROUND_OFF = 3e-11
-# of goals
-EPSILON = 2.2e-16
+# of goals, each the result of a few operations
+EPSILON = 1e-15
+
+
+# a value, a state, a probe and its quantity, and what a change of this does to the value
+Term = tuple[int, int, str, str, float]
 
 
 class Goals(Protocol):
-    """Numbers that are read of states, and what changes of these do to them."""
+    """Numbers that follow from what probes read of states, of the last alone unless ``whole``."""
+
+    @property
+    def whole(self) -> bool: ...
+
+    @property
+    def count(self) -> int:
+        """How many depend on states."""
+        ...
 
     def __call__(self, model: Model, states: Sequence[State]) -> Array:
         """Return the values (k,)."""
         ...
 
-    def slopes(self, model: Model, states: Sequence[State]) -> list[tuple[int, int, Index, Array, Array]]:
-        """Return goal, state, coordinates (m,), and what changes of these and of their rates (m,) do to the goal."""
+    def terms(self, model: Model, states: Sequence[State]) -> list[Term]:
+        """Return what quantities of probes do to the values."""
         ...
 
-    def bodies(self, model: Model) -> set[str]:
-        """Return the bodies that are read."""
+    def alike(self, one: Model, other: Model) -> bool:
+        """Return whether the values of the same states are those of both models."""
         ...
 
 
@@ -98,10 +110,9 @@ class Sum:
         parts = [getattr(found, name).T @ getattr(bar, name) for name in PARTS]
         self.take(np.sum(parts, axis=0)[:, None])
 
-    @property
-    def bent(self) -> float:
-        """How far differences are from those of a straight line."""
-        shares = self.sizes[1] / np.where(self.sizes[0] > 0.0, self.sizes[0], 1.0)
+    def bent(self, round_off: Array) -> float:
+        """Return how far differences are from those of a straight line, beyond the round-off (k,) of what is read."""
+        shares = np.maximum(self.sizes[1] - round_off, 0.0) / np.where(self.sizes[0] > 0.0, self.sizes[0], 1.0)
         return float(shares.max(initial=0.0))
 
 
@@ -121,11 +132,11 @@ class Start:
 class MotionAdjoint(Together):
     """What numbers do to goals of a motion. Raises UnsuitedError."""
 
-    def __init__(self, model: Model, last: State, goals: Goals, whole: bool) -> None:
+    def __init__(self, model: Model, last: State, goals: Goals) -> None:
         spec = model.case.solver
         assert isinstance(spec, Dynamic)
         # no coarser motions beside
-        self.model, self.spec, self.goals, self.whole = model, replace(spec, estimate=False), goals, whole
+        self.model, self.spec, self.goals, self.whole = model, replace(spec, estimate=False), goals, goals.whole
         self.found: dict[Varied, Quotient | Exception] = {}
         self.motion = self._made(int(last.report["rejected"]))
         self.base, self.first = Run(model, self.spec), dict[Varied, float]()
@@ -188,24 +199,26 @@ class MotionAdjoint(Together):
                 self.found[number.at] = found
                 continue
             noise = ROUND_OFF * self.first[number.at] / number.h
+            of_reading = EPSILON / number.h * np.abs(self.values)
+            bent = one.bent(of_reading)
             # of the step, where (bent x)^2 and noise / x are least together
-            shorter = (0.5 * noise / max(one.bent, STRAIGHT)**2) ** (1 / 3)
-            if one.bent > STRAIGHT and shorter < 0.5 and not last:
+            shorter = (0.5 * noise / max(bent, STRAIGHT)**2) ** (1 / 3)
+            if bent > STRAIGHT and shorter < 0.5 and not last:
                 again.append((number.at, number.h * shorter))
                 continue
-            error = one.sizes[0] * (one.bent**2 + self.motion.off + noise) + EPSILON / number.h * np.abs(self.values)
+            error = one.sizes[0] * (bent**2 + self.motion.off + noise) + of_reading
             self.found[number.at] = Quotient(one.value, error, number.h)
         return again
 
     def _bars(self) -> list[Change]:
         """Return what changes of each stored state do to the goals (n, k)."""
         n, num, free = self.motion.entries.n, self.model.numbering, self.motion.free
-        slopes = self.goals.slopes(self.model, self.states)
-        out = [Change.none(n, 1 + max(goal for goal, *_ in slopes)) for _ in self.states]
-        for goal, state, coords, by_d, by_v in slopes:
+        out, observer = [Change.none(n, len(self.values)) for _ in self.states], Observer(self.model, forces=False)
+        for goal, state, probe, quantity, weight in self.goals.terms(self.model, self.states):
+            coords, by_d, by_v = observer.slopes(probe, quantity, self.states[state])
             for name, by in (("z", by_d), ("v", by_v)):
                 full = np.zeros(len(num.place))
-                np.add.at(full, coords, by)
+                np.add.at(full, coords, weight * by)
                 getattr(out[state], name)[:, goal] += num.reduce(full) * (free if name == "v" else 1.0)
         return out
 
@@ -231,9 +244,8 @@ class MotionAdjoint(Together):
 
     def _read(self, number: Beside) -> Array:
         """Return differences (2, 1, k) of what is read where unknowns stay as they are."""
-        found, own = number.differing, self.model.meshes
-        if not found.moves and all(model.meshes[name] is own[name] for model in found.models
-                                   for name in self.goals.bodies(self.model)):
+        found = number.differing
+        if not found.moves and all(self.goals.alike(self.model, model) for model in found.models):
             return np.zeros((2, 1, len(self.values)))
         read = [self.goals(model, self._beside(number, side) if found.moves else self.states)
                 for side, model in enumerate(found.models)]
