@@ -20,6 +20,7 @@ from .contact_geometry import (
     FEATURE,
     FREE,
     FRICTION,
+    FROM,
     HELD,
     HOME,
     MATRIX,
@@ -27,6 +28,7 @@ from .contact_geometry import (
     OF_THETA,
     OPEN,
     OTHER,
+    OUTSIDE,
     PLACE,
     RHO,
     ROW,
@@ -44,6 +46,7 @@ from .contact_geometry import (
     count_of,
     gap_at,
     is_back,
+    pressed_from,
     spread,
     spread_both,
     stand,
@@ -71,7 +74,6 @@ def bent(par, z, nx, ny, k, work, H):  # type: ignore[no-untyped-def]
             tb = -ny * work[BY + b] + nx * work[BY + 8 + b]
             work[MATRIX + 8 * a + b] = nx * work[BY_BY + 8 * a + b] + ny * work[BY_BY + 64 + 8 * a + b] + k * ta * tb
     spread_both(par, z, work, H, 0, 1.0)
-
 
 
 
@@ -143,7 +145,9 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     else:
         stand(par, p0, u, z, work)
         g, nx, ny, k, s, ds = gap_at(par, work[RHO], work[RHO + 1], feature)
-    if mem[HELD] == BY_CHOICE and (force - c * g < -c * par[TOUCH] or is_back(par, nx, ny, work)):
+    outside = mem[FROM] == OUTSIDE
+    g -= 0.0 if outside else mem[FROM]
+    if mem[HELD] == BY_CHOICE and (force - c * g < -c * par[TOUCH] or (outside and is_back(par, nx, ny, work))):
         return 0.0, 0.0
     soft, slope = 0.0, 0.0
     if mem[FREE] == SLIDING or mem[FREE] == STANDING:
@@ -162,16 +166,20 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     f[m] = g + soft * force
     if par[FRICTION] == 0.0 or moves or mem[SLIDES] == CLOSES or (force <= 0.0 and mem[SLIDES] == 0.0):
         return 0.0, 0.0
-    way = slip(par, s, mem[ANCHOR])
+    return 0.0, -hold_back(par, mem, z, nx, ny, k, slip(par, s, mem[ANCHOR]), ds, force, work, f, H) * speed(work, w, m)
+
+
+def hold_back(par, mem, z, nx, ny, k, way, ds, force, work, f, H):  # type: ignore[no-untyped-def]
+    """Add friction under a force across to f and H; return it, and leave ds/dq in work (ROW)."""
     held, slides = dragged(par, mem, way, force)
     rub(par, z, nx, ny, k, ds, held, 0.0 if slides else par[STICK], work, f, H)
     if slides:
         # between equilibria points that slide may pull
-        sign = 1.0 if (held if mem[SLIDES] == 0.0 else mem[SLIDES]) < 0.0 else -1.0
+        m, sign = len(f) - 1, 1.0 if (held if mem[SLIDES] == 0.0 else mem[SLIDES]) < 0.0 else -1.0
         for p in range(m):
             # the limit grows with the force, which is minus the multiplier
             H[p, m] -= sign * par[FRICTION] * work[ROW + p]
-    return 0.0, -held * speed(work, w, m)
+    return held
 
 
 def over_step(law, extra):  # type: ignore[no-untyped-def]
@@ -212,10 +220,18 @@ def over_step(law, extra):  # type: ignore[no-untyped-def]
 
 
 def _settle(par, p0, u, mem, z, pressed):  # type: ignore[no-untyped-def]
-    """Let friction remember where on the obstacle an accepted state holds to."""
+    """Let friction remember where on the obstacle an accepted state holds to, and a motion from where a point presses.
+    """
     work = work_vector(WORK)
     stand(par, p0, u, z, work)
-    s = gap_at(par, work[RHO], work[RHO + 1], -1.0)[4]
+    g, nx, ny, _, s, _ = gap_at(par, work[RHO], work[RHO + 1], -1.0)
+    if mem[HELD] == BY_CHOICE:
+        # what presses is where it should be, to round-off
+        kept = pressed > 0.0 and mem[FROM] != OUTSIDE
+        mem[FROM] = mem[FROM] if kept else 0.0 if pressed > 0.0 else pressed_from(
+            mem[FROM], g + par[TOUCH], not is_back(par, nx, ny, work))
+    if par[FRICTION] == 0.0:
+        return
     held, slides = dragged(par, mem, slip(par, s, mem[ANCHOR]), pressed)
     if mem[BEHIND] != NONE:
         held, slides, mem[BEHIND] = mem[BEHIND], True, NONE
@@ -229,10 +245,10 @@ def accept_hard(p0, u, par, mem):  # type: ignore[no-untyped-def]
         z = least(par, p0, u, mem, -u[len(u) - 1], work_vector(WORK))
         if not np.isnan(z):
             mem[PLACE] = z
-    elif mem[FREE] >= AT_HOME and mem[HELD] != OPEN and par[FRICTION] > 0.0:
+    elif mem[FREE] >= AT_HOME and mem[HELD] != OPEN:
         pressed = max(-u[len(u) - 1], 0.0)
         _settle(par, p0, u, mem, par[HOME] if mem[FREE] == AT_HOME else mem[PLACE], pressed)
-        if mem[HELD] == BY_CHOICE:
+        if mem[HELD] == BY_CHOICE and par[FRICTION] > 0.0:
             # forces of a step are no impulses: what closes in the next one has those of its impact
             mem[SLIDES] = 0.0 if pressed > 0.0 else CLOSES
 

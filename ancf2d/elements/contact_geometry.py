@@ -31,12 +31,14 @@ HALF_PLANE, CIRCLE, POLYLINE, BODY = 0, 1, 2, 3
 # polyline it is opposite to; the place on the obstacle that friction holds it to; whether it is closed (1) or open (0),
 # which force and gap tell where it is -1; and whether it sticks (2) or slides, with friction of this sign along s (1 or
 # -1), which the forces tell where it is 0; with none in the step of a motion in which it closes, where that is the
-# impact's (3); and the force of friction along s that it begins with behind an impact, inf where there was none
-PLACE, FREE, FEATURE, ANCHOR, HELD, SLIDES, BEHIND = range(7)
-MEMORY = 7
+# impact's (3); the force of friction along s that it begins with behind an impact, inf where there was none; and from
+# which gap on it presses (``pressed_from``)
+PLACE, FREE, FEATURE, ANCHOR, HELD, SLIDES, BEHIND, FROM = range(8)
+MEMORY = 8
 UNUSED_OWN, UNUSED, AT_HOME, SLIDING, STANDING, OWN = -2.0, -1.0, 0.0, 1.0, 2.0, 3.0
 STICKS, CLOSES, NONE = 2.0, 3.0, np.inf
 BY_CHOICE, OPEN, CLOSED = -1.0, 0.0, 1.0
+OUTSIDE, UNTOUCHED = np.inf, -np.inf
 # numbers of work: X, X', X'' (8 each), rho (2), its derivatives by X (2, 8) and (2, 8, 8), small vectors and matrices
 AT, AT_1, AT_2, RHO, BY, BY_BY, VECTOR, MATRIX, ROW, OTHER = 0, 8, 16, 24, 26, 42, 170, 226, 290, 330
 WORK = 370
@@ -336,5 +338,23 @@ def is_back(par, nx, ny, work):  # type: ignore[no-untyped-def]
     """Whether the point is on the face that looks away from the obstacle: that of a thin body overlaps, too."""
     if par[FACE] == 0.0:
         return False
-    tx, ty = along(par, work, AT_1, 1)
+    if int(par[SECTION]) == OF_THETA:
+        # across the section, which two elements share at a node
+        tx, ty = -work[BY + 2] / par[OFFSET], -work[BY + 10] / par[OFFSET]
+    else:
+        tx, ty = along(par, work, AT_1, 1)
     return par[FACE] * (tx * ny - ty * nx) > BACK * np.sqrt(tx * tx + ty * ty)
+
+
+def pressed_from(last, gap, faces):  # type: ignore[no-untyped-def]
+    """Return from which gap on a point presses behind an accepted state, from the same behind the last one.
+
+    Whether it faces the obstacle counts where it comes in: OUTSIDE it presses from 0 on if it does so there. What came
+    in with its back is UNTOUCHED until it faces the obstacle, and presses from the gap on that it has then. So no
+    energy appears or vanishes where a body turns within an obstacle or passes its middle.
+    """
+    if gap >= 0.0:
+        return OUTSIDE
+    if last == OUTSIDE:
+        return 0.0 if faces else UNTOUCHED
+    return gap if last == UNTOUCHED and faces else last

@@ -23,12 +23,14 @@ from .contact_geometry import (
     DAMPING,
     FACE,
     FRICTION,
+    FROM,
     HOME,
     LENGTH,
     OF_TANGENT,
     OF_THETA,
     OFFSET,
     ORIGIN,
+    OUTSIDE,
     POLYLINE,
     POSE,
     POSE_X,
@@ -42,6 +44,7 @@ from .contact_geometry import (
     WEIGHT,
     distance_at,
     place_at,
+    pressed_from,
     reach,
 )
 from .point_laws import APART, work_matrix
@@ -275,10 +278,12 @@ def opposite(par, work):  # type: ignore[no-untyped-def]
     return x1, y1, (a, b, c, d), q, (par[POSE_X] + q[0], par[POSE_Y] + q[1])
 
 
-def looks_away(par, x1, y1, nx, ny, q):  # type: ignore[no-untyped-def]
+def looks_away(par, x1, y1, nx, ny, bends, q):  # type: ignore[no-untyped-def]
     """Return whether the point is on the face that looks away from the obstacle: that of a thin body overlaps, too."""
     if par[FACE] == 0.0:
         return False
+    if int(par[SECTION]) == OF_THETA:
+        x1, y1 = -bends[0] / par[OFFSET], -bends[1] / par[OFFSET]
     tx, ty = q[2] * x1 + q[3] * y1, q[2] * y1 - q[3] * x1
     return par[FACE] * (tx * ny - ty * nx) > BACK * np.sqrt(tx * tx + ty * ty)
 
@@ -330,7 +335,11 @@ def layer(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
                 if far > 0.0:
                     break
             continue
-        if looks_away(one, x1, y1, nx, ny, q):
+        if mem[i, FROM] != OUTSIDE:
+            g -= mem[i, FROM]
+            if g >= 0.0:
+                continue
+        elif looks_away(one, x1, y1, nx, ny, bends, q):
             continue
         acts, weight = True, one[WEIGHT]
         moving = rates(one, work, w, bends, q)
@@ -363,7 +372,7 @@ def layer_at(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
 
 
 def settle(p0, u, par, mem):  # type: ignore[no-untyped-def]
-    """Let friction remember where on the obstacle the points of a curve hold to in an accepted state."""
+    """Let points of a curve remember in an accepted state from where they press, and what friction holds them to."""
     m = len(u)
     work = work_matrix(ROWS, m)
     here = work[HERE]
@@ -371,12 +380,15 @@ def settle(p0, u, par, mem):  # type: ignore[no-untyped-def]
         here[j] = p0[j] + u[j]
     for i in range(len(par)):
         one, anchor = par[i], mem[i, ANCHOR]
+        x1, y1, bends, q, place = opposite(one, work)
+        g, nx, ny, _, part = distance_at(one, place[0], place[1], -1.0)
+        begin = pressed_from(mem[i, FROM], g, not looks_away(one, x1, y1, nx, ny, bends, q))
+        mem[i, FROM] = begin
         if one[FRICTION] == 0.0:
             continue
-        _, _, _, _, place = opposite(one, work)
-        g, _, _, _, part = distance_at(one, place[0], place[1], -1.0)
         s, _ = place_at(one, place[0], place[1], part)
-        held, slides = drag(one, slip(one, s, anchor), one[WEIGHT] * one[STIFFNESS] * max(-g, 0.0))
+        depth = max(begin - g, 0.0) if g < 0.0 else 0.0
+        held, slides = drag(one, slip(one, s, anchor), one[WEIGHT] * one[STIFFNESS] * depth)
         if slides or np.isnan(anchor):
             mem[i, ANCHOR] = s + held / one[STICK]
 

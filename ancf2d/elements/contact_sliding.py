@@ -48,6 +48,8 @@ from .contact_geometry import (
 )
 
 TRIES = 30
+# changes of z that round-off may leave
+SETTLED = 1e-9
 # how far beyond the ends of an element a point may slide before another element has it
 BEYOND = 1.5
 
@@ -90,15 +92,16 @@ def slopes(par, z, force, nx, ny, k, work):  # type: ignore[no-untyped-def]
 
 def least(par, p0, u, mem, force, work):  # type: ignore[no-untyped-def]
     """Return z next to mem[PLACE] where a point slides to under a force, nan where there is none on its element."""
-    z, feature = mem[PLACE], mem[FEATURE]
+    z, feature, moved = mem[PLACE], mem[FEATURE], 0.0
     corner = at_corner(par, feature)
     for _ in range(TRIES):
         stand(par, p0, u, z, work)
         _, nx, ny, k, _, _ = gap_at(par, work[RHO], work[RHO + 1], feature)
-        slope, G, T, bend = slopes(par, z, force, nx, ny, k, work)
+        slope, G, _, bend = slopes(par, z, force, nx, ny, k, work)
         if corner and k != 0.0:
-            # D g_z and D g_zz, which stay finite
-            slope, G = slope / k, max(T * T + bend / k, 0.1 * T * T)
+            # D g_z, and the second derivative of D^2/2, which stays positive from far away
+            x1, y1 = along(par, work, AT_1, 1)
+            slope, G = slope / k, max(x1 * x1 + y1 * y1 + bend / k, 0.1 * (x1 * x1 + y1 * y1))
         elif G <= 0.0:
             return np.nan
         new = min(max(z - slope / G, z - 0.5), z + 0.5)
@@ -108,7 +111,7 @@ def least(par, p0, u, mem, force, work):  # type: ignore[no-untyped-def]
         if moved < 1e-13:
             break
     stand(par, p0, u, z, work)
-    return z
+    return z if moved < SETTLED else np.nan
 
 
 def facing(par, mem, z, force, work):  # type: ignore[no-untyped-def]

@@ -137,6 +137,7 @@ class ContactPair:
         self.mem: Array = np.zeros((len(self.spots), geometry.MEMORY))
         self.mem[:, geometry.PLACE] = self.par[:, geometry.HOME]
         self.mem[:, geometry.HELD], self.mem[:, geometry.BEHIND] = -1.0, geometry.NONE
+        self.mem[:, geometry.FROM] = geometry.OUTSIDE
         self.mem[:, geometry.SLIDES] = geometry.CLOSES if self.hard else 0.0
         self.mem[:, geometry.FREE] = [-1.0 if p.free else 0.0 for p in self.spots]
         # with a law, friction holds to where the first state is

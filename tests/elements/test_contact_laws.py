@@ -47,7 +47,7 @@ class Point:
             self.w[:] = 0.3 * rng.standard_normal(len(self.w))
         self.mem = np.zeros(geometry.MEMORY)
         self.mem[geometry.FREE] = float(free)
-        self.mem[geometry.PLACE] = 0.1
+        self.mem[geometry.PLACE], self.mem[geometry.FROM] = 0.1, geometry.OUTSIDE
         # the corner of the polyline
         self.mem[geometry.FEATURE] = 3.0 if shape == "polyline" else 0.0
 
@@ -143,6 +143,83 @@ def test_the_back_of_a_body_does_not_touch():
     for side, touches in ((1.0, False), (-1.0, True)):
         point.par[geometry.FACE] = side
         assert point(point.u, point.w)[1].any() == touches
+
+
+def gap_of(point):
+    """Return the gap of a point where it is."""
+    work = np.zeros(geometry.WORK)
+    geometry.stand(point.par, point.p0, point.u, point.par[geometry.HOME], work)
+    return geometry.gap_at(point.par, work[geometry.RHO], work[geometry.RHO + 1], -1.0)[0]
+
+
+@pytest.mark.parametrize("law", [COMPLIANT, HARD], ids=["layer", "hard"])
+def test_what_comes_in_with_its_back_presses_from_the_gap_on_at_which_it_turns(law):
+    """Energy of a layer and forces are 0 there, so nothing jumps; out of the obstacle all is as before."""
+    point = Point(law, "curve", "still", "circle")
+    point.mem[geometry.HELD] = geometry.BY_CHOICE
+    if law is HARD:
+        point.u[-1] = 0.0
+    deep = point.u.copy()
+
+    def accept():
+        law.accept(point.p0, point.u, point.par, point.mem)
+        return point.mem[geometry.FROM]
+
+    def touches():
+        energy, f, _, _ = point(point.u, point.w)
+        return energy > 0.0 or f[:-1].any() if law is COMPLIANT else f[-1] != -point.u[-1] / 100.0
+
+    point.par[geometry.FACE] = 1.0
+    first = gap_of(point)
+    assert first < 0.0
+    assert not touches()
+    assert accept() == geometry.UNTOUCHED
+    point.par[geometry.FACE] = -1.0
+    assert not touches()
+    assert accept() == pytest.approx(first, abs=2e-12)
+    assert not (touches() and law is COMPLIANT)
+    point.u[4] -= 0.01
+    energy, f, _, _ = point(point.u, point.w)
+    if law is COMPLIANT:
+        # 1/2 w k g^2 of what it is deeper
+        assert energy == pytest.approx(0.5 * 0.7 * 100.0 * (gap_of(point) - first)**2, rel=1e-12)
+    else:
+        assert f[-1] == pytest.approx(gap_of(point) - first, rel=1e-9)
+    point.u[4] += 10.0
+    assert accept() == geometry.OUTSIDE
+    point.u[:] = deep
+    assert touches()
+
+
+@pytest.mark.parametrize("law", [COMPLIANT, HARD], ids=["layer", "hard"])
+def test_what_presses_goes_on_pressing_when_its_face_turns_away(law):
+    point = Point(law, "curve", "still", "circle")
+    point.mem[geometry.HELD] = geometry.BY_CHOICE
+    point.par[geometry.FACE] = -1.0
+    law.accept(point.p0, point.u, point.par, point.mem)
+    assert point.mem[geometry.FROM] == 0.0
+    before = point(point.u, point.w)
+    point.par[geometry.FACE] = 1.0
+    for one, other in zip(before, point(point.u, point.w), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("law", [COMPLIANT, HARD], ids=["layer", "hard"])
+@pytest.mark.parametrize("pose", ["still", "angle"])
+def test_a_face_looks_where_its_section_does_also_where_the_axis_is_sheared(law, pose):
+    """Two elements share the section at a node, but not the slope of the axis. The disc is below."""
+    point = Point(law, "theta", pose, "circle")
+    point.mem[geometry.HELD] = geometry.BY_CHOICE
+    point.p0[6:9] = 0.0
+    point.par[[geometry.FACE, geometry.OFFSET]] = 1.0, 1e-3
+    # radius 1 about (0.1, -0.6): the axis goes up steeply there
+    point.p0[:3], point.p0[3:6] = [0.1, 0.2, 0.0], [0.0, 0.9, 0.0]
+    found = []
+    for theta in (0.0, np.pi):
+        point.p0[6] = theta
+        found.append(bool(point(point.u, point.w)[1][:-1].any()))
+    # the upper face of a section that stands upright looks away from the disc, and is opposite to it upside down
+    assert found == [False, True]
 
 
 @pairwise(section=SECTIONS, pose=POSES, shape=SHAPES, home=[-0.86, 0.3])

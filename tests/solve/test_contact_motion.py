@@ -257,6 +257,19 @@ def test_energy_momentum_keeps_energy_and_momentum_with_a_layer(kind, friction):
         assert took[-1] > 1e-2 * total[0]
 
 
+@pytest.mark.parametrize(("stiffness", "passes"), [(5e3, True), (1e4, False)])
+def test_a_layer_gives_back_what_it_took_also_where_a_body_passes_the_middle_of_an_obstacle(stiffness, passes):
+    """Faces of a rod that is thrown at a soft disc come to its other side, or turn in it; nothing else takes energy."""
+    section = {"EA": 6e4, "EI": 2.0, "kGA": 2e4, "rhoA": 1.0, "rhoI": 1e-3}
+    rod = h.body(h.line(1.0, start=(0.0, 0.15)), h.element("reissner3", 4), section)
+    disc = {"disc": {"type": "circle", "center": [0.4, 0], "radius": 0.1}}
+    found = ride(flung((0.0, -3.0), rod, disc, side="surface", law={"stiffness": stiffness}), 0.2, tolerance=1e-6,
+                 every=1)
+    total, _ = found.totals()
+    np.testing.assert_allclose(total, 4.5, rtol=1e-3)
+    assert (found.place("rod@0.4")[1] < -0.1) == passes
+
+
 def test_steps_too_long_for_a_layer_are_told():
     touch = scene(rigid([0, 0.05], [1, 0.15], MASS, INERTIA), law={"stiffness": 1e7})
     bodies = touch.pop("bodies")

@@ -13,7 +13,8 @@ from instruments.references.statics import Beam
 
 import ancf2d
 from ancf2d.case import Point, template
-from ancf2d.errors import CaseError
+from ancf2d.elements.contact_geometry import HELD
+from ancf2d.errors import CaseError, ComputationError
 from ancf2d.results import open_results
 from ancf2d.results.obstacles import obstacles_of
 from ancf2d.solvers.complementarity import lemke
@@ -22,6 +23,7 @@ from ancf2d.solvers.fields import FieldReader
 from ancf2d.solvers.post import reactions
 from ancf2d.solvers.registry import solve
 from ancf2d.solvers.section_forces import section_forces
+from ancf2d.solvers.statics import static
 from ancf2d.study.run import run_case
 
 STIFF = {"EA": 1e6, "EI": 1.0, "kGA": 1e6, "rhoA": 1.0, "rhoI": 1e-6}
@@ -188,6 +190,43 @@ def test_what_is_closed_solves_problems_of_linear_complementarity() -> None:
             assert w.min() > -1e-9
             assert np.abs(w * z).max() < 1e-9
     assert lemke(np.array([[-1.0]]), np.array([-1.0])) is None
+
+
+@pytest.mark.parametrize("gap", [1e-5, 1e-4])
+def test_a_strip_is_held_by_the_edge_of_a_block(gap: float) -> None:
+    """A beam clamped at 0 and held at a (Roark, table 8.1, 1a): P (3 L - a)/2 a, less 3 EI/a^3 times the gap."""
+    a, P = 0.88, 0.03
+    block = {"solid": {"type": "polyline", "closed": True, "points": [
+        [1.5, -0.3], [a, -gap], [a - 0.2, -gap], [a - 0.25, -0.5], [1.4, -0.8]]}}
+    solution = helpers.Solution(strip(10, bc=[CLAMP], loads=[{"type": "force", "at": "beam@1", "value": [0, -P]}],
+                                      obstacles=block))
+    (report,) = contact_report(solution.model, solution.state)
+    assert report["force"][1] == pytest.approx(P * (3.0 - a) / (2.0 * a) - 3.0 * gap / a**3, rel=3e-5)
+    assert report["from"] == report["to"] == pytest.approx(a, abs=1e-5)
+
+
+def test_points_of_a_load_step_that_is_cut_are_open_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first step, in which the strip touches, is refused: the next one begins where nothing touches."""
+    tried, touched = [], []
+
+    def refused(model, *state):
+        tried.append(state)
+        if len(tried) == 1:
+            raise ComputationError("refused")
+
+    def begun(system, *how):
+        touched.append(sum(p.mem[HELD] > 0.0 for one in system.model.contact_tables for p in one.points))
+        return newton(system, *how)
+
+    newton = static.newton
+    monkeypatch.setattr(static, "check_sound", refused)
+    monkeypatch.setattr(static, "newton", begun)
+    solution = helpers.Solution(strip(4, bc=[CLAMP], loads=[{"type": "force", "at": "beam@1", "value": [0, -1.0]}],
+                                      obstacles={"solid": {"type": "half_plane", "through": [0, -1e-3],
+                                                           "normal": [0, 1]}}))
+    assert solution.state.t == 1.0
+    assert touched[:2] == [0, 0]
+    assert touched[-1] > 0
 
 
 def test_friction_holds_a_strip_on_the_floor_up_to_its_limit() -> None:

@@ -87,6 +87,8 @@ class Balance:
         d, v, *_ = row.full
         model.states[:] = row.states
         model.set_natural(row.side)
+        if model.contacts:
+            recall_rows(model, row.turns)
         if model.springs:
             d_q = d[:model.n_q]
             model.turns.recall(model.springs, model.e0 + d_q, d_q, model.turns.at(d, row.turned))
@@ -251,13 +253,12 @@ class Run:
     def state(self, row: Row, keep: bool = False) -> State:
         """Return a stored state."""
         d, v, a = self.stepper.full(row)
+        energies = self.balance.take(row)
         if self.model.contacts:
-            recall_rows(self.model, row.turns)
             check_pressed(self.model, d, {"t": float(f"{row.t:.6g}")})
         controllers = self.stepper.answers.look(row)
         F = self.balance.external(row.side)
         Q = self.stepper.forces(row) + F
-        energies = self.balance.take(row)
         blocks = {name: row.log[:, k] for k, name in enumerate(LOG)}
         if self.inverted is None and not self.intact and (found := inverted(self.model, d)) is not None:
             self.inverted = f"{found} at t = {row.t:.6g}: the motion is not physical from then on"

@@ -225,7 +225,7 @@ class Start:
 def equilibrium_near(system: System, start: Start, t: float, tolerance: float, max_iterations: int
                      ) -> NewtonResult | None:
     """Return the equilibrium next to a guess, None where there is none, or one that may be on another branch."""
-    free, turns = system.model.numbering.free, system.turns()
+    free, turns, touched = system.model.numbering.free, system.turns(), memory(system.model)
     guess = system.model.displacements(start.d[free], t)
     if start.turned is not None:
         system.count_from((guess, start.turned))
@@ -234,10 +234,12 @@ def equilibrium_near(system: System, start: Start, t: float, tolerance: float, m
         check_sound(system.model, result.d, None, t)
     except ComputationError:
         system.count_from(turns)
+        recall(system.model, touched)
         return None
     strayed = system.distance(result.d, guess) > NEAR * system.norm(guess[free])
     crossed = system.knows_inertia and negative_pivots(system, result.d, t) != start.negative_pivots
     if strayed or crossed:
         system.count_from(turns)
+        recall(system.model, touched)
         return None
     return result

@@ -12,6 +12,7 @@ from ...errors import ComputationError, SingularTangentError
 from ...model.breakpoints import case_breaks, case_turns
 from ...model.model import Model
 from ...model.timing import PathTiming
+from ..contact import memory, recall
 from ..refine import refined
 from ..state import State
 from ..system import System, Turned
@@ -238,6 +239,7 @@ class March:
         while stride.s < 1.0:
             target = stride.target()
             new = end if target == 1.0 else begin.towards(end, target)
+            touched = memory(self.model)
             try:
                 result = self._step(path, target, old, new)
                 turns = self.system.turns()
@@ -245,10 +247,12 @@ class March:
                 if changed:
                     result.negative_pivots = negative_pivots(self.system, result.d, new.factor)
             except ComputationError as error:
+                recall(self.model, touched)
                 if not stride.cut(target, isinstance(error, SingularTangentError)):
                     raise _stuck(error, old.factor, number) from error
                 continue
             if changed and self._bends_away(path, result, old.factor) and stride.corner(target):
+                recall(self.model, touched)
                 continue
             number += 1
             self.system.count_from(turns)
