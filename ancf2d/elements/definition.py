@@ -152,22 +152,22 @@ class ElementType:
         """(node, coordinate) of every shape function, node by node."""
         return tuple((i, c) for i, n in enumerate(self.nodes) for c in n.coordinates if c != "theta")
 
-    @property
+    @cached_property
     def n_shape(self) -> int:
         """Number of shape functions."""
         return len(self.functionals)
 
-    @property
+    @cached_property
     def n_dof(self) -> int:
         """Number of element coordinates."""
         return self.n_shape * self.components
 
-    @property
+    @cached_property
     def degree_x(self) -> int:
         """Highest power of x in the basis."""
         return max(p.degree_x for p in self.polynomials)
 
-    @property
+    @cached_property
     def degree_y(self) -> int:
         """Highest power of y in the basis: 0 for a curve, 1 for a section that stays straight."""
         return max(p.degree_y for p in self.polynomials)
@@ -179,12 +179,17 @@ class ElementType:
             return max(t.i for p in self.polynomials for t in p.terms if t.j == 1)
         return self.degree_x if self.has_theta else self.degree_x - 1
 
-    @property
+    @cached_property
     def common_coefficients(self) -> bool:
         """Whether some basis function ties powers of y to powers of x."""
         return any(len({(t.i, t.j) for t in p.terms}) > 1 for p in self.polynomials)
 
     @property
+    def scales(self) -> bool:
+        """Whether elements of another length, height and Poisson's ratio have shape functions that differ in scale."""
+        return not self.common_coefficients and all(t.nu == 0 for p in self.polynomials for t in p.terms)
+
+    @cached_property
     def section_kind(self) -> str:
         """How a cross-section follows from the coordinates: interpolated, tangent (normal to r_x) or theta."""
         if self.has_theta:

@@ -103,6 +103,7 @@ class ShapeFunctions:
         inverse = _solve(A, np.eye(len(A), dtype=np.longdouble))
         self._coefficients = np.einsum("bk,bij->kij", inverse, basis)
         self._across: dict[Any, NDArray] = {}
+        self._exact: dict[Any, NDArray] = {}
         self._values: dict[Any, Array] = {}
 
     def _basis_values(self, basis: NDArray, xi: NDArray, eta: NDArray, i: int, j: int) -> NDArray:
@@ -118,9 +119,14 @@ class ShapeFunctions:
         at = np.atleast_1d(np.asarray(xi01, dtype=float))
         across = np.ascontiguousarray(np.broadcast_to(np.asarray(eta, dtype=float), at.shape))
         place = (at.tobytes(), across.tobytes(), i, j)
-        return _kept(self._values, place, lambda: self._evaluated(at, across, i, j)).copy()
+        return _kept(self._values, place, lambda: self.exact(at, across, i, j).astype(np.float64)).copy()
 
-    def _evaluated(self, xi01: Array, eta: Array, i: int, j: int) -> Array:
+    def exact(self, xi01: Array, eta: Array, i: int, j: int) -> NDArray:
+        """Return what a call does at arrays of points, in extended precision."""
+        place = (xi01.tobytes(), eta.tobytes(), i, j)
+        return _kept(self._exact, place, lambda: self._evaluated(xi01, eta, i, j))
+
+    def _evaluated(self, xi01: Array, eta: Array, i: int, j: int) -> NDArray:
         def along() -> NDArray:
             mx = _monomials(self._dx, 2 * xi01.astype(np.longdouble) - 1, i) * (2 / np.longdouble(self.l)) ** i
             return np.einsum("pi,kij->pkj", mx, self._coefficients)
@@ -128,12 +134,35 @@ class ShapeFunctions:
         # of an element whose height varies, points differ in y alone from those of its neighbours
         polynomials = _kept(self._across, (xi01.tobytes(), i), along)
         my = _monomials(self._dy, eta.astype(np.longdouble), j) * (2 / np.longdouble(self.h)) ** j
-        return np.einsum("pkj,pj->pk", polynomials, my).astype(np.float64)
+        return np.einsum("pkj,pj->pk", polynomials, my)
+
+
+class ScaledShape(ShapeFunctions):
+    """The shape functions of a type for a length and a height, made of those for a length and a height of 1.
+
+    Where each basis function is one power of x times one of y, a change of scale along or across multiplies it by a
+    number, so that the space of functions is the same.
+    """
+
+    def __init__(self, unit: ShapeFunctions, l: float, h: float) -> None:
+        self.element, self.l, self.h, self._unit = unit.element, float(l), float(h), unit
+        self._scales = np.longdouble(l), np.longdouble(h)
+        orders = np.array([derivative_order(name) for _, name in self.element.functionals])
+        self._sizes = self._scales[0] ** orders[:, 0] * self._scales[1] ** orders[:, 1]
+        self._values: dict[Any, Array] = {}
+
+    def exact(self, xi01: Array, eta: Array, i: int, j: int) -> NDArray:
+        """Return what a call does at arrays of points, in extended precision."""
+        return self._unit.exact(xi01, eta, i, j) * (self._sizes / (self._scales[0] ** i * self._scales[1] ** j))
 
 
 @lru_cache(maxsize=KEPT)
 def _of_type(key: _SameType, l: float, h: float, nu: float) -> ShapeFunctions:
-    return ShapeFunctions(key.element, l, h, nu)
+    if not key.element.scales:
+        return ShapeFunctions(key.element, l, h, nu)
+    # no part of a power depends on Poisson's ratio
+    unit = (1.0, 1.0, 0.0)
+    return ShapeFunctions(key.element, *unit) if (l, h, nu) == unit else ScaledShape(_of_type(key, *unit), l, h)
 
 
 class _SameType:

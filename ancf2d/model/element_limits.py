@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
-from ..elements.formulations import FORMULATIONS
+from ..elements.formulations import FORMULATIONS, Formulation
 from ..elements.formulations.base import Rule, Sampler, rule_points, strains_at
-from ..elements.section import Section
-from ..elements.shape import Array
+from ..elements.section import NO_CONSTANTS, Section
+from ..elements.shape import Array, ShapeFunctions, shape_functions
 from ..errors import ComputationError
 from .body_groups import Pool
 from .classes import ElementClass
-from .mesh import STATIONS, BodyMesh, Index
+from .mesh import STATIONS, BodyMesh, Index, straight
 from .model import Model
 from .plan import default_rule
 
@@ -33,28 +34,41 @@ def thickness_excess(mesh: BodyMesh) -> float:
     """Return how much stiffer in bending a straight element is for Poisson's ratio, as a share of EI; 0 if it can thin.
 
     A section that stays straight, bent by (-x y, 0), has no strain across; a law that couples it with the strain along
-    then resists by E/(1 - nu^2) in place of E.
+    then resists by E/(1 - nu^2) in place of E. Of a section of one elastic material, the share depends on nu alone:
+    it is that of an element as long as it is high, of unit width and E.
     """
     plan = mesh.plan
     if plan.rigid or plan.element.section_kind != "interpolated" or plan.element.degree_y > 1:
         return 0.0
-    sampler = mesh.straight(mesh.classes[0])
-    gain = _energy(mesh, sampler, plan.section) - _energy(mesh, sampler, replace(plan.section, nu=0.0))
-    return 2.0 * gain / (plan.section.EI * sampler.shape.l)
+    section = plan.section
+    if any(getattr(section, name) for name in NO_CONSTANTS):
+        shape = mesh.classes[0].shape
+    else:
+        shape, unit = shape_functions(plan.element, 1.0, 1.0, section.nu), section.mu_k / section.E
+        section = Section(1.0, 1.0, 1.0, section.nu, section.k_s, EA=1.0, kGA=unit, EI=1.0 / 12.0)
+    return _excess(shape, plan.formulation, plan.rule, section)
 
 
-def _energy(mesh: BodyMesh, sampler: Sampler, section: Section) -> float:
+@lru_cache
+def _excess(shape: ShapeFunctions, formulation: Formulation, rule: Rule, section: Section) -> float:
+    """Return what ``thickness_excess`` does of an element with these shape functions."""
+    sampler = straight(shape, section)
+    gain = _energy(sampler, formulation, rule) - _energy(replace(sampler, section=replace(section, nu=0.0)),
+                                                         formulation, rule)
+    return 2.0 * gain / (section.EI * shape.l)
+
+
+def _energy(sampler: Sampler, formulation: Formulation, rule: Rule) -> float:
     """Return the energy of an element of this section, bent by (-x y, 0) with unit curvature."""
-    plan = mesh.plan
-    nodes, l = plan.element.nodes, sampler.shape.l
+    element, l = sampler.shape.element, sampler.shape.l
     bent = {"r_y": lambda x: -x, "r_xy": lambda x: -1.0}
-    e = np.array([[bent[name](nodes[i].at * l) if name in bent else 0.0, 0.0]
-                  for i, name in plan.element.functionals]).ravel()
-    B, ref, D = plan.formulation.sample(replace(sampler, section=section), plan.rule)
+    e = np.array([[bent[name](element.nodes[i].at * l) if name in bent else 0.0, 0.0]
+                  for i, name in element.functionals]).ravel()
+    B, ref, D = formulation.sample(sampler, rule)
     # so small that strains are linear
-    small, energy = 1e-9 / (l + section.height), 0.0
+    small, energy = 1e-9 / (l + sampler.section.height), 0.0
     for s in range(len(B)):
-        eps, _ = strains_at(plan.formulation, ref[s], B[s] @ (small * e))
+        eps, _ = strains_at(formulation, ref[s], B[s] @ (small * e))
         energy += 0.5 * float(eps @ D[s] @ eps)
     return energy / small**2
 

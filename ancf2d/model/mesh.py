@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..elements.definition import coordinate_components, derivative_order
+from ..elements.definition import ElementType, coordinate_components, derivative_order
 from ..elements.formulations import Sampler
 from ..elements.registry import RIGID_FRAME
 from ..elements.section import CONSTANTS, NO_CONSTANTS, Section
-from ..elements.shape import Array, FrameShape, shape_functions
+from ..elements.shape import Array, FrameShape, ShapeFunctions, shape_functions
 from .axis import Bend
 from .classes import ElementClass
 from .curve import AT_NODE, Piece, peaks
@@ -25,6 +25,17 @@ from .profiles import SectionsAlong, alike_along
 Index = NDArray[np.int64]
 # where along an element its axis is looked at
 STATIONS = np.array([0.0, 0.5, 1.0])
+
+
+def straight(shape: ShapeFunctions, section: Section) -> Sampler:
+    """Return the sampler of a straight element."""
+    piece = Piece(Bend((0.0, 0.0), 0.0, 0.0), shape.l, 0.0, 1)
+    return Sampler(shape, _reference(_named(shape.element), piece, shape.element.has_theta)[0], section)
+
+
+def _named(element: ElementType) -> list[tuple[float, str]]:
+    """Return where each nodal coordinate is, and which it is."""
+    return [(element.nodes[i].at, name) for i, name in element.functionals]
 
 
 def _reference(element_nodes: list[tuple[float, str]], piece: Piece, theta: bool) -> Array:
@@ -152,9 +163,8 @@ class BodyMesh:
             return [self._frame_sampler(piece)]
         if key not in self._samplers:
             shape = shape_functions(plan.element, piece.l, plan.section.height, plan.section.nu)
-            named = [(plan.element.nodes[i].at, c) for i, c in plan.element.functionals]
             self._samplers[key] = [Sampler(shape, e0, plan.section)
-                                   for e0 in _reference(named, piece, plan.element.has_theta)]
+                                   for e0 in _reference(_named(plan.element), piece, plan.element.has_theta)]
         return self._samplers[key]
 
     def _alike(self, piece: Piece) -> bool:
@@ -177,7 +187,9 @@ class BodyMesh:
 
     def straight(self, one: ElementClass, length: float | None = None) -> Sampler:
         """Return the sampler of a straight element of a class's length, or of the given one, with the mean section."""
-        return self._samplers_of(Piece(Bend((0.0, 0.0), 0.0, 0.0), length or one.shape.l, 0.0, 1))[0]
+        plan = self.plan
+        shape = shape_functions(plan.element, length or one.shape.l, plan.section.height, plan.section.nu)
+        return straight(shape, plan.section)
 
     def uniform(self, one: ElementClass) -> Sampler:
         """Return the sampler of a class with the body's mean section all along."""
