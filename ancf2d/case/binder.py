@@ -53,12 +53,18 @@ class Issue(NamedTuple):
 
 
 class KnownRecords:
-    """The records that mappings below a node were found to be, where nothing was wrong with them."""
+    """The records that mappings below a node were found to be, where nothing was wrong with them.
+
+    ``plain`` has their plain data by the id of each record, and ``texts`` what YAML has of these by the id of the data,
+    once they were asked for (``case.emit``). Nodes, records and data live as long as this, so that none has the id of
+    another.
+    """
 
     def __init__(self, root: Node | None = None) -> None:
-        # nodes live as long as they are listed here, so that none has the id of another
         self._nodes = {id(node): node for node in _mappings(root)}
         self._found: dict[tuple[int, type, Path], Any] = {}
+        self.plain: dict[int, Any] = {}
+        self.texts: dict[int, str] = {}
 
     def get(self, cls: type, node: MapNode, path: Path) -> Any:
         """Return the record of a class that a mapping at a path was read as, None where it was not."""
@@ -68,6 +74,7 @@ class KnownRecords:
         """Keep a record, unless its mapping is another case's alone."""
         if id(node) in self._nodes:
             self._found[id(node), cls, path] = record
+            self.plain.setdefault(id(record))
 
 
 def _mappings(node: Node | None) -> Iterator[MapNode]:

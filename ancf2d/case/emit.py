@@ -6,8 +6,11 @@ import dataclasses
 import json
 import math
 import re
+from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
+from .binder import KnownRecords
 from .nodes import resolve
 from .records import keys_of, tag_of
 
@@ -17,62 +20,87 @@ _WIDTH = 88
 _YAML11 = ("yes", "no", "on", "off")
 
 
-def written(value: Any) -> Any:
-    """Return a value of a case as plain data in the form that a file has; None is left out."""
+def written(value: Any, known: KnownRecords | None = None) -> Any:
+    """Return a value of a case as plain data in the form that a file has; None is left out.
+
+    The data of ``known`` records are made once, and nobody may change them.
+    """
+    if known is not None and id(value) in known.plain:
+        found = known.plain[id(value)]
+        if found is None:
+            found = known.plain[id(value)] = written(value)
+        return found
     own = getattr(value, "written", None)
     short = own() if own is not None else None
     if short is not None:
-        return written(short)
+        return written(short, known)
     if dataclasses.is_dataclass(value):
         cls: Any = type(value)
         data = {"type": tag_of(cls)} if tag_of(cls) else {}
         for name, k in keys_of(cls).items():
-            below = written(getattr(value, k.field))
+            below = written(getattr(value, k.field), known)
             if below is not None:
                 data[name] = below
         return data
     if isinstance(value, dict):
-        return {name: written(item) for name, item in value.items()}
+        return {name: written(item, known) for name, item in value.items()}
     if isinstance(value, tuple | list):
-        return [written(item) for item in value]
+        return [written(item, known) for item in value]
     return value
 
 
-def yaml_text(data: dict[str, Any]) -> str:
+def yaml_text(data: dict[str, Any], known: KnownRecords | None = None) -> str:
     """Return plain data as YAML: mappings in blocks, what fits on a line in flow style."""
-    return "\n".join(_block(data, 0)) + "\n"
+    kept = {id(one) for one in known.plain.values()} if known is not None else set()
+    return "\n".join(_block(data, 0, _Texts(kept, known.texts if known is not None else {}))) + "\n"
 
 
-def _block(value: Any, indent: int) -> list[str]:
+class _Texts:
+    """Data on one line: of those with these ids, the text is kept."""
+
+    def __init__(self, kept: set[int], texts: dict[int, str]) -> None:
+        self.kept, self.texts = kept, texts
+
+    def line(self, value: Any) -> str:
+        """Return plain data as YAML on one line."""
+        if id(value) not in self.kept:
+            return flow(value, self.line)
+        if id(value) not in self.texts:
+            self.texts[id(value)] = flow(value)
+        return self.texts[id(value)]
+
+
+def _block(value: Any, indent: int, texts: _Texts) -> list[str]:
     pad = " " * indent
     lines = []
     if isinstance(value, dict):
         for name, item in value.items():
             head = f"{pad}{text_scalar(name)}:"
-            line = flow(item)
+            line = texts.line(item)
             if len(head) + len(line) < _WIDTH or not isinstance(item, dict | list) or not item:
                 lines.append(f"{head} {line}")
             else:
                 lines.append(head)
-                lines.extend(_block(item, indent + 2))
+                lines.extend(_block(item, indent + 2, texts))
         return lines
     for item in value:
-        line = flow(item)
+        line = texts.line(item)
         if indent + len(line) < _WIDTH or not isinstance(item, dict | list) or not item:
             lines.append(f"{pad}- {line}")
         else:
-            below = _block(item, indent + 2)
+            below = _block(item, indent + 2, texts)
             lines.append(f"{pad}- {below[0].lstrip()}")
             lines.extend(below[1:])
     return lines
 
 
-def flow(value: Any) -> str:
-    """Return plain data as YAML on one line."""
+def flow(value: Any, below: Callable[[Any], str] | None = None) -> str:
+    """Return plain data as YAML on one line; ``below`` may have the texts of what they consist of."""
+    below = below or flow
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{text_scalar(k)}: {flow(v)}" for k, v in value.items()) + "}"
+        return "{" + ", ".join(f"{text_scalar(k)}: {below(v)}" for k, v in value.items()) + "}"
     if isinstance(value, list):
-        return "[" + ", ".join(flow(v) for v in value) + "]"
+        return "[" + ", ".join(below(v) for v in value) + "]"
     if value is None:
         return "null"
     if isinstance(value, bool):
@@ -98,6 +126,7 @@ def number_text(value: float) -> str:
     return f"{mantissa}e{int(exponent)}"
 
 
+@lru_cache(4096)
 def text_scalar(text: str) -> str:
     """Return a text as YAML: plain where that cannot be misread, else in double quotes."""
     if (_PLAIN.fullmatch(text) and isinstance(resolve(text), str)

@@ -34,16 +34,20 @@ class LoadedCase:
     definitions: dict[str, ElementDefinition] = field(default_factory=dict)
     origin: CaseText | None = field(default=None, repr=False, compare=False)
 
+    @property
+    def _known(self) -> KnownRecords | None:
+        return None if self.origin is None else self.origin.known
+
     @cached_property
     def data(self) -> dict[str, Any]:
         """The case as plain data, with defaults filled in and overrides applied."""
-        found: dict[str, Any] = written(self.case)
+        found: dict[str, Any] = written(self.case, self._known)
         return found
 
     @cached_property
     def completed(self) -> str:
         """The case as YAML with defaults filled in and overrides applied; loads back the same."""
-        return yaml_text(self.data)
+        return yaml_text(self.data, self._known)
 
 
 class CaseText:
@@ -56,7 +60,7 @@ class CaseText:
     def __init__(self, text: str, name: str = "<string>", directory: str = "") -> None:
         self.text, self.name, self.directory = text.removeprefix("\ufeff"), name, directory
         self._context: object = None
-        self._known: KnownRecords | None = None
+        self.known: KnownRecords | None = None
 
     @cached_property
     def _root(self) -> tuple[Node | None, tuple[Problem, ...]]:
@@ -91,9 +95,9 @@ class CaseText:
     def _records(self, root: MapNode, binder: Binder) -> KnownRecords:
         """Return the records of the text that were read with the same names and units before."""
         context = (binder.vocabulary, binder.labels, binder.numbers, binder.probes, binder.controllers)
-        if self._known is None or context != self._context:
-            self._context, self._known = context, KnownRecords(root)
-        return self._known
+        if self.known is None or context != self._context:
+            self._context, self.known = context, KnownRecords(root)
+        return self.known
 
 
 def load_case(path: str | os.PathLike[str], overrides: Sequence[str] = (),

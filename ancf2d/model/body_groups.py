@@ -27,6 +27,12 @@ class Pool:
         self.meshes, self.tau = meshes, tau
         self.plan = meshes[0].plan
 
+    @property
+    def kind(self) -> tuple[Any, ...]:
+        """What makes the arrays of classes of other elements as large as these; a formulation samples each layer."""
+        plan = self.plan
+        return id(plan.element), plan.formulation.name, plan.formulation.law, plan.rule, len(plan.section.layers)
+
     @cached_property
     def _classes(self) -> dict[Any, ElementClass]:
         out: dict[Any, ElementClass] = {}
@@ -105,18 +111,16 @@ def make_pools(case: Case, meshes: dict[str, BodyMesh]) -> list[Pool]:
     pools: list[Pool] = []
     found: dict[Any, Pool] = {}
     for name, mesh in meshes.items():
-        plan = mesh.plan
-        if plan.rigid:
+        if mesh.plan.rigid:
             continue
-        tau = damping_time(case, name)
-        # a formulation samples each layer
-        key = id(plan.element), plan.formulation.name, plan.formulation.law, plan.rule, tau, len(plan.section.layers)
-        if plan.count < MANY and key in found:
+        pool = Pool([mesh], damping_time(case, name))
+        key = *pool.kind, pool.tau
+        if mesh.plan.count < MANY and key in found:
             found[key].meshes.append(mesh)
             continue
-        pools.append(Pool([mesh], tau))
-        if plan.count < MANY:
-            found[key] = pools[-1]
+        pools.append(pool)
+        if mesh.plan.count < MANY:
+            found[key] = pool
     return pools
 
 

@@ -81,8 +81,8 @@ def support_names(case: Case) -> list[str]:
 class _Builder:
     """Collects meshes, equations, loads and problems of one case."""
 
-    def __init__(self, loaded: LoadedCase, moving: bool, like: Model | None) -> None:
-        self.loaded, self.case, self.like = loaded, loaded.case, like
+    def __init__(self, loaded: LoadedCase, moving: bool, like: Model | None, exactly: bool) -> None:
+        self.loaded, self.case = loaded, loaded.case
         known = {} if like is None else like.meshes
         self.plans, self.problems = plan_bodies(loaded, moving, {name: mesh.plan for name, mesh in known.items()})
         if self.problems:
@@ -93,7 +93,7 @@ class _Builder:
             try:
                 old = known.get(name)
                 same = old is not None and old.plan is plan and (old.first_dof, old.first_node) == (dof, node)
-                self.meshes[name] = mesh = old if old is not None and same else BodyMesh(plan, dof, node, old)
+                self.meshes[name] = mesh = old if old is not None and same else BodyMesh(plan, dof, node, old, exactly)
             except UnsolvableBasisError as error:
                 self.report(("bodies", name, "element"), f"bodies.{name}: elements of length {plan.pieces[0].l:.3g} "
                             f"and height {plan.section.height:.3g} cannot be computed in floating-point numbers "
@@ -117,9 +117,13 @@ class _Builder:
 
     def warn(self) -> None:
         """Tell what users should know of meshes."""
-        self.warnings += [w for p in self.plans.values() for w in warnings_of(p)]
-        for warning in (locking_warning, hidden_warning, hinge_warning):
-            self.warnings += filter(None, map(warning, self.meshes.values()))
+        for mesh in self.meshes.values():
+            if mesh.told is None:
+                mesh.told = [warnings_of(mesh.plan), *([text for text in [warning(mesh)] if text] for warning in (
+                    locking_warning, hidden_warning, hinge_warning))]
+        # each kind of warning of all bodies
+        self.warnings += [text for kind in zip(*(mesh.told or () for mesh in self.meshes.values()), strict=True)
+                          for texts in kind for text in texts]
 
     def point(self, at: Point) -> PointRef:
         return point_ref(self.meshes[at.body], at.s)
@@ -308,15 +312,18 @@ class _Builder:
                         "a support, joint or spring that prevents this")
 
 
-def build_model(loaded: LoadedCase, moving: bool = False, like: Model | None = None) -> Model:
+def build_model(loaded: LoadedCase, moving: bool = False, like: Model | None = None, beside: bool = False) -> Model:
     """Return the model of a case; raises CaseError with every problem that the model shows.
 
-    ``moving`` gives a static case the meshes of a motion. ``like`` is the model of the same case with other numbers:
-    what these leave alone is shared with it, and what was told of it is not told again. numpy only: nothing is
-    compiled here.
+    ``moving`` gives a static case the meshes of a motion. ``like`` is a model of the same case with other values: what
+    these leave alone is shared with it. The model is the same with and without, bit for bit. ``beside`` tells that it
+    is for differences between the two, where a number of the case changes a little: then more is shared, with other
+    digits, and what was told and checked of ``like`` is not told and checked again. numpy only: nothing is compiled
+    here.
     """
-    b = _Builder(loaded, moving, like)
-    if like is None:
+    b = _Builder(loaded, moving, like, exactly=not beside)
+    known = like if beside else None
+    if known is None:
         b.warn()
     b.add_supports()
     b.add_joints()
@@ -327,10 +334,10 @@ def build_model(loaded: LoadedCase, moving: bool = False, like: Model | None = N
     b.drop_repeated(elimination)
     b.check_motions()
     b.check_equations(elimination)
-    if like is None:
+    if known is None:
         b.check_mechanism()
     else:
-        b.hangs = like.hangs
+        b.hangs = known.hangs
     if b.problems:
         raise CaseError(b.problems)
     b.add_masses()

@@ -51,14 +51,14 @@ def _held(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint]
         keep = values > 1e-9 * _stiffness(spring)
         found += [(spring.dofs[0], v) for v in vectors.T[keep]]
     out, terms = np.zeros((len(found), 3 * len(meshes))), np.zeros(len(found))
-    for i, (coords, coefs) in enumerate(found):
-        owner = np.searchsorted(first, coords, side="right") - 1
-        for b in sorted(set(owner.tolist())):
-            part = owner == b
-            each = coefs[part][:, None] * rigid_motion(meshes[b], coords[part], e0, centres[b])
-            each[:, 2] /= sizes[b]
-            out[i, 3 * b:3 * b + 3] = each.sum(axis=0)
-            terms[i] = max(terms[i], np.abs(each).max())
+    coords, coefs = (np.concatenate([f[k] for f in found] or [first[:0]]) for k in (0, 1))
+    equation, owner = np.repeat(np.arange(len(found)), [len(f[0]) for f in found]), np.searchsorted(first, coords, "right")
+    for b in np.unique(owner).tolist():
+        part = owner == b
+        each = coefs[part][:, None] * rigid_motion(meshes[b - 1], coords[part], e0, centres[b - 1])
+        each[:, 2] /= sizes[b - 1]
+        np.add.at(out[:, 3 * b - 3:3 * b], equation[part], each)
+        np.maximum.at(terms, equation[part], np.abs(each).max(axis=1))
     norm = np.abs(out).max(axis=1)
     # what is left of terms that cancel (a rigid length, a spring within a body) holds nothing
     some = norm > 1e-12 * terms

@@ -88,7 +88,7 @@ def make_group(pool: Pool, natural: list[NaturalStrain], like: tuple[Pool, Recor
     """
     plan, point = pool.plan, pool.plan.formulation.law
     nc = plan.element.components
-    if like is not None and like[0].plan.formulation is plan.formulation and like[0].plan.rule == plan.rule:
+    if like is not None and like[0].kind == pool.kind and like[0].plan.formulation is plan.formulation:
         law, batches = _law_like(pool, *like)
     else:
         B, ref, D = _sampled_classes(pool, pool.classes)
@@ -124,14 +124,25 @@ def _law_like(pool: Pool, other: Pool, group: Record) -> tuple[Law, Plan]:
     source = [place.get(id(c), -1) for c in pool.classes]
     new = [k for k, at in enumerate(source) if at < 0]
     law = old
-    if new or len(source) != len(other.classes):
+    if new or source != list(range(len(other.classes))):
         known = old.B, old.ref, old.D
         own = _in_parts_of_law(*_sampled_classes(pool, [pool.classes[k] for k in new]), plan.parts) if new else known
         B, ref, D = (_rows(one, two, source, new, plan.parts) for one, two in zip(known, own, strict=True))
         law = old._replace(B=B, ref=ref, D=D)
-    # products are made where they are asked for: forces alone need none
-    return law, plan._replace(products=plan.products[:0], coupled=_coupled(law), held=np.full_like(plan.held, -1),
-                              work=np.zeros_like(plan.work))
+    room = plan._replace(coupled=_coupled(law), held=np.full_like(plan.held, -1), work=np.zeros_like(plan.work))
+    if law is old or np.array_equal(law.B, old.B):
+        return law, room
+    return law, _with_products(law, room._replace(vectors=_vectors(law, pool.plan.element.components)))
+
+
+def _with_products(law: Law, plan: Plan) -> Plan:
+    """Return a plan with the products of all classes, where these are not too many."""
+    size = plan.products.shape[1]
+    kept = len(law.B) if len(law.B) * size <= KEPT else 0
+    plan = plan._replace(products=np.zeros((kept, size)))
+    for q in range(kept):
+        fill_products(law.B, q, plan, plan.products[q])
+    return plan
 
 
 def _rows(old: Array, new: Array, source: Sequence[int], at: Sequence[int], parts: int) -> Array:
@@ -257,13 +268,9 @@ def _plan(law: Law, parts: int, nc: int, blocks: Index, pairs: Index, entries: I
     most = max(1, min(LANES // S, ALONE // (S * int(np.max(blocks[:, 1] * blocks[:, 3])))))
     at = places(law.fields, law.strains, law.references, law.state, points)
     length = room(at, n, max(nu, len(pairs)), len(entries), size)
-    kept = len(law.B) if len(law.B) * size <= KEPT else 0
-    plan = Plan(parts, most, _vectors(law, nc), _coupled(law), blocks, pairs,
-                entries, rules, np.zeros((kept, size)), np.full(2, -1), np.zeros(length), dgemm_address(),
-                batch_address())
-    for q in range(kept):
-        fill_products(law.B, q, plan, plan.products[q])
-    return plan
+    return _with_products(law, Plan(parts, most, _vectors(law, nc), _coupled(law), blocks, pairs, entries, rules,
+                                    np.zeros((0, size)), np.full(2, -1), np.zeros(length), dgemm_address(),
+                                    batch_address()))
 
 
 def _coupled(law: Law) -> Index:

@@ -25,6 +25,9 @@ from .profiles import SectionsAlong, alike_along
 Index = NDArray[np.int64]
 # where along an element its axis is looked at
 STATIONS = np.array([0.0, 0.5, 1.0])
+# what meshes share whose nodes are in the same places, and stand for the same coordinates
+LAID_OUT = ("dofs", "nodes", "turn", "e0", "n_dofs", "n_nodes", "piece_first", "kinds", "coordinate_names", "starts",
+            "lengths", "angles", "shares_start", "_references")
 
 
 def straight(shape: ShapeFunctions, section: Section) -> Sampler:
@@ -67,35 +70,51 @@ class BodyMesh:
     kinks each piece has a node of its own, and they are welded. Coordinates run node by node. ``dofs`` is (ne, n_dof),
     ``cls`` (ne,), ``turn`` (ne or 1, 2), ``e0`` the reference values (n_dofs,) of the coordinates first_dof,
     first_dof + 1, ... Classes of ``like``, a mesh of the same body with other numbers, are taken where they are the
-    same.
+    same, and all else that follows from places alone where these are. Unless ``exactly``, classes whose shape functions
+    are scaled by another mean height are the same, too: they differ by round-off.
     """
 
-    def __init__(self, plan: BodyPlan, first_dof: int, first_node: int, like: BodyMesh | None = None) -> None:
+    def __init__(self, plan: BodyPlan, first_dof: int, first_node: int, like: BodyMesh | None = None,
+                 exactly: bool = True) -> None:
         self.plan, self.first_dof, self.first_node = plan, first_dof, first_node
-        element = plan.element
-        nc = element.components
-        self.node_sizes = [nc * sum(c != "theta" for c in n.coordinates) for n in element.nodes]
+        self.node_sizes = [plan.element.components * sum(c != "theta" for c in n.coordinates)
+                           for n in plan.element.nodes]
         self.stride = sum(self.node_sizes[:-1])
+        # points that were asked for, by S and y (``points.point_ref``)
+        self.points: dict[tuple[float, float], Any] = {}
         self.classes: list[ElementClass] = []
         self._samplers: dict[tuple[Any, ...], list[Sampler]] = {}
+        # what users should know of it, once it was asked for
+        self.told: list[list[str]] | None = None
+        self._known = {} if like is None or (exactly and like.plan.section != plan.section) else like.classes_in(plan)
+        # reference coordinates of elements, each in its own frame
+        self._references: dict[tuple[Any, ...], Array] = {}
+        if like is not None and like._places == self._places:
+            vars(self).update({name: value for name, value in vars(like).items() if name in LAID_OUT})
+        else:
+            self._lay_out()
         keys: dict[tuple[Any, ...], int] = {}
         # fibres alone are sampled where moments peak; nodes are among Lobatto points
         sought = bool(plan.section.laws) and not plan.rule.lobatto
         found = peaks(plan.pieces, plan.acting) if sought else [0] * plan.count
-        dofs, cls, turn, nodes, e0 = [], [], [], [], []
-        dof, node = first_dof, first_node
-        self.piece_first: list[int] = []
-        # points that were asked for, by S and y (``points.point_ref``)
-        self.points: dict[tuple[float, float], Any] = {}
-        self._known = {} if like is None else like.classes_in(plan)
-        count = 0
-        for piece in plan.pieces:
+        self.cls: Index = np.concatenate([self._classes_of(piece, keys, found[first:first + piece.count])
+                                          for piece, first in zip(plan.pieces, self.piece_first, strict=True)])
+
+    @property
+    def _places(self) -> tuple[Any, ...]:
+        """What tells where nodes are, and the numbers of nodes and coordinates."""
+        return id(self.plan.element), self.first_dof, self.first_node, self.plan.pieces
+
+    def _lay_out(self) -> None:
+        """Find nodes and coordinates, with their reference values."""
+        element, pieces = self.plan.element, self.plan.pieces
+        dofs, turn, nodes, e0 = [], [], [], []
+        dof, node = self.first_dof, self.first_node
+        self.piece_first: list[int] = np.cumsum([0, *(piece.count for piece in pieces[:-1])]).tolist()
+        for piece in pieces:
             if piece.shared:
                 dof, node = dof - self.node_sizes[-1], node - 1
             n = piece.count
-            cls.append(self._classes_of(piece, keys, found[count:count + n]))
-            self.piece_first.append(count)
-            count += n
             dofs.append(dof + self.stride * np.arange(n)[:, None] + np.arange(element.n_dof))
             nodes.append(node + (len(element.nodes) - 1) * np.arange(n)[:, None] + np.arange(len(element.nodes)))
             angle = piece.position(piece.l * np.arange(n))[1]
@@ -106,12 +125,11 @@ class BodyMesh:
             node += (len(element.nodes) - 1) * n + 1
         self.dofs: Index = np.concatenate(dofs)
         self.nodes: Index = np.concatenate(nodes)
-        self.cls: Index = np.concatenate(cls)
         directions = np.concatenate(turn)
         straight = bool(np.all(directions == directions[0]))
         self.turn: Array = np.ascontiguousarray(directions[:1] if straight else directions)
         self.e0: Array = np.concatenate(e0)
-        self.n_dofs, self.n_nodes = dof - first_dof, node - first_node
+        self.n_dofs, self.n_nodes = dof - self.first_dof, node - self.first_node
 
     def _classes_of(self, piece: Piece, keys: dict[tuple[Any, ...], int], peak: list[int]) -> Index:
         """Return the classes (n,) of the elements of a piece, those that are new added."""
@@ -163,8 +181,9 @@ class BodyMesh:
             return [self._frame_sampler(piece)]
         if key not in self._samplers:
             shape = shape_functions(plan.element, piece.l, plan.section.height, plan.section.nu)
-            self._samplers[key] = [Sampler(shape, e0, plan.section)
-                                   for e0 in _reference(_named(plan.element), piece, plan.element.has_theta)]
+            if key not in self._references:
+                self._references[key] = _reference(_named(plan.element), piece, plan.element.has_theta)
+            self._samplers[key] = [Sampler(shape, e0, plan.section) for e0 in self._references[key]]
         return self._samplers[key]
 
     def _alike(self, piece: Piece) -> bool:

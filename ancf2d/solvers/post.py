@@ -152,9 +152,10 @@ def reactions(model: Model, state: State) -> dict[str, dict[str, float]]:
     for name, point in model.supports:
         centre = np.array([dot(c, e) for c in point.position()])
         total = np.zeros(3)
-        for row, value in zip(model.rows, lam, strict=True):
-            if row.owner == name:
-                total += value * (row.coefs @ rigid_motion(point.mesh, row.coords, e, centre))
+        mine = [(row.coords, value * row.coefs) for row, value in zip(model.rows, lam, strict=True) if row.owner == name]
+        if mine:
+            coords, forces = map(np.concatenate, zip(*mine, strict=True))
+            total += forces @ rigid_motion(point.mesh, coords, e, centre)
         for constraint, (dofs, forces) in zip(model.constraints, held, strict=True):
             if constraint.owner == name:
                 total += forces @ rigid_motion(point.mesh, dofs, e, centre)

@@ -268,7 +268,7 @@ class Study:
 
             def at(step: float) -> Model:
                 if step not in models:
-                    found = prepare(_tight(for_study(varied(self.loaded, variable, step))), self.model)
+                    found = prepare(_tight(for_study(varied(self.loaded, variable, step))), self.model, beside=True)
                     if numbering_of(found) != self.numbering:
                         raise UnsuitedError("the unknowns change with the number")
                     models[step] = found

@@ -58,21 +58,22 @@ def load(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> LoadedC
     return load_case(path, overrides, vocabulary())
 
 
-def prepare(loaded: LoadedCase, like: Model | None = None) -> Model:
+def prepare(loaded: LoadedCase, like: Model | None = None, beside: bool = False) -> Model:
     """Return the model of a case (nothing is compiled). Raises CaseError with all problems, the solver's too.
 
-    ``like`` is a model of the case with other numbers (``build_model``).
+    ``like`` is a model of the case with other values, and ``beside`` tells that differences of the two are taken
+    (``build_model``).
     """
     from ..solvers.fields import field_problems
     from ..solvers.motion.initial import initial_problems
     from ..solvers.motion.schemes import method_problems
     from ..solvers.registry import left_out
 
-    model = build_model(loaded, like=like)
+    model = build_model(loaded, like=like, beside=beside)
     problems = [*initial_problems(model), *method_problems(model), *field_problems(model)]
     if problems:
         raise CaseError(problems)
-    if like is not None:
+    if beside:
         return model
     model.warnings += [*left_out(loaded.case), *unit_warnings(loaded.case)]
     return model
@@ -90,18 +91,19 @@ Begin = Callable[[Model], "Start | None"]
 
 def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False, command: str = "",
              progress: Progress | None = None, resume: bool = False, conclude: Conclude | None = None,
-             begin: Begin | None = None, checkpoints: Path | None = None) -> Outcome:
+             begin: Begin | None = None, checkpoints: Path | None = None, like: Model | None = None) -> Outcome:
     """Solve a case; write its result file where ``out`` names one; return the outcome.
 
     With ``resume``, a run over time that was interrupted goes on from its last checkpoint, to the same result bit for
     bit; where there is nothing to resume from, the run starts afresh. ``conclude`` may add to the summary of a run
     that has succeeded, before it is written. ``begin`` may give a guess that statics starts from. ``checkpoints``: a
-    file that a run over time without result file is resumed from, while it lasts.
+    file that a run over time without result file is resumed from, while it lasts. ``like``: a model of the case with
+    other values, of which the run takes what is the same.
 
     Raises CaseError for a wrong case and ResultsError for a file that cannot be written; a failed computation
     is returned, with the states found so far.
     """
-    model = prepare(loaded)
+    model = prepare(loaded, like)
     progress = progress or Progress()
     progress.built(model)
     warnings = list(model.warnings)

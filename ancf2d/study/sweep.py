@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from ..case.overrides import OPTION as SET
 from ..errors import CaseError, Problem, ResultsError, verdict
 from .digests import content_name, files_of
 from .forecast import Done, Forecast, steps_of
-from .pool import Workers, no_interrupts, run_jobs
+from .pool import ALONE, Workers, no_interrupts, run_jobs
 from .run import prepare, result_header, vocabulary
 from .samples import Design
 from .sweep_runs import Job, lost, solve_job, stored_summary
@@ -51,7 +52,9 @@ def plan(case: str, axes: list[Axis], overrides: Sequence[str], folder: Path, wo
         name = content_name(loaded.completed, files_of(loaded))
         place = workers.file(str(folder / RUNS / f"{name}.h5"))
         sweep.jobs.append(Job(text, file, options, loaded.case.goal, place, name, kernels_of(loaded.data),
-                              _size(loaded.case), command, force, keep))
+                              _size(loaded.case), command, force, keep,
+                              # without texts that are not asked for again
+                              replace(loaded) if workers == ALONE else None))
     if not any(sweep.jobs):
         raise CaseError(_distinct(problems, axes))
     return sweep

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 from .. import __version__
 from ..case import CaseText, Goal, LoadedCase
 from ..errors import UNSOLVED, ResultsError, verdict
+from ..model.model import Model
 from .accuracy.control import is_pursued, solve_to_accuracy
 from .accuracy.pursuit import Target
 from .digests import content_name, files_of
@@ -21,6 +22,8 @@ from .run import run_case, vocabulary
 
 # between two looks at a result that another process is writing
 TURN_SECONDS = 0.1
+# elements of a model that is kept for the next variant
+SMALL = 20_000
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,7 @@ class Job:
     """A run that another process can do.
 
     ``output`` is its result file where ``keep`` is set. ``name`` is that of its result by content, ``kernels`` what it
-    compiles, ``size`` elements times steps.
+    compiles, ``size`` elements times steps. ``loaded`` is the case, which other processes read from the text.
     """
 
     text: str
@@ -42,16 +45,46 @@ class Job:
     command: str
     force: bool = False
     keep: bool = False
+    loaded: LoadedCase | None = field(default=None, repr=False, compare=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is sent to another process."""
+        return {**vars(self), "loaded": None}
 
     def load(self) -> LoadedCase:
         """Return the case. Raises CaseError."""
-        return _origin(self.text, self.file).load(self.overrides, vocabulary())
+        return self.loaded or _origin(self.text, self.file).load(self.overrides, vocabulary())
 
 
 @lru_cache(1)
 def _origin(text: str, file: str) -> CaseText:
     """Return the text that the jobs of a sweep have in common."""
     return CaseText(text, file, os.path.dirname(file))
+
+
+class _Last:
+    """The model of the variant that this process has run last, of which the next one takes what is the same.
+
+    It is not kept where it is large: building it takes a small share of its solve.
+    """
+
+    def __init__(self) -> None:
+        self.text = ""
+        self.model: Model | None = None
+
+    def run(self, job: Job, loaded: LoadedCase, *args: Any, **options: Any) -> dict[str, Any]:
+        """Return the summary of ``run_case``."""
+        like, self.model = self.model if job.text == self.text else None, None
+        outcome = run_case(loaded, *args, like=like, **options)
+        model = outcome.model
+        if model.n_elements <= SMALL:
+            # what that was like is not needed any longer
+            model.like = None
+            self.text, self.model = job.text, model
+        return outcome.summary
+
+
+_last = _Last()
 
 
 def stored_summary(job: Job) -> dict[str, Any] | None:
@@ -110,7 +143,7 @@ def _solve(job: Job, progress: Progress | None) -> dict[str, Any]:
             checkpoints.unlink(missing_ok=True)
         if is_pursued(loaded):
             return _judged(solve_to_accuracy(loaded).outcome.summary)
-        return run_case(loaded, progress=progress, checkpoints=checkpoints).summary
+        return _last.run(job, loaded, progress=progress, checkpoints=checkpoints)
     if not place.parent.is_dir():
         raise ResultsError(f"there is no folder '{place.parent}' on this worker; several machines need "
                            "a shared folder")
@@ -119,11 +152,11 @@ def _solve(job: Job, progress: Progress | None) -> dict[str, Any]:
         return _judged(solve_to_accuracy(loaded, Target(job.output, **options)).outcome.summary)
     if not job.force and loaded.case.solver.moves and part_path(job.output).exists():
         try:
-            return run_case(loaded, job.output, resume=True, progress=progress, **options).summary
+            return _last.run(job, loaded, job.output, resume=True, progress=progress, **options)
         except ResultsError:
             # left by other options or an unreadable file: it is replaced
             pass
-    return run_case(loaded, job.output, progress=progress, **options).summary
+    return _last.run(job, loaded, job.output, progress=progress, **options)
 
 
 def _judged(summary: dict[str, Any]) -> dict[str, Any]:

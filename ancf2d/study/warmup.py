@@ -53,7 +53,8 @@ def warm_up(model: Model, compiling: Callable[[str], None] = lambda text: None) 
     """
     from ..kernels.lowlevel.jit import CACHE, REFUSED, expect_kernels
 
-    kernels = kernels_of(written(model.case))
+    loaded = model.loaded
+    kernels = kernels_of(loaded.data if loaded is not None and loaded.case is model.case else written(model.case))
     if kernels in _READY:
         return
     what = f"compiling kernels, which cannot be cached for the next run: {REFUSED}" if REFUSED else (
