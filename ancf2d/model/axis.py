@@ -66,7 +66,7 @@ class Bend:
 
     def place(self, s: Array) -> tuple[Array, Array]:
         """Return points as complex numbers, and tangent angles."""
-        chord = s * np.sinc(0.5 * self.kappa * s / np.pi)
+        chord = s * np.sinc(0.5 * self.kappa * s / np.pi) if self.kappa else s
         middle = self.angle + 0.5 * self.kappa * s
         return (self.start[0] + chord * np.cos(middle)) + 1j * (self.start[1] + chord * np.sin(middle)), (
             self.angle + self.kappa * s)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -104,7 +105,10 @@ class _Builder:
         if self.problems:
             raise CaseError(self.problems)
         self.e0: Array = np.concatenate([m.e0 for m in self.meshes.values()])
-        self.extent = reference_extent(self.plans)
+        # whether all bodies lie as in that model
+        self.lies = like if like is not None and list(known) == list(self.meshes) and all(
+            mesh.e0 is known[name].e0 for name, mesh in self.meshes.items()) else None
+        self.extent = reference_extent(self.plans) if self.lies is None else self.lies.extent
         self.equations = Equations()
         self.loads = LoadSet()
         # loads that are inputs do not act: by name
@@ -113,6 +117,8 @@ class _Builder:
         self.supports: list[tuple[str, PointRef]] = []
         self.timing = timing_of(self.case)
         self.hangs = False
+        # the linear equations that let no body move freely, where these are all
+        self.held: tuple[Any, ...] | None = None
         self.warnings: list[str] = []
 
     def warn(self) -> None:
@@ -166,7 +172,7 @@ class _Builder:
         for mesh in self.meshes.values():
             keep_lengths(mesh, self.equations)
             weld_pieces(mesh, self.equations)
-        acting = acting_at(self.case)
+        acting = acting_at(self.case) if self.case.joints else Counter[Point]()
         for i, joint in enumerate(self.case.joints):
             context = JointContext(self.point, self.meshes, f"joints.{i}", acting,
                                    joint.active is not None and joint.active.begins)
@@ -294,8 +300,16 @@ class _Builder:
     def check_mechanism(self) -> None:
         if not must_be_held(self.case):
             return
-        scene = (list(self.meshes.values()), self.equations.rows, self.equations.constraints, self.springs, self.e0)
+        rows, constraints = self.equations.rows, self.equations.constraints
+        if not self.springs and not constraints:
+            held = tuple((row.coords.tobytes(), row.coefs.tobytes()) for row in rows)
+            if self.lies is not None and self.lies.held == held:
+                self.held = held
+                return
+        scene = (list(self.meshes.values()), rows, constraints, self.springs, self.e0)
         motions = free_motions(*scene)
+        if not motions and not self.springs and not constraints:
+            self.held = held
         if motions and self.case.contacts:
             # what a body rests on is known only once the loads press it there
             motions = []
@@ -351,7 +365,7 @@ def build_model(loaded: LoadedCase, moving: bool = False, like: Model | None = N
     moving = b.case.solver.moves
     numbering = number(list(b.meshes.values()), elimination, b.equations.constraints,
                        [*b.springs, *b.loads.patches, *b.loads.flows], len(b.e0), moving,
-                       moving or symmetric(b.loads, contacts))
+                       moving or symmetric(b.loads, contacts), None if like is None else like.numbering)
     return Model(b.case, b.meshes, b.e0, b.equations.rows, b.equations.constraints, elimination, numbering, b.loads,
                  b.springs, b.supports, b.extent, b.timing, [*b.warnings, *b.equations.warnings], loaded, b.hangs,
-                 b.inputs, contacts, b.frames, like)
+                 b.inputs, contacts, b.frames, like, b.held)

@@ -52,7 +52,8 @@ def _held(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint]
         found += [(spring.dofs[0], v) for v in vectors.T[keep]]
     out, terms = np.zeros((len(found), 3 * len(meshes))), np.zeros(len(found))
     coords, coefs = (np.concatenate([f[k] for f in found] or [first[:0]]) for k in (0, 1))
-    equation, owner = np.repeat(np.arange(len(found)), [len(f[0]) for f in found]), np.searchsorted(first, coords, "right")
+    equation = np.repeat(np.arange(len(found)), [len(f[0]) for f in found])
+    owner = np.searchsorted(first, coords, side="right")
     for b in np.unique(owner).tolist():
         part = owner == b
         each = coefs[part][:, None] * rigid_motion(meshes[b - 1], coords[part], e0, centres[b - 1])

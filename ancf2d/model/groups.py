@@ -88,7 +88,9 @@ def make_group(pool: Pool, natural: list[NaturalStrain], like: tuple[Pool, Recor
     """
     plan, point = pool.plan, pool.plan.formulation.law
     nc = plan.element.components
-    if like is not None and like[0].kind == pool.kind and like[0].plan.formulation is plan.formulation:
+    if like is not None and (like[0].kind != pool.kind or like[0].plan.formulation is not plan.formulation):
+        like = None
+    if like is not None:
         law, batches = _law_like(pool, *like)
     else:
         B, ref, D = _sampled_classes(pool, pool.classes)
@@ -100,9 +102,10 @@ def make_group(pool: Pool, natural: list[NaturalStrain], like: tuple[Pool, Recor
                   *_in_parts_of_law(B, ref, D, parts))
         batches = _plan(law, parts, nc, blocks, pairs, np.concatenate([entries, np.array(follow)]), rules)
     parts = batches.parts
-    strains, memory = _natural(pool, natural, parts), _memory(law, point, parts, len(pool.dofs))
-    return Record(Group(law, strains, memory, np.ascontiguousarray(pool.cls, dtype=np.int64),
-                        np.ascontiguousarray(pool.turn), np.ascontiguousarray(pool.dofs, dtype=np.int64), nc, batches))
+    group = Group(law, _natural(pool, natural, parts), _memory(law, point, parts, len(pool.dofs)),
+                  np.ascontiguousarray(pool.cls, dtype=np.int64), np.ascontiguousarray(pool.turn),
+                  np.ascontiguousarray(pool.dofs, dtype=np.int64), nc, batches)
+    return Record(group) if like is None else like[1].replaced(**group._asdict())
 
 
 def _sampled_classes(pool: Pool, classes: Sequence[ElementClass]) -> tuple[Array, Array, Array]:
@@ -173,15 +176,15 @@ def with_states(groups: list[Record], states: Array | None = None) -> tuple[list
         memory = group.values.memory
         own = states[at:at + memory.states.size].reshape(memory.states.shape)
         at += own.size
-        out.append(Record(group.values._replace(memory=memory._replace(states=own))) if own.size else group)
+        out.append(group.replaced(memory=memory._replace(states=own)) if own.size else group)
     return out, states
 
 
 def with_trials(groups: list[Record]) -> list[Record]:
     """Return groups that also keep what they would remember of the state whose forces were last asked for."""
     memories = [group.values.memory for group in groups]
-    return [Record(group.values._replace(memory=memory._replace(trial=np.empty_like(memory.states))))
-            if memory.states.size else group for group, memory in zip(groups, memories, strict=True)]
+    return [group.replaced(memory=memory._replace(trial=np.empty_like(memory.states))) if memory.states.size else group
+            for group, memory in zip(groups, memories, strict=True)]
 
 
 def of_elements(group: Record, which: Index | slice) -> Record:
@@ -189,10 +192,10 @@ def of_elements(group: Record, which: Index | slice) -> Record:
     plan = group.values.plan
     plan = plan._replace(held=np.full_like(plan.held, -1), work=np.zeros_like(plan.work))
     turn = np.ascontiguousarray(group.turn[which]) if len(group.turn) > 1 else group.turn
-    return Record(group.values._replace(cls=np.ascontiguousarray(group.cls[which]), turn=turn, plan=plan,
-                                        natural=of_some(group.values.natural, which),
-                                        memory=memory_of_some(group.values.memory, which),
-                                        dofs=np.ascontiguousarray(group.dofs[which])))
+    return group.replaced(cls=np.ascontiguousarray(group.cls[which]), turn=turn, plan=plan,
+                          natural=of_some(group.values.natural, which),
+                          memory=memory_of_some(group.values.memory, which),
+                          dofs=np.ascontiguousarray(group.dofs[which]))
 
 
 def unlike(groups: Sequence[Record]) -> Index:

@@ -247,12 +247,22 @@ class BodyMesh:
         return np.concatenate(parts)
 
     @cached_property
+    def shape_weights(self) -> Array:
+        """The displacement [m] that a unit of each shape function's coordinate stands for (n_shape,).
+
+        1 for r, l for r_x, h/2 for r_y, ...
+        """
+        half, l = self.plan.section.height / 2, max(p.l for p in self.plan.pieces)
+        orders = [derivative_order(name) for _, name in self.plan.element.functionals]
+        return np.array([l**i / factorial(i) * half**j / factorial(j) for i, j in orders])
+
+    @cached_property
     def gradients(self) -> Array:
         """Rotation or strain that a unit of each coordinate stands for (n_dofs,): 0 for r; 1 for r_x, r_y and theta."""
         element, half = self.plan.element, self.plan.section.height / 2
         l = max(p.l for p in self.plan.pieces)
         orders = [derivative_order(name) for _, name in element.functionals]
-        sizes = [w * max(i / l, j / half) for w, (i, j) in zip(shape_weights(self).tolist(), orders, strict=True)]
+        sizes = [w * max(i / l, j / half) for w, (i, j) in zip(self.shape_weights.tolist(), orders, strict=True)]
         return self.tile([v for g in sizes for v in ([g, g] if element.components == 2 else [g, g, 1.0])])
 
     @cached_property
@@ -343,13 +353,3 @@ class BodyMesh:
         """
         return [(first, p.kink) for first, p in zip(self.piece_first, self.plan.pieces, strict=True)
                 if (first > 0 or self.plan.closed) and not p.shared]
-
-
-def shape_weights(mesh: BodyMesh) -> Array:
-    """Return the displacement [m] that a unit of each shape function's coordinate stands for (n_shape,).
-
-    1 for r, l for r_x, h/2 for r_y, ...
-    """
-    half, l = mesh.plan.section.height / 2, max(p.l for p in mesh.plan.pieces)
-    orders = [derivative_order(name) for _, name in mesh.plan.element.functionals]
-    return np.array([l**i / factorial(i) * half**j / factorial(j) for i, j in orders])

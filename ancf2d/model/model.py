@@ -67,6 +67,8 @@ class Model:
     frames: dict[str, Frame] = field(default_factory=dict)
     # a model that it shares meshes and classes of elements with
     like: Model | None = None
+    # the linear equations that were found to let no body move freely
+    held: tuple[Any, ...] | None = None
 
     @property
     def n_q(self) -> int:

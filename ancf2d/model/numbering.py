@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -14,13 +15,24 @@ from ..interactions.forces import Patch
 from .breakpoints import telling_times
 from .constraints import Constraint, Row
 from .fronts import Fronts, band_cost, fronts_cost, least_degree, make_fronts
-from .mesh import BodyMesh, Index, shape_weights
+from .mesh import BodyMesh, Index
 
 # fronts are tried where there are so many unknowns and a band is wider than so many times an element's; they are taken
 # where the band costs so much more, in statics and in motion, whose kernels are compiled anew for them
 FEW, LOOSE, WORTH = 200, 1.5, (1.2, 3.0)
 # a hundred times what is left of increments, beside the scene's extent
 LEFT = 1e-8
+
+
+class Source:
+    """What places of unknowns follow from: dependent coordinates, and what elements, forces and constraints couple."""
+
+    def __init__(self, said: list[Any], coupled: list[Index]) -> None:
+        self.said, self.coupled = said, coupled
+
+    def __eq__(self, other: object) -> bool:
+        return (isinstance(other, Source) and self.said == other.said and len(self.coupled) == len(other.coupled)
+                and all(a is b or np.array_equal(a, b) for a, b in zip(self.coupled, other.coupled, strict=True)))
 
 
 @dataclass(frozen=True)
@@ -44,6 +56,7 @@ class Numbering:
     half_bandwidth: int
     largest_element: int
     fronts: Fronts | None = None
+    source: Source | None = None
 
     @property
     def n_unknowns(self) -> int:
@@ -268,13 +281,18 @@ def _after_coordinates(position: Index, multipliers: list[list[int]], n: int) ->
 
 
 def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[Constraint], patches: list[Patch],
-           n_q: int, moving: bool = False, nested: bool = True) -> Numbering:
+           n_q: int, moving: bool = False, nested: bool = True, like: Numbering | None = None) -> Numbering:
     """Return the numbering of a model; reorders only where the natural order is not already the narrowest.
 
     Fronts take the place of a band where they cost less, if ``nested`` allows them; in motion (``moving``) they have to
-    save more.
+    save more. Places are those of ``like`` where they follow from the same.
     """
     dependents = sorted(elimination.dependents)
+    follow = ((c, *elimination.dependents[c].terms) for c in dependents)
+    source = Source([moving, nested, len(meshes), len(constraints), *follow],
+                    [*(m.dofs for m in meshes), *(p.dofs for p in patches), *(c.dofs for c in constraints)])
+    if like is not None and source == like.source:
+        return replace(like, source=source, value=as_columns(elimination, like.place)[2])
     natural = np.zeros(n_q, dtype=np.int64)
     held = [c for c in dependents if not elimination.dependents[c].terms]
     natural[dependents] = -2
@@ -307,14 +325,14 @@ def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[C
     place[held] = -1
     indptr, index, value = as_columns(elimination, place)
     return Numbering(n_q, len(constraints), place, indptr, index, value, at, np.array(dependents, dtype=np.int64),
-                     width, largest, fronts)
+                     width, largest, fronts, source)
 
 
 def coordinate_weights(mesh: BodyMesh) -> Array:
     """Return the displacement that a unit of each coordinate stands for: 1 for r, l for r_x, h/2 for r_y, ... [m]."""
     element, half = mesh.plan.element, mesh.plan.section.height / 2
     pattern: list[float] = []
-    for w in shape_weights(mesh).tolist():
+    for w in mesh.shape_weights.tolist():
         pattern += [w, w] if element.components == 2 else [w, w, half]
     return mesh.tile(pattern)
 

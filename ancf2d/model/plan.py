@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -190,15 +190,15 @@ def acting_at(case: Case) -> Counter[Point]:
     return found
 
 
-def acting_points(case: Case) -> dict[str, list[float]]:
+def acting_points(case: Case, named: Iterable[Point] | None = None) -> dict[str, list[float]]:
     """Return the places S of each body where something acts, in order.
 
     They are all points that supports, joints, springs, masses and loads name, the ends of line loads, and the kinks and
     jumps of what varies along the body. Those of probes are none; nor is where a point slides along the body. The
-    points of splines are among them.
+    points of splines are among them. ``named`` are the points of ``acting_at``, where these are known.
     """
     found: dict[str, set[float]] = {name: {s for s, _ in profile_breaks(body)} for name, body in case.bodies.items()}
-    for point in acting_at(case):
+    for point in acting_at(case) if named is None else named:
         found[point.body].add(point.s)
     for load in case.loads:
         if load.line is not None:
@@ -301,8 +301,8 @@ def plan_bodies(loaded: LoadedCase, moving: bool = False, known: Mapping[str, Bo
     ``moving`` asks for the meshes of a motion where the solver is static. ``known`` plans are taken where they fit.
     """
     plans, problems = {}, []
-    acting, points = acting_points(loaded.case), acting_at(loaded.case)
-    solver = loaded.case.solver
+    points, solver = acting_at(loaded.case), loaded.case.solver
+    acting = acting_points(loaded.case, points)
     moving = moving or solver.moves
     if (many := len(loaded.case.bodies)) > MAX_BODIES:
         return {}, [loaded.source.problem(("bodies",), f"there are {many} bodies", f"at most {MAX_BODIES}")]

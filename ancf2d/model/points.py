@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ..elements.shape import Array, gauss
-from .mesh import BodyMesh, Index, shape_weights
+from .mesh import BodyMesh, Index
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class PointRef:
             weight = w if spread == "uniform" else 1.5 * w * (1 - eta**2)
             row = weight @ sampler.derivative(np.full(6, self.xi), eta, i, j)
         # coordinates of different kinds have different units: what counts is what they move
-        moves = np.abs(row) / shape_weights(self.mesh)
+        moves = np.abs(row) / self.mesh.shape_weights
         row[moves < 1e-14 * moves.max()] = 0.0
         return row
 

@@ -152,7 +152,7 @@ def reactions(model: Model, state: State) -> dict[str, dict[str, float]]:
     for name, point in model.supports:
         centre = np.array([dot(c, e) for c in point.position()])
         total = np.zeros(3)
-        mine = [(row.coords, value * row.coefs) for row, value in zip(model.rows, lam, strict=True) if row.owner == name]
+        mine = [(r.coords, value * r.coefs) for r, value in zip(model.rows, lam, strict=True) if r.owner == name]
         if mine:
             coords, forces = map(np.concatenate, zip(*mine, strict=True))
             total += forces @ rigid_motion(point.mesh, coords, e, centre)

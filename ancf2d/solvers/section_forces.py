@@ -15,7 +15,6 @@ from ..interactions.inertia import mass_terms
 from ..interactions.tendons import Guide
 from ..kernels.elements import force as elastic_force
 from ..kernels.elements import natural_slope, tangent_action, viscous_force
-from ..kernels.lowlevel.records import Record
 from ..kernels.natural import memory_of_some, of_some
 from ..model.body_groups import damping_time, place_of
 from ..model.classes import Volume, mass_matrix, over_body
@@ -49,9 +48,9 @@ def apart(model: Model, mesh: BodyMesh, chosen: Index) -> Any:
     group, dofs = model.groups[pool], mesh.dofs[chosen]
     some = first + np.asarray(chosen)
     turn = group.turn[some] if len(group.turn) > 1 else group.turn
-    return Record(group.values._replace(cls=group.cls[some], turn=turn, natural=of_some(group.values.natural, some),
-                                        memory=memory_of_some(group.values.memory, some),
-                                        dofs=np.arange(dofs.size).reshape(dofs.shape)))
+    return group.replaced(cls=group.cls[some], turn=turn, natural=of_some(group.values.natural, some),
+                          memory=memory_of_some(group.values.memory, some),
+                          dofs=np.arange(dofs.size).reshape(dofs.shape))
 
 
 def nodal_forces(model: Model, mesh: BodyMesh, state: State, chosen: Index, alone: Any = None
@@ -301,6 +300,8 @@ class _Part:
     def _load_wrench(self, station: int, upto: float) -> Array:
         """Return the wrench (m, 3) of the loads on the elements' parts before a station."""
         total = np.zeros((len(self.dofs), 3))
+        if not self.lines and not len(self.within) and self.rates is None:
+            return total
         for xi, force in self._line_samples(upto):
             arm = self._rows(xi) @ self.local
             total[:, :2] += force.sum(axis=1)

@@ -281,6 +281,15 @@ class Record:
         self.values, self._numba_type_, self._words = values, kind, words
         self.address = words.ctypes.data
 
+    def replaced(self, **fields: Any) -> Record:
+        """Return a record with other values of some fields, whose types stay the same."""
+        out, words = Record.__new__(Record), self._words.copy()
+        for name, value in fields.items():
+            _replace(words, *self._numba_type_.place[name], value, getattr(self.values, name))
+        out._others = self._others
+        out._lay(self.values._replace(**fields), self._numba_type_, words)
+        return out
+
     @property
     def layout(self) -> RecordType:
         """The type that kernels know it by."""
@@ -296,6 +305,19 @@ class Record:
         # asked for once only
         self.__dict__[name] = value
         return value
+
+
+def _replace(words: Any, at: int, kind: Any, new: Any, old: Any) -> None:
+    """Write the words of a field, but for what is the same as it was. Raises TypeError where the type is another."""
+    if new is old:
+        return
+    if isinstance(kind, RecordType):
+        for (place, inside), one, other in zip(kind.place.values(), new, old, strict=True):
+            _replace(words, at + place, inside, one, other)
+    elif _form(new) != _form(old):
+        raise TypeError(f"a field of a record became {type(new)}")
+    else:
+        words[at:at + words_of(kind)] = list(_words((new,)))
 
 
 def _words(values: Any) -> Iterator[int]:
