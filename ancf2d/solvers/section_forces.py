@@ -45,8 +45,7 @@ def has_section_forces(mesh: BodyMesh) -> bool:
 def apart(model: Model, mesh: BodyMesh, chosen: Index) -> Any:
     """Return the group of chosen elements (m,) in which each has coordinates of its own, so that nothing is summed."""
     pool, first = place_of(model.pools, mesh)
-    group, dofs = model.groups[pool], mesh.dofs[chosen]
-    some = first + np.asarray(chosen)
+    group, dofs, some = model.groups[pool], mesh.dofs[chosen], first + np.asarray(chosen)
     turn = group.turn[some] if len(group.turn) > 1 else group.turn
     return group.replaced(cls=group.cls[some], turn=turn, natural=of_some(group.values.natural, some),
                           memory=memory_of_some(group.values.memory, some),
