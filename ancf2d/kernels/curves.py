@@ -156,7 +156,7 @@ def _product(x, i, y, j, span, s):  # type: ignore[no-untyped-def]
 
 @kernel
 def add_skew(points, x, y):  # type: ignore[no-untyped-def]
-    """Add to y (n,) what curves have of a product with x (n,) that their symmetric tangents, made last, leave out.
+    """Add to y (n,) what items have of a product with x (n,) that their symmetric tangents, made last, leave out.
 
     Returns whether there is any.
     """
@@ -190,7 +190,7 @@ def point_tangent(points, d, v, amps, c, Q, matrix, place, indptr, index, value)
     while i < len(points.forces):
         U, _, acts = _evaluate_run(points, i, d, v, amps, u, w, a, f, H, C, False)
         energy += U
-        in_place = points.along[i] != 0 and len(sewn.rubs) > 0
+        in_place = len(sewn.rubs) > 0 and sewn.begin[i + 1, 0] > sewn.begin[i, 0]
         if in_place:
             sewn.rubs[i] = False
         if acts:

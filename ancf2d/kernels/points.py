@@ -11,7 +11,8 @@ from .lowlevel.records import array_at
 
 
 class Sewn(NamedTuple):
-    """What curves with points of contact (``Points.run``) act on of the unknowns, and where their matrices go.
+    """What curves with points of contact (``Points.run``), and points that rub without a law, act on of the unknowns,
+    and where their matrices go.
 
     begin : (n + 1, 3) where the unknowns, rows and entries of each item begin; unknown (k,), with the matrix W (k,
     fields) that gives the fields, ``span`` (k, 2) as ``Points`` has it; slot : of each lower entry (k, l), row by row,

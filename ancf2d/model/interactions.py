@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from ..elements.contact_geometry import FRICTION
 from ..elements.point_laws import MAX_MEM, MAX_PAR, MAX_SIGNALS
 from ..elements.shape import Array
 from ..interactions.body_contact import facing_table
@@ -119,15 +120,16 @@ def no_sewn() -> Sewn:
 
 
 def sew(points: Points, T: csr_matrix, slots: Callable[[Index, Index], Index]) -> Points:
-    """Return a table that knows what its curves act on of the unknowns z, by d = T z (n_q,).
+    """Return a table that knows what its curves, and points that rub without a law, act on of the unknowns z.
 
-    ``slots(i, j)`` : where the entries (i, j), j <= i, of the matrix of the unknowns are.
+    ``T`` : (n_full, n) with d = T z; ``slots(i, j)`` : where the entries (i, j), j <= i, of the matrix of the unknowns
+    are.
     """
     begin, unknown, rows, spans, slot = np.zeros((len(points.forces) + 1, 3), dtype=np.int64), [], [], [], []
-    following = 0
+    following, rubs = 0, (points.restitution >= 0.0) & (points.par[:, FRICTION] > 0.0)
     for i in range(len(points.forces)):
         begin[i + 1] = begin[i]
-        if i < following or points.along[i] == 0:
+        if i < following or (points.along[i] == 0 and not rubs[i]):
             continue
         following = i + int(points.run[i])
         parts = [slice(*T.indptr[c:c + 2]) for c in points.dofs[points.dof[i]:points.dof[i + 1]]]

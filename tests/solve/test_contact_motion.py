@@ -14,6 +14,7 @@ from motions import ride, rigid
 
 import ancf2d
 from ancf2d.solvers.motion.schemes import method_problems
+from ancf2d.solvers.motion.stepping import LOG
 from ancf2d.solvers.registry import solve
 
 G, HEIGHT, MASS, INERTIA = 9.81, 0.5, 2.0, 0.2
@@ -200,6 +201,17 @@ def test_a_block_on_an_incline_sticks_or_slides(mu):
     # friction takes what the way costs
     row = found.rows[-1]
     assert row.lost - row.work == pytest.approx(mu * MASS * size * math.cos(slope) * way, rel=5e-3, abs=1e-4)
+
+
+@pytest.mark.parametrize("mu", [0.3, 1.0])
+def test_steps_of_what_slides_take_few_iterations(mu):
+    """A rod whose foot slides falls: Newton's method has the whole tangent, which friction makes unsymmetric."""
+    touch = {**scene(rigid([0, 0], [0.6, 0.8], MASS, INERTIA), friction=mu), "initial": {"velocity": [3.0, 0.0]}}
+    found = ride(touch, 0.1, dt=1e-2, every=1)
+    log = np.concatenate([row.log for row in found.rows])
+    assert len(log) == 10
+    assert log[:, LOG.index("iterations")].max() <= 4
+    assert lost(found) > 0.1
 
 
 @pytest.mark.parametrize(("share", "steps"), [(0.5, {"dt": 1e-3}), (0.5, {"tolerance": 1e-6}), (0.96, {"dt": 1e-3}),

@@ -81,12 +81,23 @@ def _left(step, rate, wanted):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _along(p, x, y):  # type: ignore[no-untyped-def]
-    """Return the product of two changes of the unknowns as displacements."""
-    total = 0.0
+def _along(p, x, y, share):  # type: ignore[no-untyped-def]
+    """Return the product of two changes of the unknowns as displacements, and ``share`` times that of multipliers."""
+    total, others = 0.0, 0.0
     for i in range(len(x)):
-        total += p.weights[i] * p.weights[i] * x[i] * y[i]
-    return total
+        if p.coordinate[i] != 0.0:
+            total += p.weights[i] * p.weights[i] * x[i] * y[i]
+        else:
+            others += x[i] * y[i]
+    return total + share * others
+
+
+@inner
+def _share(p, x):  # type: ignore[no-untyped-def]
+    """Return by what multipliers count as much as displacements in a change of the unknowns."""
+    moves = _along(p, x, x, 0.0)
+    forces = _along(p, x, x, 1.0) - moves
+    return moves / forces if forces > 0.0 else 0.0
 
 
 @inner
@@ -110,11 +121,12 @@ def _solve(m, p, w, x):  # type: ignore[no-untyped-def]
     n, r = len(x), m.rows[2 * KRYLOV]
     if not p.patched or not _turn(p, w, x, r):
         return
-    enough = ENOUGH * ENOUGH * _along(p, x, x)
+    even = _share(p, x)
+    enough = ENOUGH * ENOUGH * _along(p, x, x, even)
     for i in range(n):
         r[i] = -r[i]
     for k in range(KRYLOV):
-        if not _along(p, r, r) > enough:
+        if not _along(p, r, r, even) > enough:
             break
         to, of = m.rows[k], m.rows[KRYLOV + k]
         _turn(p, w, r, of)
@@ -122,11 +134,12 @@ def _solve(m, p, w, x):  # type: ignore[no-untyped-def]
             to[i] = r[i]
             of[i] += r[i]
         for j in range(k):
-            share = _along(p, of, m.rows[KRYLOV + j]) / _along(p, m.rows[KRYLOV + j], m.rows[KRYLOV + j])
+            on = m.rows[KRYLOV + j]
+            share = _along(p, of, on, even) / _along(p, on, on, even)
             for i in range(n):
                 to[i] -= share * m.rows[j, i]
-                of[i] -= share * m.rows[KRYLOV + j, i]
-        share = _along(p, r, of) / _along(p, of, of)
+                of[i] -= share * on[i]
+        share = _along(p, r, of, even) / _along(p, of, of, even)
         for i in range(n):
             x[i] += share * to[i]
             r[i] -= share * of[i]

@@ -145,8 +145,14 @@ def vectors(model: Model) -> tuple[Index, Index]:
 
 
 def sewn_laws(model: Model, T: csr_matrix, signals: Signals, steps: bool) -> Any:
-    """Return the table of all point laws, which also knows what their curves act on of the unknowns z, by d = T z."""
-    return sew(point_laws(model, signals, steps), T, _slots(model.numbering))
+    """Return the table of all point laws, which also knows what they act on of the unknowns z, by d = T z (n_q,)."""
+    from scipy.sparse import csr_matrix, vstack
+
+    num = model.numbering
+    multipliers = num.place[num.n_q:]
+    used = np.flatnonzero(multipliers >= 0)
+    rest = csr_matrix((np.ones(len(used)), (used, multipliers[used])), shape=(len(multipliers), num.n_unknowns))
+    return sew(point_laws(model, signals, steps), vstack([T, rest]).tocsr(), _slots(num))
 
 
 def point_laws(model: Model, signals: Signals, steps: bool = False) -> Any:
