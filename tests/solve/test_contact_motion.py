@@ -170,6 +170,37 @@ def test_a_floor_that_rises_lifts_a_rod_and_the_balance_tells():
     assert total[-1] - total[0] == pytest.approx(row.work - row.lost, rel=2e-3)
 
 
+@pytest.mark.parametrize("restitution", [0.0, 0.5, 1.0])
+def test_a_wall_that_comes_does_its_impulse_times_its_speed_as_work(restitution):
+    """A rod at rest leaves with (1 + e) V: the impulse m (1 + e) V does m (1 + e) V^2, m (1 - e^2) V^2/2 is lost."""
+    V, gap, dt = 2.0, 0.05, 1e-3
+    wall = {"wall": {"type": "half_plane", "through": [-gap, 0], "normal": [1, 0],
+                     "motion": {"x": {"type": "expression", "value": f"{V}*t"}}}}
+    rod = rigid([0, 0], [1, 0], MASS, INERTIA)
+    found = ride(scene(rod, wall, [], restitution=restitution), 2.0 * gap / V, dt=dt, every=1)
+    _, v, _ = found.full()
+    assert v[0] == pytest.approx((1.0 + restitution) * V, rel=1e-9)
+    row = found.rows[-1]
+    assert row.work == pytest.approx(MASS * (1.0 + restitution) * V**2, rel=1e-9)
+    assert row.lost == pytest.approx(0.5 * MASS * (1.0 - restitution**2) * V**2, rel=1e-9, abs=1e-9)
+
+
+def test_what_shakes_elsewhere_gives_no_energy_in_an_impact():
+    """It changes nothing of bounces that spin a rod by more than 0.4 rad in a step, which are made in parts."""
+    rod = rigid([0.0, 0.3], [0.02, 0.5], MASS, 1e-3)
+    rests = {"type": "circle", "center": [9, 9], "radius": 0.5}
+    shakes = {**rests, "motion": {"x": {"type": "sine", "scale": 0.05, "frequency": 2.0}}}
+    touch = scene(rod, restitution=1.0)
+    contacts = [*touch["contacts"], {**touch["contacts"][0], "name": "far", "between": ["rod", "far"]}]
+    one, other = (ride({**touch, "obstacles": {**FLOOR, "far": far}, "contacts": contacts,
+                        "initial": {"velocity": [1.0, -3.0]}}, 1.0, dt=2e-2, every=1) for far in (rests, shakes))
+    total, _ = one.totals()
+    assert total.max() < 1.005 * total[0]
+    assert [row.t for row in one.rows] == [row.t for row in other.rows]
+    np.testing.assert_allclose(other.totals()[0], total, rtol=1e-9)
+    assert other.rows[-1].work == 0.0
+
+
 def test_an_elastic_bar_stays_at_a_wall_for_two_passages_of_its_wave():
     count, v, gap = 40, 0.01, 0.005
     section = {"EA": 1.0, "EI": 1e-4, "kGA": 0.3, "rhoA": 1.0, "rhoI": 1e-4}

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from .. import calls
 from ..bodies import remember_elements
 from ..lowlevel.arrays import copy, copy_rows
@@ -16,6 +18,7 @@ from .state import (
     CONTRACTION,
     COUNT,
     DONE,
+    GIVEN,
     GRID,
     LIMIT,
     LOST,
@@ -203,14 +206,16 @@ def _moved(p, z):  # type: ignore[no-untyped-def]
 
 @inner
 def _count_impact(m, p, w, s, t, h, tracks, given):  # type: ignore[no-untyped-def]
-    """Count what an impact takes of the energy, ``given`` all else that goes in: what moves may give some."""
-    gone = calls.lost_in_impact(p.calls, (p, w, s, m, t, h, tracks)) + given
-    moved = False
-    for k in range(len(w.amps)):
-        moved |= w.amps[k, 1] != 0.0
+    """Count what an impact takes of the energy, ``given`` all else that goes in, and what obstacles give that move.
+
+    Where supports are moved, that is not known: they give what else appears from nothing.
+    """
+    known = s.numbers[GIVEN] if not np.isinf(s.numbers[GIVEN]) else 0.0
+    gone = calls.lost_in_impact(p.calls, (p, w, s, m, t, h, tracks)) + given + known
+    s.numbers[WORK] += known
     if gone > 0.0:
         s.numbers[LOST] += gone
-    elif tracks and moved:
+    elif tracks and np.isinf(s.numbers[GIVEN]):
         s.numbers[WORK] -= gone
 
 

@@ -368,6 +368,10 @@ def power_of_loads(p, w, v, a):  # type: ignore[no-untyped-def]
         if p.load_varies[m]:
             c = p.load_coord[m]
             total += p.load_value[m] * w.amps[p.load_signal[m], 0] * w.v[c]
+    # constraints that no signal moves do no work, also where interpolated states do not meet them
+    for i in range(len(p.points.multiplier)):
+        if p.points.multiplier[i] >= 0 and p.points.fed[i, 0] < 0:
+            w.d[p.points.multiplier[i]] = 0.0
     w.other[:] = 0.0
     total += forces_but_contacts(p, w.d, w.v, w.amps, w.other)[1]
     # masses that move act as loads do: what they take is work

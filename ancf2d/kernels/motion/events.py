@@ -14,7 +14,7 @@ from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed, inner, kernel
 from .dynamics import to_full, twice_kinetic
 from .feedback import tell
-from .state import GAINED, evaluate, evaluate_with_gradient
+from .state import GAINED, GIVEN, evaluate, evaluate_with_gradient
 
 # of a condition: nothing waits for it; it is waited for; it holds where the motion has come to an event
 PASSED, WAITING, HOLDS = range(3)
@@ -214,11 +214,10 @@ def aim(m, p, w, s, at, t, h, room, aims):  # type: ignore[no-untyped-def]
 @inner
 def gains(m, p, w, s, plan, t, h, given, hit):  # type: ignore[no-untyped-def]
     """Return whether a fixed step makes energy beside what is given: what bounces may spin too fast for it."""
-    rise = -calls.lost_in_impact(p.calls, (p, w, s, m, t, h, plan.tracks)) - given
-    for k in range(len(w.amps)):
-        if hit and w.amps[k, 1] != 0.0:
-            # what moves gives some in an impact
-            return False
+    if hit and np.isinf(s.numbers[GIVEN]):
+        # supports that are moved give some in an impact
+        return False
+    rise = -calls.lost_in_impact(p.calls, (p, w, s, m, t, h, plan.tracks)) - given - (s.numbers[GIVEN] if hit else 0.0)
     kinetic = 0.5 * max(twice_kinetic(p, w, s.v), twice_kinetic(p, w, m.end.v))
     borne = 0.0
     for i in range(len(p.points.mem)):

@@ -37,7 +37,7 @@ from ..points import amplitude_of, fields_of_item
 from .consistent import consistent, constraint_matrix
 from .dynamics import to_full, twice_kinetic
 from .friction import drag, point_hold, point_slip, rub, rubs, take_hold
-from .state import evaluate
+from .state import GIVEN, evaluate
 
 # of the largest rate: constraints that part slower than this are closed
 PARTING = 1e-9
@@ -228,7 +228,7 @@ def _bounce(p, w, s, end, t, h, bounce, approach, how, conserves):  # type: igno
     """Do as ``behind`` in a step from s at t, with so much of the bounce that it gives no energy.
 
     Kinetic energy behind an impact is that of a plastic one and the square of the bounce times what that adds. A
-    bounce with restitution 1 takes no energy either. Nothing that follows a signal moves meanwhile.
+    bounce with restitution 1 takes no energy either. Nothing that it touches is moved by signals.
     """
     z, v, a, sides, full = end.z.copy(), end.v.copy(), end.a.copy(), how.copy(), bounce.copy()
     before, share, plastic = _held(p, w, s.z, s.v, t, False), 1.0, 0.0
@@ -275,17 +275,65 @@ def _in_time(p, s, how, g, rate, second, h, allowed):  # type: ignore[no-untyped
     return best if best < h else 0.0
 
 
+@inner_with_memory
+def _pushed(p, w, how, out):  # type: ignore[no-untyped-def]
+    """Fill how fast signals in w.amps bring what CLOSED items touch (items,); return whether that, and supports, move.
+    """
+    velocity, acceleration, moves, driven = np.zeros(len(w.d)), np.zeros(len(w.d)), False, False
+    rates_of_constraints(p, w.d, w.v, w.amps, velocity, acceleration)
+    for i in range(len(how)):
+        if how[i] == CLOSED:
+            out[i] = -velocity[p.points.multiplier[i]]
+            moves |= out[i] != 0.0
+    for m in range(len(p.motion_coord)):
+        driven |= w.amps[p.motion_signal[m], 1] != 0.0
+    return moves, driven
+
+
+@inner_with_memory
+def _given(p, w, end, t, touched, approach, pushed):  # type: ignore[no-untyped-def]
+    """Return the work at most that obstacles which move do in an impact on items that were CLOSED in ``touched``.
+
+    It is that of the impulses which change the rates of gaps from ``approach`` (n,) to what they are at the end, and
+    of the largest friction under them.
+    """
+    n, given = len(touched), 0.0
+    g, rate, second, rhs, rest = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(len(end.z)), np.zeros(len(w.d))
+    for i in range(n):
+        if p.points.restitution[i] >= 0.0:
+            p.points.mem[i, HELD] = touched[i]
+    evaluate(p.programs, t, w.amps)
+    _rates(p, w, end.z, end.v, end.a, g, rate, second)
+    for i in range(n):
+        if touched[i] == CLOSED:
+            k = p.place[p.points.multiplier[i]]
+            rhs[k] = rate[i] - approach[k]
+    if not calls.factor(p.calls, (p, w.A, w.y)):
+        return np.inf
+    calls.solve(p.calls, (p, w.A, rhs))
+    for i in range(n):
+        force = -rhs[p.place[p.points.multiplier[i]]] if touched[i] == CLOSED else 0.0
+        if force > 0.0:
+            given += force * pushed[i]
+            if p.points.par[i, FRICTION] > 0.0:
+                w.other[:] = 0.0
+                along = calls.point_slip(p.calls, (whole(p.points), i, w.d, rest, w.amps, w.other))
+                given += p.points.par[i, FRICTION] * force * abs(along)
+    return given
+
+
 @addressed_with_memory
 def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
-    """Do what constraints that closed in the step from s at t to m.end do to its end.
+    """Do what constraints that closed in the step from s at t to m.end do to its end; note what obstacles GIVE.
 
     Returns -1 if there were any, 0 if there were none; or how long the step may be, with nothing done, where what
     closed would be off by more than ``allowed`` [m] (0: it may).
     """
     n, end = len(p.points.mem), m.end
-    how, g, rate, second = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    how, g, rate, second, pushed = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     evaluate(p.programs, t + h, w.amps)
     _hold(p, w, end.z, end.v, how)
+    s.numbers[GIVEN] = 0.0
     closes, bounces = False, False
     for i in range(n):
         if how[i] == CLOSED and not s.z[p.place[p.points.multiplier[i]]] < 0.0:
@@ -294,9 +342,9 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
     if not closes:
         _release(p, how)
         return 0.0
-    bounce, approach = np.zeros(len(s.z)), np.zeros(len(s.z))
-    elastic_ones = bounces
-    if bounces or allowed > 0.0 or rubs(p):
+    bounce, approach, touched = np.zeros(len(s.z)), np.zeros(len(s.z)), how.copy()
+    elastic_ones, (moves, driven) = bounces, _pushed(p, w, how, pushed)
+    if bounces or allowed > 0.0 or rubs(p) or moves:
         evaluate(p.programs, t, w.amps)
         _rates(p, w, s.z, s.v, s.a, g, rate, second)
         evaluate(p.programs, t + h, w.amps)
@@ -313,13 +361,12 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
                 bounce[k] = -p.points.restitution[i] * approach[k]
                 bounces |= bounce[k] > 0.0
                 elastic_ones &= p.points.restitution[i] == 1.0 and p.points.par[i, FRICTION] == 0.0
-    rests = True
-    for k in range(len(w.amps)):
-        rests &= w.amps[k, 1] == 0.0
-    if bounces and rests:
+    if bounces and not (moves or driven):
         _bounce(p, w, s, end, t, h, bounce, approach, how, elastic_ones)
     else:
         calls.behind(p.calls, (p, w, end.z, end.v, end.a, t + h, bounce, approach, how, bounces))
+    if moves or driven:
+        s.numbers[GIVEN] = np.inf if driven else _given(p, w, end, t + h, touched, approach, pushed)
     _release(p, how)
     # straight on between states that touch nothing from within
     for i in range(len(s.z)):

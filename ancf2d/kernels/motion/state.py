@@ -15,9 +15,10 @@ from ..lowlevel.jit import inner, kernel
 TIME, STEP_SIZE, CONTRACTION, SIZE, OLD_ERROR, OLD_STEP, WORK, LOST, COUNT, GRID, REJECTED, TRIES, LIMIT = range(13)
 # of a tangent that serves several steps: its time, their length (0: none), how many, what it and they cost
 HELD_TIME, HELD_STEP, HELD_STEPS, HELD_COST = range(13, 17)
-# energy that fixed steps between impacts have made so far
-GAINED = 17
-NUMBERS = 18
+# energy that fixed steps have made so far; work that obstacles which move do in the impact at the end of a step, inf
+# where it is not known
+GAINED, GIVEN = 17, 18
+NUMBERS = 19
 
 _turn = inner(turn)
 # increments of Newton's method that are kept for messages

@@ -26,19 +26,23 @@ Data = dict[str, Any]
 # depth beside the size of the scene where nothing penetrates; how deep the straight way of a step may lead through
 # an obstacle that both its ends are out of; and energy that may come from nothing beside the largest there is, that of
 # loads, work and losses counted
-DEPTH, PASSAGE, GAIN = 1e-8, 2e-3, 2e-2
+DEPTH, PASSAGE, GAIN, GIVEN = 1e-8, 2e-3, 2e-2, 1e-9
 SAMPLES = 200
 
 
 @dataclass
 class Verdict:
-    """What came of a scene: depth and passage beside its size, energy gained beside the largest, or why it failed."""
+    """What came of a scene: depth and passage beside its size, energy gained beside the largest, or why it failed.
+
+    ``given`` is work that is told of steps in which nothing touches an obstacle that moves, beside the largest energy.
+    """
 
     number: int
     kind: str = ""
     depth: float = 0.0
     passage: float = 0.0
     gain: float = 0.0
+    given: float = 0.0
     failure: str = ""
     warnings: list[str] = field(default_factory=list)
 
@@ -46,8 +50,8 @@ class Verdict:
     def faults(self) -> list[str]:
         """What must not be."""
         out = [f"{name} {value:.1e}" for name, value, most in (
-            ("depth", self.depth, DEPTH), ("passage", self.passage, PASSAGE), ("gain", self.gain, GAIN))
-            if not value <= most]
+            ("depth", self.depth, DEPTH), ("passage", self.passage, PASSAGE), ("gain", self.gain, GAIN),
+            ("given", self.given, GIVEN)) if not value <= most]
         return [*out, self.failure] if self.failure else out
 
 
@@ -142,6 +146,8 @@ def judged(seed: int, number: int, case: Data | None = None) -> Verdict:
     size, steps = solution.model.extent, solution.results.history["t"]
     # where a step was made again in parts, points went around corners between
     whole = np.diff(np.searchsorted(steps, solution.t + 1e-9 * solution.t[-1])) == 1
+    # steps in which nothing may touch what moves by a signal, by how far it is at both ends
+    alone = whole.copy()
     for pair in solution.model.contacts:
         obstacle = case["obstacles"][pair.name.removeprefix("on ")]
         # Gauss points of layers, and free points that stand elsewhere in every state, are no places of their own
@@ -153,12 +159,24 @@ def judged(seed: int, number: int, case: Data | None = None) -> Verdict:
         if pair.item.law is None and pair.item.side == "axis":
             out.depth = max(out.depth, -float(gaps.min()) / size)
         out.passage = max(out.passage, _passage(obstacle, X, gaps, whole) / size)
+        if "motion" in obstacle:
+            way = np.hypot(*np.moveaxis(np.diff(X, axis=0), -1, 0)).max(axis=1)
+            near = np.minimum(gaps[:-1], gaps[1:]).min(axis=1) - way - _reach(case["bodies"]["rod"], S)
+            alone &= near > 0.0
     energies = solution.energies
     free = energies["kinetic"] + energies["strain"] + energies["potential"] - energies["work"]
     most = float(np.ptp(energies["potential"]) + (energies["kinetic"] + energies["strain"]).max())
     balance = free + energies["dissipated"]
     out.gain = max(0.0, float((free - free[0]).max()), float((balance - balance[0]).max())) / most
+    out.given = float(np.abs(np.diff(energies["work"])[alone]).max(initial=0.0)) / most
     return out
+
+
+def _reach(rod: Data, S: list[float]) -> float:
+    """Return how far from the nearest of its points a place of a rod may be: half a height, half of the way between."""
+    start, end = (np.array(rod["geometry"][k]) for k in ("start", "end"))
+    section = rod.get("section", {"EI": 0.0, "EA": 1.0})
+    return float(np.sqrt(3.0 * section["EI"] / section["EA"]) + max(np.diff(S)) * np.hypot(*(end - start)))
 
 
 def _kind(case: Data) -> str:
@@ -236,8 +254,8 @@ def report(rows: Iterable[Data]) -> str:
         done = [v for v in found if not v.failure]
         hard = [v.depth for v in done if "law" not in kind]
         bad = [sum(getattr(v, what) > most for v in done)
-               for what, most in (("depth", DEPTH), ("passage", PASSAGE), ("gain", GAIN))]
+               for what, most in (("depth", DEPTH), ("passage", PASSAGE), ("gain", GAIN), ("given", GIVEN))]
         rows.append([kind.replace("restitution", "no law"), len(found), len(found) - len(done),
                      f"{max(hard):.0e}" if hard else "", *bad])
     return table(["contact, steps", "scenes", "not computed", "deepest", "too deep", "passed through",
-                  "energy from nothing"], rows)
+                  "energy from nothing", "work of what nothing touches"], rows)
