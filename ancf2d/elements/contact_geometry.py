@@ -20,7 +20,7 @@ import numpy as np
 CURVE, OF_THETA, OF_TANGENT = 0, 1, 2
 # how an obstacle moves: it stands still, by x, y and angle, or by x, y and a direction
 STILL, BY_ANGLE, BY_DIRECTION = 0, 1, 2
-# BODY: no obstacle, but another body (contact_bodies)
+# BODY: no obstacle, but another body (contact_gaps)
 HALF_PLANE, CIRCLE, POLYLINE, BODY = 0, 1, 2, 3
 # par: the place on the body, what acts there, the obstacle's pose in the reference, how a point between nodes yields
 # (``contact_sliding``), its shape and what describes it

@@ -8,12 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..elements import contact_bodies as laws
+from ..elements import contact_gaps as facing
 from ..elements import contact_geometry as geometry
-from ..elements.contact_bodies import COMPLIANT_BODIES, HARD_BODIES, Facing
+from ..elements.contact_bodies import COMPLIANT_BODIES, HARD_BODIES, ROUGH_BODIES
+from ..elements.contact_gaps import Facing
 from ..elements.shape import Array
 from ..model.mesh import BodyMesh, Index
-from .contact import TOUCH, Contact
+from .contact import STICK, TOUCH, Contact
 from .contact_curves import Spot, curve_rows, eta_at, face_of, levels_of, offset_of, padded, pieces_along, spots
 
 # of the mean height of two bodies: what is deeper is not what a point touches, but the far side
@@ -58,10 +59,10 @@ def curves_of(mesh: BodyMesh, side: str) -> list[Curve]:
     terms = _terms(mesh)
 
     def add(ie: int, rows: Array, kind: int, **constants: float) -> None:
-        par = np.zeros(laws.CURVE_SIZE)
+        par = np.zeros(facing.CURVE_SIZE)
         par[[geometry.SECTION, geometry.TERMS]] = kind, terms
         for name, value in constants.items():
-            par[getattr(laws, name)] = value
+            par[getattr(facing, name)] = value
         out.append(Curve(par, rows, rows @ mesh.e0[mesh.dofs[ie] - mesh.first_dof], mesh.dofs[ie]))
 
     for eta in levels:
@@ -124,7 +125,7 @@ class BodyPair:
     of the other body, ``reach`` (k, n) all that an item can ever act on.
     """
 
-    frame, fed, signal, size = None, -1, None, laws.BODY_MEMORY
+    frame, fed, signal, size = None, -1, None, facing.BODY_MEMORY
     # whether its points touch bodies
     on_bodies = True
     # and stay at places of their own curve
@@ -137,7 +138,7 @@ class BodyPair:
         self.item, self.name, self.mesh, self.against = item, name, mesh, other
         self.hard, self.body, self.other, self.scale = item.law is None, mesh.plan.name, other.plan.name, extent
         self.whole = whole
-        self.law = HARD_BODIES if self.hard else COMPLIANT_BODIES
+        self.law = COMPLIANT_BODIES if not self.hard else ROUGH_BODIES if item.friction else HARD_BODIES
         # what is reported is the force on the first body named: none of a body on itself
         self.sign = 0.0 if item.between is None else 1.0 if item.between[0] == self.body else -1.0
         ends = _corners(mesh) if item.side == "surface" else [
@@ -171,13 +172,14 @@ class BodyPair:
         own = np.array([mesh.dofs[p.ie] for p in self.spots]).reshape(len(self.spots), -1)
         self.dofs: Index = np.hstack([own, np.broadcast_to(opposite.dofs, (len(own), len(opposite.dofs)))])
         self.G, self.p0, self.par = np.array(G), np.array(start), np.array(par)
-        self.mem: Array = np.zeros((len(self.spots), laws.BODY_MEMORY))
+        self.mem: Array = np.zeros((len(self.spots), facing.BODY_MEMORY))
         self.mem[:, geometry.PLACE] = [p.z for p in self.spots]
         self.mem[:, geometry.HELD] = -1.0
+        self.mem[:, geometry.SLIDES] = geometry.CLOSES if self.hard else 0.0
         self.mem[:, geometry.FREE] = [-1.0 if p.free else 0.0 for p in self.spots]
         self.own = len(self.p0[0]) - len(opposite.p0), own.shape[1]
         if self.item.side == "axis":
-            self.mem[:, laws.SIDE] = self._sides()
+            self.mem[:, facing.SIDE] = self._sides()
 
     def _places(self, d: Array | None = None) -> Array:
         """Return where the points are (k, 2) in the reference, or at displacements d (n_full,)."""
@@ -207,7 +209,7 @@ class BodyPair:
         for curve in self.curves:
             line, u = np.zeros((STATIONS, 2)), np.zeros(len(curve.p0)) if d is None else curve.G @ d[curve.dofs]
             for k, z in enumerate(np.linspace(-1.0, 1.0, STATIONS)):
-                laws.curve_at(curve.constants, curve.p0, u, z, work, across)
+                facing.curve_at(curve.constants, curve.p0, u, z, work, across)
                 line[k] = work[geometry.RHO], work[geometry.RHO + 1]
             lines.append(line)
         found = np.array(lines)
@@ -279,8 +281,11 @@ class BodyPair:
             # the other body, or the other part, bears the other half
             weight = 0.5 * p.weight
             return weight, law.stiffness, law.damping, self.item.friction, weight * law.stiffness
-        l = float(self.mesh.lengths[p.ie])
-        return p.weight, 1.0 if self.mesh.plan.rigid else section.EI / l**3, 1.0 / pieces_along(self.mesh), 0.0, 1.0
+        l, reach, mu = float(self.mesh.lengths[p.ie]), 1.0 / pieces_along(self.mesh), self.item.friction
+        if self.mesh.plan.rigid:
+            # what it sticks by follows the forces of the scene (model/contact_tables.py)
+            return p.weight, 1.0, reach, mu, 0.0
+        return p.weight, section.EI / l**3, reach, mu, STICK * section.EA / l
 
     def _face(self, p: Spot) -> float:
         # what a compliant contact is integrated over at the end of a body is on none of its faces
@@ -352,7 +357,7 @@ def facing_table(patches: Sequence[Any]) -> Facing:
     before = np.cumsum([[0, 0, 0], *([len(c.dofs), c.G.size, len(c.p0)] for c in curves)], axis=0)[:-1]
     p0 = joined([c.p0 for c in curves])
     return Facing(whole(item), whole(way), whole(own, (2,)), whole(np.cumsum([0, *counts])),
-                  whole(np.cumsum([0, *trees])), np.array([c.constants for c in curves]).reshape(-1, laws.CURVE_SIZE),
+                  whole(np.cumsum([0, *trees])), np.array([c.constants for c in curves]).reshape(-1, facing.CURVE_SIZE),
                   whole([(len(c.p0), len(c.dofs)) for c in curves], (2,)), whole(before, (3,)),
                   joined([c.dofs for c in curves], np.int64), joined([c.G for c in curves]), p0, np.zeros_like(p0),
                   np.zeros((sum(trees), 4)))

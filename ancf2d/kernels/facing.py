@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
-from ..elements import contact_bodies, contact_geometry
-from ..elements.contact_bodies import (
+from ..elements import contact_gaps, contact_geometry
+from ..elements.contact_gaps import (
     APART,
     AT_FIRST,
     AT_LAST,
@@ -41,9 +41,11 @@ from ..elements.contact_bodies import (
 )
 from ..elements.contact_geometry import (
     AT_1,
+    CLOSED,
     DAMPING,
     FACE,
     FREE,
+    HELD,
     HOME,
     OFFSET,
     ORIGIN,
@@ -54,7 +56,7 @@ from ..elements.contact_geometry import (
 )
 from .compiled_laws import part
 from .lowlevel.arrays import copy, numbers, vector
-from .lowlevel.jit import inner, kernel, kernel_with_memory
+from .lowlevel.jit import inner, kernel
 from .points import fields_of_item, weights_of_item
 
 # faces that touch look against one another by at least this cosine; a corner touches what it looks away from by less
@@ -63,13 +65,12 @@ AGAINST, ASIDE = -0.3, 0.5
 BESIDE, SAME = 1.0 + 1e-6, 1e-6
 # places at which an interval between points of contact is looked at, and sections around the deepest
 SAMPLES, SECTIONS, GOLDEN = 9, 40, 0.6180339887498949
-# of how deep a point may be: what it goes at most between looks at whether it passes through
-PART = 0.2
 # entries of a branch that wait, at most: two for each level of a tree
 _DEEP = 128
 
-_curve_at, _foot_on, _gap_between, _size_of = (part(f) for f in (
-    contact_bodies.curve_at, contact_bodies.foot_on, contact_bodies.gap_between, contact_bodies.size_of))
+_curve_at, _foot_on, _gap_between, _place_opposite, _size_of = (part(f) for f in (
+    contact_gaps.curve_at, contact_gaps.foot_on, contact_gaps.gap_between, contact_gaps.place_opposite,
+    contact_gaps.size_of))
 _along, _stand = part(contact_geometry.along), part(contact_geometry.stand)
 
 
@@ -136,7 +137,10 @@ def _may_touch(par, other, s, nx, ny, tx, ty):  # type: ignore[no-untyped-def]
 
 @inner
 def _try(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: ignore[no-untyped-def]
-    """Take the foot point on a curve as best (distance squared, z, what it is) where it is the nearest that touches."""
+    """Take the foot point on a curve as best (distance squared, z, what it is) where it is the nearest that touches.
+
+    Behind these, ``best`` has the side of the point and whether it is closed.
+    """
     cx, cy = 0.0, 0.0
     terms = int(other[TERMS])
     z = 0.0
@@ -162,8 +166,8 @@ def _try(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: i
     sign = other[SIGN]
     nx, ny = -sign * by / size, sign * bx / size
     inside = nx * rx + ny * ry < 0.0
-    if found != WITHIN and inside and other[BOTH] == 0.0:
-        # a corner that is the nearest from within a body is one between elements
+    if found != WITHIN and inside and other[BOTH] == 0.0 and best[4] != CLOSED:
+        # a corner that is the nearest from within a body is one between elements; what is closed slides beyond others
         joined = int(other[JOINED])
         if not (joined % 2 == 1 if found == AT_FIRST else joined >= 2):
             return False
@@ -215,7 +219,7 @@ def _find(table, points, k, u, z, best, room, none, own, across, waiting):  # ty
         room[q] = par[ORIGIN + q] if CURVE_SIZE <= q < BODY_SIZE else 0.0
     # what is between the ends of its element
     room[OWN] += 0.5 * (z - par[HOME]) * room[OWN_GOES]
-    best[3] = mem[SIDE]
+    best[3], best[4] = mem[SIDE], mem[HELD]
     c = _nearest(table, table.way[k], par, x, y, tx, ty, best, room, none, own, across, waiting)
     mem[FOOT], mem[FOUND] = best[1], best[2]
     if c >= 0:
@@ -228,7 +232,7 @@ def face(table, points, d):  # type: ignore[no-untyped-def]
     if len(table.item) == 0:
         return
     _fill(table, d)
-    u, none, best = vector(200), vector(200), vector(4)
+    u, none, best = vector(200), vector(200), vector(5)
     own, across, room = vector(WORK), vector(WORK), vector(points.par.shape[1])
     waiting = numbers(table.item, _DEEP)
     for k in range(len(table.item)):
@@ -239,97 +243,22 @@ def face(table, points, d):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def body_gaps(table, points, d, gaps):  # type: ignore[no-untyped-def]
-    """Fill the gap of each point, infinite where nothing is opposite, after ``face`` at d (n_full,)."""
-    u, own, work, across = vector(200), vector(WORK), vector(WORK), vector(WORK)
-    for i in table.item:
-        fields_of_item(points, i, d, u)
-        b, e = points.field[i], points.field[i + 1]
-        g = _gap_between(points.par[i], points.p0[b:e], u, points.mem[i], own, work, across)[0]
-        gaps[i] = np.inf if np.isnan(g) else g
+def body_gaps(table, points, d, gaps, places):  # type: ignore[no-untyped-def]
+    """Fill the gap of each point, infinite where nothing is opposite, after ``face`` at d (n_full,).
 
-
-@inner
-def _places(table, points, d, out):  # type: ignore[no-untyped-def]
-    """Fill where points and then both ends of curves (k + 2 curves, 2) are at d (n_full,)."""
-    face(table, points, d)
-    u, none, work, across, n = vector(200), vector(200), vector(WORK), vector(WORK), len(table.item)
-    par_of = vector(table.curve.shape[1])
-    for k in range(n):
-        i = table.item[k]
-        par, mem, b = points.par[i], points.mem[i], points.field[i]
-        fields_of_item(points, i, d, u)
-        _stand(par, points.p0[b:b + _size_of(par)], u, mem[PLACE] if mem[FREE] > 0.0 else par[HOME], work)
-        out[k, 0], out[k, 1] = work[RHO], work[RHO + 1]
-    for k in range(2 * len(table.curve)):
-        copy(table.curve[k // 2], par_of)
-        _curve_at(par_of, table.now[table.at[k // 2, 2]:], none, 2.0 * (k % 2) - 1.0, work, across)
-        out[n + k, 0], out[n + k, 1] = work[RHO], work[RHO + 1]
-
-
-@inner
-def _look(table, points, d, gaps, side):  # type: ignore[no-untyped-def]
-    """Fill the gaps (k,) of points at d (n_full,), infinite where nothing is opposite; return the least."""
-    near = np.inf
-    for k in range(len(table.item)):
-        points.mem[table.item[k], SIDE] = side[k]
-    face(table, points, d)
-    u, own, work, across = vector(200), vector(WORK), vector(WORK), vector(WORK)
-    for k in range(len(table.item)):
-        i = table.item[k]
-        mem, b, e = points.mem[i], points.field[i], points.field[i + 1]
-        fields_of_item(points, i, d, u)
-        both = points.par[i, ORIGIN + BOTH] > 0.0
-        if both and mem[FOUND] == WITHIN and side[k] == 0.0:
-            mem[SIDE] = 1.0
-            g = _gap_between(points.par[i], points.p0[b:e], u, mem, own, work, across)[0]
-            mem[SIDE] = side[k] = -1.0 if g < 0.0 else 1.0
-        g = _gap_between(points.par[i], points.p0[b:e], u, mem, own, work, across)[0]
-        gaps[k] = np.inf if np.isnan(g) or mem[FREE] < 0.0 else g
-        near = min(near, gaps[k])
-    return near
-
-
-@kernel_with_memory
-def bodies_cross(table, points, d0, d1):  # type: ignore[no-untyped-def]
-    """Return whether a point passes through a body on the straight way from d0 (n_full,) to d1, apart at both.
-
-    It is looked at where it cannot have gone further than it was away, or a part of a height of the body.
+    ``places`` (n, 3): the place opposite on its surface, how far a unit of that is, and which surface it is; nan where
+    there is none.
     """
-    n = len(table.item)
-    one, two = np.zeros((n + 2 * len(table.curve), 2)), np.zeros((n + 2 * len(table.curve), 2))
-    _places(table, points, d0, one)
-    _places(table, points, d1, two)
-    mx, my, way = 0.0, 0.0, 0.0
-    for k in range(len(one)):
-        mx, my = mx + (two[k, 0] - one[k, 0]) / len(one), my + (two[k, 1] - one[k, 1]) / len(one)
-    for k in range(len(one)):
-        dx, dy = two[k, 0] - one[k, 0] - mx, two[k, 1] - one[k, 1] - my
-        way = max(way, 2.0 * math.sqrt(dx * dx + dy * dy))
-    thin = np.inf
+    u, own, work, across = vector(200), vector(WORK), vector(WORK), vector(WORK)
     for i in table.item:
-        thin = min(thin, points.par[i, ORIGIN + DEEPEST])
-    if way < PART * thin:
-        return False
-    kept, side, first, last, gaps = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
-    d = np.zeros(len(d0))
-    for k in range(n):
-        side[k] = kept[k] = points.mem[table.item[k], SIDE]
-    _look(table, points, d1, last, side)
-    copy(kept, side)
-    s, through, near = 0.0, False, _look(table, points, d0, first, side)
-    while not through:
-        s += max(near, PART * thin) / way
-        if s >= 1.0:
-            break
-        for k in range(len(d)):
-            d[k] = d0[k] + s * (d1[k] - d0[k])
-        near = _look(table, points, d, gaps, side)
-        for k in range(n):
-            through |= first[k] > -SAME * thin and last[k] > 0.0 and gaps[k] < -PART * thin
-    for k in range(n):
-        points.mem[table.item[k], SIDE] = kept[k]
-    return through
+        fields_of_item(points, i, d, u)
+        b, e, par = points.field[i], points.field[i + 1], points.par[i]
+        g, _, _, z = _gap_between(par, points.p0[b:e], u, points.mem[i], own, work, across)
+        gaps[i] = np.inf if np.isnan(g) else g
+        places[i, 0], places[i, 1], places[i, 2] = np.nan, np.nan, np.nan
+        if not np.isnan(g):
+            places[i, 0], places[i, 1], places[i, 2] = _place_opposite(par, points.p0[b:e], u, points.mem[i], z, work,
+                                                                       across)
 
 
 @inner
@@ -352,7 +281,7 @@ def body_deepest(table, points, free, d, depth, place):  # type: ignore[no-untyp
     ``free`` (n,) tells which points may move; depth (n,) is 0 where nothing overlaps between the ends of the interval.
     After ``face`` at d (n_full,).
     """
-    u, none, best = vector(200), vector(200), vector(4)
+    u, none, best = vector(200), vector(200), vector(5)
     own, work, across, room = vector(WORK), vector(WORK), vector(WORK), vector(points.par.shape[1])
     waiting, g, kept = numbers(table.item, _DEEP), vector(SAMPLES), vector(points.mem.shape[1])
     for k in range(len(table.item)):

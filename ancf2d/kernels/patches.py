@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from . import calls
+from .body_passages import bodies_cross
 from .curves import add_skew, point_accept, point_forces, point_tangent
-from .facing import bodies_cross, face
+from .facing import face
 from .lowlevel.arrays import array
 from .lowlevel.jit import addressed, inner, kernel, named
 from .lowlevel.records import whole

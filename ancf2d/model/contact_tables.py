@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..elements.contact_bodies import BEGINS, FOOT, GOES
+from ..elements.contact_gaps import BEGINS, FOOT, FOUND, GOES, JOINED, LOOP, ON, beyond, way_between
 from ..elements.contact_geometry import (
+    ANCHOR,
     BENDS,
     DAMPING,
     FEATURE,
@@ -26,6 +27,7 @@ from ..elements.contact_geometry import (
     UNUSED_OWN,
 )
 from ..elements.contact_geometry import STICK as STIFF
+from ..elements.contact_layer import slip
 from ..elements.contact_sliding import at_corner
 from ..elements.shape import Array
 from ..interactions.body_contact import BodyPair, facing_table
@@ -166,6 +168,17 @@ class ContactTable:
         contact_gaps(table, d, amps, gap, along, faces)
         return gap, along, faces
 
+    def slip(self, k: int, now: Any, before: Any) -> float:
+        """Return how far point k has slid on the obstacle from one place to another."""
+        return float(slip(self.points[k].par, now, before))
+
+    def anchor(self, k: int, held: Any = None) -> Any:
+        """Return the place that friction holds point k to; that it is ``held`` to from now on, if given."""
+        mem = self.points[k].mem
+        if held is not None:
+            mem[ANCHOR] = held
+        return mem[ANCHOR]
+
     def deepest(self, d: Array, t: float) -> tuple[Array, Array, Array]:
         """Return how deep the body is within the interval of each point that may move (m,), at which z, in what."""
         from ..kernels.contact import deepest
@@ -211,6 +224,10 @@ class ContactTable:
         lean(table, d, amps, slope, bend)
         return slope, bend
 
+    def past(self, d: Array) -> Any:
+        """Return that no point (m,) is beyond an end of an obstacle, which has none."""
+        return np.zeros(len(self.points), dtype=bool)
+
     def crossed(self, before: Array, d: Array) -> bool:
         """Return that no point passes through a body between two states: obstacles have one side."""
         return False
@@ -247,18 +264,38 @@ class BodyTable(ContactTable):
 
     def crossed(self, before: Array, d: Array) -> bool:
         """Whether a point passes through the other body between two states (n_full,), out of it in both."""
-        from ..kernels.facing import bodies_cross
+        from ..kernels.body_passages import bodies_cross
 
         return bool(bodies_cross(self.facing, self.table, before, d))
 
-    def gaps(self, d: Array, t: float) -> tuple[Array, Any]:
-        """Return the gap of each point (m,), nan where nothing is opposite, and where something is."""
+    def past(self, d: Array) -> Any:
+        """Return which points (m,) are beyond an end of the other body at d (n_full,)."""
+        self.turn_to(d)
+        joined, found = self.table.par[:, ORIGIN + JOINED], self.table.mem[:, FOUND]
+        return np.array([beyond(*row) for row in zip(joined, found, strict=True)], dtype=bool)
+
+    def stand(self, d: Array, t: float) -> tuple[Array, Array, Any]:
+        """Return the gap of each point (m,), infinite where nothing is opposite, the place there (``kernels.facing``:
+        m, 3), and where something is that is not an end of the other body."""
         from ..kernels.facing import body_gaps
 
         table, _ = self.at(d, t)
-        gap = np.zeros(len(table.forces))
-        body_gaps(self.facing, table, d, gap)
-        return gap, np.isfinite(gap)
+        gap, places = np.zeros(len(table.forces)), np.zeros((len(table.forces), 3))
+        body_gaps(self.facing, table, d, gap, places)
+        return gap, places, np.isfinite(gap) & ~self.past(d)
+
+    def slip(self, k: int, now: Array, before: Array) -> float:
+        """Return how far point k has slid from one place (3,) to another, none on another surface."""
+        if now[2] != before[2]:
+            return 0.0
+        return float(now[1] * way_between(self.points[k].par[ORIGIN + LOOP], now[0], before[0]))
+
+    def anchor(self, k: int, held: Array | None = None) -> Array:
+        """Return the place (3,) that friction holds point k to; that it is ``held`` to from now on, if given."""
+        mem = self.points[k].mem
+        if held is not None:
+            mem[ANCHOR], mem[ON] = held[0], held[2]
+        return np.array([mem[ANCHOR], 0.0, mem[ON]])
 
     def deepest(self, d: Array, t: float) -> tuple[Array, Array, Array]:
         """Do as ``ContactTable.deepest``."""

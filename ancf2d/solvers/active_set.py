@@ -163,16 +163,25 @@ def exchange(system: System, d: Array, t: float, left: set[ContactPoint]) -> tup
     for one in sliding:
         one.look_at_supports(d, t, 2.0 * limit)
         turned += let_go(one, d) + choose_curves(one, left)
+    off = sum(_let_off(one, d) for one in hard)
     depths = [_depths(one, d, t) for one in hard]
     worst = max((float(depth.max(initial=0.0)) for depth, _, _ in depths), default=0.0)
     pulls = np.array([d[p.multiplier] for one in hard for p in one.points if p.mem[HELD] > 0.0])
     turned += sum(rub(one, d, t, system.accepted or (d, t)) for one in hard if one.pair.item.friction)
-    if worst <= limit and not (pulls > PULL * np.abs(pulls).max(initial=0.0)).any():
+    if not off and worst <= limit and not (pulls > PULL * np.abs(pulls).max(initial=0.0)).any():
         return turned or slide(system, sliding, d, t, left) or sum(come_inside(one, left) for one in sliding), worst
     # first the points at home, as those between follow from them
     home = any((depth[~one.free] > limit).any() for one, (depth, _, _) in zip(hard, depths, strict=True))
     spots = [s for one, depth in zip(hard, depths, strict=True) for s in _look(one, d, t, depth, home)]
-    return turned + _settle(system, d, t, spots, limit), worst
+    return turned + off + _settle(system, d, t, spots, limit), worst
+
+
+def _let_off(one: ContactTable, d: Array) -> int:
+    """Open points that have slid beyond an end of the other body, whose corner may close; return how many."""
+    off = [one.points[k] for k in np.flatnonzero(one.past(d)) if one.points[k].mem[HELD] > 0.0]
+    for point in off:
+        open_point(point, d)
+    return len(off)
 
 
 class _Response:

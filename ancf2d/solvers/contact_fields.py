@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..elements.contact_bodies import SIGN
+from ..elements.contact_gaps import SIGN
 from ..elements.contact_geometry import ORIGIN
 from ..elements.shape import Array
 from ..interactions.contact import Contact, ContactLaw

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..elements.contact import slip
-from ..elements.contact_geometry import ANCHOR, FREE, FRICTION, HELD, SLIDES, SLIDING, STICK, STICKS
+from ..elements.contact_geometry import FREE, FRICTION, HELD, SLIDES, SLIDING, STICK, STICKS
 from ..elements.shape import Array
 from ..errors import ComputationError
 
@@ -37,8 +36,9 @@ def hold(one: ContactTable, which: Iterable[int], d: Array, accepted: tuple[Arra
             raise ComputationError(f"{one.pair.name}: a body slides over a corner of {one.pair.other}, where friction "
                                    "without a contact law is undefined", at={"factor": float(f"{t:.6g}")},
                                    advice="a circle in place of the corner, or a contact law")
-        point.mem[ANCHOR], point.mem[SLIDES] = before[k], STICKS
-        way = slip(point.par, now[k], before[k])
+        # what was opposite to nothing is held to where it closes
+        one.anchor(k, now[k] if np.isnan(before[k]).any() else before[k])
+        point.mem[SLIDES], way = STICKS, one.slip(k, now[k], before[k])
         if abs(way) > NO_SLIP * point.scale and abs(way) * point.par[STICK] > _limit(point, d):
             point.mem[SLIDES] = -np.sign(way)
 
@@ -57,11 +57,11 @@ def rub(one: ContactTable, d: Array, t: float, accepted: tuple[Array, float]) ->
     for k in closed:
         point = one.points[k]
         if point.mem[SLIDES] == STICKS:
-            way = slip(point.par, now[k], point.mem[ANCHOR])
+            way = one.slip(k, now[k], one.anchor(k))
             if point.par[STICK] * abs(way) > _limit(point, d) + EXCESS * largest:
                 point.mem[SLIDES] = -np.sign(way)
                 changed += 1
-        elif slip(point.par, now[k], before[k]) * point.mem[SLIDES] > NO_SLIP * point.scale:
+        elif one.slip(k, now[k], before[k]) * point.mem[SLIDES] > NO_SLIP * point.scale:
             point.mem[SLIDES] = STICKS
             changed += 1
     return changed

@@ -75,9 +75,9 @@ def _small_cases() -> Iterator[tuple[str, dict[str, Any]]]:
     yield "flutter", {**_column(), "solver": {"type": "buckling", "modes": 1}}
     yield "flutter of a pipe", {**_column(), "fluid": {"on": "column", "rhoA": 0.2, "velocity": 1.0},
                                 "solver": {"type": "buckling", "modes": 1}, "loads": []}
-    bodies = _contact_of_bodies()
+    bodies, rough = _contact_of_bodies(), {"between": ["a", "c"], "friction": 0.1}
     impacts: dict[str, Any] = {"solver": {**MOMENT, "method": "generalized_alpha"}, "output": FEW}
-    yield "statics of contact between bodies", {**bodies, "solver": STATIC}
+    yield "statics of contact between bodies", {**bodies, "contacts": [*bodies["contacts"], rough], "solver": STATIC}
     yield "generalized_alpha of contact between bodies", {**bodies, **impacts}
     yield "generalized_alpha of contact with obstacles", {**_contact_with_obstacles(), **impacts}
     # integrators call what these add by address: one stands for all

@@ -8,10 +8,11 @@ import pytest
 from test_contact_laws import SECTIONS, differences
 
 from ancf2d.elements import contact_bodies as laws
+from ancf2d.elements import contact_gaps as gaps
 from ancf2d.elements import contact_geometry as geometry
 
 # what the point is opposite to: the inside of an element, an end of it at a kink, the end of a body
-PLACES = {"within": laws.WITHIN, "kink": laws.AT_LAST, "end": laws.WITHIN}
+PLACES = {"within": gaps.WITHIN, "kink": gaps.AT_LAST, "end": gaps.WITHIN}
 KINDS = {"compliant": (laws.COMPLIANT_BODIES, 0.0), "damped": (laws.COMPLIANT_BODIES, 0.4),
          "hard": (laws.HARD_BODIES, 0.0)}
 
@@ -22,12 +23,12 @@ class Point:
     def __init__(self, law, one, two, place, damping=0.0, depth=0.03):
         rng = np.random.default_rng(5)
         (kind, terms), (other, others) = SECTIONS[one], SECTIONS[two]
-        self.law, self.hard = law, law is laws.HARD_BODIES
-        curve = np.zeros(laws.BODY_SIZE)
+        self.law, self.hard = law, law.constraint
+        curve = np.zeros(gaps.BODY_SIZE)
         curve[[geometry.SECTION, geometry.TERMS, geometry.OFFSET]] = other, others, 0.07
-        curve[laws.SIGN], curve[laws.GOES] = 1.0, 1.0
+        curve[gaps.SIGN], curve[gaps.GOES] = 1.0, 1.0
         if place == "end" and two != "curve":
-            curve[[laws.END, laws.MIDDLE, laws.HALF, laws.SIGN]] = 1.0, 0.01, 0.08, -1.0
+            curve[[gaps.END, gaps.MIDDLE, gaps.HALF, gaps.SIGN]] = 1.0, 0.01, 0.08, -1.0
         self.par = np.array([kind, terms, 0.1, 0.3, 0.7, 100.0, damping, 0.0, 1.0, 1e-12, geometry.STILL, 0.0, 0.0, 1.0,
                              0.0, 0.0, 0.0, 0.0, *curve])
 
@@ -39,9 +40,9 @@ class Point:
         self.sizes = [(3 if one == "theta" else 2) * terms, (3 if two == "theta" else 2) * others]
         self.p0 = np.concatenate([bent(one, terms).ravel(), bent(two, others).ravel(), *([[0.0]] if self.hard else [])])
         self.u, self.w = np.zeros(len(self.p0)), np.zeros(len(self.p0))
-        self.mem = np.zeros(laws.BODY_MEMORY)
-        self.mem[geometry.HELD], self.mem[laws.FOUND] = -1.0, PLACES[place]
-        self.mem[laws.FOOT] = 1.0 if place == "kink" else 0.2
+        self.mem = np.zeros(gaps.BODY_MEMORY)
+        self.mem[geometry.HELD], self.mem[gaps.FOUND] = -1.0, PLACES[place]
+        self.mem[gaps.FOOT] = 1.0 if place == "kink" else 0.2
         self._move_to_depth(depth)
         if self.hard:
             self.u[-1] = -3.0
@@ -53,11 +54,11 @@ class Point:
         own, work, across = (np.zeros(geometry.WORK) for _ in range(3))
         m = self.sizes[0]
         other = self.par[geometry.ORIGIN:]
-        tx, ty, _, _ = laws.curve_at(other, self.p0[m:], self.u[m:], self.mem[laws.FOOT], work, across)
+        tx, ty, _, _ = gaps.curve_at(other, self.p0[m:], self.u[m:], self.mem[gaps.FOOT], work, across)
         geometry.stand(self.par, self.p0, self.u, 0.3, own)
-        n = other[laws.SIGN] * np.array([-ty, tx]) / np.hypot(tx, ty)
+        n = other[gaps.SIGN] * np.array([-ty, tx]) / np.hypot(tx, ty)
         # beside a kink the straight way to it is not normal to the curve
-        aside = 0.3 * depth * np.array([tx, ty]) / np.hypot(tx, ty) * (self.mem[laws.FOUND] == laws.AT_LAST)
+        aside = 0.3 * depth * np.array([tx, ty]) / np.hypot(tx, ty) * (self.mem[gaps.FOUND] == gaps.AT_LAST)
         step = work[[geometry.RHO, geometry.RHO + 1]] - depth * n + aside - own[[geometry.RHO, geometry.RHO + 1]]
         terms = int(self.par[geometry.TERMS])
         self.p0[0] += step[0]
@@ -89,24 +90,28 @@ def test_stiffness_and_damping_are_the_derivatives_of_the_forces(kind, one, two,
         np.testing.assert_allclose(H, H.T, atol=1e-12 * size)
 
 
-def rubbing(one, two, place, slides, depth):
-    """Return a point that friction holds, or that slides."""
-    point = Point(laws.COMPLIANT_BODIES, one, two, place, 0.4, depth)
+def rubbing(one, two, place, slides, depth, law=laws.COMPLIANT_BODIES):
+    """Return a point that friction holds, or that slides; without a law as whoever solves says."""
+    point = Point(law, one, two, place, 0.4, depth)
     other, m = point.par[geometry.ORIGIN:], point.sizes[0]
     own, work, across = (np.zeros(geometry.WORK) for _ in range(3))
-    z = laws.gap_between(point.par, point.p0, point.u, point.mem, own, work, across)[3]
-    tx, ty, _, _ = laws.curve_at(other, point.p0[m:], point.u[m:], z, work, across)
-    spot, unit = laws.place_on(other, z, tx, ty)
-    point.mem[[laws.ON, geometry.ANCHOR]] = laws.surface_of(other), spot - (0.5 if slides else 0.005) / unit
+    z = gaps.gap_between(point.par, point.p0, point.u, point.mem, own, work, across)[3]
+    tx, ty, _, _ = gaps.curve_at(other, point.p0[m:], point.u[m:], z, work, across)
+    spot, unit = gaps.place_on(other, z, tx, ty)
+    point.mem[[gaps.ON, geometry.ANCHOR]] = gaps.surface_of(other), spot - (0.5 if slides else 0.005) / unit
     point.par[[geometry.FRICTION, geometry.STICK, geometry.STIFFNESS]] = 0.3, 20.0, 1.0 / depth
+    if law.constraint:
+        point.mem[[geometry.HELD, geometry.SLIDES]] = geometry.CLOSED, -1.0 if slides else geometry.STICKS
+        point.u[-1] = -0.7
     return point
 
 
-@helpers.pairwise(one=SECTIONS, two=SECTIONS, place=["within", "end"], slides=[False, True])
-def test_friction_has_its_derivatives_but_for_the_depth_and_takes_its_power(one, two, place, slides):
+@helpers.pairwise(one=SECTIONS, two=SECTIONS, place=["within", "end"], slides=[False, True],
+                  law=[laws.COMPLIANT_BODIES, laws.ROUGH_BODIES])
+def test_friction_has_its_derivatives_but_for_the_depth_and_takes_its_power(one, two, place, slides, law):
     depth = 1e-3
-    point = rubbing(one, two, place, slides, depth)
-    plain = rubbing(one, two, place, slides, depth)
+    point = rubbing(one, two, place, slides, depth, law)
+    plain = rubbing(one, two, place, slides, depth, law)
     plain.par[geometry.FRICTION] = 0.0
 
     def friction(u, w):
@@ -157,5 +162,5 @@ def test_nothing_acts_where_bodies_are_apart_or_nothing_is_opposite():
         apart[4] += 0.1
         assert not point(apart, point.w)[1][:8].any()
         assert point(point.u, point.w)[1].any()
-        point.mem[laws.FOUND] = laws.NOWHERE
+        point.mem[gaps.FOUND] = gaps.NOWHERE
         assert not point(point.u, point.w)[1].any()

@@ -20,7 +20,10 @@ PRESS, PUSH, MU = 5e3, 200.0, 0.4
 ON = {"name": "touch", "between": ["upper", "lower"]}
 
 
-def leaves(name: str, count: int, mu: float) -> Any:
+LAYER = {"stiffness": 1e10}
+
+
+def leaves(name: str, count: int, mu: float, law: Any = LAYER) -> Any:
     """Return two cantilevers that are pressed together all along, then bent by equal forces, and let go."""
     def leaf(y):
         section, material = {"height": HEIGHT, "width": WIDTH}, {"E": E, "nu": 0.3}
@@ -35,7 +38,16 @@ def leaves(name: str, count: int, mu: float) -> Any:
     return helpers.Solution(helpers.build(
         {"upper": leaf(HEIGHT), "lower": leaf(0.0)}, {"type": "static", "steps": 5}, loads=loads,
         bc=[{"name": body, "type": "clamp", "at": f"{body}@0"} for body in ("upper", "lower")],
-        contacts=[{**ON, "friction": mu, "law": {"stiffness": 1e10}}]))
+        contacts=[{**ON, "friction": mu} | ({"law": law} if law else {})]))
+
+
+def test_leaves_that_rub_without_a_law_are_those_of_a_stiff_layer():
+    """Points all along slide, and go back: deflections as with the layer, but for what it gives."""
+    hard, mu = leaves("reissner3", 4, MU, None), MU * PRESS * HEIGHT / (6 * BENDING)
+    k = next(k for k, s in enumerate(hard.states) if s.t == pytest.approx(0.6))
+    assert hard.u("lower@1", k)[1] == pytest.approx(-PUSH / (6 * BENDING) + mu, rel=5e-3)
+    assert hard.u("lower@1")[1] == pytest.approx(-mu, rel=0.02)
+    check_balance(hard)
 
 
 @pytest.mark.parametrize("name", helpers.chosen(["cable", "vallejo"], ["cable"]))
@@ -62,6 +74,44 @@ def test_leaves_that_rub_are_stiffer_and_keep_some_of_their_deflection(name):
         assert pytest.approx(MU * PRESS * (1 - s), rel=0.02) == N
     (report,) = contact_report(solution.model, solution.state)
     assert abs(report["force"][0]) == pytest.approx(MU * report["force"][1], rel=0.02)
+
+
+def tip_loaded(order: Any, mu: float, name: str = "reissner3", count: int = 2) -> Any:
+    """Return two cantilevers on each other, of which the upper one bears a force at its end, half of it at last."""
+    def leaf(y):
+        section = {"height": HEIGHT, "width": WIDTH}
+        return helpers.body(helpers.line(1.0, start=(0.0, y)), helpers.element(name, count), section, {"E": E, "nu": 0})
+
+    force = {"type": "force", "at": "upper@1", "value": [0, -PUSH],
+             "amplitude": {"type": "table", "t": [0, 0.5, 1], "value": [0, 1, 0.5]}}
+    return helpers.Solution(helpers.build(
+        {"upper": leaf(HEIGHT), "lower": leaf(0.0)}, {"type": "static", "steps": 4}, loads=[force],
+        bc=[{"name": body, "type": "clamp", "at": f"{body}@0"} for body in ("upper", "lower")],
+        contacts=[{**ON, "between": list(order), "friction": mu}]))
+
+
+@pytest.mark.parametrize("order", [("upper", "lower"), pytest.param(("lower", "upper"), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("mu", [0.3, pytest.param(0.0, marks=pytest.mark.slow)])
+def test_leaves_without_a_law_press_and_rub_at_their_ends(order, mu):
+    """Equal leaves share the force P at their ends: friction mu P/2 at h/2 from the axes bends them by mu P h/4.
+
+    w = P L^3/(6 EI) (1 -+ 3/4 mu h/L), less where the force grows, more where it falls (Osipenko 2007), and P L/(2 kGA)
+    by shear. The ends slide off one another at once: the corner that stays on a face bears the force.
+    """
+    solution = tip_loaded(order, mu)
+    t = np.array([state.t for state in solution.states])
+    # steps are cut where the ends slide off, so that states are beside the turning point
+    for k, way in ((int(np.flatnonzero(t <= 0.5)[-1]), 1.0), (len(t) - 1, -1.0)):
+        share = np.interp(t[k], [0, 0.5, 1], [0, 1, 0.5])
+        shear = 0.5 * share * PUSH / (5 / 6 * 0.5 * E * HEIGHT * WIDTH)
+        w = share * PUSH / (6 * BENDING) * (1 - way * 0.75 * mu * HEIGHT) + shear
+        assert solution.u("lower@1", k)[1] == pytest.approx(-w, rel=1.5e-4)
+    check_balance(solution)
+    (report,) = contact_report(solution.model, solution.state)
+    force = np.array(report["force"])
+    theta = 0.25 * PUSH / (2 * BENDING)
+    along, across = force @ [np.cos(theta), -np.sin(theta)], force @ [np.sin(theta), np.cos(theta)]
+    assert abs(along) == pytest.approx(mu * abs(across), abs=3e-4 * abs(across))
 
 
 def inclined(angle: float, mu: float, t_end: float = 0.5, k: float = 1e7, order: Any = ("box", "rail"),

@@ -1,0 +1,265 @@
+"""The gap of a point of a body from the curve of an element: of another body, or of the same one.
+
+The point rho(q) is on a face, an end or the axis of its element, as in ``contact_geometry``. What it may touch is a
+curve c(z) of the other element: a face, the axis, or the straight end of a body. The foot point, where
+R = rho - c(z) is normal to t = c'(z), gives the gap g = nu.R with the unit normal nu out of the body. With the rows
+W = dR/dq, N = nu.W, A = t.W, B = nu.dc'/dq and T = t.t, b = nu.c'', D = T - g b
+
+    dz/dq = (A + g B)/D,    d2g/dq2 = nu.R_qq - (A B + B A + (b/T) A A + g B B)/D;
+
+at a kink, where the foot point is the end of an element, g = +-|R| and d2g = nu.R_qq + (tau.W)(tau.W)/g, tau across nu.
+
+Functions of arrays and numbers alone, which kernels compile as they are.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .contact_geometry import (
+    AT,
+    AT_1,
+    AT_2,
+    BY,
+    BY_BY,
+    FREE,
+    HOME,
+    MATRIX,
+    MEMORY,
+    OF_THETA,
+    OFFSET,
+    ORIGIN,
+    PLACE,
+    RHO,
+    ROW,
+    SECTION,
+    TERMS,
+    VECTOR,
+    along,
+    count_of,
+    offset,
+    spread,
+    spread_both,
+    stand,
+    take,
+)
+
+# par from ORIGIN on: section, powers and offset of the other curve at SECTION, TERMS and OFFSET, as of one's own; on
+# which side its outside is (1 left of its way, -1 right); S [m] where it begins, and how far it goes along the body;
+# which of its ends go on as another curve (1 the first, 2 the last); z of the element where it is an end of the body
+# (0 along the body), and heights of its middle and half of it
+SIGN, BEGINS, GOES, JOINED, END, MIDDLE, HALF = 3, 4, 5, 6, 7, 8, 9
+CURVE_SIZE = 11
+# and of the point: how deep it may be at most, S [m] of it and how far its element goes, what along the body is too
+# near to touch (with the length of a closed one), at which end it is a corner, whether it touches only what is further
+# on, whether both sides do, into how many pieces the points there divide an element if it leaves contact to these
+# where it is opposite to one (0: it does not), and the length of a closed body that it is opposite to (0: it is open)
+DEEPEST, OWN, OWN_GOES, APART, ROUND, CORNER, ONWARD, BOTH, YIELDS, LOOP = range(CURVE_SIZE, CURVE_SIZE + 10)
+BODY_SIZE = CURVE_SIZE + 10
+# mem: z of the foot point, whether it is one (0 there is none), or an end of the element (-1, 1), and of an axis the
+# side of it that the point is on; and which surface (``surface_of``) friction holds it to, at the place ANCHOR
+FOOT, FOUND, SIDE, ON = range(MEMORY, MEMORY + 4)
+BODY_MEMORY = MEMORY + 4
+NOWHERE, WITHIN, AT_FIRST, AT_LAST = 0.0, 1.0, 2.0, 3.0
+_TRIES = 25
+# how far beyond the ends of an element its polynomial is followed
+REACH = 1.5
+
+
+class Facing(NamedTuple):
+    """Points that may touch bodies, and the curves of these, as flat arrays.
+
+    item, way : (k,) its place among the point laws, and which curves it may touch; own : (k,) how many of its fields
+    and coordinates are its own, (k, 2); first : (ways + 1,) where the curves of each begin, tree : (ways + 1,) where
+    its tree does; curve : (curves, CURVE_SIZE) constants of a curve; sizes : (curves, 2) its fields and coordinates;
+    dofs, G, p0 and at : (curves, 3) where those of each begin; now, boxes : (., 4) room for fields and tree.
+    """
+
+    item: Any
+    way: Any
+    own: Any
+    first: Any
+    tree: Any
+    curve: Any
+    sizes: Any
+    at: Any
+    dofs: Any
+    G: Any
+    p0: Any
+    now: Any
+    boxes: Any
+
+
+def size_of(par):  # type: ignore[no-untyped-def]
+    """Return how many fields a curve has."""
+    return (3 if int(par[SECTION]) == OF_THETA else 2) * int(par[TERMS])
+
+
+def curve_at(par, p0, u, z, work, across):  # type: ignore[no-untyped-def]
+    """Fill work at z of a curve; return its derivatives (tx, ty, kx, ky) by z.
+
+    Along an end of a body the section alone changes: ``across`` then has c' and its derivatives.
+    """
+    if par[END] == 0.0:
+        stand(par, p0, u, z, work)
+        tx, ty = along(par, work, AT_1, 1)
+        kx, ky = along(par, work, AT_2, 2)
+        return tx, ty, kx, ky
+    take(par, p0, u, par[END], across)
+    par[OFFSET] = par[HALF]
+    offset(par, across)
+    take(par, p0, u, par[END], work)
+    par[OFFSET] = par[MIDDLE] + z * par[HALF]
+    offset(par, work)
+    across[RHO] -= across[AT]
+    across[RHO + 1] -= across[AT + 1]
+    across[BY] -= 1.0
+    across[BY + 9] -= 1.0
+    return across[RHO], across[RHO + 1], 0.0, 0.0
+
+
+def row(par, z, vx, vy, work, out):  # type: ignore[no-untyped-def]
+    """Set out (fields,) to the derivative of rho along (vx, vy)."""
+    body, _ = count_of(par)
+    for a in range(body):
+        work[VECTOR + a] = vx * work[BY + a] + vy * work[BY + 8 + a]
+    spread(par, z, work, VECTOR, 0, out, 0)
+
+
+def slope_row(par, z, vx, vy, work, across, out):  # type: ignore[no-untyped-def]
+    """Set out (fields,) to the derivative of c' along (vx, vy)."""
+    if par[END] != 0.0:
+        row(par, par[END], vx, vy, across, out)
+        return
+    body, _ = count_of(par)
+    for a in range(body):
+        v = 0.0
+        for b in range(body):
+            v += (vx * work[BY_BY + 8 * a + b] + vy * work[BY_BY + 64 + 8 * a + b]) * work[AT_1 + b]
+        work[VECTOR + a], work[VECTOR + 8 + a] = v, vx * work[BY + a] + vy * work[BY + 8 + a]
+    spread(par, z, work, VECTOR, 0, out, 0)
+    spread(par, z, work, VECTOR + 8, 1, work, ROW)
+    for q in range(size_of(par)):
+        out[q] += work[ROW + q]
+
+
+def bend(par, z, vx, vy, work, H, first):  # type: ignore[no-untyped-def]
+    """Add the second derivative of rho along (vx, vy) to H, rows and columns from ``first`` on."""
+    body, _ = count_of(par)
+    for a in range(body):
+        for b in range(body):
+            work[MATRIX + 8 * a + b] = vx * work[BY_BY + 8 * a + b] + vy * work[BY_BY + 64 + 8 * a + b]
+    spread_both(par, z, work, H, first, 1.0)
+
+
+def foot_on(par, p0, u, x, y, z, work, across):  # type: ignore[no-untyped-def]
+    """Return z of the foot point of (x, y) on a curve, by Newton's method from z; work is left there."""
+    for _ in range(_TRIES):
+        tx, ty, kx, ky = curve_at(par, p0, u, z, work, across)
+        rx, ry = x - work[RHO], y - work[RHO + 1]
+        T = tx * tx + ty * ty
+        step = (rx * tx + ry * ty) / max(T - rx * kx - ry * ky, 0.1 * T)
+        if abs(step) < 1e-14:
+            break
+        z = min(max(z + step, -REACH), REACH)
+    return z
+
+
+def gap_between(par, p0, u, mem, own, work, across):  # type: ignore[no-untyped-def]
+    """Return (g, nu_x, nu_y, z): gap, its gradient by where the point is, and the foot point; nan where there is none.
+
+    ``own`` is filled at the point, ``work`` and ``across`` at the foot point.
+    """
+    other, m = par[ORIGIN:], size_of(par)
+    stand(par, p0, u, mem[PLACE] if mem[FREE] > 0.0 else par[HOME], own)
+    x, y = own[RHO], own[RHO + 1]
+    sign = other[SIGN] if other[BOTH] == 0.0 else mem[SIDE]
+    if mem[FOUND] == NOWHERE or sign == 0.0:
+        return np.nan, 0.0, 0.0, 0.0
+    z = mem[FOOT]
+    if mem[FOUND] == WITHIN:
+        z = foot_on(other, p0[m:], u[m:], x, y, z, work, across)
+        tx, ty, _, _ = curve_at(other, p0[m:], u[m:], z, work, across)
+        size = sign / np.sqrt(tx * tx + ty * ty)
+        nx, ny = -ty * size, tx * size
+        return nx * (x - work[RHO]) + ny * (y - work[RHO + 1]), nx, ny, z
+    tx, ty, _, _ = curve_at(other, p0[m:], u[m:], z, work, across)
+    rx, ry = x - work[RHO], y - work[RHO + 1]
+    distance, across_it = np.sqrt(rx * rx + ry * ry), sign * (tx * ry - ty * rx)
+    if distance == 0.0:
+        size = sign / np.sqrt(tx * tx + ty * ty)
+        return 0.0, -ty * size, tx * size, z
+    turned = -1.0 if across_it < 0.0 else 1.0
+    return turned * distance, turned * rx / distance, turned * ry / distance, z
+
+
+def beyond(joined, found):  # type: ignore[no-untyped-def]
+    """Whether a point is beyond an end of its surface, whose corner is a point of contact itself."""
+    return (found == AT_FIRST and joined % 2.0 == 0.0) or (found == AT_LAST and joined < 2.0)
+
+
+def rows_between(par, own, work, across, z, mem, vx, vy, out):  # type: ignore[no-untyped-def]
+    """Set out (fields of both) to the derivative of R along (vx, vy) at a fixed z."""
+    other, m = par[ORIGIN:], size_of(par)
+    row(par, mem[PLACE] if mem[FREE] > 0.0 else par[HOME], vx, vy, own, out)
+    row(other, z if other[END] == 0.0 else other[END], -vx, -vy, work, out[m:])
+
+
+def bent_between(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, H):  # type: ignore[no-untyped-def]
+    """Set rows 0 to 2 to N, A and B (fields,), and add the second derivative of the gap to H."""
+    other, m = par[ORIGIN:], size_of(par)
+    n = m + size_of(other)
+    at = z if other[END] == 0.0 else other[END]
+    tx, ty, kx, ky = curve_at(other, p0[m:], u[m:], z, work, across)
+    rows_between(par, own, work, across, z, mem, nx, ny, rows[0])
+    bend(par, mem[PLACE] if mem[FREE] > 0.0 else par[HOME], nx, ny, own, H, 0)
+    bend(other, at, -nx, -ny, work, H, m)
+    for q in range(n):
+        rows[2, q] = 0.0
+    if mem[FOUND] != WITHIN:
+        rows_between(par, own, work, across, z, mem, -ny, nx, rows[1])
+        for p in range(n):
+            for q in range(n):
+                H[p, q] += rows[1, p] * rows[1, q] / g if g != 0.0 else 0.0
+        return
+    rows_between(par, own, work, across, z, mem, tx, ty, rows[1])
+    slope_row(other, z, nx, ny, work, across, rows[2][m:])
+    T, b = tx * tx + ty * ty, nx * kx + ny * ky
+    for p in range(n):
+        A, B = rows[1, p], rows[2, p]
+        for q in range(n):
+            H[p, q] -= (A * rows[2, q] + B * rows[1, q] + b / T * A * rows[1, q] + g * B * rows[2, q]) / (T - g * b)
+
+
+def surface_of(other):  # type: ignore[no-untyped-def]
+    """Return which surface of its body a curve is part of: a face (-1, 1), an end (-2, 2) or the axis (3)."""
+    return 3.0 if other[BOTH] > 0.0 else other[SIGN] if other[END] == 0.0 else 2.0 * other[END]
+
+
+def place_on(other, z, tx, ty):  # type: ignore[no-untyped-def]
+    """Return where z is on its surface (S [m], or z of an end), and how far a unit of that is."""
+    size = np.sqrt(tx * tx + ty * ty)
+    if other[END] != 0.0:
+        return z, size
+    return other[BEGINS] + 0.5 * (z + 1.0) * other[GOES], 2.0 * size / other[GOES]
+
+
+def place_opposite(par, p0, u, mem, z, work, across):  # type: ignore[no-untyped-def]
+    """Return the place opposite to a point on its surface, how far a unit of that is, and which surface it is.
+
+    There is none, nan, at a kink, where no place moves.
+    """
+    if mem[FOUND] != WITHIN:
+        return np.nan, np.nan, np.nan
+    other, m = par[ORIGIN:], size_of(par)
+    tx, ty, _, _ = curve_at(other, p0[m:], u[m:], z, work, across)
+    place, unit = place_on(other, z, tx, ty)
+    return place, unit, surface_of(other)
+
+
+def way_between(loop, place, anchor):  # type: ignore[no-untyped-def]
+    """Return how far a place is from another on the same surface, the short way around one with the length ``loop``."""
+    way = place - anchor
+    return way - loop * np.floor(way / loop + 0.5) if loop > 0.0 else way

@@ -1,0 +1,105 @@
+"""Points of contact that pass through bodies from one state to another, out of them in both."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..elements import contact_gaps, contact_geometry
+from ..elements.contact_gaps import BOTH, DEEPEST, FOUND, SIDE, WITHIN
+from ..elements.contact_geometry import FREE, HOME, ORIGIN, PLACE, RHO, WORK
+from .compiled_laws import part
+from .facing import face
+from .lowlevel.arrays import copy, vector
+from .lowlevel.jit import inner, kernel_with_memory
+from .points import fields_of_item
+
+# of how deep a point may be: what it goes at most between looks at whether it passes through; what is no depth
+PART, SAME = 0.2, 1e-6
+
+_curve_at, _gap_between, _size_of, _stand = (part(f) for f in (
+    contact_gaps.curve_at, contact_gaps.gap_between, contact_gaps.size_of, contact_geometry.stand))
+
+
+@inner
+def _places(table, points, d, out):  # type: ignore[no-untyped-def]
+    """Fill where points and then both ends of curves (k + 2 curves, 2) are at d (n_full,)."""
+    face(table, points, d)
+    u, none, work, across, n = vector(200), vector(200), vector(WORK), vector(WORK), len(table.item)
+    par_of = vector(table.curve.shape[1])
+    for k in range(n):
+        i = table.item[k]
+        par, mem, b = points.par[i], points.mem[i], points.field[i]
+        fields_of_item(points, i, d, u)
+        _stand(par, points.p0[b:b + _size_of(par)], u, mem[PLACE] if mem[FREE] > 0.0 else par[HOME], work)
+        out[k, 0], out[k, 1] = work[RHO], work[RHO + 1]
+    for k in range(2 * len(table.curve)):
+        copy(table.curve[k // 2], par_of)
+        _curve_at(par_of, table.now[table.at[k // 2, 2]:], none, 2.0 * (k % 2) - 1.0, work, across)
+        out[n + k, 0], out[n + k, 1] = work[RHO], work[RHO + 1]
+
+
+@inner
+def _look(table, points, d, gaps, side):  # type: ignore[no-untyped-def]
+    """Fill the gaps (k,) of points at d (n_full,), infinite where nothing is opposite; return the least."""
+    near = np.inf
+    for k in range(len(table.item)):
+        points.mem[table.item[k], SIDE] = side[k]
+    face(table, points, d)
+    u, own, work, across = vector(200), vector(WORK), vector(WORK), vector(WORK)
+    for k in range(len(table.item)):
+        i = table.item[k]
+        mem, b, e = points.mem[i], points.field[i], points.field[i + 1]
+        fields_of_item(points, i, d, u)
+        both = points.par[i, ORIGIN + BOTH] > 0.0
+        if both and mem[FOUND] == WITHIN and side[k] == 0.0:
+            mem[SIDE] = 1.0
+            g = _gap_between(points.par[i], points.p0[b:e], u, mem, own, work, across)[0]
+            mem[SIDE] = side[k] = -1.0 if g < 0.0 else 1.0
+        g = _gap_between(points.par[i], points.p0[b:e], u, mem, own, work, across)[0]
+        gaps[k] = np.inf if np.isnan(g) or mem[FREE] < 0.0 else g
+        near = min(near, gaps[k])
+    return near
+
+
+@kernel_with_memory
+def bodies_cross(table, points, d0, d1):  # type: ignore[no-untyped-def]
+    """Return whether a point passes through a body on the straight way from d0 (n_full,) to d1, apart at both.
+
+    It is looked at where it cannot have gone further than it was away, or a part of a height of the body.
+    """
+    n = len(table.item)
+    one, two = np.zeros((n + 2 * len(table.curve), 2)), np.zeros((n + 2 * len(table.curve), 2))
+    _places(table, points, d0, one)
+    _places(table, points, d1, two)
+    mx, my, way = 0.0, 0.0, 0.0
+    for k in range(len(one)):
+        mx, my = mx + (two[k, 0] - one[k, 0]) / len(one), my + (two[k, 1] - one[k, 1]) / len(one)
+    for k in range(len(one)):
+        dx, dy = two[k, 0] - one[k, 0] - mx, two[k, 1] - one[k, 1] - my
+        way = max(way, 2.0 * math.sqrt(dx * dx + dy * dy))
+    thin = np.inf
+    for i in table.item:
+        thin = min(thin, points.par[i, ORIGIN + DEEPEST])
+    if way < PART * thin:
+        return False
+    kept, side, first, last, gaps = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    d = np.zeros(len(d0))
+    for k in range(n):
+        side[k] = kept[k] = points.mem[table.item[k], SIDE]
+    _look(table, points, d1, last, side)
+    copy(kept, side)
+    s, through, near = 0.0, False, _look(table, points, d0, first, side)
+    while not through:
+        s += max(near, PART * thin) / way
+        if s >= 1.0:
+            break
+        for k in range(len(d)):
+            d[k] = d0[k] + s * (d1[k] - d0[k])
+        near = _look(table, points, d, gaps, side)
+        for k in range(n):
+            through |= first[k] > -SAME * thin and last[k] > 0.0 and gaps[k] < -PART * thin
+    for k in range(n):
+        points.mem[table.item[k], SIDE] = kept[k]
+    return through
