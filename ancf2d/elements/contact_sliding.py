@@ -48,8 +48,8 @@ from .contact_geometry import (
 )
 
 TRIES = 30
-# changes of z that round-off may leave
-SETTLED = 1e-9
+# changes of z that round-off may leave; the curvature of the gap where the curve goes through a corner
+SETTLED, AT_CORNER = 1e-9, 1e300
 # how far beyond the ends of an element a point may slide before another element has it
 BEYOND = 1.5
 
@@ -98,7 +98,11 @@ def least(par, p0, u, mem, force, work):  # type: ignore[no-untyped-def]
         stand(par, p0, u, z, work)
         _, nx, ny, k, _, _ = gap_at(par, work[RHO], work[RHO + 1], feature)
         slope, G, _, bend = slopes(par, z, force, nx, ny, k, work)
-        if corner and k != 0.0:
+        if corner and k == 0.0:
+            # nothing is nearer than the corner itself
+            moved = 0.0
+            break
+        if corner:
             # D g_z, and the second derivative of D^2/2, which stays positive from far away
             x1, y1 = along(par, work, AT_1, 1)
             slope, G = slope / k, max(x1 * x1 + y1 * y1 + bend / k, 0.1 * (x1 * x1 + y1 * y1))
@@ -117,7 +121,8 @@ def least(par, p0, u, mem, force, work):  # type: ignore[no-untyped-def]
 def facing(par, mem, z, force, work):  # type: ignore[no-untyped-def]
     """Return (g, nu, k, s, ds) at z; at a corner, where it may be 0, nu follows from the tangent of the curve."""
     g, nx, ny, k, s, ds = gap_at(par, work[RHO], work[RHO + 1], mem[FEATURE])
-    if at_corner(par, mem[FEATURE]) and k != 0.0:
+    if at_corner(par, mem[FEATURE]):
+        k = k if k != 0.0 else AT_CORNER
         _, c1, _ = yields(par, z)
         tx, ty = along(par, work, AT_1, 1)
         L = np.sqrt(tx * tx + ty * ty)

@@ -146,7 +146,7 @@ class ContactTable:
         ends, par = self.ends[free], self.pair.par[free]
         closed = held[ends] & (ends >= 0)
         # what supports hold has no point
-        near = (closed | (ends < 0)).any(axis=1)
+        near = (closed | self.supported[free]).any(axis=1)
         soft = par[:, BENDS] / 64.0 + par[:, SHEARS] / 4.0
         out[free] = np.where(near, BETWEEN * self.pair.scale + ROUGH * soft * np.where(
             closed, np.abs(force[ends]), 0.0).sum(axis=1), 0.0)

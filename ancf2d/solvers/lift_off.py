@@ -81,7 +81,8 @@ def let_go(one: ContactTable, d: Array) -> int:
     gone = 0
     for k, point in enumerate(one.points if not one.pair.cubic else ()):
         standing = point.mem[HELD] > 0.0 and point.mem[FREE] == STANDING
-        if standing and any(j < 0 or one.points[j].mem[HELD] > 0.0 for j in one.ends[k]):
+        beside = any(j >= 0 and one.points[j].mem[HELD] > 0.0 for j in one.ends[k])
+        if standing and (beside or one.supported[k].any()):
             open_point(point, d)
             gone += 1
     return gone

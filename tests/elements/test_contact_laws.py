@@ -48,6 +48,7 @@ class Point:
         self.mem = np.zeros(geometry.MEMORY)
         self.mem[geometry.FREE] = float(free)
         self.mem[geometry.PLACE], self.mem[geometry.FROM] = 0.1, geometry.OUTSIDE
+        self.mem[geometry.HELD] = geometry.BY_CHOICE
         # the corner of the polyline
         self.mem[geometry.FEATURE] = 3.0 if shape == "polyline" else 0.0
 
@@ -79,8 +80,12 @@ CONTACTS = {"compliant": (COMPLIANT, 0.0, 0.0, 0), "compliant, slips": (COMPLIAN
 def test_stiffness_and_damping_are_the_derivatives_of_the_forces(contact, section, pose, shape):
     law, friction, damping, free, *bends = CONTACTS[contact]
     point = Point(law, section, pose, shape, friction, free, damping, *bends)
+    if law is HARD:
+        point.mem[geometry.HELD] = geometry.CLOSED
     _, f, H, C = point(point.u, point.w)
     size = 1.0 + np.abs(H).max()
+    # a layer in a pipe may be apart from it
+    assert f[0] != 0.0 or (law is COMPLIANT and shape == "pipe")
     np.testing.assert_allclose(H, differences(lambda u: point(u, point.w)[1], point.u), atol=1e-8 * size)
     np.testing.assert_allclose(C, differences(lambda w: point(point.u, w)[1], point.w), atol=1e-8 * size)
     if law is COMPLIANT and not friction:
@@ -106,6 +111,24 @@ def test_a_point_slides_to_where_the_gap_is_least_beside_what_the_beam_yields(sh
     assert abs(z) < 1.0
     slopes = [least(z + h) - least(z - h) for h in (1e-4, 1e-3)]
     np.testing.assert_allclose(slopes, 0.0, atol=1e-9)
+
+
+def test_a_point_that_stands_on_a_corner_presses_across_the_curve():
+    """Its place is that of the corner, and forces there are the limit of those beside it."""
+    point = Point(HARD, "curve", "still", "polyline", free=1)
+    work = np.zeros(geometry.WORK)
+    # a straight curve from the left to the right through (0.2, 0.4), where z is 0.5
+    point.p0[:4], point.p0[4:8] = [0.0, 0.4, 0.0, 0.0], [0.4, 0.0, 0.0, 0.0]
+    point.mem[geometry.PLACE] = -0.6
+    assert sliding.least(point.par, point.p0, point.u, point.mem, 3.0, work) == pytest.approx(0.5, abs=1e-12)
+    found = []
+    for up in (0.0, 1e-9):
+        point.p0[4] = 0.4 + up
+        found.append(point(point.u, point.w)[1:3])
+    for on, beside in zip(*found, strict=True):
+        np.testing.assert_allclose(on, beside, atol=1e-6)
+    # (0, 1) at z = 0.5, in powers of z
+    np.testing.assert_allclose(found[0][0][4:8], -3.0 * 0.5**np.arange(4), rtol=1e-9)
 
 
 def test_a_beam_yields_between_two_places_as_one_that_is_clamped_there():
@@ -156,7 +179,6 @@ def gap_of(point):
 def test_what_comes_in_with_its_back_presses_from_the_gap_on_at_which_it_turns(law):
     """Energy of a layer and forces are 0 there, so nothing jumps; out of the obstacle all is as before."""
     point = Point(law, "curve", "still", "circle")
-    point.mem[geometry.HELD] = geometry.BY_CHOICE
     if law is HARD:
         point.u[-1] = 0.0
     deep = point.u.copy()
@@ -194,7 +216,6 @@ def test_what_comes_in_with_its_back_presses_from_the_gap_on_at_which_it_turns(l
 @pytest.mark.parametrize("law", [COMPLIANT, HARD], ids=["layer", "hard"])
 def test_what_presses_goes_on_pressing_when_its_face_turns_away(law):
     point = Point(law, "curve", "still", "circle")
-    point.mem[geometry.HELD] = geometry.BY_CHOICE
     point.par[geometry.FACE] = -1.0
     law.accept(point.p0, point.u, point.par, point.mem)
     assert point.mem[geometry.FROM] == 0.0
@@ -209,7 +230,6 @@ def test_what_presses_goes_on_pressing_when_its_face_turns_away(law):
 def test_a_face_looks_where_its_section_does_also_where_the_axis_is_sheared(law, pose):
     """Two elements share the section at a node, but not the slope of the axis. The disc is below."""
     point = Point(law, "theta", pose, "circle")
-    point.mem[geometry.HELD] = geometry.BY_CHOICE
     point.p0[6:9] = 0.0
     point.par[[geometry.FACE, geometry.OFFSET]] = 1.0, 1e-3
     # radius 1 about (0.1, -0.6): the axis goes up steeply there
