@@ -31,16 +31,20 @@ class ElementClass:
     key: tuple[Any, ...]
     turn: float
 
-    @cached_property
+    @property
     def mass(self) -> Array:
         """The mass matrix (n_dof, n_dof) of an element in its own frame."""
-        return mass_matrix(self.sampler)
+        return self._inertia[0]
 
-    @cached_property
+    @property
     def mass_weights(self) -> Array:
         """int rho s_k dV of an element (n_shape,) [kg]."""
-        S, dm, _ = over_body(self.sampler)
-        return dm @ S
+        return self._inertia[1]
+
+    @cached_property
+    def _inertia(self) -> tuple[Array, Array]:
+        volume = over_body(self.sampler)
+        return mass_matrix(self.sampler, volume), volume.dm @ volume.S
 
     @property
     def shape(self) -> ShapeFunctions:
@@ -86,16 +90,16 @@ def along_mass(sampler: Sampler, upto: float) -> tuple[Array, Array]:
             np.concatenate([(b - a) * w for a, b in pairwise(ends)]))
 
 
-def mass_matrix(sampler: Sampler) -> Array:
+def mass_matrix(sampler: Sampler, volume: Volume | None = None) -> Array:
     """Return the mass M = int rho S^T S dV of one element, in its own frame: (n_dof, n_dof).
 
     It is exact but for the share ``lobatto`` of an element of degree p along x, for which p/(p + 1) carries waves best:
     their speeds are then off by the power 2 p + 2 of their wave number, not 2 p (Ainsworth & Wajid 2010).
     Beams with theta carry rhoA at r and rhoI at theta; a rigid bar has its rhoI at r_x, of unit length, a frame half of
-    it at each of its axes; the cable has no rotary inertia.
+    it at each of its axes; the cable has no rotary inertia. ``volume`` is what ``over_body`` returns, where it is known.
     """
     element, nc = sampler.shape.element, sampler.e0.shape[1]
-    S, dm, dI = over_body(sampler)
+    S, dm, dI = volume or over_body(sampler)
     parts = [(S * d[:, None]).T @ S for d in (dm, dI)]
     if element.lobatto:
         T, *ends = over_body(sampler, ends=True)

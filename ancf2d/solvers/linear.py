@@ -262,7 +262,7 @@ def assemble_mass(model: Model, matrix: TangentMatrix, e: Array | None = None) -
     tables = (num.place, num.indptr, num.index, num.value)
     matrix.clear()
     for mesh in model.meshes.values():
-        Ms = np.array([mass_matrix(c.sampler) for c in mesh.classes])
+        Ms = np.array([c.mass for c in mesh.classes])
         scatter_classes(matrix.target, Ms, np.ascontiguousarray(mesh.cls, dtype=np.int64),
                         np.ascontiguousarray(mesh.dofs), *tables)
     for dofs, M in fluid_masses(model):

@@ -124,7 +124,7 @@ class SectionForces:
     @cached_property
     def masses(self) -> list[Array]:
         """The mass matrix of each class."""
-        return [mass_matrix(c.sampler) for c in self.mesh.classes]
+        return [c.mass for c in self.mesh.classes]
 
     @cached_property
     def volumes(self) -> list[list[Volume]]:

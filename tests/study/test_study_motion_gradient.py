@@ -140,7 +140,8 @@ def test_residuals_are_those_of_elements_where_a_number_acts(tmp_path):
         one = Beside(lambda h, of=variable: prepare(varied(loaded, of, h)), h, run)
         found = [unlike(alike).tolist() for alike in zip(*(own.model.groups for own in one.runs), strict=True)]
         assert found == [arm, fork], path
-        assert [len(p.groups) for p in one.differing.problems] == [groups] * 4, path
+        left = zip(one.differing.problems, one.differing.elements, strict=True)
+        assert [len(p.groups) + len(elements) for p, elements in left] == [groups] * 4, path
         some = one.differing.residuals(at, base.p.programs.window)
         whole, R = np.zeros((2, *shape)), np.zeros(shape)
         for own, weights in zip(one.runs, one.weights.T, strict=True):

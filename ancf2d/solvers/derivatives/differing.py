@@ -4,23 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...elements.shape import Array
 from ...interactions.prismatic import sliding_table
 from ...kernels.bodies import addresses
+from ...kernels.elements import force, viscous_force
 from ...kernels.lowlevel.records import Record
 from ...kernels.motion import along
-from ...kernels.motion.state import scratch
+from ...kernels.motion.dynamics import to_full
+from ...kernels.motion.state import evaluate, scratch
 from ...kernels.points import Points
 from ...model.breakpoints import pieces
 from ...model.groups import of_elements, unlike
 from ...model.interactions import point_table
 from ...model.mesh import Index
 from ...model.model import Model
-from ..linear import fluid_masses, point_masses, scattered, unknowns_to_coordinates
+from ..linear import fluid_masses, full_mass, point_masses, scattered, unknowns_to_coordinates
 from ..motion.dynamic import Run
 from ..motion.problem import make_problem, own
 from ..motion.tables import Signals, dead_loads, mass_tables, moved_mass, point_laws, prescribed, with_own
@@ -55,7 +57,10 @@ class Differing:
         if any(len(one.all) > len(run.signals) and list(pieces(one.all, run.spec.t_end)) != list(stepper.pieces)
                for one in signals):
             raise UnsuitedError("the times of corners of signals depend on the number")
-        same = all(_same(getattr(base, name), tables[name]) for tables in found for name in (*_FOLLOWING, "alpha"))
+        self.alphas = np.array([tables["alpha"] for tables in found])
+        same = all(_same(getattr(base, name), tables[name]) for tables in found for name in _FOLLOWING)
+        # mass that is prescribed to move is damped, too
+        same = same and (not len(base.motion_coord) or bool(np.all(self.alphas == base.alpha)))
         groups = [run.model.groups, *(model.groups for model in models)]
         same = same and not stepper.moving and not stepper.events and not len(base.facing.item) and all(
             len(own) == len(groups[0]) and all(_same(a.values.dofs, b.values.dofs) for a, b in
@@ -63,6 +68,8 @@ class Differing:
         self.items: Index | slice = slice(None)
         self.joints = True
         self.reduced = same
+        # of each model, groups of elements that are not among its problem, with their damping times
+        self.elements: list[list[tuple[Record, float]]] = [[] for _ in models]
         if same:
             self._reduce(base, found, signals)
         else:
@@ -82,6 +89,10 @@ class Differing:
         self.joints = not all(_same(sliding[0], one) for one in sliding[1:])
         loads = _unlike_loads([base._asdict(), *found])
         groups = self._groups(base)
+        if not self.run.model.loads.natural:
+            # signals do not act on elements, which are evaluated at many states at once
+            self.elements = [list(zip(records, tau.tolist(), strict=True)) for records, tau in groups]
+            groups = [([], np.zeros(0)) for _ in groups]
         empty = sliding_table([], base.e0)
         self.problems = []
         for model, tables, own_signals, (records, tau), values in zip(self.models, found, signals, groups, loads,
@@ -139,6 +150,17 @@ class Differing:
     def _T(self) -> Any:
         return unknowns_to_coordinates(self.run.model)
 
+    @property
+    def _drag(self) -> Array:
+        """The sums (k,) of Rayleigh's alpha of the models by the weights, 0 where it is the same in all."""
+        same = not self.reduced or np.all(self.alphas == self.run.problem.alpha)
+        return np.zeros(len(self.weights)) if same else self.weights @ self.alphas
+
+    @cached_property
+    def _own_mass(self) -> Any:
+        """The sparse mass of the unknowns."""
+        return self._T.T @ full_mass(self.run.model) @ self._T
+
     @staticmethod
     def _enter(window: Array, problems: Sequence[Record]) -> None:
         """Take signals as they are in a time (2,)."""
@@ -159,9 +181,15 @@ class Differing:
         self._enter(window, [*self.problems, *self.inertia])
         shape, mine = at.values.z.shape, self._moments(at)
         out, R = np.zeros((len(self.weights), *shape)), np.zeros(shape)
-        for p, w, weights in zip(self.problems, self.w, self.weights.T, strict=True):
+        for p, w, elements, weights in zip(self.problems, self.w, self.elements, self.weights.T, strict=True):
             along.residuals(p, w, mine, R)
+            for group, tau in elements:
+                full = _full(self.run, at, window)
+                Q = _forces(group, tau, full.d, full.v)
+                R += (self._T[group.dofs.ravel()].T @ Q.reshape(len(Q), -1).T).T
             out += weights[:, None, None] * R
+        if (drag := self._drag).any():
+            out += drag[:, None, None] * (self._own_mass @ at.values.v.T).T
         for p, total in zip(self.inertia, out, strict=False):
             along.residuals(p, self.w[0], _forgotten(at), R)
             total += R
@@ -177,9 +205,14 @@ class Differing:
         out, some, mine = np.zeros((2, m, goals)), np.arange(0, m, EVERY), self._moments(at)
         few, on_few = _some(mine, some), np.ascontiguousarray(lam[some])
         self._enter(window, self.problems)
-        for p, w, (first, second) in zip(self.problems, self.w, self.weights.T.tolist(), strict=True):
+        for p, w, elements, (first, second) in zip(self.problems, self.w, self.elements, self.weights.T.tolist(),
+                                                   strict=True):
             work = np.zeros((m, goals) if first else (len(some), goals))
             along.works(p, w, *((mine, lam) if first else (few, on_few)), work)
+            for group, tau in elements:
+                full, which = _full(self.run, at, window, lam), slice(None) if first else some
+                Q = _forces(group, tau, full.d[which], full.v[which])
+                work += np.einsum("mkn,mkng->mg", Q, full.lam[which][:, group.dofs])
             if first:
                 out[0] += first * work
             out[1, some] += second * m / len(some) * (work[some] if first else work)
@@ -195,12 +228,71 @@ class Differing:
         elif not len(base.motion_coord) and self.mass is not None:
             forces = self.mass @ (at.values.a + base.alpha * at.values.v).T
             np.einsum("mik,im->mk", lam, forces, out=out[0])
+        if (drag := self._drag).any():
+            out += drag[:, None, None] * np.einsum("mik,im->mk", lam, self._own_mass @ at.values.v.T)
         return out
+
+    @property
+    def starts_alike(self) -> bool:
+        """Whether all models begin with the same rates: these are projected by the mass."""
+        own = self.run.model
+        return self.reduced and self.mass is None and all(
+            other.case.initial == own.case.initial and np.array_equal(other.e0, own.e0) for other in self.models)
 
     @property
     def moves(self) -> bool:
         """Whether the number changes how coordinates follow from unknowns, or what is prescribed."""
         return self.problems[0].values.place is not self.run.problem.values.place
+
+
+class _Full(NamedTuple):
+    """States in full coordinates: d and v (m, n_full), virtual displacements lam (m, n_full, goals)."""
+
+    d: Array
+    v: Array
+    lam: Array
+
+
+def _full(run: Run, at: Record, window: Array, lam: Array | None = None) -> _Full:
+    """Return states of a motion, with signals as they are in a time (2,), in full coordinates.
+
+    They are kept as long as the states are.
+    """
+    known: tuple[Array | None, _Full] | None = run.seen.get(at)
+    if known is not None and (lam is None or known[0] is lam):
+        return known[1]
+    p, w, m = run.problem, run.stepper.w, len(at.t)
+    before, none = p.programs.window.copy(), np.zeros_like(w.amps)
+    p.programs.window[:] = window
+    out = _Full(*np.zeros((2, m, len(p.place))), np.zeros((m, len(p.place), 0 if lam is None else lam.shape[2])))
+    room = np.zeros(len(p.place))
+    for k in range(m):
+        evaluate(p.programs, float(at.t[k]), w.amps)
+        to_full(p, at.z[k], w.amps, 0, out.d[k])
+        to_full(p, at.v[k], w.amps, 1, out.v[k])
+        for q in range(out.lam.shape[2]):
+            to_full(p, np.ascontiguousarray(lam[k, :, q]), none, 0, room)  # type: ignore[index]
+            out.lam[k, :, q] = room
+    p.programs.window[:] = before
+    run.seen[at] = lam, out
+    return out
+
+
+def _forces(group: Record, tau: float, d: Array, v: Array) -> Array:
+    """Return the forces (m, elements, n) of elements at m states in full coordinates.
+
+    Each element at each state has coordinates of its own, and those of one element follow one another: they are worked
+    on side by side.
+    """
+    m, (count, n) = len(d), group.dofs.shape
+    many = of_elements(group, np.repeat(np.arange(count), m))
+    many = many.replaced(dofs=np.arange(count * m * n).reshape(-1, n))
+    here, rates = (np.ascontiguousarray(np.swapaxes(x[:, group.dofs], 0, 1)).ravel() for x in (d, v))
+    Q = np.zeros_like(here)
+    force(many, here, Q)
+    if tau:
+        viscous_force(many, tau, here, rates, Q)
+    return np.swapaxes(Q.reshape(count, m, n), 0, 1)
 
 
 def _some(at: Record, which: Index) -> Record:
@@ -287,8 +379,9 @@ def _mass_blocks(base: Model, models: Sequence[Model], weights: Array) -> Iterab
         for k, code in enumerate(codes.T.tolist()):
             classes = [other.classes[c] for other, c in zip(others, code, strict=True)]
             if any(one is not classes[0] for one in classes):
-                M = sum(w * one.mass for w, one in zip(weights.tolist(), classes, strict=True))
-                yield mesh.dofs[place.ravel() == k], np.asarray(M)
+                M = np.asarray(sum(w * one.mass for w, one in zip(weights.tolist(), classes, strict=True)))
+                if M.any():
+                    yield mesh.dofs[place.ravel() == k], M
     lumps = [list(point_masses(model)) for model in (base, *models)]
     if not all(len(own) == len(lumps[0]) and all(map(_same, lumps[0], own)) for own in lumps[1:]):
         for w, own_ in zip(weights.tolist(), lumps[1:], strict=True):

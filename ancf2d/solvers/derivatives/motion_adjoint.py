@@ -237,7 +237,7 @@ class MotionAdjoint(Together):
             one.change(one.number.begin(), start.all)
             return
         one.note(self.motion.begun, self.motion.window, start.mu[None])
-        if start.rates is not None:
+        if start.rates is not None and not one.number.differing.starts_alike:
             sides = zip(one.number.weights[0].tolist(), one.number.differing.models, strict=True)
             by_rates = sum(weight * initial_rates(model) for weight, model in sides if weight) @ start.rates
             one.take(np.array([by_rates, np.zeros_like(by_rates)])[:, None])

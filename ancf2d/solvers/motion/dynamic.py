@@ -5,12 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from ...case import Dynamic
 from ...elements.shape import Array
 from ...errors import ComputationError
+from ...kernels.lowlevel.records import Record
 from ...kernels.motion.advance import CHECK, INSIDE
 from ...kernels.motion.state import COUNT, REJECTED
 from ...model.element_limits import any_inverted, inverted
@@ -151,6 +154,8 @@ class Run:
         self.estimate = Estimate(self.stepper) if beside and spec.estimate else None
         self.stepping = Pace()
         self.taking: Pace | None = None
+        # states in full coordinates, as derivatives ask for them
+        self.seen: WeakKeyDictionary[Record, Any] = WeakKeyDictionary()
         # the time left, and when it was found
         self.left: tuple[float | None, float] = None, -np.inf
 
