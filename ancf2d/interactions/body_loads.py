@@ -85,10 +85,9 @@ class Gravity:
     def add(self, context: LoadContext, out: LoadSet) -> None:
         """Add the weight of every body and point mass."""
         for mesh in context.meshes.values():
-            for k, cls in enumerate(mesh.classes):
-                forces = np.multiply.outer(np.array(self.value), cls.mass_weights)[:, None]
-                dofs, Q = _element_loads(mesh, np.flatnonzero(mesh.cls == k), forces)
-                out.dead.append(context.dead(dofs, Q, gravity=True))
+            weights = np.array([cls.mass_weights for cls in mesh.classes])[mesh.cls]
+            forces = np.multiply.outer(np.array(self.value), weights)
+            out.dead.append(context.dead(*_element_loads(mesh, np.arange(len(weights)), forces), gravity=True))
         for flow in context.flows:
             mesh = context.meshes[flow.on]
             for elements, weights in flow.weights(mesh):

@@ -96,7 +96,7 @@ def mass_matrix(sampler: Sampler, volume: Volume | None = None) -> Array:
     It is exact but for the share ``lobatto`` of an element of degree p along x, for which p/(p + 1) carries waves best:
     their speeds are then off by the power 2 p + 2 of their wave number, not 2 p (Ainsworth & Wajid 2010).
     Beams with theta carry rhoA at r and rhoI at theta; a rigid bar has its rhoI at r_x, of unit length, a frame half of
-    it at each of its axes; the cable has no rotary inertia. ``volume`` is what ``over_body`` returns, where it is known.
+    it at each of its axes; the cable has no rotary inertia. ``volume`` is that of ``over_body``, where it is known.
     """
     element, nc = sampler.shape.element, sampler.e0.shape[1]
     S, dm, dI = volume or over_body(sampler)

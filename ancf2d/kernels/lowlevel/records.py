@@ -281,12 +281,12 @@ class Record:
         self.values, self._numba_type_, self._words = values, kind, words
         self.address = words.ctypes.data
 
-    def replaced(self, **fields: Any) -> Record:
-        """Return a record with other values of some fields, whose types stay the same."""
+    def replaced(self, others: Any = None, **fields: Any) -> Record:
+        """Return a record with other values of some fields, whose types stay the same; ``others`` live as long."""
         out, words = Record.__new__(Record), self._words.copy()
         for name, value in fields.items():
             _replace(words, *self._numba_type_.place[name], value, getattr(self.values, name))
-        out._others = self._others
+        out._others = self._others, others
         out._lay(self.values._replace(**fields), self._numba_type_, words)
         return out
 

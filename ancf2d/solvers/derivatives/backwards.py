@@ -24,12 +24,14 @@ from ...kernels.motion import along
 from ...kernels.motion.advance import INSIDE
 from ...kernels.motion.state import REJECTED
 from ...model.model import Model
+from ..linear import unknowns_to_coordinates
 from ..motion.breaks import pass_break
 from ..motion.dynamic import Run
 from ..motion.stepping import Stepper
 from ..state import Row
 from .differences import UnsuitedError
 from .linear_steps import Change, Equations, Stages
+from .many_states import in_full, left_out
 from .motion_states import CORRECTIONS, LOOSE, TRIED, Once, Step
 from .varied_motions import carried
 
@@ -143,7 +145,8 @@ class Backwards(Once):
         if any(part.count and part.steps is None for part in self.parts):
             return False
         size = sum(part.count for part in self.parts) * self.method.stages * self.entries.n
-        return (3 + goals) * size <= KEPT
+        # in full coordinates, too, as what numbers do is found (``many_states``)
+        return (5 + 2 * goals) * size <= KEPT
 
     def _checkpoint(self) -> dict[str, Array]:
         """Return where the motion is, without what it tells of its steps."""
@@ -215,6 +218,7 @@ class Backwards(Once):
             self._stored(steps[number], self.rows[row], number, bars[row], stages, starts)
         lam, start = equations.back(stages, starts, end)
         self._correct(equations, at, lam, start)
+        self.run.seen.clear()
         if self.keeps(k):
             part.at, part.lam, part.steps = at, lam, []
         numbers.note(at, window, lam)
@@ -241,16 +245,40 @@ class Backwards(Once):
 
     def _left_out(self, at: Record, lam: Array) -> tuple[Array, Array]:
         """Return what changes of positions and rates do to the work on lam (m, n, k) beyond what tangents tell."""
-        p, w = self.stepper.p, self.stepper.w
+        p, w, many = self.stepper.p, self.stepper.w, not self.run.model.loads.natural
         by_z, by_v = np.zeros((2, *lam.shape))
         if not self.damped:
             return by_z, by_v
+        # signals do not act on elements, which are evaluated at many states at once
+        alone = Record(p.values._replace(groups=p.groups[:0].copy(), tau=np.zeros(0))) if many else p
         none, room = np.zeros_like(w.amps), np.zeros((3, len(p.place)))
         one, two = np.zeros((2, *lam.shape[:2]))
         for q in range(lam.shape[2]):
-            along.left_out(p, w, at, np.ascontiguousarray(lam[:, :, q]), none, room, one, two)
-            by_z[:, :, q], by_v[:, :, q] = one, two
+            if not many or len(p.points.forces):
+                along.left_out(alone, w, at, np.ascontiguousarray(lam[:, :, q]), none, room, one, two)
+                by_z[:, :, q], by_v[:, :, q] = one, two
+            if many:
+                one, two = self._left_out_of_elements(at, lam[:, :, q])
+                by_z[:, :, q] += one
+                by_v[:, :, q] += two
         return by_z, by_v
+
+    def _left_out_of_elements(self, at: Record, lam: Array) -> tuple[Array, Array]:
+        """Return what ``_left_out`` does, of elements and one goal: lam (m, n)."""
+        p, T = self.stepper.p, unknowns_to_coordinates(self.run.model)
+        full = in_full(self.run, at, p.programs.window)
+        by_z, by_v = np.zeros((2, *lam.shape))
+        # as large as the rates
+        sizes, rates = ((p.weights * np.abs(x)).max(axis=1, initial=0.0) for x in (lam, at.v))
+        scale = np.where(sizes > 0.0, np.maximum(rates, 1e-3 * p.extent) / np.where(sizes > 0.0, sizes, 1.0), 1.0)
+        virtual = (T @ (scale[:, None] * lam).T).T
+        for group, tau in zip(self.run.model.groups, p.tau.tolist(), strict=True):
+            if tau > 0.0:
+                parts = left_out(group, tau, full.d, full.v, virtual)
+                own = T[group.dofs.ravel()].T
+                for out, found in zip((by_z, by_v), parts, strict=True):
+                    out += (own @ found.reshape(len(found), -1).T).T / scale[:, None]
+        return by_z, p.coordinate * by_v
 
     def _correct(self, equations: Equations, at: Record, lam: Array, start: Change) -> None:
         """Correct lam and what the start does by what tangents leave out: they are Newton's, not all exact."""

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ...elements.shape import Array
 from ...interactions.prismatic import sliding_table
 from ...kernels.bodies import addresses
-from ...kernels.elements import force, viscous_force
 from ...kernels.lowlevel.records import Record
 from ...kernels.motion import along
-from ...kernels.motion.dynamics import to_full
-from ...kernels.motion.state import evaluate, scratch
+from ...kernels.motion.state import scratch
 from ...kernels.points import Points
 from ...model.breakpoints import pieces
 from ...model.groups import of_elements, unlike
@@ -27,6 +25,7 @@ from ..motion.dynamic import Run
 from ..motion.problem import make_problem, own
 from ..motion.tables import Signals, dead_loads, mass_tables, moved_mass, point_laws, prescribed, with_own
 from .differences import UnsuitedError
+from .many_states import forces, in_full
 
 # of the states at which differences by work are taken, those at which it is seen how straight they are
 EVERY = 8
@@ -101,10 +100,10 @@ class Differing:
             joined = with_own(tables["sliding"] if self.joints else empty, "memory", "on", "gap")
             programs = base.programs if len(own_signals.all) == len(self.run.signals) else own_signals.programs()
             mass = mass_tables(None, model.numbering)
-            self.problems.append(Record(base._replace(
-                groups=addresses(records), tau=tau, points=points, sliding=joined, patched=bool(len(points.mem)),
-                programs=with_own(programs, "window", "data"), motion_mass=np.zeros_like(base.motion_mass), **mass,
-                **values), records))
+            self.problems.append(self.run.problem.replaced(
+                records, groups=addresses(records), tau=tau, points=points, sliding=joined,
+                patched=bool(len(points.mem)), programs=with_own(programs, "window", "data"),
+                motion_mass=np.zeros_like(base.motion_mass), **mass, **values))
 
     @cached_property
     def inertia(self) -> list[Record]:
@@ -184,8 +183,8 @@ class Differing:
         for p, w, elements, weights in zip(self.problems, self.w, self.elements, self.weights.T, strict=True):
             along.residuals(p, w, mine, R)
             for group, tau in elements:
-                full = _full(self.run, at, window)
-                Q = _forces(group, tau, full.d, full.v)
+                full = in_full(self.run, at, window)
+                Q = forces(group, tau, full.d, full.v)
                 R += (self._T[group.dofs.ravel()].T @ Q.reshape(len(Q), -1).T).T
             out += weights[:, None, None] * R
         if (drag := self._drag).any():
@@ -210,8 +209,8 @@ class Differing:
             work = np.zeros((m, goals) if first else (len(some), goals))
             along.works(p, w, *((mine, lam) if first else (few, on_few)), work)
             for group, tau in elements:
-                full, which = _full(self.run, at, window, lam), slice(None) if first else some
-                Q = _forces(group, tau, full.d[which], full.v[which])
+                full, which = in_full(self.run, at, window, lam), slice(None) if first else some
+                Q = forces(group, tau, full.d[which], full.v[which])
                 work += np.einsum("mkn,mkng->mg", Q, full.lam[which][:, group.dofs])
             if first:
                 out[0] += first * work
@@ -243,56 +242,6 @@ class Differing:
     def moves(self) -> bool:
         """Whether the number changes how coordinates follow from unknowns, or what is prescribed."""
         return self.problems[0].values.place is not self.run.problem.values.place
-
-
-class _Full(NamedTuple):
-    """States in full coordinates: d and v (m, n_full), virtual displacements lam (m, n_full, goals)."""
-
-    d: Array
-    v: Array
-    lam: Array
-
-
-def _full(run: Run, at: Record, window: Array, lam: Array | None = None) -> _Full:
-    """Return states of a motion, with signals as they are in a time (2,), in full coordinates.
-
-    They are kept as long as the states are.
-    """
-    known: tuple[Array | None, _Full] | None = run.seen.get(at)
-    if known is not None and (lam is None or known[0] is lam):
-        return known[1]
-    p, w, m = run.problem, run.stepper.w, len(at.t)
-    before, none = p.programs.window.copy(), np.zeros_like(w.amps)
-    p.programs.window[:] = window
-    out = _Full(*np.zeros((2, m, len(p.place))), np.zeros((m, len(p.place), 0 if lam is None else lam.shape[2])))
-    room = np.zeros(len(p.place))
-    for k in range(m):
-        evaluate(p.programs, float(at.t[k]), w.amps)
-        to_full(p, at.z[k], w.amps, 0, out.d[k])
-        to_full(p, at.v[k], w.amps, 1, out.v[k])
-        for q in range(out.lam.shape[2]):
-            to_full(p, np.ascontiguousarray(lam[k, :, q]), none, 0, room)  # type: ignore[index]
-            out.lam[k, :, q] = room
-    p.programs.window[:] = before
-    run.seen[at] = lam, out
-    return out
-
-
-def _forces(group: Record, tau: float, d: Array, v: Array) -> Array:
-    """Return the forces (m, elements, n) of elements at m states in full coordinates.
-
-    Each element at each state has coordinates of its own, and those of one element follow one another: they are worked
-    on side by side.
-    """
-    m, (count, n) = len(d), group.dofs.shape
-    many = of_elements(group, np.repeat(np.arange(count), m))
-    many = many.replaced(dofs=np.arange(count * m * n).reshape(-1, n))
-    here, rates = (np.ascontiguousarray(np.swapaxes(x[:, group.dofs], 0, 1)).ravel() for x in (d, v))
-    Q = np.zeros_like(here)
-    force(many, here, Q)
-    if tau:
-        viscous_force(many, tau, here, rates, Q)
-    return np.swapaxes(Q.reshape(count, m, n), 0, 1)
 
 
 def _some(at: Record, which: Index) -> Record:
