@@ -78,7 +78,7 @@ def test_the_motion_backwards(name, monkeypatch, tmp_path):
     for variable, value, error in zip(numbers_at(loaded, paths), values, errors, strict=True):
         expected = (solved(loaded, variable.path, h) - solved(loaded, variable.path, -h)) / (2 * h * variable.value)
         assert value == pytest.approx(expected, rel=1e-6, abs=1e-9 / abs(variable.value)), variable.path
-        assert error <= 1e-6 * abs(value)
+        assert error <= 1e-6 * abs(value), variable.path
 
 
 @pytest.mark.parametrize(("method", "goal"), [

@@ -208,14 +208,22 @@ class Differing:
                                                    strict=True):
             work = np.zeros((m, goals) if first else (len(some), goals))
             along.works(p, w, *((mine, lam) if first else (few, on_few)), work)
-            for group, tau in elements:
-                full, which = in_full(self.run, at, window, lam), slice(None) if first else some
-                Q = forces(group, tau, full.d[which], full.v[which])
-                work += np.einsum("mkn,mkng->mg", Q, full.lam[which][:, group.dofs])
+            # round-off is that of the other models, with as many states side by side
+            one = self._element_work(elements, at, window, lam, some)
             if first:
-                out[0] += first * work
-            out[1, some] += second * m / len(some) * (work[some] if first else work)
+                out[0] += first * (work + self._element_work(elements, at, window, lam, np.arange(m)))
+            out[1, some] += second * m / len(some) * ((work[some] if first else work) + one)
         return out + self._inertial_work(at, window, lam)
+
+    def _element_work(self, elements: Sequence[tuple[Record, float]], at: Record, window: Array, lam: Array,
+                      which: Index) -> Array:
+        """Return what elements do as work (m, goals) on lam at some states."""
+        out = np.zeros((len(which), lam.shape[2]))
+        for group, tau in elements:
+            full = in_full(self.run, at, window, lam)
+            Q = forces(group, tau, full.d[which], full.v[which])
+            out += np.einsum("mkn,mkng->mg", Q, full.lam[which][:, group.dofs])
+        return out
 
     def _inertial_work(self, at: Record, window: Array, lam: Array) -> Array:
         """Return what the change of the mass by the first weights does as work (2, m, goals)."""
