@@ -21,6 +21,7 @@ FAMILIES = {
     "N": "axial force", "Q": "shear force", "M": "bending moment",
     "output": "controller output",
 }
+WINDOW = {"color": "black", "marker": "", "linestyle": "-", "linewidth": 1.0}
 LIMIT = {"color": "black", "marker": "o", "markersize": 7, "markerfacecolor": "none", "markeredgewidth": 1.3,
          "linestyle": "none", "zorder": 5}
 NEGLIGIBLE = 1e-6  # of the largest of its family: less is not drawn unless asked for
@@ -140,7 +141,26 @@ def history(sources: Sequence[Source], *, probe: str | Sequence[str] | None = No
     """Build probe quantities over time (default: displacements, rotations and what controllers put out)."""
     panels = _panels(sources, probe, quantity, ("displacement", "rotation", "controller output"),
                      _t_axis(sources[0].results), False)
+    for source in sources:
+        _add_windows(source, panels)
     return Curves(common_title(sources), "", panels, share="x")
+
+
+def _add_windows(source: Source, panels: list[Panel]) -> None:
+    """Add means and peaks over windows of time to the panels of what they are of, with their error bars."""
+    summary = source.results.summary
+    told = summary.get("accuracy") or {}
+    for name, window in summary.get("windows", {}).items():
+        value = window["value"]
+        own = [panel for panel in panels for c in panel.curves if c.name == source.name(window.get("of", ""))]
+        if value is None or not own:
+            continue
+        known = told.get("value") == value and told.get("estimate") is not None
+        error = told["estimate"] * abs(value) if known else window["sampling"]
+        # three lines: the value, and where its error begins and ends
+        x = np.tile([window["from"], window["to"], np.nan], 3)
+        y = value + np.repeat([0.0, -error, error], 3)
+        own[0].curves.append(Curve(f"{name}: {value:.5g} within {error:.2g}", x, y, look=dict(WINDOW)))
 
 
 def _no_probes(results: Results) -> str:

@@ -26,9 +26,13 @@ def window_of(goal: Any) -> tuple[float, float] | None:
 
 def window_key(goal: Any) -> str:
     """Return what the value of a goal over a window is called in a summary."""
-    of = " ".join(str(p) for p in (goal.probe, goal.reaction, goal.quantity) if p is not None)
     begin, end = window_of(goal) or (0.0, 0.0)
-    return f"{'mean' if goal.mean_over else 'peak'} of {of} from {begin:g} to {end:g} s"
+    return f"{'mean' if goal.mean_over else 'peak'} of {_read_by(goal)} from {begin:g} to {end:g} s"
+
+
+def _read_by(goal: Any) -> str:
+    """Return what the values that a goal reads are called over time."""
+    return " ".join(str(p) for p in (goal.probe, goal.reaction, goal.quantity) if p is not None)
 
 
 def value_at(goal: Any, summary: dict[str, Any]) -> float | None:
@@ -64,12 +68,14 @@ class Windows:
             value = value_at(goal, summary)
             self.samples[name].append((state.t, np.nan if value is None else value))
 
-    def values(self) -> dict[str, dict[str, float | None]]:
+    def values(self) -> dict[str, dict[str, Any]]:
         """Return ``value`` of each, and ``sampling``, its difference from that of every second stored time.
 
-        Both are None where the motion has not come to the end of the window.
+        Both are None where the motion has not come to the end of the window. ``of``, ``from`` and ``to`` tell what they
+        are of.
         """
-        return {name: self._told(goal, np.array(self.samples[name]).reshape(-1, 2))
+        return {name: {"of": _read_by(goal), **dict(zip(("from", "to"), window_of(goal) or (), strict=False)),
+                       **self._told(goal, np.array(self.samples[name]).reshape(-1, 2))}
                 for name, goal in self.goals.items()}
 
     def _told(self, goal: Any, found: Array) -> dict[str, float | None]:

@@ -75,6 +75,23 @@ def test_probes_without_displacements_are_drawn_where_they_are_asked_for(tmp_pat
     assert legend_texts(draw(opened(path("b.h5", {"left": force})), "history")) == ["left fx", "left fy"]
 
 
+@pytest.mark.parametrize("accuracy", [{}, {"value": 1.5, "estimate": 0.1}, {"value": 2.0, "estimate": 0.1}])
+def test_goals_over_windows_are_drawn_with_their_error(tmp_path: Path, accuracy: dict) -> None:
+    """The error is the estimated one of the goal, else what the stored times leave open."""
+    window = {"of": "mid uy", "from": 0.2, "to": 0.8, "value": 1.5, "sampling": 0.3}
+    other, e0 = {**window, "of": "tip uy"}, np.zeros(8)
+    with ResultWriter(tmp_path / "a.h5", HEADER, [tangent_body("beam", 1, 1.0, 0.1)], e0) as w:
+        for t in (0.0, 0.5, 1.0):
+            w.append(t, e0, {}, {"mid": {"uy": 2 * t}})
+        w.finish({"windows": {"mean": window, "not drawn": other}, "accuracy": accuracy})
+    error = 0.15 if accuracy.get("value") == 1.5 else 0.3
+    (axes,) = draw(opened(tmp_path / "a.h5"), "history").axes
+    assert [line.get_label() for line in axes.lines] == ["mid uy", f"mean: 1.5 within {error:g}"]
+    x, y = axes.lines[1].get_xydata().reshape(3, 3, 2).transpose(2, 0, 1)
+    np.testing.assert_array_equal(x[:, :2], [[0.2, 0.8]] * 3)
+    np.testing.assert_allclose(y, np.outer([1.5, 1.5 - error, 1.5 + error], np.ones(3)))
+
+
 def test_history_has_a_panel_for_each_unit(tmp_path: Path) -> None:
     results = opened(mechanism(tmp_path / "a.h5"))
     figure = draw(results, "history")
