@@ -47,8 +47,7 @@ def _run() -> Schema:
                    "damping": _is("number", "-real part/modulus"), "residual": _is("number", "relative"),
                    "strain": _named(NUMBER, "shares of the strain energy")},
         omega=_is("number", "imaginary part of the eigenvalue [rad/s]"), hz=NUMBER, kind=TEXT,
-        number=_is("integer", "within its kind"),
-        shares=_named(NUMBER, "of its energy"))
+        number=_is("integer", "within its kind"), shares=_named(NUMBER, "of its energy"))
     critical = _object("where small motions begin to grow", factor=NUMBER, kind=_is("string", "flutter or divergence"),
                        omega=_is("number", "[rad/s]"))
     amplitude = _object("complex amplitudes of exp(i omega t)", re=_list(NUMBER), im=_list(NUMBER))
