@@ -149,7 +149,9 @@ def combinations(axes: Sequence[Axis], pair: bool = False) -> Iterator[tuple[Any
 _SAMPLE = re.compile(r"([^~]*)~\s*([A-Za-z_]*)\s*\((.*)\)\s*")
 # the two numbers of each kind, and which of them are wrong
 _KINDS = {"normal": ("mean, sd", "a standard deviation > 0"), "uniform": ("a, b", "a < b"),
-          "lognormal": ("mu, sigma", "a standard deviation sigma > 0 of the logarithm")}
+          "lognormal": ("mu, sigma", "mean and standard deviation sigma > 0 of the natural logarithm")}
+# times sigma within which the exponential of a logarithm has to be a number, and the largest logarithm of one
+_TAIL, _LARGEST = 10.0, 700.0
 
 
 def read_distributions(options: Sequence[str]) -> list[Distribution]:
@@ -184,7 +186,11 @@ def _distribution(text: str) -> Distribution:
     if len(values) != 2 or not all(isinstance(v, int | float) and not isinstance(v, bool) for v in values):
         raise CaseError(start.problem(f"{kind}({match[3]}) needs two numbers", expected=f"{kind}({names})"))
     a, b = (float(v) for v in values)
-    if not (math.isfinite(a) and math.isfinite(b)) or (b <= a if kind == "uniform" else b <= 0.0):
+    wrong = b <= a if kind == "uniform" else b <= 0.0
+    if kind == "lognormal":
+        # the mean and deviation of the values themselves are no logarithms
+        wrong |= abs(a) + _TAIL * b > _LARGEST
+    if not (math.isfinite(a) and math.isfinite(b)) or wrong:
         raise CaseError(start.problem(f"{kind}({match[3].strip()}) is not valid", expected=right))
     return Distribution(path, kind, (a, b), text)
 

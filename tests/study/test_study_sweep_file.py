@@ -56,7 +56,7 @@ def test_wrong_ranges_and_distributions_are_told_together() -> None:
         read_axes(wrong)
     assert [p.file for p in found.value.problems] == [f"--over {t}" for t in wrong]
     wrong = ["a", "b~normal(1, 0)", "c~uniform(2, 1)", "d~beta(1, 2)", "e~normal(1)", "~normal(0, 1)",
-             "f~lognormal(0, x)"]
+             "f~lognormal(0, x)", "h~lognormal(2e11, 1e10)"]
     with pytest.raises(CaseError) as found:
         read_distributions([*wrong, "g~normal(0, 1)", "g~normal(0, 2)"])
     assert sorted(p.file for p in found.value.problems) == sorted(
