@@ -1,4 +1,4 @@
-"""Random rods that fall among obstacles: nothing penetrates or is passed through, and no energy comes from nothing."""
+"""Random rods among obstacles: nothing penetrates or is passed through, no energy comes from nothing; beams at rest."""
 
 from __future__ import annotations
 
@@ -23,6 +23,12 @@ def test_nothing_penetrates_and_no_energy_comes_from_nothing(number: int, pytest
     found = touching.judged(pytestconfig.getoption("seed"), number)
     measured("", "touching", asdict(found), "instruments.scenes.touching:report")
     assert found.faults == []
+
+
+@pytest.mark.trials([0, 1, *(pytest.param(k, marks=pytest.mark.slow) for k in range(2, 40))])
+def test_a_beam_that_is_pressed_onto_obstacles_has_an_equilibrium_out_of_them(number: int,
+                                                                              pytestconfig: pytest.Config) -> None:
+    assert touching.pressed(pytestconfig.getoption("seed"), number) == []
 
 
 def test_distances_are_those_of_plane_geometry() -> None:

@@ -185,6 +185,19 @@ def test_a_wall_that_comes_does_its_impulse_times_its_speed_as_work(restitution)
     assert row.lost == pytest.approx(0.5 * MASS * (1.0 - restitution**2) * V**2, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.parametrize("speed", [-0.5, 0.5])
+def test_a_bounce_with_friction_off_a_floor_that_moves_takes_its_work_at_most(speed):
+    """Where a rod sticks as it bounces, Newton's restitution and Coulomb's friction alone would give it energy."""
+    rod = rigid([0, 0.1], [math.cos(1.1), 0.1 + math.sin(1.1)], MASS, INERTIA)
+    floor = {"floor": {**FLOOR["floor"], "motion": {"y": {"type": "expression", "value": f"{speed}*t"}}}}
+    found = ride({**scene(rod, floor, [], friction=1.0, restitution=1.0), "initial": {"velocity": [3.0, -2.0]}}, 0.2,
+                 dt=1e-2, every=1)
+    total, _ = found.totals()
+    balance = total + np.array([row.lost - row.work for row in found.rows])
+    assert balance.max() < (1.0 + 1e-9) * balance[0]
+    assert math.copysign(1.0, found.rows[-1].work) == math.copysign(1.0, speed)
+
+
 def test_what_shakes_elsewhere_gives_no_energy_in_an_impact():
     """It changes nothing of bounces that spin a rod by more than 0.4 rad in a step, which are made in parts."""
     rod = rigid([0.0, 0.3], [0.02, 0.5], MASS, 1e-3)

@@ -224,16 +224,16 @@ def _held(p, w, z, v, t, tracks):  # type: ignore[no-untyped-def]
 
 
 @inner_with_memory
-def _bounce(p, w, s, end, t, h, bounce, approach, how, conserves):  # type: ignore[no-untyped-def]
-    """Do as ``behind`` in a step from s at t, with so much of the bounce that it gives no energy.
+def _bounce(p, w, s, end, t, h, bounce, approach, how, conserves, pushed, moves):  # type: ignore[no-untyped-def]
+    """Do as ``behind`` in a step from s at t, with so much of the bounce that it gives no energy; return ``_given``.
 
     Kinetic energy behind an impact is that of a plastic one and the square of the bounce times what that adds. A
-    bounce with restitution 1 takes no energy either. Nothing that it touches is moved by signals.
+    bounce with restitution 1 takes no energy either, where nothing that it touches ``moves`` by signals.
     """
     z, v, a, sides, full = end.z.copy(), end.v.copy(), end.a.copy(), how.copy(), bounce.copy()
-    before, share, plastic = _held(p, w, s.z, s.v, t, False), 1.0, 0.0
-    # with friction, energy is not quite that
-    for attempt in range(MOST_BOUNCES if rubs(p) else 3):
+    before, share, plastic, given = _held(p, w, s.z, s.v, t, False), 1.0, 0.0, 0.0
+    # with friction, and the work of what moves, energy is not quite that
+    for attempt in range(MOST_BOUNCES if moves or rubs(p) else 3):
         if attempt > 0:
             copy(z, end.z)
             copy(v, end.v)
@@ -245,19 +245,22 @@ def _bounce(p, w, s, end, t, h, bounce, approach, how, conserves):  # type: igno
         for i in range(len(bounce)):
             bounce[i] = share * full[i]
         calls.behind(p.calls, (p, w, end.z, end.v, end.a, t + h, bounce, approach, how, share > 0.0))
-        held = _held(p, w, end.z, end.v, t + h, False)
+        if moves:
+            given = _given(p, w, end, t + h, sides, approach, pushed)
+        held = _held(p, w, end.z, end.v, t + h, False) - given
         if attempt == 0:
-            if held <= before and not conserves:
-                return
+            if held <= before and (moves or not conserves):
+                break
             whole_bounce, share = held, 0.0
         elif attempt == 1:
             plastic = held
             added = whole_bounce - plastic
             share = min(np.sqrt(max(0.0, before - plastic) / added), MORE) if added > 0.0 else 0.0
         elif held <= before:
-            return
+            break
         else:
             share *= 0.5
+    return given
 
 
 @inner_with_memory
@@ -292,10 +295,8 @@ def _pushed(p, w, how, out):  # type: ignore[no-untyped-def]
 
 @inner_with_memory
 def _given(p, w, end, t, touched, approach, pushed):  # type: ignore[no-untyped-def]
-    """Return the work at most that obstacles which move do in an impact on items that were CLOSED in ``touched``.
-
-    It is that of the impulses which change the rates of gaps from ``approach`` (n,) to what they are at the end, and
-    of the largest friction under them.
+    """Return the work at most that obstacles which move do in an impact on items that were CLOSED in ``touched``: that
+    of the impulses which change rates of gaps from ``approach`` (n,) to those at the end, and of the largest friction.
     """
     n, given = len(touched), 0.0
     g, rate, second, rhs, rest = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(len(end.z)), np.zeros(len(w.d))
@@ -326,8 +327,8 @@ def _given(p, w, end, t, touched, approach, pushed):  # type: ignore[no-untyped-
 def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
     """Do what constraints that closed in the step from s at t to m.end do to its end; note what obstacles GIVE.
 
-    Returns -1 if there were any, 0 if there were none; or how long the step may be, with nothing done, where what
-    closed would be off by more than ``allowed`` [m] (0: it may).
+    Returns -1 if there were any, 0 if none; or how long the step may be, with nothing done, where what closed would be
+    off by more than ``allowed`` [m] (0: it may).
     """
     n, end = len(p.points.mem), m.end
     how, g, rate, second, pushed = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
@@ -361,12 +362,12 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
                 bounce[k] = -p.points.restitution[i] * approach[k]
                 bounces |= bounce[k] > 0.0
                 elastic_ones &= p.points.restitution[i] == 1.0 and p.points.par[i, FRICTION] == 0.0
-    if bounces and not (moves or driven):
-        _bounce(p, w, s, end, t, h, bounce, approach, how, elastic_ones)
+    if bounces and not driven:
+        s.numbers[GIVEN] = _bounce(p, w, s, end, t, h, bounce, approach, how, elastic_ones, pushed, moves)
     else:
         calls.behind(p.calls, (p, w, end.z, end.v, end.a, t + h, bounce, approach, how, bounces))
-    if moves or driven:
-        s.numbers[GIVEN] = np.inf if driven else _given(p, w, end, t + h, touched, approach, pushed)
+        if moves or driven:
+            s.numbers[GIVEN] = np.inf if driven else _given(p, w, end, t + h, touched, approach, pushed)
     _release(p, how)
     # straight on between states that touch nothing from within
     for i in range(len(s.z)):

@@ -1,4 +1,5 @@
 """Random motions of rods that fall among obstacles, and what must hold in each: no depth, no passage, no energy gained.
+Random beams that are pressed onto obstacles, too: an equilibrium is found, in balance and out of what it touches.
 
 Positions of points follow from the states that are stored: at the end of every step, of fixed steps that were not made
 in parts. Ways are looked at between states with one step between them. Distances are those of this module.
@@ -27,6 +28,8 @@ Data = dict[str, Any]
 # an obstacle that both its ends are out of; and energy that may come from nothing beside the largest there is, that of
 # loads, work and losses counted
 DEPTH, PASSAGE, GAIN, GIVEN = 1e-8, 2e-3, 2e-2, 1e-9
+# forces of an equilibrium beside the largest that may be left
+BALANCE = 1e-6
 SAMPLES = 200
 
 
@@ -130,7 +133,58 @@ def _obstacle(rng: random.Random, wheel: str, k: int, bodies: Data, supports: li
     return out
 
 
+def pressed_scene(seed: int, number: int) -> Data:
+    """Return a clamped beam that a force at its tip bends onto obstacles, or one between two supports, as a case."""
+    rng = random.Random(f"pressed {seed} {number}")
+    kind = rng.choice(("circle", "two circles", "half plane", "block", "arch"))
+    side, gap = rng.choice(("axis", "surface")), rng.uniform(0.0, 0.05) if rng.random() < 0.7 else 1e-4
+    height, width, E, x, R = 0.02, 0.05, 1e7, rng.uniform(0.2, 0.95), rng.uniform(0.05, 1.0)
+    EI, gravity = E * width * height**3 / 12, rng.uniform(0.0, 1.0)
+    y = -gap - (height / 2 if side == "surface" else 0.0)
+    obstacles: Data = {"under": {"type": "half_plane", "through": [0, y - (0.02 if kind == "arch" else 0.0)],
+                                 "normal": [0, 1]}}
+    if "circle" in kind:
+        obstacles["under"] = {"type": "circle", "center": [x, y - R], "radius": R}
+    if kind == "two circles":
+        obstacles["over"] = {"type": "circle", "center": [0.5 * x, 0.1 - y], "radius": 0.1}
+    if kind == "block":
+        obstacles["under"] = {"type": "polyline", "closed": True, "points": [
+            [1.5, y - 0.3], [x + 0.1, y], [x - 0.1, y], [x - 0.15, y - 0.5], [1.4, y - 0.8]]}
+    holds: list[Data] = [{"name": "wall", "type": "clamp", "at": "beam@0"}]
+    if kind == "arch":
+        holds = [{"type": "pin", "at": "beam@0"}, {"type": "roller", "at": "beam@1", "fixed": "y"}]
+    force = {"type": "force", "at": "beam@0.5" if kind == "arch" else "beam@1",
+             "value": [10 * EI * rng.uniform(-0.3, 0.3), -3 * EI * rng.uniform(0.2, 1.5)]}
+    element = {"type": rng.choice(("cable", "reissner2", "reissner3", "vallejo")), "count": rng.randint(4, 13)}
+    beam = {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]}, "element": element,
+            "section": {"height": height, "width": width}, "material": {"E": E, "nu": 0.3, "rho": 100 * gravity}}
+    made: Data = json.loads(json.dumps({
+        "bodies": {"beam": beam}, "boundary_conditions": holds, "obstacles": obstacles,
+        "loads": [force, {"type": "gravity", "value": [0, -9.81]}], "solver": {"type": "static", "steps": 5},
+        "contacts": [{"between": ["beam", name], "side": side} for name in obstacles]}))
+    return made
+
+
 # ---------------------------------------------------------------------- judged
+
+
+def pressed(seed: int, number: int) -> list[str]:
+    """Return what must not be of the equilibrium of a pressed beam."""
+    case = pressed_scene(seed, number)
+    try:
+        solution = ancf2d.solve(case)
+    except Ancf2dError as error:
+        return [" ".join(str(error).split())]
+    section, load = case["bodies"]["beam"], np.array(case["loads"][0]["value"])
+    load[1] -= 9.81 * section["material"]["rho"] * section["section"]["height"] * section["section"]["width"]
+    held = np.array([[r["fx"], r["fy"]] for r in solution.reactions.values()])
+    out = [] if np.abs(held.sum(axis=0) + load).max() <= BALANCE * np.abs(held).max() else ["forces are not in balance"]
+    for pair in solution.model.contacts:
+        S = sorted({float(s) for s, spot in zip(pair.s, pair.spots, strict=True) if not spot.free})
+        gap = distance(case["obstacles"][pair.other], _places(solution, "beam", S)[-1]).min()
+        if pair.item.side == "axis" and gap < -DEPTH * solution.model.extent:
+            out.append(f"{-gap:.1e} deep in {pair.other}")
+    return out
 
 
 def judged(seed: int, number: int, case: Data | None = None) -> Verdict:
