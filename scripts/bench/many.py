@@ -119,8 +119,9 @@ def text(found: dict[str, Any]) -> str:
     steps = [[name, f"{1e3 * taken:.0f} ms", f"{taken / first:.1f}"] for name, taken in ways.items()]
     return f"""## What surrounds a solve
 
-A sweep reads its case once, and shares what its variants have in common while they are read. Each variant is then
-checked, built, solved and judged as a run of its own. Processor time of a variant, in sweeps of {VARIANTS} on one core
+A sweep reads its case once. Each variant takes what it has in common with the variant before: records, meshes, sampled
+laws, places in the matrix, and what was found of bodies and supports. The rest is checked, built, solved and judged as
+in a run of its own, with the same result bit for bit. Processor time of a variant, in sweeps of {VARIANTS} on one core
 without compiling:
 
 {table(["sweep of", "the solve", "in all", "ratio"], rows)}
