@@ -114,6 +114,24 @@ def test_leaves_without_a_law_press_and_rub_at_their_ends(order, mu):
     assert abs(along) == pytest.approx(mu * abs(across), abs=3e-4 * abs(across))
 
 
+def test_what_closes_on_its_way_along_a_body_rubs_from_where_it_was():
+    """A block that is moved down and along through its gap in one load step slides: its friction is at the limit."""
+    rail = helpers.body(helpers.line(1.0), helpers.element("reissner3", 4), {"height": HEIGHT, "width": WIDTH},
+                        {"E": 2e9, "nu": 0})
+    box = {"geometry": helpers.line(0.2, start=(0.35, 0.035)), "section": {"height": 0.04, "width": WIDTH},
+           "element": {"type": "rigid", "mass": 1, "inertia": 0.01}}
+    held = {"type": "prescribed", "at": "box@0.5", "ux": {"type": "ramp", "scale": 0.02},
+            "uy": {"type": "ramp", "scale": -0.006}, "angle": 0}
+    solution = helpers.Solution(helpers.build(
+        {"rail": rail, "box": box}, {"type": "static", "steps": 1}, loads=[],
+        bc=[{"name": f"end{s}", "type": "clamp", "at": f"rail@{s}"} for s in (0, 1)] + [held],
+        contacts=[{"name": "touch", "between": ["box", "rail"], "friction": MU}]))
+    (report,) = contact_report(solution.model, solution.state)
+    # the rail is bent by little: the force is across it but for its slope
+    assert report["force"][1] > 10.0
+    assert -report["force"][0] == pytest.approx(MU * report["force"][1], rel=0.05)
+
+
 def inclined(angle: float, mu: float, t_end: float = 0.5, k: float = 1e7, order: Any = ("box", "rail"),
              **solver: Any) -> Any:
     """Return a block of 2 kg on a rail, as deep in it as its weight presses it."""

@@ -101,7 +101,7 @@ def test_expressions_over_a_motion(tmp_path):
     texts = ["tip.x*tip.vy^2 + 3*goal", "mass*sqrt(1 + max(tip.uy - 2*knee.uy)) - min(tip.omega)", "far^2*knee.theta",
              "max(far - tip.x)/mass", "mass"]
     words, paths = Vocabulary(loaded), ["bodies.arm.material.rho", "parameters.far", "springs.stay.stiffness",
-                                        "bodies.fork.geometry.end.0", "loads.push.value.1"]
+                                        "bodies.fork.geometry.end.0", "masses.lump.mass"]
     read = Measures([read_measure(text, "--minimise", words, ["far"]) for text in texts], loaded.case.goal)
     assert read.places
     assert read.count == 4
