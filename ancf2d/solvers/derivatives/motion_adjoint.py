@@ -37,8 +37,8 @@ SHORT, STRAIGHT = 0.02, 5e-5
 TRIES = 3
 # of derivatives by differences with the step that is tried first
 ROUND_OFF = 3e-11
-# of goals, each the result of a few operations
-EPSILON = 1e-15
+# of goals; and times that, which is no change of what is read: each is the result of a few operations
+EPSILON, FEW = 2.2e-16, 4.0
 
 
 # a value, a state, a probe and its quantity, and what a change of this does to the value
@@ -200,7 +200,7 @@ class MotionAdjoint(Together):
                 continue
             noise = ROUND_OFF * self.first[number.at] / number.h
             of_reading = EPSILON / number.h * np.abs(self.values)
-            bent = one.bent(of_reading)
+            bent = one.bent(FEW * of_reading)
             # of the step, where (bent x)^2 and noise / x are least together
             shorter = (0.5 * noise / max(bent, STRAIGHT)**2) ** (1 / 3)
             if bent > STRAIGHT and shorter < 0.5 and not last:
