@@ -15,6 +15,7 @@ from ancf2d.elements import contact_geometry as geometry
 PLACES = {"within": gaps.WITHIN, "kink": gaps.AT_LAST, "end": gaps.WITHIN}
 KINDS = {"compliant": (laws.COMPLIANT_BODIES, 0.0), "damped": (laws.COMPLIANT_BODIES, 0.4),
          "hard": (laws.HARD_BODIES, 0.0)}
+ROUGH = {"layer": laws.COMPLIANT_BODIES, "hard": laws.ROUGH_BODIES}
 
 
 class Point:
@@ -107,11 +108,10 @@ def rubbing(one, two, place, slides, depth, law=laws.COMPLIANT_BODIES):
 
 
 @helpers.pairwise(one=SECTIONS, two=SECTIONS, place=["within", "end"], slides=[False, True],
-                  law=[laws.COMPLIANT_BODIES, laws.ROUGH_BODIES])
-def test_friction_has_its_derivatives_but_for_the_depth_and_takes_its_power(one, two, place, slides, law):
+                  kind=ROUGH)
+def test_friction_has_its_derivatives_but_for_the_depth_and_takes_its_power(one, two, place, slides, kind):
     depth = 1e-3
-    point = rubbing(one, two, place, slides, depth, law)
-    plain = rubbing(one, two, place, slides, depth, law)
+    point, plain = (rubbing(one, two, place, slides, depth, ROUGH[kind]) for _ in range(2))
     plain.par[geometry.FRICTION] = 0.0
 
     def friction(u, w):
