@@ -161,6 +161,7 @@ def test_a_belt_bears_the_torque_at_which_it_slips_on_one_of_two_pulleys(first: 
     for state in solve(model):
         held = reactions(model, state)
         torques.append(-held["brake"]["m"])
-        assert held["brake"]["fx"] == pytest.approx(pull * min(state.t / 0.2, 1.0), rel=1e-6)
+        # to the round-off of the whole load, where steps are short as the belt just comes to touch
+        assert held["brake"]["fx"] == pytest.approx(pull * min(state.t / 0.2, 1.0), rel=1e-6, abs=1e-9 * pull)
     assert torques[-1] == pytest.approx(most, rel=1e-3)
     assert max(torques) < most * (1.0 + 1e-3)
