@@ -125,7 +125,8 @@ def test_a_disc_rolls_down_a_slope_or_slides(mu: float) -> None:
 
 
 def two_pulleys(first: float, second: float, pull: float, radius: float, **how: Any) -> Any:
-    """Return a belt around two pulleys that a force pulls apart; the first turns, the second is held."""
+    """Return a belt around two pulleys that a force pulls apart, from the beginning; the first turns, the second is
+    held."""
     apart, angle = 0.2, {"type": "table", "t": [0, 0.2, 1], "value": [0, 0, 0.02]}
     pieces = [{"line": apart}, {"arc": radius, "angle": math.pi}] * 2
     belt = {"geometry": {"type": "path", "start": [0, -radius], "heading": 0, "closed": True, "pieces": pieces},
@@ -135,11 +136,11 @@ def two_pulleys(first: float, second: float, pull: float, radius: float, **how: 
     return h.build(
         {"belt": belt, "driver": rigid([-0.01, 0], [0.01, 0], 1.0, 1.0),
          "driven": rigid([apart - 0.01, 0], [apart + 0.01, 0], 1.0, 1.0)},
-        {"type": "static", "steps": 10},
+        {"type": "static", "steps": 20},
         bc=[{"name": "shaft", "type": "prescribed", "at": "driver@0.5", "uy": 0, "angle": angle},
             {"name": "brake", "type": "clamp", "at": "driven@0.5"}],
         loads=[{"type": "force", "at": "driver@0.5", "value": [-pull, 0],
-                "amplitude": {"type": "table", "t": [0, 0.2], "value": [0, 1]}}],
+                "amplitude": {"type": "table", "t": [0, 0.2], "value": [0.05, 1]}}],
         obstacles={name: {"type": "circle", "center": [x, 0], "radius": radius * (1 + 2e-4), "on": name2}
                    for name, x, name2 in (("one", 0, "driver"), ("two", apart, "driven"))},
         contacts=[{"between": ["belt", "one"], "friction": first, **grip},
@@ -161,7 +162,6 @@ def test_a_belt_bears_the_torque_at_which_it_slips_on_one_of_two_pulleys(first: 
     for state in solve(model):
         held = reactions(model, state)
         torques.append(-held["brake"]["m"])
-        # to the round-off of the whole load, where steps are short as the belt just comes to touch
-        assert held["brake"]["fx"] == pytest.approx(pull * min(state.t / 0.2, 1.0), rel=1e-6, abs=1e-9 * pull)
+        assert held["brake"]["fx"] == pytest.approx(pull * min(0.05 + 0.95 * state.t / 0.2, 1.0), rel=1e-6)
     assert torques[-1] == pytest.approx(most, rel=1e-3)
     assert max(torques) < most * (1.0 + 1e-3)
