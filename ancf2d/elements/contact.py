@@ -76,7 +76,6 @@ def bent(par, z, nx, ny, k, work, H):  # type: ignore[no-untyped-def]
     spread_both(par, z, work, H, 0, 1.0)
 
 
-
 def dragged(par, mem, way, pressed):  # type: ignore[no-untyped-def]
     """Return the force of friction along s after a slip, and whether it slides, by force or as whoever solves says."""
     if mem[SLIDES] == 0.0:

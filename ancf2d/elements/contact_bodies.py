@@ -184,8 +184,8 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
 
 def hard_rough(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     """No penetration, with Coulomb's friction along the other curve; none at a kink, where no place on it moves."""
-    m, own, work, across, rows = len(u) - 1, work_vector(WORK), work_vector(WORK), work_vector(WORK), work_matrix(
-        6, len(u) - 1)
+    m, own, work, across = len(u) - 1, work_vector(WORK), work_vector(WORK), work_vector(WORK)
+    rows = work_matrix(6, m)
     g, nx, ny, z = press(p0, u, par, mem, f, H, own, work, across, rows)
     if np.isnan(g) or par[FRICTION] == 0.0 or mem[FOUND] != WITHIN or mem[SLIDES] == CLOSES:
         return 0.0, 0.0

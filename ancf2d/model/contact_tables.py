@@ -224,7 +224,7 @@ class ContactTable:
         lean(table, d, amps, slope, bend)
         return slope, bend
 
-    def past(self, d: Array) -> Any:
+    def past(self, d: Array, t: float) -> Any:
         """Return that no point (m,) is beyond an end of an obstacle, which has none."""
         return np.zeros(len(self.points), dtype=bool)
 
@@ -268,10 +268,14 @@ class BodyTable(ContactTable):
 
         return bool(bodies_cross(self.facing, self.table, before, d))
 
-    def past(self, d: Array) -> Any:
+    def past(self, d: Array, t: float) -> Any:
         """Return which points (m,) are beyond an end of the other body at d (n_full,)."""
-        self.turn_to(d)
-        joined, found = self.table.par[:, ORIGIN + JOINED], self.table.mem[:, FOUND]
+        return self._ended(self.at(d, t)[0])
+
+    @staticmethod
+    def _ended(table: Points) -> Any:
+        """Return which points (m,) of a table that was turned to a state are beyond an end of the other body."""
+        joined, found = table.par[:, ORIGIN + JOINED], table.mem[:, FOUND]
         return np.array([beyond(*row) for row in zip(joined, found, strict=True)], dtype=bool)
 
     def stand(self, d: Array, t: float) -> tuple[Array, Array, Any]:
@@ -282,7 +286,7 @@ class BodyTable(ContactTable):
         table, _ = self.at(d, t)
         gap, places = np.zeros(len(table.forces)), np.zeros((len(table.forces), 3))
         body_gaps(self.facing, table, d, gap, places)
-        return gap, places, np.isfinite(gap) & ~self.past(d)
+        return gap, places, np.isfinite(gap) & ~self._ended(table)
 
     def slip(self, k: int, now: Array, before: Array) -> float:
         """Return how far point k has slid from one place (3,) to another, none on another surface."""

@@ -163,7 +163,7 @@ def exchange(system: System, d: Array, t: float, left: set[ContactPoint]) -> tup
     for one in sliding:
         one.look_at_supports(d, t, 2.0 * limit)
         turned += let_go(one, d) + choose_curves(one, left)
-    off = sum(_let_off(one, d) for one in hard)
+    off = sum(_let_off(one, d, t) for one in hard)
     depths = [_depths(one, d, t) for one in hard]
     worst = max((float(depth.max(initial=0.0)) for depth, _, _ in depths), default=0.0)
     pulls = np.array([d[p.multiplier] for one in hard for p in one.points if p.mem[HELD] > 0.0])
@@ -176,9 +176,9 @@ def exchange(system: System, d: Array, t: float, left: set[ContactPoint]) -> tup
     return turned + off + _settle(system, d, t, spots, limit), worst
 
 
-def _let_off(one: ContactTable, d: Array) -> int:
+def _let_off(one: ContactTable, d: Array, t: float) -> int:
     """Open points that have slid beyond an end of the other body, whose corner may close; return how many."""
-    off = [one.points[k] for k in np.flatnonzero(one.past(d)) if one.points[k].mem[HELD] > 0.0]
+    off = [one.points[k] for k in np.flatnonzero(one.past(d, t)) if one.points[k].mem[HELD] > 0.0]
     for point in off:
         open_point(point, d)
     return len(off)
