@@ -95,7 +95,7 @@ def tip_loaded(order: Any, mu: float, name: str = "reissner3", count: int = 2) -
 def test_leaves_without_a_law_press_and_rub_at_their_ends(order, mu):
     """Equal leaves share the force P at their ends: friction mu P/2 at h/2 from the axes bends them by mu P h/4.
 
-    w = P L^3/(6 EI) (1 -+ 3/4 mu h/L), less where the force grows, more where it falls (Osipenko 2007), and P L/(2 kGA)
+    w = P L^3/(6 EI) (1 -+ 3/4 mu h/L), less where the force grows, more where it falls, and P L/(2 kGA)
     by shear. The ends slide off one another at once: the corner that stays on a face bears the force.
     """
     solution = tip_loaded(order, mu)
