@@ -145,10 +145,6 @@ def _check_contact(checker: Any, path: Path, contact: Any) -> None:
         checker.fail((*path, "friction"), f"{dotted(path)}: without a contact law, friction cannot be used with {what}",
                      "law: {stiffness, damping}")
     between = contact.between or ()
-    if (all(name in case.bodies for name in between or (contact.self_,)) and contact.friction and contact.law is None
-            and checker.solver == "dynamic"):
-        checker.fail((*path, "friction"), f"{dotted(path)}: in motion, friction between bodies, or of a body on "
-                     "itself, needs a contact law", "law: {stiffness, damping}")
     itself = case.bodies.get(contact.self_, INVALID)
     if itself is not INVALID and itself.element is not INVALID and itself.element.type == "rigid":
         checker.fail((*path, "self"), f"{dotted(path)}.self: {contact.self_} is rigid, and cannot touch itself",

@@ -35,6 +35,7 @@ from .contact_gaps import (
 )
 from .contact_geometry import (
     ANCHOR,
+    BEHIND,
     BY_CHOICE,
     CLOSED,
     CLOSES,
@@ -43,6 +44,7 @@ from .contact_geometry import (
     FRICTION,
     HELD,
     HOME,
+    NONE,
     OPEN,
     ORIGIN,
     PLACE,
@@ -187,7 +189,8 @@ def hard_rough(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     m, own, work, across = len(u) - 1, work_vector(WORK), work_vector(WORK), work_vector(WORK)
     rows = work_matrix(6, m)
     g, nx, ny, z = press(p0, u, par, mem, f, H, own, work, across, rows)
-    if np.isnan(g) or par[FRICTION] == 0.0 or mem[FOUND] != WITHIN or mem[SLIDES] == CLOSES:
+    if np.isnan(g) or par[FRICTION] == 0.0 or mem[FOUND] != WITHIN or mem[SLIDES] == CLOSES or (
+            u[m] >= 0.0 and mem[SLIDES] == 0.0):
         return 0.0, 0.0
     for p in range(m):
         # the force across is an unknown of its own
@@ -215,6 +218,7 @@ def take_hold(p0, u, par, mem, pressed):  # type: ignore[no-untyped-def]
     """Let friction remember which place an accepted state holds to, under the force of the layer where ``pressed`` is
     negative; return the gap."""
     own, work, across = work_vector(WORK), work_vector(WORK), work_vector(WORK)
+    behind, mem[BEHIND] = mem[BEHIND], NONE
     g, _, _, z = gap_between(par, p0, u, mem, own, work, across)
     if np.isnan(g) or mem[FOUND] != WITHIN:
         return g
@@ -222,6 +226,8 @@ def take_hold(p0, u, par, mem, pressed):  # type: ignore[no-untyped-def]
     if pressed < 0.0:
         pressed = par[WEIGHT] * par[STIFFNESS] * max(-g, 0.0)
     held, slides = dragged(par, mem, slip_on(par[ORIGIN:], mem, place, unit), pressed)
+    if behind != NONE:
+        held, slides = behind, True
     if slides or mem[ON] != surface:
         mem[ANCHOR] = place + held / (par[STICK] * unit)
     mem[ON] = surface
@@ -242,7 +248,11 @@ def accept_rough(p0, u, par, mem):  # type: ignore[no-untyped-def]
     """Keep the side of an axis that the point is on, and what friction without a law holds where it is closed."""
     take_side(p0, u, par, mem)
     if par[FRICTION] > 0.0 and mem[FREE] >= 0.0 and mem[HELD] != OPEN:
-        take_hold(p0, u, par, mem, max(-u[len(u) - 1], 0.0))
+        pressed = max(-u[len(u) - 1], 0.0)
+        take_hold(p0, u, par, mem, pressed)
+        if mem[HELD] == BY_CHOICE:
+            # as in ``contact.accept_hard``
+            mem[SLIDES] = 0.0 if pressed > 0.0 else CLOSES
 
 
 COMPLIANT_BODIES = PointLaw("contact_of_bodies", compliant, contact.over_step(compliant, 0), accept=accept)

@@ -49,15 +49,17 @@ from .contact_geometry import (
 # par from ORIGIN on: section, powers and offset of the other curve at SECTION, TERMS and OFFSET, as of one's own; on
 # which side its outside is (1 left of its way, -1 right); S [m] where it begins, and how far it goes along the body;
 # which of its ends go on as another curve (1 the first, 2 the last); z of the element where it is an end of the body
-# (0 along the body), and heights of its middle and half of it
-SIGN, BEGINS, GOES, JOINED, END, MIDDLE, HALF = 3, 4, 5, 6, 7, 8, 9
-CURVE_SIZE = 11
+# (0 along the body), and heights of its middle and half of it; what of it supports hold in a motion (1 its first end, 2
+# its last one, 4 all)
+SIGN, BEGINS, GOES, JOINED, END, MIDDLE, HALF, FIXED = 3, 4, 5, 6, 7, 8, 9, 11
+CURVE_SIZE = 12
 # and of the point: how deep it may be at most, S [m] of it and how far its element goes, what along the body is too
 # near to touch (with the length of a closed one), at which end it is a corner, whether it touches only what is further
 # on, whether both sides do, into how many pieces the points there divide an element if it leaves contact to these
-# where it is opposite to one (0: it does not), and the length of a closed body that it is opposite to (0: it is open)
-DEEPEST, OWN, OWN_GOES, APART, ROUND, CORNER, ONWARD, BOTH, YIELDS, LOOP = range(CURVE_SIZE, CURVE_SIZE + 10)
-BODY_SIZE = CURVE_SIZE + 10
+# where it is opposite to one (0: it does not), the length of a closed body that it is opposite to (0: it is open), and
+# whether supports hold it in a motion
+DEEPEST, OWN, OWN_GOES, APART, ROUND, CORNER, ONWARD, BOTH, YIELDS, LOOP, RESTS = range(CURVE_SIZE, CURVE_SIZE + 11)
+BODY_SIZE = CURVE_SIZE + 11
 # mem: z of the foot point, whether it is one (0 there is none), or an end of the element (-1, 1), and of an axis the
 # side of it that the point is on; and which surface (``surface_of``) friction holds it to, at the place ANCHOR
 FOOT, FOUND, SIDE, ON = range(MEMORY, MEMORY + 4)

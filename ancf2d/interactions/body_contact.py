@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +15,18 @@ from ..elements.contact_gaps import Facing
 from ..elements.shape import Array
 from ..model.mesh import BodyMesh, Index
 from .contact import STICK, TOUCH, Contact
-from .contact_curves import Spot, curve_rows, eta_at, face_of, levels_of, offset_of, padded, pieces_along, spots
+from .contact_curves import (
+    Spot,
+    curve_rows,
+    eta_at,
+    face_of,
+    levels_of,
+    moves,
+    offset_of,
+    padded,
+    pieces_along,
+    spots,
+)
 
 # of the mean height of two bodies: what is deeper is not what a point touches, but the far side
 DEEPEST = 0.75
@@ -53,8 +64,8 @@ def _terms(mesh: BodyMesh) -> int:
     return 1 + max(mesh.plan.element.degree_x, mesh.plan.element.degree_y)
 
 
-def curves_of(mesh: BodyMesh, side: str) -> list[Curve]:
-    """Return the curves of a body that may be touched: its faces and ends, or its axis."""
+def curves_of(mesh: BodyMesh, side: str, follows: Mapping[int, Any]) -> list[Curve]:
+    """Return the curves of a body that may be touched: its faces and ends, or its axis; ``follows`` as in ``moves``."""
     out, count, levels = [], len(mesh.dofs), levels_of(mesh, side)
     terms = _terms(mesh)
 
@@ -72,11 +83,13 @@ def curves_of(mesh: BodyMesh, side: str) -> list[Curve]:
             joined = (1 if ie > 0 or mesh.plan.closed else 0) + (2 if ie < count - 1 or mesh.plan.closed else 0)
             add(ie, padded(rows, own, terms), kind, OFFSET=offset_of(mesh, height), JOINED=joined,
                 SIGN=-1.0 if eta == levels[0] and side == "surface" else 1.0, BEGINS=float(mesh.starts[ie]),
-                GOES=float(mesh.lengths[ie]))
+                GOES=float(mesh.lengths[ie]), FIXED=sum(k for k, z in ((1, -1.0), (2, 1.0))
+                                                    if follows and not moves(mesh, Spot(ie, z, eta, 0.0), follows)))
     if side == "surface" and not mesh.plan.closed:
         for ie, z in ((0, -1.0), (count - 1, 1.0)):
             low, high = (eta_at(mesh, Spot(ie, z, eta, 0.0)) for eta in levels)
-            place = {"SIGN": -z, "BEGINS": 0.0 if z < 0.0 else mesh.plan.length}
+            rests = follows and not any(moves(mesh, Spot(ie, z, eta, 0.0), follows) for eta in levels)
+            place = {"SIGN": -z, "BEGINS": 0.0 if z < 0.0 else mesh.plan.length, "FIXED": 4.0 if rests else 0.0}
             rows, own, kind = curve_rows(mesh, ie, 0.0)
             if kind == geometry.CURVE:
                 add(ie, _across(mesh, ie, z, low, high), kind, **place)
@@ -103,17 +116,19 @@ def _rank(mesh: BodyMesh) -> tuple[Any, ...]:
     return mesh.plan.rigid, float(mesh.lengths.max()), mesh.plan.name
 
 
-def body_pairs(item: Contact, name: str, one: BodyMesh, two: BodyMesh, extent: float) -> list[BodyPair]:
+def body_pairs(item: Contact, name: str, one: BodyMesh, two: BodyMesh, extent: float, rapid: float,
+               follows: Mapping[int, Any]) -> list[BodyPair]:
     """Return the points of each of two bodies that may touch the other (the same one: of a body with itself).
 
     With a law both bear half the pressure. Without one, only one has points all along, and the other its corners.
     """
     if one is two:
-        return [BodyPair(item, name, one, one, extent, True)]
+        return [BodyPair(item, name, one, one, extent, True, rapid, follows)]
     if item.law is not None:
         return [BodyPair(item, name, one, two, extent, True), BodyPair(item, name, two, one, extent, True)]
     first = _rank(one) < _rank(two)
-    pairs = [BodyPair(item, name, one, two, extent, first), BodyPair(item, name, two, one, extent, not first)]
+    pairs = [BodyPair(item, name, one, two, extent, first, rapid, follows),
+             BodyPair(item, name, two, one, extent, not first, rapid, follows)]
     return [pair for pair in pairs if pair.spots]
 
 
@@ -134,10 +149,11 @@ class BodyPair:
     runs = None
 
     def __init__(self, item: Contact, name: str, mesh: BodyMesh, other: BodyMesh, extent: float, whole: bool,
+                 rapid: float = 0.0, follows: Mapping[int, Any] | None = None,
                  chosen: list[Spot] | None = None) -> None:
         self.item, self.name, self.mesh, self.against = item, name, mesh, other
         self.hard, self.body, self.other, self.scale = item.law is None, mesh.plan.name, other.plan.name, extent
-        self.whole = whole
+        self.whole, self.rapid, self.follows = whole, rapid, follows or {}
         self.law = COMPLIANT_BODIES if not self.hard else ROUGH_BODIES if item.friction else HARD_BODIES
         # what is reported is the force on the first body named: none of a body on itself
         self.sign = 0.0 if item.between is None else 1.0 if item.between[0] == self.body else -1.0
@@ -145,13 +161,13 @@ class BodyPair:
             p for p in spots(mesh, "axis", False, False) if _is_end(mesh, p)]
         self.spots = chosen or spots(mesh, item.side, not self.hard, False) if whole else ends
         self.s: Array = np.array([self._along(p) / mesh.plan.length for p in self.spots])
-        self.curves = curves_of(other, item.side)
+        self.curves = curves_of(other, item.side, self.follows)
         self._items()
 
     def at(self, item: Contact, mesh: BodyMesh, chosen: list[Spot]) -> BodyPair:
         """Return chosen points of one of the two bodies beside the other, under a contact of the same kind."""
         other = self.against if mesh is self.mesh else self.mesh
-        return BodyPair(item, self.name, mesh, other, self.scale, True, chosen)
+        return BodyPair(item, self.name, mesh, other, self.scale, True, chosen=chosen)
 
     def _along(self, p: Spot) -> float:
         return float(self.mesh.starts[p.ie] + 0.5 * (p.z + 1.0) * self.mesh.lengths[p.ie])
@@ -174,7 +190,7 @@ class BodyPair:
         self.G, self.p0, self.par = np.array(G), np.array(start), np.array(par)
         self.mem: Array = np.zeros((len(self.spots), facing.BODY_MEMORY))
         self.mem[:, geometry.PLACE] = [p.z for p in self.spots]
-        self.mem[:, geometry.HELD] = -1.0
+        self.mem[:, geometry.HELD], self.mem[:, geometry.BEHIND] = -1.0, geometry.NONE
         self.mem[:, geometry.SLIDES] = geometry.CLOSES if self.hard else 0.0
         self.mem[:, geometry.FREE] = [-1.0 if p.free else 0.0 for p in self.spots]
         self.own = len(self.p0[0]) - len(opposite.p0), own.shape[1]
@@ -283,8 +299,8 @@ class BodyPair:
             return weight, law.stiffness, law.damping, self.item.friction, weight * law.stiffness
         l, reach, mu = float(self.mesh.lengths[p.ie]), 1.0 / pieces_along(self.mesh), self.item.friction
         if self.mesh.plan.rigid:
-            # what it sticks by follows the forces of the scene (model/contact_tables.py)
-            return p.weight, 1.0, reach, mu, 0.0
+            # in statics it follows the forces of the scene (model/contact_tables.py)
+            return p.weight, 1.0, reach, mu, float(section.rhoA) * self.mesh.plan.length * self.rapid**2
         return p.weight, section.EI / l**3, reach, mu, STICK * section.EA / l
 
     def _face(self, p: Spot) -> float:
@@ -301,7 +317,8 @@ class BodyPair:
         return [DEEPEST * height, self._along(p), float(self.mesh.lengths[p.ie]), APART * height if itself else 0.0,
                 length if itself and self.mesh.plan.closed else 0.0, corner,
                 float(itself and self.hard and corner == 0.0), float(self.item.side == "axis"),
-                yields, self.against.plan.length if self.against.plan.closed else 0.0]
+                yields, self.against.plan.length if self.against.plan.closed else 0.0,
+                float(bool(self.follows) and not moves(self.mesh, p, self.follows))]
 
     @property
     def reach(self) -> Index:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Set
+from collections.abc import Iterator, Mapping
 from functools import cache, cached_property
 from typing import Any
 
@@ -88,8 +88,8 @@ class ContactPair:
 
     ``dofs`` (m, n), ``G`` (m, fields, n), ``p0`` (m, fields), ``par`` and ``mem`` (m, .): see ``point_patch.Items``;
     ``spots`` (m) and their ``s`` (m,) along the body; ``hard``: whether each has a multiplier behind its fields.
-    ``still``: its points may move along elements to where a body lifts off (``contact_curves``). ``held`` are the
-    coordinates that supports hold, ``rapid`` [1/s] is a rate far above those of a motion, with which a
+    ``still``: its points may move along elements to where a body lifts off (``contact_curves``). ``follows`` are the
+    coordinates that are no unknowns, ``rapid`` [1/s] is a rate far above those of a motion, with which a
     rigid body that sticks yields.
     """
 
@@ -106,13 +106,13 @@ class ContactPair:
         return out
 
     def __init__(self, item: Contact, name: str, mesh: BodyMesh, obstacle: Any, frame: Frame, extent: float,
-                 held: Set[int] = frozenset(), rapid: float = 0.0, chosen: list[Spot] | None = None,
+                 follows: Mapping[int, Any] | None = None, rapid: float = 0.0, chosen: list[Spot] | None = None,
                  still: bool = False) -> None:
         self.obstacle = obstacle
         self.item, self.name, self.mesh, self.frame, self.hard = item, name, mesh, frame, item.law is None
         self.body, self.other, self.law, self.sign = mesh.plan.name, "", COMPLIANT if item.law else HARD, 1.0
         self.still = still and self.hard
-        self.spots = chosen or movable(mesh, item.side, not self.hard, held, self.still)
+        self.spots = chosen or movable(mesh, item.side, not self.hard, follows or {}, self.still)
         self.s: Array = np.array([(mesh.starts[p.ie] + 0.5 * (p.z + 1.0) * mesh.lengths[p.ie]) / mesh.plan.length
                                   for p in self.spots])
         self.rapid, self.cubic = rapid, is_cubic(mesh)

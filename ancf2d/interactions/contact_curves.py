@@ -14,7 +14,7 @@ whose third derivatives are others, move them by errors of the order of l^3.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence, Set
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -93,24 +93,30 @@ def spots(mesh: BodyMesh, side: str, compliant: bool, still: bool) -> list[Spot]
     return out
 
 
-def movable(mesh: BodyMesh, side: str, compliant: bool, held: Set[int], still: bool) -> list[Spot]:
-    """Return where a body may touch but for what coordinates that supports hold leave where it is."""
-    concerned = np.isin(mesh.dofs, list(held)).sum(axis=1) > 0
-    return [p for p in spots(mesh, side, compliant, still) if not (concerned[p.ie] and _moved_by(mesh, p) <= held)]
+def movable(mesh: BodyMesh, side: str, compliant: bool, follows: Mapping[int, Any], still: bool) -> list[Spot]:
+    """Return where a body may touch but for what supports hold where it is: see ``moves``."""
+    concerned: Any = np.isin(mesh.dofs, list(follows)).any(axis=1)
+    return [p for p in spots(mesh, side, compliant, still) if not concerned[p.ie] or moves(mesh, p, follows)]
 
 
-def _moved_by(mesh: BodyMesh, spot: Spot) -> set[int]:
-    """Return the coordinates that move a spot."""
-    eta = eta_at(mesh, spot)
+def moves(mesh: BodyMesh, spot: Spot, follows: Mapping[int, Any]) -> bool:
+    """Return whether unknowns move a spot in the reference; ``follows`` are the coordinates that are none, with terms.
+    """
+    eta, dofs = eta_at(mesh, spot), mesh.dofs[spot.ie]
     rows, terms, kind = curve_rows(mesh, spot.ie, eta)
     powers = spot.z ** np.arange(terms)
-    slopes = np.arange(terms) * spot.z ** np.maximum(np.arange(terms) - 1, 0)
     parts = rows.reshape(-1, terms, rows.shape[1])
-    sizes: Array = np.abs(powers @ parts).sum(axis=0)
+    ways: Array = powers @ parts
     if kind == geometry.OF_TANGENT and eta != 0.0:
-        sizes = sizes + np.abs(slopes @ parts).sum(axis=0)
-    used = sizes > 1e-12 * sizes.max()
-    return set(mesh.dofs[spot.ie][used].tolist())
+        # a tangent that becomes longer turns nothing
+        slope = (np.arange(terms) * spot.z ** np.maximum(np.arange(terms) - 1, 0)) @ parts
+        tangent = slope @ mesh.e0[dofs - mesh.first_dof]
+        ways = np.vstack([ways, (tangent[0] * slope[1] - tangent[1] * slope[0]) / np.hypot(*tangent)])
+    least, total = 1e-12 * np.abs(ways).max(), dict[int, Array]()
+    for c, way in zip(dofs.tolist(), ways.T, strict=True):
+        for k, factor in (follows[c].terms if c in follows else {c: 1.0}).items():
+            total[k] = total.get(k, 0.0) + factor * way
+    return any(np.abs(way).max() > least for way in total.values())
 
 
 def eta_at(mesh: BodyMesh, spot: Spot) -> float:

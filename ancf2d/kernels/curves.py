@@ -155,7 +155,7 @@ def _product(x, i, y, j, span, s):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def add_skew(points, x, y):  # type: ignore[no-untyped-def]
+def add_skew(points, x, y, place, indptr, index, value):  # type: ignore[no-untyped-def]
     """Add to y (n,) what items have of a product with x (n,) that their symmetric tangents, made last, leave out.
 
     Returns whether there is any.
@@ -165,6 +165,9 @@ def add_skew(points, x, y):  # type: ignore[no-untyped-def]
         if sewn.rubs[i]:
             found = True
             first, n = sewn.begin[i, 0], sewn.begin[i + 1, 0] - sewn.begin[i, 0]
+            if n == 0:
+                _add_skew_between(points, i, x, y, place, indptr, index, value)
+                continue
             unknown, skew, k = array_at(sewn.unknown, first, (n,)), array_at(sewn.skew, sewn.begin[i, 2], (n * n,)), 0
             for r in range(n):
                 total, a = 0.0, unknown[r]
@@ -174,6 +177,42 @@ def add_skew(points, x, y):  # type: ignore[no-untyped-def]
                 y[a] += total
                 k += r + 1
     return found
+
+
+@inner
+def _add_skew_between(points, i, x, y, place, indptr, index, value):  # type: ignore[no-untyped-def]
+    """Do as ``add_skew`` for an item between bodies, whose coordinates change: see ``matrices.matrix.scatter``."""
+    dofs, _ = coordinates_of_item(points, i)
+    n = len(dofs)
+    skew, moves, acts = array_at(points.sewn.skew, points.sewn.begin[i, 2], (n * n,)), vector(n), vector(n)
+    for r in range(n):
+        k = place[dofs[r]]
+        moves[r] = x[k] if k >= 0 else 0.0
+        for q in range(indptr[-2 - k] if k < -1 else 0, indptr[-1 - k] if k < -1 else 0):
+            moves[r] += value[q] * x[index[q]]
+    for r in range(n):
+        for s in range(r):
+            z = skew[r * (r + 1) // 2 + s]
+            acts[r] += z * moves[s]
+            acts[s] -= z * moves[r]
+    for r in range(n):
+        k = place[dofs[r]]
+        if k >= 0:
+            y[k] += acts[r]
+        for q in range(indptr[-2 - k] if k < -1 else 0, indptr[-1 - k] if k < -1 else 0):
+            y[index[q]] += value[q] * acts[r]
+
+
+@inner
+def _halve(K, skew):  # type: ignore[no-untyped-def]
+    """Leave the symmetric part of K (n, n), and keep the other; return whether there is any."""
+    k, largest, least = 0, 0.0, 0.0
+    for r in range(len(K)):
+        for s in range(r + 1):
+            mean, skew[k] = 0.5 * (K[r, s] + K[s, r]), 0.5 * (K[r, s] - K[s, r])
+            largest, least, k = max(largest, abs(mean)), max(least, abs(skew[k])), k + 1
+            K[r, s] = K[s, r] = mean
+    return least > SKEW * largest
 
 
 @kernel
@@ -191,7 +230,8 @@ def point_tangent(points, d, v, amps, c, Q, matrix, place, indptr, index, value)
         U, _, acts = _evaluate_run(points, i, d, v, amps, u, w, a, f, H, C, False)
         energy += U
         in_place = len(sewn.rubs) > 0 and sewn.begin[i + 1, 0] > sewn.begin[i, 0]
-        if in_place:
+        keeps = len(sewn.rubs) > 0 and not in_place and sewn.begin[i + 1, 2] > sewn.begin[i, 2]
+        if in_place or keeps:
             sewn.rubs[i] = False
         if acts:
             add_to(points, i, f, Q)
@@ -200,7 +240,9 @@ def point_tangent(points, d, v, amps, c, Q, matrix, place, indptr, index, value)
                 sewn.rubs[i] = _add_sewn(points, i, H, C, c, rows, values)
             else:
                 K = array_at(entries, 0, (n, n))
-                stiffness_of(points, i, H, C, 1.0, c, True, rows, K)
+                stiffness_of(points, i, H, C, 1.0, c, not keeps, rows, K)
+                if keeps:
+                    sewn.rubs[i] = _halve(K, array_at(sewn.skew, sewn.begin[i, 2], (n * n,)))
                 scatter(matrix, K, points.dofs[first:first + n].reshape((1, n)), 0, place, indptr, index, value)
         i += points.run[i]
     return energy

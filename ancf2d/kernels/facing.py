@@ -23,6 +23,7 @@ from ..elements.contact_gaps import (
     CURVE_SIZE,
     DEEPEST,
     END,
+    FIXED,
     FOOT,
     FOUND,
     GOES,
@@ -33,6 +34,7 @@ from ..elements.contact_gaps import (
     ONWARD,
     OWN,
     OWN_GOES,
+    RESTS,
     ROUND,
     SIDE,
     SIGN,
@@ -208,6 +210,12 @@ def _nearest(table, way, par, x, y, tx, ty, best, room, none, own, across, waiti
 
 
 @inner
+def _rests(fixed, z):  # type: ignore[no-untyped-def]
+    """Return whether supports hold the place z of a curve."""
+    return fixed >= 4.0 or (fixed % 2.0 == 1.0 and z < SAME - 1.0) or (fixed >= 2.0 and z > 1.0 - SAME)
+
+
+@inner
 def _find(table, points, k, u, z, best, room, none, own, across, waiting):  # type: ignore[no-untyped-def]
     """Write what point k is opposite to from place z of its element, whose fields are in u."""
     i = table.item[k]
@@ -222,6 +230,9 @@ def _find(table, points, k, u, z, best, room, none, own, across, waiting):  # ty
     best[3], best[4] = mem[SIDE], mem[HELD]
     c = _nearest(table, table.way[k], par, x, y, tx, ty, best, room, none, own, across, waiting)
     mem[FOOT], mem[FOUND] = best[1], best[2]
+    if c >= 0 and par[ORIGIN + RESTS] != 0.0 and _rests(table.curve[c, FIXED], best[1]):
+        # a gap that supports hold tells no force
+        mem[FOUND] = NOWHERE
     if c >= 0:
         _put(table, points, k, i, c)
 

@@ -127,6 +127,12 @@ def add_patch_tangent(p, d, v, amps, c, Q, A):  # type: ignore[no-untyped-def]
         calls.sliding_tangent(p.calls, (p, d, v, amps, c, Q, A))
 
 
+@kernel
+def _skew(p, x, y):  # type: ignore[no-untyped-def]
+    """Do as ``curves.add_skew``."""
+    return add_skew(whole(p.points), x, y, p.place, p.indptr, p.index, p.value)
+
+
 def _with_matrix(stored: Any, kind: str) -> tuple[Any, Any]:
     """Return the tangents of point laws and of joints for matrices of a kind."""
     def points(p, d, v, amps, c, Q, A):  # type: ignore[no-untyped-def]
@@ -159,7 +165,7 @@ def patch_functions(fronts: bool, has_points: bool, has_sliding: bool, has_movin
         out |= {calls.point_forces: (point_forces, points), calls.point_noise: (point_noise, points),
                 calls.point_violation: (point_violation, points), calls.point_accept: (point_accept, points),
                 calls.point_rates: (point_constraint_rates, points),
-                calls.point_tangent: (_TANGENTS[fronts][0], problem), calls.point_skew: (add_skew, points)}
+                calls.point_tangent: (_TANGENTS[fronts][0], problem), calls.point_skew: (_skew, problem)}
         if mean:
             out[calls.point_mean] = point_mean_forces, points
     if has_sliding:

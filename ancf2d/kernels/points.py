@@ -14,6 +14,8 @@ class Sewn(NamedTuple):
     """What curves with points of contact (``Points.run``), and points that rub without a law, act on of the unknowns,
     and where their matrices go.
 
+    Of points that rub on bodies, which act on what they are opposite to, only ``skew`` is there, of their coordinates.
+
     begin : (n + 1, 3) where the unknowns, rows and entries of each item begin; unknown (k,), with the matrix W (k,
     fields) that gives the fields, ``span`` (k, 2) as ``Points`` has it; slot : of each lower entry (k, l), row by row,
     the place in the matrix; skew : what is not symmetric of it, of the tangent made last, and rubs (n,) whether any is;

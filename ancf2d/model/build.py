@@ -287,8 +287,7 @@ class _Builder:
         """Add contacts, after everything that holds bodies in the reference."""
         self.frames = {name: frame_of(obstacle, self.meshes, self.timing)
                        for name, obstacle in self.case.obstacles.items()}
-        held = {c for c, dependent in elimination.dependents.items() if not dependent.terms}
-        found = Contacts(self.case, self.meshes, self.frames, self.e0, self.extent, held,
+        found = Contacts(self.case, self.meshes, self.frames, self.e0, self.extent, elimination.dependents,
                          self.case.solver.course[0])
         for problem in found.problems:
             self.report(*problem)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Set
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -36,9 +36,9 @@ def rapid_rate(case: Case) -> float:
 class Contacts:
     """Points of contact in pairs of what touches, as constraints (without a law) and springs (with one).
 
-    ``e0`` (n_q,) is the reference, ``extent`` its size, ``held`` are the coordinates that supports hold where they are,
-    ``begin`` the time or load factor of the reference. ``problems`` are paths in the case, messages and what was
-    expected.
+    ``e0`` (n_q,) is the reference, ``extent`` its size, ``follows`` are the coordinates that are no unknowns (see
+    ``numbering.Dependent``), ``begin`` is the time or load factor of the reference. ``problems`` are paths in the case,
+    messages and what was expected.
     """
 
     case: Case
@@ -46,7 +46,7 @@ class Contacts:
     frames: dict[str, Frame]
     e0: Array
     extent: float
-    held: Set[int]
+    follows: Mapping[int, Any]
     begin: float
     pairs: list[ContactPair | BodyPair] = field(default_factory=list)
     constraints: list[ContactPoint] = field(default_factory=list)
@@ -76,16 +76,17 @@ class Contacts:
             body, other = other, body
         if other in self.case.obstacles:
             still = still and self.case.obstacles[other].smooth
-            if not movable(self.meshes[body], item.side, item.law is not None, self.held, still):
+            if not movable(self.meshes[body], item.side, item.law is not None, self.follows, still):
                 self.problems.append((("contacts", i), f"contacts.{i}: supports hold all of {body}, which cannot touch "
                                       f"{other}", "a body that moves"))
                 return []
             pair = ContactPair(item, name, self.meshes[body], self.case.obstacles[other], self.frames[other],
-                               self.extent, self.held, rapid_rate(self.case), still=still)
+                               self.extent, self.follows, rapid_rate(self.case), still=still)
             pair.other = other
             self._look(i, pair)
             return [pair]
-        pairs = body_pairs(item, name, self.meshes[body], self.meshes[other], self.extent)
+        pairs = body_pairs(item, name, self.meshes[body], self.meshes[other], self.extent, rapid_rate(self.case),
+                           self.follows if isinstance(self.case.solver, Dynamic) else {})
         if item.law is None:
             self._look_at_bodies(i, pairs)
         return pairs
@@ -99,7 +100,8 @@ class Contacts:
                                   f"reference, by up to {-gaps[k]:.4g} at S = {pair.s[k]:.4g}", APART))
         mesh = pair.mesh
         x = np.flatnonzero(mesh.kinds == 0) + mesh.first_dof
-        holds = any({int(c), int(c) + 1} <= self.held for c in x)
+        holds = any(c in self.follows and not self.follows[c].terms and c + 1 in self.follows
+                    and not self.follows[c + 1].terms for c in x.tolist())
         rests = not pair.frame.signals and not pair.frame.fields
         if holds and rests and gaps[k] > REACH * mesh.plan.length:
             self.warnings.append(f"contacts.{i}: {pair.body} is held {gaps[k]:.4g} from {pair.other}, more than "

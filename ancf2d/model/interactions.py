@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from ..elements.contact_geometry import FRICTION
+from ..elements.contact_geometry import BODY, FRICTION, SHAPE
 from ..elements.point_laws import MAX_MEM, MAX_PAR, MAX_SIGNALS
 from ..elements.shape import Array
 from ..interactions.body_contact import facing_table
@@ -131,7 +131,11 @@ def sew(points: Points, T: csr_matrix, slots: Callable[[Index, Index], Index]) -
         begin[i + 1] = begin[i]
         if i < following or (points.along[i] == 0 and not rubs[i]):
             continue
-        following = i + int(points.run[i])
+        following, n = i + int(points.run[i]), int(points.dof[i + 1] - points.dof[i])
+        if rubs[i] and points.par[i, SHAPE] == BODY:
+            # what it acts on changes
+            begin[i + 1, 2] += n * (n + 1) // 2
+            continue
         parts = [slice(*T.indptr[c:c + 2]) for c in points.dofs[points.dof[i]:points.dof[i + 1]]]
         used, to = np.unique(np.concatenate([T.indices[p] for p in parts]), return_inverse=True)
         own = np.zeros((len(used), len(parts)))

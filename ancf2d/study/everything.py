@@ -78,7 +78,7 @@ def _small_cases() -> Iterator[tuple[str, dict[str, Any]]]:
     bodies, rough = _contact_of_bodies(), {"between": ["a", "c"], "friction": 0.1}
     impacts: dict[str, Any] = {"solver": {**MOMENT, "method": "generalized_alpha"}, "output": FEW}
     yield "statics of contact between bodies", {**bodies, "contacts": [*bodies["contacts"], rough], "solver": STATIC}
-    yield "generalized_alpha of contact between bodies", {**bodies, **impacts}
+    yield "generalized_alpha of contact between bodies", {**bodies, **impacts, "contacts": [*bodies["contacts"], rough]}
     yield "generalized_alpha of contact with obstacles", {**_contact_with_obstacles(), **impacts}
     # integrators call what these add by address: one stands for all
     yield "radau5 with controllers, events and what moves", {

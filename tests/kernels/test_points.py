@@ -8,10 +8,14 @@ from types import SimpleNamespace
 import helpers
 import numpy as np
 import pytest
-from scipy.sparse import identity
+from scipy.sparse import csr_matrix, identity
 
 from ancf2d.elements import contact_geometry as geometry
+from ancf2d.elements.contact_gaps import FOUND, WITHIN
+from ancf2d.interactions.body_contact import facing_table
+from ancf2d.interactions.contact import ContactPoint
 from ancf2d.kernels.curves import add_skew, point_accept, point_forces, point_tangent
+from ancf2d.kernels.facing import face
 from ancf2d.kernels.matrices.matrix import SymBand
 from ancf2d.kernels.patches import point_noise, point_violation
 from ancf2d.kernels.points import point_constraint_rates, point_mean_forces
@@ -308,9 +312,56 @@ def test_points_of_contact_on_one_curve_are_summed_and_left_out_where_it_is_far(
     x, h, ends = rng.standard_normal(n), 1e-7, np.zeros((2, n))
     y = (lower + np.tril(lower, -1).T) @ x
     symmetric = y.copy()
-    assert add_skew(sewn, x, y)
+    assert add_skew(sewn, x, y, *plain)
     for end, s in zip(ends, (h, -h), strict=True):
         point_forces(table, d + s * x, v + 0.3 * s * x, none, end)
+    slope = (ends[0] - ends[1]) / (2 * h)
+    np.testing.assert_allclose(y, slope, atol=1e-5 * np.abs(slope).max())
+    assert np.abs(symmetric - slope).max() > 1e-3 * np.abs(slope).max()
+
+
+def test_what_friction_between_bodies_makes_unsymmetric_is_kept_whatever_a_point_is_opposite_to() -> None:
+    """A product with the matrix is the derivative of the forces of the unknowns, some coordinates being combinations.
+
+    A bar on a rail, moved from the element that its points begin on to others, with an end that slides aslant.
+    """
+    model = helpers.build(
+        {"rail": helpers.body(helpers.line(3.0), helpers.element("cable", 3)),
+         "bar": helpers.body(helpers.line(0.4, start=(0.2, 0.3)), helpers.element("cable", 2))},
+        DYNAMIC, contacts=[{"between": ["bar", "rail"], "friction": 0.4}],
+        bc=[{"type": "clamp", "at": "rail@0"}, {"type": "roller", "at": "rail@1", "normal": [1, 2]}])
+    num, rng, none = model.numbering, np.random.default_rng(5), np.zeros((0, 3))
+    model_T = np.zeros((len(num.place), num.n_unknowns))
+    for c, k in enumerate(num.place):
+        if k >= 0:
+            model_T[c, k] = 1.0
+        elif k < -1:
+            some = slice(num.indptr[-2 - k], num.indptr[-1 - k])
+            model_T[c, num.index[some]] = num.value[some]
+    assert (num.place < -1).any()
+    touching = [c for c in model.constraints if isinstance(c, ContactPoint)]
+    points, table = sew(point_table(touching), csr_matrix(model_T), lambda i, j: i), facing_table(touching)
+    n, z = num.n_unknowns, 1e-5 * rng.standard_normal(num.n_unknowns)
+    Kinds(model.meshes.values()).translation(moved := np.zeros(len(num.place)), 1.3, -1e-5)
+    bar = model.meshes["bar"].dofs.ravel()
+    z[num.place[bar]] += moved[bar]
+    z[num.place[points.multiplier]] = -5.0
+    points.mem[:, geometry.SLIDES] = rng.choice([-1.0, 1.0], len(points.mem))
+    points.mem[:, geometry.HELD] = geometry.CLOSED
+    K, Q, ends = SymBand(np.zeros((n, n))), np.zeros(len(num.place)), np.zeros((2, n))
+    maps = num.place, num.indptr, num.index, num.value
+    v, x, h = np.zeros(len(num.place)), rng.standard_normal(n), 1e-6
+    face(table, points, model_T @ z)
+    point_tangent(points, model_T @ z, v, none, 0.0, Q, K, *maps)
+    assert (points.mem[:, FOUND] == WITHIN).sum() > 3
+    lower = np.array([[K.values[i, n - 1 + j - i] if j <= i else 0.0 for j in range(n)] for i in range(n)])
+    y = (lower + np.tril(lower, -1).T) @ x
+    symmetric = y.copy()
+    assert add_skew(points, x, y, *maps)
+    for k, s in enumerate((h, -h)):
+        Q[:] = 0.0
+        point_forces(points, model_T @ (z + s * x), v, none, Q)
+        ends[k] = model_T.T @ Q
     slope = (ends[0] - ends[1]) / (2 * h)
     np.testing.assert_allclose(y, slope, atol=1e-5 * np.abs(slope).max())
     assert np.abs(symmetric - slope).max() > 1e-3 * np.abs(slope).max()

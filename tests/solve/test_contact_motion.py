@@ -131,6 +131,16 @@ def test_a_rod_that_falls_flat_slides_on_more_slowly(restitution):
         assert rate == pytest.approx(max(4.0 - friction * (1.0 + restitution) * fall, 0.0), abs=1e-2)
 
 
+def test_friction_has_all_that_presses_in_the_step_of_an_impact():
+    """A rod falls flat within a step, and lies: friction mu times the whole impulse m g t slows it down, to round-off.
+    """
+    slides = {**scene(friction=0.2), "initial": {"velocity": [4.0, 0.0]}}
+    found = ride(slides, 0.36, dt=2e-2)
+    _, v, _ = found.full()
+    rate = float(h.dot(h.point_ref(found.model.meshes["rod"], 0.5).position()[0], v))
+    assert rate == pytest.approx(4.0 - 0.2 * G * 0.36, abs=1e-9)
+
+
 @pytest.mark.parametrize("dt", [2e-2, pytest.param(1e-3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("angle", [0.1, 1.2, 2.5])
 def test_a_tumbling_rod_never_penetrates_nor_gains_energy(angle, dt):

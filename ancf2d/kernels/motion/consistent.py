@@ -123,6 +123,27 @@ def consistent(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
     return True
 
 
+@inner_with_memory
+def gap_rates(p, w, z, v, a, g, rate, second):  # type: ignore[no-untyped-def]
+    """Fill the gaps, their rates and second rates (items,) of items that are held closed at z; w.amps as there."""
+    velocity, acceleration, y = np.zeros(len(w.d)), np.zeros(len(w.d)), np.zeros(len(z))
+    to_full(p, z, w.amps, 0, w.d)
+    to_full(p, v, w.amps, 1, w.v)
+    w.other[:] = 0.0
+    patch_forces(p, w.d, w.v, w.amps, w.other)
+    gaps = w.other.copy()
+    constraint_matrix(p, w)
+    rates_of_constraints(p, w.d, w.v, w.amps, velocity, acceleration)
+    calls.product(p.calls, (p, w.A, v, w.y))
+    calls.product(p.calls, (p, w.A, a, y))
+    for i in range(len(g)):
+        if p.points.restitution[i] >= 0.0:
+            k = p.points.multiplier[i]
+            g[i] = gaps[k]
+            rate[i] = velocity[k] + w.y[p.place[k]]
+            second[i] = acceleration[k] + y[p.place[k]]
+
+
 @kernel_with_memory
 def onto_constraints(p, w, z, v, t):  # type: ignore[no-untyped-def]
     """Move z and v onto the constraints at t by the least change in the metric of the mass; multipliers stay."""

@@ -15,19 +15,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...elements import contact, contact_geometry
-from ...elements.contact_geometry import ANCHOR, BEHIND, CLOSED, FRICTION, HOME, NONE, RHO, SLIDES, STICK, WORK
+from ...elements.contact_geometry import BEHIND, CLOSED, FRICTION, HELD, NONE, OPEN, SLIDES, STICKS
 from .. import calls
-from ..compiled_laws import call_accept, call_forces, part
+from ..compiled_laws import call_accept, call_forces
 from ..lowlevel.arrays import copy, copy_rows
 from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory
 from ..lowlevel.records import whole
 from ..points import add_to, amplitude_of, fields_of_item, rates_of_item
-from .consistent import allowed_rates, constraint_matrix
+from .consistent import allowed_rates, constraint_matrix, gap_rates
 from .dynamics import to_full, to_unknowns
 
-_gap_at, _slip = part(contact_geometry.gap_at), part(contact.slip)
-_stand = part(contact_geometry.stand)
 # of the largest rate: places that pass slower than this are at rest; of the extent: way that rates are compared along
 PARTING, ALONG = 1e-9, 1e-5
 # rounds over all points, and changes beside the largest impulse that are none
@@ -36,31 +33,38 @@ _ROUNDS, SAME = 1000, 1e-14
 _FIELDS = 100
 
 
-@addressed_with_memory
-def point_slip(points, i, d, v, amps, out):  # type: ignore[no-untyped-def]
-    """Add the gradient of the place of item i on what it touches to out (n_full,); return the rate of that place.
+@inner_with_memory
+def _way_of(points, i, u, w, a, out):  # type: ignore[no-untyped-def]
+    """Fill the gradient (fields,) of the place of item i on what it touches; the multiplier in u is overwritten.
 
     It is what forces of friction to either side, of a unit force across the surface, differ by.
     """
     b, m = points.field[i], points.field[i + 1] - points.field[i]
-    u, w, a, f, back = np.zeros(m), np.zeros(m), np.zeros(3), np.zeros(m), np.zeros(m)
-    H, C = np.zeros((m, m)), np.zeros((m, m))
-    fields_of_item(points, i, d, u)
-    rates_of_item(points, i, v, w)
-    amplitude_of(points, i, amps, u, w, a)
+    back, H, C, kept = np.zeros(m), np.zeros((m, m)), np.zeros((m, m)), points.mem[i, SLIDES]
     u[m - 1] = -1.0
-    kept, rate = points.mem[i, SLIDES], 0.0
     points.mem[i, SLIDES] = 1.0
-    call_forces(points.forces[i], (points.p0[b:b + m], u, w, points.par[i], a, points.mem[i], f, H, C))
+    call_forces(points.forces[i], (points.p0[b:b + m], u, w, points.par[i], a, points.mem[i], out, H, C))
     H[:] = 0.0
     points.mem[i, SLIDES] = -1.0
     call_forces(points.forces[i], (points.p0[b:b + m], u, w, points.par[i], a, points.mem[i], back, H, C))
     points.mem[i, SLIDES] = kept
     for q in range(m - 1):
-        f[q] = (back[q] - f[q]) / (2.0 * points.par[i, FRICTION])
-        rate += f[q] * w[q]
-    f[m - 1] = 0.0
-    add_to(points, i, f, out)
+        out[q] = (back[q] - out[q]) / (2.0 * points.par[i, FRICTION])
+    out[m - 1] = 0.0
+
+
+@addressed_with_memory
+def point_slip(points, i, d, v, amps, out):  # type: ignore[no-untyped-def]
+    """Add the gradient of the place of item i on what it touches to out (n_full,); return the rate of that place."""
+    m, rate = points.field[i + 1] - points.field[i], 0.0
+    u, w, a, slide = np.zeros(m), np.zeros(m), np.zeros(3), np.zeros(m)
+    fields_of_item(points, i, d, u)
+    rates_of_item(points, i, v, w)
+    amplitude_of(points, i, amps, u, w, a)
+    _way_of(points, i, u, w, a, slide)
+    for q in range(m - 1):
+        rate += slide[q] * w[q]
+    add_to(points, i, slide, out)
     return rate
 
 
@@ -176,6 +180,44 @@ def rub(p, w, z, v, impulse, approach, how):  # type: ignore[no-untyped-def]
 
 
 @inner_with_memory
+def approach_freely(p, w, s, end, how, share, approach):  # type: ignore[no-untyped-def]
+    """Set the rates of gaps before an impact (n,), at their multipliers, to those at the end of the step from s where
+    items that closed in it, CLOSED in how (items,), had not pressed.
+
+    Their forces at the end act for the time ``share``. So friction has all of what presses in the step: the impact,
+    and what holds the body behind it. Nothing is done where nothing rubs. Signals are in w.amps.
+    """
+    if not rubs(p):
+        return
+    n, forces, acts, free = len(end.z), np.zeros(len(end.z)), np.zeros(len(end.z)), end.v.copy()
+    new, g, rate, second = np.zeros(len(how)), np.zeros(len(how)), np.zeros(len(how)), np.zeros(len(how))
+    for i in range(len(how)):
+        if how[i] == CLOSED and not s.z[p.place[p.points.multiplier[i]]] < 0.0:
+            new[i], forces[p.place[p.points.multiplier[i]]] = 1.0, end.z[p.place[p.points.multiplier[i]]]
+    to_full(p, end.z, w.amps, 0, w.d)
+    to_full(p, end.v, w.amps, 1, w.v)
+    constraint_matrix(p, w)
+    calls.product(p.calls, (p, w.A, forces, acts))
+    for i in range(len(how)):
+        if new[i] != 0.0:
+            p.points.mem[i, HELD] = OPEN
+    constraint_matrix(p, w)
+    for k in range(n):
+        acts[k] *= share * p.coordinate[k]
+    if calls.factor(p.calls, (p, w.A, w.y)):
+        calls.solve(p.calls, (p, w.A, acts))
+        for k in range(n):
+            free[k] = (end.v[k] + acts[k]) * p.coordinate[k]
+    for i in range(len(how)):
+        if new[i] != 0.0:
+            p.points.mem[i, HELD] = CLOSED
+    gap_rates(p, w, end.z, free, end.a, g, rate, second)
+    for i in range(len(how)):
+        if new[i] != 0.0:
+            approach[p.place[p.points.multiplier[i]]] = rate[i]
+
+
+@inner_with_memory
 def _second_rates(p, w, z, v, a, items, out):  # type: ignore[no-untyped-def]
     """Fill the second rates (k,) of places, by a difference of their rates along the motion."""
     n, amps, fastest = len(z), w.amps.copy(), 0.0
@@ -251,13 +293,20 @@ def drag(p, w, z, v, a, how):  # type: ignore[no-untyped-def]
 def point_hold(points, i, d, amps):  # type: ignore[no-untyped-def]
     """Return the force along the place that item i is held to, where no limit is."""
     b, m = points.field[i], points.field[i + 1] - points.field[i]
-    u, w, a, work = np.zeros(m), np.zeros(m), np.zeros(3), np.zeros(WORK)
+    u, w, a, f, slide = np.zeros(m), np.zeros(m), np.zeros(3), np.zeros(m), np.zeros(m)
+    H, C = np.zeros((m, m)), np.zeros((m, m))
     fields_of_item(points, i, d, u)
     amplitude_of(points, i, amps, u, w, a)
-    par = points.par[i]
-    _stand(par, points.p0[b:b + m], u, par[HOME], work)
-    s = _gap_at(par, work[RHO], work[RHO + 1], -1.0)[4]
-    return -par[STICK] * _slip(par, s, points.mem[i, ANCHOR])
+    u[m - 1], kept, along, square = 0.0, points.mem[i, SLIDES], 0.0, 0.0
+    # without a force across it sticks alone
+    points.mem[i, SLIDES] = STICKS
+    call_forces(points.forces[i], (points.p0[b:b + m], u, w, points.par[i], a, points.mem[i], f, H, C))
+    points.mem[i, SLIDES] = kept
+    _way_of(points, i, u, w, a, slide)
+    for q in range(m - 1):
+        along -= f[q] * slide[q]
+        square += slide[q] * slide[q]
+    return along / square if square > 0.0 else 0.0
 
 
 @addressed_with_memory

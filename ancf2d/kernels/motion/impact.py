@@ -34,9 +34,9 @@ from ..lowlevel.records import whole
 from ..passages import tunnels
 from ..patches import face_bodies, forces_but_contacts, patch_forces, rates_of_constraints
 from ..points import amplitude_of, fields_of_item
-from .consistent import consistent, constraint_matrix
+from .consistent import consistent, gap_rates
 from .dynamics import to_full, twice_kinetic
-from .friction import drag, point_hold, point_slip, rub, rubs, take_hold
+from .friction import approach_freely, drag, point_hold, point_slip, rub, rubs, take_hold
 from .state import GIVEN, evaluate
 
 # of the largest rate: constraints that part slower than this are closed
@@ -93,27 +93,6 @@ def _release(p, how):  # type: ignore[no-untyped-def]
 
 
 @inner_with_memory
-def _rates(p, w, z, v, a, g, rate, second):  # type: ignore[no-untyped-def]
-    """Fill the gaps, their rates and second rates (items,) of items that are held closed at z; w.amps as there."""
-    velocity, acceleration, y = np.zeros(len(w.d)), np.zeros(len(w.d)), np.zeros(len(z))
-    to_full(p, z, w.amps, 0, w.d)
-    to_full(p, v, w.amps, 1, w.v)
-    w.other[:] = 0.0
-    patch_forces(p, w.d, w.v, w.amps, w.other)
-    gaps = w.other.copy()
-    constraint_matrix(p, w)
-    rates_of_constraints(p, w.d, w.v, w.amps, velocity, acceleration)
-    calls.product(p.calls, (p, w.A, v, w.y))
-    calls.product(p.calls, (p, w.A, a, y))
-    for i in range(len(g)):
-        if p.points.restitution[i] >= 0.0:
-            k = p.points.multiplier[i]
-            g[i] = gaps[k]
-            rate[i] = velocity[k] + w.y[p.place[k]]
-            second[i] = acceleration[k] + y[p.place[k]]
-
-
-@inner_with_memory
 def _settle(p, w, z, v, a, t, impulse, how):  # type: ignore[no-untyped-def]
     """Make rates, accelerations and multipliers consistent, letting go what would pull; return whether it went."""
     for i in range(len(z)):
@@ -146,7 +125,7 @@ def begin(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
             p.points.mem[i, SLIDES] = 0.0
     evaluate(p.programs, t, w.amps)
     _hold(p, w, z, v, how)
-    _rates(p, w, z, v, a, g, rate, second)
+    gap_rates(p, w, z, v, a, g, rate, second)
     fastest = 0.0
     for i in range(len(v)):
         fastest = max(fastest, p.weights[i] * abs(v[i]))
@@ -304,7 +283,7 @@ def _given(p, w, end, t, touched, approach, pushed):  # type: ignore[no-untyped-
         if p.points.restitution[i] >= 0.0:
             p.points.mem[i, HELD] = touched[i]
     evaluate(p.programs, t, w.amps)
-    _rates(p, w, end.z, end.v, end.a, g, rate, second)
+    gap_rates(p, w, end.z, end.v, end.a, g, rate, second)
     for i in range(n):
         if touched[i] == CLOSED:
             k = p.place[p.points.multiplier[i]]
@@ -334,8 +313,7 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
     how, g, rate, second, pushed = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     evaluate(p.programs, t + h, w.amps)
     _hold(p, w, end.z, end.v, how)
-    s.numbers[GIVEN] = 0.0
-    closes, bounces = False, False
+    s.numbers[GIVEN], closes, bounces = 0.0, False, False
     for i in range(n):
         if how[i] == CLOSED and not s.z[p.place[p.points.multiplier[i]]] < 0.0:
             closes = True
@@ -347,7 +325,7 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
     elastic_ones, (moves, driven) = bounces, _pushed(p, w, how, pushed)
     if bounces or allowed > 0.0 or rubs(p) or moves:
         evaluate(p.programs, t, w.amps)
-        _rates(p, w, s.z, s.v, s.a, g, rate, second)
+        gap_rates(p, w, s.z, s.v, s.a, g, rate, second)
         evaluate(p.programs, t + h, w.amps)
         bounces = False
         if allowed > 0.0:
@@ -362,6 +340,7 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
                 bounce[k] = -p.points.restitution[i] * approach[k]
                 bounces |= bounce[k] > 0.0
                 elastic_ones &= p.points.restitution[i] == 1.0 and p.points.par[i, FRICTION] == 0.0
+        approach_freely(p, w, s, end, how, m.impulse * h, approach)
     if bounces and not driven:
         s.numbers[GIVEN] = _bounce(p, w, s, end, t, h, bounce, approach, how, elastic_ones, pushed, moves)
     else:

@@ -9,7 +9,6 @@ import numpy as np
 from .. import calls
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed, inner
-from ..lowlevel.records import whole
 from ..moving import add_moving_product
 from .dynamics import add_mass, factor, norm, remember, residual, settled, solve_with
 from .feedback import weigh_state
@@ -105,7 +104,7 @@ def _turn(p, w, x, out):  # type: ignore[no-untyped-def]
     """Fill ``out`` with S^-1 N x, with the factors of S and what N a tangent has beside; return whether it has any."""
     for i in range(len(out)):
         out[i] = 0.0
-    if not calls.point_skew(p.calls, (whole(p.points), x, out)):
+    if not calls.point_skew(p.calls, (p, x, out)):
         return False
     solve_with(p, w.A, out)
     return True

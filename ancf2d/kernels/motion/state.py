@@ -74,7 +74,8 @@ class Method(NamedTuple):
     """What stepping knows of an integrator: its order in h, the polynomials of a step, and where one ends.
 
     basis : (k, degree + 1) of the rows of ``end.dense``; own : address of the integrator's own record; calls : table
-    of its functions (``kernels.calls``); exact : whether it knows the work of a step itself.
+    of its functions (``kernels.calls``); exact : whether it knows the work of a step itself; impulse : by which
+    share of its length a force at the end of a step changes rates there.
     """
 
     order: int
@@ -83,12 +84,13 @@ class Method(NamedTuple):
     own: int
     calls: Any
     exact: bool
+    impulse: float
 
 
 def method_of(order: int, basis: Any, n: int) -> Method:
     """Return a method whose own record and functions are yet to come, of n unknowns."""
     end = Step(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((len(basis), n)))
-    return Method(order, basis, end, 0, np.zeros(0, dtype=np.int64), False)
+    return Method(order, basis, end, 0, np.zeros(0, dtype=np.int64), False, 0.0)
 
 
 def scratch(n: int, n_full: int, entries: int, signals: int) -> Scratch:

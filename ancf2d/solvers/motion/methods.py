@@ -189,7 +189,9 @@ class Method:
         self.own = Record(make(spec, p, tolerance, method.end, relaxes))
         self.order, self._kernels = order, KERNELS[type(self.own.values)]
         self.functions = self._functions(p.layout, p.sided, len(relaxes[0]) > 0)
-        self._unfinished = method._replace(own=self.own.address, exact=self._kernels.work is not None)
+        own = self.own.values
+        impulse = own.gamma * (1.0 - own.af) / (1.0 - own.am) if isinstance(own, Newmark) else 0.0
+        self._unfinished = method._replace(own=self.own.address, exact=self._kernels.work is not None, impulse=impulse)
 
     def _functions(self, problem: Any, sided: bool, relaxes: bool) -> dict[Any, tuple[Any, ...]]:
         kernels, own = self._kernels, self.own.layout
