@@ -100,6 +100,17 @@ def test_a_torsion_spring_with_a_damper_unwinds_through_full_turns(method):
     assert lost == pytest.approx(0.5 * INERTIA * (omega**2 - rate**2) - 0.5 * k * exact[-1] ** 2, rel=2e-3)
 
 
+@pytest.mark.parametrize(("rate", "rel"), [(0.1, 1e-3), (1.0, 0.02), (10.0, 0.5)])
+def test_dashpots_that_steps_do_not_resolve_take_little_more_than_there_is(rate, rel):
+    """v = v_0 exp(-c t/m): all of m v_0^2/2 is lost, however long steps are beside m/c."""
+    dt, v0 = 0.1, 2.0
+    c = rate * MASS / dt
+    sol = move({"b": rigid(helpers.line(LENGTH))}, 40 * dt / min(rate, 1.0), "generalized_alpha", dt=dt,
+               springs=[{"type": "translational", "between": [[-1, 0], "b@0"], "damping": c, "stiffness": 0.0}],
+               initial={"velocity": [v0, 0.0]})
+    assert sol.state.history["dissipated"] == pytest.approx(0.5 * MASS * v0**2, rel=rel)
+
+
 def test_two_bodies_on_a_spring_and_damper_swing_about_their_centre():
     """m_1 m_2/(m_1 + m_2) L'' + c L' + k (L - L_0) = 0; the common centre moves on."""
     bodies = {"a": rigid(helpers.line(1.0), 1.0), "b": rigid(helpers.line(1.0, 0.0, (3.0, 0.0)), 2.0)}
