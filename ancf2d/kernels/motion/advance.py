@@ -9,10 +9,10 @@ import numpy as np
 from .. import calls
 from ..bodies import remember_elements
 from ..lowlevel.arrays import copy, copy_rows
-from ..lowlevel.jit import addressed, inner, kernel
+from ..lowlevel.jit import inner, kernel
 from ..lowlevel.records import array_at
 from ..patches import accept_patches, violation
-from .dynamics import lost_to_mass_damping, norm, power_of_loads, to_full
+from .dynamics import norm, to_full
 from .events import NONE, aim, gains, interpolate
 from .state import (
     CONTRACTION,
@@ -35,6 +35,7 @@ from .state import (
     evaluate,
     turn_on,
 )
+from .work import SECOND, recall
 
 # rotation in a step [rad] beyond which stages may be on another turn than the end of the step before
 FAR = 2.5
@@ -42,10 +43,9 @@ FAR = 2.5
 REACHED, FULL, FAILED, EVENT = range(4)
 # what a stored state is: inside a step, where one ends, or the end of a step that has states inside, for their balance
 INSIDE, END, CHECK = range(3)
-# what damping takes is integrated over interpolated rates, and what dies out at once, as behind an impact, moves too
-# little for errors to be seen: steps of second order methods (their errors are of order 3) grow no faster there, so
-# that each is short beside all before
-DAMPED, SECOND = 1.4, 3
+# what dies out at once, as behind an impact, moves too little for errors to be seen: steps of second order methods grow
+# no faster there, so that each is short beside all before
+DAMPED = 1.4
 # of a step: times so near to its end are its end
 NEAR = 1e-9
 
@@ -88,67 +88,6 @@ class Rows(NamedTuple):
     states: Any
     turned: Any
     log: Any
-
-
-@inner
-def power(p, w, z, v, a, t):  # type: ignore[no-untyped-def]
-    """Return (power of varying loads, motion and point laws, power lost) of a state."""
-    evaluate(p.programs, t, w.amps)
-    _, lost = calls.forces(p.calls, (p, w, z, v))
-    return power_of_loads(p, w, v, a), lost + lost_to_mass_damping(p, w, v)
-
-
-@inner
-def _recall(m, p, h, x):  # type: ignore[no-untyped-def]
-    """Let materials that relax be as they are at the fraction x of the step."""
-    if len(p.clocks) > 0:
-        calls.inside(m.calls, (p, m.own, h, x))
-
-
-@inner
-def _lost_on_the_way(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
-    """Return what is lost up to the fraction ``end`` of a step of a method of second order.
-
-    A dashpot takes its mean force along the way that is moved, c (v_0 + v_1)/2 dz: by differences of the power about
-    the mean rate dz/h. What dies out within the step, as behind an impact, begins fast, but moves little.
-    """
-    interpolate(m, p, s, h, end, at.z, at.v, at.a)
-    for i in range(len(s.z)):
-        w.R[i] = p.coordinate[i] * (at.z[i] - s.z[i]) / (end * h)
-        w.y[i] = 0.5 * (0.5 * (s.v[i] + at.v[i]) - w.R[i]) * p.coordinate[i]
-    interpolate(m, p, s, h, 0.5 * end, at.z, at.v, at.a)
-    copy(w.y, at.a)
-    _recall(m, p, h, 0.5 * end)
-    evaluate(p.programs, t + 0.5 * end * h, w.amps)
-    lost = 0.0
-    for k in range(3):
-        side, share = (0.0, 1.0, -1.0)[k], (1.0, 0.5, -0.5)[k]
-        for i in range(len(s.z)):
-            at.v[i] = w.R[i] + side * at.a[i]
-        _, power = calls.forces(p.calls, (p, w, at.z, at.v))
-        lost += share * (power + lost_to_mass_damping(p, w, at.v))
-    return end * h * lost
-
-
-@addressed
-def work(p, w, s, m, at, t, h, end):  # type: ignore[no-untyped-def]
-    """Return (work, loss) up to the fraction ``end`` of the step, from its interpolation.
-
-    By two Gauss points for methods of second order, by four of Lobatto for others.
-    """
-    done, lost, low = 0.0, 0.0, m.order <= SECOND
-    for k in range(2 if low else 4):
-        x = end * ((0.21132486540518713, 0.7886751345948129, 0.0, 0.0) if low
-                   else (0.0, 0.27639320225002106, 0.7236067977499789, 1.0))[k]
-        f = 0.5 if low else (1.0 / 12.0, 5.0 / 12.0, 5.0 / 12.0, 1.0 / 12.0)[k]
-        interpolate(m, p, s, h, x, at.z, at.v, at.a)
-        _recall(m, p, h, x)
-        one, two = power(p, w, at.z, at.v, at.a, t + x * h)
-        done += f * one
-        lost += f * two
-    done, lost = end * h * done, _lost_on_the_way(m, p, w, s, at, t, h, end) if low else end * h * lost
-    _recall(m, p, h, 0.0)
-    return done, lost
 
 
 @inner
@@ -200,7 +139,7 @@ def _store_inside(m, p, w, s, at, plan, rows, r, time, t, h, number):  # type: i
         work, lost = calls.work(m.calls, (p, w, s, m, at, t, h, x))
     interpolate(m, p, s, h, x, at.z, at.v, at.a)
     _turn(p, w, s, at.z, at.v, t + x * h, x * h, at.turned)
-    _recall(m, p, h, x)
+    recall(m, p, h, x)
     _store(p, rows, r, time, number, INSIDE, at, s.numbers[WORK] + work, s.numbers[LOST] + lost)
 
 
@@ -269,7 +208,7 @@ def _keep(p, w, m, s, t, h, tracks, given, hit):  # type: ignore[no-untyped-def]
             scale = p.feedback.scale[i - p.inner]
             p.weights[i] = s.numbers[SIZE] / scale if scale > 0.0 else 0.0
     if len(p.states) > 0:
-        _recall(m, p, h, 1.0)
+        recall(m, p, h, 1.0)
         s.numbers[LOST] += remember_elements(p, w.d, w.amps)
         for k in p.clocks:
             p.states[k] = 0.0
@@ -402,7 +341,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         for _ in range(min(inside, left)):
             _store_inside(m, p, w, s, at, plan, rows, stored, rows.wanted[next_wanted], t, h, logged)
             stored, next_wanted = stored + 1, next_wanted + 1
-        _recall(m, p, h, 0.0)
+        recall(m, p, h, 0.0)
         if needed > left:
             # more states than there is room for: done again for those that follow
             return FULL, stored, logged, outcome, iterations

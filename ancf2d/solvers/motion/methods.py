@@ -13,7 +13,6 @@ from ...case import Dynamic
 from ...elements.shape import Array
 from ...kernels import calls
 from ...kernels.lowlevel.records import Record
-from ...kernels.motion.advance import work
 from ...kernels.motion.conserving import (
     Conserving,
     conserving_accept,
@@ -33,6 +32,7 @@ from ...kernels.motion.newmark import (
 from ...kernels.motion.radau import TILE, Radau, radau_accept, radau_restart, radau_step
 from ...kernels.motion.stages import radau_inside, relaxing
 from ...kernels.motion.state import Step, method_of
+from ...kernels.motion.work import work
 from ...model.mesh import Index
 from .schemes import Integrator, spectral_radius
 

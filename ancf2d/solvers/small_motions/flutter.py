@@ -57,9 +57,13 @@ class Critical:
 
 @dataclass(frozen=True)
 class Stability:
-    """Critical factors, lowest first; ``last`` is the factor up to which all were sought; columns of the root locus."""
+    """Critical factors, lowest first; ``last`` is the factor up to which all were sought; columns of the root locus.
+
+    ``doubtful``: factors from which on motions seem to grow in the lowest modes, but not in the whole space.
+    """
 
     critical: list[Critical]
+    doubtful: list[float]
     last: float
     locus: dict[str, list[float]]
 
@@ -93,6 +97,7 @@ def critical_factors(small: Linearised, change: Change, modes: int) -> Stability
     """
     track = _Track(small, change, modes)
     found: list[Critical] = []
+    doubtful: list[float] = []
     low = track.sample(0.0)
     while len(found) < modes:
         high = track.sample(low.factor + max(FIRST * track.smallest, STEP * low.factor))
@@ -105,10 +110,13 @@ def critical_factors(small: Linearised, change: Change, modes: int) -> Stability
         critical = track.refined(*bracket)
         # the better space may have none of it
         factor = bracket[1] if critical is None else critical.factor * (1 + 1e-6)
-        found += [] if critical is None else [critical]
+        if critical is None:
+            doubtful.append(bracket[1])
+        else:
+            found.append(critical)
         low = track.sample(max(low.factor, factor))
     end = 1.5 * max((c.factor for c in found), default=low.factor)
-    return Stability(found, low.factor, track.locus(np.linspace(0.0, end, POINTS)))
+    return Stability(found, doubtful, low.factor, track.locus(np.linspace(0.0, end, POINTS)))
 
 
 @dataclass(frozen=True)
@@ -163,6 +171,7 @@ class _Track:
             x = corrected(self._problem(factor, relaxes=True), s, x)[1]
             self.space.add(np.ascontiguousarray(x.real))
             self.space.add(np.ascontiguousarray(x.imag))
+        self.space.turn()
         V = self.space.V
         self.matrices = self.space.project()
         self.strained = [V @ np.array([one.stiffness(x) for x in V]).T for one in self.small.relaxing]

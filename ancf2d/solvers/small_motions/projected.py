@@ -156,8 +156,18 @@ class Space:
         return along, new
 
     def combined(self, y: Complex) -> Complex:
-        """Return the combination (n,) of the vectors with complex factors (k,)."""
-        return np.asarray(y.real @ self.V + 1j * (y.imag @ self.V))
+        """Return the combination (n,) of the first vectors with complex factors (k,)."""
+        V = self.V[:len(y)]
+        return np.asarray(y.real @ V + 1j * (y.imag @ V))
+
+    def turn(self) -> None:
+        """Turn the vectors among themselves until K is diagonal.
+
+        Then round-off of what stretches a slender body is not in the stiffness of what bends it.
+        """
+        K = self.project()[0]
+        self._rows[:self.count] = np.linalg.eigh(0.5 * (K + K.T))[1].T @ self.V
+        self._projected = np.zeros((3, 0, 0))
 
     def project(self) -> Array:
         """Return V K V^T, V C V^T and V M V^T (3, k, k)."""

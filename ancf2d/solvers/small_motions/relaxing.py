@@ -20,10 +20,12 @@ from ...elements.shape import Array
 from .factors import Factors
 from .projected import Complex, Quadratic, Space, within_constraints
 
-# share of the largest eigenvalue of M and V in the space below which a motion has no mass, or is not strained
-MASSLESS, UNSTRAINED = 1e-13, 1e-12
-# Newton's method for one eigenvalue: most iterations, its last change, and that beyond which it has not converged
-NEWTON, SAME, ROUGH = 30, 1e-12, 1e-8
+# share of the largest eigenvalue of M in the space below which a motion has no mass; of the largest strain energy below
+# which a vector is not strained, and of that of vectors strained alike below which a combination of them is not
+MASSLESS, UNSTRAINED, APART = 1e-13, 1e-15, 1e-12
+# Newton's method for one eigenvalue: most iterations, its last change, and that beyond which it has not converged;
+# changes below this that shrink no more are round-off of the stiffness, of slender bodies much
+NEWTON, SAME, ROUGH = 30, 1e-12, 1e-6
 # share of an eigenvalue within which its imaginary part is round-off
 REAL = 1e-9
 # eigenvalues within this share of each other are the same where their vectors are
@@ -41,10 +43,16 @@ class Term:
 
 
 def terms_of(material: int, terms: tuple[tuple[float, float], ...], V: Array) -> list[Term]:
-    """Return the terms of a material whose stiffness in a space is V (k, k)."""
-    w, U = np.linalg.eigh(0.5 * (V + V.T))
-    some = w > UNSTRAINED * w.max(initial=0.0)
-    L = U[:, some] * np.sqrt(w[some])
+    """Return the terms of a material whose stiffness in a space is V (k, k).
+
+    The vectors of the space may be strained very unequally, as those that bend and those that stretch a slender body.
+    """
+    size = np.diag(V)
+    size = np.sqrt(np.where(size > UNSTRAINED * size.max(initial=0.0), size, 0.0))
+    scale = 1.0 / np.where(size > 0.0, size, np.inf)
+    w, U = np.linalg.eigh(scale[:, None] * 0.5 * (V + V.T) * scale)
+    some = w > APART * w.max(initial=0.0)
+    L = size[:, None] * U[:, some] * np.sqrt(w[some])
     return [Term(g, tau, L, material) for g, tau in terms]
 
 
@@ -147,8 +155,8 @@ def corrected(problem: Quadratic, s: complex, x: Complex) -> tuple[complex, Comp
             break
         step = complex(x.conj() @ (weights * x)) / complex(x.conj() @ (weights * u))
         x = np.asarray(u / problem.size(np.abs(u)), dtype=complex)
-        s, gap = s - step, abs(step) / abs(s - step)
-        if gap <= SAME:
+        last, s, gap = gap, s - step, abs(step) / abs(s - step)
+        if gap <= SAME or 0.5 * last < gap <= ROUGH:
             break
     return s, x, gap
 
@@ -168,15 +176,18 @@ def relaxing_pairs(problem: Quadratic, vectors: Sequence[Array], number: int) ->
     s, X = Projected(problem, vectors).pairs()
     vibrates = s.imag > REAL * np.abs(s)
     kept: list[tuple[complex, Complex, float]] = []
-    some = [*np.flatnonzero(vibrates)[:number], *np.flatnonzero(~vibrates)]
-    for k in some:
+    tried = 0
+    for k in [*np.flatnonzero(vibrates), *np.flatnonzero(~vibrates)]:
+        if vibrates[k] and len(kept) == number:
+            continue
+        tried += 1
         one, x, gap = corrected(problem, s[k] if vibrates[k] else complex(s[k].real), X[k])
         sound = gap <= ROUGH and (one.imag > REAL * abs(one)) == vibrates[k]
         if sound and not any(_same(problem, (one, x), other) for other in kept):
             kept.append((one, x, gap))
     return RelaxingPairs(np.array([one for one, _, _ in kept], dtype=complex),
                          np.array([x for _, x, _ in kept], dtype=complex).reshape(-1, problem.n),
-                         np.array([gap for _, _, gap in kept]), len(some) - len(kept))
+                         np.array([gap for _, _, gap in kept]), tried - len(kept))
 
 
 def _same(problem: Quadratic, one: tuple[complex, Complex], other: tuple[complex, Complex, float]) -> bool:
