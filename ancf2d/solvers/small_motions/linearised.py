@@ -16,6 +16,7 @@ from ...interactions.forces import LoadSet
 from ...kernels.elements import viscous_force
 from ...model.mesh import Index
 from ...model.model import Model
+from ..contact import memory, recall
 from ..ldl import SymmetricBand
 from ..linear import (
     GeneralBand,
@@ -86,6 +87,8 @@ def _equilibrium(model: Model) -> Base:
         warnings += state.warnings
     assert state is not None
     state.history["iterations"], state.warnings = iterations, warnings
+    # where bodies lift off, the places move with them: else the rest would turn about them
+    recall(model, memory(model), slide=True)
     return Base(model, state, True)
 
 
