@@ -30,7 +30,7 @@ def recall(m, p, h, x):  # type: ignore[no-untyped-def]
 
 @inner
 def _lost_on_the_way(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
-    """Return what is lost up to the fraction ``end`` of a step of a method of second order.
+    """Return the mean power lost up to the fraction ``end`` of a step of a method of second order.
 
     A dashpot takes its mean force along the way that is moved, c (v_0 + v_1)/2 dz: by differences of the power about
     the mean rate dz/h. What dies out within the step, as behind an impact, begins fast, but moves little.
@@ -50,7 +50,7 @@ def _lost_on_the_way(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
             at.v[i] = w.R[i] + side * at.a[i]
         _, power = calls.forces(p.calls, (p, w, at.z, at.v))
         lost += share * (power + lost_to_mass_damping(p, w, at.v))
-    return end * h * lost
+    return lost
 
 
 @addressed
@@ -69,6 +69,7 @@ def work(p, w, s, m, at, t, h, end):  # type: ignore[no-untyped-def]
         one, two = power(p, w, at.z, at.v, at.a, t + x * h)
         done += f * one
         lost += f * two
-    done, lost = end * h * done, _lost_on_the_way(m, p, w, s, at, t, h, end) if low else end * h * lost
+    if low and lost != 0.0:
+        lost = _lost_on_the_way(m, p, w, s, at, t, h, end)
     recall(m, p, h, 0.0)
-    return done, lost
+    return end * h * done, end * h * lost
