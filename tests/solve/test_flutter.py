@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -71,19 +72,30 @@ def follower_column(P: Any, omega2: Any, mass: float = 0.0) -> Any:
 ZENER, TWO = ((0.5, 1.0),), ((0.3, 0.02), (0.2, 0.3))
 
 
-# few and many unknowns; reissner3 is a million times as stiff across a section as it is in bending
-@pytest.mark.parametrize(("element", "count", "terms"), [
-    ("reissner3", 12, ZENER), ("cable", 24, ZENER),
+# few and many unknowns; reissner3 is a million times as stiff across a section as it is in bending, and its meshes are
+# coarser for their order
+@pytest.mark.parametrize(("element", "count", "terms", "rel"), [
+    ("reissner3", 12, ZENER, 1e-4), ("cable", 24, ZENER, 1e-5),
     *(pytest.param(*one, marks=pytest.mark.slow) for one in (
-        ("cable", 16, ZENER), ("cable", 16, TWO), ("reissner3", 12, TWO), ("reissner3", 24, ZENER)))], ids=str)
-def test_becks_column_of_a_material_that_relaxes(element: str, count: int, terms: Any) -> None:
+        ("cable", 16, ZENER, 1e-5), ("cable", 16, TWO, 1e-5), ("reissner3", 12, TWO, 1e-4),
+        ("reissner3", 24, ZENER, 1e-5)))], ids=str)
+def test_becks_column_of_a_material_that_relaxes(element: str, count: int, terms: Any, rel: float) -> None:
     """Flutter begins at P and omega where w'''' + P/e w'' = omega^2/e w with e = E(i omega)/E: two real equations."""
     found = first(column(element=element, count=count, body=relaxing(*terms)))
     assert found["kind"] == "flutter"
     factor, omega = fsolve(lambda x: _left(terms, x[0], 1j * x[1]), [found["factor"], found["omega"]], xtol=1e-12)
-    assert found["factor"] == pytest.approx(factor, rel=1e-4)
-    assert found["omega"] == pytest.approx(omega, rel=1e-4)
+    assert found["factor"] == pytest.approx(factor, rel=rel)
+    assert found["omega"] == pytest.approx(omega, rel=rel)
     assert 11.0 < factor < 17.0
+
+
+def test_a_motion_that_only_seems_to_grow_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the whole space has no critical factor although the followed modes seem to, a warning names the factor."""
+    monkeypatch.setattr("ancf2d.solvers.small_motions.flutter._Track.refined", lambda self, low, high: None)
+    summary = ancf2d.solve(column()).summary
+    assert summary["load_factors"] == []
+    told = [re.search(r"may begin to grow near the load factor ([\d.]+),", warning) for warning in summary["warnings"]]
+    assert any(one and 20.0 < float(one[1]) < 30.0 for one in told)
 
 
 def test_motions_of_a_slender_column_that_relaxes_grow_as_the_beam_equation_says() -> None:

@@ -48,8 +48,8 @@ def _lost_on_the_way(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
         side, share = (0.0, 1.0, -1.0)[k], (1.0, 0.5, -0.5)[k]
         for i in range(len(s.z)):
             at.v[i] = w.R[i] + side * at.a[i]
-        _, power = calls.forces(p.calls, (p, w, at.z, at.v))
-        lost += share * (power + lost_to_mass_damping(p, w, at.v))
+        _, dampers = calls.forces(p.calls, (p, w, at.z, at.v))
+        lost += share * (dampers + lost_to_mass_damping(p, w, at.v))
     return lost
 
 
@@ -57,7 +57,8 @@ def _lost_on_the_way(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
 def work(p, w, s, m, at, t, h, end):  # type: ignore[no-untyped-def]
     """Return (work, loss) up to the fraction ``end`` of the step, from its interpolation.
 
-    By two Gauss points for methods of second order, by four of Lobatto for others.
+    By two Gauss points for methods of second order, by four of Lobatto for others. What dampers take in a step of
+    second order is their mean force times the way that they move.
     """
     done, lost, low = 0.0, 0.0, m.order <= SECOND
     for k in range(2 if low else 4):

@@ -23,9 +23,10 @@ from .projected import Complex, Quadratic, Space, within_constraints
 # share of the largest eigenvalue of M in the space below which a motion has no mass; of the largest strain energy below
 # which a vector is not strained, and of that of vectors strained alike below which a combination of them is not
 MASSLESS, UNSTRAINED, APART = 1e-13, 1e-15, 1e-12
-# Newton's method for one eigenvalue: most iterations, its last change, and that beyond which it has not converged;
-# changes below this that shrink no more are round-off of the stiffness, of slender bodies much
-NEWTON, SAME, ROUGH = 30, 1e-12, 1e-6
+# Newton's method for one eigenvalue: most iterations, its last change, and that beyond which it has not converged
+NEWTON, SAME, ROUGH = 30, 1e-12, 1e-8
+# changes below this that no longer shrink are round-off of the stiffness, which is large in slender bodies
+STALLED = 1e-6
 # share of an eigenvalue within which its imaginary part is round-off
 REAL = 1e-9
 # eigenvalues within this share of each other are the same where their vectors are
@@ -156,9 +157,9 @@ def corrected(problem: Quadratic, s: complex, x: Complex) -> tuple[complex, Comp
         step = complex(x.conj() @ (weights * x)) / complex(x.conj() @ (weights * u))
         x = np.asarray(u / problem.size(np.abs(u)), dtype=complex)
         last, s, gap = gap, s - step, abs(step) / abs(s - step)
-        if gap <= SAME or 0.5 * last < gap <= ROUGH:
-            break
-    return s, x, gap
+        if gap <= SAME or last <= gap <= STALLED:
+            return s, x, gap
+    return s, x, gap if gap <= ROUGH else 1.0
 
 
 @dataclass
@@ -182,7 +183,7 @@ def relaxing_pairs(problem: Quadratic, vectors: Sequence[Array], number: int) ->
             continue
         tried += 1
         one, x, gap = corrected(problem, s[k] if vibrates[k] else complex(s[k].real), X[k])
-        sound = gap <= ROUGH and (one.imag > REAL * abs(one)) == vibrates[k]
+        sound = gap <= STALLED and (one.imag > REAL * abs(one)) == vibrates[k]
         if sound and not any(_same(problem, (one, x), other) for other in kept):
             kept.append((one, x, gap))
     return RelaxingPairs(np.array([one for one, _, _ in kept], dtype=complex),

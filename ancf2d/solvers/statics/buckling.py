@@ -164,9 +164,9 @@ def _grown(small: Linearised, u: Array, found: Stability, modes: int, warnings: 
         warnings.append(f"no small motion grows up to the {called} {found.last:.6g}")
     elif len(factors) < modes:
         warnings.append(f"{len(factors)} critical {called}s were found up to {found.last:.6g} instead of {modes}")
-    warnings += [f"a motion seems to grow from about the {called} {factor:.3g} on, but round-off hides it, as of very "
-                 "slender bodies: 'eigen' with about: static shows whether it does. Use type: cable, or fewer elements"
-                 for factor in found.doubtful]
+    warnings += [f"a small motion may begin to grow near the {called} {factor:.4g}, but round-off hides whether it does, "
+                 "as it can in very slender bodies. Check with solver eigen and about: static at that load, or use "
+                 "type: cable or fewer elements" for factor in found.doubtful]
     for c in found.critical:
         if c.factor * size > FAR:
             warnings.append(f"load factor {c.factor:.6g}: the linear response rotates or strains the model by "
