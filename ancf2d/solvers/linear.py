@@ -97,10 +97,10 @@ class GeneralBand:
 
     def product(self, values: Array, x: Array) -> Array:
         """Return A x."""
-        from scipy.linalg.blas import dgbmv
+        from scipy.sparse import dia_array
 
-        n = len(x)
-        return np.asarray(dgbmv(n, n, self.bw, self.bw, 1.0, values.T[self.bw:], x))
+        diagonals = dia_array((values.T[self.bw:], np.arange(self.bw, -self.bw - 1, -1)), shape=(len(x), len(x)))
+        return np.asarray(diagonals @ x)
 
     def diagonal(self, values: Array) -> Array:
         """Return the diagonal of A."""

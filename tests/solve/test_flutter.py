@@ -91,11 +91,21 @@ def test_becks_column_of_a_material_that_relaxes(element: str, count: int, terms
 
 def test_a_motion_that_only_seems_to_grow_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the whole space has no critical factor although the followed modes seem to, a warning names the factor."""
-    monkeypatch.setattr("ancf2d.solvers.small_motions.flutter._Track.refined", lambda self, low, high: None)
+    monkeypatch.setattr("ancf2d.solvers.small_motions.flutter._Track.refined", lambda self, start, low, high: None)
     summary = ancf2d.solve(column()).summary
     assert summary["load_factors"] == []
     told = [re.search(r"may begin to grow near the load factor ([\d.]+),", warning) for warning in summary["warnings"]]
     assert any(one and 20.0 < float(one[1]) < 30.0 for one in told)
+
+
+@pytest.mark.parametrize("count", [8, 32])
+def test_factors_of_a_column_that_bends_before_it_flutters_are_no_critical_loads(count: int) -> None:
+    """EA theta^2 is as much as EI/L^2 long before Beck's load, where the tip turns by 0.5 P_y/EI: on any mesh."""
+    summary = ancf2d.solve(column({**TIP, "value": [-1, -0.05]}, modes=2, count=count)).summary
+    assert summary["load_factors"] == []
+    told = [w for w in summary["warnings"] if "linear buckling does not apply" in w]
+    assert float(re.search(r"the load factor ([\d.]+)\. ", told[0])[1]) == pytest.approx(0.0224153, rel=1e-4)
+    assert len(summary["warnings"]) == 1
 
 
 def test_motions_of_a_slender_column_that_relaxes_grow_as_the_beam_equation_says() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,10 +30,10 @@ LAST, BEYOND = 100.0, 4.0
 UNDAMPED, DAMPED = 1e-5, 1e-9
 # relative change of a critical factor that has come to rest, and most spaces for it
 SETTLED, MOST = 1e-8, 4
-# relative width of the brackets of critical factors
-ROUND = 1e-10
-# imaginary part beside |s| of what only relaxes: rates that are close to each other make pairs
-RELAXES = 1e-2
+# relative width of the brackets of critical factors, and how far beyond one the search goes on
+ROUND, PAST = 1e-10, 1e-6
+# imaginary part beside |s| of what only relaxes, where close rates make pairs; share of what loads do that is nothing
+RELAXES, NEGLIGIBLE = 1e-2, 1e-6
 # modes of the space without loads in which eigenvalues are followed, beside the pairs that are, and beyond
 FOLLOWED, MORE = 3, 10
 # points between two factors at which eigenvalues are predicted, and how close to the ends the next factor may be
@@ -89,16 +89,14 @@ class Change:
 def critical_factors(small: Linearised, change: Change, modes: int) -> Stability:
     """Return the lowest factors mu at which a solution s of (K + dK + s (C + dC) + s^2 M) x = 0 begins to grow.
 
-    ``change`` tells dK and dC over mu.
-
-    The eigenvalues are followed over the factor in a space of few vectors. About each critical factor the space gets
-    those of a Krylov space there, until the factor has come to rest. Materials that relax have their dashpots in the
-    space, and the vector of the motion itself, from the complex modulus, for each critical factor.
+    ``change`` gives dK and dC over mu. The eigenvalues are followed over the factor in a space of few vectors. About
+    each critical factor the space gets those of a Krylov space there, until the factor no longer changes. Materials
+    that relax add their dashpots, and for each critical factor the vector of the motion from the complex modulus.
     """
     track = _Track(small, change, modes)
     found: list[Critical] = []
     doubtful: list[float] = []
-    low = track.sample(0.0)
+    low = track.start(0.0)
     while len(found) < modes:
         high = track.sample(low.factor + max(FIRST * track.smallest, STEP * low.factor))
         if high.factor > (BEYOND * found[0].factor if found else LAST * track.smallest):
@@ -107,14 +105,14 @@ def critical_factors(small: Linearised, change: Change, modes: int) -> Stability
         if bracket is None:
             low = high
             continue
-        critical = track.refined(*bracket)
-        # the better space may have none of it
-        factor = bracket[1] if critical is None else critical.factor * (1 + 1e-6)
+        critical = track.refined(low, *bracket)
         if critical is None:
+            # the better space has none of it
             doubtful.append(bracket[1])
+            low = track.sample(bracket[1])
         else:
             found.append(critical)
-        low = track.sample(max(low.factor, factor))
+            low = track.start(critical.factor * (1 + PAST))
     end = 1.5 * max((c.factor for c in found), default=low.factor)
     return Stability(found, doubtful, low.factor, track.locus(np.linspace(0.0, end, POINTS)))
 
@@ -191,17 +189,27 @@ class _Track:
         s, Y = projected_pairs(self._matrices(factor), self.shift)
         grows = np.flatnonzero(self._grows(s))
         # at the very onset, round-off may tell both ways
-        slowest = grows[np.argmin(s[grows].real)] if len(grows) else np.argmax(
-            np.where((s.imag >= 0) & (np.abs(s) <= self.radius), self._growth(s), -np.inf))
+        most = np.where((s.imag >= 0) & (np.abs(s) <= self.radius), self._growth(s), -np.inf)
+        slowest = grows[np.argmin(s[grows].real)] if len(grows) else np.argmax(most)
         return complex(s[slowest]), self.space.combined(Y[slowest, :self.matrices.shape[1]])
 
     def _follow(self) -> None:
-        """Take the lowest modes without loads (k, r), of unit modal mass, to follow the eigenvalues in."""
+        """Take the lowest modes without loads (k, r), of unit modal mass, to follow the eigenvalues in.
+
+        With them goes how the body gives way to what the loads do along the lowest: bending stretches a bent beam.
+        """
         K, C, M = self.matrices
         w, U = np.linalg.eigh(0.5 * (M + M.T))
         T = U[:, w > 1e-12 * w[-1]] / np.sqrt(w[w > 1e-12 * w[-1]])
         self.values, Y = np.linalg.eigh(0.5 * T.T @ (K + K.T) @ T)
-        self.modes = (T @ Y)[:, :FOLLOWED * self.pairs + MORE]
+        T = T @ Y
+        self.followed = min(FOLLOWED * self.pairs + MORE, T.shape[1])
+        low, high = T[:, :self.followed], T[:, self.followed:]
+        stiff = np.abs(self.values[self.followed:, None]) + self.shift**2
+        given = np.hstack([high.T @ A @ low[:, :self.pairs] / stiff for A in self.changes[:2]])
+        # of as many directions as there is room for, those that matter most
+        Q, sizes, _ = np.linalg.svd(given, full_matrices=False)
+        self.modes = np.hstack([low, high @ Q[:, sizes > NEGLIGIBLE * sizes.max(initial=0.0)]])
         self.small_K, self.small_C = (self.modes.T @ A @ self.modes for A in (K, C))
         self.small_changes = np.array([self.modes.T @ A @ self.modes for A in self.changes])
         self.small_terms = self._terms(self.modes)
@@ -239,6 +247,10 @@ class _Track:
         s, rate = s[some].astype(complex), rate[some]
         order = np.lexsort((s.real, s.imag))
         return _Sample(factor, s[order], rate[order], grows)
+
+    def start(self, factor: float) -> _Sample:
+        """Return the sample at a factor, with what grows there in the whole space."""
+        return replace(self.sample(factor), grows=int((self._margins(factor) > 0).sum()))
 
     def first_growth(self, low: _Sample, high: _Sample) -> tuple[float, float] | None:
         """Return factors between which a motion begins to grow; None where none does between two samples.
@@ -304,8 +316,8 @@ class _Track:
     def _smallest(self) -> float:
         """Return the factor at which what it adds can be as much as the stiffness in some combination of the modes."""
         some = (self.values > self.still**2) & (self.values <= self.radius**2)
-        some = some[:self.modes.shape[1]]
-        phi = self.modes[:, some] / np.sqrt(self.values[:len(some)][some])
+        some = some[:self.followed]
+        phi = self.modes[:, :len(some)][:, some] / np.sqrt(self.values[:len(some)][some])
         sizes = [float(np.linalg.norm(phi.T @ A @ phi, 2)) if some.any() else 0.0 for A in self.changes[:2]]
         size = max(sizes[0], math.sqrt(sizes[1]))
         if not size > 0.0:
@@ -319,8 +331,8 @@ class _Track:
         some = s[(s.imag >= 0) & (np.abs(s) <= self.radius)]
         return np.sort(self._growth(some))[::-1]
 
-    def refined(self, low: float, high: float) -> Critical | None:
-        """Return the critical factor near two others, None where a better space has none there."""
+    def refined(self, start: _Sample, low: float, high: float) -> Critical | None:
+        """Return the critical factor near two others, beyond a start; None where a better space has none there."""
         last, found = math.inf, self._onset(low, high)
         for _ in range(MOST):
             b = high if found is None else found[1]
@@ -331,7 +343,7 @@ class _Track:
             # the better space may have moved it a little
             width, bracket = 0.02 * b, None
             while bracket is None and width <= b:
-                bracket = self.first_growth(self.sample(max(0.0, b - width)), self.sample(b + width))
+                bracket = self.first_growth(self.start(max(start.factor, b - width)), self.sample(b + width))
                 width *= 2
             if bracket is None:
                 return None

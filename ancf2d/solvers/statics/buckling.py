@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,14 +115,20 @@ def _begins_to_grow(pencil: Pencil, spec: Buckling, warnings: list[str], iterati
     pencil.system.factor({"solver": "buckling"})
     u = _response(pencil)
     size = response_size(pencil, u)
-    rate = stored(model, pencil.matrix, tangent_rate(pencil, u, STEP / size if size > 0.0 else 1.0))
+    values = tangent_rate(pencil, u, STEP / size if size > 0.0 else 1.0)
+    pencil.B, rate = -values, stored(model, pencil.matrix, values)
     zero = np.zeros(len(d))
     small = Linearised(Base(model, State(0.0, d, zero, zero, 0.0, turned=pencil.system.turns()[1]), True))
     from scipy.sparse import diags_array
 
     moved = diags_array((model.numbering.free < model.n_q).astype(float))
     found = critical_factors(small, Change((moved @ rate @ moved).tocsc()), spec.modes)
-    return _grown(small, u, found, spec.modes, warnings, iterations, size, "load factor")
+    share = _missed(pencil, u, [(c.factor, c.vector) for c in found.critical])
+    warnings += _doubts(np.array([c.factor for c in found.critical]), size, share, np.zeros(len(share), dtype=bool),
+                        "static to go to a load, and eigen with about: static to see whether motions grow there")
+    found = replace(found, critical=[c for c, one in zip(found.critical, share, strict=True) if one <= MISSED])
+    wanted = spec.modes if (share <= MISSED).all() else 0
+    return _grown(small, u, found, wanted, warnings, iterations, size, "load factor")
 
 
 def _critical_velocities(model: Model, spec: Buckling) -> State:
@@ -160,13 +168,12 @@ def _grown(small: Linearised, u: Array, found: Stability, modes: int, warnings: 
     problem = Quadratic(small)
     factors = np.array([c.factor for c in found.critical])
     V = np.array([problem.phases(c.vector)[0] for c in found.critical]).reshape(-1, problem.n)
-    if not len(factors):
-        warnings.append(f"no small motion grows up to the {called} {found.last:.6g}")
-    elif len(factors) < modes:
-        warnings.append(f"{len(factors)} critical {called}s were found up to {found.last:.6g} instead of {modes}")
-    warnings += [f"a small motion may begin to grow near the {called} {factor:.4g}, but round-off hides whether it does, "
-                 "as it can in very slender bodies. Check with solver eigen and about: static at that load, or use "
-                 "type: cable or fewer elements" for factor in found.doubtful]
+    if len(factors) < modes:
+        warnings.append(f"{len(factors)} critical {called}s were found up to {found.last:.6g} instead of {modes}"
+                        if len(factors) else f"no small motion grows up to the {called} {found.last:.6g}")
+    warnings += [f"a small motion may begin to grow near the {called} {factor:.4g}, but round-off hides whether it "
+                 "does, as it can in very slender bodies. Check with solver eigen and about: static at that load, or "
+                 "use type: cable or fewer elements" for factor in found.doubtful]
     for c in found.critical:
         if c.factor * size > FAR:
             warnings.append(f"load factor {c.factor:.6g}: the linear response rotates or strains the model by "
@@ -184,29 +191,45 @@ def _trusted(pencil: Pencil, u: Array, factors: Array, V: Array, size: float, me
     """Return the factors at which the linearised tangent stands for the tangent, their shapes, and warnings.
 
     Shapes that are the mesh's (``meshed``, returned too) stay, whatever is missed: a warning of their own names them.
-
-    At a factor mu, K + mu dK/dt cancels along phi; what the tangent at mu u itself leaves of phi^T K phi is what the
-    linearisation misses. Axial stiffness times the square of a rotation is as much as the bending stiffness long before
-    the rotation is large: structures that bend before they buckle.
     """
-    left = []
-    for factor, v in zip(factors, V, strict=True):
+    share = _missed(pencil, u, list(zip(factors, V, strict=True)))
+    good = meshed | (share <= MISSED)
+    doubts = _doubts(factors, size, share, meshed, "static with method: arc_length to find critical points")
+    return factors[good], V[good], meshed[good], doubts
+
+
+def _missed(pencil: Pencil, u: Array, found: Sequence[tuple[float, NDArray[Any]]]) -> Array:
+    """Return the share of the stiffness that the linearisation misses at each factor with its vector (n,).
+
+    K + mu dK/dt stands for the tangent at mu u: what the two differ by along the vector, beside K. Axial stiffness
+    times the square of a rotation is as much as the bending stiffness long before the rotation is large: structures
+    that bend before they buckle.
+    """
+    share = []
+    for factor, v in found:
         pencil.system.assemble(pencil.d + factor * u, factor)
-        tangent = pencil.matrix.product(pencil.matrix.target.values, v)
-        left.append(abs(float(v @ tangent) / float(v @ pencil.formed(v))))
-    share = np.array(left)
-    good, out = meshed | (share <= MISSED), []
-    rough = ~meshed & good & (share > ROUGH)
-    for some, says in ((~good, "are not critical loads: linear buckling does not apply here"),
-                       (rough, "are only estimates")):
+        tangent = pencil.matrix.target.values.copy()
+        rest = stiffness = 0.0j
+        for part, x in ((1.0, v.real), (1.0j, v.imag)):
+            Kx = pencil.formed(x)
+            stiffness += part * np.vdot(v, Kx)
+            rest += part * np.vdot(v, pencil.matrix.product(tangent, x) - Kx + factor * pencil.other(x))
+        share.append(abs(rest) / abs(stiffness))
+    return np.array(share)
+
+
+def _doubts(factors: Array, size: float, share: Array, meshed: NDArray[np.bool_], use: str) -> list[str]:
+    """Return warnings of factors at which a linear response of ``size`` does not stand for the equilibrium."""
+    out = []
+    for some, says in ((~meshed & (share > MISSED), "does not apply at"),
+                       (~meshed & (share > ROUGH) & (share <= MISSED), "only estimates")):
         if some.any():
             k = int(np.flatnonzero(some)[-1])
             named = ", ".join(f"{f:.6g}" for f in factors[some])
-            out.append(f"load factors {named} {says}. The structure bends or strains before it buckles, by "
-                       f"{factors[k] * size:.2g} (rad) at {factors[k]:.6g}, where the linearisation neglects "
-                       f"{share[k]:.2g} of the stiffness that should vanish. Use solver static with method: arc_length "
-                       "to find critical points")
-    return factors[good], V[good], meshed[good], out
+            out.append(f"linear buckling {says} the load factor{'s' if some.sum() > 1 else ''} {named}. The structure "
+                       f"bends or strains before it buckles, by {factors[k] * size:.2g} (rad) at {factors[k]:.6g}, "
+                       f"where the linearisation neglects {share[k]:.2g} of the stiffness. Use solver {use}")
+    return out
 
 
 def _meshed(model: Model, base: Array, V: Array) -> NDArray[np.bool_]:
