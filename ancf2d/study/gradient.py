@@ -282,8 +282,8 @@ class Study:
             return self.adjoint.slope(at, h)
         slopes = [one.slope(at, h) for one in self.responses or ()]
 
-        def watched(step: float) -> Array:
-            model = at(step) if step else self.model
+        def watched(step: float, model: Model | None = None) -> Array:
+            model = model or (at(step) if step else self.model)
             return self.watch(model, [
                 s for one, slope in zip(self.responses or (), slopes, strict=True)
                 for s in one.states(model, step * slope.value + abs(step) * slope.kink)])
@@ -293,8 +293,10 @@ class Study:
             solver = self.model.case.solver
             self.middle = watched(0.0) if self.moves or isinstance(solver, FrequencyResponse) else self.values
         found = derivative(watched, min(slope.h for slope in slopes), middle=self.middle)
+        # errors of the states count as far as what is watched changes with them, not with the number itself
         share = max(_share(slope) for slope in slopes)
-        return Quotient(found.value, found.error + share * np.abs(found.value), found.h)
+        by_states = np.abs(watched(found.h, self.model) - self.middle) / found.h
+        return Quotient(found.value, found.error + share * by_states, found.h)
 
     def _differences(self, variable: Variable, h: float) -> Quotient:
         """Return the derivative to a number by runs beside it. Raises ComputationError where their meshes differ."""

@@ -1,5 +1,7 @@
 """Derivatives of goals to numbers of a case: closed forms, and differences of whole runs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -9,7 +11,9 @@ import ancf2d
 from ancf2d.case.numbers import Variable, variable_at, variables_of
 from ancf2d.errors import CaseError
 from ancf2d.solvers.derivatives.differences import derivative
-from ancf2d.study.gradient import gradient
+from ancf2d.solvers.derivatives.statics import Equilibrium
+from ancf2d.study.gradient import derivatives, gradient
+from ancf2d.study.measures import Measures, Vocabulary, read_measure
 
 CANTILEVER = {
     "bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "end": [2, 0]},
@@ -47,6 +51,25 @@ def test_numbers_are_found_by_their_paths():
         variable_at(case, "bodies.beam.section.El")
     with pytest.raises(CaseError, match="expected a number"):
         variable_at(case, "loads.tip.type")
+
+
+def test_errors_of_states_count_as_far_as_values_depend_on_states(monkeypatch):
+    """Where dz/dL is known to a share e of itself, u_y' = -P (L^2/EI + 1/kGA) is too; mass' = rhoA has no such error.
+    """
+    share, slope = 1e-3, Equilibrium.slope
+
+    def rough(self, at, h):
+        found = slope(self, at, h)
+        return replace(found, error=np.full(len(found.value), share * np.abs(found.value).max()))
+    monkeypatch.setattr(Equilibrium, "slope", rough)
+    case = ancf2d.load(CANTILEVER)
+    texts = ["mass", "tip.uy", "mass + tip.uy"]
+    read = Measures([read_measure(text, "", Vocabulary(case)) for text in texts], case.case.goal)
+    found = derivatives(case, read, [variable_at(case, "bodies.beam.geometry.end.0")])
+    by_states = -3.0 * (2.0**2 / 500.0 + 1 / 4e5)
+    assert found.jacobian[:, 0] == pytest.approx([2.0, by_states, 2.0 + by_states], rel=1e-8)
+    assert found.errors[1:, 0] == pytest.approx([-share * by_states] * 2, rel=1e-3)
+    assert found.errors[0, 0] <= 1e-9
 
 
 def test_differences_of_smooth_functions():
