@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from ..elements.formulations.base import across_mass, cross, product_points
 from ..elements.registry import RIGID_FRAME, RIGID_TYPE
 from ..elements.shape import Array, ShapeFunctions, gauss, lobatto
 
+T = TypeVar("T")
 # points along, beside those for a constant section, that integrate the mass of one that varies; of a rigid body
 MORE, RIGID_POINTS = 3, 20
 
@@ -45,6 +47,17 @@ class ElementClass:
     def _inertia(self) -> tuple[Array, Array]:
         volume = over_body(self.sampler)
         return mass_matrix(self.sampler, volume), volume.dm @ volume.S
+
+    @cached_property
+    def _found(self) -> dict[Any, Any]:
+        return {}
+
+    def once(self, key: Any, find: Callable[[], T]) -> T:
+        """Return what ``find`` does of the class alone, once for a key: models that have the class share it."""
+        if key not in self._found:
+            self._found[key] = find()
+        found: T = self._found[key]
+        return found
 
     @property
     def shape(self) -> ShapeFunctions:

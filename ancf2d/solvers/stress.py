@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..elements.formulations.base import Sampler, cross, of_section
 from ..elements.formulations.green import elasticity, natural_at
@@ -19,7 +18,7 @@ from ..kernels.lowlevel.records import Record
 from ..model.body_groups import damping_time
 from ..model.mesh import BodyMesh
 from ..model.model import Model
-from .section_forces import SectionForces, apart, natural_rates
+from .section_forces import BLOCK, SectionForces, apart, natural_rates
 from .small_motions.section_motions import element_velocities, interpolation
 from .state import State
 
@@ -46,18 +45,25 @@ class OverBody:
         return np.zeros_like(self.energy) if self.yielded is None else self.yielded
 
 
-class _Gradient:
-    """Rows that give u_,t and u_,n (points, n_shape) of one element class on a grid of stations."""
+class _Gradients(NamedTuple):
+    """Rows that give u_,t and u_,n (..., points, n_shape), and t and n (..., points, 2), of elements on a grid."""
 
-    def __init__(self, sampler: Sampler, xi: Array, eta: Array) -> None:
+    t: Array
+    n: Array
+    along: Array
+    across: Array
+
+    @staticmethod
+    def at(sampler: Sampler, xi: Array, eta: Array) -> _Gradients:
+        """Return those of one element class at all pairs of stations."""
         x, y = np.repeat(xi, len(eta)), np.tile(eta, len(xi))
         Sx, Sy = sampler.derivative(x, y, 1, 0), sampler.derivative(x, y, 0, 1)
         rx, ry = Sx @ sampler.e0, Sy @ sampler.e0
         det = cross(rx, ry)[:, None]
-        self.t = rx / np.hypot(rx[:, 0], rx[:, 1])[:, None]
-        self.n = np.stack([-self.t[:, 1], self.t[:, 0]], axis=1)
-        self.along = (Sx * cross(self.t, ry)[:, None] + Sy * cross(rx, self.t)[:, None]) / det
-        self.across = (Sx * cross(self.n, ry)[:, None] + Sy * cross(rx, self.n)[:, None]) / det
+        t = rx / np.hypot(rx[:, 0], rx[:, 1])[:, None]
+        n = np.stack([-t[:, 1], t[:, 0]], axis=1)
+        return _Gradients(t, n, (Sx * cross(t, ry)[:, None] + Sy * cross(rx, t)[:, None]) / det,
+                          (Sx * cross(n, ry)[:, None] + Sy * cross(rx, n)[:, None]) / det)
 
     def strain(self, u: Array, linear: bool) -> Array:
         """Return eps_tt, eps_nn, 2 eps_tn (m, points, 3) of displacements u (m, n_shape, 2) in the element's frame."""
@@ -86,7 +92,7 @@ class NaturalPoints:
         self.stretch = np.array([[natural_at(mesh.classes[c].sampler, partial(model.loads.natural[k].along, e), x, y)
                                   for e, c in enumerate(mesh.cls)] for k in self.loads])
 
-    def __call__(self, state: State, some: NDArray[np.bool_], order: int = 0) -> Array:
+    def __call__(self, state: State, some: slice = slice(None), order: int = 0) -> Array:
         """Return the strains (m, nx, ny, 3) of some elements in a state; with ``order`` 1 their rates over time."""
         if not self.loads:
             return np.zeros(3)
@@ -112,9 +118,11 @@ class StressByLaw:
         self.law, self.middle = mesh.plan.formulation.stress, len(eta) // 2
         x, _ = gauss(mesh.plan.rule.normal[0])
         self.through = interpolation(x, xi)
-        self.gradients = [_Gradient(c.sampler, x, eta) for c in mesh.classes]
-        # D and D0 at the stations along: (nx, 3, 3), or (3, 3) where the section does not vary
-        self.laws = [elasticity(c.sampler.at(xi)) for c in mesh.classes]
+        place = ("stress", x.tobytes(), xi.tobytes(), eta.tobytes())
+        # of all classes, one behind the other: gradients, and D and D0 at the stations along (nx, 3, 3)
+        found = [c.once(place, partial(_of_class, c.sampler, x, xi, eta)) for c in mesh.classes]
+        self.gradients, self.laws = ([np.stack(part) for part in zip(*parts, strict=True)]
+                                     for parts in zip(*found, strict=True))
         self.natural = NaturalPoints(model, mesh, xi, eta)
         self.tau = damping_time(model.case, mesh.plan.name)
 
@@ -122,17 +130,18 @@ class StressByLaw:
         """Return the fields of a state."""
         mesh, n_q = self.mesh, self.model.n_q
         strain = np.empty((len(mesh.dofs), *self.size, 3))
-        u = element_velocities(mesh, state.d[:n_q]).reshape(len(mesh.dofs), -1, 2)
-        viscous = state.v is not None and self.tau > 0.0
-        v = element_velocities(mesh, state.v[:n_q]).reshape(u.shape) if viscous and state.v is not None else u
         stress, energy = np.empty_like(strain), np.empty(strain.shape[:-1])
-        for k, (gradient, (D, D0)) in enumerate(zip(self.gradients, self.laws, strict=True)):
-            some = mesh.cls == k
-            strain[some] = self._along(gradient.strain(u[some], state.linear))
-            stress[some], energy[some] = self._law(strain[some] - self.natural(state, some), D, D0)
-            if viscous:
-                rate = self._along(gradient.rate(u[some], v[some])) - self.natural(state, some, 1)
-                stress[some] += self.tau * self._law(rate, D, D0)[0]
+        for start in range(0, len(mesh.dofs), BLOCK):
+            some = slice(start, start + BLOCK)
+            gradients = _Gradients(*(part[mesh.cls[some]] for part in self.gradients))
+            laws = [part[mesh.cls[some]] for part in self.laws]
+            u = element_velocities(mesh, state.d[:n_q], some).reshape(len(gradients.t), -1, 2)
+            strain[some] = self._along(gradients.strain(u, state.linear))
+            stress[some], energy[some] = self._law(strain[some] - self.natural(state, some), *laws)
+            if state.v is not None and self.tau > 0.0:
+                v = element_velocities(mesh, state.v[:n_q], some).reshape(u.shape)
+                rate = self._along(gradients.rate(u, v)) - self.natural(state, some, 1)
+                stress[some] += self.tau * self._law(rate, *laws)[0]
         return OverBody(stress, strain, energy[..., None])
 
     def _along(self, sampled: Array) -> Array:
@@ -142,6 +151,11 @@ class StressByLaw:
 
     def _law(self, strain: Array, D: Array, D0: Array) -> tuple[Array, Array]:
         return self.law(strain, np.broadcast_to(strain[:, :, self.middle, None], strain.shape), D, D0)
+
+
+def _of_class(sampler: Sampler, x: Array, xi: Array, eta: Array) -> tuple[_Gradients, list[Array]]:
+    """Return what ``StressByLaw`` has of one class."""
+    return _Gradients.at(sampler, x, eta), [np.broadcast_to(D, (len(xi), 3, 3)) for D in elasticity(sampler.at(xi))]
 
 
 class StressByEquilibrium:
@@ -171,7 +185,7 @@ class StressByEquilibrium:
         gamma = shear * slides * A / (1.2 * section.kGA)
         stress = np.stack([axial, np.zeros_like(axial), shear], axis=-1)
         strain = np.stack([axial / section.E, -nu * axial / section.E, gamma], axis=-1)
-        strain = strain + self.natural(replace(state, linear=True), np.full(len(strain), True))
+        strain = strain + self.natural(replace(state, linear=True))
         return OverBody(stress, strain, 0.5 * (axial**2 / section.E + shear * gamma)[..., None])
 
 
@@ -199,7 +213,7 @@ class StressOverLayers:
         axial, curvature = (s.EI * N + s.ES * M) / det, (s.ES * N + s.EA * M) / det
         free = self.middle(state)
         whole = axial + free[..., :1] - (curvature + free[..., 1:]) * y
-        natural = np.broadcast_to(self.natural(replace(state, linear=True), np.full(len(N), True)), (*whole.shape, 3))
+        natural = np.broadcast_to(self.natural(replace(state, linear=True)), (*whole.shape, 3))
         beyond = whole - natural[..., 0]
         tau = Q * shear_flow(s.layers, (s.EA, s.ES, s.EI), y)
         stress = np.stack([E * beyond, np.zeros_like(beyond), tau], axis=-1)

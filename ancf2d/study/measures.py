@@ -125,7 +125,8 @@ def bounded(measure: Measure, option: str) -> tuple[Measure, Measure, str]:
     left = tree.first
     parts = (left, right) if op in ("<=", "<", "==") else (right, left)
     difference = replace(measure, tree=Chain(parts[0], (("-", parts[1]),)))
-    return difference, replace(measure, tree=right), "==" if op == "==" else "<="
+    of_right = {name: measure.extremes[name] for name in named_in(right) if name in measure.extremes}
+    return difference, replace(measure, tree=right, extremes=of_right), "==" if op == "==" else "<="
 
 
 class Measures:
@@ -144,11 +145,12 @@ class Measures:
     def __call__(self, model: Model, states: Sequence[Any]) -> Array:
         """Return the values (measures,). Raises ComputationError where the solver does not compute one."""
         course, found = self._course(model, states), []
+        of_fields = {name: self._field(model, states[-1], name) for name in self.fields}
         for measure in self.measures:
             meaning = dict(course[-1])
             for name, extreme in measure.extremes.items():
                 if extreme.tree is None:
-                    values = self._field(model, states[-1], extreme.field)
+                    values = of_fields[extreme.field]
                     meaning[name] = float(values.max() if extreme.largest else values.min())
                 else:
                     _, meaning[name] = _extreme_of(extreme, course)
@@ -262,9 +264,14 @@ def _value(tree: Tree, meaning: dict[str, float]) -> float:
 
 def mass_of(model: Model) -> float:
     """Return the mass [F T^2/L] of bodies and point masses: a^T M a of a unit translation a."""
-    from ..solvers.linear import full_mass
+    from ..solvers.linear import fluid_masses, point_masses
 
-    a = np.zeros(model.n_q)
+    a, total = np.zeros(model.n_q), 0.0
     for mesh in model.meshes.values():
         a[mesh.first_dof:mesh.first_dof + mesh.n_dofs][mesh.kinds == 0] = 1.0
-    return float(a @ (full_mass(model) @ a))
+        # all elements of a body have the same kinds of coordinates
+        moved = a[mesh.dofs[0]]
+        each = np.array([moved @ c.mass @ moved for c in mesh.classes])
+        total += float(each @ np.bincount(mesh.cls, minlength=len(each)))
+    more = [*fluid_masses(model), *((coords[None, :], M) for coords, M in point_masses(model))]
+    return total + sum(float(np.sum((a[coords] @ M) * a[coords])) for coords, M in more)

@@ -7,7 +7,9 @@ from scipy.optimize import minimize
 import ancf2d
 from ancf2d.case.numbers import text_with
 from ancf2d.errors import CaseError
-from ancf2d.study.measures import Measures, Vocabulary, mass_of, read_measure
+from ancf2d.solvers import stress
+from ancf2d.solvers.fields import FieldReader
+from ancf2d.study.measures import Measures, Vocabulary, bounded, mass_of, read_measure
 from ancf2d.study.record import Progress
 from ancf2d.study.run import prepare, run_case, vocabulary
 
@@ -103,6 +105,34 @@ def test_what_is_wrong_with_an_expression(text, message):
 def test_a_constraint_compares_two_expressions():
     with pytest.raises(CaseError, match="no constraint"):
         ancf2d.optimise(TEXT, {HEIGHT: (0.02, 0.2)}, "mass", "tip.uy")
+
+
+def test_sides_of_a_constraint_read_their_own_extremes():
+    """What a constraint is compared with costs no reading of what stands on the other side."""
+    words = Vocabulary(ancf2d.load(TEXT))
+    both, side, kind = bounded(read_measure("max(stress) + 1 <= 2*max(N)", "--subject-to", words), "--subject-to")
+    assert [e.field for e in both.extremes.values()] == ["stress", "N"]
+    assert [e.field for e in side.extremes.values()] == ["N"]
+    assert kind == "<="
+
+
+def test_models_beside_share_the_strains_of_elements_that_stay_as_they_are(monkeypatch):
+    """Of five heights, linear between them, the second one changes the elements in the first two of four quarters."""
+    found = []
+    monkeypatch.setattr(stress, "_of_class", lambda *given, make=stress._of_class: found.append(1) or make(*given))
+    five = TEXT.replace("height: 0.05", "height: {s: [0, 0.25, 0.5, 0.75, 1], value: [0.05, 0.06, 0.05, 0.04, 0.03]}"
+                        ).replace("count: 2", "count: 8")
+    states = []
+    model = run_case(ancf2d.load(five), progress=Progress(state=states.append)).model
+    FieldReader(model, ("stress",))
+    assert len(found) == 8
+    other = ancf2d.load(five, [f"{HEIGHT}.value.1=0.061"])
+    beside = prepare(other, model, beside=True)
+    read = FieldReader(beside, ("stress",)).read(states[-1])["beam", "stress"]
+    assert len(found) == 8 + 4
+    # the same as that of a model of its own
+    own = FieldReader(prepare(other), ("stress",)).read(states[-1])["beam", "stress"]
+    assert read == pytest.approx(own, abs=1e-12 * np.abs(own).max())
 
 
 def test_the_case_that_is_written_keeps_its_comments():
