@@ -221,13 +221,15 @@ class BodyPair:
 
     def segments(self, d: Array | None = None) -> tuple[Array, Array]:
         """Return the ends (n, 2) of straight pieces of the other body's curves, in the reference or at d (n_full,)."""
-        work, across, lines = np.zeros(geometry.WORK), np.zeros(geometry.WORK), []
+        z, work, across, lines = np.linspace(-1.0, 1.0, STATIONS), *np.zeros((2, geometry.WORK, STATIONS)), []
         for curve in self.curves:
-            line, u = np.zeros((STATIONS, 2)), np.zeros(len(curve.p0)) if d is None else curve.G @ d[curve.dofs]
-            for k, z in enumerate(np.linspace(-1.0, 1.0, STATIONS)):
-                facing.curve_at(curve.constants, curve.p0, u, z, work, across)
-                line[k] = work[geometry.RHO], work[geometry.RHO + 1]
-            lines.append(line)
+            u = np.zeros(len(curve.p0)) if d is None else curve.G @ d[curve.dofs]
+            # at all places at once; the end of a body is straight between its corners
+            straight = curve.constants[facing.END] != 0.0
+            for k in (0, -1) if straight else (...,):
+                facing.curve_at(curve.constants, curve.p0, u, z[k], work[:, k], across[:, k])
+            line = work[[geometry.RHO, geometry.RHO + 1]].T
+            lines.append(np.linspace(line[0], line[-1], STATIONS) if straight else line)
         found = np.array(lines)
         return found[:, :-1].reshape(-1, 2), found[:, 1:].reshape(-1, 2)
 

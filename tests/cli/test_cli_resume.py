@@ -61,8 +61,8 @@ main()
 
 @pytest.fixture
 def pendulum(folder: Path) -> Path:
-    """A folder with a pendulum that swings through 1200 states."""
-    (folder / "rod.yaml").write_text(PENDULUM.replace("END", "12"))
+    """A folder with a pendulum that swings through 500 states."""
+    (folder / "rod.yaml").write_text(PENDULUM.replace("END", "5"))
     return folder
 
 
@@ -83,7 +83,7 @@ def bits(path: Path) -> list[bytes]:
 
 @pytest.mark.slow
 def test_interrupted_run_goes_on_to_the_same_bits_but_not_as_another_case(pendulum: Path, call: Call) -> None:
-    code, out, err = stopped(pendulum, 433, signal.SIGINT, "--json")
+    code, out, err = stopped(pendulum, 283, signal.SIGINT, "--json")
     assert code == 130, err
     assert json.loads(out)["status"] == "interrupted"
     assert "to continue: ancf2d run rod.yaml --json --resume" in err
@@ -91,11 +91,11 @@ def test_interrupted_run_goes_on_to_the_same_bits_but_not_as_another_case(pendul
     with open_results("rod.h5.part") as r:
         assert r.status == "interrupted"
         reached = r.t[-1]
-        assert 0 < reached < 12
+        assert 0 < reached < 5
     found = read_checkpoint("rod.h5.part")
     assert found is not None
     assert 0 < found.t <= reached
-    code, _, err = stopped(pendulum, 271, signal.SIGKILL, "--resume")
+    code, _, err = stopped(pendulum, 171, signal.SIGKILL, "--resume")
     assert f"resuming 'rod.h5.part' at t = {found.t:.6g} s" in err
     assert code == -signal.SIGKILL, err
     again = read_checkpoint("rod.h5.part")

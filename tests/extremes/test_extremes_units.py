@@ -19,9 +19,10 @@ def test_statics_modes_and_buckling_do_not_depend_on_units(label: str, scene: st
     assert scaling.compared(scene, label, UNITS[units]).error < scaling.SAME
 
 
-@pytest.mark.parametrize("units", UNITS)
-@pytest.mark.parametrize("scene", helpers.chosen(
-    ["motion, radau5", "motion, energy_momentum", "motion, RK45", "motion, BDF"], ["motion, radau5"]))
+# SciPy's integrators are given their tolerances alike: one in larger units, one in smaller ones
+@pytest.mark.parametrize(("scene", "units"), helpers.chosen(
+    [*((f"motion, {method}", units) for method in ("radau5", "energy_momentum") for units in UNITS),
+     *zip(("motion, RK45", "motion, BDF"), list(UNITS)[1:], strict=True)], [("motion, radau5",)]))
 def test_motions_do_not_depend_on_units(scene: str, units: str) -> None:
     assert scaling.compared(scene, "cable", UNITS[units]).error < scaling.SAME
 

@@ -17,7 +17,7 @@ MOVED = ("rotated by any angle", "mirrored", "shifted by 1000 sizes", "in other 
 def violations(name: str, *checks: str) -> dict[str, str]:
     case = yaml.safe_load((HERE / f"{name}.yaml").read_text())
     found = {}
-    for seed in range(3):
+    for seed in range(2):
         scene = Scene(case, seed)
         assert scene.base.refusal == ""
         for check in CHECKS:

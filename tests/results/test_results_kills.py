@@ -7,7 +7,7 @@ import random
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +40,20 @@ def dies(moment: int, action: Callable[[], object]) -> bool:
     end = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
     assert end in (0, KILLED)
     return end == KILLED
+
+
+def moments(part: Path, action: Callable[[], object]) -> Iterator[bool]:
+    """Do something in one process after the other, each of which dies at a later moment, up to one that survives.
+
+    The file is as it was at first before each, and so is the writer, which belongs to this process.
+    """
+    content = part.read_bytes()
+    for moment in range(1, 10_000):
+        died = dies(moment, action)
+        yield died
+        if not died:
+            return
+        part.write_bytes(content)
 
 
 def kill_at(moment: int) -> None:
@@ -93,17 +107,11 @@ def test_every_moment_of_a_commit_leaves_the_old_states_or_the_new(
     monkeypatch.setattr(writer_module, "FLUSH_SECONDS", 1e9)
     monkeypatch.setattr(series_module, "COLUMN_CHUNK", 1)  # index nodes split every 64 rows
     monkeypatch.setattr(series_module, "LARGEST_COLUMN_CHUNK", 1)
-    outcomes = []
-    for moment in range(1, 10_000):
-        path = tmp_path / f"{moment}.h5"
-        w = grown(path, 64)
-        for i in range(64, 70):
-            add(w, i)
-        died = dies(moment, w.flush)
-        outcomes.append(check_states(part_path(path)))
-        w.discard()
-        if not died:
-            break
+    w = grown(tmp_path / "a.h5", 64)
+    for i in range(64, 70):
+        add(w, i)
+    outcomes = [check_states(part_path(w.path)) for _ in moments(part_path(w.path), w.flush)]
+    w.discard()
     assert len(outcomes) > 20
     assert outcomes == sorted(outcomes)
     assert set(outcomes) == {64, 70}
@@ -125,34 +133,27 @@ def test_plain_flushes_of_hdf5_would_leave_files_that_cannot_be_read(
     monkeypatch.setattr(writer_module, "FLUSH_SECONDS", 1e9)
     monkeypatch.setattr(writer_module, "JournaledFile", Unjournaled)
     lost = 0
-    for moment in range(1, 10_000):
-        w = grown(tmp_path / f"{moment}.h5", 64)
-        for i in range(64, 70):
-            add(w, i)
-        died = dies(moment, w.flush)
+    w = grown(tmp_path / "a.h5", 64)
+    for i in range(64, 70):
+        add(w, i)
+    for _ in moments(part_path(w.path), w.flush):
         try:
             check_states(part_path(w.path))
         except ResultsError:
             lost += 1
-        w.discard()
-        if not died:
-            break
+    w.discard()
     assert lost > 0
 
 
 def test_every_moment_of_the_first_commit_leaves_a_readable_file(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(writer_module, "FLUSH_SECONDS", 1e9)
-    outcomes = []
-    for moment in range(1, 10_000):
-        w = grown(tmp_path / f"{moment}.h5", 0)
-        for i in range(3):
-            add(w, i)
-        died = dies(moment, lambda w=w: w.finish({}))  # type: ignore[misc]
-        outcomes.append(check_states(part_path(w.path) if died else w.path))
-        w.discard()
-        if not died:
-            break
+    w = grown(tmp_path / "a.h5", 0)
+    for i in range(3):
+        add(w, i)
+    outcomes = [check_states(part_path(w.path) if died else w.path)
+                for died in moments(part_path(w.path), lambda: w.finish({}))]
+    w.discard()
     assert set(outcomes) == {0, 3}
 
 

@@ -124,14 +124,16 @@ def test_a_hairpin_touches_itself_as_half_of_it_does_its_plane_of_symmetry(law):
         return helpers.body(geometry, helpers.element("cable", 8 * len(pieces)), {"height": 0.01, "width": 0.05}, STEEL)
 
     bump = {"arc": 0.15, "angle": -1.0}
+    # without a law, where points are placed depends a little on the way
+    how = {"type": "static", "steps": 4} if law == "law" else "static"
     radius = (0.165 - 0.15 * np.cos(0.4)) / np.cos(0.4)
     whole = helpers.Solution(helpers.build(
-        {"pin": pin(bump, {"arc": radius, "angle": np.pi + 0.8}, bump)}, bc=clamps("pin@0.5"),
+        {"pin": pin(bump, {"arc": radius, "angle": np.pi + 0.8}, bump)}, how, bc=clamps("pin@0.5"),
         loads=[push("pin@0", 0, -20000.0), push("pin@1", 0, 20000.0)],
         contacts=[{"name": "touch", "self": "pin", **LAWS[law]}]))
     half = {"law": {"stiffness": 2e9}} if law == "law" else {}
     alone = helpers.Solution(helpers.build(
-        {"pin": pin(bump, {"arc": radius, "angle": 0.5 * np.pi + 0.4})}, bc=clamps("pin@1"),
+        {"pin": pin(bump, {"arc": radius, "angle": 0.5 * np.pi + 0.4})}, how, bc=clamps("pin@1"),
         loads=[push("pin@0", 0, -20000.0)],
         obstacles={"plane": {"type": "polyline", "points": [[-0.05, 0], [0.2, 0]]}},
         contacts=[{"name": "touch", "between": ["pin", "plane"], **half}]))

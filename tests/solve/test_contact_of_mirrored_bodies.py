@@ -54,7 +54,7 @@ def heights(model: Any, d: Any, name: str = "upper") -> np.ndarray:
 
 @pytest.mark.parametrize("solver", [
     {"type": "static", "method": "arc_length", "until": {"load_factor": 1.0}},
-    pytest.param({"type": "quasi_static", "t_end": 1.0, "tolerance": 1e-4}, marks=pytest.mark.slow),
+    pytest.param({"type": "quasi_static", "t_end": 0.3, "tolerance": 1e-3}, marks=pytest.mark.slow),
 ], ids=lambda solver: solver.get("method", solver["type"]))
 def test_equilibria_are_those_beside_the_plane(solver):
     material = RELAXING if solver["type"] == "quasi_static" else STEEL
@@ -82,7 +82,7 @@ def test_modes_about_a_state_that_touches_contain_those_beside_the_plane():
     "hht", *(pytest.param(name, marks=pytest.mark.slow) for name in ("generalized_alpha", "radau5", "DOP853"))])
 def test_motions_are_those_beside_the_plane(method):
     # SciPy chooses its steps, and takes many where bodies touch
-    t_end, how = (2.5e-3, {"tolerance": 1e-6}) if method == "DOP853" else (6e-3, {"dt": 2e-4})
+    t_end, how = (2.2e-3, {"tolerance": 1e-4}) if method == "DOP853" else (6e-3, {"dt": 2e-4})
     two, one = (ride(scene(mirrored, 20000.0, damping=1e3), t_end, method=method, **how) for mirrored in (True, False))
     found, beside = heights(two.model, two.full()[0]), heights(one.model, one.full()[0])
     np.testing.assert_allclose(found, beside, atol=NEAR)

@@ -201,7 +201,10 @@ def test_the_answer_turns_with_the_scene(name, formulation, solver, angle, x, y)
             ],
         )
 
-    here = BASE.setdefault((name, formulation, solver), solve(0.0, (0.0, 0.0)))
+    key = (name, formulation, solver)
+    if key not in BASE:
+        BASE[key] = solve(0.0, (0.0, 0.0))
+    here = BASE[key]
     there = solve(angle, (x, y))
     for at in ("a@0.5", "b@0", "b@1"):
         np.testing.assert_allclose(there.u(at), turned(here.u(at), angle), atol=1e-9)

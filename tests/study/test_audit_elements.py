@@ -35,7 +35,7 @@ def test_an_element_of_twelve_coordinates_described_in_a_file(tmp_path):
     assert found["order_eigen"].value == pytest.approx(4.0, abs=0.05)
 
 
-# all others go through for the tables of docs/audit.md: tests/docs/test_documents.py
+# all others go through for the tables of docs/audit.md: tests/scripts/test_audit_table.py
 @pytest.mark.parametrize("name", chosen(("omar", "cable", "reissner3", "ancf[3,1]"), ("omar",)))
 def test_every_listed_type_goes_through(name):
     done = []

@@ -41,12 +41,10 @@ def test_spin_up_as_simo_and_vu_quoc() -> None:
     np.testing.assert_allclose(tip[:, 1], [-0.4685, -0.5591, -0.3628], atol=5e-5)
 
 
-# coarser than what the expected values are from; steps, elements and what that may cost [m]
+# motions that no published value is compared with above, coarser than what the expected values are from; elements,
+# steps and what that may cost [m]
 @pytest.mark.slow
 @pytest.mark.parametrize(("case", "motion", "probes", "count", "h", "atol"), [
-    ("pendulum1_reissner3", "pendulum_1", ["tip"], 2, 2e-3, 5e-6),
-    ("pendulum2_reissner3", "pendulum_2", ["tip"], 6, 2.5e-3, 1e-5),
-    ("slider_crank_reissner3", "slider_crank", ["middle"], 2, 1e-3, 1e-5),
     ("slider_crank_rigid", "slider_crank_rigid", ["middle"], 2, 1e-3, 1e-5),
     ("double_pendulum", "double_pendulum", ["elbow", "tip"], 2, 5e-3, 2e-5),
     ("four_bar", "four_bar", ["middle"], 1, 1e-3, 2e-6),
