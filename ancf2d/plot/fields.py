@@ -143,8 +143,8 @@ class Fields:
 
     def _surface(self, axes: Axes, surface: Surface, low: float, high: float) -> QuadMesh:
         if not self.unrolled:
-            axes.add_patch(Polygon(surface.reference.boundary, facecolor="none", edgecolor=style.REFERENCE,
-                                   linestyle="--", linewidth=0.8))
+            axes.add_artist(Polygon(surface.reference.boundary, facecolor="none", edgecolor=style.REFERENCE,
+                                    linestyle="--", linewidth=0.8))
         points = surface.along(self.unrolled)
         x, y, values = (v.reshape(-1, points.shape[2]) for v in (points[..., 0], points[..., 1], surface.values))
         # element after element, with nothing between them; as an image within vector figures, where thousands of
@@ -154,7 +154,7 @@ class Fields:
                                zorder=2)
         edge = np.concatenate([points[:, :, 0].reshape(-1, 2), points[-1, -1], points[::-1, ::-1, -1].reshape(-1, 2),
                                points[0, 0, ::-1]])
-        axes.add_patch(Polygon(edge, facecolor="none", edgecolor="0.25", linewidth=0.6, zorder=3))
+        axes.add_artist(Polygon(edge, facecolor="none", edgecolor="0.25", linewidth=0.6, zorder=3))
         for k in surface.lines:
             axes.plot(*points[:, :, k].reshape(-1, 2).T, color="0.25", linewidth=0.4, zorder=3)
         return mesh

@@ -173,6 +173,7 @@ def rendered(picture: Picture, figure: Figure | None = None, look: Look | None =
         figure.set_size_inches(*(look.size or picture.size))
         picture.render(figure)
         plain_ticks(figure)
-        # axes of one scale settle when drawn, and only then is known how wide their labels are
-        figure.draw_without_rendering()
+        if any(axes.get_aspect() != "auto" for axes in figure.axes):
+            # axes of one scale settle when drawn, and only then is known how wide their labels are
+            figure.draw_without_rendering()
     return figure

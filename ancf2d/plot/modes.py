@@ -117,8 +117,8 @@ class Modes:
     def _draw(self, axes: Axes, mode: Mode) -> None:
         color = style.PALETTE[COLORS.get(mode.kind, 0)]
         for body in mode.bodies:
-            axes.add_patch(Polygon(_boundary(body.reference), facecolor="none", edgecolor=style.REFERENCE,
-                                   linestyle="--", linewidth=0.7))
+            axes.add_artist(Polygon(_boundary(body.reference), facecolor="none", edgecolor=style.REFERENCE,
+                                    linestyle="--", linewidth=0.7))
             axes.add_collection(PolyCollection(body.pieces, facecolors=[(color, 0.25)], edgecolors="none"))
             # each piece: bottom, axis at the end, top, axis at the start
             half = [len(p) // 2 - 1 for p in body.pieces]

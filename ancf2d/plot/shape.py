@@ -102,9 +102,9 @@ class Shape:
 
     @staticmethod
     def _reference(axes: Axes, part: Part) -> None:
-        axes.add_patch(Polygon(part.reference.boundary, facecolor="none", linestyle="--",
-                               edgecolor=style.REFERENCE, linewidth=0.9, zorder=1.5,
-                               joinstyle="round"))
+        axes.add_artist(Polygon(part.reference.boundary, facecolor="none", linestyle="--",
+                                edgecolor=style.REFERENCE, linewidth=0.9, zorder=1.5,
+                                joinstyle="round"))
 
     @staticmethod
     def _deformed(axes: Axes, part: Part, i: int, fill: float, width: float) -> Polygon:
@@ -117,7 +117,7 @@ class Shape:
                         linestyle=style.DASHES[(part.file + round_again) % len(style.DASHES)], joinstyle="round",
                         hatch=HATCHES[round_again % len(HATCHES)],
                         zorder=2.5, label=part.name)
-        axes.add_patch(patch)
+        axes.add_artist(patch)
         for line in shape.lines:
             axes.plot(*line.T, color=color, linewidth=0.6, zorder=2.6)
         nodes = _marked(part)
@@ -261,8 +261,8 @@ class Snapshots:
             color = tuple(shades[labels.index(moment.label)])
             dash = style.DASHES[moment.file % len(style.DASHES)]
             for body in moment.bodies.values():
-                axes.add_patch(Polygon(body.boundary, facecolor=(*color[:3], 0.35), edgecolor=color, linewidth=1.4,
-                                       linestyle=dash, joinstyle="round", zorder=2 + labels.index(moment.label) / 100))
+                axes.add_artist(Polygon(body.boundary, facecolor=(*color[:3], 0.35), edgecolor=color, linewidth=1.4,
+                                        linestyle=dash, joinstyle="round", zorder=2 + labels.index(moment.label) / 100))
         draw_symbols(axes, [s for m in self.moments for s in m.symbols])
         for k, name in enumerate(self.files if len(self.files) > 1 else ()):
             handles[name] = Line2D([], [], color="0.3", linestyle=style.DASHES[k % len(style.DASHES)])

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -55,12 +55,20 @@ def _with_numbers(value: Any) -> Any:
 
 
 def completed_case(results: Results) -> dict[str, Any]:
-    """Return the case as completed with defaults, as YAML without types: numbers and texts; empty if it is no case."""
+    """Return the case as completed with defaults, as YAML without types: numbers and texts; empty if it is no case.
+
+    It is not to be changed: whoever asks for the same case has the same one.
+    """
     try:
-        # as texts: to YAML 1.1, on and off are no names, and 3e7 is no number
-        case = yaml.load(results.case_completed, yaml.BaseLoader)
+        return _read(results.case_completed)
     except (yaml.YAMLError, ResultsError):
         return {}
+
+
+@lru_cache(maxsize=4)
+def _read(text: str) -> dict[str, Any]:
+    # as texts: to YAML 1.1, on and off are no names, and 3e7 is no number
+    case = yaml.load(text, yaml.BaseLoader)
     return _with_numbers(case) if isinstance(case, dict) else {}
 
 
