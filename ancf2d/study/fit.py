@@ -34,8 +34,9 @@ DECADE = 10.0
 TOLERANCE = 1e-8
 # the relative decrease of the squares that is none, where derivatives are differences of runs
 TOLERANCE_OF_RUNS = 1e-6
-# of the region of confidence: distances from the minimum at which derivatives are made anew, and where a search ends
-NEAR, SETTLED = 1.0, 0.1
+# of the region of confidence: how far derivatives are carried that standard errors follow from; distances from the
+# minimum that are close to it, and where a search ends
+CARRIED, CLOSE, SETTLED = 10.0, 1.0, 0.1
 # of a step's change of the residuals, what derivatives may miss and still be mended
 BENT = 0.8
 # shares of the way between the bounds within which a number is at one
@@ -232,8 +233,8 @@ class _Problem:
     def _secants(self, z: Array, f: Array) -> Array:
         """Return the derivatives of motions: by differences, and from step to step with Broyden's update between.
 
-        They are made anew where the search comes close to its end, since standard errors follow from them. Raises
-        _SettledError at the end.
+        They are made anew where the search comes close to its end far from where they were made, since standard errors
+        follow from them. Raises _SettledError at the end.
         """
         known, J, made = self.secant, None, z
         if known is not None:
@@ -241,7 +242,7 @@ class _Problem:
             off = f - known.f - known.J @ dz
             if np.linalg.norm(off) < BENT * np.linalg.norm(f - known.f):
                 J, made = known.J + np.outer(off, dz) / float(dz @ dz), known.made
-        if J is None or (_offset(z, f, J) < NEAR < _distance(z, made, f, J)):
+        if J is None or (_offset(z, f, J) < CLOSE and _distance(z, made, f, J) > CARRIED):
             J, made = self._differences(z, f), z
         self.secant = _Secant(z, f, J, made)
         if _offset(z, f, J) < SETTLED:

@@ -118,7 +118,8 @@ def test_five_numbers_of_a_motion_in_few_runs(tmp_path: Path) -> None:
     off = np.array([found.model[:, k] - data[name] for k, name in enumerate(found.data.names)])
     beside = np.sum((off / found.scales[:, None])**2) / np.sum((noise / found.scales[:, None])**2)
     assert 1.0 - 4.0 * 5.0 / noise.size < beside < 1.0
-    assert found.runs <= 30
+    # one at the guess, five differences there and five near the minimum, seven steps
+    assert found.runs <= 20
 
 
 @pytest.mark.slow
