@@ -27,6 +27,8 @@ BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.M | re.S)
 NAMED_FILE = re.compile(r"[Ss]ave this as `([\w.-]+)`:\n\n```(?:yaml|python)\n(.*?)^```$", re.M | re.S)
 # what depends on the machine: times, and where round-off ends Newton's method
 TIME = re.compile(r"\b[\d.]+ (us|ms|s|iterations)\b")
+# what the shell leaves as it is
+QUOTED = re.compile(r"'[^']*'|\"[^\"$`]*\"")
 # a number this small is a zero with round-off in it
 ZERO = re.compile(r"-?\b\d(\.\d+)?e-(0[7-9]|[1-9]\d)\b")
 
@@ -78,7 +80,7 @@ def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def run(command: str) -> tuple[int, str, str]:
     """Return exit code, stdout and stderr; ancf2d and scripts run in this process, which has their imports."""
     words = shlex.split(command)
-    if not set("|<>&;$*`") & set(command):
+    if not set("|<>&;$*`") & set(QUOTED.sub("", command)):
         if words[0] == "ancf2d":
             found = CliRunner().invoke(main, words[1:])
             return found.exit_code, found.stdout, found.stderr

@@ -59,11 +59,12 @@ class Point:
         return energy, f, H, C
 
 
-def differences(function, x, h=1e-5):
-    """Return d function/dx (..., n) by central differences of fourth order."""
+def differences(function, x, h=1e-5, linear=False):
+    """Return d function/dx (..., n) by central differences of fourth order, or of second where that is enough."""
     out = []
     for e in h * np.eye(len(x)):
-        near, far = function(x + e) - function(x - e), function(x + 2 * e) - function(x - 2 * e)
+        near = function(x + e) - function(x - e)
+        far = 2 * near if linear else function(x + 2 * e) - function(x - 2 * e)
         out.append((8 * near - far) / (12 * h))
     return np.stack(out, axis=-1)
 
@@ -254,7 +255,7 @@ def test_points_of_a_curve_together_are_the_sum_of_each(section, pose, shape, ho
     par, mem = np.tile(point.par, (len(places), 1)), np.tile(point.mem, (len(places), 1))
     par[:, geometry.HOME] = places
     apart, touching, m = 0, 0, len(point.u)
-    for _ in range(150):
+    for _ in range(60):
         u = 0.1 * rng.standard_normal(m)
         # to all sides, further than the curve is long and nearer
         u[[0, terms]] += rng.uniform(-0.3, 0.3, 2) if shape == "pipe" else rng.uniform(-4.0, 4.0, 2)
@@ -271,7 +272,7 @@ def test_points_of_a_curve_together_are_the_sum_of_each(section, pose, shape, ho
         apart, touching = apart + (power == APART), touching + (energy > 0.0)
     assert touching > 0
     # a curve that is longer than the pipe is wide is never apart from it
-    assert apart > 8 or shape == "pipe"
+    assert apart > 3 or shape == "pipe"
 
 
 def test_nothing_is_told_of_the_curve_beside_an_open_polyline():

@@ -273,7 +273,7 @@ def test_a_rigid_arc_has_the_mass_centre_and_inertia_of_an_arc():
     assert energy(0.6, -0.8, 1.5) == pytest.approx(0.5 * mass + 0.5 * about * 1.5**2, rel=1e-13)
 
 
-@pytest.mark.parametrize("geometry", [RING, ELLIPSE, SPLINE, PATH])
+@pytest.mark.parametrize("geometry", [RING, pytest.param(ELLIPSE, marks=pytest.mark.slow), SPLINE, PATH])
 def test_the_points_of_a_rigid_curve_keep_their_places_in_the_body(geometry):
     model = model_of(rigid(geometry, section=BAR, mass=3.0))
     turn = np.array([[np.cos(0.9), -np.sin(0.9)], [np.sin(0.9), np.cos(0.9)]])
@@ -289,7 +289,7 @@ def test_the_points_of_a_rigid_curve_keep_their_places_in_the_body(geometry):
             np.testing.assert_allclose([dot(c, turned) for c in columns], moved, atol=1e-13)
 
 
-@pytest.mark.parametrize("geometry", [RING, pytest.param(ELLIPSE, marks=pytest.mark.slow), SPLINE, PATH])
+@pytest.mark.parametrize("geometry", [RING, SPLINE, PATH])
 def test_a_spring_turns_a_rigid_curve_against_its_inertia_alone(geometry):
     body = rigid(geometry, section=BAR, mass=3.0, inertia=0.7)
     plan = model_of(body).meshes["b"].plan

@@ -250,7 +250,7 @@ masses: [{at: b@0.7, mass: 0.1, inertia: 0.001}]
 loads: [{type: gravity, value: [0, -9.81]},
         {type: force, at: a@0.5, value: [0, 3], amplitude: {type: table, t: [0, 0.05, 1], value: [0, 1, 1]}}]
 """
-MOVING = "solver: {type: dynamic, t_end: 0.08, tolerance: 1e-9, estimate: false}\noutput: {interval: 0.04}"
+MOVING = "solver: {type: dynamic, t_end: 0.04, tolerance: 1e-9, estimate: false}\noutput: {interval: 0.02}"
 FALLING = HINGED.replace("  - {type: roller, at: a@0.7, normal: [1, 2]}\n", "")
 
 

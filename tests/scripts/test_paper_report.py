@@ -13,7 +13,7 @@ pytestmark = pytest.mark.slow
 
 FIGURES = [f"Figure {n}" for n in (3, 4, 5, 7, 8, 9, 10, 11, 12, 13, 14, 15, 17, 18, 19)]
 # of how long motions last: enough for some stored states
-SHORT = 0.03
+SHORT = 0.01
 
 
 @pytest.fixture

@@ -50,10 +50,9 @@ def test_leaves_that_rub_without_a_law_are_those_of_a_stiff_layer():
     check_balance(hard)
 
 
-@pytest.mark.parametrize("name", helpers.chosen(["cable", "vallejo"], ["cable"]))
-def test_leaves_that_rub_are_stiffer_and_keep_some_of_their_deflection(name):
+def test_leaves_that_rub_are_stiffer_and_keep_some_of_their_deflection():
     """The shear mu n of the faces bends each leaf by mu n h/2 per length, so that w = (P -+ mu n h) L^3/(6 EI)."""
-    solution, smooth = leaves(name, 4, MU), leaves(name, 4, 0.0)
+    solution, smooth = leaves("cable", 4, MU), leaves("cable", 4, 0.0)
     at = [next(k for k, s in enumerate(one.states) if s.t == pytest.approx(0.6)) for one in (solution, smooth)]
     less = MU * PRESS * HEIGHT / (6 * BENDING)
     loaded, free = (one.u("lower@1", k)[1] for one, k in zip((solution, smooth), at, strict=True))
@@ -151,7 +150,9 @@ def inclined(angle: float, mu: float, t_end: float = 0.5, k: float = 1e7, order:
 def test_a_block_slides_down_a_rail_or_rests_on_it(k, solver):
     angle = 0.3
     along = np.array([np.cos(angle), np.sin(angle)])
-    for mu, t_end in ((0.2, 0.5), (0.4, 0.1)):
+    # where steps do not damp, the layer vibrates on
+    long = 2.0 if solver.get("method") == "newmark" else 1.0
+    for mu, t_end in ((0.2, 0.25 * long), (0.4, 0.05 * long)):
         found = inclined(angle, mu, t_end, k, every=1, **solver)
         way = -float((found.place("box@0") - found.place("box@0", 0)) @ along)
         slope = G * (np.sin(angle) - mu * np.cos(angle))

@@ -247,7 +247,7 @@ def test_motion_is_judged_over_integrators_steps_and_meshes() -> None:
     # with meshes as coarse as two elements, steps do not matter to the fifth-order method
     errors = [rows["radau5", dt, 2].error for dt in (2e-3, 1e-3)]
     assert errors[0] == pytest.approx(errors[1], rel=0.05)
-    fine = solve_for_goal(load(SWING, "bodies.rod.element.count=16", "solver.tolerance=1e-9")).answer
+    fine = solve_for_goal(load(SWING, "bodies.rod.element.count=8", "solver.tolerance=1e-8")).answer
     for row in study.rows:
         assert row.measured.answer is not None
         assert len(row.measured.answer.course) == 6

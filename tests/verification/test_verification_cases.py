@@ -29,9 +29,10 @@ HEADING = re.compile(r"^###? .*$", re.M)
 QUICK = ("double_pendulum", "four_bar", "free_rod", "pendulum1_2d3n_4", "pendulum2_2d2n_4", "slider_crank_rigid",
          "caught_rod", "pid_arm")
 # what takes long, of which a quick test in tests/solve has the closed form: belts (test_contact_statics), ropes
-# (test_hanging), strips, shared forces (test_contact_of_bodies), pipes (test_flow)
-DEAR = ("two_pulleys", "hanging_catenary", "sliding_strip", "lifted_strip", "shared_force", "cantilever_pipe_heavy",
-        "cantilever_pipe_light")
+# (test_hanging), strips, shared forces (test_contact_of_bodies), pipes (test_flow), leaves that rub
+# (test_friction_between_bodies)
+DEAR = ("leaf_spring", "two_pulleys", "hanging_catenary", "sliding_strip", "lifted_strip", "shared_force",
+        "cantilever_pipe_heavy", "cantilever_pipe_light")
 
 
 def named(case: Path, quick: bool) -> Any:
