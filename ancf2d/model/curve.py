@@ -291,6 +291,13 @@ def pieces_of(geometry: Geometry, count: int, nodes: Sequence[float] = (), refin
     equal elements that the pieces have without; then it is split at ``kinks`` alone, which are some of them. Every
     element is then divided into ``refine`` ones. Graded elements are pieces of their own where they differ.
     """
+    # bodies that differ in other things have the same ones
+    return _pieces_of(geometry, count, tuple(nodes), refine, tuple(kinks), grading)
+
+
+@lru_cache(maxsize=256)
+def _pieces_of(geometry: Geometry, count: int, nodes: tuple[float, ...], refine: int, kinks: tuple[float, ...],
+               grading: Grading | None) -> tuple[Piece, ...]:
     whole = _undivided(geometry)[0]
     regular = tuple(replace(p, count=n) for p, n in zip(whole, share_count([p.length for p in whole], count),
                                                         strict=True))

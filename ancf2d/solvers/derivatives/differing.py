@@ -241,10 +241,16 @@ class Differing:
 
     @property
     def starts_alike(self) -> bool:
-        """Whether all models begin with the same rates: these are projected by the mass."""
+        """Whether the same rates are asked for at the start, which each model's mass projects on what can move."""
         own = self.run.model
-        return self.reduced and self.mass is None and all(
-            other.case.initial == own.case.initial and np.array_equal(other.e0, own.e0) for other in self.models)
+        return self.reduced and all(other.case.initial == own.case.initial and np.array_equal(other.e0, own.e0)
+                                    for other in self.models)
+
+    def mass_between(self, x: Array, y: Array) -> Array:
+        """Return x^T M y (k,) of rates (n_q, k) and (n_q,), with the sum of the models' mass by the first weights."""
+        blocks = _mass_blocks(self.run.model, self.models, self.weights[0])
+        return np.sum([np.einsum("mik,mi->k", x[coords], y[coords] @ M.T) for coords, M in blocks] or
+                      [np.zeros(x.shape[1])], axis=0)
 
     @property
     def moves(self) -> bool:
@@ -290,7 +296,9 @@ def _unlike_items(laws: Sequence[Points]) -> Index | slice:
     found = np.zeros(len(first.forces), dtype=bool)
     for other in laws[1:]:
         for name in _OF_ITEMS:
-            apart = ~np.isclose(getattr(first, name), getattr(other, name), rtol=0.0, atol=0.0, equal_nan=True)
+            one, two = getattr(first, name), getattr(other, name)
+            # what is not a number stays so
+            apart = (one != two) & ((one == one) | (two == two))
             found |= apart.any(axis=tuple(range(1, apart.ndim)))
         for name, along_ in _ALONG.items():
             starts, unlike_ = getattr(first, along_), getattr(first, name) != getattr(other, name)

@@ -19,8 +19,9 @@ from ...kernels.lowlevel.records import Record
 from ...kernels.motion.dynamics import to_full
 from ...kernels.motion.state import evaluate
 from ...model.model import Model
+from ..linear import unknowns_to_coordinates
 from ..motion.dynamic import Run
-from ..motion.initial import initial_rates
+from ..motion.initial import asked_rates, initial_rates
 from ..motion.stepping import Stepper
 from ..post import Observer
 from ..state import State
@@ -121,12 +122,15 @@ class Start:
     """What changes of the start do to goals (n, k).
 
     Where accelerations follow from a state at rest, or with given rates: by its residuals as work on ``mu``, and by
-    rates.
+    ``rates``. These have M v = T^T M V of those asked for, V, so that a change M' does ``lifted``^T M' ``left`` of it:
+    ``left`` (n_q,) is V - T v, ``lifted`` (n_q, k) T M^-1 rates.
     """
 
     all: Change
     mu: Array | None
     rates: Array | None
+    lifted: Array | None = None
+    left: Array | None = None
 
 
 class MotionAdjoint(Together):
@@ -229,7 +233,11 @@ class MotionAdjoint(Together):
             return Start(start, None, None)
         motion.stepper.enter(0)
         mu = motion.by_mass.solve(start.a + start.own)
-        return Start(start, mu, None if rests(self.base) else motion.consistent(motion.begun, mu, start).v)
+        if rests(self.base):
+            return Start(start, mu, None)
+        rates, T = motion.consistent(motion.begun, mu, start).v, unknowns_to_coordinates(self.model)
+        left = asked_rates(self.model) - T @ initial_rates(self.model)
+        return Start(start, mu, rates, T @ motion.by_mass.solve(rates), left)
 
     def _begin(self, one: Sum, start: Start) -> None:
         """Add what a number does by the start of the motion."""
@@ -237,10 +245,15 @@ class MotionAdjoint(Together):
             one.change(one.number.begin(), start.all)
             return
         one.note(self.motion.begun, self.motion.window, start.mu[None])
-        if start.rates is not None and not one.number.differing.starts_alike:
-            sides = zip(one.number.weights[0].tolist(), one.number.differing.models, strict=True)
+        if start.rates is None or start.lifted is None or start.left is None:
+            return
+        differing = one.number.differing
+        if differing.starts_alike:
+            by_rates = differing.mass_between(start.lifted, start.left)
+        else:
+            sides = zip(one.number.weights[0].tolist(), differing.models, strict=True)
             by_rates = sum(weight * initial_rates(model) for weight, model in sides if weight) @ start.rates
-            one.take(np.array([by_rates, np.zeros_like(by_rates)])[:, None])
+        one.take(np.array([by_rates, np.zeros_like(by_rates)])[:, None])
 
     def _read(self, number: Beside) -> Array:
         """Return differences (2, 1, k) of what is read where unknowns stay as they are."""

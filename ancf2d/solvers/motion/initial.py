@@ -64,6 +64,12 @@ def _rates(model: Model, initial: Initial, e: Array, stored: Array) -> Array:
     return out
 
 
+def asked_rates(model: Model) -> Array:
+    """Return the rates (n_q,) that are asked for at t = 0 of a motion from rest, whether or not supports allow them."""
+    d = model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)[:model.n_q]
+    return _rates(model, model.case.initial or Initial(), model.e0 + d, np.zeros(model.n_q))
+
+
 def initial_rates(model: Model) -> Array:
     """Return the rates (n_unknowns,) at t = 0 of a motion from rest without multipliers and prescribed motion.
 
@@ -72,9 +78,7 @@ def initial_rates(model: Model) -> Array:
     # checking a case imports no kernels
     from ..linear import full_mass, unknowns_to_coordinates
 
-    rest = np.zeros(model.numbering.n_unknowns)
-    d = model.displacements(rest, 0.0)[:model.n_q]
-    asked = _rates(model, model.case.initial or Initial(), model.e0 + d, np.zeros(model.n_q))
+    asked = asked_rates(model)
     v = np.asarray(asked[model.numbering.free])
     T = unknowns_to_coordinates(model)
     missing = asked - T @ v
