@@ -81,7 +81,8 @@ def test_rates_that_supports_do_not_allow():
         "initial": {"rotation_rate": {"omega": 2.0, "about": [0.5, 0]}},
         "solver": {"type": "dynamic", "method": "generalized_alpha", "t_end": 0.02, "dt": 2e-3, "estimate": False},
         "goal": {"probe": "tip", "quantity": "vy"}, "output": {"probes": {"tip": "bar@1"}}})
-    paths = ["masses.lump.mass", *(f"bodies.bar.{of}" for of in ("section.height.value.1", "material.rho", "material.E"))]
+    of_bar = ("section.height.value.1", "material.rho", "material.E")
+    paths = ["masses.lump.mass", *(f"bodies.bar.{name}" for name in of_bar)]
     read = GoalValues((case.case.goal,))
     told = derivatives(case, lambda model, states: read(model, states), numbers_at(case, paths))
     assert set(told.methods) == {"exact"}
