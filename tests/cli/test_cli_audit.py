@@ -48,7 +48,7 @@ def test_a_table_with_a_line_for_each_check_and_exit_0_whatever_the_verdicts(cal
     assert [line.split()[0] for line in lines[4:4 + len(CHECKS)]] == [c.name for c in CHECKS]
     assert "6 motions of an element without strain energy with 1 x 1 points" in result.stdout
     assert lines[-1].endswith(" note")
-    assert call("audit", "mine.yaml", "-q").stdout == ""
+    assert call("audit", "reissner2", "-q").stdout == ""
 
 
 def test_coordinates_that_do_not_determine_the_basis_are_a_verdict(call: Call, folder: Path) -> None:
