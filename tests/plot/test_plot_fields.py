@@ -255,7 +255,7 @@ FALLING = HINGED.replace("  - {type: roller, at: a@0.7, normal: [1, 2]}\n", "")
 
 
 @pytest.mark.parametrize(("text", "rtol"), [
-    (HINGED + "solver: {type: static, steps: 4}", 1e-7),
+    pytest.param(HINGED + "solver: {type: static, steps: 4}", 1e-7, marks=pytest.mark.slow),
     pytest.param(HINGED + "solver: {type: linear_static}", 1e-9, marks=pytest.mark.slow),
     (FALLING + MOVING, 1e-5)], ids=["static", "linear_static", "dynamic"])
 def test_section_forces_of_motions_and_with_multipliers_are_computed_from_the_states(

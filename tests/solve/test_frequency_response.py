@@ -157,7 +157,8 @@ def test_points_of_undamped_responses_come_to_an_end() -> None:
     assert 20 < len(ancf2d.solve(case).summary["response"]["hz"]) < 1000
 
 
-@pytest.mark.parametrize("solver", [{}, {"from": None, "to": None, "points": None, "frequencies": HZ[::4].tolist()}])
+@pytest.mark.parametrize("solver", [{}, pytest.param(
+    {"from": None, "to": None, "points": None, "frequencies": HZ[::4].tolist()}, marks=pytest.mark.slow)])
 def test_responses_to_an_accuracy(solver: dict[str, Any]) -> None:
     """The error of all curves is told, and is that beside the closed form, also between the points."""
     from ancf2d.study.accuracy.control import solve_to_accuracy

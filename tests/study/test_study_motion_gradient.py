@@ -80,7 +80,7 @@ def solved(loaded, path, h):
     return ancf2d.solve(loaded, [variable.override(variable.value * (1 + h))], states=False).value
 
 
-@pytest.mark.parametrize("method", [m if m in ("generalized_alpha", "radau5") else
+@pytest.mark.parametrize("method", [m if m == "generalized_alpha" else
                                     pytest.param(m, marks=pytest.mark.slow) for m in NUMBERS])
 def test_steps_are_differentiated(method, monkeypatch, tmp_path):
     """Derivatives are those of the discrete motion: central differences of runs, by every integrator."""

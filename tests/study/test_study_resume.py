@@ -175,7 +175,7 @@ HELD = {"element.yaml": ("element: {type: cable, count: 2}", "element: {definiti
         "start.h5": ("output:", "initial: {from: start.h5}\noutput:")}
 
 
-@pytest.mark.parametrize("file", HELD)
+@pytest.mark.parametrize("file", ["element.yaml", pytest.param("start.h5", marks=pytest.mark.slow)])
 def test_a_case_that_reads_a_changed_file_is_not_resumed(monkeypatch: pytest.MonkeyPatch, loaded: LoadedCase,
                                                          tmp_path: Path, file: str) -> None:
     """States before and after would be those of two models."""

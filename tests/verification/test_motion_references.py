@@ -26,6 +26,7 @@ def test_first_pendulum_as_an_independent_cable() -> None:
     np.testing.assert_allclose(tip, [[0.991498, -1.502307], [-1.685664, -0.631293], [-1.774687, -0.300800]], atol=3e-5)
 
 
+@pytest.mark.slow
 def test_second_pendulum_as_an_independent_geometrically_exact_beam() -> None:
     tip = motion_references.pendulum_2([0.25, 0.5], 4, 2.5e-3)
     np.testing.assert_allclose(tip, [[1.171603, -0.308758], [0.354320, -1.307083]], atol=2e-5)
