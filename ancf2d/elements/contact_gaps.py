@@ -65,7 +65,8 @@ BODY_SIZE = CURVE_SIZE + 11
 FOOT, FOUND, SIDE, ON = range(MEMORY, MEMORY + 4)
 BODY_MEMORY = MEMORY + 4
 NOWHERE, WITHIN, AT_FIRST, AT_LAST = 0.0, 1.0, 2.0, 3.0
-_TRIES = 25
+# most iterations for a foot point, and steps below which those that no longer shrink are round-off
+_TRIES, _ROUND = 25, 1e-11
 # how far beyond the ends of an element its polynomial is followed
 REACH = 1.5
 
@@ -158,14 +159,17 @@ def bend(par, z, vx, vy, work, H, first):  # type: ignore[no-untyped-def]
 
 def foot_on(par, p0, u, x, y, z, work, across):  # type: ignore[no-untyped-def]
     """Return z of the foot point of (x, y) on a curve, by Newton's method from z; work is left there."""
+    last = 1.0
     for _ in range(_TRIES):
         tx, ty, kx, ky = curve_at(par, p0, u, z, work, across)
         rx, ry = x - work[RHO], y - work[RHO + 1]
         T = tx * tx + ty * ty
         step = (rx * tx + ry * ty) / max(T - rx * kx - ry * ky, 0.1 * T)
-        if abs(step) < 1e-14:
+        # done: to the last digit, within round-off, or as far as the curve is followed
+        then = min(max(z + step, -REACH), REACH)
+        if abs(step) < 1e-14 or last <= abs(step) < _ROUND or then == z:
             break
-        z = min(max(z + step, -REACH), REACH)
+        last, z = abs(step), then
     return z
 
 

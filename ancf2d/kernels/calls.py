@@ -124,6 +124,7 @@ behind = _call(_b, None, _SCRATCH, _x, _x, _x, _f, _x, _x, _x, _b)
 tunnels = _call(_b, None, _SCRATCH, _MOTION, _METHOD, _f, _f)
 impact = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _f, _f, _f)
 lost_in_impact = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _f, _f, _b)
+let_go = _call(_b, None, _SCRATCH, _MOTION, _x, _f, _x)
 # friction there: kernels.motion.friction
 point_slip = _call(_f, None, _i, _x, _x, _xx, _x)
 rub = _call(_nothing, None, _SCRATCH, _x, _x, _x, _x, _x)

@@ -37,6 +37,7 @@ from ..points import amplitude_of, fields_of_item
 from .consistent import consistent, gap_rates
 from .dynamics import to_full, twice_kinetic
 from .friction import approach_freely, drag, point_hold, point_slip, rub, rubs, take_hold
+from .newmark import let_go
 from .state import GIVEN, evaluate
 
 # of the largest rate: constraints that part slower than this are closed
@@ -371,7 +372,7 @@ def impact_functions(contacts: Any, sided: bool, problem: Any) -> dict[Any, tupl
         points = problem.place["points"][1].whole()
         out |= {calls.point_sides: (point_sides, points), calls.consistent: (consistent, problem),
                 calls.behind: (behind, problem), calls.impact: (impact, problem),
-                calls.lost_in_impact: (lost_in_impact, problem)}
+                calls.lost_in_impact: (lost_in_impact, problem), calls.let_go: (let_go, problem)}
         if any(pair.item.friction for pair in contacts):
             out |= {calls.point_slip: (point_slip, points), calls.rub: (rub, problem), calls.drag: (drag, problem),
                     calls.point_hold: (point_hold, points), calls.take_hold: (take_hold, points)}

@@ -6,12 +6,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...elements.contact_geometry import BY_CHOICE, CLOSED, HELD, OPEN
 from .. import calls
 from ..lowlevel.arrays import copy
-from ..lowlevel.jit import addressed, inner
+from ..lowlevel.jit import addressed, addressed_with_memory, inner
+from ..lowlevel.records import whole
 from ..moving import add_moving_product
-from .dynamics import add_mass, factor, norm, remember, residual, settled, solve_with
+from ..patches import face_bodies
+from .consistent import constraint_matrix
+from .dynamics import add_mass, factor, norm, remember, residual, settled, solve_with, to_full, to_unknowns
 from .feedback import weigh_state
+from .friction import rubs
 from .state import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE, evaluate
 
 # iterations that a tangent with its factors costs: where the last one would take more of them, there is a new one
@@ -26,7 +31,7 @@ class Newmark(NamedTuple):
     """(1 - am) alg_1 + am alg_0 = (1 - af) a_1 + af a_0 with Newmark's beta and gamma (Arnold & Bruls 2007).
 
     tolerance : of Newton's increments, relative to the size of the motion; full : a tangent for every iteration;
-    end : a Step; alg : (n,); rows (2 KRYLOV + 1, n) : room.
+    end : a Step; alg : (n,); rows (2 KRYLOV + 2, n) : room.
     """
 
     am: float
@@ -218,6 +223,58 @@ def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
     return DONE, iteration, rate
 
 
+@inner
+def _add(change, share, s):  # type: ignore[no-untyped-def]
+    for i in range(len(change)):
+        s.extra[0, i] += share * change[i]
+        s.a[i] += share * change[i]
+
+
+@addressed_with_memory
+def let_go(p, w, s, z, t, change):  # type: ignore[no-untyped-def]
+    """Fill ``change`` (n,) of the accelerations of s at t without the forces of points that open in a step to z.
+
+    Returns whether any do. A force that went on into the step would push on what has parted already, and do work from
+    nothing; one that ends where the step begins does none. Where something rubs, forces go on.
+    """
+    opens = False
+    if rubs(p):
+        return False
+    for i in range(len(p.points.mem)):
+        if p.points.restitution[i] >= 0.0:
+            k = p.place[p.points.multiplier[i]]
+            opens |= s.z[k] < 0.0 <= z[k]
+    change[:] = 0.0
+    if opens:
+        evaluate(p.programs, t, w.amps)
+        to_full(p, s.z, w.amps, 0, w.d)
+        to_full(p, s.v, w.amps, 1, w.v)
+        face_bodies(p, w.d)
+        w.other[:] = 0.0
+        calls.point_forces(p.calls, (whole(p.points), w.d, w.v, w.amps, w.other))
+        for i in range(len(p.points.mem)):
+            if p.points.restitution[i] >= 0.0:
+                k = p.place[p.points.multiplier[i]]
+                p.points.mem[i, HELD] = BY_CHOICE if s.z[k] < 0.0 and z[k] < 0.0 else OPEN
+        rest = np.zeros(len(w.d))
+        calls.point_forces(p.calls, (whole(p.points), w.d, w.v, w.amps, rest))
+        w.other[:] -= rest
+        to_unknowns(p, w.other, change, False)
+        change *= p.coordinate
+        for i in range(len(p.points.mem)):
+            if p.points.restitution[i] >= 0.0 and p.points.mem[i, HELD] == BY_CHOICE:
+                p.points.mem[i, HELD] = CLOSED
+        constraint_matrix(p, w)
+        opens = calls.factor(p.calls, (p, w.A, w.y))
+        if opens:
+            calls.solve(p.calls, (p, w.A, change))
+            change *= p.coordinate
+    for i in range(len(p.points.mem)):
+        if p.points.restitution[i] >= 0.0:
+            p.points.mem[i, HELD] = BY_CHOICE
+    return opens
+
+
 @addressed
 def newmark_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     """Step from the motion s at t to m.end; return (outcome, iterations, error [m], contraction)."""
@@ -232,9 +289,18 @@ def newmark_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
         _stay(m, p, s, h)
         outcome, more, rate = _iterate(m, p, w, s, h, ca)
         iterations += more
+    gone = m.rows[2 * KRYLOV + 1]
+    released = outcome == DONE and p.sided and calls.let_go(p.calls, (p, w, s, end.z, t, gone))
+    if released:
+        evaluate(p.programs, t + h, w.amps)
+        _add(gone, 1.0, s)
+        outcome, more, rate = _iterate(m, p, w, s, h, ca)
+        iterations += more
+    error = _error(m, p, w, s, h, ca) if outcome == DONE else 0.0
+    if released:
+        _add(gone, -1.0, s)
     if outcome != DONE:
         return outcome, iterations, 0.0, rate
-    error = _error(m, p, w, s, h, ca)
     dense = end.dense
     for i in range(len(m.alg)):
         dense[0, i], dense[1, i], dense[2, i] = h * s.v[i], end.z[i] - s.z[i], h * end.v[i]

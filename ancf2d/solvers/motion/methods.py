@@ -104,7 +104,7 @@ def _newmark_family(alphas: Callable[[float], tuple[float, float]], radius: bool
         am, af = alphas(spectral_radius(spec) if radius else 1.0)
         gamma = 0.5 + af - am
         return Newmark(am, af, 0.25 * (gamma + 0.5) ** 2, gamma, tolerance, spec.max_iterations or MAX_ITERATIONS,
-                       spec.newton == "full", end, np.zeros(len(p.weights)), np.zeros((2 * KRYLOV + 1, len(p.weights))))
+                       spec.newton == "full", end, np.zeros(len(p.weights)), np.zeros((2 * KRYLOV + 2, len(p.weights))))
     return Maker(3, cubic(), make)
 
 
