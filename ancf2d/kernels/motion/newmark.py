@@ -232,10 +232,10 @@ def _add(change, share, s):  # type: ignore[no-untyped-def]
 
 @addressed_with_memory
 def let_go(p, w, s, z, t, change):  # type: ignore[no-untyped-def]
-    """Fill ``change`` (n,) of the accelerations of s at t without the forces of points that open in a step to z.
+    """Fill ``change`` (n,) of accelerations of s at t where points that open in a step to z press no more, if any do.
 
-    Returns whether any do. A force that went on into the step would push on what has parted already, and do work from
-    nothing; one that ends where the step begins does none. Where something rubs, forces go on.
+    A force that went on into the step would push on what has parted already, and do work from nothing; one that ends
+    where the step begins does none. Where something rubs, forces go on. Returns whether there is a change.
     """
     opens = False
     if rubs(p):
