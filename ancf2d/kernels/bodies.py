@@ -8,12 +8,21 @@ from typing import Any
 import numpy as np
 
 from . import calls
-from .elements import commit, force, force_noise, force_tangent, natural_power, viscous_force
+from .elements import (
+    commit,
+    force,
+    force_noise,
+    force_tangent,
+    mean_force,
+    mean_force_tangent,
+    natural_power,
+    natural_work,
+    viscous_force,
+)
 from .forces import GROUP
 from .lowlevel.jit import addressed, inner, named
 from .lowlevel.records import Record, at
 from .matrices.symmetric import in_band, in_fronts
-from .mean_stress import mean_force, mean_force_tangent, natural_work
 
 
 def addresses(groups: Sequence[Record]) -> Any:

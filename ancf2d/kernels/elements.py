@@ -3,6 +3,11 @@
 With u = B d (fields in the element's own frame), eps = eps(u) - eps*, sigma = D eps (eps* are the natural strains, and
 the internal ones of laws with memory):
 U = eps.sigma/2, Q_e = B^T J^T sigma, K = B^T (J^T D J + sigma . d2eps/du2) B, J = d eps/du.
+
+Forces of a step from d0 to d1 that keep energy and angular momentum take the mean stress on the discrete Jacobian: with
+J (u1 - u0) = eps1 - eps0 and sigma = D (eps0 + eps1)/2 the forces B^T J^T sigma do the work U(d1) - U(d0) along d1 -
+d0, and no moment about the mid-configuration. Kelvin-Voigt stress adds D tau (eps1 - eps0)/h. Natural strains are taken
+off both strains; where they change, they do the work -sigma . (eps*1 - eps*0).
 """
 
 from __future__ import annotations
@@ -21,39 +26,85 @@ from .batch import (
     take_natural,
     turned,
 )
-from .forces import ACTION, COMMIT, FORCE, POWER, RATE, SLOPE, STRAINS, TANGENT, TWIST, call_batch, results
+from .forces import (
+    ACTION,
+    COMMIT,
+    FORCE,
+    POWER,
+    RATE,
+    SLOPE,
+    STEP,
+    STEP_TANGENT,
+    STRAINS,
+    TANGENT,
+    TWIST,
+    WORK,
+    call_batch,
+    results,
+)
 from .lanes import vectors_of
 from .lowlevel.arrays import vector
-from .lowlevel.jit import inner, kernel, shared
+from .lowlevel.jit import inlined, inner, kernel, shared
 from .lowlevel.records import array_at, row, whole
 from .matrices.matrix import scatter_packed
 from .natural import NOW
 
 
+# the loops over batches: what few kernels call is smaller in each of them than beside them
+@inlined
+def _sums(what, group, factor, d, e):  # type: ignore[no-untyped-def]
+    """Return the two sums over all elements of what they are asked for (``forces.element_batch``)."""
+    energy, lost, first, last = 0.0, 0.0, 0, len(group.dofs)
+    while first < last:
+        count = batch_length(group, first, last)
+        U, W = call_batch(group.plan.forces, (what, group, d, e, first, count, 0, factor))
+        energy += U
+        lost += W
+        first += count
+    return energy, lost
+
+
+@inner
+def _add_forces(what, group, factor, d, e, Q):  # type: ignore[no-untyped-def]
+    """As ``_sums``, and add the forces of all elements to Q."""
+    energy, lost, first, last = 0.0, 0.0, 0, len(group.dofs)
+    while first < last:
+        count = batch_length(group, first, last)
+        U, W = call_batch(group.plan.forces, (what, group, d, e, first, count, 0, factor))
+        energy += U
+        lost += W
+        add_forces(group, results(group, count)[0], first, count, Q)
+        first += count
+    return energy, lost
+
+
+@inlined
+def _add_tangents(what, group, factor, d, e, scale, Q, unknowns):  # type: ignore[no-untyped-def]
+    """As ``_add_forces``, and add ``scale`` times the tangents to the matrix of ``unknowns``."""
+    matrix, place, indptr, index, value = unknowns
+    energy, lost, first, last = 0.0, 0.0, 0, len(group.dofs)
+    while first < last:
+        count = batch_length(group, first, last)
+        U, W = call_batch(group.plan.forces, (what, group, d, e, first, count, 0, factor))
+        energy += U
+        lost += W
+        Qe, Ke = results(group, count)
+        add_forces(group, Qe, first, count, Q)
+        scatter_packed(matrix, Ke, scale, group.plan.entries, group.dofs, first, place, indptr, index, value)
+        first += count
+    return energy, lost
+
+
 @shared
 def force(group, d, Q):  # type: ignore[no-untyped-def]
     """Add the elastic forces Q_e of all elements to Q; return the strain energy."""
-    energy, first, last = 0.0, 0, len(group.dofs)
-    while first < last:
-        count = batch_length(group, first, last)
-        energy += call_batch(group.plan.forces, (FORCE, group, d, d, first, count, 0, 0.0))[0]
-        add_forces(group, results(group, count)[0], first, count, Q)
-        first += count
-    return energy
+    return _add_forces(FORCE, group, 0.0, d, d, Q)[0]
 
 
 @shared
 def force_tangent(group, d, scale, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
     """Add Q_e to Q and ``scale`` K to the matrix of the unknowns; return the strain energy."""
-    energy, first, last = 0.0, 0, len(group.dofs)
-    while first < last:
-        count = batch_length(group, first, last)
-        energy += call_batch(group.plan.forces, (TANGENT, group, d, d, first, count, 0, 0.0))[0]
-        Qe, Ke = results(group, count)
-        add_forces(group, Qe, first, count, Q)
-        scatter_packed(matrix, Ke, scale, group.plan.entries, group.dofs, first, place, indptr, index, value)
-        first += count
-    return energy
+    return _add_tangents(TANGENT, group, 0.0, d, d, scale, Q, (matrix, place, indptr, index, value))[0]
 
 
 @kernel
@@ -62,13 +113,7 @@ def viscous_force(group, tau, d, v, Q):  # type: ignore[no-untyped-def]
 
     Returns the power that they take out, of strain rates beyond those of natural strains.
     """
-    power, first, last = 0.0, 0, len(group.dofs)
-    while first < last:
-        count = batch_length(group, first, last)
-        power += call_batch(group.plan.forces, (RATE, group, d, v, first, count, 0, tau))[0]
-        add_forces(group, results(group, count)[0], first, count, Q)
-        first += count
-    return power
+    return _add_forces(RATE, group, tau, d, v, Q)[0]
 
 
 @shared
@@ -77,35 +122,13 @@ def natural_slope(group, d, Q):  # type: ignore[no-untyped-def]
 
     Returns eps*'^T D eps*'/2, what they would store if nothing moved.
     """
-    energy, first, last = 0.0, 0, len(group.dofs)
-    while first < last:
-        count = batch_length(group, first, last)
-        energy += call_batch(group.plan.forces, (SLOPE, group, d, d, first, count, 0, 0.0))[0]
-        add_forces(group, results(group, count)[0], first, count, Q)
-        first += count
-    return energy
+    return _add_forces(SLOPE, group, 0.0, d, d, Q)[0]
 
 
 @kernel
 def natural_power(group, tau, d, v):  # type: ignore[no-untyped-def]
     """Return the power -sigma . eps*' that natural strains bring in at rates v, Kelvin-Voigt stress included."""
-    power, first, last = 0.0, 0, len(group.dofs)
-    while first < last:
-        count = batch_length(group, first, last)
-        power += call_batch(group.plan.forces, (POWER, group, d, v, first, count, 0, tau))[0]
-        first += count
-    return power
-
-
-@inner
-def _add_batches(what, group, factor, d, e, Q):  # type: ignore[no-untyped-def]
-    """Add the forces that all elements are asked for to Q."""
-    first, last = 0, len(group.dofs)
-    while first < last:
-        count = batch_length(group, first, last)
-        call_batch(group.plan.forces, (what, group, d, e, first, count, 0, factor))
-        add_forces(group, results(group, count)[0], first, count, Q)
-        first += count
+    return _sums(POWER, group, tau, d, v)[0]
 
 
 @shared
@@ -115,7 +138,7 @@ def tangent_action(group, d, v, out):  # type: ignore[no-untyped-def]
     The entries of K of fine meshes are large and cancel; strains are small differences taken once, so that this
     keeps digits which the formed matrix has lost.
     """
-    _add_batches(ACTION, group, 0.0, d, v, out)
+    _add_forces(ACTION, group, 0.0, d, v, out)
 
 
 @kernel
@@ -129,8 +152,8 @@ def viscous_action(group, tau, d, v, lam, by_d, by_v, other):  # type: ignore[no
         sign = 1.0 - 2.0 * k
         for i in range(len(d)):
             other[i] = v[i] + sign * lam[i]
-        _add_batches(TWIST, group, 0.5 * sign * tau, d, other, by_d)
-    _add_batches(RATE, group, tau, d, lam, by_v)
+        _add_forces(TWIST, group, 0.5 * sign * tau, d, other, by_d)
+    _add_forces(RATE, group, tau, d, lam, by_v)
 
 
 @kernel
@@ -139,29 +162,46 @@ def commit(group, d):  # type: ignore[no-untyped-def]
 
     It is that of internal strains which change under the stress at d.
     """
-    lost, first, last = 0.0, 0, len(group.dofs)
-    while first < last:
-        count = batch_length(group, first, last)
-        lost += call_batch(group.plan.forces, (COMMIT, group, d, d, first, count, 0, 0.0))[1]
-        first += count
-    return lost
+    return _sums(COMMIT, group, 0.0, d, d)[1]
 
 
 @kernel
-def element_matrices(group, d, start, Q, K):  # type: ignore[no-untyped-def]
-    """Fill Q (m, n) and K (m, n, n) of elements start, start + 1, ... in global components; return their energy."""
-    energy, first, last = 0.0, start, start + len(Q)
+def mean_force(group, tau_over_h, d0, d1, Q):  # type: ignore[no-untyped-def]
+    """Add B^T J^T D ((eps0 + eps1)/2 + tau/h (eps1 - eps0)) of all elements to Q, J the discrete Jacobian.
+
+    Returns (strain energy at d1, energy dissipated in the step).
+    """
+    return _add_forces(STEP, group, tau_over_h, d0, d1, Q)
+
+
+@kernel
+def mean_force_tangent(group, tau_over_h, d0, d1, Q, matrix, place, indptr, index,
+                       value):  # type: ignore[no-untyped-def]
+    """As ``mean_force``, and add the symmetric tangent by d1 to the matrix of the unknowns."""
+    return _add_tangents(STEP_TANGENT, group, tau_over_h, d0, d1, 1.0, Q, (matrix, place, indptr, index, value))
+
+
+@kernel
+def natural_work(group, tau_over_h, d0, d1):  # type: ignore[no-untyped-def]
+    """Return the work of changing natural strains in a step, by the stresses of ``mean_force``."""
+    return _sums(WORK, group, tau_over_h, d0, d1)[1]
+
+
+@kernel
+def element_matrices(group, d, Q, K):  # type: ignore[no-untyped-def]
+    """Fill Q (ne, n) and K (ne, n, n) of all elements in global components; return their energy."""
+    energy, first, last = 0.0, 0, len(group.dofs)
     while first < last:
         count = batch_length(group, first, last)
         energy += call_batch(group.plan.forces, (TANGENT, group, d, d, first, count, 0, 0.0))[0]
         Qe, Ke = results(group, count)
         for m in range(count):
             for a in range(len(Qe)):
-                Q[first - start + m, a] = Qe[a, m]
+                Q[first + m, a] = Qe[a, m]
             for x in range(len(Ke)):
                 a, b = group.plan.entries[x, 0], group.plan.entries[x, 1]
-                K[first - start + m, a, b] = Ke[x, m]
-                K[first - start + m, b, a] = Ke[x, m]
+                K[first + m, a, b] = Ke[x, m]
+                K[first + m, b, a] = Ke[x, m]
         first += count
     return energy
 

@@ -166,7 +166,7 @@ def kernel(element: str, machine: float, repeat: int) -> dict[str, Any]:
     n = group.dofs.shape[1]
     Qe, Ke, times = np.zeros((ELEMENTS, n)), np.zeros((ELEMENTS, n, n)), {}
     for name, call in (("force", lambda: force(group, d, Q)),
-                       ("tangent", lambda: element_matrices(group, d, 0, Qe, Ke))):
+                       ("tangent", lambda: element_matrices(group, d, Qe, Ke))):
         call()
         times[name] = statistics.median(seconds(lambda call=call: [call() for _ in range(20)], repeat)) / 20 / ELEMENTS
     (mesh,) = model.meshes.values()
@@ -228,7 +228,7 @@ def zero_energy(element: str, rule: list[int] | None) -> int:
     group, weights = model.groups[0], model.weights
     n = group.dofs.shape[1]
     Q, K = np.zeros((1, n)), np.zeros((1, n, n))
-    element_matrices(group, np.zeros(len(model.numbering.place)), 0, Q, K)
+    element_matrices(group, np.zeros(len(model.numbering.place)), Q, K)
     # coordinates as displacements
     scale = 1 / weights[group.dofs[0]]
     values = np.linalg.eigvalsh(K[0] * np.outer(scale, scale))
@@ -243,8 +243,8 @@ def cost(element: str, rule: list[int] | None, repeat: int = 15) -> float:
     group, d = model.groups[0], np.zeros(len(model.numbering.place))
     n = group.dofs.shape[1]
     Q, K = np.zeros((ELEMENTS, n)), np.zeros((ELEMENTS, n, n))
-    element_matrices(group, d, 0, Q, K)
-    return statistics.median(seconds(lambda: element_matrices(group, d, 0, Q, K), repeat)) / ELEMENTS
+    element_matrices(group, d, Q, K)
+    return statistics.median(seconds(lambda: element_matrices(group, d, Q, K), repeat)) / ELEMENTS
 
 
 def neighbours(rule: list[int]) -> list[list[int]]:

@@ -31,7 +31,7 @@ def dense_tangent(model, d):
     group = model.groups[0]
     ne, n = group.dofs.shape
     Q, K = np.zeros((ne, n)), np.zeros((ne, n, n))
-    element_matrices(group, d, 0, Q, K)
+    element_matrices(group, d, Q, K)
     out = np.zeros((model.n_q, model.n_q))
     for dofs, Ke in zip(group.dofs, K, strict=True):
         out[np.ix_(dofs, dofs)] += Ke
@@ -209,7 +209,7 @@ def test_tangents_leave_translations_free_to_the_last_bit(name, formulation, geo
     group, d = model.groups[0], helpers.random_state(model, SIZE)[: model.n_q]
     ne, n = group.dofs.shape
     Q, K = np.zeros((ne, n)), np.zeros((ne, n, n))
-    element_matrices(group, d, 0, Q, K)
+    element_matrices(group, d, Q, K)
     np.testing.assert_array_equal(K, np.swapaxes(K, 1, 2))
     element = model.meshes["b"].plan.element
     nc, positions = element.components, [k for k, (_, kind) in enumerate(element.functionals) if kind == "r"]

@@ -7,9 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ancf2d.elements.formulations import FORMULATIONS
-from ancf2d.kernels.elements import element_matrices, force, viscous_force
+from ancf2d.kernels.elements import element_matrices, force, mean_force, mean_force_tangent, viscous_force
 from ancf2d.kernels.matrices.matrix import Csr
-from ancf2d.kernels.mean_stress import mean_force, mean_force_tangent
 from ancf2d.model.body_groups import damping_time
 from ancf2d.model.classes import mass_matrix
 
@@ -45,7 +44,7 @@ def stiffness(model, d):
     group = model.groups[0]
     ne, n = group.dofs.shape
     Q, K = np.zeros((ne, n)), np.zeros((ne, n, n))
-    element_matrices(group, d, 0, Q, K)
+    element_matrices(group, d, Q, K)
     out = np.zeros((model.n_q, model.n_q))
     for dofs, Ke in zip(group.dofs, K, strict=True):
         out[np.ix_(dofs, dofs)] += Ke

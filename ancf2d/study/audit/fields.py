@@ -14,7 +14,7 @@ from ...errors import ComputationError
 from ...model.mesh import BodyMesh
 from ...model.model import Model
 from ...model.points import dot, point_ref
-from .subject import NU, Subject
+from .subject import Subject
 
 # (x, y) -> stresses xx, xy, yy
 Stress = Callable[[Array, Array], tuple[Array, Array, Array]]
@@ -115,14 +115,14 @@ def uniform(xx: float, xy: float, yy: float) -> Stress:
     return lambda x, y: (xx + 0 * x, xy + 0 * x, yy + 0 * x)
 
 
-def element_stiffness(model: Model, d: Array | None = None) -> Array:
-    """Return the tangents (ne, n_dof, n_dof) of all elements at displacements d, the reference by default."""
+def element_stiffness(model: Model) -> Array:
+    """Return the tangents (ne, n_dof, n_dof) of all elements at the reference."""
     from ...kernels.elements import element_matrices
 
     (group,) = model.groups
     n, ne = mesh_size(model)
     Q, K = np.zeros((ne, n)), np.zeros((ne, n, n))
-    element_matrices(group, np.zeros(model.n_q) if d is None else d, 0, Q, K)
+    element_matrices(group, np.zeros(model.n_q), Q, K)
     return K
 
 
@@ -206,19 +206,19 @@ def tip_force(s: Subject, F: float, at: str) -> dict[str, Any]:
     return {"type": "force", "at": at, "value": [0.0, F], **spread}
 
 
-def deflected(s: Subject, length: float, count: int, F: float, solver: Any = "linear_static", *, nu: float = NU,
-              angle: float = 0.0, wall: int = 0, tip: int = 1) -> tuple[Model, Array]:
-    """Return model and displacements of a cantilever under a force at its tip.
+def deflected(s: Subject, length: float, count: int, F: float, solver: Any = "linear_static", *,
+              angle: float = 0.0, wall: int = 0) -> tuple[Model, Array]:
+    """Return model and displacements of a cantilever whose wall is at S = ``wall``, under a force at its other end.
 
     The wall lets its section contract; where hidden modes make that singular, it holds every coordinate. Raises
     ComputationError.
     """
     walls = [{**s.wall, "at": f"beam@{wall}"}, {"type": "clamp", "at": f"beam@{wall}", "hold": "all"}]
-    load = tip_force(s, F, f"beam@{tip}")
+    load = tip_force(s, F, f"beam@{1 - wall}")
     if angle:
         load["value"] = [-F * np.sin(angle), F * np.cos(angle)]
     for k, held in enumerate(walls):
-        model = s.model(length, count, solver, nu=nu, angle=angle, boundary_conditions=[held], loads=[load])
+        model = s.model(length, count, solver, angle=angle, boundary_conditions=[held], loads=[load])
         try:
             return model, last_state(model)
         except ComputationError:
@@ -227,18 +227,17 @@ def deflected(s: Subject, length: float, count: int, F: float, solver: Any = "li
     raise AssertionError("one of the walls is the last")
 
 
-def deflection(model: Model, d: Array, wall: int = 0, tip: int = 1, angle: float = 0.0) -> float:
+def deflection(model: Model, d: Array, wall: int = 0, angle: float = 0.0) -> float:
     """Return how far the tip moves across the beam, from where the wall's axis is."""
     mesh = beam(model)
-    ends = [np.array([dot(c, d) for c in point_ref(mesh, float(at)).position()]) for at in (wall, tip)]
+    ends = [np.array([dot(c, d) for c in point_ref(mesh, float(at)).position()]) for at in (wall, 1 - wall)]
     return float((ends[1] - ends[0]) @ np.array([-np.sin(angle), np.cos(angle)]))
 
 
-def tip_deflection(s: Subject, length: float, count: int, *, nu: float = NU, angle: float = 0.0, wall: int = 0,
-                   tip: int = 1) -> float:
+def tip_deflection(s: Subject, length: float, count: int, angle: float = 0.0) -> float:
     """Return the linear deflection of a cantilever under a unit force at its tip. Raises ComputationError."""
-    model, d = deflected(s, length, count, SMALL, nu=nu, angle=angle, wall=wall, tip=tip)
-    return deflection(model, d, wall, tip, angle) / SMALL
+    model, d = deflected(s, length, count, SMALL, angle=angle)
+    return deflection(model, d, angle=angle) / SMALL
 
 
 def timoshenko_deflection(section: Section, length: float, kGA: float) -> float:

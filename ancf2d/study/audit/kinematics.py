@@ -83,8 +83,8 @@ def _tip(s: Subject, wall: int) -> float:
     """Return the large deflection of a cantilever of four elements, its wall at either end."""
     from .fields import FAR, LARGE, deflected, deflection
 
-    model, d = deflected(s, 10.0, 4, FAR / 1200.0, LARGE, wall=wall, tip=1 - wall)
-    return deflection(model, d, wall, 1 - wall)
+    model, d = deflected(s, 10.0, 4, FAR / 1200.0, LARGE, wall=wall)
+    return deflection(model, d, wall)
 
 
 def mirror(s: Subject) -> Finding:

@@ -28,6 +28,8 @@ UNEQUAL = (0.0, 0.2, 0.65, 1.0)
 EXACT = 1e-8
 # bending error of a fine mesh that still counts as the beam's
 FINE = 1e-2
+# motions of a free beam without strain
+RIGID = 3
 STRAINS = {"xx": (0, 0), "yy": (1, 1), "xy": (1, 0)}
 
 
@@ -159,11 +161,11 @@ def patch_bending(s: Subject) -> Finding:
                    f"too {too}, short ones still have an error of {percent(fine)}")
 
 
-def hidden_modes(model: Model, K: Array, rigid: int = 3) -> int:
+def hidden_modes(model: Model, K: Array) -> int:
     """Return how many motions without strain energy K (n_q, n_q) has beyond the rigid ones."""
     w = model.weights
     values = np.linalg.eigvalsh(K / np.outer(w, w))
-    return int((values < 100 * ZERO * values[-1]).sum()) - rigid
+    return int((values < 100 * ZERO * values[-1]).sum()) - RIGID
 
 
 def zero_energy_modes(s: Subject) -> Finding:
