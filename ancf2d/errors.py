@@ -6,6 +6,9 @@ import unicodedata
 from dataclasses import dataclass, field
 from typing import Any
 
+# characters of a source line that a message shows
+WIDTH = 92
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -43,12 +46,12 @@ class Problem:
         return f"{head}\n{number} | {text}\n      | {' ' * caret}^"
 
 
-def _around(line: str, column: int, width: int = 92) -> tuple[str, int]:
+def _around(line: str, column: int) -> tuple[str, int]:
     """Return the part of a source line around a column, and how far right its caret stands."""
-    first = max(0, column - 1 - width * 2 // 3) if len(line) > width else 0
+    first = max(0, column - 1 - WIDTH * 2 // 3) if len(line) > WIDTH else 0
     left = "... " if first else ""
-    right = " ..." if first + width < len(line) else ""
-    shown = [_visible(c) for c in line[first: first + width].rstrip("\r\n")]
+    right = " ..." if first + WIDTH < len(line) else ""
+    shown = [_visible(c) for c in line[first: first + WIDTH].rstrip("\r\n")]
     before = "".join(shown[: column - 1 - first])
     wide = sum(unicodedata.east_asian_width(c) in "WF" for c in before)
     return left + "".join(shown) + right, len(left) + len(before) + wide

@@ -100,7 +100,7 @@ def _axis(text: str, distinct: bool) -> Axis:
         raise CaseError(start.problem("not PATH=VALUE,VALUE", expected="for example bodies.beam.element.count=4,8,16"))
     # as the inside of a YAML list; its bracket stands in the place of the equals sign
     refused: list[Problem] = []
-    node = compose(f"[{values}]", start.origin, 1, len(OPTION) + len(path) + 1, refused)
+    node = compose(f"[{values}]", start.origin, len(OPTION) + len(path) + 1, refused)
     if refused:
         raise CaseError(refused)
     items = node.items if isinstance(node, ListNode) else []

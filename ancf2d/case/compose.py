@@ -65,14 +65,13 @@ def read_text(path: str | os.PathLike[str]) -> str:
         raise CaseError(Problem(message, file=name, line=line, column=column)) from None
 
 
-def compose(text: str, origin: Origin, line: int = 1, column: int = 1,
-            problems: list[Problem] | None = None) -> Node | None:
+def compose(text: str, origin: Origin, column: int = 1, problems: list[Problem] | None = None) -> Node | None:
     """Return the root node of a YAML text, None where it is empty.
 
-    ``line`` and ``column`` say where the text begins in its origin. Refused constructs are
+    The text begins at ``column`` of the first line of its origin. Refused constructs are
     appended to ``problems``; broken syntax raises CaseError.
     """
-    composer = _Composer(origin, line, column, problems if problems is not None else [])
+    composer = _Composer(origin, column, problems if problems is not None else [])
     try:
         for event in yaml.parse(text, Loader=_LOADER):
             composer.take(event)
@@ -88,8 +87,8 @@ def compose(text: str, origin: Origin, line: int = 1, column: int = 1,
 class _Composer:
     """Builds nodes from events without recursion, so that depth is ours to limit."""
 
-    def __init__(self, origin: Origin, line: int, column: int, problems: list[Problem]) -> None:
-        self.origin, self.line, self.column = origin, line, column
+    def __init__(self, origin: Origin, column: int, problems: list[Problem]) -> None:
+        self.origin, self.column = origin, column
         self.problems = problems
         self.root: Node | None = None
         self.documents = self.values = 0
@@ -98,7 +97,7 @@ class _Composer:
 
     def mark(self, place: Any) -> Mark:
         shift = self.column - 1 if place.line == 0 else 0
-        return Mark(self.origin, place.line + self.line, place.column + 1 + shift)
+        return Mark(self.origin, place.line + 1, place.column + 1 + shift)
 
     def refuse(self, mark: Mark, message: str) -> None:
         """Report a construct; the rest of a file with very many of them is not read."""
@@ -217,7 +216,7 @@ class _Composer:
             if "is not closed" in text:
                 mark = self.mark(opened)
             else:
-                text += f" (in the value that begins in line {opened.line + self.line})"
+                text += f" (in the value that begins in line {opened.line + 1})"
         return mark.problem(f"not valid YAML: {text}")
 
     def unreadable(self, error: Any, text: str) -> Problem:
@@ -227,7 +226,7 @@ class _Composer:
             return Mark(self.origin, 1, 1).problem(f"not valid YAML: {error}")
         before = text[:bad].split("\n")
         column = len(before[-1]) + (self.column if len(before) == 1 else 1)
-        mark = Mark(self.origin, self.line + len(before) - 1, column)
+        mark = Mark(self.origin, len(before), column)
         return mark.problem(f"not valid YAML: the control character U+{ord(text[bad]):04X} "
                             "is not allowed")
 

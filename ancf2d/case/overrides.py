@@ -39,7 +39,7 @@ def _apply(root: MapNode, text: str) -> MapNode:
     appends = path.rstrip().endswith("+")
     parts = _parts(path.rstrip().removesuffix("+") if appends else path, origin)
     refused: list[Problem] = []
-    node = compose(value, origin, 1, column, refused)
+    node = compose(value, origin, column, refused)
     if refused:
         raise CaseError(refused)
     if node is None:

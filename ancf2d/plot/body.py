@@ -156,6 +156,7 @@ def frame_plane(axes: Axes, corners: np.ndarray, units: str) -> None:
 
 INK, LOAD = "0.15", "#a01414"
 GRAVITY = 20.0  # length of its arrow in points
+TURNS = 7  # of the line of a spring
 
 
 def _path(outline: symbols.Outline) -> Path:
@@ -164,13 +165,13 @@ def _path(outline: symbols.Outline) -> Path:
     return Path([p for line in outline.lines for p in line], codes)
 
 
-def _zigzag(points: np.ndarray, turns: int = 7) -> np.ndarray:
+def _zigzag(points: np.ndarray) -> np.ndarray:
     """Return the line of a spring between two points."""
     a, b = points
     along = b - a
     across = 0.06 * np.array([-along[1], along[0]])
-    s = np.concatenate([[0.0], np.linspace(0.2, 0.8, 2 * turns + 1), [1.0]])
-    side = np.concatenate([[0.0, 0.0], [(-1.0) ** k for k in range(2 * turns - 1)], [0.0, 0.0]])
+    s = np.concatenate([[0.0], np.linspace(0.2, 0.8, 2 * TURNS + 1), [1.0]])
+    side = np.concatenate([[0.0, 0.0], [(-1.0) ** k for k in range(2 * TURNS - 1)], [0.0, 0.0]])
     return a + s[:, None] * along + side[:, None] * across
 
 

@@ -24,6 +24,8 @@ from .run import vocabulary
 
 # elements per stretch of the coarsest mesh that others are refinements of
 ENOUGH = 2
+# meshes of a study whose case names none
+LEVELS = 5
 # files that describe an element
 SUFFIXES = (".yaml", ".yml", ".json")
 _MEMBER = re.compile(r"(\w+)\[\s*(\d+)\s*,\s*(\d+)\s*\]")
@@ -166,10 +168,10 @@ def proportional(case: Case, counts: dict[str, int]) -> bool:
     return all(counts[n] * count_of(bodies[first]) == counts[first] * count_of(b) for n, b in bodies.items())
 
 
-def default_meshes(case: Case, levels: int = 5) -> list[int]:
+def default_meshes(case: Case) -> list[int]:
     """Return total element counts that double from the case's own."""
     total = sum(count_of(b) for b in flexible(case).values())
-    return [total * 2**k for k in range(levels)]
+    return [total * 2**k for k in range(LEVELS)]
 
 
 def nested_base(count: int, stretches: int) -> int:

@@ -12,7 +12,7 @@ from importlib.resources import files
 from ancf2d.errors import ResultsError
 from ancf2d.results import Results
 from ancf2d.results.target import MARK
-from ancf2d.view.scene import BUDGET, LARGEST_CODE, scene
+from ancf2d.view.scene import LARGEST_CODE, scene
 
 SCRIPTS = "scene.js", "layers.js", "controls.js"
 
@@ -33,12 +33,12 @@ def _escaped(text: str) -> str:
     return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 
-def make_page(results: Results, budget: int = BUDGET, fields: Sequence[str] = ()) -> Page:
-    """Return the page of a result file; ``budget`` bounds the bytes of its states. Raises ResultsError.
+def make_page(results: Results, fields: Sequence[str] = ()) -> Page:
+    """Return the page of a result file. Raises ResultsError.
 
     ``fields`` names those that are shown, without any all that the results have.
     """
-    data = scene(results, budget, fields)
+    data = scene(results, fields)
     # a title with a tag in it is no tag
     text = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
     script = "".join(map(_part, SCRIPTS))

@@ -32,7 +32,7 @@ def _quantised(moves: np.ndarray) -> tuple[str, float]:
     return packed(codes, "i2"), step
 
 
-def scene(results: Results, budget: int = BUDGET, wanted: Sequence[str] = ()) -> dict[str, Any]:
+def scene(results: Results, wanted: Sequence[str] = ()) -> dict[str, Any]:
     """Return everything that a page shows as a JSON-able object; of the fields those that are ``wanted``, or all.
 
     ``reference`` (points, 2) are points of all bodies (f4); ``moves`` (frames, points, 2) their displacements in
@@ -48,7 +48,7 @@ def scene(results: Results, budget: int = BUDGET, wanted: Sequence[str] = ()) ->
     bodies, count = listed(drawn)
     extent = float(np.hypot(*np.ptp(_points(drawn, base), axis=0))) or 1.0
     stage = Stage(results, drawn, Attached(results, extent), base, count)
-    part = _modes(results, stage, extent, budget) if modes else _states(results, stage, extent, budget, wanted)
+    part = _modes(results, stage, extent) if modes else _states(results, stage, extent, wanted)
     units = results.units
     return {"title": results.title or results.path.name, "file": results.path.name, "solver": results.solver,
             "status": results.status, "units": {"length": units.length, "time": units.time, "force": units.force},
@@ -118,9 +118,9 @@ def _even(t: np.ndarray, most: int) -> np.ndarray:
     return np.unique(np.searchsorted(t, np.linspace(t[0], t[-1], most)).clip(0, len(t) - 1))
 
 
-def _states(results: Results, stage: Stage, extent: float, budget: int, wanted: Sequence[str]) -> dict[str, Any]:
-    colours = int(FIELDS * budget) if wanted or any(results.fields.values()) else 0
-    chosen = _even(results.t, stage.most(budget - colours))
+def _states(results: Results, stage: Stage, extent: float, wanted: Sequence[str]) -> dict[str, Any]:
+    colours = int(FIELDS * BUDGET) if wanted or any(results.fields.values()) else 0
+    chosen = _even(results.t, stage.most(BUDGET - colours))
     moves = np.array([stage.points(results.e(int(i)), int(i)) - stage.start for i in chosen])
     t = results.t[chosen]
     shown: list[int | None] = [int(i) for i in chosen]
@@ -146,8 +146,8 @@ def _magnification(largest: float, extent: float) -> float:
 # ---------------------------------------------------------------------- modes
 
 
-def _modes(results: Results, stage: Stage, extent: float, budget: int) -> dict[str, Any]:
-    shapes = results.array("modes/shapes")[:min(stage.most(budget), SHOWN_MODES)]
+def _modes(results: Results, stage: Stage, extent: float) -> dict[str, Any]:
+    shapes = results.array("modes/shapes")[:min(stage.most(BUDGET), SHOWN_MODES)]
     # of modes whose points do not pass through rest together: where they are a quarter of a period later
     later = results.array(QUARTER)[:len(shapes)] if QUARTER in results.arrays else np.zeros_like(shapes)
     moves = []

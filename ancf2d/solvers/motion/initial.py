@@ -153,7 +153,7 @@ def _from_file(model: Model, name: str) -> tuple[Array, Array, Array | None]:
     """
     from ...results import open_results
 
-    fail = _failing(model, ("initial", "from"))
+    fail = _failing(model)
     path = _path(model, name)
     try:
         with open_results(path) as results:
@@ -246,11 +246,11 @@ def _path(model: Model, name: str) -> str:
     return os.path.join(os.path.dirname(_loaded(model).source.file), name)
 
 
-def _failing(model: Model, path: tuple[str, ...]) -> Callable[..., CaseError]:
-    """Return what makes the CaseError that stands at a place of the case."""
+def _failing(model: Model) -> Callable[..., CaseError]:
+    """Return what makes a CaseError about the result file that a motion starts from."""
     def fail(message: str, expected: str = "") -> CaseError:
-        text = f"{'.'.join(path)}: {message}"
-        return CaseError(_loaded(model).source.problem(path, text, expected or None))
+        path = "initial", "from"
+        return CaseError(_loaded(model).source.problem(path, f"initial.from: {message}", expected or None))
     return fail
 
 

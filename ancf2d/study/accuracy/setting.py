@@ -173,6 +173,6 @@ def overrides(case: Case, setting: Setting) -> list[str]:
     return out
 
 
-def with_setting(loaded: LoadedCase, setting: Setting, more: Sequence[str] = ()) -> LoadedCase:
+def with_setting(loaded: LoadedCase, setting: Setting) -> LoadedCase:
     """Return a case with a setting, as if it had been written so. Raises CaseError."""
-    return with_overrides(loaded, (*overrides(loaded.case, setting), *more), vocabulary())
+    return with_overrides(loaded, overrides(loaded.case, setting), vocabulary())
