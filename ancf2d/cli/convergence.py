@@ -11,10 +11,12 @@ from .failures import FAILED
 from .options import (
     case_argument,
     complete_types,
+    either,
     examples,
     force_option,
     jobs_option,
     json_session,
+    read_case,
     scheduler_option,
     set_option,
     workers,
@@ -100,18 +102,12 @@ def command(session: Session, case: str, meshes: list[int] | None, types: str | 
     grid convergence index. The error of a motion is the largest over its stored times.
     """
     session.subject = {"case": case}
-    from ..results import check_output
     from ..study.convergence import Steps, convergence, write_convergence
-    from ..study.digests import inputs_of
-    from ..study.run import load
 
-    if dts and tolerances:
-        raise click.UsageError("--dt and --tolerance are both given; give only one.")
-    steps = Steps("dt", dts) if dts else Steps("tolerance", tolerances) if tolerances else None
-
+    key, values = either(dts, tolerances)
     variants, who = _variants(types, formulation), workers(jobs, scheduler, default=1)
-    loaded = load(case, overrides)
-    check_output(output, force, *inputs_of(loaded))
+    loaded = read_case(case, overrides, output, force)
+    steps = Steps(key, values) if key else None
     with Bar("solving", session.shows_progress) as bar:
         study = convergence(loaded, variants, meshes, reference, who, session.note_once, bar.follow, steps)
     session.tell(study, report(study), output,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -14,6 +14,7 @@ from click.shell_completion import CompletionItem
 from .session import Session
 
 if TYPE_CHECKING:
+    from ..case import LoadedCase
     from ..study.pool import Workers
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -109,6 +110,27 @@ def all_of(*readers: Callable[[], Any]) -> list[Any]:
     if problems:
         raise CaseError(problems)
     return found
+
+
+def read_case(case: str, overrides: Sequence[str], output: str | None, force: bool) -> LoadedCase:
+    """Return a case whose results may be written to ``output``.
+
+    Raises CaseError, and ResultsError where a file is there that is not to be replaced.
+    """
+    from ..results import check_output
+    from ..study.digests import inputs_of
+    from ..study.run import load
+
+    loaded = load(case, overrides)
+    check_output(output, force, *inputs_of(loaded))
+    return loaded
+
+
+def either(dts: tuple[float, ...] | None, tolerances: tuple[float, ...] | None) -> tuple[str, tuple[float, ...]]:
+    """Return which of --dt and --tolerance is given, empty where neither is, with its values. Raises UsageError."""
+    if dts and tolerances:
+        raise click.UsageError("--dt and --tolerance are both given; give only one.")
+    return ("dt", dts) if dts else ("tolerance", tolerances) if tolerances else ("", ())
 
 
 def case_stem(case: str) -> str:

@@ -17,6 +17,7 @@ from .options import (
     force_option,
     json_option,
     quiet_option,
+    read_case,
     set_option,
     verbose_option,
 )
@@ -54,17 +55,15 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
     succeeded.
     """
     session.subject = {"case": case}
-    from ..results import check_output
+    out = output if output is not None else f"{case_stem(case)}.h5"
+    more = () if accuracy is None else (f"accuracy={accuracy!r}",)
+    loaded = read_case(case, (*overrides, *more), out, force)
     from ..solvers.post import unbalanced_forces
     from ..study.accuracy.control import is_pursued
-    from ..study.digests import inputs_of
     from ..study.record import Progress, run_end
-    from ..study.run import load, run_case, solver_name
+    from ..study.run import run_case, solver_name
     from .report import built_report, pursue, run_report
 
-    loaded = load(case, overrides if accuracy is None else (*overrides, f"accuracy={accuracy!r}"))
-    out = output if output is not None else f"{case_stem(case)}.h5"
-    check_output(out, force, *inputs_of(loaded))
     if is_pursued(loaded):
         if resume:
             raise click.UsageError("--resume continues a single run, but solving to an accuracy takes many.")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .options import case_argument, examples, force_option, json_session, set_option
+from .options import case_argument, examples, force_option, json_session, read_case, set_option
 from .session import Bar, Session
 from .text import many, number, table
 
@@ -34,14 +34,10 @@ def command(session: Session, case: str, paths: tuple[str, ...], output: str | N
     and motions are exact; all others are differences of runs.
     """
     session.subject = {"case": case}
-    from ..results import check_output
-    from ..study.digests import inputs_of
+    loaded = read_case(case, overrides, output, force)
     from ..study.record import Progress
-    from ..study.run import load
     from ..study.sensitivity import sensitivity, write_sensitivity
 
-    loaded = load(case, overrides)
-    check_output(output, force, *inputs_of(loaded))
     with Bar("differentiating", session.shows_progress) as bar:
         study = sensitivity(loaded, paths, Progress(compiling=session.note_once), bar.follow)
     session.tell(study, report(study), output,

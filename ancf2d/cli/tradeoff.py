@@ -17,10 +17,12 @@ from .failures import FAILED
 from .options import (
     case_argument,
     complete_types,
+    either,
     examples,
     force_option,
     jobs_option,
     json_session,
+    read_case,
     scheduler_option,
     set_option,
     workers,
@@ -249,15 +251,11 @@ def command(session: Session, case: str, overrides: tuple[str, ...], jobs: int |
     time, and recommends the cheapest for each required accuracy.
     """
     session.subject = {"case": case}
-    from ..results import check_output
-    from ..study.digests import inputs_of
-    from ..study.run import load
     from ..study.tradeoff.result import write_tradeoff
     from ..study.tradeoff.study import tradeoff
 
     choice, who = _choice(**chosen), workers(jobs, scheduler, default=1)
-    loaded = load(case, overrides)
-    check_output(output, force, *inputs_of(loaded))
+    loaded = read_case(case, overrides, output, force)
     with Bar("solving", session.shows_progress) as bar:
         study = tradeoff(loaded, choice, who, session.note_once, bar.follow)
     given = [part for text in overrides for part in ("--set", text)]
@@ -286,8 +284,7 @@ def _choice(types: str | None, meshes: list[int] | None, quadratures: str | None
     from ..study.tradeoff.plan import Choice
     from ..study.variants import parse_variants
 
-    if dts and tolerances:
-        raise click.UsageError("--dt and --tolerance are both given; give only one.")
+    key, steps = either(dts, tolerances)
     if reference is not None and against == "continuum":
         raise click.UsageError("--reference is a number: --against continuum needs the limits of the types.")
     try:
@@ -298,5 +295,5 @@ def _choice(types: str | None, meshes: list[int] | None, quadratures: str | None
         variants=variants, meshes=tuple(meshes or ()),
         quadratures=(None,) if quadratures is None else _quadratures(quadratures),
         methods=(None,) if methods is None else tuple(dict.fromkeys(m.strip() for m in methods.split(","))),
-        key="dt" if dts else "tolerance" if tolerances else "", steps=dts or tolerances or (), repeat=repeat,
-        budget=budget, accuracies=accuracies, reference=reference, continuum=against == "continuum")
+        key=key, steps=steps, repeat=repeat, budget=budget,
+        accuracies=accuracies, reference=reference, continuum=against == "continuum")

@@ -13,7 +13,7 @@ from ancf2d.results.reader import Results, open_results
 from ancf2d.results.records import BodyRecord, Column, FieldRecord, Units
 from ancf2d.results.series import Table
 from ancf2d.results.target import check_output, part_path
-from ancf2d.results.writer import ResultWriter
+from ancf2d.results.writer import ResultWriter, write_tables
 
 __all__ = [
     "BodyRecord",
@@ -35,4 +35,5 @@ __all__ = [
     "open_results",
     "part_path",
     "read_checkpoint",
+    "write_tables",
 ]

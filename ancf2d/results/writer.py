@@ -324,6 +324,20 @@ class ResultWriter:
         self.finish({"reason": reason}, "interrupted" if interrupted else "failed")
 
 
+def write_tables(path: str | os.PathLike[str], header: Mapping[str, Any],
+                 tables: Mapping[str, tuple[Mapping[str, Sequence[Any]], Mapping[str, Any]]],
+                 columns: Sequence[Column], summary: Mapping[str, Any], status: str = "converged",
+                 force: bool = False) -> Path:
+    """Write a result file of tables alone, each (columns, attributes), as a study has them; return where.
+
+    Raises ResultsError.
+    """
+    with ResultWriter(path, header, [], np.zeros(0), columns=columns, force=force) as writer:
+        for name, (table, attrs) in tables.items():
+            writer.table(name, table, attrs)
+        return writer.finish(summary, status)
+
+
 def _numbers(values: Sequence[Any]) -> np.ndarray:
     """Return a column as integers where all are, else as doubles with NaN for None."""
     if all(isinstance(v, (int, np.integer)) for v in values):

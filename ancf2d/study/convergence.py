@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, cast
 
-import numpy as np
-
 from ..case import Dynamic, LoadedCase, load_case_text
 from ..case.overrides import OPTION
 from ..case.units import SI
 from ..errors import UNSOLVED, CaseError, Problem, verdict
-from ..results import Column, ResultWriter
+from ..results import Column, write_tables
 from .forecast import Done, Forecast, steps_of
 from .goal import Answer, error_scale, goal_kind, sequence, solve_for_goal
 from .order import Estimate, estimate, observed_order, order_from_errors, round_off_level
@@ -364,12 +361,11 @@ def write_convergence(study: Convergence, loaded: LoadedCase, path: str, command
                       force: bool = False) -> Path:
     """Write the rows as table ``convergence``; return where. Raises ResultsError."""
     names = ("element", "formulation", "elements", "dofs", "value", "error", "order", "wall_s", "status")
-    rows = study.rows
     columns = (Column("value", goal_units(loaded), f"the goal: {study.goal}"),
                Column("status", "none", "converged or failed"))
-    table = {name: [math.nan if (v := getattr(row, name)) is None else v for row in rows] for name in names}
+    table = {name: [getattr(row, name) for row in study.rows] for name in names}
     attrs = {"goal": study.goal, "reference": "auto" if study.reference is None else study.reference}
-    with ResultWriter(path, result_header(loaded, command), [], np.zeros(0), columns=columns, force=force) as writer:
-        writer.table("convergence", table, attrs)
-        # the rows are in the table already
-        return writer.finish({k: v for k, v in study.as_json().items() if k != "rows"}, "converged")
+    # the rows are in the table already
+    summary = {k: v for k, v in study.as_json().items() if k != "rows"}
+    return write_tables(path, result_header(loaded, command), {"convergence": (table, attrs)}, columns, summary,
+                        force=force)

@@ -17,7 +17,7 @@ from ..case.numbers import Variable, numbers_between, text_with, variable_at
 from ..case.units import QUANTITY_UNITS, unit_label
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem
-from ..results import Column, ResultWriter
+from ..results import Column, write_tables
 from ..results.target import MARK, replacing
 from .digests import inputs_of
 from .fit_data import Data, Watch, check_data, comparable
@@ -380,10 +380,6 @@ def write_fit(fit: Fit, path: str | os.PathLike[str], command: str = "", force: 
                     Column(f"model {name}", units, f"{name} of the fitted case")]
     columns.append(Column("factor", "1", "load factor") if fit.data.axis == "factor" else
                    Column("t", "{T}", "time") if fit.data.axis == "t" else Column("hz", "1/{T}", "frequency"))
-    rows = {c.name: [np.nan if v is None else v for v in (getattr(row, c.name) for row in fit.rows)]
-            for c in columns[:6]}
-    header = {**result_header(fit.loaded, command)}
-    with ResultWriter(path, header, [], np.zeros(0), columns=columns, force=force) as writer:
-        writer.table("fit", rows)
-        writer.table("fitted", table)
-        writer.finish(fit.as_json())
+    rows = {c.name: [getattr(row, c.name) for row in fit.rows] for c in columns[:6]}
+    write_tables(path, result_header(fit.loaded, command), {"fit": (rows, {}), "fitted": (table, {})}, columns,
+                 fit.as_json(), force=force)

@@ -15,7 +15,7 @@ from ..case.axes import Bounds
 from ..case.numbers import Variable, numbers_between
 from ..elements.shape import Array
 from ..errors import ComputationError
-from ..results import Column, ResultWriter
+from ..results import Column, write_tables
 from .gradient import Study
 from .measures import MASS, Measures, Vocabulary, bounded, read_measure
 from .record import Progress
@@ -267,6 +267,6 @@ def write_optimisation(found: Optimum, loaded: LoadedCase, path: str, command: s
         "evaluation": list(range(1, len(found.history) + 1)), "minimised": [p.value for p in found.history],
         "missed": [p.missed for p in found.history],
         **{row["path"]: [float(p.x[k]) for p in found.history] for k, row in enumerate(found.rows)}}
-    with ResultWriter(path, result_header(loaded, command), [], np.zeros(0), columns=columns, force=force) as writer:
-        writer.table(TABLE, table, {"minimise": found.measure, "constrained": bool(found.constraints)})
-        return writer.finish(found.as_json(), "converged" if found.found else "failed")
+    attrs = {"minimise": found.measure, "constrained": bool(found.constraints)}
+    return write_tables(path, result_header(loaded, command), {TABLE: (table, attrs)}, columns, found.as_json(),
+                        "converged" if found.found else "failed", force)

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..case import LoadedCase
 from ..case.numbers import Variable, numbers_at, variables_of
 from ..errors import UNSOLVED, CaseError, verdict
-from ..results import Column, ResultWriter
+from ..results import Column, write_tables
 from .accuracy.control import is_pursued, solve_to_accuracy
 from .convergence import goal_units
 from .forecast import Done
@@ -119,8 +116,7 @@ def write_sensitivity(study: Sensitivity, loaded: LoadedCase, path: str, command
                Column("error", "1", "estimate of the error of the derivative"),
                Column("influence", goal_units(loaded), "change of the goal where the number changes by its own size"),
                Column("method", "none", "how the derivative was found"))
-    table = {name: [math.nan if (v := getattr(row, name)) is None else v for row in study.rows] for name in names}
+    table = {name: [getattr(row, name) for row in study.rows] for name in names}
     attrs = {"goal": study.described, "goal_value": study.goal}
-    with ResultWriter(path, result_header(loaded, command), [], np.zeros(0), columns=columns, force=force) as writer:
-        writer.table(TABLE, table, attrs)
-        return writer.finish({k: v for k, v in study.as_json().items() if k != "rows"}, "converged")
+    summary = {k: v for k, v in study.as_json().items() if k != "rows"}
+    return write_tables(path, result_header(loaded, command), {TABLE: (table, attrs)}, columns, summary, force=force)

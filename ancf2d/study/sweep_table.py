@@ -16,15 +16,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..case import Goal
 from ..case.axes import Axis
 from ..case.emit import flow
 from ..case.units import QUANTITY_UNITS, SI, unit_label
 from ..errors import ResultsError
 from ..json_values import plain
-from ..results import Column, ResultWriter, check_output, open_results, part_path
+from ..results import Column, check_output, open_results, part_path, write_tables
 from ..results.target import MARK, SWEEP_COLUMNS, is_own, locked, replacing
 from .digests import program
 from .run import describe_goal, quantity
@@ -304,12 +302,11 @@ def _write(sweep: Sweep, known: dict[str, Any]) -> None:
                         for row in known.values()]}
     # what an interrupted writer left is nobody's: the folder is held
     part_path(sweep.file).unlink(missing_ok=True)
-    with ResultWriter(sweep.file, {**(sweep.header or {}), "command_line": sweep.command}, [], np.zeros(0),
-                      columns=_columns(sweep, names), force=sweep.force) as writer:
-        writer.table(ROWS, table, {"paths": json.dumps([axis.path for axis in sweep.axes]),
-                                   "values": json.dumps(names), "sampled": sweep.samples is not None})
-        writer.table(COMPUTED, computed, {"program": program()})
-        writer.finish({k: v for k, v in sweep.as_json().items() if k != "rows"}, "converged")
+    attrs = {"paths": json.dumps([axis.path for axis in sweep.axes]), "values": json.dumps(names),
+             "sampled": sweep.samples is not None}
+    write_tables(sweep.file, {**(sweep.header or {}), "command_line": sweep.command},
+                 {ROWS: (table, attrs), COMPUTED: (computed, {"program": program()})}, _columns(sweep, names),
+                 {k: v for k, v in sweep.as_json().items() if k != "rows"}, force=sweep.force)
 
 
 def _columns(sweep: Sweep, names: Sequence[str]) -> list[Column]:

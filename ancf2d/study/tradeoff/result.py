@@ -8,12 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ...case import LoadedCase
 from ...case.emit import flow
 from ...case.units import SI
-from ...results import Column, ResultWriter
+from ...results import Column, write_tables
 from ..convergence import goal_units
 from ..run import result_header
 from .measure import Measured, Task
@@ -258,22 +256,16 @@ def write_tradeoff(study: Study, loaded: LoadedCase, path: str, command: str = "
     table = {name: [row[name] for row in rows] for name in rows[0]} if rows else {}
     key = next((row.task.setting.key for row in study.rows if row.task.setting.key), "")
     attrs = {"goal": study.goal, "against": study.against, "step": key}
-    with ResultWriter(path, result_header(loaded, command), [], np.zeros(0), columns=columns, force=force) as writer:
-        if table:
-            writer.table(TABLE, table, attrs)
-        summary = {k: v for k, v in study.as_json().items() if k not in ("rows", "meaning")}
-        return writer.finish(summary, "converged" if study.converged else "failed")
+    summary = {k: v for k, v in study.as_json().items() if k not in ("rows", "meaning")}
+    return write_tables(path, result_header(loaded, command), {TABLE: (table, attrs)} if table else {}, columns,
+                        summary, "converged" if study.converged else "failed", force)
 
 
 def _entry(row: Row) -> dict[str, Any]:
     m, setting = row.measured, row.task.setting
-
-    def number(value: float | None) -> float:
-        return math.nan if value is None else value
-
     return {"element": m.element, "formulation": m.formulation, "elements": m.elements, "dofs": m.dofs or 0,
-            "value": number(None if m.answer is None else m.answer.value), "error": number(row.error),
-            "error_below": number(row.error_below), "model_error": number(row.model_error),
-            "judged": row.judged if math.isfinite(row.judged) else math.nan, "wall_s": number(m.wall_s),
+            "value": None if m.answer is None else m.answer.value, "error": row.error,
+            "error_below": row.error_below, "model_error": row.model_error,
+            "judged": row.judged if math.isfinite(row.judged) else None, "wall_s": m.wall_s,
             "memory_bytes": m.memory or 0, "runs": m.runs, "pareto": int(row.pareto), "method": setting.method or "",
-            "step": number(setting.step), "status": m.status}
+            "step": setting.step, "status": m.status}
