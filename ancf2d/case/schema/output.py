@@ -20,56 +20,6 @@ FORMS = ("{probe, quantity}, {reaction, quantity}, {quantity: strain_energy}, {k
          "{load_factor}, {limit_point} or {input, probe, quantity}")
 
 
-def _probe() -> Any:
-    return key(Name("the name of a probe"), "Probe",
-               default=None, refers="probes",
-               example="mid")
-
-
-def _quantity() -> Any:
-    return key(Choice(*PROBE_QUANTITIES, "omega", *REACTION_QUANTITIES, *CASE_QUANTITIES),
-               "Quantity: x, y, ux, uy, theta, vx, vy, N, Q, M of a probe; fx, fy, m of a "
-               "reaction; strain_energy of the case; x, y, ux, uy, theta, vx, vy, omega, N, Q, M of a response",
-               default=None, example="uy")
-
-
-def _reaction() -> Any:
-    return key(Name("the name of a boundary condition"), "Boundary condition whose reaction is the goal",
-               default=None, refers="reactions", example="left")
-
-
-def _kind() -> Any:
-    return key(Choice(*MODE_KINDS), "Kind of mode (eigen)", default=None, example="bending")
-
-
-def _number() -> Any:
-    return key(Integer(), "Number of the mode within its kind, counted from 1", default=None)
-
-
-def _load_factor() -> Any:
-    return key(Integer(), "Number of the buckling load factor, counted from 1", default=None)
-
-
-def _limit_point() -> Any:
-    return key(Integer(), "Number of the limit point along the path, counted from 1; the goal is its load factor or, "
-               "with probe and quantity, that quantity of the probe there", default=None)
-
-
-def _input() -> Any:
-    return key(Name("the name of an input"), "Input, one of solver.inputs, whose response is the goal "
-               "(frequency_response)", default=None, example="shaker")
-
-
-def _hz() -> Any:
-    return key(Number("Hz", ge=0), "Frequency of the response (default: that of the largest amplitude)", default=None,
-               example=10)
-
-
-def _part() -> Any:
-    return key(Choice(*PARTS), "Part of the complex amplitude: abs (default), re, im, or phase [rad], by which it "
-               "leads the input", default=None, example="abs")
-
-
 def _window(what: str) -> Any:
     return key(ListOf(Number("s", ge=0), "times", 2, 2), what, default=None, example=[0.1, 0.2])
 
@@ -138,49 +88,51 @@ def _response_issues(goal: Any) -> Iterator[Issue]:
         yield Issue(("part",), f"{{}}: {goal.part} needs a frequency", "hz, or part: abs for the largest amplitude")
 
 
-@record
-class Goal:
-    """Value whose accuracy matters."""
+@record(kw_only=True)
+class Value:
+    """A value that a solution has: what a goal and an expected value name."""
 
-    probe: str | None = _probe()
-    quantity: str | None = _quantity()
-    reaction: str | None = _reaction()
-    kind: str | None = _kind()
-    number: int | None = _number()
-    load_factor: int | None = _load_factor()
-    limit_point: int | None = _limit_point()
-    input: str | None = _input()
-    hz: float | None = _hz()
-    part: str | None = _part()
+    probe: str | None = key(Name("the name of a probe"), "Probe", default=None, refers="probes", example="mid")
+    quantity: str | None = key(
+        Choice(*PROBE_QUANTITIES, "omega", *REACTION_QUANTITIES, *CASE_QUANTITIES),
+        "Quantity: x, y, ux, uy, theta, vx, vy, N, Q, M of a probe; fx, fy, m of a reaction; strain_energy of the "
+        "case; x, y, ux, uy, theta, vx, vy, omega, N, Q, M of a response", default=None, example="uy")
+    reaction: str | None = key(Name("the name of a boundary condition"), "Boundary condition whose reaction is the "
+                               "goal", default=None, refers="reactions", example="left")
+    kind: str | None = key(Choice(*MODE_KINDS), "Kind of mode (eigen)", default=None, example="bending")
+    number: int | None = key(Integer(), "Number of the mode within its kind, counted from 1", default=None)
+    load_factor: int | None = key(Integer(), "Number of the buckling load factor, counted from 1", default=None)
+    limit_point: int | None = key(
+        Integer(), "Number of the limit point along the path, counted from 1; the goal is its load factor or, with "
+        "probe and quantity, that quantity of the probe there", default=None)
+    input: str | None = key(Name("the name of an input"), "Input, one of solver.inputs, whose response is the goal "
+                            "(frequency_response)", default=None, example="shaker")
+    hz: float | None = key(Number("Hz", ge=0), "Frequency of the response (default: that of the largest amplitude)",
+                           default=None, example=10)
+    part: str | None = key(Choice(*PARTS), "Part of the complex amplitude: abs (default), re, im, or phase [rad], by "
+                           "which it leads the input", default=None, example="abs")
     mean_over: tuple[float, float] | None = _window("Window of time [s]: the mean of the quantity over it (motions)")
     peak_over: tuple[float, float] | None = _window("Window of time [s]: the largest magnitude of the quantity within "
                                                     "it (motions)")
-    model: str | None = key(Choice("beam", "continuum"), "With element: auto, the reference for the "
-                            "error: the geometrically exact beam (default), or the plane-stress continuum",
-                            default=None)
 
     def check(self) -> Iterator[Issue]:
-        """Yield where this is no goal."""
+        """Yield where this is none of the known forms, or mixes two."""
         return goal_issues(self)
 
 
 @record(kw_only=True)
-class Expected:
+class Goal(Value):
+    """Value whose accuracy matters."""
+
+    model: str | None = key(Choice("beam", "continuum"), "With element: auto, the reference for the "
+                            "error: the geometrically exact beam (default), or the plane-stress continuum",
+                            default=None)
+
+
+@record(kw_only=True)
+class Expected(Value):
     """A known value, for checking the result."""
 
-    probe: str | None = _probe()
-    quantity: str | None = _quantity()
-    reaction: str | None = _reaction()
-    kind: str | None = _kind()
-    number: int | None = _number()
-    load_factor: int | None = _load_factor()
-    limit_point: int | None = _limit_point()
-    input: str | None = _input()
-    hz: float | None = _hz()
-    part: str | None = _part()
-    mean_over: tuple[float, float] | None = _window("Window of time [s]: the mean of the quantity over it (motions)")
-    peak_over: tuple[float, float] | None = _window("Window of time [s]: the largest magnitude of the quantity within "
-                                                    "it (motions)")
     value: float = key(Number(), "Known value", example=-9.6061e-5)
     rtol: float | None = key(Number("", ge=0), "Allowed error, relative to the value", default=None,
                              example=1e-4)
@@ -189,7 +141,7 @@ class Expected:
 
     def check(self) -> Iterator[Issue]:
         """Yield where nothing known is named, or no tolerance."""
-        yield from goal_issues(self)
+        yield from super().check()
         if self.rtol is None and self.atol is None:
             yield Issue((), "{}: neither rtol nor atol is given", "rtol (relative to the value) "
                         "or atol")
