@@ -86,8 +86,6 @@ def _records(results: Results) -> dict[str, Any]:
 
 def zones(sources: Sequence[Source], *, body: str | None = None) -> Zones:
     """Build the maps of one file: of one ``body``, or of all that touch something."""
-    if len(sources) > 1:
-        raise ResultsError("contact zones are drawn from one file at a time")
     results = sources[0].results
     records = _records(results)
     if body is not None and body not in records:
@@ -115,4 +113,4 @@ def _missing(results: Results) -> str:
 
 
 CONTACT = Kind("contact", "contact zones: pressure on the faces of bodies over arc length and time or load factor",
-               _missing, zones)
+               _missing, zones, single=True)

@@ -253,4 +253,4 @@ def _missing(results: Results) -> str:
 
 
 TRADEOFF = Kind("tradeoff", "error of the goal against measured time, memory or size, with the best settings marked",
-                _missing, tradeoff)
+                _missing, tradeoff, single=True)

@@ -238,8 +238,6 @@ def fields(sources: Sequence[Source], *, field: str | None = None, component: st
     ``component``: xx, yy, xy, or mises of stress; ``unrolled``: over arc length and height instead of in the plane
     (default: where bodies are thin).
     """
-    if len(sources) > 1:
-        raise ResultsError("fields are drawn from one file at a time")
     results = sources[0].results
     check_state(results, state)
     name = _wanted(results, field)
@@ -283,4 +281,5 @@ def _no_surface(results: Results) -> str:
     return "" if known else "it holds no stress, strain or energy (output: fields: [stress] in the case stores stress)"
 
 
-FIELDS = Kind("fields", "stress, strain, energy or contact over the bodies, in colour", _no_surface, fields, moving)
+FIELDS = Kind("fields", "stress, strain, energy or contact over the bodies, in colour", _no_surface, fields, moving,
+              single=True)

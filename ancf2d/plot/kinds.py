@@ -120,6 +120,8 @@ def chosen_kind(results: Input, kind: str | None, options: Mapping[str, Any], an
         raise ResultsError(f"unknown kind of figure '{name}' (known: {', '.join(KINDS)})"
                            f"{_near(name, list(KINDS))}")
     chosen = KINDS[name]
+    if chosen.single and len(sources) > 1:
+        raise ResultsError(f"{name} is drawn from one file at a time, not from {len(sources)}")
     for source in sources:
         missing = chosen.missing(source.results)
         if missing:

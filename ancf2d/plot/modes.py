@@ -236,8 +236,6 @@ def modes(sources: Sequence[Source], *, first: int = 1, count: int = SHOWN) -> M
 
 def _swung(sources: Sequence[Source], first: int, count: int, swing: float) -> Modes:
     """Return the grid of modes, swung out by a part (-1 to 1) of how far they are drawn."""
-    if len(sources) > 1:
-        raise ResultsError("modes are drawn from one file at a time")
     results = sources[0].results
     shapes = results.array(SHAPES)
     if not 1 <= int(first) <= len(shapes) or int(count) < 1:
@@ -257,4 +255,4 @@ def _missing(results: Results) -> str:
     return "" if SHAPES in results.arrays and results.bodies else "it holds no modes (solver eigen or buckling)"
 
 
-MODES = Kind("modes", "mode shapes with their cross-sections, named by kind", _missing, modes, moving)
+MODES = Kind("modes", "mode shapes with their cross-sections, named by kind", _missing, modes, moving, single=True)

@@ -72,6 +72,7 @@ class Kind:
     ``missing(results)`` says in words what a file lacks for it (empty: nothing);
     ``build(sources, **options)`` makes the picture; its keyword arguments are the kind's options.
     ``frames(sources, count, **options)`` yields the pictures of an animation, None where the kind stands still.
+    ``single``: it is drawn from one file at a time.
     """
 
     name: str
@@ -79,6 +80,7 @@ class Kind:
     missing: Callable[[Results], str]
     build: Callable[..., Picture]
     frames: Callable[..., Iterator[Picture]] | None = None
+    single: bool = False
 
 
 @dataclass

@@ -68,8 +68,6 @@ class Tornado:
 
 def tornado(sources: Sequence[Source], *, count: int = 20) -> Tornado:
     """Build the bars of the ``count`` most influential numbers of one file."""
-    if len(sources) > 1:
-        raise ResultsError("a figure of sensitivities is of one file")
     table = sources[0].results.tables["sensitivity"]
     influence = np.asarray(table["influence"], float)
     slope, moving = np.asarray(table["derivative"], float), int((influence > 0).sum())
@@ -88,13 +86,11 @@ def _no_tornado(results: Results) -> str:
 
 
 TORNADO = Kind("tornado", "how much the goal changes with each number of the case, the most influential ones first",
-               _no_tornado, tornado)
+               _no_tornado, tornado, single=True)
 
 
 def optimisation(sources: Sequence[Source]) -> Curves:
     """Build what is minimised, the excess of constraints where there are some, and each number beside its start."""
-    if len(sources) > 1:
-        raise ResultsError("a figure of an optimisation is of one file")
     table = sources[0].results.tables["optimisation"]
     n = np.asarray(table["evaluation"], float)
     what = str(table.attrs.get("minimise", "what is minimised"))
@@ -121,7 +117,7 @@ def _no_optimisation(results: Results) -> str:
 
 
 OPTIMISATION = Kind("optimisation", "what is minimised, constraints and numbers over all tries", _no_optimisation,
-                    optimisation)
+                    optimisation, single=True)
 
 
 def _columns(table: Table) -> list[str]:
@@ -170,4 +166,4 @@ def _no_fit(results: Results) -> str:
     return "" if held else "it holds no fit ('ancf2d fit CASE --data FILE.csv' writes one)"
 
 
-FIT = Kind("fit", "measured data and the case fitted to them, with the differences", _no_fit, fit)
+FIT = Kind("fit", "measured data and the case fitted to them, with the differences", _no_fit, fit, single=True)

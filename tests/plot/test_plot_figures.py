@@ -28,7 +28,7 @@ from ancf2d.plot import (
 )
 from ancf2d.plot.convergence import observed_order
 from ancf2d.plot.style import MAX_ENTRIES
-from ancf2d.results import ResultWriter
+from ancf2d.results import ResultWriter, write_tables
 
 # ---------------------------------------------------------------------- lines
 
@@ -217,6 +217,14 @@ def test_every_kind_that_a_file_supports_can_be_drawn(tmp_path: Path) -> None:
                 draw(files, kind.name).draw_without_rendering()
                 drawn.add(kind.name)
     assert {"shape", "history", "convergence", "difference"} <= drawn
+
+
+def test_what_is_drawn_from_one_file_refuses_several(tmp_path: Path) -> None:
+    fit = tmp_path / "fit.h5"
+    write_tables(fit, HEADER, {"fitted": ({"t": [0.0, 1.0], "data tip.uy": [0.0, 1.0], "model tip.uy": [0.0, 0.9]}, {})},
+                 (), {})
+    with pytest.raises(ResultsError, match="fit is drawn from one file at a time, not from 2"):
+        draw([opened(fit), opened(fit)], "fit")
 
 
 def test_wrong_names_are_answered_with_the_nearest(tmp_path: Path) -> None:
