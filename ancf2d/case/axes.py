@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from typing import Any, TypeVar
 
 from ..errors import CaseError, Problem
 from .compose import compose
@@ -17,6 +17,7 @@ from .nodes import ListNode, Mark, Node, Origin, Scalar, plain_data, quoted, res
 OPTION = "--over "
 SAMPLE = "--sample "
 MAX_COMBINATIONS = 100_000
+T = TypeVar("T", "Axis", "Distribution", "Bounds")
 RANGE = "FROM:TO:NUMBER or log:FROM:TO:NUMBER"
 # digits of a value in a range: the last one of a double would be that of round-off
 DIGITS = 15
@@ -57,17 +58,7 @@ def read_axes(options: Sequence[str], pair: bool = False) -> list[Axis]:
     ``0.1:0.5:20`` stands for 20 values from 0.1 to 0.5, ``log:`` before it for equal ratios. With ``pair`` the lists
     are run through together, and must be of one length. Raises CaseError with all problems.
     """
-    problems: list[Problem] = []
-    axes: list[Axis] = []
-    for text in options:
-        try:
-            axis = _axis(text, distinct=not pair)
-        except CaseError as error:
-            problems.extend(error.problems)
-            continue
-        if any(axis.path == other.path for other in axes):
-            problems.append(_start(text).problem(f"{quoted(axis.path)} is varied twice"))
-        axes.append(axis)
+    axes, problems = _each(options, lambda text: _axis(text, distinct=not pair), OPTION, "varied")
     count = 1
     for axis in [] if pair else axes:
         count *= max(len(axis.values), 1)
@@ -79,6 +70,22 @@ def read_axes(options: Sequence[str], pair: bool = False) -> list[Axis]:
     if problems:
         raise CaseError(problems)
     return axes
+
+
+def _each(options: Sequence[str], read: Callable[[str], T], option: str, done: str) -> tuple[list[T], list[Problem]]:
+    """Return what ``read`` makes of each option, and the problems of all; a path is ``done`` once."""
+    found: list[T] = []
+    problems: list[Problem] = []
+    for text in options:
+        try:
+            one = read(text)
+        except CaseError as error:
+            problems += error.problems
+            continue
+        if any(one.path == other.path for other in found):
+            problems.append(_start(text, option).problem(f"{quoted(one.path)} is {done} twice"))
+        found.append(one)
+    return found, problems
 
 
 def _unpaired(axes: Sequence[Axis]) -> list[Problem]:
@@ -156,17 +163,7 @@ _TAIL, _LARGEST = 10.0, 700.0
 
 def read_distributions(options: Sequence[str]) -> list[Distribution]:
     """Return what ``PATH~normal(mean, sd)`` options say. Raises CaseError with all problems."""
-    problems: list[Problem] = []
-    found: list[Distribution] = []
-    for text in options:
-        try:
-            one = _distribution(text)
-        except CaseError as error:
-            problems.extend(error.problems)
-            continue
-        if any(one.path == other.path for other in found):
-            problems.append(_start(text, SAMPLE).problem(f"{quoted(one.path)} is sampled twice"))
-        found.append(one)
+    found, problems = _each(options, _distribution, SAMPLE, "sampled")
     if problems:
         raise CaseError(problems)
     return found
@@ -212,23 +209,19 @@ class Bounds:
 
 def read_bounds(options: Sequence[str]) -> list[Bounds]:
     """Return what ``PATH=low:high`` options say. Raises CaseError with all problems."""
-    problems: list[Problem] = []
-    found: list[Bounds] = []
-    for text in options:
-        path, _, ends = text.partition("=")
-        values = [resolve(v.strip()) for v in ends.split(":")]
-        right = len(values) == 2 and all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
-        if not (path.strip() and right):
-            problems.append(_start(text, VARY).problem("not PATH=LOW:HIGH",
-                                                       expected="for example bodies.beam.material.E=1e9:1e11"))
-            continue
-        one = Bounds(path.strip(), float(values[0]), float(values[1]), text)
-        if not (math.isfinite(one.low) and math.isfinite(one.high) and one.low < one.high):
-            problems.append(_start(text, VARY).problem(f"{ends} is not a range", expected="two numbers, the lower "
-                                                       "first"))
-        if any(one.path == other.path for other in found):
-            problems.append(_start(text, VARY).problem(f"{quoted(one.path)} is varied twice"))
-        found.append(one)
+    found, problems = _each(options, _bounds, VARY, "varied")
     if problems:
         raise CaseError(problems)
     return found
+
+
+def _bounds(text: str) -> Bounds:
+    start, (path, _, ends) = _start(text, VARY), text.partition("=")
+    values = [resolve(v.strip()) for v in ends.split(":")]
+    right = len(values) == 2 and all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
+    if not (path.strip() and right):
+        raise CaseError(start.problem("not PATH=LOW:HIGH", expected="for example bodies.beam.material.E=1e9:1e11"))
+    low, high = map(float, values)
+    if not (math.isfinite(low) and math.isfinite(high) and low < high):
+        raise CaseError(start.problem(f"{ends} is not a range", expected="two numbers, the lower first"))
+    return Bounds(path.strip(), low, high, text)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
-from ..errors import CaseError, Problem
+from ..errors import CaseError, Problem, all_of
 from .axes import VARY, Bounds
 from .binder import Vocabulary
 from .compose import compose
@@ -59,15 +60,7 @@ def variable_at(loaded: LoadedCase, path: str) -> Variable:
 
 def numbers_at(loaded: LoadedCase, paths: Iterable[str]) -> list[Variable]:
     """Return the numbers at paths, each path once. Raises CaseError with all that lead to none."""
-    found, problems = [], []
-    for path in dict.fromkeys(paths):
-        try:
-            found.append(variable_at(loaded, path))
-        except CaseError as error:
-            problems += error.problems
-    if problems:
-        raise CaseError(problems)
-    return found
+    return all_of(*(partial(variable_at, loaded, path) for path in dict.fromkeys(paths)))
 
 
 def variables_of(loaded: LoadedCase) -> list[Variable]:

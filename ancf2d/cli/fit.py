@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .options import all_of, case_argument, case_stem, examples, force_option, json_session, set_option, vary_option
+from ..errors import all_of
+from .options import case_argument, case_stem, examples, force_option, json_session, set_option, vary_option
 from .session import Session
 from .text import command_line, many, number, table
 

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ..errors import all_of
 from .failures import FAILED
-from .options import all_of, case_argument, case_stem, examples, force_option, json_session, set_option, vary_option
+from .options import case_argument, case_stem, examples, force_option, json_session, set_option, vary_option
 from .session import Bar, Session
 from .text import command_line, many, number, say, table
 

@@ -97,21 +97,6 @@ def _case_name(ctx: click.Context, parameter: click.Parameter, value: Any) -> An
     return STDIN if value == "-" else value
 
 
-def all_of(*readers: Callable[[], Any]) -> list[Any]:
-    """Return what each of some functions returns. Raises CaseError with the problems of all."""
-    from ..errors import CaseError
-
-    found, problems = [], []
-    for read in readers:
-        try:
-            found.append(read())
-        except CaseError as error:
-            problems += error.problems
-    if problems:
-        raise CaseError(problems)
-    return found
-
-
 def read_case(case: str, overrides: Sequence[str], output: str | None, force: bool) -> LoadedCase:
     """Return a case whose results may be written to ``output``.
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from ..errors import CaseError, Problem, all_of
 from .failures import FAILED
 from .options import (
     case_argument,
@@ -23,7 +24,7 @@ from .session import Bar, Session
 from .text import TIME, duration, many, number, say, table
 
 if TYPE_CHECKING:
-    from ..case.axes import Axis, Distribution
+    from ..case.axes import Axis
     from ..study.pool import Workers
     from ..study.samples import Design
     from ..study.sweep_table import Row, Sweep
@@ -92,32 +93,27 @@ def _values(over: tuple[str, ...], pair: bool, sample: tuple[str, ...],
             drawing: tuple[int | None, int | None, str | None]) -> tuple[list[Axis], Design | None]:
     """Return the axes, or the samples. Raises CaseError with all problems of both, UsageError."""
     from ..case.axes import read_axes, read_distributions
-    from ..errors import CaseError, Problem
     from ..study.samples import design
 
     if not over and not sample:
         raise click.UsageError("Nothing is varied; give --over PATH=A,B,... or --sample 'PATH~normal(mean, sd)'.")
-    problems: list[Problem] = []
+    _, axes, distributions = all_of(lambda: _check(over, pair, sample, drawing), lambda: read_axes(over, pair),
+                                    lambda: read_distributions(sample))
+    number_of, seed, kind = drawing
+    return axes, design(distributions, number_of or SAMPLES, seed or 0, kind or "sobol") if sample else None
+
+
+def _check(over: tuple[str, ...], pair: bool, sample: tuple[str, ...], drawing: tuple[Any, ...]) -> None:
+    """Raise the CaseError of options that do not go together."""
+    problems = []
     if over and sample:
         problems.append(Problem("--over and --sample are both given", expected="one of them; --set fixes a value"))
     if pair and len(over) < 2:
         problems.append(Problem("--pair has nothing to pair", expected="--over at least twice"))
     if not sample and any(value is not None for value in drawing):
         problems.append(Problem("--samples, --seed and --design need --sample"))
-    axes: list[Axis] = []
-    distributions: list[Distribution] = []
-    try:
-        axes = read_axes(over, pair)
-    except CaseError as error:
-        problems += error.problems
-    try:
-        distributions = read_distributions(sample)
-    except CaseError as error:
-        problems += error.problems
     if problems:
         raise CaseError(problems)
-    number_of, seed, kind = drawing
-    return axes, design(distributions, number_of or SAMPLES, seed or 0, kind or "sobol") if sample else None
 
 
 def _run(session: Session, sweep: Sweep, who: Workers, csv_file: str | None, force: bool) -> None:

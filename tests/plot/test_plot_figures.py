@@ -221,8 +221,8 @@ def test_every_kind_that_a_file_supports_can_be_drawn(tmp_path: Path) -> None:
 
 def test_what_is_drawn_from_one_file_refuses_several(tmp_path: Path) -> None:
     fit = tmp_path / "fit.h5"
-    write_tables(fit, HEADER, {"fitted": ({"t": [0.0, 1.0], "data tip.uy": [0.0, 1.0], "model tip.uy": [0.0, 0.9]}, {})},
-                 (), {})
+    table = {"t": [0.0, 1.0], "data tip.uy": [0.0, 1.0], "model tip.uy": [0.0, 0.9]}
+    write_tables(fit, HEADER, {"fitted": (table, {})}, (), {})
     with pytest.raises(ResultsError, match="fit is drawn from one file at a time, not from 2"):
         draw([opened(fit), opened(fit)], "fit")
 
