@@ -24,9 +24,8 @@ from ancf2d.plot.picture import Kind, Picture, Source
 from ancf2d.plot.response import BODE, CAMPBELL, NYQUIST, ROOT_LOCUS
 from ancf2d.plot.section_forces import SECTION_FORCES
 from ancf2d.plot.shape import SHAPE, SNAPSHOTS
-from ancf2d.plot.studies import FIT, OPTIMISATION, TORNADO
+from ancf2d.plot.studies import FIT, HISTOGRAM, OPTIMISATION, SHARES, SWEEP, TORNADO
 from ancf2d.plot.style import Look, plain_ticks, style
-from ancf2d.plot.sweep import HISTOGRAM, SHARES, SWEEP
 from ancf2d.results import Results
 
 # the one place where a kind of figure is added

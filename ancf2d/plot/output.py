@@ -1,18 +1,23 @@
-"""Figures out: to a file, to a table of their data, to the screen."""
+"""Figures and animations out: to a file, to a table of their data, to the screen."""
 
 from __future__ import annotations
 
 import csv
 import io
 import os
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 
 from ancf2d.errors import ResultsError
-from ancf2d.plot.kinds import Input, build, draw
-from ancf2d.plot.style import Look, style
+from ancf2d.plot.kinds import KINDS, Input, build, chosen_kind, draw
+from ancf2d.plot.picture import Picture
+from ancf2d.plot.style import Look, plain_ticks, style
 from ancf2d.results.target import MARK, replacing
 
 # without the moment of writing, equal figures are equal files
@@ -84,3 +89,109 @@ def show(results: Input, kind: str | None = None, **options: Any) -> None:
                            "write it to a file with --save FILE.png")
     draw(results, kind, figure=plt.figure(), **options)
     plt.show()
+
+
+class _Gif(PillowWriter):
+    """Matplotlib's writer of GIF files, with the comment that they are ancf2d's own."""
+
+    def finish(self) -> None:
+        """Write all frames."""
+        first, *others = self._frames  # type: ignore[attr-defined]
+        first.save(self.outfile, save_all=True, append_images=others, duration=int(1000 / self.fps), loop=0,
+                   comment=MARK)
+
+
+class _Mp4(FFMpegWriter):
+    """Matplotlib's writer of MP4 files, with the comment that they are ancf2d's own."""
+
+    def __init__(self, fps: int) -> None:
+        super().__init__(fps, metadata={"comment": MARK})
+
+
+# the one place where a format is added
+WRITERS: dict[str, type[_Gif] | type[_Mp4]] = {".gif": _Gif, ".mp4": _Mp4}
+FRAMES, RATE, DPI = 60, 20, 100
+MORE_DIGITS = 6
+SMALLEST = 2  # frames that make an animation
+
+
+def _writer(path: Path, fps: int) -> AbstractMovieWriter:
+    suffix = path.suffix.lower()
+    if suffix not in WRITERS:
+        raise ResultsError(f"cannot write '{path}': animations are {' or '.join(WRITERS)} files")
+    if not WRITERS[suffix].isAvailable():
+        raise ResultsError(f"cannot write '{path}': this needs the program ffmpeg, which is not installed; install it, "
+                           "or write a .gif file")
+    return WRITERS[suffix](fps=fps)
+
+
+def frames(results: Input, kind: str | None = None, *, length: int = FRAMES, title: str | None = None,
+           **options: Any) -> Iterator[Picture]:
+    """Yield the pictures of an animation, all with the same axes; see ``animate``."""
+    sources, chosen = chosen_kind(results, kind, options, animated=True)
+    if chosen.frames is None:
+        moving = ", ".join(k.name for k in KINDS.values() if k.frames is not None)
+        raise ResultsError(f"{chosen.name} cannot be animated; {moving} can")
+    if length < SMALLEST:
+        raise ResultsError(f"an animation needs at least {SMALLEST} frames, not {length}")
+    for picture in chosen.frames(sources, length, **options):
+        if title is not None:
+            picture.title = title
+        yield picture
+
+
+Place = tuple[Bbox, tuple[float, float], tuple[float, float]]
+
+
+def _lay_out(figure: Figure, picture: Picture) -> list[Place]:
+    """Draw a picture and return where its axes are, and their limits, which are those of all pictures."""
+    figure.set_layout_engine("constrained")
+    # later times may have more digits, and a title may need one more line for them
+    note = getattr(picture, "note", None)
+    if note is not None:
+        vars(picture)["note"] = f"{note}{'0' * MORE_DIGITS}"
+    picture.render(figure)
+    plain_ticks(figure)
+    # axes of one scale settle when drawn, and only then is known how wide their labels are
+    figure.draw_without_rendering()
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    if note is not None:
+        vars(picture)["note"] = note
+    return [(axes.get_position(original=True), axes.get_xlim(), axes.get_ylim()) for axes in figure.axes]
+
+
+def _drawn(figure: Figure, picture: Picture, places: Sequence[Place]) -> None:
+    """Draw a picture with its axes where those of all are."""
+    figure.clear()
+    picture.render(figure)
+    plain_ticks(figure)
+    for axes, (place, x, y) in zip(figure.axes, places, strict=True):
+        axes.set_position(place)
+        axes.set_xlim(x)
+        axes.set_ylim(y)
+
+
+def animate(results: Input, path: str | os.PathLike[str], kind: str | None = None, *, length: int = FRAMES,
+            fps: int = RATE, title: str | None = None, look: Look | None = None, force: bool = False,
+            done: Callable[[float], None] = lambda share: None, **options: Any) -> Path:
+    """Write an animation of ``length`` frames at most, ``fps`` of them a second, as .gif or (with ffmpeg) .mp4.
+
+    States are evenly spaced in time. ``done`` is told the share of the frames that are drawn. Raises ResultsError where
+    the kind stands still, where the file cannot be written, and where it was not made by ancf2d, unless ``force``.
+    """
+    path = Path(path)
+    writer, pictures = _writer(path, fps), list(frames(results, kind, length=length, title=title, **options))
+    first = pictures[0]
+    look = look or Look()
+    with replacing(path, force) as private, style(look):
+        figure = Figure(figsize=look.size or first.size)
+        FigureCanvasAgg(figure)
+        with writer.saving(figure, str(private), look.dpi or DPI):
+            places = _lay_out(figure, first)
+            for k, picture in enumerate(pictures):
+                done(k / len(pictures))
+                _drawn(figure, picture, places)
+                writer.grab_frame()
+            done(1.0)
+    return path

@@ -16,7 +16,7 @@ from helpers import chosen, covering
 from ancf2d.case import TEMPLATES, template
 from ancf2d.cli.app import COMMANDS
 from ancf2d.cli.new import KINDS
-from ancf2d.cli.output_schema import OUTPUTS
+from ancf2d.cli.schema import OUTPUTS
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.elements.registry import ELEMENTS
 from ancf2d.results import open_results

@@ -15,7 +15,7 @@ import ancf2d
 from ancf2d.model.build import build_model
 from ancf2d.model.points import dot, point_ref
 from ancf2d.solvers.linear import full_mass
-from ancf2d.solvers.small_motions.inputs import Inputs, outputs
+from ancf2d.solvers.small_motions.inputs_and_outputs import Inputs, outputs
 from ancf2d.solvers.small_motions.linearised import Linearised, base_state
 from ancf2d.solvers.small_motions.projected import Quadratic
 from ancf2d.solvers.small_motions.relaxing import corrected

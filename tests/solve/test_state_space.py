@@ -20,7 +20,7 @@ from ancf2d.errors import CaseError
 from ancf2d.model.build import build_model
 from ancf2d.results import open_results
 from ancf2d.results.export import export
-from ancf2d.solvers.small_motions.inputs import Inputs, outputs
+from ancf2d.solvers.small_motions.inputs_and_outputs import Inputs, outputs
 from ancf2d.solvers.small_motions.linearised import Linearised, base_state
 from ancf2d.study.run import run_case
 

@@ -21,7 +21,7 @@ from ...interactions.forces import LoadSet
 from ...model.model import Model
 from ..small_motions.factors import Factors
 from ..small_motions.frequency_response import refined_response, response_of
-from ..small_motions.inputs import Input, Inputs, Output, outputs
+from ..small_motions.inputs_and_outputs import Input, Inputs, Output, outputs
 from ..small_motions.linearised import Base, Linearised, stored
 from ..small_motions.lowest_modes import Pencil
 from ..small_motions.projected import Complex, Quadratic

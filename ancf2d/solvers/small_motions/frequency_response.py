@@ -18,7 +18,7 @@ from ...model.model import Model
 from ...results.responses import interpolated
 from ..state import State
 from .factors import Factors
-from .inputs import Input, Inputs, Output, outputs
+from .inputs_and_outputs import Input, Inputs, Output, outputs
 from .linearised import small_motions
 from .projected import Complex, Quadratic, Space, projected_values, within_constraints
 

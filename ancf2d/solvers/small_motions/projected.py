@@ -13,7 +13,7 @@ from ...elements.shape import Array
 from ...model.mesh import Index
 from ..linear import make_matrix
 from .factors import Factors, SymmetricFactors
-from .inputs import Input
+from .inputs_and_outputs import Input
 from .linearised import Linearised
 
 if TYPE_CHECKING:

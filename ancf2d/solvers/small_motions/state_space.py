@@ -16,8 +16,8 @@ from ..refine import refined
 from ..state import State
 from .eigen import mode_warnings, pair_warnings, pairs_of
 from .factors import Factors
-from .inputs import Input, Inputs
-from .inputs import outputs as probe_outputs
+from .inputs_and_outputs import Input, Inputs
+from .inputs_and_outputs import outputs as probe_outputs
 from .linearised import Linearised, small_motions
 from .lowest_modes import each, find_shift, lowest
 from .projected import Complex, Quadratic
