@@ -22,7 +22,7 @@ from .elements import (
 from .forces import GROUP
 from .lowlevel.jit import addressed, inner, named
 from .lowlevel.records import Record, at
-from .matrices.symmetric import in_band, in_fronts
+from .matrices.symmetric import in_band, in_fronts, places_in
 
 
 def addresses(groups: Sequence[Record]) -> Any:
@@ -37,11 +37,10 @@ group_at = at(GROUP)
 def _with_matrix(stored: Any, kind: str) -> tuple[Any, Any]:
     """Return the tangents of elastic forces, and of those of a step, for matrices of a kind."""
     def tangent(p, g, scale, d, Q, A):  # type: ignore[no-untyped-def]
-        return force_tangent(group_at(p.groups[g]), d, scale, Q, stored(p, A), p.place, p.indptr, p.index, p.value)
+        return force_tangent(group_at(p.groups[g]), d, scale, Q, stored(p, A), places_in(p))
 
     def mean_tangent(p, g, damping, d0, d1, Q, A):  # type: ignore[no-untyped-def]
-        return mean_force_tangent(group_at(p.groups[g]), damping, d0, d1, Q, stored(p, A), p.place, p.indptr, p.index,
-                                  p.value)[0]
+        return mean_force_tangent(group_at(p.groups[g]), damping, d0, d1, Q, stored(p, A), places_in(p))[0]
 
     return addressed(named(tangent, kind)), addressed(named(mean_tangent, kind))
 

@@ -155,7 +155,7 @@ def _product(x, i, y, j, span, s):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def add_skew(points, x, y, place, indptr, index, value):  # type: ignore[no-untyped-def]
+def add_skew(points, x, y, places):  # type: ignore[no-untyped-def]
     """Add to y (n,) what items have of a product with x (n,) that their symmetric tangents, made last, leave out.
 
     Returns whether there is any.
@@ -166,7 +166,7 @@ def add_skew(points, x, y, place, indptr, index, value):  # type: ignore[no-unty
             found = True
             first, n = sewn.begin[i, 0], sewn.begin[i + 1, 0] - sewn.begin[i, 0]
             if n == 0:
-                _add_skew_between(points, i, x, y, place, indptr, index, value)
+                _add_skew_between(points, i, x, y, places)
                 continue
             unknown, skew, k = array_at(sewn.unknown, first, (n,)), array_at(sewn.skew, sewn.begin[i, 2], (n * n,)), 0
             for r in range(n):
@@ -180,16 +180,17 @@ def add_skew(points, x, y, place, indptr, index, value):  # type: ignore[no-unty
 
 
 @inner
-def _add_skew_between(points, i, x, y, place, indptr, index, value):  # type: ignore[no-untyped-def]
+def _add_skew_between(points, i, x, y, places):  # type: ignore[no-untyped-def]
     """Do as ``add_skew`` for an item between bodies, whose coordinates change: see ``matrices.matrix.scatter``."""
+    place, start, unknown, factor = places
     dofs, _ = coordinates_of_item(points, i)
     n = len(dofs)
     skew, moves, acts = array_at(points.sewn.skew, points.sewn.begin[i, 2], (n * n,)), vector(n), vector(n)
     for r in range(n):
         k = place[dofs[r]]
         moves[r] = x[k] if k >= 0 else 0.0
-        for q in range(indptr[-2 - k] if k < -1 else 0, indptr[-1 - k] if k < -1 else 0):
-            moves[r] += value[q] * x[index[q]]
+        for q in range(start[-2 - k] if k < -1 else 0, start[-1 - k] if k < -1 else 0):
+            moves[r] += factor[q] * x[unknown[q]]
     for r in range(n):
         for s in range(r):
             z = skew[r * (r + 1) // 2 + s]
@@ -199,8 +200,8 @@ def _add_skew_between(points, i, x, y, place, indptr, index, value):  # type: ig
         k = place[dofs[r]]
         if k >= 0:
             y[k] += acts[r]
-        for q in range(indptr[-2 - k] if k < -1 else 0, indptr[-1 - k] if k < -1 else 0):
-            y[index[q]] += value[q] * acts[r]
+        for q in range(start[-2 - k] if k < -1 else 0, start[-1 - k] if k < -1 else 0):
+            y[unknown[q]] += factor[q] * acts[r]
 
 
 @inner
@@ -216,7 +217,7 @@ def _halve(K, skew):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def point_tangent(points, d, v, amps, c, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
+def point_tangent(points, d, v, amps, c, Q, matrix, places):  # type: ignore[no-untyped-def]
     """Add the forces to Q and the symmetric part of H + c C to the matrix of the unknowns; return the energy."""
     energy = 0.0
     if len(points.forces) == 0:
@@ -243,7 +244,7 @@ def point_tangent(points, d, v, amps, c, Q, matrix, place, indptr, index, value)
                 stiffness_of(points, i, H, C, 1.0, c, not keeps, rows, K)
                 if keeps:
                     sewn.rubs[i] = _halve(K, array_at(sewn.skew, sewn.begin[i, 2], (n * n,)))
-                scatter(matrix, K, points.dofs[first:first + n].reshape((1, n)), 0, place, indptr, index, value)
+                scatter(matrix, K, points.dofs[first:first + n].reshape((1, n)), 0, places)
         i += points.run[i]
     return energy
 

@@ -79,9 +79,8 @@ def _add_forces(what, group, factor, d, e, Q):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _add_tangents(what, group, factor, d, e, scale, Q, unknowns):  # type: ignore[no-untyped-def]
-    """As ``_add_forces``, and add ``scale`` times the tangents to the matrix of ``unknowns``."""
-    matrix, place, indptr, index, value = unknowns
+def _add_tangents(what, group, factor, d, e, scale, Q, matrix, places):  # type: ignore[no-untyped-def]
+    """As ``_add_forces``, and add ``scale`` times the tangents to the matrix of the unknowns."""
     energy, lost, first, last = 0.0, 0.0, 0, len(group.dofs)
     while first < last:
         count = batch_length(group, first, last)
@@ -90,7 +89,7 @@ def _add_tangents(what, group, factor, d, e, scale, Q, unknowns):  # type: ignor
         lost += W
         Qe, Ke = results(group, count)
         add_forces(group, Qe, first, count, Q)
-        scatter_packed(matrix, Ke, scale, group.plan.entries, group.dofs, first, place, indptr, index, value)
+        scatter_packed(matrix, Ke, scale, group.plan.entries, group.dofs, first, places)
         first += count
     return energy, lost
 
@@ -102,9 +101,9 @@ def force(group, d, Q):  # type: ignore[no-untyped-def]
 
 
 @shared
-def force_tangent(group, d, scale, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
+def force_tangent(group, d, scale, Q, matrix, places):  # type: ignore[no-untyped-def]
     """Add Q_e to Q and ``scale`` K to the matrix of the unknowns; return the strain energy."""
-    return _add_tangents(TANGENT, group, 0.0, d, d, scale, Q, (matrix, place, indptr, index, value))[0]
+    return _add_tangents(TANGENT, group, 0.0, d, d, scale, Q, matrix, places)[0]
 
 
 @kernel
@@ -175,10 +174,9 @@ def mean_force(group, tau_over_h, d0, d1, Q):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def mean_force_tangent(group, tau_over_h, d0, d1, Q, matrix, place, indptr, index,
-                       value):  # type: ignore[no-untyped-def]
+def mean_force_tangent(group, tau_over_h, d0, d1, Q, matrix, places):  # type: ignore[no-untyped-def]
     """As ``mean_force``, and add the symmetric tangent by d1 to the matrix of the unknowns."""
-    return _add_tangents(STEP_TANGENT, group, tau_over_h, d0, d1, 1.0, Q, (matrix, place, indptr, index, value))
+    return _add_tangents(STEP_TANGENT, group, tau_over_h, d0, d1, 1.0, Q, matrix, places)
 
 
 @kernel

@@ -13,7 +13,7 @@ from typing import Any
 from .lowlevel.arrays import array
 from .lowlevel.jit import addressed, inner, named
 from .matrices.matrix import scatter
-from .matrices.symmetric import in_band, in_fronts
+from .matrices.symmetric import in_band, in_fronts, places_in
 from .points import weights_of_item
 
 
@@ -138,7 +138,7 @@ def _with_matrix(stored: Any, kind: str) -> Any:
                     for b in range(n):
                         room[a, b] = m * (G[a, 0] * G[b, 0] + G[a, 1] * G[b, 1])
                 dofs = points.dofs[first:first + n].reshape((1, n))
-                scatter(stored(p, A), room, dofs, 0, p.place, p.indptr, p.index, p.value)
+                scatter(stored(p, A), room, dofs, 0, places_in(p))
 
     return addressed(named(moving_mass, kind))
 

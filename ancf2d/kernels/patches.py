@@ -11,7 +11,7 @@ from .facing import face
 from .lowlevel.arrays import array
 from .lowlevel.jit import addressed, inner, kernel, named
 from .lowlevel.records import whole
-from .matrices.symmetric import in_band, in_fronts
+from .matrices.symmetric import in_band, in_fronts, places_in
 from .moving import MOVING_MASS
 from .points import (
     evaluate_at,
@@ -130,16 +130,16 @@ def add_patch_tangent(p, d, v, amps, c, Q, A):  # type: ignore[no-untyped-def]
 @kernel
 def _skew(p, x, y):  # type: ignore[no-untyped-def]
     """Do as ``curves.add_skew``."""
-    return add_skew(whole(p.points), x, y, p.place, p.indptr, p.index, p.value)
+    return add_skew(whole(p.points), x, y, places_in(p))
 
 
 def _with_matrix(stored: Any, kind: str) -> tuple[Any, Any]:
     """Return the tangents of point laws and of joints for matrices of a kind."""
     def points(p, d, v, amps, c, Q, A):  # type: ignore[no-untyped-def]
-        point_tangent(whole(p.points), d, v, amps, c, Q, stored(p, A), p.place, p.indptr, p.index, p.value)
+        point_tangent(whole(p.points), d, v, amps, c, Q, stored(p, A), places_in(p))
 
     def sliding(p, d, v, amps, c, Q, A):  # type: ignore[no-untyped-def]
-        sliding_tangent(whole(p.sliding), d, v, amps, c, Q, stored(p, A), p.place, p.indptr, p.index, p.value)
+        sliding_tangent(whole(p.sliding), d, v, amps, c, Q, stored(p, A), places_in(p))
 
     return addressed(named(points, kind)), addressed(named(sliding, kind))
 

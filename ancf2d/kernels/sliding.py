@@ -94,7 +94,7 @@ def _fill_idle(table, i, dofs, rows, K):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _tangent(table, i, d, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
+def _tangent(table, i, d, Q, matrix, places):  # type: ignore[no-untyped-def]
     k = _size(table, i)
     dofs, rows, K = numbers(table.dofs, k + 1), array(3, k), array(k + 1, k + 1)
     if table.on[i]:
@@ -103,7 +103,7 @@ def _tangent(table, i, d, Q, matrix, place, indptr, index, value):  # type: igno
     else:
         _fill_idle(table, i, dofs, rows, K)
         Q[table.multiplier[i]] += d[table.multiplier[i]]
-    scatter(matrix, K, dofs.reshape((1, k + 1)), 0, place, indptr, index, value)
+    scatter(matrix, K, dofs.reshape((1, k + 1)), 0, places)
 
 
 @kernel
@@ -130,10 +130,10 @@ def sliding_matrix(table, i, d, dofs, Q, K):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def sliding_tangent(table, d, v, amps, c, Q, matrix, place, indptr, index, value):  # type: ignore[no-untyped-def]
+def sliding_tangent(table, d, v, amps, c, Q, matrix, places):  # type: ignore[no-untyped-def]
     """As ``sliding_forces``, and add the derivative to the matrix of the unknowns."""
     for i in range(len(table.multiplier)):
-        _tangent(table, i, d, Q, matrix, place, indptr, index, value)
+        _tangent(table, i, d, Q, matrix, places)
 
 
 @inner

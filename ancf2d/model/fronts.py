@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels.matrices.tree import Fronts
+from ..kernels.matrices.layout import Fronts
 from .mesh import Index
 
 # what fronts cost beside a block of 4 x 4 numbers that loses four pivots: a front, four pivots, a block that they

@@ -12,6 +12,7 @@ import numpy as np
 from ..elements.definition import derivative_order
 from ..elements.shape import Array
 from ..interactions.forces import Patch
+from ..kernels.matrices.layout import Places
 from .breakpoints import telling_times
 from .constraints import Constraint, Row
 from .fronts import Fronts, band_cost, fronts_cost, least_degree, make_fronts
@@ -62,6 +63,11 @@ class Numbering:
     def n_unknowns(self) -> int:
         """Number of unknowns, multipliers included."""
         return len(self.free)
+
+    @cached_property
+    def places(self) -> Places:
+        """Where coordinates are among the unknowns, as kernels take it."""
+        return Places(self.place, self.indptr, self.index, self.value)
 
     @cached_property
     def where(self) -> slice | Index:

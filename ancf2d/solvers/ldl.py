@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from ..elements.shape import Array
 from ..kernels.matrices.band import ldl_factor, ldl_solve
 from ..kernels.matrices.fronts import fronts_factor, fronts_product, fronts_solve
+from ..kernels.matrices.layout import Fronts, entries
 from ..kernels.matrices.matrix import Nested, SymBand, band_product
-from ..kernels.matrices.tree import Fronts, entries
 from ..model.mesh import Index
 
 # a pivot below this share of the terms it is the difference of is round-off

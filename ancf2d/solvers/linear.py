@@ -10,8 +10,8 @@ import numpy as np
 from ..elements.shape import Array
 from ..interactions.inertia import mass_block, mass_terms
 from ..kernels.lowlevel.records import Record
+from ..kernels.matrices.layout import Fronts, entries
 from ..kernels.matrices.matrix import Band, Csr, scatter_classes
-from ..kernels.matrices.tree import Fronts, entries
 from ..model.classes import mass_matrix
 from ..model.fronts import make_fronts
 from ..model.mesh import Index
@@ -258,18 +258,17 @@ def assemble_mass(model: Model, matrix: TangentMatrix, e: Array | None = None) -
 
     Scalar shape functions: an element's M is the same in every frame, so each class has one.
     """
-    num = model.numbering
-    tables = (num.place, num.indptr, num.index, num.value)
+    places = model.numbering.places
     matrix.clear()
     for mesh in model.meshes.values():
         Ms = np.array([c.mass for c in mesh.classes])
         scatter_classes(matrix.target, Ms, np.ascontiguousarray(mesh.cls, dtype=np.int64),
-                        np.ascontiguousarray(mesh.dofs), *tables)
+                        np.ascontiguousarray(mesh.dofs), places)
     for dofs, M in fluid_masses(model):
         scatter_classes(matrix.target, M[None], np.zeros(len(dofs), dtype=np.int64), np.ascontiguousarray(dofs),
-                        *tables)
+                        places)
     for coords, M in point_masses(model, e):
-        scatter_classes(matrix.target, M[None], np.zeros(1, dtype=np.int64), coords[None, :].astype(np.int64), *tables)
+        scatter_classes(matrix.target, M[None], np.zeros(1, dtype=np.int64), coords[None, :].astype(np.int64), places)
 
 
 def full_mass(model: Model, e: Array | None = None) -> csr_matrix:

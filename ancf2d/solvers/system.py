@@ -79,7 +79,6 @@ class System:
         self.crew = Crew(self.groups, model.numbering)
         self.matrix = make_matrix(model)
         n = model.numbering
-        self.tables = (n.place, n.indptr, n.index, n.value)
         self.weights = np.zeros(n.n_unknowns)
         coordinates = n.free < n.n_q
         self.weights[coordinates] = model.weights[n.free[coordinates]]
@@ -141,12 +140,12 @@ class System:
         self.matrix.clear()
         Q, R = self._no_forces(out)
         self.model.set_natural(t if load_stiffness else None)
-        energy = self.crew.total(lambda g: force_tangent(g, d, 1.0, Q, self.matrix.target, *self.tables))
+        energy = self.crew.total(lambda g: force_tangent(g, d, 1.0, Q, self.matrix.target, self.model.numbering.places))
         for u, q, K, dofs in self.patches(d, t, not load_stiffness, not load_stiffness):
             energy += u
             np.add.at(Q, dofs, q)
             scatter_patches(self.matrix.target, np.ascontiguousarray(K), dofs, 0, len(dofs),
-                            *self.tables)
+                            self.model.numbering.places)
         if not load_stiffness:
             self.add_loads(Q, d, t)
             energy += self.add_natural(Q, d, None, t)

@@ -211,10 +211,10 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
     from ..kernels.matrices.matrix import scatter_patches
 
     solver, num, none, out = model.case.solver, model.numbering, Record(no_group()), list[Callable[[], object]]()
-    tables, no_index = (num.place, num.indptr, num.index, num.value), np.zeros(0, dtype=np.int64)
+    places, no_index = num.places, np.zeros(0, dtype=np.int64)
     d = np.zeros(len(num.place))
     if not all(mesh.plan.rigid for mesh in model.meshes.values()):
-        out.append(partial(force_tangent, none, d, 1.0, d, matrix.target, *tables))
+        out.append(partial(force_tangent, none, d, 1.0, d, matrix.target, places))
         if not model.case.solver.linear:
             out += [partial(force_noise, none, d, d), partial(force, none, d, d)]
         if model.moves or solver.linear or solver.vibrates or solver.scales:
@@ -223,13 +223,13 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
             out.append(partial(natural_slope, none, d, d))
     if model.patches or model.constraints:
         out.append(lambda: list(model.interactions.patches(d, 0.0)))
-        out.append(partial(scatter_patches, matrix.target, np.zeros((0, 1, 1)), no_index.reshape(0, 1), 0, 0, *tables))
+        out.append(partial(scatter_patches, matrix.target, np.zeros((0, 1, 1)), no_index.reshape(0, 1), 0, 0, places))
     if model.hangs or solver.vibrates or solver.scales:
         from ..kernels.matrices.matrix import scatter_classes
         from ..solvers.linear import matrix_of_one
 
         small = matrix_of_one(type(matrix))
-        out += [partial(scatter_classes, matrix.target, np.zeros((1, 1, 1)), no_index, no_index.reshape(0, 1), *tables),
+        out += [partial(scatter_classes, matrix.target, np.zeros((1, 1, 1)), no_index, no_index.reshape(0, 1), places),
                 partial(small.product, small.values, np.zeros(1))]
     return out
 

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ancf2d.kernels.elements import element_matrices, force, force_noise, force_tangent, stations, tangent_action
+from ancf2d.kernels.matrices.layout import Places
 from ancf2d.kernels.matrices.matrix import Csr
 
 EVERY = helpers.covering({"variant": helpers.FEW_VARIANTS}, variant=helpers.VARIANTS, geometry=helpers.GEOMETRIES)
@@ -183,7 +184,7 @@ def test_assembled_tangent_and_its_action_are_the_sum_of_element_matrices(name, 
     matrix = Csr(values, n * np.arange(n + 1), np.tile(np.arange(n), n))
     none = np.zeros(0, dtype=np.int64)
     Q = np.zeros(n)
-    energy = force_tangent(model.groups[0], d, 1.0, Q, matrix, np.arange(n), none, none, np.zeros(0))
+    energy = force_tangent(model.groups[0], d, 1.0, Q, matrix, Places(np.arange(n), none, none, np.zeros(0)))
     np.testing.assert_allclose(values.reshape(n, n), K, atol=1e-14 * np.abs(K).max())
     expected, F = energy_and_force(model, d)
     assert energy == pytest.approx(expected, rel=1e-14)

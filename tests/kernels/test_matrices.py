@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ancf2d.kernels.matrices.band import ldl_factor, ldl_solve
+from ancf2d.kernels.matrices.layout import Places
 from ancf2d.kernels.matrices.matrix import Band, Csr, Nested, SymBand, scatter_patches
 from ancf2d.model.fronts import Fronts
 
@@ -143,7 +144,7 @@ def test_scatter_is_the_congruence_with_held_and_dependent_coordinates(kind, see
             k = -2 - role
             T[c, index[indptr[k] : indptr[k + 1]]] = value[indptr[k] : indptr[k + 1]]
     matrix = target(kind, n)
-    tables = (roles.astype(np.int64), np.array(indptr), np.array(index), np.array(value))
+    places = Places(roles.astype(np.int64), np.array(indptr), np.array(index), np.array(value))
     expected = np.zeros((n, n))
     Ks, sets = [], []
     for _ in range(3):
@@ -153,6 +154,6 @@ def test_scatter_is_the_congruence_with_held_and_dependent_coordinates(kind, see
         expected += T[dofs].T @ Ke @ T[dofs]
         Ks.append(Ke)
         sets.append(dofs)
-    scatter_patches(matrix, np.array(Ks[:1]), np.array(sets), 0, 1, *tables)
-    scatter_patches(matrix, np.array(Ks[1:]), np.array(sets), 1, 2, *tables)
+    scatter_patches(matrix, np.array(Ks[:1]), np.array(sets), 0, 1, places)
+    scatter_patches(matrix, np.array(Ks[1:]), np.array(sets), 1, 2, places)
     np.testing.assert_allclose(dense(matrix, n), expected, atol=1e-12)

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.kernels.elements import element_matrices, force, mean_force, mean_force_tangent, viscous_force
+from ancf2d.kernels.matrices.layout import Places
 from ancf2d.kernels.matrices.matrix import Csr
 from ancf2d.model.body_groups import damping_time
 from ancf2d.model.classes import mass_matrix
@@ -108,7 +109,7 @@ def test_no_step_is_the_elastic_force_and_half_its_tangent(name, formulation):
     values = np.zeros(n * n)
     matrix = Csr(values, n * np.arange(n + 1), np.tile(np.arange(n), n))
     none = np.zeros(0, dtype=np.int64)
-    mean_force_tangent(group, 0.0, d, d, plain, matrix, np.arange(n), none, none, np.zeros(0))
+    mean_force_tangent(group, 0.0, d, d, plain, matrix, Places(np.arange(n), none, none, np.zeros(0)))
     K = stiffness(model, d)
     np.testing.assert_allclose(plain, elastic, atol=1e-13 * np.abs(elastic).max())
     np.testing.assert_allclose(values.reshape(n, n), 0.5 * K, atol=1e-13 * np.abs(K).max())
@@ -124,7 +125,7 @@ def test_tangent_of_a_small_step_is_the_derivative_of_its_force(name, formulatio
     values, Q = np.zeros(n * n), np.zeros((3, n))
     matrix = Csr(values, n * np.arange(n + 1), np.tile(np.arange(n), n))
     none = np.zeros(0, dtype=np.int64)
-    mean_force_tangent(group, 0.7, d0, d0 + step, Q[0], matrix, np.arange(n), none, none, np.zeros(0))
+    mean_force_tangent(group, 0.7, d0, d0 + step, Q[0], matrix, Places(np.arange(n), none, none, np.zeros(0)))
     for k, sign in ((1, 1.0), (2, -1.0)):
         mean_force(group, 0.7, d0, d0 + step + sign * v, Q[k])
     A = values.reshape(n, n)
@@ -138,7 +139,7 @@ def test_force_beside_the_tangent_is_that_of_the_force_alone(name, formulation):
     Q, R, values = np.zeros(n), np.zeros(n), np.zeros(n * n)
     matrix = Csr(values, n * np.arange(n + 1), np.tile(np.arange(n), n))
     none = np.zeros(0, dtype=np.int64)
-    U, lost = mean_force_tangent(group, 0.7, d0, d1, Q, matrix, np.arange(n), none, none, np.zeros(0))
+    U, lost = mean_force_tangent(group, 0.7, d0, d1, Q, matrix, Places(np.arange(n), none, none, np.zeros(0)))
     assert mean_force(group, 0.7, d0, d1, R) == pytest.approx((U, lost), rel=1e-13)
     np.testing.assert_allclose(Q, R, atol=1e-13 * np.abs(R).max())
     A = values.reshape(n, n)
@@ -178,7 +179,7 @@ def test_a_free_steel_rod_keeps_energy_and_angular_momentum(name, formulation):
         while True:
             Q, values = np.zeros(n), np.zeros(n * n)
             matrix = Csr(values, n * np.arange(n + 1), np.tile(np.arange(n), n))
-            mean_force_tangent(group, 0.0, d, d + move, Q, matrix, np.arange(n), none, none, np.zeros(0))
+            mean_force_tangent(group, 0.0, d, d + move, Q, matrix, Places(np.arange(n), none, none, np.zeros(0)))
             K = values.reshape(n, n) + 2.0 / h**2 * M
             change = np.linalg.solve(K, -(Q + M @ (2.0 / h * (move / h - v))))
             move = move + change

@@ -16,6 +16,7 @@ from ancf2d.interactions.body_contact import facing_table
 from ancf2d.interactions.contact import ContactPoint
 from ancf2d.kernels.curves import add_skew, point_accept, point_forces, point_tangent
 from ancf2d.kernels.facing import face
+from ancf2d.kernels.matrices.layout import Places
 from ancf2d.kernels.matrices.matrix import SymBand
 from ancf2d.kernels.patches import point_noise, point_violation
 from ancf2d.kernels.points import point_constraint_rates, point_mean_forces
@@ -118,9 +119,9 @@ def test_forces_and_tangent_are_those_of_the_laws():
     out = np.ones(n)
     assert point_forces(table, d, v, amps, out) == pytest.approx((energy, power), rel=1e-12)
     np.testing.assert_allclose(out, Q + 1, atol=1e-12)
-    plain = (np.arange(n), np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
+    plain = Places(np.arange(n), np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
     A, out, c = np.zeros((n, n)), np.zeros(n), 2.5
-    assert point_tangent(table, d, v, amps, c, out, SymBand(A), *plain) == pytest.approx(energy, rel=1e-12)
+    assert point_tangent(table, d, v, amps, c, out, SymBand(A), plain) == pytest.approx(energy, rel=1e-12)
     np.testing.assert_allclose(out, Q, atol=1e-12)
     full = K + c * D
     np.testing.assert_allclose(helpers.dense(SymBand(A), n), 0.5 * (full + full.T), atol=1e-11)
@@ -130,7 +131,7 @@ def test_forces_and_tangent_are_those_of_the_laws():
     A, T = np.zeros((num.n_unknowns, num.n_unknowns)), np.zeros((n, num.n_unknowns))
     for k in range(num.n_unknowns):
         num.expand(np.eye(num.n_unknowns)[k], T[:, k])
-    point_tangent(table, d, v, amps, c, out, SymBand(A), num.place, num.indptr, num.index, num.value)
+    point_tangent(table, d, v, amps, c, out, SymBand(A), num.places)
     np.testing.assert_allclose(helpers.dense(SymBand(A), len(A)), 0.5 * T.T @ (full + full.T) @ T, atol=1e-11)
 
 
@@ -256,9 +257,9 @@ def test_noise_bounds_what_round_off_in_the_coordinates_does_to_the_forces():
 def test_empty_tables_do_nothing():
     table, d, no_amps = point_table([]), np.ones(4), np.zeros((0, 3))
     Q, A = np.zeros(4), np.zeros((4, 2))
-    plain = (np.arange(4), np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
+    plain = Places(np.arange(4), np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
     assert point_forces(table, d, d, no_amps, Q) == (0.0, 0.0)
-    assert point_tangent(table, d, d, no_amps, 1.0, Q, SymBand(A), *plain) == 0.0
+    assert point_tangent(table, d, d, no_amps, 1.0, Q, SymBand(A), plain) == 0.0
     assert point_mean_forces(table, d, d, d, no_amps, no_amps, True, Q) == (0.0, 0.0)
     point_constraint_rates(table, d, d, no_amps, Q, Q)
     assert point_violation(table, d, no_amps) == 0.0
@@ -300,9 +301,9 @@ def test_points_of_contact_on_one_curve_are_summed_and_left_out_where_it_is_far(
             points.par[far, geometry.HOME] = np.nan
         Q, P = np.zeros(n), np.zeros(n)
         K = SymBand(np.zeros((n, n)))
-        plain = (np.arange(n), np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
+        plain = Places(np.arange(n), np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
         both = point_forces(table, d, v, none, Q)
-        energy = point_tangent(table, d, v, none, 0.3, P, K, *plain)
+        energy = point_tangent(table, d, v, none, 0.3, P, K, plain)
         found.append((np.array([*both, energy]), Q, P, K.values))
     for one, *others in zip(*found, strict=True):
         assert np.abs(one).max() > 0.0
@@ -312,7 +313,7 @@ def test_points_of_contact_on_one_curve_are_summed_and_left_out_where_it_is_far(
     x, h, ends = rng.standard_normal(n), 1e-7, np.zeros((2, n))
     y = (lower + np.tril(lower, -1).T) @ x
     symmetric = y.copy()
-    assert add_skew(sewn, x, y, *plain)
+    assert add_skew(sewn, x, y, plain)
     for end, s in zip(ends, (h, -h), strict=True):
         point_forces(table, d + s * x, v + 0.3 * s * x, none, end)
     slope = (ends[0] - ends[1]) / (2 * h)
@@ -349,15 +350,15 @@ def test_what_friction_between_bodies_makes_unsymmetric_is_kept_whatever_a_point
     points.mem[:, geometry.SLIDES] = rng.choice([-1.0, 1.0], len(points.mem))
     points.mem[:, geometry.HELD] = geometry.CLOSED
     K, Q, ends = SymBand(np.zeros((n, n))), np.zeros(len(num.place)), np.zeros((2, n))
-    maps = num.place, num.indptr, num.index, num.value
+    maps = num.places
     v, x, h = np.zeros(len(num.place)), rng.standard_normal(n), 1e-6
     face(table, points, model_T @ z)
-    point_tangent(points, model_T @ z, v, none, 0.0, Q, K, *maps)
+    point_tangent(points, model_T @ z, v, none, 0.0, Q, K, maps)
     assert (points.mem[:, FOUND] == WITHIN).sum() > 3
     lower = np.array([[K.values[i, n - 1 + j - i] if j <= i else 0.0 for j in range(n)] for i in range(n)])
     y = (lower + np.tril(lower, -1).T) @ x
     symmetric = y.copy()
-    assert add_skew(points, x, y, *maps)
+    assert add_skew(points, x, y, maps)
     for k, s in enumerate((h, -h)):
         Q[:] = 0.0
         point_forces(points, model_T @ (z + s * x), v, none, Q)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from ancf2d.interactions.prismatic import OnAxis, foot_point, sliding_table
+from ancf2d.kernels.matrices.layout import Places
 from ancf2d.kernels.matrices.matrix import Csr
 from ancf2d.kernels.sliding import (
     sliding_accept,
@@ -63,8 +64,8 @@ class Scene:
         matrix = Csr(A, np.arange(n + 1) * n, np.tile(np.arange(n), n))
         none = np.zeros(0, dtype=np.int64)
         Q = np.zeros(n)
-        place = np.arange(n)
-        sliding_tangent(self.table, d, d, AMPS, 0.0, Q, matrix, place, np.zeros(1, np.int64), none, np.zeros(0))
+        places = Places(np.arange(n), np.zeros(1, np.int64), none, np.zeros(0))
+        sliding_tangent(self.table, d, d, AMPS, 0.0, Q, matrix, places)
         return Q, A.reshape(n, n)
 
     def mean(self, d0, d1):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from ancf2d.kernels.elements import force_tangent
+from ancf2d.kernels.matrices.layout import Places
 from ancf2d.kernels.matrices.matrix import SymBand
 from ancf2d.model import body_groups
 from ancf2d.model.body_groups import Pool, place_of
@@ -34,7 +35,7 @@ def tangent(group, model, d):
     """Return energy, forces and tangent (n_q, n_q) of a group."""
     n, none = model.n_q, np.zeros(0, dtype=np.int64)
     Q, K = np.zeros(n), np.zeros((n, n))
-    return force_tangent(group, d, 1.0, Q, SymBand(K), np.arange(n), none, none, np.zeros(0)), Q, K
+    return force_tangent(group, d, 1.0, Q, SymBand(K), Places(np.arange(n), none, none, np.zeros(0))), Q, K
 
 
 @h.every_small_type

@@ -106,13 +106,9 @@ def _is_plain(place, dofs, m):  # type: ignore[no-untyped-def]
 
 
 @inner
-def scatter(matrix, Ke, dofs, m, place, indptr, index, value):  # type: ignore[no-untyped-def]
-    """Add T^T Ke T of element m to the matrix; Ke is symmetric where the matrix is.
-
-    ``place[i]`` of a coordinate: its unknown (>= 0), -1 where it is held, or -2 - k where it is the
-    combination k of unknowns, ``index[indptr[k]:indptr[k + 1]]`` with factors ``value``.
-    """
-    n = dofs.shape[1]
+def scatter(matrix, Ke, dofs, m, places):  # type: ignore[no-untyped-def]
+    """Add T^T Ke T of element m to the matrix; Ke is symmetric where the matrix is. ``places``: ``layout.Places``."""
+    n, place = dofs.shape[1], places.place
     lower = only_lower(matrix)
     if _is_plain(place, dofs, m):
         for a in range(n):
@@ -126,11 +122,12 @@ def scatter(matrix, Ke, dofs, m, place, indptr, index, value):  # type: ignore[n
                         else:
                             add(matrix, i, j, Ke[a, b])
     else:
-        _scatter_combined(matrix, Ke, dofs[m], place, indptr, index, value)
+        _scatter_combined(matrix, Ke, dofs[m], places)
 
 
 @inner
-def _scatter_combined(matrix, Ke, dofs, place, indptr, index, value):  # type: ignore[no-untyped-def]
+def _scatter_combined(matrix, Ke, dofs, places):  # type: ignore[no-untyped-def]
+    place, start, unknown, factor = places
     n = len(dofs)
     for a in range(n):
         i = place[dofs[a]]
@@ -144,32 +141,31 @@ def _scatter_combined(matrix, Ke, dofs, place, indptr, index, value):  # type: i
             if i >= 0 and j >= 0:
                 add(matrix, i, j, v)
             elif i >= 0:
-                for q in range(indptr[-2 - j], indptr[-1 - j]):
-                    add(matrix, i, index[q], v * value[q])
+                for q in range(start[-2 - j], start[-1 - j]):
+                    add(matrix, i, unknown[q], v * factor[q])
             elif j >= 0:
-                for p in range(indptr[-2 - i], indptr[-1 - i]):
-                    add(matrix, index[p], j, v * value[p])
+                for p in range(start[-2 - i], start[-1 - i]):
+                    add(matrix, unknown[p], j, v * factor[p])
             else:
-                for p in range(indptr[-2 - i], indptr[-1 - i]):
-                    for q in range(indptr[-2 - j], indptr[-1 - j]):
-                        add(matrix, index[p], index[q], v * value[p] * value[q])
+                for p in range(start[-2 - i], start[-1 - i]):
+                    for q in range(start[-2 - j], start[-1 - j]):
+                        add(matrix, unknown[p], unknown[q], v * factor[p] * factor[q])
 
 
 @kernel
-def scatter_patches(matrix, Ks, dofs, first, count, place, indptr, index, value):  # type: ignore[no-untyped-def]
+def scatter_patches(matrix, Ks, dofs, first, count, places):  # type: ignore[no-untyped-def]
     """Add the matrices Ks (count, n, n) of elements (or patches) first, first + 1, ... with coordinates dofs (m, n)."""
     for m in range(count):
-        scatter(matrix, Ks[m], dofs, first + m, place, indptr, index, value)
+        scatter(matrix, Ks[m], dofs, first + m, places)
 
 
 @inner
-def scatter_packed(matrix, Ks, scale, entries, dofs, first, place, indptr, index,
-                   value):  # type: ignore[no-untyped-def]
+def scatter_packed(matrix, Ks, scale, entries, dofs, first, places):  # type: ignore[no-untyped-def]
     """Add ``scale`` times the symmetric matrices Ks (entries, m) of elements first, first + 1, ... to the matrix.
 
     ``entries`` (k, 2) are the rows a and columns b <= a that are given: all that are not zero.
     """
-    lower, n = only_lower(matrix), dofs.shape[1]
+    lower, n, place = only_lower(matrix), dofs.shape[1], places.place
     K, starts, sources = array(n, n), numbers(dofs, len(entries)), numbers(dofs, len(entries))
     table = numbers(dofs, n * n + n)
     m = 0
@@ -191,7 +187,7 @@ def scatter_packed(matrix, Ks, scale, entries, dofs, first, place, indptr, index
             for x in range(len(entries)):
                 K[entries[x, 0], entries[x, 1]] = scale * Ks[x, m]
                 K[entries[x, 1], entries[x, 0]] = scale * Ks[x, m]
-            _scatter_combined(matrix, K, dofs[first + m], place, indptr, index, value)
+            _scatter_combined(matrix, K, dofs[first + m], places)
         m += 1
 
 
@@ -280,10 +276,10 @@ _ROWS = 512
 
 
 @kernel
-def scatter_classes(matrix, Ms, cls, dofs, place, indptr, index, value):  # type: ignore[no-untyped-def]
+def scatter_classes(matrix, Ms, cls, dofs, places):  # type: ignore[no-untyped-def]
     """Add Ms[cls[m]] (classes, n, n) of every element m with coordinates dofs (ne, n) to the matrix of the unknowns."""
     for m in range(len(dofs)):
-        scatter(matrix, Ms[cls[m]], dofs, m, place, indptr, index, value)
+        scatter(matrix, Ms[cls[m]], dofs, m, places)
 
 
 @kernel

@@ -12,6 +12,7 @@ from ..lowlevel.jit import addressed, inlined
 from ..lowlevel.records import array_at
 from .band import ldl_factor, ldl_solve
 from .fronts import fronts_factor, fronts_product, fronts_solve
+from .layout import Places
 from .matrix import Nested, SymBand, band_product, product_by_diagonals
 
 # pivots below this share of the terms that they are the difference of are none
@@ -34,6 +35,12 @@ def in_band(p, A):  # type: ignore[no-untyped-def]
 def in_fronts(p, A):  # type: ignore[no-untyped-def]
     """Return where element matrices go in fronts."""
     return Nested(A, p.fronts)
+
+
+@inlined
+def places_in(p):  # type: ignore[no-untyped-def]
+    """Return where coordinates are among the unknowns."""
+    return Places(p.place, p.indptr, p.index, p.value)
 
 
 @addressed

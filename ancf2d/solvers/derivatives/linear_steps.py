@@ -16,7 +16,7 @@ import numpy as np
 
 from ...elements.shape import Array
 from ...kernels.lowlevel.records import Record
-from ...kernels.matrices.tree import entries
+from ...kernels.matrices.layout import entries
 from ...kernels.motion import step_equations
 from ...kernels.motion.newmark import Newmark
 from ...kernels.motion.radau import Radau

@@ -16,8 +16,8 @@ from ...interactions.prismatic import OnAxis, sliding_table
 from ...kernels.bodies import addresses, element_functions
 from ...kernels.calls import table
 from ...kernels.lowlevel.records import Record
+from ...kernels.matrices.layout import no_fronts
 from ...kernels.matrices.symmetric import matrix_functions
-from ...kernels.matrices.tree import no_fronts
 from ...kernels.motion.dynamics import Problem, dynamic_functions
 from ...kernels.motion.events import event_functions, holding
 from ...kernels.motion.feedback import Feedback, feedback_accept, feedback_functions, no_feedback, tail_size

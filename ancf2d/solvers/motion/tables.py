@@ -10,7 +10,7 @@ import numpy as np
 
 from ...case.programs import programs
 from ...elements.shape import Array
-from ...kernels.matrices.tree import entries, no_fronts
+from ...kernels.matrices.layout import entries, no_fronts
 from ...model.interactions import point_table, sew
 from ...model.mesh import Index
 from ...model.model import Model

@@ -1,4 +1,4 @@
-"""The tree of fronts that a symmetric matrix is factored by: its layout alone, which needs no compiler."""
+"""Where the numbers of a matrix of the unknowns are: places of coordinates, tree of fronts. This needs no compiler."""
 
 from __future__ import annotations
 
@@ -8,6 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 Index = NDArray[np.int64]
+
+
+class Places(NamedTuple):
+    """Where each of the full coordinates is among the unknowns.
+
+    place : (n_full,) its unknown (>= 0), -1 where it is held, or -2 - k where it is the combination k of unknowns,
+    ``unknown[start[k]:start[k + 1]]`` with factors ``factor``.
+    """
+
+    place: Index
+    start: Index
+    unknown: Index
+    factor: NDArray[np.float64]
 
 
 class Fronts(NamedTuple):
