@@ -27,7 +27,7 @@ FIRST = ("docs/test_documents", "study/test_study_fit", "cli/test_cli_first_run"
 
 # few tests need the kernels of motions with fronts, and of each material with memory
 COMPILE = """
-from ancf2d.study.everything import compile_everything
+from ancf2d.study.every_kernel import compile_everything
 compile_everything(wanted=lambda name: " of a frame" not in name and " that " not in name)
 """
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 from html import escape
 
 from ..plot.body import magnified, visible_scale
-from ..results.shown import html_table
+from ..results.notebooks import html_table
 from ..study.convergence import Convergence as Study
 
 WIDTH, HEIGHT, MARGIN = 480.0, 240.0, 12.0

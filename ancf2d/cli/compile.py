@@ -18,7 +18,7 @@ def command(session: Session) -> int:
     This is optional: runs compile the kernels that they need and keep them. Use it for container images and classrooms,
     so that the first users need not wait. It does not compile the kernels of plugins; runs do.
     """
-    from ..study.everything import compile_everything
+    from ..study.every_kernel import compile_everything
 
     started, bar = time.monotonic(), Bar("compiling", session.shows_progress)
     with bar:

@@ -15,9 +15,9 @@ from ancf2d.errors import ResultsError
 from ancf2d.results import safe
 from ancf2d.results.checkpoint import Checkpoint, checkpoint_of
 from ancf2d.results.geometry import axis_values, body_faces, body_levels, body_nodes
+from ancf2d.results.notebooks import as_html, one_line, to_xarray
 from ancf2d.results.records import OVER_TIME, BodyRecord, FieldRecord, Units
 from ancf2d.results.series import StateRows, Table, read_columns
-from ancf2d.results.shown import as_html, one_line, to_xarray
 
 
 class Results:

@@ -17,7 +17,7 @@ from .run import field_records, vocabulary
 if TYPE_CHECKING:
     from ..model.model import Model
     from ..solvers.state import State
-    from ..solvers.stored import Moments
+    from ..solvers.stored_states import Moments
     from ..solvers.system import System
 
 
@@ -76,7 +76,7 @@ class StatesWithFields(Results):
     def _state(self, i: int) -> State:
         """Return a stored state as its solver has yielded it."""
         from ..solvers.state import State
-        from ..solvers.stored import equilibrium_at
+        from ..solvers.stored_states import equilibrium_at
 
         model = self._model
         assert model is not None
@@ -105,7 +105,7 @@ class StatesWithFields(Results):
     @cached_property
     def _motion(self) -> Moments | None:
         """What finds the accelerations of a motion's states; None where no motion was solved."""
-        from ..solvers.stored import Moments
+        from ..solvers.stored_states import Moments
         from .warmup import warm_up
 
         model = self._model

@@ -115,16 +115,10 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
         writer = _keeper(loaded, model, checkpoints)
     try:
         return _solve(loaded, model, writer, progress, warnings, conclude, begin)
-    except BaseException:
+    except BaseException as error:
         if writer is not None:
-            writer.__exit__(*_exception())
+            writer.__exit__(type(error), error, error.__traceback__)
         raise
-
-
-def _exception() -> tuple[Any, Any, Any]:
-    import sys
-
-    return sys.exc_info()
 
 
 def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, warnings: list[str],
