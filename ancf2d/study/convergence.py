@@ -14,7 +14,7 @@ from ..case.units import SI
 from ..errors import UNSOLVED, CaseError, Problem, verdict
 from ..results import Column, write_tables
 from .forecast import Done, Forecast, steps_of
-from .goal import Answer, error_scale, goal_kind, sequence, solve_for_goal
+from .goal import Answer, error_scale, goal_kind, goal_of, sequence, solve_for_goal
 from .order import Estimate, estimate, observed_order, order_from_errors, round_off_level
 from .pool import ALONE, DIED, Workers, run_jobs
 from .record import Progress
@@ -179,10 +179,7 @@ def convergence(loaded: LoadedCase, variants: Sequence[Variant] = (Variant(),), 
     keep the case's mesh; ``reference`` is what errors are against, None for each type's own limit. Raises CaseError
     for a case without a goal, or one that no variant can solve; a level that fails is a row that says so.
     """
-    if loaded.case.goal is None:
-        raise CaseError(loaded.source.problem((), "the case has no goal, so there is no value to study the convergence "
-                                              "of",
-                                              expected="for example goal: {probe: mid, quantity: uy}"))
+    goal = goal_of(loaded, "no value to study the convergence of")
     if steps is not None and not loaded.case.solver.moves:
         raise CaseError(loaded.source.problem(("solver", "type"), "there are no time steps to refine",
                                               expected="solver: {type: dynamic}, or meshes to refine"))
@@ -208,7 +205,7 @@ def convergence(loaded: LoadedCase, variants: Sequence[Variant] = (Variant(),), 
     series = [_judge(rows[i * k:(i + 1) * k], reference) for i in range(len(variants))]
     for one in series if steps is None else ():
         one.estimate = _explained(one, loaded.case.solver)
-    return Convergence(loaded.source.file, loaded.case.title, describe_goal(loaded.case.goal), reference, series,
+    return Convergence(loaded.source.file, loaded.case.title, describe_goal(goal), reference, series,
                        warnings, "elements" if steps is None else steps.key, loaded.case.units.labels)
 
 
@@ -292,10 +289,8 @@ def _lost(job: Job) -> Row:
 
 def _solve(job: Job, row: Row, progress: Progress | None) -> None:
     found = solve_for_goal(job.load(), progress)
-    plans = [m.plan for m in found.model.meshes.values() if not m.plan.rigid]
-    row.element = "+".join(dict.fromkeys(p.element.name for p in plans))
-    row.formulation = "+".join(dict.fromkeys(p.formulation.name for p in plans))
-    row.kinks = any(p.inside() for p in plans)
+    row.element, row.formulation = found.types
+    row.kinks = any(m.plan.inside() for m in found.model.meshes.values() if not m.plan.rigid)
     row.elements, row.dofs = found.model.n_elements, found.model.n_q
     row.wall_s, row.answer, row.value = found.summary["wall_s"], found.answer, found.answer.value
 
@@ -349,9 +344,7 @@ _UNITS = {"displacement": "{L}", "position": "{L}", "rotation": "rad", "velocity
 
 def goal_units(loaded: LoadedCase) -> str:
     """Return the units of a case's goal, as templates of result files have them."""
-    goal = loaded.case.goal
-    if goal is None:
-        raise ValueError("a study has a goal")
+    goal = goal_of(loaded)
     if goal.kind is not None:
         return "rad/{T}"
     return _UNITS[goal_kind(goal)] if goal.quantity is not None else "1"

@@ -26,6 +26,14 @@ SHARE = 1e-3
 TINY = 2.0**-1022
 
 
+def goal_of(loaded: LoadedCase, lacking: str = "no value to find the error of") -> Goal:
+    """Return the goal of a case. Raises CaseError where it has none, so that there is what is ``lacking``."""
+    if loaded.case.goal is None:
+        raise CaseError(loaded.source.problem((), f"the case has no goal, so there is {lacking}",
+                                              expected="for example goal: {probe: mid, quantity: uy}"))
+    return loaded.case.goal
+
+
 def goal_kind(goal: Goal) -> str:
     """Return the kind of quantity that a goal is: displacement, force, ..., energy."""
     return "phase" if goal.part == "phase" else _KINDS.get(goal.quantity or "", "energy")
@@ -166,6 +174,13 @@ class Solved:
         """The object that ``--json`` prints."""
         return self.outcome.summary
 
+    @property
+    def types(self) -> tuple[str, str]:
+        """The element types and the formulations of the bodies, several joined by +."""
+        plans = [m.plan for m in self.model.meshes.values() if not m.plan.rigid]
+        return ("+".join(dict.fromkeys(p.element.name for p in plans)),
+                "+".join(dict.fromkeys(p.formulation.name for p in plans)))
+
 
 def for_study(loaded: LoadedCase) -> LoadedCase:
     """Return a case without what only costs time in a study, or differs from run to run: estimates, times of states."""
@@ -194,10 +209,7 @@ def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, file: F
     # points are placed so densely that curves can be compared only where an accuracy is asked for
     whole = loaded.case.accuracy is not None
     loaded = for_study(loaded)
-    goal = loaded.case.goal
-    if goal is None and not isinstance(loaded.case.solver, FrequencyResponse):
-        raise CaseError(loaded.source.problem((), "the case has no goal, so there is no value to find the error of",
-                                              expected="for example goal: {probe: mid, quantity: uy}"))
+    goal = loaded.case.goal if isinstance(loaded.case.solver, FrequencyResponse) else goal_of(loaded)
     watch = _Watch(goal, loaded.case.solver, whole)
     given = progress or Progress()
 

@@ -9,11 +9,12 @@ from typing import Any
 
 from ..case import LoadedCase
 from ..case.numbers import Variable, numbers_at, variables_of
-from ..errors import UNSOLVED, CaseError, verdict
+from ..errors import UNSOLVED, verdict
 from ..results import Column, write_tables
 from .accuracy.control import is_pursued, solve_to_accuracy
 from .convergence import goal_units
 from .forecast import Done
+from .goal import goal_of
 from .gradient import GoalValues, Quotient, Study, size_of
 from .record import Progress
 from .run import describe_goal, result_header
@@ -65,10 +66,7 @@ def sensitivity(loaded: LoadedCase, paths: Sequence[str] = (), progress: Progres
     A case that leaves the mesh to be chosen is solved to its accuracy first, and differentiated on that mesh. Raises
     CaseError where the case has no goal, or a path leads to no number that can vary; ComputationError.
     """
-    goal = loaded.case.goal
-    if goal is None:
-        raise CaseError(loaded.source.problem((), "the case has no goal, so there is nothing to differentiate",
-                                              expected="for example goal: {probe: mid, quantity: uy}"))
+    goal = goal_of(loaded, "nothing to differentiate")
     variables = numbers_at(loaded, paths) or variables_of(loaded)
     progress = progress or Progress()
     warnings: list[str] = []

@@ -200,7 +200,5 @@ def _traced(loaded: LoadedCase) -> tuple[Solved, int]:
 
 
 def _note(found: Solved, out: Measured) -> None:
-    plans = [m.plan for m in found.model.meshes.values() if not m.plan.rigid]
-    out.element = "+".join(dict.fromkeys(p.element.name for p in plans))
-    out.formulation = "+".join(dict.fromkeys(p.formulation.name for p in plans))
+    out.element, out.formulation = found.types
     out.elements, out.dofs, out.answer = found.model.n_elements, found.model.n_q, found.answer

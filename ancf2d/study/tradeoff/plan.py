@@ -15,7 +15,7 @@ from ...errors import CaseError
 from ...solvers.motion.schemes import DEFAULT
 from ..convergence import limit_of, meshes_of
 from ..forecast import predicted_cost
-from ..goal import Answer, sequence
+from ..goal import Answer, goal_of, sequence
 from ..order import ROUND_OFF, estimate
 from ..pool import Workers
 from ..variants import Variant, check_flexible, count_of, divided, flexible, parse_variants, stretches_of
@@ -139,9 +139,7 @@ class Planner:
 
     def _check(self) -> None:
         choice, source = self.choice, self.loaded.source
-        if self.loaded.case.goal is None:
-            raise CaseError(source.problem((), "the case has no goal, so there is no value to find the error of",
-                                           expected="for example goal: {probe: mid, quantity: uy}"))
+        goal_of(self.loaded)
         if self.motion is None and (choice.key or choice.methods != (None,)):
             raise CaseError(source.problem(("solver", "type"), "there are no time steps and no integrator to choose",
                                            expected="solver: {type: dynamic}, or no --method, --dt, --tolerance"))
