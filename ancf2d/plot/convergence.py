@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ancf2d.errors import ResultsError
-from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, Triangle, common_title
+from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, Triangle, common_title, lacking
 from ancf2d.results import Results, Table
 
 ROUND_OFF = 1e-16  # where an error of exactly zero is drawn
@@ -164,11 +164,8 @@ def _order_note(order: float) -> str:
     return ", order undefined" if np.isnan(order) else f", order {order:.1f}"
 
 
-def _no_table(results: Results) -> str:
-    table = results.tables.get("convergence")
-    if table is None or not {"element", "elements", "error"} <= set(table) or not table.rows:
-        return "it holds no convergence table ('ancf2d convergence CASE -o FILE.h5' writes one)"
-    return ""
+_no_table = lacking("convergence", ("element", "elements", "error"),
+                    "it holds no convergence table ('ancf2d convergence CASE -o FILE.h5' writes one)")
 
 
 def _no_times(results: Results) -> str:
@@ -245,12 +242,7 @@ def _note(table: Table, bounds: bool) -> str:
     return "; ".join(word for word in words if word)
 
 
-def _missing(results: Results) -> str:
-    table = results.tables.get("tradeoff")
-    if table is None or not {"element", "elements", "error", "judged", "wall_s"} <= set(table) or not table.rows:
-        return "it holds no work-precision study ('ancf2d tradeoff CASE -o FILE.h5' writes one)"
-    return ""
-
-
 TRADEOFF = Kind("tradeoff", "error of the goal against measured time, memory or size, with the best settings marked",
-                _missing, tradeoff, single=True)
+                lacking("tradeoff", ("element", "elements", "error", "judged", "wall_s"),
+                        "it holds no work-precision study ('ancf2d tradeoff CASE -o FILE.h5' writes one)"),
+                tradeoff, single=True)

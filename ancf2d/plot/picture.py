@@ -83,6 +83,14 @@ class Kind:
     single: bool = False
 
 
+def lacking(table: str, columns: Sequence[str], said: str) -> Callable[[Results], str]:
+    """Return what says ``said`` of files that lack a table, some of its columns, or rows; see ``Kind.missing``."""
+    def missing(results: Results) -> str:
+        found = results.tables.get(table)
+        return "" if found is not None and set(columns) <= set(found) and found.rows else said
+    return missing
+
+
 @dataclass
 class Curve:
     """One line: its name, and x and y (n,); ``look`` is how it is drawn where that is not as usual.

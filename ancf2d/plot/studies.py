@@ -12,10 +12,9 @@ from matplotlib.figure import Figure
 
 from ancf2d.errors import ResultsError
 from ancf2d.plot import style
-from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
+from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title, lacking
 from ancf2d.results import Results, Table
 
-NEEDED = {"path", "value", "derivative", "influence"}
 # of its size: the change of each number that the bars show
 CHANGE = 0.01
 FIRST = ("evaluation", "minimised", "missed")
@@ -80,15 +79,10 @@ def tornado(sources: Sequence[Source], *, count: int = 20) -> Tornado:
                    max(0, moving - len(order)))
 
 
-def _no_tornado(results: Results) -> str:
-    table = results.tables.get("sensitivity")
-    if table is None or not set(table) >= NEEDED or not table.rows:
-        return "it holds no table of sensitivities ('ancf2d sensitivity CASE -o FILE.h5' writes one)"
-    return ""
-
-
 TORNADO = Kind("tornado", "how much the goal changes with each number of the case, the most influential ones first",
-               _no_tornado, tornado, single=True)
+               lacking("sensitivity", ("path", "value", "derivative", "influence"),
+                       "it holds no table of sensitivities ('ancf2d sensitivity CASE -o FILE.h5' writes one)"),
+               tornado, single=True)
 
 
 def optimisation(sources: Sequence[Source]) -> Curves:
@@ -111,14 +105,9 @@ def _beside(values: np.ndarray) -> np.ndarray:
     return values / (values[0] or np.abs(values).max() or 1.0)
 
 
-def _no_optimisation(results: Results) -> str:
-    table = results.tables.get("optimisation")
-    if table is None or not set(FIRST) <= set(table) or not table.rows:
-        return "it holds no optimisation ('ancf2d optimise CASE ... --history FILE.h5' writes one)"
-    return ""
-
-
-OPTIMISATION = Kind("optimisation", "what is minimised, constraints and numbers over all tries", _no_optimisation,
+OPTIMISATION = Kind("optimisation", "what is minimised, constraints and numbers over all tries",
+                    lacking("optimisation", FIRST,
+                            "it holds no optimisation ('ancf2d optimise CASE ... --history FILE.h5' writes one)"),
                     optimisation, single=True)
 
 
@@ -322,10 +311,8 @@ def shares(sources: Sequence[Source], *, quantity: Sequence[str] = ()) -> Shares
 
 
 def _no_sweep(results: Results) -> str:
-    table = results.tables.get("sweep")
-    if table is None or not table.rows:
-        return "it holds no sweep ('ancf2d sweep' writes sweep.h5)"
-    return "" if _listed(table, "values") else "no row of the sweep has a value"
+    missing = lacking("sweep", (), "it holds no sweep ('ancf2d sweep' writes sweep.h5)")(results)
+    return missing or ("" if _listed(results.tables["sweep"], "values") else "no row of the sweep has a value")
 
 
 def _no_samples(results: Results) -> str:
