@@ -4,10 +4,17 @@ from .binder import Vocabulary
 from .definition import DefinitionNode, ElementDefinition, load_definition, read_definition
 from .load import CaseText, LoadedCase, load_case, load_case_text, refined, with_overrides
 from .nodes import Source
-from .reference import SCHEMA_FILE, definition_schema, json_schema, markdown_reference, schema_comment
+from .reference import (
+    SCHEMA_FILE,
+    TEMPLATES,
+    definition_schema,
+    json_schema,
+    markdown_reference,
+    schema_comment,
+    template,
+)
 from .schema import *  # noqa: F403
 from .schema import __all__ as _schema
-from .templates import TEMPLATES, template
 
 __all__ = [
     "SCHEMA_FILE", "TEMPLATES", "CaseText", "DefinitionNode", "ElementDefinition", "LoadedCase", "Source",

@@ -1,12 +1,13 @@
-"""The case format described for people and editors, Markdown and JSON Schema, from the same records that read cases."""
+"""The case format for people and editors, as Markdown, JSON Schema and templates, from the records that read cases."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from .binder import Binder, Vocabulary
+from ..errors import CaseError, Problem
+from .binder import Binder, Vocabulary, listed, nearest
 from .definition import ElementDefinition
-from .emit import flow
+from .emit import flow, text_scalar
 from .kinds import Book, Choice, Kind, ListOf, MapOf
 from .records import ByKeys, ByShape, Key, OneOf, Record, define, keys_of, tag_of, title_of
 from .schema import Case
@@ -198,3 +199,23 @@ def _root(cls: type, title: str, vocabulary: Vocabulary | None) -> dict[str, Any
     root = book.definitions.pop(cls.__name__)
     return {"$schema": "http://json-schema.org/draft-07/schema#", "title": title, **root,
             "definitions": book.definitions}
+
+
+TEMPLATES = ("cantilever", "simply_supported", "frame", "pendulum", "leaf_spring", "flexure", "soft_arm", "bimetal",
+             "controlled_arm", "latch", "cam", "snap_fit", "belt", "plastic_frame")
+
+
+def template(name: str, kind: str = "cantilever", schema: str = SCHEMA_FILE) -> str:
+    """Return the text of a commented case of a kind; ``schema`` is where editors find the schema.
+
+    Raises CaseError where there is no such kind.
+    """
+    if kind not in TEMPLATES:
+        raise CaseError(Problem(f"there is no template '{kind}'", expected=listed(TEMPLATES),
+                                near=nearest(kind, TEMPLATES)))
+    from importlib import resources
+
+    body = resources.files(__package__).joinpath("templates", f"{kind}.yaml").read_text("utf-8")
+    title, rest = body.split("\n", 1)
+    title = title.removeprefix("title: ").replace("{name}", name)
+    return f"{schema_comment(schema)}\nformat: 1\ntitle: {text_scalar(title)}\n{rest}"

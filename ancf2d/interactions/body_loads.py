@@ -21,11 +21,21 @@ from ..elements.formulations import FORMULATIONS
 from ..elements.point_laws import DIRECTION, GROUND, MAX_MEM, THETA
 from ..elements.shape import Array, gauss
 from ..model.mesh import BodyMesh, Index
-from ..model.natural import AlongBody, NaturalStrain
 from ..model.point_patch import Items
 from ..model.profiles import breaks, load_breaks, values
 from ..model.timing import Answer, Clocked, Signal
-from .forces import AMPLITUDE, AMPLITUDE_DOC, FOLLOWER, NAME, LoadContext, LoadError, LoadSet, load
+from .forces import (
+    AMPLITUDE,
+    AMPLITUDE_DOC,
+    FOLLOWER,
+    NAME,
+    AlongBody,
+    LoadContext,
+    LoadError,
+    LoadSet,
+    NaturalStrain,
+    load,
+)
 from .formulas import ALONG_BODY, LOCAL, density_formula, is_formula, weights_of
 
 Density = tuple[float | Profile, float | Profile]

@@ -1,4 +1,4 @@
-"""Forces and moments at points: what a load is to a model, and the loads that act at one point."""
+"""Forces and moments at points, and what a load is to a model: dead, turning, or a strain of a free body."""
 
 from __future__ import annotations
 
@@ -17,18 +17,22 @@ from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active
 from ..case.schema.amplitudes import Amplitude
 from ..case.schema.case import register
 from ..case.schema.points import ENDS, PLACE, POINT, GroundPoint, MovingPoint, Point, check_ends
+from ..case.schema.profiles import Profile
 from ..elements.point_laws import THETA, PointLaw, turn_hessian
 from ..elements.shape import Array
+from ..model import profiles
 from ..model.mesh import BodyMesh, Index
-from ..model.natural import NaturalStrain
 from ..model.point_patch import PointPatch, constants_of, position_fields, turn_fields
 from ..model.points import PointRef
 from .moving import MovingPatch, moving_force
 
 R = TypeVar("R", bound=type)
+AlongBody = float | Profile
 NAME = Name()
 AMPLITUDE = OneOf(Amplitude)
 AMPLITUDE_DOC = "Factor as a function of load factor or time (default: ramp in static cases, otherwise constant)"
+# places beside S of natural strains that count as the same
+SAME = 1e-12
 SPREAD = Choice("uniform", "parabolic")
 SPREAD_DOC = "Spread the force over the section (default: on the axis)"
 
@@ -41,6 +45,46 @@ class DeadLoad:
     values: Array
     amplitude: Callable[[float], float]
     gravity: bool = False
+
+
+@dataclass
+class NaturalStrain:
+    """What one load strains a free body by, from S = ``first`` to ``last``, times its amplitude.
+
+    ``values`` are axial strain, curvature [1/m], temperature [K] and its gradient [K/m] along the body. ``amount`` (3,)
+    and ``signal`` (1,) are its rows of ``kernels.natural.Natural``.
+    """
+
+    mesh: BodyMesh
+    first: float
+    last: float
+    values: tuple[AlongBody, AlongBody, AlongBody, AlongBody]
+    amplitude: Callable[[float], float]
+    amount: Array = field(default_factory=lambda: np.zeros(3))
+    signal: Index = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
+
+    def places(self) -> Index:
+        """Return for each element 0 where it is not strained, 1 where as all others are, and 2 + its number else."""
+        start, whole = self.mesh.starts, self.mesh.plan.length
+        a, b = start / whole, (start + self.mesh.lengths) / whole
+        number = np.arange(len(a))
+        out = np.where((a >= self.first - SAME) & (b <= self.last + SAME), 1, 2 + number)
+        if not all(isinstance(v, float) for v in self.values):
+            out = 2 + number
+        out[(b <= self.first + SAME) | (a >= self.last - SAME)] = 0
+        return out
+
+    def along(self, element: int, xi: Array) -> Array:
+        """Return the values (4, n) at stations xi (n,) of an element, zero beyond the ends.
+
+        Where a profile jumps at an end of the element, they are those within.
+        """
+        mesh = self.mesh
+        whole, start = mesh.plan.length, mesh.starts[element]
+        s = np.clip((start + xi * mesh.lengths[element]) / whole, start / whole + profiles.SIDE,
+                    (start + mesh.lengths[element]) / whole - profiles.SIDE)
+        inside = (s >= self.first - SAME) & (s <= self.last + SAME)
+        return np.where(inside, np.array([profiles.values(v, s) for v in self.values]), 0.0)
 
 
 class LoadError(ValueError):

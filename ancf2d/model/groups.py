@@ -8,6 +8,7 @@ import numpy as np
 
 from ..elements.formulations.base import PointLaw
 from ..elements.shape import Array
+from ..interactions.forces import NaturalStrain
 from ..kernels.batch import Group, Law
 from ..kernels.compiled_laws import law_address
 from ..kernels.forces import batch_address
@@ -19,7 +20,6 @@ from ..kernels.tangents import fill_products
 from .body_groups import Pool
 from .classes import ElementClass
 from .mesh import Index
-from .natural import NaturalStrain
 
 Pair = tuple[int, int]
 
