@@ -18,7 +18,7 @@ import pytest
 from click.testing import CliRunner
 
 from ancf2d.cli import main
-from ancf2d.plot import animation
+from ancf2d.plot import output
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -71,9 +71,8 @@ def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     # studies in this process, which has its imports
     monkeypatch.setattr("ancf2d.processors.cores", lambda: 1)
     # of an animation a few frames, whatever its length
-    frames = animation.frames
-    monkeypatch.setattr(animation, "frames", lambda *given, length, **more: frames(*given, length=min(length, 3),
-                                                                                        **more))
+    frames = output.frames
+    monkeypatch.setattr(output, "frames", lambda *given, length, **more: frames(*given, length=min(length, 3), **more))
     return tmp_path
 
 
