@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import scipy.io
 import scipy.linalg
-import scipy.signal
 from scipy.sparse.linalg import splu
 
 from ancf2d.case import load_case_text
@@ -207,6 +206,8 @@ def moved(case: dict[str, Any], out: Path, scale: float, t_end: float) -> tuple[
 
 def test_a_step_is_that_of_the_nonlinear_motion_at_small_amplitude(tmp_path: Path) -> None:
     """By scipy.signal.lsim, from the exported archive."""
+    import scipy.signal  # takes a second, in every process that collects this file
+
     case = scene(inputs=["push"], modes=10)
     solved(case, tmp_path / "a.h5")
     export(tmp_path / "a.h5", tmp_path / "a.npz")
