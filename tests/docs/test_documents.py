@@ -18,7 +18,7 @@ import pytest
 from click.testing import CliRunner
 
 from ancf2d.cli import main
-from ancf2d.plot import output
+from ancf2d.plot import output, style
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -68,6 +68,8 @@ def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PATH", os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")]))
     monkeypatch.setenv("MPLBACKEND", "agg")
+    # a thirteenth of the dots, of which some commands draw very many
+    monkeypatch.setattr("ancf2d.plot.style.STYLE", [style.STYLE, {"savefig.dpi": 55}])
     # studies in this process, which has its imports
     monkeypatch.setattr("ancf2d.processors.cores", lambda: 1)
     # of an animation a few frames, whatever its length
