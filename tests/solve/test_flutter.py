@@ -259,14 +259,15 @@ def test_modes_about_a_state_under_a_follower_load() -> None:
 def test_a_motion_beyond_the_critical_load_grows_as_its_eigenvalue_says() -> None:
     P, c = 1.8, 0.1
     s = max(ziegler_eigenvalues(P, c), key=lambda s: float(s.real))
-    case = ziegler(c, -P, solver={"type": "dynamic", "t_end": 180, "tolerance": 1e-9},
+    case = ziegler(c, -P, solver={"type": "dynamic", "t_end": 82, "tolerance": 1e-9},
                    initial={"bodies": {"upper": {"rotation_rate": {"omega": 1e-3, "about": [1, 0]}}}},
                    output={"interval": 0.1, "probes": {"tip": "upper@1"}})
     solution = ancf2d.solve(case)
     tip = solution.course["tip"]
     t, size = solution.course_t, np.hypot(tip["vy"] / s.imag, tip["uy"])
     period = 2 * math.pi / s.imag
-    late, later = 60.0, 60.0 + 8 * period
+    # by then the other mode, which decays with 0.19/s, is small beside this one
+    late, later = 40.0, 40.0 + 4 * period
     assert later < t[-1]
     grown = math.log(np.interp(later, t, size) / np.interp(late, t, size)) / (later - late)
     assert grown == pytest.approx(s.real, rel=1e-2)

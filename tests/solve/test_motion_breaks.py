@@ -45,7 +45,8 @@ PUSHES = {"<": f"1 if t < {BREAK} else 0", "<=": f"1 if t <= {BREAK} else 0", ">
 @pytest.mark.parametrize("method", h.chosen([*OWN, *SCHEMES], [*OWN, "DOP853"]))
 def test_a_force_that_ends_inside_a_step_gives_its_impulse(method):
     """Whatever bends meanwhile, a free body has the momentum that it was given."""
-    step = {"dt": 1e-3, "estimate": False} if method in OWN else {"tolerance": 1e-8}
+    # a step over the break would be off by its error; the impulse of steps that end there is exact, whatever that is
+    step = {"dt": 1e-3, "estimate": False} if method in OWN else {"tolerance": 1e-3}
     for name, push in PUSHES.items() if method == "radau5" else [("<", PUSHES["<"])]:
         scene = {**FREE, "loads": [{"type": "force", "at": "a@1", "value": [1, 0], "amplitude": told(push)}]}
         run, states = moved(scene, 1.2 * BREAK, method=method, **step)
