@@ -352,7 +352,8 @@ def test_scripts_that_use_the_interface_pass_a_strict_type_checker(tmp_path: Pat
 
     # SciPy comes without types; what no script names has very many
     (tmp_path / "mypy.ini").write_text("[mypy]\nstrict = true\nignore_missing_imports = true\n"
-                                       "[mypy-dask.*,distributed.*,IPython.*,matplotlib.*,ancf2d.kernels.*]\nfollow_imports = skip\n")
+                                       "[mypy-dask.*,distributed.*,IPython.*,matplotlib.*,ancf2d.kernels.*]\n"
+                                       "follow_imports = skip\n")
     found = subprocess.run([sys.executable, "-m", "mypy", "--config-file", "mypy.ini", "--cache-dir",
                             str(tmp_path / "cache"), "--no-error-summary", *map(str, tmp_path.glob("*.py"))],
                            capture_output=True, text=True, cwd=tmp_path, check=False).stdout
