@@ -48,12 +48,15 @@ INSIDE, END, CHECK = range(3)
 DAMPED = 1.4
 # of a step: times so near to its end are its end
 NEAR = 1e-9
+# of the usual length: steps shorter than this are not made for a state alone
+SHORT = 1e-2
 
 
 class Plan(NamedTuple):
     """How far, and how: fixed steps dt on the grid t0 + k dt, or adaptive ones (dt = 0) under ``tolerance``.
 
-    smallest, largest : steps; tracks : whether loads, motion or dampers do work that has to be summed.
+    smallest, largest : steps; tracks : whether loads, motion or dampers do work that has to be summed; lands : whether
+    steps end at the times of stored states.
     """
 
     t0: float
@@ -63,6 +66,7 @@ class Plan(NamedTuple):
     smallest: float
     largest: float
     tracks: bool
+    lands: bool
 
 
 class Rows(NamedTuple):
@@ -266,9 +270,24 @@ def _late(plan, size):  # type: ignore[no-untyped-def]
 
 @inner
 def _target(s, plan):  # type: ignore[no-untyped-def]
-    """Return where a fixed step ends: the next time of the grid, or where the motion breaks before it."""
+    """Return where a step ends at the latest: where the motion breaks, or a fixed one at the next time of the grid."""
+    if plan.dt == 0.0:
+        return plan.t_stop
     grid = plan.t0 + (s.numbers[GRID] + 1.0) * plan.dt
     return plan.t_stop if grid > plan.t_stop - 1e-9 * plan.dt else grid
+
+
+@inner
+def _wanted_before(s, rows, k, target):  # type: ignore[no-untyped-def]
+    """Return the next time of a stored state, or ``target`` where there is none before that.
+
+    Where a step would be far too short, the state is interpolated all the same.
+    """
+    near = SHORT * s.numbers[STEP_SIZE]
+    if rows.every > 0 or k >= len(rows.wanted):
+        return target
+    apart = rows.wanted[k] - s.numbers[TIME] > near and target - rows.wanted[k] > near
+    return rows.wanted[k] if apart else target
 
 
 @inner
@@ -298,7 +317,8 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             return REACHED, stored, logged, outcome, iterations
         if logged >= min(steps, len(rows.log)) or (rows.every > 0 and stored >= len(rows.t)):
             return FULL, stored, logged, outcome, iterations
-        target = _target(s, plan) if plan.dt > 0.0 else plan.t_stop
+        last = _target(s, plan)
+        target = _wanted_before(s, rows, next_wanted, last) if plan.lands else last
         h = min(s.numbers[STEP_SIZE], target - t)
         if target - t < 1.1 * h and not sooner > 0.0:
             h = target - t
@@ -350,15 +370,15 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         factor = _next_size(s, relative / plan.tolerance, m.order, contraction) if plan.dt == 0.0 else 1.0
         if lost > 0.0 and not m.exact and m.order <= SECOND:
             factor = min(factor, DAMPED)
-        if end >= target and plan.dt > 0.0 and target < plan.t_stop:
+        if end >= last and plan.dt > 0.0 and last < plan.t_stop:
             s.numbers[GRID] += 1.0
         worst = _keep(p, w, m, s, end, h, plan.tracks, work - lost, hit)
         s.numbers[CONTRACTION] = contraction
-        _set_size(s, plan, h, relative, factor, event)
+        _set_size(s, plan, h, relative, factor, event or (target < last and h < s.numbers[STEP_SIZE]))
         _log(s, rows.log[logged], end, h, iterations, relative, worst)
         logged += 1
         if needed > 0 or (rows.every > 0 and s.numbers[COUNT] % rows.every == 0):
             kind = CHECK if needed > 0 and not at_end else END
-            last = rows.wanted[next_wanted] if at_end else end
-            _store(p, rows, stored, last, logged - 1, kind, s, s.numbers[WORK], s.numbers[LOST])
+            time = rows.wanted[next_wanted] if at_end else end
+            _store(p, rows, stored, time, logged - 1, kind, s, s.numbers[WORK], s.numbers[LOST])
             stored, next_wanted = stored + 1, next_wanted + (1 if at_end else 0)

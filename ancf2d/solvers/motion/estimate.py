@@ -66,6 +66,8 @@ class Estimate:
         fine = self.stepper
         spec = fine.spec if fine.dt > 0.0 else replace(fine.spec, tolerance=factor * fine.tolerance)
         out = Stepper(fine.model, fine.problem, fine.signals, spec, factor * fine.dt, fine.wanted)
+        # steps as long as they are, however often states are stored
+        out.lands = False
         # joints are looked at in all states
         out.balances = bool(fine.facing) or len(fine.p.sliding.multiplier) > 0
         return out

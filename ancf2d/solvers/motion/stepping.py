@@ -89,6 +89,8 @@ class Stepper:
         self._plan: Record | None = None
         self._at = Record(motion(n, 0, len(self.p.turning.length)))
         self.tracks = tracks(model, problem)
+        # rates jump in steps of contacts without a law: states interpolated within have more energy than their ends
+        self.lands = bool(self.p.sided)
         self.driving = np.array(driving(problem), dtype=np.int64)
         self.facing = [c for c in model.constraints if isinstance(c, PointConstraint) and c.facing is not None]
 
@@ -285,7 +287,8 @@ class Stepper:
         """
         assert self.m is not None
         stop, end = self.pieces[self.piece].stop, self.spec.t_end
-        plan = kernels.Plan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), self.tracks)
+        plan = kernels.Plan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), self.tracks,
+                            self.lands)
         self._plan = self._plan if self._plan is not None and self._plan.values == plan else Record(plan)
         why, stored, logged, outcome, _ = kernels.advance(
             self.m.record, self.p, self.w, self.s, self._at, self._plan, self.rows, self.next_wanted, steps)
