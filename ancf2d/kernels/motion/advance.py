@@ -14,6 +14,7 @@ from ..lowlevel.records import array_at
 from ..patches import accept_patches, violation
 from .dynamics import norm, to_full
 from .events import NONE, aim, gains, interpolate
+from .release import let_rub, no_friction
 from .state import (
     CONTRACTION,
     COUNT,
@@ -27,6 +28,7 @@ from .state import (
     OLD_ERROR,
     OLD_STEP,
     REJECTED,
+    RUBBED,
     SIZE,
     STEP_SIZE,
     TIME,
@@ -99,7 +101,18 @@ def _work_of_step(m, p, w, s, at, t, h):  # type: ignore[no-untyped-def]
     """Return (work, loss) of a step that has been made."""
     if m.exact:
         return calls.work_of_step(m.calls, (p, w, s, m.own, t, h))
-    return calls.work(m.calls, (p, w, s, m, at, t, h, 1.0))
+    return _work_within(m, p, w, s, at, t, h, 1.0)
+
+
+@inner
+def _work_within(m, p, w, s, at, t, h, x):  # type: ignore[no-untyped-def]
+    """Return (work, loss) up to the fraction x of a step."""
+    if p.sided:
+        no_friction(p)
+    work, lost = calls.work(m.calls, (p, w, s, m, at, t, h, x))
+    if p.sided:
+        let_rub(p, s.z)
+    return work, lost + x * s.numbers[RUBBED]
 
 
 @inner
@@ -140,7 +153,7 @@ def _store_inside(m, p, w, s, at, plan, rows, r, time, t, h, number):  # type: i
     """Store the state at a time inside the step of length h from t."""
     x, work, lost = (time - t) / h, 0.0, 0.0
     if plan.tracks:
-        work, lost = calls.work(m.calls, (p, w, s, m, at, t, h, x))
+        work, lost = _work_within(m, p, w, s, at, t, h, x)
     interpolate(m, p, s, h, x, at.z, at.v, at.a)
     _turn(p, w, s, at.z, at.v, t + x * h, x * h, at.turned)
     recall(m, p, h, x)
@@ -223,15 +236,19 @@ def _keep(p, w, m, s, t, h, tracks, given, hit):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _next_size(s, ratio, order, contraction):  # type: ignore[no-untyped-def]
+def _next_size(m, p, s, ratio, contraction, lost):  # type: ignore[no-untyped-def]
     """Return the factor on the step that the error suggests (Gustafsson 1994), little where Newton was slow."""
-    low = max(ratio, 1e-10)
+    low, order = max(ratio, 1e-10), m.order
     factor = 0.9 * low ** (-1.0 / order)
     old = s.numbers[OLD_ERROR]
     if old > 0.0 and s.numbers[OLD_STEP] > 0.0:
         trend = s.numbers[STEP_SIZE] / s.numbers[OLD_STEP] * (old / (low * low)) ** (1.0 / order) * 0.9
         factor = min(factor, trend)
     largest = 4.0 if contraction < 0.3 else 1.2
+    if lost > 0.0 and not m.exact and order <= SECOND:
+        largest = min(largest, DAMPED)
+    if p.sided:
+        largest = min(largest, m.growth)
     return min(max(factor, 0.2), largest)
 
 
@@ -269,25 +286,21 @@ def _late(plan, size):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _target(s, plan):  # type: ignore[no-untyped-def]
-    """Return where a step ends at the latest: where the motion breaks, or a fixed one at the next time of the grid."""
-    if plan.dt == 0.0:
-        return plan.t_stop
-    grid = plan.t0 + (s.numbers[GRID] + 1.0) * plan.dt
-    return plan.t_stop if grid > plan.t_stop - 1e-9 * plan.dt else grid
+def _targets(s, plan, rows, k):  # type: ignore[no-untyped-def]
+    """Return where a step ends at the latest: where the motion breaks, or a fixed one at the next time of the grid.
 
-
-@inner
-def _wanted_before(s, rows, k, target):  # type: ignore[no-untyped-def]
-    """Return the next time of a stored state, or ``target`` where there is none before that.
-
-    Where a step would be far too short, the state is interpolated all the same.
+    And where it ends for a stored state, from the k-th one on: no later, and there if plan.lands. Where such a step
+    would be far too short, the state is interpolated all the same.
     """
+    last = plan.t_stop
+    if plan.dt > 0.0:
+        grid = plan.t0 + (s.numbers[GRID] + 1.0) * plan.dt
+        last = plan.t_stop if grid > plan.t_stop - 1e-9 * plan.dt else grid
+    if not plan.lands or rows.every > 0 or k >= len(rows.wanted):
+        return last, last
     near = SHORT * s.numbers[STEP_SIZE]
-    if rows.every > 0 or k >= len(rows.wanted):
-        return target
-    apart = rows.wanted[k] - s.numbers[TIME] > near and target - rows.wanted[k] > near
-    return rows.wanted[k] if apart else target
+    apart = rows.wanted[k] - s.numbers[TIME] > near and last - rows.wanted[k] > near
+    return last, rows.wanted[k] if apart else last
 
 
 @inner
@@ -317,8 +330,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             return REACHED, stored, logged, outcome, iterations
         if logged >= min(steps, len(rows.log)) or (rows.every > 0 and stored >= len(rows.t)):
             return FULL, stored, logged, outcome, iterations
-        last = _target(s, plan)
-        target = _wanted_before(s, rows, next_wanted, last) if plan.lands else last
+        last, target = _targets(s, plan, rows, next_wanted)
         h = min(s.numbers[STEP_SIZE], target - t)
         if target - t < 1.1 * h and not sooner > 0.0:
             h = target - t
@@ -367,9 +379,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             return FULL, stored, logged, outcome, iterations
         s.numbers[WORK] += work
         s.numbers[LOST] += lost
-        factor = _next_size(s, relative / plan.tolerance, m.order, contraction) if plan.dt == 0.0 else 1.0
-        if lost > 0.0 and not m.exact and m.order <= SECOND:
-            factor = min(factor, DAMPED)
+        factor = _next_size(m, p, s, relative / plan.tolerance, contraction, lost) if plan.dt == 0.0 else 1.0
         if end >= last and plan.dt > 0.0 and last < plan.t_stop:
             s.numbers[GRID] += 1.0
         worst = _keep(p, w, m, s, end, h, plan.tracks, work - lost, hit)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...elements.contact_geometry import BEHIND, CLOSED, FRICTION, HELD, NONE, OPEN, SLIDES, STICKS
+from ...elements.contact_geometry import BEHIND, CLOSED, CLOSES, FRICTION, HELD, NONE, OPEN, SLIDES, STICKS
 from .. import calls
 from ..compiled_laws import call_accept, call_forces
 from ..lowlevel.arrays import copy, copy_rows
@@ -261,7 +261,7 @@ def drag(p, w, z, v, a, how):  # type: ignore[no-untyped-def]
         return
     slips, answers, rate, second = (np.zeros((count, n)), np.zeros((count, n)), np.zeros(count), np.zeros(count))
     W, P, pressed, found = np.zeros((count, count)), np.zeros((count, count)), np.zeros(count), np.zeros(count)
-    way, given = np.zeros(count), np.zeros(count, dtype=np.bool_)
+    way, given, hold = np.zeros(count), np.zeros(count, dtype=np.bool_), np.zeros(2)
     _second_rates(p, w, z, v, a, items, second)
     constraint_matrix(p, w)
     factors = w.A.copy()
@@ -276,9 +276,9 @@ def drag(p, w, z, v, a, how):  # type: ignore[no-untyped-def]
         if abs(rate[j]) > PARTING * fastest:
             way[j] = 1.0 if rate[j] > 0.0 else -1.0
         if p.points.mem[items[j], SLIDES] == 0.0:
-            force = calls.point_hold(p.calls, (whole(p.points), items[j], w.d, w.amps))
-            if abs(force) < p.points.par[items[j], FRICTION] * pressed[j]:
-                found[j], given[j] = force, True
+            calls.point_drag(p.calls, (whole(p.points), items[j], w.d, w.v, w.amps, True, hold))
+            if abs(hold[0]) < p.points.par[items[j], FRICTION] * pressed[j]:
+                found[j], given[j] = hold[0], True
     _of_points(p, items, second, pressed, W, P, way, given, found)
     for j in range(count):
         p.points.mem[items[j], BEHIND] = found[j]
@@ -290,23 +290,33 @@ def drag(p, w, z, v, a, how):  # type: ignore[no-untyped-def]
 
 
 @addressed_with_memory
-def point_hold(points, i, d, amps):  # type: ignore[no-untyped-def]
-    """Return the force along the place that item i is held to, where no limit is."""
+def point_drag(points, i, d, v, amps, holds, out):  # type: ignore[no-untyped-def]
+    """Fill out (2,) with the force of friction of item i along the place, and the rate by which it takes power.
+
+    Where it ``holds``, the force is what keeps it where it is, unlimited.
+    """
     b, m = points.field[i], points.field[i + 1] - points.field[i]
     u, w, a, f, slide = np.zeros(m), np.zeros(m), np.zeros(3), np.zeros(m), np.zeros(m)
-    H, C = np.zeros((m, m)), np.zeros((m, m))
+    H, C, g = np.zeros((m, m)), np.zeros((m, m)), np.zeros(m)
     fields_of_item(points, i, d, u)
+    rates_of_item(points, i, v, w)
     amplitude_of(points, i, amps, u, w, a)
-    u[m - 1], kept, along, square = 0.0, points.mem[i, SLIDES], 0.0, 0.0
-    # without a force across it sticks alone
-    points.mem[i, SLIDES] = STICKS
+    kept, along, square, rate, power = points.mem[i, SLIDES], 0.0, 0.0, 0.0, 0.0
+    if holds:
+        # without a force across it sticks alone
+        u[m - 1], points.mem[i, SLIDES] = 0.0, STICKS
     call_forces(points.forces[i], (points.p0[b:b + m], u, w, points.par[i], a, points.mem[i], f, H, C))
+    points.mem[i, SLIDES] = CLOSES
+    call_forces(points.forces[i], (points.p0[b:b + m], u, w, points.par[i], a, points.mem[i], g, H, C))
     points.mem[i, SLIDES] = kept
     _way_of(points, i, u, w, a, slide)
     for q in range(m - 1):
-        along -= f[q] * slide[q]
+        along -= (f[q] - g[q]) * slide[q]
+        power -= (f[q] - g[q]) * w[q]
         square += slide[q] * slide[q]
-    return along / square if square > 0.0 else 0.0
+        rate += slide[q] * w[q]
+    out[0] = along / square if square > 0.0 else 0.0
+    out[1] = power / out[0] if out[0] != 0.0 else rate
 
 
 @addressed_with_memory

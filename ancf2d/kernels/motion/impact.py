@@ -36,8 +36,8 @@ from ..patches import face_bodies, forces_but_contacts, patch_forces, rates_of_c
 from ..points import amplitude_of, fields_of_item
 from .consistent import consistent, gap_rates
 from .dynamics import to_full, twice_kinetic
-from .friction import approach_freely, drag, point_hold, point_slip, rub, rubs, take_hold
-from .newmark import let_go
+from .friction import approach_freely, drag, point_drag, point_slip, rub, rubs, take_hold
+from .release import drags, let_choose, let_go
 from .state import GIVEN, evaluate
 
 # of the largest rate: constraints that part slower than this are closed
@@ -83,14 +83,6 @@ def _hold(p, w, z, v, how):  # type: ignore[no-untyped-def]
         if p.points.restitution[i] >= 0.0:
             how[i] = CLOSED if w.other[p.points.multiplier[i]] != 0.0 else OPEN
             p.points.mem[i, HELD] = how[i]
-
-
-@inner_with_memory
-def _release(p, how):  # type: ignore[no-untyped-def]
-    """Let Newton's method choose again."""
-    for i in range(len(how)):
-        if p.points.restitution[i] >= 0.0:
-            p.points.mem[i, HELD] = BY_CHOICE
 
 
 @inner_with_memory
@@ -142,7 +134,7 @@ def begin(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
             bounces |= bounce[k] > 0.0
     bounce += impulse
     good = calls.behind(p.calls, (p, w, z, v, a, t, bounce, approach, how, bounces))
-    _release(p, how)
+    let_choose(p)
     if rubs(p):
         to_full(p, z, w.amps, 0, w.d)
         calls.take_hold(p.calls, (whole(p.points), w.d, w.amps))
@@ -320,7 +312,7 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
             closes = True
             bounces |= p.points.restitution[i] > 0.0
     if not closes:
-        _release(p, how)
+        let_choose(p)
         return 0.0
     bounce, approach, touched = np.zeros(len(s.z)), np.zeros(len(s.z)), how.copy()
     elastic_ones, (moves, driven) = bounces, _pushed(p, w, how, pushed)
@@ -332,7 +324,7 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
         if allowed > 0.0:
             shorter = _in_time(p, s, how, g, rate, second, h, allowed)
             if shorter > 0.0:
-                _release(p, how)
+                let_choose(p)
                 return shorter
         for i in range(n):
             k = p.place[p.points.multiplier[i]]
@@ -348,7 +340,7 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
         calls.behind(p.calls, (p, w, end.z, end.v, end.a, t + h, bounce, approach, how, bounces))
         if moves or driven:
             s.numbers[GIVEN] = np.inf if driven else _given(p, w, end, t + h, touched, approach, pushed)
-    _release(p, how)
+    let_choose(p)
     # straight on between states that touch nothing from within
     for i in range(len(s.z)):
         change = end.z[i] - s.z[i]
@@ -375,5 +367,6 @@ def impact_functions(contacts: Any, sided: bool, problem: Any) -> dict[Any, tupl
                 calls.lost_in_impact: (lost_in_impact, problem), calls.let_go: (let_go, problem)}
         if any(pair.item.friction for pair in contacts):
             out |= {calls.point_slip: (point_slip, points), calls.rub: (rub, problem), calls.drag: (drag, problem),
-                    calls.point_hold: (point_hold, points), calls.take_hold: (take_hold, points)}
+                    calls.point_drag: (point_drag, points), calls.drags: (drags, problem),
+                    calls.take_hold: (take_hold, points)}
     return out

@@ -6,18 +6,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...elements.contact_geometry import BY_CHOICE, CLOSED, HELD, OPEN
+from ...elements.contact_geometry import CLOSES, FRICTION, SLIDES
 from .. import calls
-from ..lowlevel.arrays import copy
-from ..lowlevel.jit import addressed, addressed_with_memory, inner
-from ..lowlevel.records import whole
+from ..lowlevel.arrays import copy, copy_rows
+from ..lowlevel.jit import addressed, inner
 from ..moving import add_moving_product
-from ..patches import face_bodies
-from .consistent import constraint_matrix
-from .dynamics import add_mass, factor, norm, remember, residual, settled, solve_with, to_full, to_unknowns
+from .dynamics import add_mass, factor, norm, remember, residual, settled, solve_with
 from .feedback import weigh_state
 from .friction import rubs
-from .state import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE, evaluate
+from .release import lag_behind, let_rub, opens_in, to_limits
+from .state import CONTRACTION, DONE, FRESH, NOT_CONVERGED, NOT_FINITE, RUBBED, SINGULAR, SIZE, evaluate
 
 # iterations that a tangent with its factors costs: where the last one would take more of them, there is a new one
 MAKING = 3.0
@@ -31,7 +29,8 @@ class Newmark(NamedTuple):
     """(1 - am) alg_1 + am alg_0 = (1 - af) a_1 + af a_0 with Newmark's beta and gamma (Arnold & Bruls 2007).
 
     tolerance : of Newton's increments, relative to the size of the motion; full : a tangent for every iteration;
-    end : a Step; alg : (n,); rows (2 KRYLOV + 2, n) : room.
+    end : a Step; alg : (n,); rows (2 KRYLOV + 1, n) : room; change (2, n) : of alg and a at the start, for the step
+    alone. For contacts (``release``): force (3, n), lag, drag (2, n).
     """
 
     am: float
@@ -44,6 +43,10 @@ class Newmark(NamedTuple):
     end: Any
     alg: Any
     rows: Any
+    change: Any
+    force: Any
+    lag: Any
+    drag: Any
 
 
 @inner
@@ -170,11 +173,11 @@ def _error(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _stay(m, p, s, h):  # type: ignore[no-untyped-def]
-    """Let the step end where it began."""
+def _go_to(m, p, s, h, share):  # type: ignore[no-untyped-def]
+    """Let the step end where it began, and so much further as the rates there go in its time."""
     for i in range(len(m.alg)):
         if p.coordinate[i] != 0.0:
-            m.alg[i] = -(s.v[i] / h + (0.5 - m.beta) * s.extra[0, i]) / m.beta
+            m.alg[i] = -((1.0 - share) * s.v[i] / h + (0.5 - m.beta) * s.extra[0, i]) / m.beta
     copy(s.z, m.end.z)
 
 
@@ -224,81 +227,75 @@ def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _add(change, share, s):  # type: ignore[no-untyped-def]
-    for i in range(len(change)):
-        s.extra[0, i] += share * change[i]
-        s.a[i] += share * change[i]
+def _add(p, change, share, s):  # type: ignore[no-untyped-def]
+    """Add a share of changes (2, n) to alg and a of s."""
+    for i in range(len(s.a)):
+        s.extra[0, i] += share * p.coordinate[i] * change[0, i]
+        s.a[i] += share * p.coordinate[i] * change[1, i]
 
 
-@addressed_with_memory
-def let_go(p, w, s, z, t, change):  # type: ignore[no-untyped-def]
-    """Fill ``change`` (n,) of accelerations of s at t where points that open in a step to z press no more, if any do.
-
-    A force that went on into the step would push on what has parted already, and do work from nothing; one that ends
-    where the step begins does none. Where something rubs, forces go on. Returns whether there is a change.
-    """
-    opens = False
+@inner
+def _forces(m, p, w, s, t):  # type: ignore[no-untyped-def]
+    """Fill what contacts begin a step with: their forces in a and in alg."""
+    copy(s.z, m.force[0])
+    copy_rows(s.extra[1:3], m.lag)
+    m.force[1:] = 0.0
     if rubs(p):
-        return False
+        calls.drags(p.calls, (p, w, s.z, s.v, t, m.force[1:]))
+        if s.numbers[FRESH] > 0.0:
+            to_limits(p, m.force)
+        else:
+            copy(s.extra[3], m.force[1])
+
+
+@inner
+def _again(m, p, w, s, t, h, ca):  # type: ignore[no-untyped-def]
+    """Make a step again where points open in it, which press no more; return as ``_iterate``, no iterations if none."""
+    opens = False
     for i in range(len(p.points.mem)):
-        if p.points.restitution[i] >= 0.0:
-            k = p.place[p.points.multiplier[i]]
-            opens |= s.z[k] < 0.0 <= z[k]
-    change[:] = 0.0
-    if opens:
-        evaluate(p.programs, t, w.amps)
-        to_full(p, s.z, w.amps, 0, w.d)
-        to_full(p, s.v, w.amps, 1, w.v)
-        face_bodies(p, w.d)
-        w.other[:] = 0.0
-        calls.point_forces(p.calls, (whole(p.points), w.d, w.v, w.amps, w.other))
-        for i in range(len(p.points.mem)):
-            if p.points.restitution[i] >= 0.0:
-                k = p.place[p.points.multiplier[i]]
-                p.points.mem[i, HELD] = BY_CHOICE if s.z[k] < 0.0 and z[k] < 0.0 else OPEN
-        rest = np.zeros(len(w.d))
-        calls.point_forces(p.calls, (whole(p.points), w.d, w.v, w.amps, rest))
-        w.other[:] -= rest
-        to_unknowns(p, w.other, change, False)
-        change *= p.coordinate
-        for i in range(len(p.points.mem)):
-            if p.points.restitution[i] >= 0.0 and p.points.mem[i, HELD] == BY_CHOICE:
-                p.points.mem[i, HELD] = CLOSED
-        constraint_matrix(p, w)
-        opens = calls.factor(p.calls, (p, w.A, w.y))
-        if opens:
-            calls.solve(p.calls, (p, w.A, change))
-            change *= p.coordinate
+        opens |= opens_in(p, i, s.z, m.end.z)
+    if not opens:
+        return DONE, 0, 0.0
+    if calls.let_go(p.calls, (p, w, s, m.end.z, t, m.force, m.lag, m.change)):
+        _add(p, m.change, 1.0, s)
+    evaluate(p.programs, t + h, w.amps)
+    outcome, iterations, rate = _iterate(m, p, w, s, h, ca)
     for i in range(len(p.points.mem)):
-        if p.points.restitution[i] >= 0.0:
-            p.points.mem[i, HELD] = BY_CHOICE
-    return opens
+        if opens_in(p, i, s.z, m.end.z) and p.points.par[i, FRICTION] > 0.0:
+            # nor do they take energy in the step
+            p.points.mem[i, SLIDES] = CLOSES
+    return outcome, iterations, rate
 
 
 @addressed
 def newmark_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     """Step from the motion s at t to m.end; return (outcome, iterations, error [m], contraction)."""
-    end = m.end
+    end, ca = m.end, (1.0 - m.am) / ((1.0 - m.af) * m.beta * h * h)
+    if p.sided:
+        m.change[:] = 0.0
+        let_rub(p, s.z)
+        _forces(m, p, w, s, t)
     evaluate(p.programs, t + h, w.amps)
     copy(s.extra[0], m.alg)
     copy(s.z, end.z)
-    ca = (1.0 - m.am) / ((1.0 - m.af) * m.beta * h * h)
+    if p.sided and s.numbers[FRESH] > 0.0:
+        _go_to(m, p, s, h, 1.0)
     outcome, iterations, rate = _iterate(m, p, w, s, h, ca)
     if outcome == NOT_CONVERGED and p.sided:
         # what sticks may have been predicted to slide, from where Newton's method goes from one way to the other
-        _stay(m, p, s, h)
+        _go_to(m, p, s, h, 0.0)
         outcome, more, rate = _iterate(m, p, w, s, h, ca)
         iterations += more
-    gone = m.rows[2 * KRYLOV + 1]
-    released = outcome == DONE and p.sided and calls.let_go(p.calls, (p, w, s, end.z, t, gone))
-    if released:
-        evaluate(p.programs, t + h, w.amps)
-        _add(gone, 1.0, s)
-        outcome, more, rate = _iterate(m, p, w, s, h, ca)
-        iterations += more
+    if outcome == DONE and p.sided:
+        outcome, more, again = _again(m, p, w, s, t, h, ca)
+        iterations, rate = iterations + more, again if more > 0 else rate
     error = _error(m, p, w, s, h, ca) if outcome == DONE else 0.0
-    if released:
-        _add(gone, -1.0, s)
+    if p.sided:
+        _add(p, m.change, -1.0, s)
+    if p.sided and outcome == DONE:
+        if rubs(p):
+            calls.drags(p.calls, (p, w, end.z, end.v, t + h, m.drag))
+        s.numbers[RUBBED] = h * lag_behind(m, p, end.z)
     if outcome != DONE:
         return outcome, iterations, 0.0, rate
     dense = end.dense
@@ -311,12 +308,17 @@ def newmark_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
 def newmark_accept(s, m):  # type: ignore[no-untyped-def]
     """Keep what the next step needs beside the end of this one."""
     copy(m.alg, s.extra[0])
+    copy_rows(m.lag, s.extra[1:3])
+    copy(m.drag[0], s.extra[3])
+    s.numbers[FRESH] = 0.0
 
 
 @addressed
 def newmark_go_on(s, m):  # type: ignore[no-untyped-def]
     """Do as ``newmark_restart`` does, behind an impact."""
     copy(s.a, s.extra[0])
+    s.extra[1:] = 0.0
+    s.numbers[FRESH] = 1.0
 
 
 @addressed
@@ -328,4 +330,5 @@ def newmark_inside(p, m, h, x):  # type: ignore[no-untyped-def]
 
 def newmark_restart(m: Any, s: Any) -> None:
     """Begin anew from consistent accelerations."""
-    s.extra[0] = s.a
+    s.extra[:] = 0.0
+    s.extra[0], s.numbers[FRESH] = s.a, 1.0

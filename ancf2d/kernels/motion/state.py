@@ -18,7 +18,10 @@ HELD_TIME, HELD_STEP, HELD_STEPS, HELD_COST = range(13, 17)
 # energy that fixed steps have made so far; work that obstacles which move do in the impact at the end of a step, inf
 # where it is not known
 GAINED, GIVEN = 17, 18
-NUMBERS = 19
+# whether the next step is the first from accelerations that are consistent; energy that contacts without a law took in
+# a step by friction
+FRESH, RUBBED = 19, 20
+NUMBERS = 21
 
 _turn = inner(turn)
 # increments of Newton's method that are kept for messages
@@ -75,7 +78,8 @@ class Method(NamedTuple):
 
     basis : (k, degree + 1) of the rows of ``end.dense``; own : address of the integrator's own record; calls : table
     of its functions (``kernels.calls``); exact : whether it knows the work of a step itself; impulse : by which
-    share of its length a force at the end of a step changes rates there.
+    share of its length a force at the end of a step changes rates there; growth : of a step beside the one before, at
+    most, where rates jump.
     """
 
     order: int
@@ -85,12 +89,13 @@ class Method(NamedTuple):
     calls: Any
     exact: bool
     impulse: float
+    growth: float
 
 
 def method_of(order: int, basis: Any, n: int) -> Method:
     """Return a method whose own record and functions are yet to come, of n unknowns."""
     end = Step(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((len(basis), n)))
-    return Method(order, basis, end, 0, np.zeros(0, dtype=np.int64), False, 0.0)
+    return Method(order, basis, end, 0, np.zeros(0, dtype=np.int64), False, 0.0, np.inf)
 
 
 def scratch(n: int, n_full: int, entries: int, signals: int) -> Scratch:

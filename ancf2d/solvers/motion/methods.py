@@ -101,10 +101,12 @@ def by_rates(c: Array) -> Array:
 def _newmark_family(alphas: Callable[[float], tuple[float, float]], radius: bool = True) -> Maker:
     """Return what makes Newmark's method with alpha_m and alpha_f of a spectral radius at infinity, if it has any."""
     def make(spec: Dynamic, p: Any, tolerance: float, end: Step, _: Relaxes) -> Newmark:
+        n = len(p.weights)
         am, af = alphas(spectral_radius(spec) if radius else 1.0)
         gamma = 0.5 + af - am
         return Newmark(am, af, 0.25 * (gamma + 0.5) ** 2, gamma, tolerance, spec.max_iterations or MAX_ITERATIONS,
-                       spec.newton == "full", end, np.zeros(len(p.weights)), np.zeros((2 * KRYLOV + 2, len(p.weights))))
+                       spec.newton == "full", end, np.zeros(n), np.zeros((2 * KRYLOV + 1, n)), np.zeros((2, n)),
+                       np.zeros((3, n)), np.zeros((2, n)), np.zeros((2, n)))
     return Maker(3, cubic(), make)
 
 
@@ -191,7 +193,10 @@ class Method:
         self.functions = self._functions(p.layout, p.sided, len(relaxes[0]) > 0)
         own = self.own.values
         impulse = own.gamma * (1.0 - own.af) / (1.0 - own.am) if isinstance(own, Newmark) else 0.0
-        self._unfinished = method._replace(own=self.own.address, exact=self._kernels.work is not None, impulse=impulse)
+        # what is left per step of motions far too fast for the steps grows with the root of the steps' own growth
+        growth = 1.0 / max(spectral_radius(spec), 1e-3)
+        self._unfinished = method._replace(own=self.own.address, exact=self._kernels.work is not None, impulse=impulse,
+                                           growth=growth)
 
     def _functions(self, problem: Any, sided: bool, relaxes: bool) -> dict[Any, tuple[Any, ...]]:
         kernels, own = self._kernels, self.own.layout

@@ -57,8 +57,7 @@ class Stepper:
 
     # adaptive steps begin with the size of a motion that ``expect`` is told
     looks_ahead = True
-    # whether a state is kept between those that are wanted, for the balance of energy
-    balances = True
+    balances = True  # whether a state is kept between those that are wanted, for the balance of energy
 
     def __init__(self, model: Model, problem: Record, signals: list[Signal], spec: Dynamic, dt: float,
                  wanted: Array, every: int = 0) -> None:
@@ -88,9 +87,8 @@ class Stepper:
         self.failed: ComputationError | None = None
         self._plan: Record | None = None
         self._at = Record(motion(n, 0, len(self.p.turning.length)))
-        self.tracks = tracks(model, problem)
-        # rates jump in steps of contacts without a law: states interpolated within have more energy than their ends
-        self.lands = bool(self.p.sided)
+        # within steps of contacts without a law, where rates jump, interpolated states have more energy than either end
+        self.tracks, self.lands = tracks(model, problem), bool(self.p.sided)
         self.driving = np.array(driving(problem), dtype=np.int64)
         self.facing = [c for c in model.constraints if isinstance(c, PointConstraint) and c.facing is not None]
 
@@ -287,8 +285,7 @@ class Stepper:
         """
         assert self.m is not None
         stop, end = self.pieces[self.piece].stop, self.spec.t_end
-        plan = kernels.Plan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), self.tracks,
-                            self.lands)
+        plan = kernels.Plan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), self.tracks, self.lands)
         self._plan = self._plan if self._plan is not None and self._plan.values == plan else Record(plan)
         why, stored, logged, outcome, _ = kernels.advance(
             self.m.record, self.p, self.w, self.s, self._at, self._plan, self.rows, self.next_wanted, steps)
