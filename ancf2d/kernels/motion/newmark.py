@@ -174,7 +174,7 @@ def _error(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
 
 @inner
 def _go_to(m, p, s, h, share):  # type: ignore[no-untyped-def]
-    """Let the step end where it began, and so much further as the rates there go in its time."""
+    """Begin Newton's method with an end where the step began, plus a share of the way that its rates go in its time."""
     for i in range(len(m.alg)):
         if p.coordinate[i] != 0.0:
             m.alg[i] = -((1.0 - share) * s.v[i] / h + (0.5 - m.beta) * s.extra[0, i]) / m.beta

@@ -142,6 +142,8 @@ def let_go(p, w, s, z, t, force, lag, change):  # type: ignore[no-untyped-def]
     if regular:
         calls.solve(p.calls, (p, w.A, change[0]))
         calls.solve(p.calls, (p, w.A, change[1]))
+    else:
+        change[:] = 0.0
     let_choose(p)
     for i in range(count):
         if p.points.restitution[i] >= 0.0:
