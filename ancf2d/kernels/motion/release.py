@@ -146,12 +146,12 @@ def let_go(p, w, s, z, t, force, lag, change):  # type: ignore[no-untyped-def]
         change[:] = 0.0
     let_choose(p)
     for i in range(count):
-        if p.points.restitution[i] >= 0.0:
+        if p.points.restitution[i] >= 0.0 and regular:
             # what presses on answers at once
             k = p.place[p.points.multiplier[i]]
             lag[0, k] += change[0, k] - change[1, k]
             force[0, k] += change[1, k]
-        if opens[i]:
+        if opens[i] and regular:
             k = p.place[p.points.multiplier[i]]
             force[0, k], force[1, k], lag[0, k], lag[1, k] = 0.0, 0.0, 0.0, 0.0
     # where they press again at the end, they rub

@@ -164,7 +164,8 @@ def _impacts(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusa
                "generalized_alpha or hht, or law: {stiffness: ...} for the contact")
     names = ", ".join(dict.fromkeys(contact.name for contact in model.contacts if contact.other in model.meshes))
     if scheme.conserves and names:
-        yield ("method", f"{scheme.name} does not support contact between bodies ({names})", "generalized_alpha")
+        yield ("method", f"{scheme.name} does not support contact between bodies ({names})",
+               "generalized_alpha or hht")
 
 
 RULES: tuple[Rule, ...] = (_multistep, _undamped, _radius, _without_gradient, _forgets, _impacts)
