@@ -126,12 +126,12 @@ impact = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _f, _f, _f)
 lost_in_impact = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _f, _f, _b)
 # contact forces that end: kernels.motion.release
 let_go = _call(_b, None, _SCRATCH, _MOTION, _x, _f, _xx, _xx, _xx)
-drags = _call(_nothing, None, _SCRATCH, _x, _x, _f, _xx)
+friction_forces = _call(_nothing, None, _SCRATCH, _x, _x, _f, _xx)
 # friction there: kernels.motion.friction
 point_slip = _call(_f, None, _i, _x, _x, _xx, _x)
 rub = _call(_nothing, None, _SCRATCH, _x, _x, _x, _x, _x)
 drag = _call(_nothing, None, _SCRATCH, _x, _x, _x, _x)
-point_drag = _call(_nothing, None, _i, _x, _x, _xx, _b, _x)
+point_friction = _call(_nothing, None, _i, _x, _x, _xx, _b, _x)
 take_hold = _call(_nothing, None, _x, _xx)
 # integrators: the last but times is the integrator's own record, of which callers know the address alone
 step = _call(types.Tuple((_i, _i, _f, _f)), None, _SCRATCH, _MOTION, None, _f, _f)

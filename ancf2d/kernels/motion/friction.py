@@ -276,7 +276,7 @@ def drag(p, w, z, v, a, how):  # type: ignore[no-untyped-def]
         if abs(rate[j]) > PARTING * fastest:
             way[j] = 1.0 if rate[j] > 0.0 else -1.0
         if p.points.mem[items[j], SLIDES] == 0.0:
-            calls.point_drag(p.calls, (whole(p.points), items[j], w.d, w.v, w.amps, True, hold))
+            calls.point_friction(p.calls, (whole(p.points), items[j], w.d, w.v, w.amps, True, hold))
             if abs(hold[0]) < p.points.par[items[j], FRICTION] * pressed[j]:
                 found[j], given[j] = hold[0], True
     _of_points(p, items, second, pressed, W, P, way, given, found)
@@ -290,7 +290,7 @@ def drag(p, w, z, v, a, how):  # type: ignore[no-untyped-def]
 
 
 @addressed_with_memory
-def point_drag(points, i, d, v, amps, holds, out):  # type: ignore[no-untyped-def]
+def point_friction(points, i, d, v, amps, holds, out):  # type: ignore[no-untyped-def]
     """Fill out (2,) with the force of friction of item i along the place, and the rate by which it takes power.
 
     Where it ``holds``, the force is what keeps it where it is, unlimited.

@@ -36,8 +36,8 @@ from ..patches import face_bodies, forces_but_contacts, patch_forces, rates_of_c
 from ..points import amplitude_of, fields_of_item
 from .consistent import consistent, gap_rates
 from .dynamics import to_full, twice_kinetic
-from .friction import approach_freely, drag, point_drag, point_slip, rub, rubs, take_hold
-from .release import drags, let_choose, let_go
+from .friction import approach_freely, drag, point_friction, point_slip, rub, rubs, take_hold
+from .release import friction_forces, let_choose, let_go
 from .state import GIVEN, evaluate
 
 # of the largest rate: constraints that part slower than this are closed
@@ -367,6 +367,6 @@ def impact_functions(contacts: Any, sided: bool, problem: Any) -> dict[Any, tupl
                 calls.lost_in_impact: (lost_in_impact, problem), calls.let_go: (let_go, problem)}
         if any(pair.item.friction for pair in contacts):
             out |= {calls.point_slip: (point_slip, points), calls.rub: (rub, problem), calls.drag: (drag, problem),
-                    calls.point_drag: (point_drag, points), calls.drags: (drags, problem),
+                    calls.point_friction: (point_friction, points), calls.friction_forces: (friction_forces, problem),
                     calls.take_hold: (take_hold, points)}
     return out

@@ -241,7 +241,7 @@ def _forces(m, p, w, s, t):  # type: ignore[no-untyped-def]
     copy_rows(s.extra[1:3], m.lag)
     m.force[1:] = 0.0
     if rubs(p):
-        calls.drags(p.calls, (p, w, s.z, s.v, t, m.force[1:]))
+        calls.friction_forces(p.calls, (p, w, s.z, s.v, t, m.force[1:]))
         if s.numbers[FRESH] > 0.0:
             to_limits(p, m.force)
         else:
@@ -294,7 +294,7 @@ def newmark_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
         _add(p, m.change, -1.0, s)
     if p.sided and outcome == DONE:
         if rubs(p):
-            calls.drags(p.calls, (p, w, end.z, end.v, t + h, m.drag))
+            calls.friction_forces(p.calls, (p, w, end.z, end.v, t + h, m.drag))
         s.numbers[RUBBED] = h * lag_behind(m, p, end.z)
     if outcome != DONE:
         return outcome, iterations, 0.0, rate

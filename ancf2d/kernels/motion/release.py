@@ -25,7 +25,7 @@ from .dynamics import to_full, to_unknowns
 from .state import evaluate
 
 # of Coulomb's limit: points that bear more slide
-SLIDING = 0.999
+AT_LIMIT = 0.999
 
 
 @inner
@@ -72,12 +72,12 @@ def to_limits(p, force):  # type: ignore[no-untyped-def]
         if p.points.restitution[i] >= 0.0 and p.points.par[i, FRICTION] > 0.0:
             k = p.place[p.points.multiplier[i]]
             limit = -p.points.par[i, FRICTION] * force[0, k]
-            if abs(force[1, k]) > SLIDING * limit:
+            if abs(force[1, k]) > AT_LIMIT * limit:
                 force[1, k] = limit if force[1, k] > 0.0 else -limit
 
 
 @addressed_with_memory
-def drags(p, w, z, v, t, out):  # type: ignore[no-untyped-def]
+def friction_forces(p, w, z, v, t, out):  # type: ignore[no-untyped-def]
     """Fill out (2, n), at multipliers, with forces of friction of points that press at z, and rates of their places."""
     one = np.zeros(2)
     _look(p, w, z, v, t)
@@ -86,7 +86,7 @@ def drags(p, w, z, v, t, out):  # type: ignore[no-untyped-def]
         if p.points.restitution[i] >= 0.0 and p.points.par[i, FRICTION] > 0.0:
             k = p.place[p.points.multiplier[i]]
             if z[k] < 0.0:
-                calls.point_drag(p.calls, (whole(p.points), i, w.d, w.v, w.amps, False, one))
+                calls.point_friction(p.calls, (whole(p.points), i, w.d, w.v, w.amps, False, one))
                 out[0, k], out[1, k] = one[0], one[1]
 
 
