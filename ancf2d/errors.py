@@ -148,6 +148,10 @@ class ResultsError(Ancf2dError):
     exit_code = 2
 
 
+class CheckpointError(ResultsError):
+    """A checkpoint does not hold what the solver goes on from; the message says in what it differs."""
+
+
 # what costs a study one row
 UNSOLVED = (CaseError, ComputationError, MemoryError)
 

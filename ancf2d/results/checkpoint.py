@@ -127,9 +127,14 @@ def checkpoint_to_resume(part: Path, header: Mapping[str, Any], e0: np.ndarray) 
             raise ResultsError(f"'{part}' holds no checkpoint to resume from; run the case without --resume")
         differs = _difference(file, header, e0)
     if differs:
-        raise ResultsError(f"cannot resume from '{part}': {differs}; run the case without --resume, or choose "
-                           f"another output file")
+        raise refusal(part, differs)
     return found
+
+
+def refusal(part: Path, why: object) -> ResultsError:
+    """Return the error of an unfinished file that cannot be resumed."""
+    return ResultsError(f"cannot resume from '{part}': {why}; run the case without --resume, or choose another output "
+                        "file")
 
 
 def _difference(file: h5py.File, header: Mapping[str, Any], e0: np.ndarray) -> str:
@@ -192,6 +197,11 @@ class CheckpointKeeper:
         """Leave out what a result file would hold."""
 
     table = array = log
+
+    def refuse(self, why: object) -> None:
+        """Drop a checkpoint that does not fit the solver: the run starts anew."""
+        self.path.unlink(missing_ok=True)
+        self.resumed = None
 
     def finish(self, summary: Mapping[str, Any], status: str) -> Path:
         """Remove the file, whatever came of the run, and return where it was."""

@@ -20,6 +20,7 @@ from ancf2d.results.checkpoint import (
     Checkpoint,
     checkpoint_to_resume,
     drop_checkpoint,
+    refusal,
     write_checkpoint,
 )
 from ancf2d.results.journal import JournaledFile, recovered
@@ -112,6 +113,10 @@ class ResultWriter:
             self._file.attrs["resumed"] = int(self._file.attrs.get("resumed", 0)) + 1
             self.flush()
         return self
+
+    def refuse(self, why: object) -> None:
+        """Raise the ResultsError of a checkpoint that does not fit the solver, which ``why`` explains."""
+        raise refusal(self._target.part, f"its checkpoint was made by another version of the solver ({why})")
 
     @property
     def path(self) -> Path:

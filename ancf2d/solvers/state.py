@@ -6,10 +6,28 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from ..elements.shape import Array
+from ..errors import CheckpointError
 
 # what a motion remembers beside its coordinates, as ``Row`` and checkpoints have it
 MEMORIES = ("turns", "feet", "states")
+
+
+def check_kept(kept: dict[str, Array], fresh: dict[str, Array] | None) -> None:
+    """Compare a stored checkpoint with one of a solver that has not begun. Raises CheckpointError where it has others.
+
+    Names and shapes have to agree. Arrays without rows at the start may have grown, texts (uint8) have any length.
+    """
+    fresh = fresh or {}
+    for name in sorted({*kept, *fresh}):
+        if name not in kept or name not in fresh:
+            raise CheckpointError(f"'{name}' is {'unknown' if name in kept else 'missing'}")
+        found, wanted = np.shape(kept[name]), np.shape(fresh[name])
+        grows = wanted[:1] == (0,) or np.asarray(fresh[name]).dtype == np.uint8
+        if len(found) != len(wanted) or found[grows:] != wanted[grows:]:
+            raise CheckpointError(f"'{name}' has shape {list(found)}, not {list(wanted)}")
 
 
 @dataclass

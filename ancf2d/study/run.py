@@ -16,7 +16,7 @@ from ..case.units import unit_warnings
 from ..elements import registry
 from ..elements.definition import coordinate_components
 from ..elements.formulations import FORMULATIONS
-from ..errors import CaseError, ComputationError
+from ..errors import CaseError, CheckpointError, ComputationError
 from ..extend.plugins import load_plugins
 from ..model.build import build_model
 from ..model.model import Model
@@ -100,8 +100,8 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
     file that a run over time without result file is resumed from, while it lasts. ``like``: a model of the case with
     other values, of which the run takes what is the same.
 
-    Raises CaseError for a wrong case and ResultsError for a file that cannot be written; a failed computation
-    is returned, with the states found so far.
+    Raises CaseError for a wrong case and ResultsError for a file that cannot be written or resumed; a failed
+    computation is returned, with the states found so far.
     """
     model = prepare(loaded, like)
     progress = progress or Progress()
@@ -123,16 +123,13 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
 
 def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, warnings: list[str],
            conclude: Conclude | None, begin: Begin | None) -> Outcome:
-    from ..solvers.registry import solve
     from .warmup import warm_up
 
     warm_up(model, progress.compiling)
     recorder, failure = Recorder(model, writer, progress, warnings), None
-    start = None if writer is None else writer.resumed
-    guess = begin(model) if begin is not None else None
-    recorder.clock.states = _checked(loaded, model, solve(model, guess if start is None else start.values))
-    if start is not None:
-        recorder.go_on(start)
+    recorder.clock.states = _checked(loaded, model, _states(model, writer, begin))
+    if writer is not None and writer.resumed is not None:
+        recorder.go_on(writer.resumed)
     try:
         for state in recorder.clock:
             recorder.take(state)
@@ -146,6 +143,19 @@ def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, wa
         place = writer.finish(summary, "failed" if failure else "converged")
         summary["output"] = str(place) if place.exists() else None
     return Outcome(summary, model, failure, warnings)
+
+
+def _states(model: Model, writer: Any, begin: Begin | None) -> Iterator[State]:
+    """Return the states from what the writer has to resume from, from a guess, or from the start."""
+    from ..solvers.registry import solve
+
+    guess = begin(model) if begin is not None else None
+    if writer is not None and writer.resumed is not None:
+        try:
+            return solve(model, writer.resumed.values)
+        except CheckpointError as error:
+            writer.refuse(error)
+    return solve(model, guess)
 
 
 def _checked(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Iterator[State]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -10,13 +11,15 @@ import numpy as np
 import pytest
 
 from ancf2d.case import LoadedCase, load_case_text
-from ancf2d.errors import ComputationError, ResultsError
+from ancf2d.errors import CheckpointError, ComputationError, ResultsError
 from ancf2d.model.model import Model
 from ancf2d.results import compare_results, open_results, part_path, read_checkpoint
 from ancf2d.results import writer as writer_module
 from ancf2d.solvers import registry
 from ancf2d.solvers.motion import stepping
+from ancf2d.solvers.motion.dynamic import Run
 from ancf2d.solvers.state import State
+from ancf2d.solvers.statics.quasi_static import Course
 from ancf2d.study.record import Progress
 from ancf2d.study.run import prepare, run_case, vocabulary
 
@@ -39,6 +42,7 @@ expected:
   - {probe: tip, quantity: theta, mean_over: [0, 3], value: 7.5, atol: 1}
 """
 STATES = 30
+SOLVE = registry.solve
 
 
 def turning(model: Model, resume: dict[str, np.ndarray] | None = None, stop: int = STATES,
@@ -167,6 +171,46 @@ def test_a_changed_case_is_refused_and_the_states_stay(monkeypatch: pytest.Monke
         run(monkeypatch, other, "a.h5", resume=True)
     with open_results("a.h5.part") as r:
         assert r.nt == 9
+
+
+def test_a_checkpoint_of_other_values_is_refused_by_name(monkeypatch: pytest.MonkeyPatch, loaded: LoadedCase,
+                                                         tmp_path: Path) -> None:
+    """Another version of the solver has written it; where no file is kept, as in sweeps, the run starts anew."""
+    run(monkeypatch, loaded, "a.h5", 9)
+    monkeypatch.setattr(registry, "solve", SOLVE)
+    with pytest.raises(ResultsError, match=r"'a\.h5\.part': its checkpoint was made by another version of the solver "
+                                           r"\('a' is missing\); run the case without --resume"):
+        run_case(loaded, "a.h5", resume=True)
+    assert read_checkpoint("a.h5.part") is not None
+    shutil.copy("a.h5.part", "kept")
+    assert run_case(loaded, checkpoints=tmp_path / "kept").summary["t"] == 3.0
+    assert not Path("kept").exists()
+
+
+@pytest.mark.parametrize("solver", ["dynamic, t_end: 3, dt: 0.01, method: hht", "quasi_static, t_end: 3"])
+def test_every_array_of_a_checkpoint_has_to_fit(solver: str) -> None:
+    """Rows that numpy would broadcast, and rows too many, are refused; what had no rows at the start may have grown."""
+    text = CASE.replace("dynamic, t_end: 3, dt: 0.01", solver).replace(" mean_over: [0, 3],", "")
+    model = prepare(load_case_text(text, vocabulary=vocabulary()))
+    kind = Run if solver.startswith("dynamic") else Course
+    fresh = kind(model, model.case.solver).checkpoint()
+    registry.solve(model, fresh)
+    grown = {name: np.ones((3, *x.shape[1:])) for name, x in fresh.items() if x.shape[:1] == (0,)}
+    registry.solve(model, {**fresh, **grown})
+    assert "log" in grown or "path" in grown
+    if "extra" in fresh:
+        with pytest.raises(CheckpointError, match="'extra' has shape"):
+            registry.solve(model, {**fresh, "extra": fresh["extra"][:1]})
+    for name, x in fresh.items():
+        if x.dtype != np.uint8:
+            # an axis more, and a row or column more, unless rows are what may grow
+            for shape in {(1, *x.shape), (*x.shape[:-1], x.shape[-1] + (x.shape != (0,)))} - {x.shape}:
+                with pytest.raises(CheckpointError, match=f"'{name}' has shape"):
+                    registry.solve(model, {**fresh, name: np.zeros(shape)})
+        with pytest.raises(CheckpointError, match=f"'{name}' is missing"):
+            registry.solve(model, {k: v for k, v in fresh.items() if k != name})
+    with pytest.raises(CheckpointError, match="'more' is unknown"):
+        registry.solve(model, {**fresh, "more": np.zeros(1)})
 
 
 ELEMENT = "name: mine\nbasis: ['1', 'x', 'x^2', 'x^3']\nnodes: [{at: 0, coordinates: [r, r_x]}, " \

@@ -21,7 +21,7 @@ from ...model.model import Model
 from ...pace import Pace
 from ..contact import check_pressed, recall_rows
 from ..energy import Energies, constant_loads, is_constant, kept_energy
-from ..state import State
+from ..state import State, check_kept
 from ..system import least_motion
 from ..threads import largest_share
 from .estimate import Estimate, step_ends
@@ -273,7 +273,7 @@ class Run:
         if self.estimate is not None:
             self.estimate.take(row.t, d)
         if keep:
-            state.checkpoint = self._checkpoint()
+            state.checkpoint = self.checkpoint()
         if time.monotonic() > self.left[1] + OFTEN:
             self.left = self._left(), time.monotonic()
         state.left = self.left[0]
@@ -312,7 +312,8 @@ class Run:
             state.warnings += drift_warning(self.balance.drift, state.report["accuracy"]["estimate"])
         return state
 
-    def _checkpoint(self) -> dict[str, Array] | None:
+    def checkpoint(self) -> dict[str, Array] | None:
+        """Return everything that the run goes on from; None for methods that keep more than can be stored."""
         out = self.stepper.checkpoint()
         if out is None:
             return None
@@ -364,6 +365,12 @@ def fibres_warning(model: Model, drift: float) -> list[str]:
 
 
 def solve_dynamic(model: Model, spec: Dynamic, kept: dict[str, Array] | None = None) -> Iterator[State]:
-    """Yield the states of a motion, from the start or from a checkpoint. Raises ComputationError where it fails."""
-    return Run(model, spec).states(kept)
+    """Yield the states of a motion, from the start or from a checkpoint.
+
+    Raises ComputationError where it fails, and CheckpointError at once where the checkpoint is none of this motion.
+    """
+    run = Run(model, spec)
+    if kept is not None:
+        check_kept(kept, run.checkpoint())
+    return run.states(kept)
 

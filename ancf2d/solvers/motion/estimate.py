@@ -214,7 +214,8 @@ class Estimate:
         out = {"estimate_largest": self.largest.copy(), "estimate_moved": self.moved.copy()}
         for k, stepper in enumerate(self.coarse):
             out.update({f"coarse{k}_{name}": value for name, value in (stepper.checkpoint() or {}).items()})
-            out[f"coarse{k}_queue"] = np.array([[t, *places.ravel()] for t, places in self.queues[k]])
+            out[f"coarse{k}_queue"] = np.array([[t, *places.ravel()] for t, places in self.queues[k]]).reshape(
+                -1, 1 + 2 * len(self.columns))
         return out
 
     def resume(self, kept: dict[str, Array]) -> None:
@@ -223,8 +224,7 @@ class Estimate:
         for k, stepper in enumerate(self.coarse):
             head = f"coarse{k}_"
             stepper.resume({name[len(head):]: v for name, v in kept.items() if name.startswith(head)})
-            queue = kept[head + "queue"].reshape(-1, 1 + 2 * len(self.columns))
-            self.queues[k] = [(float(r[0]), r[1:].reshape(2, -1)) for r in queue]
+            self.queues[k] = [(float(r[0]), r[1:].reshape(2, -1)) for r in kept[head + "queue"]]
 
 
 def step_ends(stepper: Stepper, since: float, found: list[Row]) -> list[float]:

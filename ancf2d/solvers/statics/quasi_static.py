@@ -13,7 +13,7 @@ from ...errors import ComputationError
 from ...model.breakpoints import case_breaks
 from ...model.model import Model
 from ..contact import memory, recall
-from ..state import State
+from ..state import State, check_kept
 from ..system import UNIT_ROUNDOFF, System, Turned
 from .newton import MAX_ITERATIONS, TOLERANCE, NewtonResult, check_sound, newton, state_of
 from .static import STEPS, March
@@ -80,16 +80,19 @@ class Course:
         accepted = self.system.accepted
         turns = {f"{name}/{k}": x for name, pair in (("turns", self.system.turns()), ("march", self.march.turns))
                  for k, x in enumerate(pair)}
-        return {"numbers": np.array([self.t, self.h, self.begin, self.size]), "path/t": np.array(self.path.t),
+        # the path ends at d; a row has d, or what was accepted, and its time
+        before, last = list(zip(self.path.d, self.path.t, strict=True))[:-1], [] if accepted is None else [accepted]
+        return {"numbers": np.array([self.t, self.h, self.begin, self.size]),
                 "counts": np.array([self.number, self.refused, self.passed, self.march.negative]),
-                "path/d": np.array(self.path.d), "d": self.march.d, "states": self.model.states.copy(), **turns,
-                "accepted": np.zeros((0, 0)) if accepted is None else np.array([np.append(*accepted)]),
+                "d": self.march.d, "states": self.model.states.copy(), **turns,
+                **{name: np.array([np.append(*row) for row in rows]).reshape(-1, len(self.march.d) + 1)
+                   for name, rows in (("path", before), ("accepted", last))},
                 **{f"contact/{k}": mem for k, mem in enumerate(memory(self.model))}}
 
     def _resume(self, kept: dict[str, Array]) -> None:
         self.t, self.h, self.begin, self.size = kept["numbers"].tolist()
         self.number, self.refused, self.passed, self.march.negative = kept["counts"].tolist()
-        self.path = Path(kept["path/t"].tolist(), list(kept["path/d"]))
+        self.path = Path([*kept["path"][:, -1].tolist(), self.t], [*kept["path"][:, :-1], kept["d"]])
         self.march.d, self.march.turns = kept["d"], (kept["march/0"], kept["march/1"])
         self.system.count_from((kept["turns/0"], kept["turns/1"]))
         self.system.accepted = next(((row[:-1], float(row[-1])) for row in kept["accepted"]), None)
@@ -202,14 +205,22 @@ def solve_quasi_static(model: Model, spec: QuasiStatic, kept: dict[str, Array] |
 
     Steps adapt to the error of the displacements, by comparison with two half steps; they end where amplitudes have
     corners, and behind their jumps there is a response that takes no time. Raises ComputationError where no equilibrium
-    follows on the last one.
+    follows on the last one, and CheckpointError at once where the checkpoint is none of this case.
     """
     if model.hangs:
         raise ComputationError("only gravity stabilises the model, so there is no equilibrium to start from",
                                at={"solver": "quasi_static"}, advice="supports that leave no mechanism")
+    course = Course(model, spec)
+    if kept is not None:
+        check_kept(kept, course.checkpoint())
+    return _timed(course, kept)
+
+
+def _timed(course: Course, kept: dict[str, Array] | None) -> Iterator[State]:
+    """Yield the states of a course with their times, time steps and checkpoints."""
     before = 0.0 if kept is None else float(kept["numbers"][0])
-    for state in (course := Course(model, spec)).states(kept):
-        state.last, state.checkpoint = course.t >= spec.t_end, course.checkpoint()
+    for state in course.states(kept):
+        state.last, state.checkpoint = course.t >= course.spec.t_end, course.checkpoint()
         rest = {name: value for name, value in state.history.items() if name not in ("step", "factor")}
         state.history = {"step": state.history["step"], "t": state.t, "dt": state.t - before, **rest}
         before = state.t
