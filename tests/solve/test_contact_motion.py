@@ -353,23 +353,32 @@ def test_methods_that_cannot_step_an_impact_are_refused():
                    for p in method_problems(model))
 
 
-def test_a_flexible_block_thrown_along_a_floor_is_slowed_by_friction_alone():
-    """Waves of the impact open and close the contact; m g t presses in all, of which friction takes its share."""
+@pytest.mark.parametrize(("element", "every"), [("cable", None), ("reissner3", 1)])
+def test_a_flexible_block_thrown_along_a_floor_is_slowed_by_friction_alone(element, every):
+    """Waves of the impact open and close the contact; m g t presses in all, of which friction takes its share.
+
+    Waves too short for the steps may die out, but take no energy from nothing (with ``reissner3`` it doubled where
+    steps began with their accelerations).
+    """
     mu, end, drop = 0.3, 0.3, 1e-3
-    body = h.body({"type": "line", "start": [0.2, 0.01 + drop], "end": [0.4, 0.01 + drop]}, h.element("cable", 4),
+    body = h.body({"type": "line", "start": [0.2, 0.01 + drop], "end": [0.4, 0.01 + drop]}, h.element(element, 4),
                   {"height": 0.02, "width": 0.05}, {"E": 7e10, "nu": 0.3, "rho": 2700.0})
     found = ancf2d.solve({
         "bodies": {"block": body}, "obstacles": FLOOR, "loads": FALL,
         "contacts": [{"between": ["block", "floor"], "friction": mu}],
-        "initial": {"bodies": {"block": {"velocity": [1.0, 0]}}}, "output": {"probes": {"b": "block@0.5"}},
+        "initial": {"bodies": {"block": {"velocity": [1.0, 0]}}},
+        "output": {"probes": {"b": "block@0.5"}} | ({"every": every} if every else {}),
         "solver": {"type": "dynamic", "t_end": end, "tolerance": 1e-4, "estimate": False}})
     energy = found.energies
     total = sum(energy[part] for part in ("kinetic", "strain", "potential", "dissipated"))
     given = 0.5 * 0.54 * 1.0**2
-    # at all stored states; the balance of chatter with friction is good to a tenth, as the documents say
-    assert np.abs(total - total[0]).max() < 0.2 * given
+    # at all stored states
+    assert (total - np.minimum.accumulate(total)).max() < 1e-2 * given
+    assert total[0] - total.min() < 0.08 * given
     assert energy["strain"].max() < 1e-2 * given
+    # waves that are left may let some points slide back
     assert found.probes["b"]["vx"] == pytest.approx(1.0 - mu * G * end, abs=0.06)
+
 
 
 def test_steps_with_contact_end_at_stored_states():

@@ -13,9 +13,10 @@ from ..lowlevel.jit import inner, kernel
 from ..lowlevel.records import array_at
 from ..patches import accept_patches, violation
 from .dynamics import norm, to_full
-from .events import NONE, aim, gains, interpolate
+from .events import NONE, aim, gains, interpolate, shorten
 from .release import let_rub, no_friction
 from .state import (
+    BACKWARD,
     CONTRACTION,
     COUNT,
     DONE,
@@ -27,7 +28,6 @@ from .state import (
     NOT_FINITE,
     OLD_ERROR,
     OLD_STEP,
-    REJECTED,
     RUBBED,
     SIZE,
     STEP_SIZE,
@@ -214,6 +214,7 @@ def _keep(p, w, m, s, t, h, tracks, given, hit):  # type: ignore[no-untyped-def]
         calls.restart(m.calls, (s, m.own))
     s.numbers[TIME], s.numbers[OLD_STEP] = t, h
     s.numbers[COUNT] += 1.0
+    s.numbers[BACKWARD] = 0.0
     s.numbers[SIZE] = max(s.numbers[SIZE], _moved(p, s.z))
     if not p.patched and len(p.turning.length) == 0 and len(p.states) == 0 and len(p.feedback.kind) == 0:
         return 0.0
@@ -250,18 +251,6 @@ def _next_size(m, p, s, ratio, contraction, lost):  # type: ignore[no-untyped-de
     if p.sided:
         largest = min(largest, m.growth)
     return min(max(factor, 0.2), largest)
-
-
-@inner
-def _shorten(m, s, plan, outcome, h, relative):  # type: ignore[no-untyped-def]
-    """Set the length of the next try after a step of length h that could not be made, or was not good enough."""
-    s.numbers[REJECTED] += 1.0
-    s.numbers[TRIES] += 1.0
-    if outcome != DONE:
-        shrink, s.numbers[LIMIT] = 0.5, 0.8 * h
-    else:
-        shrink = max(0.2, 0.8 * (plan.tolerance / relative) ** (1.0 / m.order))
-    s.numbers[STEP_SIZE] = shrink * h
 
 
 @inner
@@ -342,7 +331,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         fine = outcome == DONE and (plan.dt > 0.0 or relative <= plan.tolerance)
         if not fine:
             aims = 0
-            _shorten(m, s, plan, outcome, h, relative)
+            shorten(m, s, plan, outcome, h, relative)
             if not s.numbers[STEP_SIZE] >= plan.smallest:
                 return FAILED, stored, logged, outcome, iterations
             continue
@@ -362,8 +351,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             continue
         hit = sooner != 0.0
         work, lost = _work_of_step(m, p, w, s, at, t, h) if plan.tracks else (0.0, 0.0)
-        if p.sided and plan.dt > 0.0 and gains(m, p, w, s, plan, t, h, work - lost, hit):
-            _shorten(m, s, plan, NOT_CONVERGED, h, relative)
+        if p.sided and gains(m, p, w, s, plan, t, h, work - lost, hit):
             continue
         inside, at_end = _passed(rows, next_wanted, end, NEAR * h)
         needed, left = inside + 1 if at_end or inside > 0 else 0, len(rows.t) - stored

@@ -38,7 +38,7 @@ from .consistent import consistent, gap_rates
 from .dynamics import to_full, twice_kinetic
 from .friction import approach_freely, drag, point_friction, point_slip, rub, rubs, take_hold
 from .release import friction_forces, let_choose, let_go
-from .state import GIVEN, evaluate
+from .state import BACKWARD, GIVEN, evaluate
 
 # of the largest rate: constraints that part slower than this are closed
 PARTING = 1e-9
@@ -333,7 +333,7 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
                 bounce[k] = -p.points.restitution[i] * approach[k]
                 bounces |= bounce[k] > 0.0
                 elastic_ones &= p.points.restitution[i] == 1.0 and p.points.par[i, FRICTION] == 0.0
-        approach_freely(p, w, s, end, how, m.impulse * h, approach)
+        approach_freely(p, w, s, end, how, h if s.numbers[BACKWARD] > 0.0 else m.impulse * h, approach)
     if bounces and not driven:
         s.numbers[GIVEN] = _bounce(p, w, s, end, t, h, bounce, approach, how, elastic_ones, pushed, moves)
     else:

@@ -15,7 +15,7 @@ from .dynamics import add_mass, factor, norm, remember, residual, settled, solve
 from .feedback import weigh_state
 from .friction import rubs
 from .release import lag_behind, let_rub, opens_in, to_limits
-from .state import CONTRACTION, DONE, FRESH, NOT_CONVERGED, NOT_FINITE, RUBBED, SINGULAR, SIZE, evaluate
+from .state import BACKWARD, CONTRACTION, DONE, FRESH, NOT_CONVERGED, NOT_FINITE, RUBBED, SINGULAR, SIZE, evaluate
 
 # iterations that a tangent with its factors costs: where the last one would take more of them, there is a new one
 MAKING = 3.0
@@ -161,7 +161,8 @@ def _error(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
         w.x[k] = m.alg[k] - s.extra[0, k]
     calls.mass_product(p.calls, (p, w.x, w.y))
     add_moving_product(p, w.x, w.y)
-    factor = max(abs(m.beta - 1.0 / 6.0), 1.0 / 12.0) * h * h * ca
+    first = abs(m.beta - 0.5) if s.numbers[BACKWARD] > 0.0 else max(abs(m.beta - 1.0 / 6.0), 1.0 / 12.0)
+    factor = first * h * h * ca
     for k in range(len(m.alg)):
         w.y[k] *= factor
     solve_with(p, w.A, w.y)
@@ -267,14 +268,27 @@ def _again(m, p, w, s, t, h, ca):  # type: ignore[no-untyped-def]
     return outcome, iterations, rate
 
 
+@inner
+def _of_step(m, backward):  # type: ignore[no-untyped-def]
+    """Return m, with the coefficients of the backward Euler method where a step is made by that and alg = 0."""
+    share = 0.0 if backward else 1.0
+    return Newmark(share * m.am, share * m.af, m.beta if share > 0.0 else 1.0, m.gamma if share > 0.0 else 1.0,
+                   m.tolerance, m.max_iterations, m.full, m.end, m.alg, m.rows, m.change, m.force, m.lag, m.drag)
+
+
 @addressed
-def newmark_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
-    """Step from the motion s at t to m.end; return (outcome, iterations, error [m], contraction)."""
+def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
+    """Step from the motion s at t to own.end; return (outcome, iterations, error [m], contraction)."""
+    m = _of_step(own, s.numbers[BACKWARD] > 0.0)
     end, ca = m.end, (1.0 - m.am) / ((1.0 - m.af) * m.beta * h * h)
     if p.sided:
         m.change[:] = 0.0
         let_rub(p, s.z)
         _forces(m, p, w, s, t)
+        if s.numbers[BACKWARD] > 0.0:
+            for i in range(len(s.a)):
+                m.change[0, i] = -s.extra[0, i]
+            _add(p, m.change, 1.0, s)
     evaluate(p.programs, t + h, w.amps)
     copy(s.extra[0], m.alg)
     copy(s.z, end.z)
@@ -286,7 +300,7 @@ def newmark_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
         _go_to(m, p, s, h, 0.0)
         outcome, more, rate = _iterate(m, p, w, s, h, ca)
         iterations += more
-    if outcome == DONE and p.sided:
+    if outcome == DONE and p.sided and s.numbers[BACKWARD] == 0.0:
         outcome, more, again = _again(m, p, w, s, t, h, ca)
         iterations, rate = iterations + more, again if more > 0 else rate
     error = _error(m, p, w, s, h, ca) if outcome == DONE else 0.0

@@ -21,7 +21,9 @@ GAINED, GIVEN = 17, 18
 # whether the next step is the first from accelerations that are consistent; energy that contacts without a law took in
 # a step by friction
 FRESH, RUBBED = 19, 20
-NUMBERS = 21
+# whether a step is tried by the backward Euler method, as it made energy by its own
+BACKWARD = 21
+NUMBERS = 22
 
 _turn = inner(turn)
 # increments of Newton's method that are kept for messages
