@@ -14,7 +14,7 @@ from ..elements.shape import Array
 from ..errors import CaseError, ComputationError
 from ..model.model import Model
 from .record import Progress
-from .run import Begin, Outcome, describe_goal, quantity, run_case
+from .run import Outcome, Solve, describe_goal, quantity, run_case
 from .windows import window_key, window_of
 
 _KINDS = {"ux": "displacement", "uy": "displacement", "x": "position", "y": "position", "theta": "rotation",
@@ -201,8 +201,8 @@ class File:
 
 
 def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, file: File | None = None,
-                   begin: Begin | None = None) -> Solved:
-    """Solve a case that has a goal, or responses, from the guess of ``begin`` where there is one.
+                   solve: Solve | None = None) -> Solved:
+    """Solve a case that has a goal, or responses, by ``solve`` where that is not the solver alone.
 
     Raises CaseError, and ComputationError where it fails or has no such value.
     """
@@ -232,7 +232,7 @@ def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, file: F
                 file.conclude(Solved(answer, Outcome(summary, model), watch.last))
 
     where: dict[str, Any] = {} if file is None else {"out": file.out, "force": file.force, "command": file.command}
-    outcome = run_case(loaded, progress=progress, conclude=conclude, begin=begin, **where)
+    outcome = run_case(loaded, progress=progress, conclude=conclude, solve=solve, **where)
     if outcome.failure is not None:
         raise outcome.failure
     if not found:

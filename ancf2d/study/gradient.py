@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,22 +19,25 @@ from ..case import (
     Static,
     with_overrides,
 )
-from ..case.binder import TOLD
 from ..case.numbers import Variable, numbers_at
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
+from ..solvers.derivatives.backwards import Backwards, ShortenedError
 from ..solvers.derivatives.differences import Quotient, UnsuitedError, derivative
 from ..solvers.derivatives.motion import Motion
-from ..solvers.derivatives.motion_adjoint import Goals, MotionAdjoint, Term
+from ..solvers.derivatives.motion_adjoint import MotionAdjoint, made_again
+from ..solvers.derivatives.motion_states import NEWTON
 from ..solvers.derivatives.small_motions import Excited, Instability, Vibration
 from ..solvers.derivatives.statics import Equilibrium, Path, Response
 from ..solvers.derivatives.varied_motions import unsuited
+from ..solvers.registry import solve
+from ..solvers.state import State
 from ..solvers.statics.static import unscaled
 from .goal import for_study
+from .measures import GoalValues
 from .record import Progress
-from .run import describe_goal, prepare, quantity, run_case, vocabulary
-from .windows import Windows, window_of, window_weights
+from .run import prepare, run_case, vocabulary
 
 # steps of a number beside its size: between models at the same unknowns, whose forces are known to the last digits but
 # cancel each other, and between runs
@@ -76,7 +80,7 @@ def derivatives(loaded: LoadedCase, goals: Iterable[Goal] | Watch, variables: Se
                 progress: Progress | None = None) -> Derivatives:
     """Return what ``gradient`` does with what is known of it."""
     watch = goals if callable(goals) else GoalValues(tuple(goals))
-    study = Study(loaded, watch, progress or Progress())
+    study = Study(loaded, watch, progress or Progress(), numbers=len(variables))
     study.expect(variables)
     found = [study.differentiate(variable) for variable in variables]
     shape = len(variables), len(study.values)
@@ -85,100 +89,20 @@ def derivatives(loaded: LoadedCase, goals: Iterable[Goal] | Watch, variables: Se
     return Derivatives(list(variables), study.values, columns, errors, [how for _, how in found])
 
 
-@dataclass(frozen=True)
-class GoalValues:
-    """The values of goals, of the last state of a run, as a function of model and states."""
-
-    goals: tuple[Goal, ...]
-
-    @property
-    def whole(self) -> bool:
-        """Whether the values are of more states than the last."""
-        return any(window_of(goal) is not None for goal in self.goals)
-
-    def __call__(self, model: Model, states: Sequence[Any]) -> Array:
-        """Return the values. Raises ComputationError where the solver does not compute one."""
-        summary = last_summary(model, states, any(g.reaction is not None for g in self.goals),
-                               goals=self.goals)
-        found = [quantity(goal, summary) for goal in self.goals]
-        for goal, value in zip(self.goals, found, strict=True):
-            if value is None:
-                raise ComputationError(f"the solver does not compute {describe_goal(goal)}")
-        return np.array(found, dtype=float)
-
-    @property
-    def places(self) -> bool:
-        """Whether all are quantities of probes that positions and rates tell."""
-        return all(goal.probe is not None and goal.quantity in TOLD for goal in self.goals)
-
-    @property
-    def count(self) -> int:
-        """How many depend on states."""
-        return len(self.goals)
-
-    def alike(self, one: Model, other: Model) -> bool:
-        """Return whether the values of the same states are those of both models."""
-        return probes_alike(one, other, {str(goal.probe) for goal in self.goals})
-
-    def terms(self, model: Model, states: Sequence[Any]) -> list[Term]:
-        """Return what quantities of probes do to the goals."""
-        from ..solvers.post import Observer
-
-        observer, out = Observer(model, forces=False), list[Term]()
-        for k, goal in enumerate(self.goals):
-            probe, quantity = str(goal.probe), str(goal.quantity)
-            if window_of(goal) is None:
-                out.append((k, len(states) - 1, probe, quantity, 1.0))
-                continue
-            read = np.array([observer.observe(state)[probe][quantity] for state in states])
-            weights = window_weights(goal, np.array([state.t for state in states]), read)
-            out += [(k, int(n), probe, quantity, float(weights[n])) for n in np.flatnonzero(weights)]
-        return out
-
-
-def probes_alike(one: Model, other: Model, names: Iterable[str]) -> bool:
-    """Return whether probes are on the same bodies in two models."""
-    bodies = {one.case.output.probes[name].at.body for name in names}
-    return all(one.meshes[body] is other.meshes[body] for body in bodies)
-
-
-def last_summary(model: Model, states: Sequence[Any], reacts: bool = True, forces: bool = False,
-                 goals: Sequence[Goal] = ()) -> dict[str, Any]:
-    """Return what goals are of, at the last state of a run; reactions and section forces of probes where asked for.
-
-    Those of ``goals`` that are over windows of time are of all states.
-    """
-    from ..solvers.post import Observer, energies, reactions
-
-    state = states[-1]
-    observer = Observer(model)
-    observer.forces |= forces
-    out: dict[str, Any] = {"probes": observer.observe(state)}
-    out["energy"] = dict(state.history) if model.case.solver.moves else energies(model, state)
-    if reacts:
-        out["reactions"] = reactions(model, state)
-    windows = Windows(model, goals)
-    if windows.goals:
-        for one in states:
-            windows.take(one, observer.observe(one), lambda state: reactions(model, state))
-        out["windows"] = windows.values()
-    for one in states:
-        out.update(one.report)
-    return out
-
-
 class Study:
     """A case solved once, what is watched of it, and how that changes with its numbers."""
 
     def __init__(self, loaded: LoadedCase, watch: Watch, progress: Progress,
-                 warn: Callable[[str], None] = lambda text: None) -> None:
+                 warn: Callable[[str], None] = lambda text: None, numbers: int = 0) -> None:
         self.loaded, self.watch = _tight(for_study(loaded)), watch
         # what is to be said of the case is said once, not of each run beside it
         self.progress = replace(progress, warn=warn)
         self.models: dict[str, Callable[[float], Model]] = {}
         self.moves = loaded.case.solver.moves
         self.middle: Array | None = None
-        self.model, states = self._run(None, 0.0)
+        # the motion, if its steps have been kept for the way back
+        self.motion: Backwards | None = None
+        self.model, states = self._first(numbers)
         self.progress = replace(progress, warn=lambda text: None, state=lambda state: None, built=lambda model: None,
                                 judges=False)
         self.values, self.numbering = watch(self.model, states), numbering_of(self.model)
@@ -188,11 +112,36 @@ class Study:
         self.responses: list[Any] | None = None
         self.reason = ""
 
-    def _run(self, variable: Variable | None, h: float) -> tuple[Model, list[Any]]:
-        """Return model and states of a run with a number changed by h. Raises CaseError and ComputationError."""
-        loaded = self.loaded if variable is None else _tight(for_study(varied(self.loaded, variable, h)))
+    def _first(self, numbers: int) -> tuple[Model, list[Any]]:
+        """Return model and states of the case, whose motion is kept if derivatives to so many numbers go back."""
+        for tolerance in NEWTON if self._goes_back(numbers) else ():
+            told = list[str]()
+            try:
+                found = self._run(self.loaded, partial(self._kept, tolerance=tolerance), told.append)
+            except ShortenedError:
+                continue
+            except (UnsuitedError, ComputationError):
+                break
+            for text in told:
+                self.progress.warn(text)
+            return found
+        self.motion = None
+        return self._run(self.loaded)
+
+    def _kept(self, model: Model, tolerance: float) -> Iterator[State]:
+        """Return the states of a motion, which is kept for the way back if it can be."""
+        if why_not(model):
+            return solve(model)
+        goals: Any = self.watch
+        self.motion = Backwards(model, goals.whole, tolerance)
+        return self.motion.states()
+
+    def _run(self, loaded: LoadedCase, how: Callable[[Model], Iterator[State]] | None = None,
+             warn: Callable[[str], None] | None = None) -> tuple[Model, list[Any]]:
+        """Return model and states of a run, solved by ``how``. Raises CaseError and ComputationError."""
         states: list[Any] = []
-        outcome = run_case(loaded, progress=replace(self.progress, state=states.append))
+        progress = replace(self.progress, state=states.append, warn=warn or self.progress.warn)
+        outcome = run_case(loaded, progress=progress, solve=how)
         if outcome.failure is not None:
             raise outcome.failure
         return outcome.model, states
@@ -201,24 +150,32 @@ class Study:
         """Choose what tells derivatives to so many numbers: one way back for each goal, or one forth for each number.
         """
         if self.adjoint is None and self.responses is None:
-            watch: Any = self.watch
-            if self.moves and getattr(watch, "places", False) and watch.count <= max(numbers, 1):
-                self.adjoint = self._adjoint(watch)
+            if self._goes_back(max(numbers, 1)):
+                self.adjoint = self._adjoint()
             if self.adjoint is None:
                 self._go_forth()
 
-    def _adjoint(self, goals: Goals) -> MotionAdjoint | None:
+    def _goes_back(self, numbers: int) -> bool:
+        """Whether the goals are quantities of probes in a motion, and no more than so many numbers."""
+        watch: Any = self.watch
+        return self.moves and getattr(watch, "places", False) and watch.count <= numbers
+
+    def _adjoint(self) -> MotionAdjoint | None:
         """Return what goals of a motion tell of all numbers at once, None where that is not known."""
+        goals: Any = self.watch
         if why_not(self.model):
             return None
         try:
-            return MotionAdjoint(self.model, self.ended[-1], goals)
+            motion, states = self.motion, self.ended
+            if motion is None:
+                motion, states = made_again(self.model, goals.whole)
+            return MotionAdjoint(motion, states, goals)
         except UnsuitedError:
             return None
 
     def _go_forth(self) -> None:
         """Let the states tell how they change."""
-        self.adjoint = None
+        self.adjoint = self.motion = None
         self.responses, self.reason = self._responses(self.ended)
         self.ended = self.ended[-1:]
 
@@ -303,7 +260,7 @@ class Study:
         meshes: set[Any] = set()
 
         def run(step: float) -> Array:
-            model, states = self._run(variable, step)
+            model, states = self._run(_tight(for_study(varied(self.loaded, variable, step))))
             if step != 0.0:
                 meshes.add(mesh_of(model))
             if len(meshes) > 1:

@@ -1,10 +1,10 @@
-"""Expressions over what a run finds, such as ``mass``, ``goal``, ``tip.uy``, ``wall.fx`` and ``max(stress)``."""
+"""What a run finds: goals, and expressions such as ``mass``, ``goal``, ``tip.uy``, ``wall.fx`` and ``max(stress)``."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,10 +18,10 @@ from ..case.syntax import Chain, Comparison, Constant, ExpressionError, Names, T
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError
 from ..model.model import Model
+from ..solvers.derivatives.motion_adjoint import Term
 from ..solvers.fields import FIELDS, FieldReader, field_problems
-from .gradient import GoalValues, Term, last_summary, probes_alike
 from .run import describe_goal, quantity
-from .windows import window_of
+from .windows import Windows, window_of, window_weights
 
 GOAL, MASS, ENERGY = "goal", "mass", "strain_energy"
 SECTION = ("N", "Q", "M")
@@ -275,3 +275,85 @@ def mass_of(model: Model) -> float:
         total += float(each @ np.bincount(mesh.cls, minlength=len(each)))
     more = [*fluid_masses(model), *((coords[None, :], M) for coords, M in point_masses(model))]
     return total + sum(float(np.sum((a[coords] @ M) * a[coords])) for coords, M in more)
+
+
+@dataclass(frozen=True)
+class GoalValues:
+    """The values of goals, of the last state of a run, as a function of model and states."""
+
+    goals: tuple[Goal, ...]
+
+    @property
+    def whole(self) -> bool:
+        """Whether the values are of more states than the last."""
+        return any(window_of(goal) is not None for goal in self.goals)
+
+    def __call__(self, model: Model, states: Sequence[Any]) -> Array:
+        """Return the values. Raises ComputationError where the solver does not compute one."""
+        summary = last_summary(model, states, any(g.reaction is not None for g in self.goals),
+                               goals=self.goals)
+        found = [quantity(goal, summary) for goal in self.goals]
+        for goal, value in zip(self.goals, found, strict=True):
+            if value is None:
+                raise ComputationError(f"the solver does not compute {describe_goal(goal)}")
+        return np.array(found, dtype=float)
+
+    @property
+    def places(self) -> bool:
+        """Whether all are quantities of probes that positions and rates tell."""
+        return all(goal.probe is not None and goal.quantity in TOLD for goal in self.goals)
+
+    @property
+    def count(self) -> int:
+        """How many depend on states."""
+        return len(self.goals)
+
+    def alike(self, one: Model, other: Model) -> bool:
+        """Return whether the values of the same states are those of both models."""
+        return probes_alike(one, other, {str(goal.probe) for goal in self.goals})
+
+    def terms(self, model: Model, states: Sequence[Any]) -> list[Term]:
+        """Return what quantities of probes do to the goals."""
+        from ..solvers.post import Observer
+
+        observer, out = Observer(model, forces=False), list[Term]()
+        for k, goal in enumerate(self.goals):
+            probe, quantity = str(goal.probe), str(goal.quantity)
+            if window_of(goal) is None:
+                out.append((k, len(states) - 1, probe, quantity, 1.0))
+                continue
+            read = np.array([observer.observe(state)[probe][quantity] for state in states])
+            weights = window_weights(goal, np.array([state.t for state in states]), read)
+            out += [(k, int(n), probe, quantity, float(weights[n])) for n in np.flatnonzero(weights)]
+        return out
+
+
+def probes_alike(one: Model, other: Model, names: Iterable[str]) -> bool:
+    """Return whether probes are on the same bodies in two models."""
+    bodies = {one.case.output.probes[name].at.body for name in names}
+    return all(one.meshes[body] is other.meshes[body] for body in bodies)
+
+
+def last_summary(model: Model, states: Sequence[Any], reacts: bool = True, forces: bool = False,
+                 goals: Sequence[Goal] = ()) -> dict[str, Any]:
+    """Return what goals are of, at the last state of a run; reactions and section forces of probes where asked for.
+
+    Those of ``goals`` that are over windows of time are of all states.
+    """
+    from ..solvers.post import Observer, energies, reactions
+
+    state = states[-1]
+    observer = Observer(model)
+    observer.forces |= forces
+    out: dict[str, Any] = {"probes": observer.observe(state)}
+    out["energy"] = dict(state.history) if model.case.solver.moves else energies(model, state)
+    if reacts:
+        out["reactions"] = reactions(model, state)
+    windows = Windows(model, goals)
+    if windows.goals:
+        for one in states:
+            windows.take(one, observer.observe(one), lambda state: reactions(model, state))
+        out["windows"] = windows.values()
+    for one in states:
+        out.update(one.report)
+    return out

@@ -134,7 +134,8 @@ class _Search:
             here = with_overrides(self.loaded, self.sets(y), vocabulary())
             try:
                 self.warnings[key] = []
-                study = Study(here, self.problem.measures, self.progress, self.warnings[key].append)
+                study = Study(here, self.problem.measures, self.progress, self.warnings[key].append,
+                              len(self.problem.variables))
             except ComputationError as error:
                 f = error.failure
                 raise ComputationError(f"the case cannot be solved with {', '.join(self.sets(y))}: {f.reason}", at=f.at,

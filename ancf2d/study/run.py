@@ -29,7 +29,6 @@ from .windows import value_at, window_key, window_of
 if TYPE_CHECKING:
     from ..results import BodyRecord, FieldRecord
     from ..solvers.state import State
-    from ..solvers.statics.newton import Start
 
 
 def vocabulary() -> Vocabulary:
@@ -86,17 +85,17 @@ def solver_name(case: Case) -> str:
 
 
 Conclude = Callable[[dict[str, Any], Model], None]
-Begin = Callable[[Model], "Start | None"]
+Solve = Callable[[Model], "Iterator[State]"]
 
 
 def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False, command: str = "",
              progress: Progress | None = None, resume: bool = False, conclude: Conclude | None = None,
-             begin: Begin | None = None, checkpoints: Path | None = None, like: Model | None = None) -> Outcome:
+             solve: Solve | None = None, checkpoints: Path | None = None, like: Model | None = None) -> Outcome:
     """Solve a case; write its result file where ``out`` names one; return the outcome.
 
     With ``resume``, a run over time that was interrupted goes on from its last checkpoint, to the same result bit for
     bit; where there is nothing to resume from, the run starts afresh. ``conclude`` may add to the summary of a run
-    that has succeeded, before it is written. ``begin`` may give a guess that statics starts from. ``checkpoints``: a
+    that has succeeded, before it is written. ``solve`` yields the states in place of the solver. ``checkpoints``: a
     file that a run over time without result file is resumed from, while it lasts. ``like``: a model of the case with
     other values, of which the run takes what is the same.
 
@@ -114,7 +113,7 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
     if out is None and checkpoints is not None and loaded.case.solver.timed:
         writer = _keeper(loaded, model, checkpoints)
     try:
-        return _solve(loaded, model, writer, progress, warnings, conclude, begin)
+        return _solve(loaded, model, writer, progress, warnings, conclude, solve)
     except BaseException as error:
         if writer is not None:
             writer.__exit__(type(error), error, error.__traceback__)
@@ -122,12 +121,12 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
 
 
 def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, warnings: list[str],
-           conclude: Conclude | None, begin: Begin | None) -> Outcome:
+           conclude: Conclude | None, solve: Solve | None) -> Outcome:
     from .warmup import warm_up
 
     warm_up(model, progress.compiling)
     recorder, failure = Recorder(model, writer, progress, warnings), None
-    recorder.clock.states = _checked(loaded, model, _states(model, writer, begin))
+    recorder.clock.states = _checked(loaded, model, _states(model, writer, solve))
     if writer is not None and writer.resumed is not None:
         recorder.go_on(writer.resumed)
     try:
@@ -145,17 +144,16 @@ def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, wa
     return Outcome(summary, model, failure, warnings)
 
 
-def _states(model: Model, writer: Any, begin: Begin | None) -> Iterator[State]:
-    """Return the states from what the writer has to resume from, from a guess, or from the start."""
-    from ..solvers.registry import solve
+def _states(model: Model, writer: Any, solve: Solve | None) -> Iterator[State]:
+    """Return the states, from what the writer has to resume from if anything."""
+    from ..solvers import registry
 
-    guess = begin(model) if begin is not None else None
     if writer is not None and writer.resumed is not None:
         try:
-            return solve(model, writer.resumed.values)
+            return registry.solve(model, writer.resumed.values)
         except CheckpointError as error:
             writer.refuse(error)
-    return solve(model, guess)
+    return (solve or registry.solve)(model)
 
 
 def _checked(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Iterator[State]:

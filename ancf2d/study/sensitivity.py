@@ -15,7 +15,8 @@ from .accuracy.control import is_pursued, solve_to_accuracy
 from .convergence import goal_units
 from .forecast import Done
 from .goal import goal_of
-from .gradient import GoalValues, Quotient, Study, size_of
+from .gradient import Quotient, Study, size_of
+from .measures import GoalValues
 from .record import Progress
 from .run import describe_goal, result_header
 
@@ -70,7 +71,8 @@ def sensitivity(loaded: LoadedCase, paths: Sequence[str] = (), progress: Progres
     variables = numbers_at(loaded, paths) or variables_of(loaded)
     progress = progress or Progress()
     warnings: list[str] = []
-    study = Study(on_its_mesh(loaded, progress), GoalValues((goal,)), progress, warnings.append)
+    study = Study(on_its_mesh(loaded, progress), GoalValues((goal,)), progress, warnings.append,
+                  len(variables))
     study.expect(variables)
     value, rows, skipped = float(study.values[0]), [], dict[str, str]()
     for k, variable in enumerate(variables):

@@ -1,5 +1,6 @@
 """Derivatives of goals of motions by the motion backwards: differences of motions that are solved to round-off."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -9,11 +10,13 @@ from test_study_motion_gradient import SCENE, solved
 import ancf2d
 from ancf2d.case.numbers import numbers_at
 from ancf2d.solvers.derivatives import backwards, linear_steps, motion_states
-from ancf2d.solvers.motion import methods
+from ancf2d.solvers.motion import methods, stepping
 from ancf2d.solvers.post import Observer
 from ancf2d.solvers.state import State
-from ancf2d.study.gradient import GoalValues, Study, derivatives, prepare
-from ancf2d.study.measures import Measures, Vocabulary, read_measure
+from ancf2d.study import gradient
+from ancf2d.study.goal import for_study
+from ancf2d.study.gradient import Study, derivatives, prepare, run_case
+from ancf2d.study.measures import GoalValues, Measures, Vocabulary, read_measure
 from ancf2d.study.record import Progress
 
 # held without multipliers, and by others where the case has them
@@ -158,11 +161,48 @@ def test_checkpoints_stay_within_their_room(monkeypatch, tmp_path):
     for name, size in (("KEPT", 0), ("WINDOW", 0), ("LEAST", 2), ("CHECKPOINTS", 0)):
         monkeypatch.setattr(backwards, name, size)
     loaded = scene(tmp_path, "generalized_alpha", CLAMP, "solver.dt=1e-4", "loads.push.amplitude={type: constant}")
-    motion = backwards.Backwards(prepare(loaded), loaded.case.solver, False, 1e-12)
-    assert motion.make()
+    motion = backwards.Backwards(prepare(loaded), False, 1e-12)
+    list(motion.states())
     # windows of 8 steps
     assert sum(part.count for part in motion.parts) == 100
     assert len([part for part in motion.parts if part.count]) <= 3
+
+
+def test_steps_are_made_once_for_values_and_derivatives(monkeypatch, tmp_path):
+    """The run that finds the values is kept for the way back, or made again where its steps had to be shortened."""
+    loaded, made = scene(tmp_path, "newmark", PIN, SHORT), list[int]()
+    advance = stepping.Stepper.advance
+
+    def counted(self, found, steps):
+        out = advance(self, found, steps)
+        made.append(out[1])
+        return out
+    monkeypatch.setattr(stepping.Stepper, "advance", counted)
+    run_case(for_study(loaded))
+    told, steps = [], sum(made)
+    for once in (True, False):
+        if not once:
+            monkeypatch.setattr(gradient, "NEWTON", ())
+        made.clear()
+        told.append(ancf2d.sensitivity(loaded, SOME))
+        assert sum(made) == steps * (1 if once else 2)
+    one, two = ({row.path: row.derivative for row in t.rows} for t in told)
+    assert one == pytest.approx(two, rel=1e-9)
+    assert told[0].goal == pytest.approx(told[1].goal, rel=1e-8)
+    assert told[0].warnings == told[1].warnings
+
+
+@pytest.mark.parametrize(("iterations", "dt", "tight"), [(5, 5e-4, False), (7, 2e-3, True)])
+def test_steps_are_as_long_as_those_of_a_run(tmp_path, iterations, dt, tight):
+    """A tolerance that Newton's method does not reach is given up; steps that a run shortens, too, are kept so."""
+    loaded = for_study(scene(tmp_path, "newmark", PIN, SHORT, f"solver.max_iterations={iterations}", f"solver.dt={dt}"))
+    outcome = run_case(loaded)
+    assert outcome.summary["rejected"] > 0
+    for tolerance, kept in ((1e-13, tight), (1e-10, True)):
+        motion = backwards.Backwards(outcome.model, False, tolerance)
+        with nullcontext() if kept else pytest.raises(backwards.ShortenedError):
+            *_, last = motion.states()
+            assert last.report["rejected"] == outcome.summary["rejected"]
 
 
 def test_one_way_is_chosen_by_goals_and_numbers(tmp_path):

@@ -12,7 +12,8 @@ from ancf2d.solvers.derivatives import linear_steps
 from ancf2d.solvers.derivatives.varied_motions import Beside
 from ancf2d.solvers.motion import methods
 from ancf2d.solvers.motion.dynamic import Run
-from ancf2d.study.gradient import GoalValues, derivatives, gradient, prepare, varied
+from ancf2d.study.gradient import derivatives, gradient, prepare, varied
+from ancf2d.study.measures import GoalValues
 
 THROWN = {
     "bodies": {"stick": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},

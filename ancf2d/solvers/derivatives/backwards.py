@@ -1,4 +1,4 @@
-"""A motion made once more, then followed backwards: how changes of its residuals change a few goals.
+"""A motion whose steps are kept, then followed backwards: how changes of its residuals change a few goals.
 
 The linearised equations of a step (``solvers.derivatives.motion_states``), transposed, turn the derivative of the goals
 with respect to the end of the step into those with respect to its residuals and its start (the discrete adjoint).
@@ -8,6 +8,7 @@ Walther, Evaluating Derivatives, SIAM 2008, chapter 12), so memory does not grow
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -27,8 +28,8 @@ from ...model.model import Model
 from ..linear import unknowns_to_coordinates
 from ..motion.breaks import pass_break
 from ..motion.dynamic import Run
-from ..motion.stepping import Stepper
-from ..state import Row
+from ..motion.stepping import CHUNK_SECONDS, Stepper
+from ..state import MEMORIES, Row, State
 from .differences import UnsuitedError
 from .linear_steps import Change, Equations, Stages
 from .many_states import in_full, left_out
@@ -85,28 +86,48 @@ class Part:
     end: Change | None = None
 
 
-class Backwards(Once):
-    """A motion made once more, which goes backwards then. Raises UnsuitedError."""
+class ShortenedError(UnsuitedError):
+    """Fixed steps had to be made again shorter, and another tolerance of Newton's method may prevent this."""
 
-    def __init__(self, model: Model, spec: Dynamic, whole: bool, tolerance: float) -> None:
+
+class Backwards(Once):
+    """A motion whose steps are kept, so that it can go backwards. Raises UnsuitedError."""
+
+    def __init__(self, model: Model, whole: bool, tolerance: float) -> None:
+        spec = model.case.solver
+        assert isinstance(spec, Dynamic)
         super().__init__(model, spec, tolerance)
         self.whole, self.rows, self.parts, self.off = whole, list[Row](), list[Part](), 0.0
         if self.stepper.moving or self.stepper.events or len(self.stepper.p.facing.item):
             raise UnsuitedError("points move along bodies, or things begin to act")
 
-    def make(self, rejected: float = np.inf) -> bool:
-        """Make the motion; return whether no more than ``rejected`` of its fixed steps were made again shorter.
+    def states(self, strict: bool = True) -> Iterator[State]:
+        """Make the motion and yield its states. Raises ComputationError, and UnsuitedError where it cannot go back.
 
-        ``rows`` are then its stored states, the first and the last among them, ``parts`` its steps.
+        ``rows`` are then its first and its last state, and those between if ``whole``; ``parts`` are its steps. Raises
+        ShortenedError where a fixed step is made shorter than a run makes it, if ``strict``.
         """
+        steps = self._record(strict)
+        return self.run.states(advance=lambda: self._some(steps))
+
+    def _some(self, steps: Iterator[list[Row]]) -> list[Row]:
+        """Make steps for a short while, one at least; return the states that were stored."""
+        found, began = list[Row](), time.perf_counter()
+        for rows in steps:
+            found += rows
+            if time.perf_counter() - began > CHUNK_SECONDS:
+                break
+        return found
+
+    def _record(self, strict: bool) -> Iterator[list[Row]]:
+        """Make the motion, which has begun; yield the states stored in each step."""
         stepper = self.stepper
-        self.run.begin()
         self.begun, self.window = self.now(), stepper.p.programs.window.copy()
         self.rows = [stepper.last()]
         part, room, columns = Part(self._checkpoint()), KEPT, 0
         for step in self.steps():
-            if stepper.dt > 0.0 and stepper.s.numbers[REJECTED] > rejected:
-                return False
+            if strict and step is not None and self._shortened(step):
+                raise ShortenedError
             if step is None:
                 self._add(part)
                 self.parts.append(Part(self._checkpoint(), behind=stepper.piece + 1))
@@ -117,6 +138,8 @@ class Backwards(Once):
                 part = Part(self._checkpoint())
                 continue
             if self.whole:
+                if not self.free.all() and any(row.kind == INSIDE for row in step.rows):
+                    raise UnsuitedError("states within steps are put onto constraints")
                 part.rows += [(part.count, len(self.rows) + k) for k in range(len(step.rows))]
                 self.rows += step.rows
             room -= 3 * step.stages.z.size
@@ -128,11 +151,20 @@ class Backwards(Once):
             if part.count >= self.size:
                 self._add(part)
                 part = Part(self._checkpoint())
+            yield step.rows
         self._add(part)
         self.rows.append(stepper.last())
-        if not self.free.all() and any(row.kind == INSIDE for row in self.rows):
-            raise UnsuitedError("states within steps are put onto constraints")
-        return stepper.dt == 0.0 or stepper.s.numbers[REJECTED] <= rejected
+
+    def _shortened(self, step: Step) -> bool:
+        """Whether the last step is a fixed one that was shortened more often than with a run's tolerance."""
+        more = self.stepper.s.numbers[REJECTED] - self.before["numbers"][REJECTED]
+        if not (self.stepper.dt > 0.0 and more):
+            return False
+        memory = dict(zip(MEMORIES, (step.turns, step.feet), strict=False))
+        usual = Run(self.run.model, self.run.spec).stepper
+        usual.resume({**self._checkpoint(), **self.before, **memory})
+        usual.advance([], 1)
+        return bool(usual.s.numbers[REJECTED] - self.before["numbers"][REJECTED] < more)
 
     @cached_property
     def size(self) -> int:

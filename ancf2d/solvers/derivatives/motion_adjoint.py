@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ...case import Dynamic, Initial
+from ...case import Initial
 from ...elements.shape import Array
 from ...errors import CaseError, ComputationError
 from ...kernels.lowlevel.records import Record
@@ -25,7 +25,7 @@ from ..motion.initial import asked_rates, initial_rates
 from ..motion.stepping import Stepper
 from ..post import Observer
 from ..state import State
-from .backwards import PARTS, Backwards
+from .backwards import PARTS, Backwards, ShortenedError
 from .differences import Quotient, UnsuitedError
 from .linear_steps import Change
 from .motion_states import NEWTON
@@ -40,6 +40,24 @@ TRIES = 3
 ROUND_OFF = 3e-11
 # of goals; and times that, which is no change of what is read: each is the result of a few operations
 EPSILON, FEW = 2.2e-16, 4.0
+
+
+def made_again(model: Model, whole: bool) -> tuple[Backwards, list[State]]:
+    """Make a motion with the tightest tolerance of Newton's method that shortens no steps.
+
+    Raises UnsuitedError.
+    """
+    for tolerance in NEWTON:
+        last = tolerance == NEWTON[-1]
+        motion = Backwards(model, whole, tolerance)
+        try:
+            return motion, list(motion.states(strict=not last))
+        except ShortenedError:
+            continue
+        except ComputationError as found:
+            if last:
+                raise UnsuitedError(f"its steps cannot be repeated: {found.failure.reason}") from None
+    raise AssertionError
 
 
 # a value, a state, a probe and its quantity, and what a change of this does to the value
@@ -134,36 +152,19 @@ class Start:
 
 
 class MotionAdjoint(Together):
-    """What numbers do to goals of a motion. Raises UnsuitedError."""
+    """What numbers do to goals of a motion that has been made, with its states. Raises UnsuitedError."""
 
-    def __init__(self, model: Model, last: State, goals: Goals) -> None:
-        spec = model.case.solver
-        assert isinstance(spec, Dynamic)
-        # no coarser motions beside
-        self.model, self.spec, self.goals, self.whole = model, replace(spec, estimate=False), goals, goals.whole
+    def __init__(self, motion: Backwards, states: Sequence[State], goals: Goals) -> None:
+        self.motion, self.model, self.goals = motion, motion.run.model, goals
         self.found: dict[Varied, Quotient | Exception] = {}
-        self.motion = self._made(int(last.report["rejected"]))
-        self.base, self.first = Run(model, self.spec), dict[Varied, float]()
-        self.states = [self.motion.run.state(row) for row in self.motion.rows]
-        self.values = goals(model, self.states)
+        self.base, self.first = Run(self.model, motion.run.spec), dict[Varied, float]()
+        self.states = states if motion.whole else [states[0], states[-1]]
+        self.values = goals(self.model, self.states)
         self.bars = self._bars()
         # what the start does, and by its residuals; once virtual displacements are kept, numbers come one by one
         self.start: Start | None = None
         if self.motion.keeps(self.bars[-1].z.shape[1]):
             self.start = self._started(self.motion.back(self.bars, Sums()))
-
-    def _made(self, rejected: int) -> Backwards:
-        """Make the motion with the tightest tolerance of Newton's method that it allows."""
-        for tolerance in NEWTON:
-            last = tolerance == NEWTON[-1]
-            motion = Backwards(self.model, self.spec, self.whole, tolerance)
-            try:
-                if motion.make(np.inf if last else rejected):
-                    return motion
-            except ComputationError as found:
-                if last:
-                    raise UnsuitedError(f"its steps cannot be repeated: {found.failure.reason}") from None
-        raise AssertionError
 
     def prepare(self, beside: Sequence[tuple[Varied, float]]) -> None:
         """Find the derivatives to several numbers at once, where these cannot be found one by one."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -21,8 +21,8 @@ from ...case import Dynamic
 from ...elements.shape import Array
 from ...kernels.lowlevel.records import Record
 from ...kernels.motion import along
-from ...kernels.motion.advance import CHECK, EVENT, INSIDE
-from ...kernels.motion.state import REJECTED
+from ...kernels.motion.advance import EVENT, INSIDE
+from ...kernels.motion.state import REJECTED, Motion
 from ...model.model import Model
 from ..motion.breaks import pass_break
 from ..motion.dynamic import Run
@@ -80,30 +80,34 @@ class Once:
     """A motion made once more, step by step, with the linear equations of its steps."""
 
     def __init__(self, model: Model, spec: Dynamic, tolerance: float) -> None:
-        self.run = Run(model, spec)
+        # no coarser motions beside
+        self.run = Run(model, replace(spec, estimate=False))
         self.stepper = self.run.stepper
         self.stepper.tighten(tolerance)
+        self.stepper.balances = False
         p, m = self.stepper.p, self.stepper.m
         assert m is not None
         self.own, self.method = m.own, method_of(m.own)
         self.entries = Entries(model, p, self.method.stages)
         self.mass, self.free = self.entries.read(p.mass), self.entries.free
         self.damped = bool(p.tau.any()) or len(p.points.mem) > 0
+        # what the last step began with
+        self.before: dict[str, Array] = {}
 
     def steps(self) -> Iterator[Step | None]:
         """Make the motion; yield its steps, and None where it has come to a break."""
         stepper, rows = self.stepper, list[Row]()
         while not stepper.done:
             s, p = stepper.s, stepper.p
-            t, z = stepper.t, s.z.copy()
-            turns, feet = p.points.mem.copy(), p.sliding.memory.copy()
+            t, turns, feet = stepper.t, p.points.mem.copy(), p.sliding.memory.copy()
+            self.before = {name: value.copy() for name, value in zip(Motion._fields, s.values, strict=True)}
             why, logged = stepper.advance(rows, 1)
             if why == EVENT:
                 raise UnsuitedError("events answer the motion")
             if logged:
                 h = float(stepper.rows.log[0, 2])
-                stages = self.method.taken(self.own.values, z, t, h)
-                yield Step(t, h, stages, turns, feet, [row for row in rows if row.kind != CHECK])
+                stages = self.method.taken(self.own.values, self.before["z"], t, h)
+                yield Step(t, h, stages, turns, feet, rows)
                 rows = []
             if stepper.breaks(why):
                 yield None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -159,8 +159,9 @@ class Run:
         # the time left, and when it was found
         self.left: tuple[float | None, float] = None, -np.inf
 
-    def states(self, kept: dict[str, Array] | None = None) -> Iterator[State]:
-        """Yield the states, from the start or from a checkpoint."""
+    def states(self, kept: dict[str, Array] | None = None, advance: Callable[[], list[Row]] | None = None
+               ) -> Iterator[State]:
+        """Yield the states, from the start or from a checkpoint; ``advance`` replaces ``Stepper.run``."""
         if kept is None:
             d, v, turned = self.begin()
             if self.estimate is not None:
@@ -174,7 +175,7 @@ class Run:
         while not self.stepper.done:
             since = self.stepper.t
             with self.stepping.running():
-                found = self.stepper.run()
+                found = (advance or self.stepper.run)()
             self.stepping.mark(self.stepper.t, within=step_ends(self.stepper, since, found))
             for row in found:
                 if row.kind == CHECK:

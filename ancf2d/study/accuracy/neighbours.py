@@ -106,7 +106,7 @@ def _solved(model: Model, solved: Solved) -> Any:
 def _summary(loaded: LoadedCase, model: Model, state: Any) -> dict[str, Any]:
     goal = loaded.case.goal
     assert goal is not None
-    from ..gradient import last_summary
+    from ..measures import last_summary
 
     return last_summary(model, [state], goal.reaction is not None, goal_kind(goal) in ("force", "moment"))
 

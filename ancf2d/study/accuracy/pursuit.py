@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 from ...case import LoadedCase
 from ...errors import Ancf2dError, CaseError, ComputationError, verdict
 from ...model.model import Model
+from ...solvers.registry import solve
 from ..goal import File, Solved, solve_for_goal
 from ..order import Estimate
 from ..record import Progress
-from ..run import Begin, Outcome, prepare
+from ..run import Outcome, Solve, prepare
 from .setting import Level, Setting, bodies_with_meshes, with_setting
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ class Pursuit:
         if level is None:
             level = self.begun(setting, why)
             if self.begins:
-                self._run(level, None, lambda model: self._guess(model, level))
+                self._run(level, None, lambda model: solve(model, self._guess(model, level)))
             else:
                 self._run(level, told)
         return level
@@ -141,7 +142,7 @@ class Pursuit:
         d = transferred(latest.state.d, latest.model, model)
         return None if d is None else Start(d, int(latest.state.history["negative_pivots"]), latest.state.turned)
 
-    def _run(self, level: Level, told: Told | None, begin: Begin | None = None) -> None:
+    def _run(self, level: Level, told: Told | None, how: Solve | None = None) -> None:
         """Solve a level; where its error is ``told`` it is the result, for now."""
         # of meshes on the way their sequence tells more than each by itself
         quiet = replace(self.progress, warn=lambda text: None, note=lambda text: None, judges=told is not None)
@@ -156,7 +157,7 @@ class Pursuit:
             self.target.out, self.target.force, self.target.command, conclude)
         self.case = with_setting(self.loaded, level.setting)
         try:
-            found = solve_for_goal(self.case, quiet, file, begin)
+            found = solve_for_goal(self.case, quiet, file, how)
         except (ComputationError, MemoryError) as error:
             level.reason = verdict(error)[1]
             return

@@ -24,7 +24,7 @@ from ...model.model import Model
 from ...model.transfer import transferred
 from ...solvers.post import Observer
 from ..goal import Solved, goal_kind
-from ..gradient import GoalValues
+from ..measures import GoalValues
 from .neighbours import Neighbour
 
 # step of differences, of the model's size; unknowns whose gradient is found one by one; and how far the gradient of
