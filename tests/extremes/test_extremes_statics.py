@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 
 import numpy as np
 import pytest
@@ -42,6 +42,15 @@ def test_what_refinement_leaves_is_told_from_a_millionth_on(monkeypatch: pytest.
     monkeypatch.setattr(static, "refined", lambda *arguments: (refined(*arguments)[0], left))
     warnings = statics.linear_tip("cable", statics.slender(20), 4).warnings
     assert known(warnings) == (left if said else 0.0)
+
+
+@pytest.mark.parametrize(("left", "refused"), [(0.4, False), (0.6, True)])
+def test_displacements_of_which_more_than_half_is_unknown_are_refused(monkeypatch: pytest.MonkeyPatch, left: float,
+                                                                      refused: bool) -> None:
+    monkeypatch.setattr(static, "refined", lambda *arguments: (refined(*arguments)[0], left))
+    failure = pytest.raises(ancf2d.ComputationError, match="no digit of the displacements is significant")
+    with failure if refused else nullcontext():
+        assert known(statics.linear_tip("cable", statics.slender(20), 4).warnings) == left
 
 
 def _thin_elements(count: int, height: float = 0.05) -> ancf2d.LoadedCase:

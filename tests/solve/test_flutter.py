@@ -12,6 +12,7 @@ from scipy.optimize import fsolve
 
 import ancf2d
 from ancf2d.errors import ComputationError
+from ancf2d.solvers.small_motions.flutter import UNDAMPED, _Sample, _Track
 
 TIP = {"type": "follower_force", "at": "c@1", "value": [-1, 0]}
 
@@ -243,6 +244,22 @@ def ziegler_eigenvalues(P: float, c: float) -> np.ndarray:
     K = np.array([[2 - P, P - 1], [-1, 1.0]])
     A = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
     return np.linalg.eigvals(A)
+
+
+@pytest.mark.parametrize(("most", "at"), [(0.04, 0.4), (0.01, 0.7)])
+def test_a_pair_that_grows_between_two_load_factors_is_predicted_from_both(most: float, at: float) -> None:
+    """D = most - (f - at)^2 of the pair 10 i + sqrt(D), 10 i - sqrt(D): it grows most at f = at, and cubics are exact.
+    """
+    track = object.__new__(_Track)
+    track.limit, track.lowest = UNDAMPED, 10.0
+
+    def sample(f: float) -> _Sample:
+        root = np.sqrt(complex(most - (f - at) ** 2))
+        return _Sample(f, 10j + np.array([-root, root]), (f - at) * np.array([1.0, -1.0]) / root, 0)
+    assert track._predicted(sample(0.0), sample(1.0), False) == pytest.approx(at, abs=1e-6)
+    # what grows at both is none that begins between them
+    near = 0.5 * math.sqrt(most)
+    assert track._predicted(sample(at - near), sample(at + near), False) is None
 
 
 def test_modes_about_a_state_under_a_follower_load() -> None:

@@ -98,7 +98,7 @@ def swung(t_end):
 
 @pytest.mark.parametrize(("method", "spelled"), [
     *(("radau5", name) for name in RATES), *((m, "<=") for m in CONSTRAINED if m != "radau5"), ("RK45", "<"),
-    ("DOP853", "ramp")])
+    ("DOP853", "ramp"), ("LSODA", "<")])
 def test_bodies_take_up_a_jump_of_a_prescribed_rate(method, spelled):
     """Velocities jump by the impulse of what drives, whose work is in the balance of energy."""
     scene = {"bodies": {"b": rigid([0, 0], LENGTH * np.array([np.cos(ANGLE), np.sin(ANGLE)]), MASS, INERTIA)},

@@ -266,6 +266,7 @@ springs:
   - {type: rotational, between: [rod@0, [0, 0]], stiffness: 0.5, damping: 0.01}
 loads:
   - {type: gravity, value: [0, -9.81]}
+initial: {rotation_rate: {omega: 0.5, about: [0, 0]}}
 solver: {type: dynamic, t_end: 0.4, dt: 2.0e-3}
 output:
   interval: 0.01
@@ -274,21 +275,23 @@ output:
 """
 
 
-@pytest.mark.slow
+# the estimate of fixed steps is largest on the way, by coarser motions that are ahead at a checkpoint
 @pytest.mark.parametrize(("solver", "stored"), [
-    ("tolerance: 1e-5", "interval: 0.01"), ("tolerance: 1e-5", "every: 5"),
-    ("dt: 2.0e-3, method: generalized_alpha", "every: 5"), ("dt: 2.0e-3, method: energy_momentum", "interval: 0.01"),
-    ("tolerance: 1e-4, method: RK45", "every: 5")])
+    ("t_end: 0.8, dt: 4.0e-3", "interval: 0.04"),
+    *(pytest.param(f"t_end: 0.4, {solver}", stored, marks=pytest.mark.slow) for solver, stored in [
+        ("tolerance: 1e-5", "interval: 0.01"), ("tolerance: 1e-5", "every: 5"),
+        ("dt: 2.0e-3, method: generalized_alpha", "every: 5"),
+        ("dt: 2.0e-3, method: energy_momentum", "interval: 0.01"), ("tolerance: 1e-4, method: RK45", "every: 5")])])
 def test_integrators_go_on_from_a_checkpoint_to_the_same_bits(monkeypatch: pytest.MonkeyPatch, solver: str,
                                                               stored: str) -> None:
     """The checkpoint is taken by another process: nothing but its arrays is left of the run."""
     monkeypatch.setattr(stepping, "CHUNK_SECONDS", 0.0)  # the solver comes back often
-    text = PENDULUM.replace("dt: 2.0e-3", solver).replace("interval: 0.01", stored)
+    text = PENDULUM.replace("t_end: 0.4, dt: 2.0e-3", solver).replace("interval: 0.01", stored)
     case = load_case_text(text, vocabulary=vocabulary())
     whole = list(registry.solve(prepare(case)))
     kept = [k for k, state in enumerate(whole) if state.checkpoint is not None]
     assert len(kept) > 2
-    at = kept[len(kept) // 2]
+    at = kept[1]
     assert whole[at].checkpoint is not None
     values = {name: value.copy() for name, value in whole[at].checkpoint.items()}
     rest = list(registry.solve(prepare(case), values))

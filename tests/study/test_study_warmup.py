@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import fcntl
+import json
 import os
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from jobs import BEAM, compile_alone
 
 from ancf2d.case import load_case_text
+from ancf2d.elements.formulations import FORMULATIONS
+from ancf2d.elements.registry import ELEMENTS
+from ancf2d.errors import CaseError
 from ancf2d.kernels.lowlevel import jit
 from ancf2d.study import warmup
+from ancf2d.study.every_kernel import MEMORY, STATIC, STIFF, cases_of_every_kind
 from ancf2d.study.pool import Workers, run_jobs
 from ancf2d.study.run import prepare, vocabulary
 from ancf2d.study.warmup import _alone, _locked, kernels_of
@@ -149,3 +155,30 @@ def test_kernels_of_a_kind_of_case_are_gone_through_once_in_a_process(monkeypatc
     for text in (CASE, CASE, CASE.replace("count: 2", "count: 4"), CASE.replace("cable", "reissner2")):
         warmup.warm_up(prepare(load_case_text(text, vocabulary=vocabulary())))
     assert len(touched) == 2
+
+
+def test_every_law_of_a_material_that_a_formulation_takes_is_compiled_ahead() -> None:
+    """A material with memory or of large strains is in a case of each formulation that is not refused with it."""
+    def laws(case: dict[str, Any]) -> set[tuple[str, str]]:
+        return {(body["element"].get("formulation", ""), kind) for body in case.get("bodies", {}).values()
+                for kind, keys in MEMORY.items() if keys.items() <= body.get("material", {}).items()}
+
+    def accepted(case: dict[str, Any]) -> bool:
+        try:
+            prepare(load_case_text(json.dumps(case), vocabulary=vocabulary()))
+        except CaseError:
+            return False
+        return True
+    cases = [json.loads(text) for name, text, _ in cases_of_every_kind() if " that " in name]
+    one = next(case for case in cases if laws(case))
+    wanted = set()
+    for name, formulation in FORMULATIONS.items():
+        element = next(t.name for t in ELEMENTS.values() if formulation.refuse(t) is None)
+        for kind, keys in MEMORY.items():
+            body = {**one["bodies"]["a"], "element": {"type": element, "formulation": name, "count": 2},
+                    "material": {**STIFF, **keys}}
+            solver = {"type": "quasi_static", "t_end": 1.0} if kind == "relaxes" else STATIC
+            wanted |= {(name, kind)} if accepted({**one, "bodies": {"a": body}, "solver": solver}) else set()
+    assert {law for case in cases for law in laws(case)} == wanted
+    assert {kind for _, kind in wanted} == set(MEMORY)
+    assert all(accepted(case) for case in cases if laws(case))
