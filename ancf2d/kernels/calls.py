@@ -103,6 +103,11 @@ product, mass_product = _call(_nothing, None, _x, _x, _x), _call(_nothing, None,
 # (p, factor, matrix) of masses that move
 moving_mass = _call(_nothing, None, _f, _x)
 add_sizes, keep_between = _call(_nothing, None, _x, _x, _x), _call(_nothing, None, _x, _x)
+# points that move along bodies, and masses there: kernels.moving
+place_moving, moving_inertia = _call(_nothing, None, _x, _xx), _call(_nothing, None, _xx, _x, _x)
+moving_product = _call(_nothing, None, _x, _x)
+# signals and full coordinates: kernels.motion.state
+signals, full = _call(_nothing, None, _f, _xx), _call(_nothing, None, _x, _xx, _i, _x)
 # the equations of motion: kernels.motion.dynamics
 forces = _call(_pair, None, _SCRATCH, _x, _x)
 forces_tangent = _call(_f, None, _SCRATCH, _x, _x, _f)

@@ -183,7 +183,7 @@ def _convex(par, v, n):  # type: ignore[no-untyped-def]
 
 def contact_compilations(problem: Any, obstacles: bool, bodies: bool, sided: bool) -> list[Callable[[], object]]:
     """Return what compiles the kernels that find what touches, for models of a type with contacts of these kinds."""
-    points, facing = (problem.place[name][1].whole() for name in ("points", "facing"))
+    points, facing = (problem.place[name][1] for name in ("points", "facing"))
     x, xx, b = types.float64[::1], types.float64[:, ::1], types.boolean[::1]
     out: list[Callable[[], object]] = []
     if bodies:

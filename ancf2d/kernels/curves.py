@@ -154,7 +154,7 @@ def _product(x, i, y, j, span, s):  # type: ignore[no-untyped-def]
     return total
 
 
-@kernel
+@inner
 def add_skew(points, x, y, places):  # type: ignore[no-untyped-def]
     """Add to y (n,) what items have of a product with x (n,) that their symmetric tangents, made last, leave out.
 
@@ -216,7 +216,7 @@ def _halve(K, skew):  # type: ignore[no-untyped-def]
     return least > SKEW * largest
 
 
-@kernel
+@inner
 def point_tangent(points, d, v, amps, c, Q, matrix, places):  # type: ignore[no-untyped-def]
     """Add the forces to Q and the symmetric part of H + c C to the matrix of the unknowns; return the energy."""
     energy = 0.0

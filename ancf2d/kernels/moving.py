@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from . import calls
 from .lowlevel.arrays import array
 from .lowlevel.jit import addressed, inner, named
 from .matrices.matrix import scatter
@@ -20,6 +21,12 @@ from .points import weights_of_item
 @inner
 def place_moving(p, d, amps):  # type: ignore[no-untyped-def]
     """Write coordinates, weights and rates at rest of all points that move, at displacements d (n_full,)."""
+    if len(p.moving.item) > 0:
+        calls.place_moving(p.calls, (p, d, amps))
+
+
+@addressed
+def _place_all(p, d, amps):  # type: ignore[no-untyped-def]
     for j in range(len(p.moving.item)):
         if p.moving.element[j] >= 0:
             _place(p, j, d, amps)
@@ -92,6 +99,12 @@ def _of_point(p, j, x, amps, order):  # type: ignore[no-untyped-def]
 @inner
 def moving_inertia(p, amps, a, Q):  # type: ignore[no-untyped-def]
     """Add m S^T S q'' of the masses that move to Q (n_full,), from second rates a (n,) of the unknowns."""
+    if len(p.moving.fixed) > 0:
+        calls.moving_inertia(p.calls, (p, amps, a, Q))
+
+
+@addressed
+def _inertia(p, amps, a, Q):  # type: ignore[no-untyped-def]
     for j in range(len(p.moving.item)):
         m = p.moving.mass[j]
         if m > 0.0 and p.moving.element[j] >= 0:
@@ -105,6 +118,12 @@ def moving_inertia(p, amps, a, Q):  # type: ignore[no-untyped-def]
 @inner
 def add_moving_product(p, x, y):  # type: ignore[no-untyped-def]
     """Add what the masses that move make of x (n,) to y (n,), where they were placed last."""
+    if len(p.moving.fixed) > 0:
+        calls.moving_product(p.calls, (p, x, y))
+
+
+@addressed
+def _product(p, x, y):  # type: ignore[no-untyped-def]
     for j in range(len(p.moving.item)):
         m = p.moving.mass[j]
         if m > 0.0 and p.moving.element[j] >= 0:
@@ -143,4 +162,13 @@ def _with_matrix(stored: Any, kind: str) -> Any:
     return addressed(named(moving_mass, kind))
 
 
-MOVING_MASS = _with_matrix(in_band, "band"), _with_matrix(in_fronts, "fronts")
+_MOVING_MASS = _with_matrix(in_band, "band"), _with_matrix(in_fronts, "fronts")
+
+
+def moving_functions(fronts: bool, has_masses: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
+    """Return the functions of points that move, and of the masses there, that the table of a model has."""
+    out: dict[Any, tuple[Any, ...]] = {calls.place_moving: (_place_all, problem)}
+    if has_masses:
+        out |= {calls.moving_mass: (_MOVING_MASS[fronts], problem), calls.moving_inertia: (_inertia, problem),
+                calls.moving_product: (_product, problem)}
+    return out

@@ -10,9 +10,7 @@ from . import calls
 from .compiled_laws import part
 from .curves import is_apart
 from .lowlevel.jit import addressed_with_memory, inner_with_memory
-from .lowlevel.records import whole
-from .motion.dynamics import to_full
-from .motion.state import evaluate
+from .motion.dynamics import signals_at, to_full
 from .points import amplitude_of, fields_of_item
 
 _gap_at, _stand = part(contact_geometry.gap_at), part(contact_geometry.stand)
@@ -68,10 +66,10 @@ def tunnels(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     n, end, depth = len(p.points.mem), m.end, DEPTH * p.extent
     near = TOUCHES * p.extent
     u, work, amps = np.zeros(2 * _FIELDS), np.zeros(WORK + 3), w.amps.copy()
-    evaluate(p.programs, t, amps)
+    signals_at(p, t, amps)
     to_full(p, s.z, amps, 0, w.d)
     start, i = w.d.copy(), 0
-    evaluate(p.programs, t + h, w.amps)
+    signals_at(p, t + h, w.amps)
     to_full(p, end.z, w.amps, 0, w.d)
     while i < n:
         if _stays_apart(p.points, i, start, w.d):
@@ -87,5 +85,5 @@ def tunnels(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
                     return True
         i += 1
     if len(p.facing.item) > 0:
-        return calls.bodies_cross(p.calls, (whole(p.facing), whole(p.points), start, w.d))
+        return calls.bodies_cross(p.calls, (p.facing, p.points, start, w.d))
     return False

@@ -10,9 +10,7 @@ from .curves import add_skew, point_accept, point_forces, point_tangent
 from .facing import face
 from .lowlevel.arrays import array
 from .lowlevel.jit import addressed, inner, kernel, named
-from .lowlevel.records import whole
 from .matrices.symmetric import in_band, in_fronts, places_in
-from .moving import MOVING_MASS
 from .points import (
     evaluate_at,
     evaluate_item,
@@ -85,18 +83,18 @@ def point_noise(points, d, out):  # type: ignore[no-untyped-def]
 def face_bodies(p, d):  # type: ignore[no-untyped-def]
     """Let points that may touch bodies act on the elements that they are opposite to at d (n_full,)."""
     if len(p.facing.item) > 0:
-        calls.face(p.calls, (whole(p.facing), whole(p.points), d))
+        calls.face(p.calls, (p.facing, p.points, d))
 
 
 @inner
 def patch_forces(p, d, v, amps, Q):  # type: ignore[no-untyped-def]
     """Add the forces of point laws and joints to Q; return (energy, dissipated power)."""
     if len(p.sliding.multiplier) > 0:
-        calls.sliding_forces(p.calls, (whole(p.sliding), d, v, amps, Q))
+        calls.sliding_forces(p.calls, (p.sliding, d, v, amps, Q))
     if len(p.points.mem) == 0:
         return 0.0, 0.0
     face_bodies(p, d)
-    return calls.point_forces(p.calls, (whole(p.points), d, v, amps, Q))
+    return calls.point_forces(p.calls, (p.points, d, v, amps, Q))
 
 
 @inner
@@ -127,19 +125,19 @@ def add_patch_tangent(p, d, v, amps, c, Q, A):  # type: ignore[no-untyped-def]
         calls.sliding_tangent(p.calls, (p, d, v, amps, c, Q, A))
 
 
-@kernel
+@addressed
 def _skew(p, x, y):  # type: ignore[no-untyped-def]
     """Do as ``curves.add_skew``."""
-    return add_skew(whole(p.points), x, y, places_in(p))
+    return add_skew(p.points, x, y, places_in(p))
 
 
 def _with_matrix(stored: Any, kind: str) -> tuple[Any, Any]:
     """Return the tangents of point laws and of joints for matrices of a kind."""
     def points(p, d, v, amps, c, Q, A):  # type: ignore[no-untyped-def]
-        point_tangent(whole(p.points), d, v, amps, c, Q, stored(p, A), places_in(p))
+        point_tangent(p.points, d, v, amps, c, Q, stored(p, A), places_in(p))
 
     def sliding(p, d, v, amps, c, Q, A):  # type: ignore[no-untyped-def]
-        sliding_tangent(whole(p.sliding), d, v, amps, c, Q, stored(p, A), places_in(p))
+        sliding_tangent(p.sliding, d, v, amps, c, Q, stored(p, A), places_in(p))
 
     return addressed(named(points, kind)), addressed(named(sliding, kind))
 
@@ -147,21 +145,18 @@ def _with_matrix(stored: Any, kind: str) -> tuple[Any, Any]:
 _TANGENTS = _with_matrix(in_band, "band"), _with_matrix(in_fronts, "fronts")
 
 
-def patch_functions(fronts: bool, has_points: bool, has_sliding: bool, has_moving: bool, has_facing: bool, mean: bool,
+def patch_functions(fronts: bool, has_points: bool, has_sliding: bool, has_facing: bool, mean: bool,
                     problem: Any) -> dict[Any, tuple[Any, ...]]:
     """Return the functions of point laws and joints that the table of a model of this type has, if it has any.
 
-    ``has_moving`` : whether masses move along bodies; ``has_facing`` : whether bodies touch one another;
-    ``mean`` : whether forces of a step that keeps energy are wanted.
+    ``has_facing`` : whether bodies touch one another; ``mean`` : whether forces of a step that keeps energy are wanted.
     """
     out: dict[Any, tuple[Any, ...]] = {}
-    if has_moving:
-        out[calls.moving_mass] = MOVING_MASS[fronts], problem
     if has_facing:
-        tables = [problem.place[name][1].whole() for name in ("facing", "points")]
+        tables = [problem.place[name][1] for name in ("facing", "points")]
         out |= {calls.face: (face, *tables), calls.bodies_cross: (bodies_cross, *tables)}
     if has_points:
-        points = problem.place["points"][1].whole()
+        points = problem.place["points"][1]
         out |= {calls.point_forces: (point_forces, points), calls.point_noise: (point_noise, points),
                 calls.point_violation: (point_violation, points), calls.point_accept: (point_accept, points),
                 calls.point_rates: (point_constraint_rates, points),
@@ -169,7 +164,7 @@ def patch_functions(fronts: bool, has_points: bool, has_sliding: bool, has_movin
         if mean:
             out[calls.point_mean] = point_mean_forces, points
     if has_sliding:
-        sliding = problem.place["sliding"][1].whole()
+        sliding = problem.place["sliding"][1]
         out |= {calls.sliding_forces: (sliding_forces, sliding), calls.sliding_noise: (sliding_noise, sliding),
                 calls.sliding_violation: (sliding_violation, sliding), calls.sliding_accept: (sliding_accept, sliding),
                 calls.sliding_rates: (sliding_constraint_rates, sliding),
@@ -184,9 +179,9 @@ def patch_noise(p, d, out):  # type: ignore[no-untyped-def]
     """Add what round-off can leave of the forces of point laws and joints to ``out``."""
     if len(p.points.mem) > 0:
         face_bodies(p, d)
-        calls.point_noise(p.calls, (whole(p.points), d, out))
+        calls.point_noise(p.calls, (p.points, d, out))
     if len(p.sliding.multiplier) > 0:
-        calls.sliding_noise(p.calls, (whole(p.sliding), d, out))
+        calls.sliding_noise(p.calls, (p.sliding, d, out))
 
 
 @inner
@@ -195,9 +190,9 @@ def violation(p, d, amps):  # type: ignore[no-untyped-def]
     worst = 0.0
     if len(p.points.mem) > 0:
         face_bodies(p, d)
-        worst = max(worst, calls.point_violation(p.calls, (whole(p.points), d, amps)))
+        worst = max(worst, calls.point_violation(p.calls, (p.points, d, amps)))
     if len(p.sliding.multiplier) > 0:
-        worst = max(worst, calls.sliding_violation(p.calls, (whole(p.sliding), d, amps)))
+        worst = max(worst, calls.sliding_violation(p.calls, (p.sliding, d, amps)))
     return worst
 
 
@@ -206,9 +201,9 @@ def accept_patches(p, d, amps):  # type: ignore[no-untyped-def]
     """Let point laws and joints remember the accepted state d."""
     if len(p.points.mem) > 0:
         face_bodies(p, d)
-        calls.point_accept(p.calls, (whole(p.points), d, amps))
+        calls.point_accept(p.calls, (p.points, d, amps))
     if len(p.sliding.multiplier) > 0:
-        calls.sliding_accept(p.calls, (whole(p.sliding), d))
+        calls.sliding_accept(p.calls, (p.sliding, d))
 
 
 @inner
@@ -216,6 +211,6 @@ def rates_of_constraints(p, d, v, amps, velocity, acceleration):  # type: ignore
     """Set what the constraints' rates and accelerations are at their multipliers without those of the unknowns."""
     if len(p.points.mem) > 0:
         face_bodies(p, d)
-        calls.point_rates(p.calls, (whole(p.points), d, v, amps, velocity, acceleration))
+        calls.point_rates(p.calls, (p.points, d, v, amps, velocity, acceleration))
     if len(p.sliding.multiplier) > 0:
-        calls.sliding_rates(p.calls, (whole(p.sliding), d, v, amps, velocity, acceleration))
+        calls.sliding_rates(p.calls, (p.sliding, d, v, amps, velocity, acceleration))

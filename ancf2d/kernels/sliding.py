@@ -129,7 +129,7 @@ def sliding_matrix(table, i, d, dofs, Q, K):  # type: ignore[no-untyped-def]
     return True
 
 
-@kernel
+@inner
 def sliding_tangent(table, d, v, amps, c, Q, matrix, places):  # type: ignore[no-untyped-def]
     """As ``sliding_forces``, and add the derivative to the matrix of the unknowns."""
     for i in range(len(table.multiplier)):

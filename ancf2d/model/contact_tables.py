@@ -35,7 +35,7 @@ from ..interactions.contact import STICK, CompliantContact, ContactPair, Contact
 from ..interactions.contact_curves import BeamCurves
 from ..kernels.compiled_laws import point_law_compilations
 from ..kernels.contact import contact_compilations
-from ..kernels.points import Points
+from ..kernels.lowlevel.records import Record
 from .interactions import HasItems, Interactions, point_table
 from .timing import rates_of
 
@@ -57,12 +57,12 @@ class ContactTable:
         self.signals: list[Any] = []
         self.points = [c for c in constraints if isinstance(c, ContactPoint) and c.pair is pair]
         self.patches: list[Any] = self.points or [CompliantContact(pair)]
-        self.table: Points = point_table(self.patches, self.signals)
+        self.table = Record(point_table(self.patches, self.signals))
         self.size = pair.size
         self.curves = BeamCurves(self.patches)
         self.fixed, self.supported = (np.zeros((len(self.points), *n), dtype=bool) for n in ((), (2,)))
 
-    def at(self, d: Array, t: float) -> tuple[Points, Array]:
+    def at(self, d: Array, t: float) -> tuple[Record, Array]:
         """Return the table and the amplitudes at t, at d (n_full,)."""
         mem = [p.mem[:self.size] for p in self.points] if self.points else self.pair.mem[:, :self.size]
         self.table.mem[:, :self.size] = mem
@@ -254,7 +254,7 @@ class BodyTable(ContactTable):
 
     def __init__(self, constraints: Iterable[Any], pair: Any) -> None:
         super().__init__(constraints, pair)
-        self.facing = facing_table(self.patches)
+        self.facing = Record(facing_table(self.patches))
 
     def turn_to(self, d: Array) -> None:
         """Let points act on the elements that they are opposite to at d (n_full,)."""
@@ -273,7 +273,7 @@ class BodyTable(ContactTable):
         return self._ended(self.at(d, t)[0])
 
     @staticmethod
-    def _ended(table: Points) -> Any:
+    def _ended(table: Record) -> Any:
         """Return which points (m,) of a table that was turned to a state are beyond an end of the other body."""
         joined, found = table.par[:, ORIGIN + JOINED], table.mem[:, FOUND]
         return np.array([beyond(*row) for row in zip(joined, found, strict=True)], dtype=bool)

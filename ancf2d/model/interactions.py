@@ -18,6 +18,7 @@ from ..interactions.prismatic import OnAxis, sliding_table
 from ..kernels.compiled_laws import point_law_addresses
 from ..kernels.curves import point_accept
 from ..kernels.facing import face
+from ..kernels.lowlevel.records import Record
 from ..kernels.motion.state import Turning
 from ..kernels.points import Points, Sewn, point_constraint_rates, point_matrices
 from ..kernels.sliding import sliding_constraint_rates, sliding_matrix
@@ -169,8 +170,8 @@ class Batch:
     def __init__(self, patches: Sequence[HasItems]) -> None:
         self.signals: list[Any] = []
         self.patches = patches
-        self.table = point_table(patches, self.signals)
-        self.facing, self.curves = facing_table(patches), BeamCurves(patches)
+        self.table = Record(point_table(patches, self.signals))
+        self.facing, self.curves = Record(facing_table(patches)), BeamCurves(patches)
         m = len(self.table.forces)
         # where bodies touch, these change
         self.dofs: Index = self.table.dofs.reshape(m, -1)
@@ -263,7 +264,7 @@ class Interactions:
         self.loads: list[Any] = batches(loads)
         self.held: list[Batch] = batches(c for c in constraints if isinstance(c, PointConstraint))
         self.joints = [c for c in constraints if isinstance(c, OnAxis)]
-        self.sliding = sliding_table(self.joints, e0)
+        self.sliding = Record(sliding_table(self.joints, e0))
 
     @property
     def memory(self) -> list[tuple[slice, Array]]:

@@ -16,12 +16,27 @@ from ancf2d.interactions.body_contact import facing_table
 from ancf2d.interactions.contact import ContactPoint
 from ancf2d.kernels.curves import add_skew, point_accept, point_forces, point_tangent
 from ancf2d.kernels.facing import face
+from ancf2d.kernels.lowlevel.jit import kernel
+from ancf2d.kernels.lowlevel.records import Record
 from ancf2d.kernels.matrices.layout import Places
 from ancf2d.kernels.matrices.matrix import SymBand
 from ancf2d.kernels.patches import point_noise, point_violation
 from ancf2d.kernels.points import point_constraint_rates, point_mean_forces
 from ancf2d.model.interactions import point_table, sew
 from ancf2d.model.rotation import Kinds
+
+
+@kernel
+def tangent(points, d, v, amps, c, Q, matrix, places):
+    """Do as ``point_tangent``, which kernels alone call."""
+    return point_tangent(points, d, v, amps, c, Q, matrix, places)
+
+
+@kernel
+def skew(points, x, y, places):
+    """Do as ``add_skew``, which kernels alone call."""
+    return add_skew(points, x, y, places)
+
 
 WAVE = {"type": "sine", "frequency": 0.5}
 SPRINGS = [
@@ -61,7 +76,8 @@ def scene():
     )
     signals = []
     points = model.interactions.points
-    return model, [one for p in points for one in singles(p.items())], point_table(points, signals, steps=True), signals
+    table = Record(point_table(points, signals, steps=True))
+    return model, [one for p in points for one in singles(p.items())], table, signals
 
 
 def singles(items):
@@ -121,7 +137,7 @@ def test_forces_and_tangent_are_those_of_the_laws():
     np.testing.assert_allclose(out, Q + 1, atol=1e-12)
     plain = Places(np.arange(n), np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
     A, out, c = np.zeros((n, n)), np.zeros(n), 2.5
-    assert point_tangent(table, d, v, amps, c, out, SymBand(A), plain) == pytest.approx(energy, rel=1e-12)
+    assert tangent(table, d, v, amps, c, out, SymBand(A), plain) == pytest.approx(energy, rel=1e-12)
     np.testing.assert_allclose(out, Q, atol=1e-12)
     full = K + c * D
     np.testing.assert_allclose(helpers.dense(SymBand(A), n), 0.5 * (full + full.T), atol=1e-11)
@@ -131,7 +147,7 @@ def test_forces_and_tangent_are_those_of_the_laws():
     A, T = np.zeros((num.n_unknowns, num.n_unknowns)), np.zeros((n, num.n_unknowns))
     for k in range(num.n_unknowns):
         num.expand(np.eye(num.n_unknowns)[k], T[:, k])
-    point_tangent(table, d, v, amps, c, out, SymBand(A), num.places)
+    tangent(table, d, v, amps, c, out, SymBand(A), num.places)
     np.testing.assert_allclose(helpers.dense(SymBand(A), len(A)), 0.5 * T.T @ (full + full.T) @ T, atol=1e-11)
 
 
@@ -226,7 +242,7 @@ def test_violation_is_the_largest_beside_the_size_of_the_terms():
 def test_turns_of_torsion_springs_are_counted_from_accepted_states():
     model = helpers.build({"a": bodies()["a"]}, DYNAMIC, bc=[{"type": "pin", "at": "a@0"}],
                           springs=[{"type": "rotational", "between": ["a@1", [0, 0]], "stiffness": 3.0}])
-    table, no_amps = point_table(model.interactions.points), np.zeros((0, 3))
+    table, no_amps = Record(point_table(model.interactions.points)), np.zeros((0, 3))
     for angle in np.linspace(0, 15, 9):
         d = helpers.rotate(np.zeros(model.n_q), model, angle)
         for _ in range(2):
@@ -255,11 +271,11 @@ def test_noise_bounds_what_round_off_in_the_coordinates_does_to_the_forces():
 
 
 def test_empty_tables_do_nothing():
-    table, d, no_amps = point_table([]), np.ones(4), np.zeros((0, 3))
+    table, d, no_amps = Record(point_table([])), np.ones(4), np.zeros((0, 3))
     Q, A = np.zeros(4), np.zeros((4, 2))
     plain = Places(np.arange(4), np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
     assert point_forces(table, d, d, no_amps, Q) == (0.0, 0.0)
-    assert point_tangent(table, d, d, no_amps, 1.0, Q, SymBand(A), plain) == 0.0
+    assert tangent(table, d, d, no_amps, 1.0, Q, SymBand(A), plain) == 0.0
     assert point_mean_forces(table, d, d, d, no_amps, no_amps, True, Q) == (0.0, 0.0)
     point_constraint_rates(table, d, d, no_amps, Q, Q)
     assert point_violation(table, d, no_amps) == 0.0
@@ -282,8 +298,8 @@ def test_points_of_contact_on_one_curve_are_summed_and_left_out_where_it_is_far(
          "hub": {"geometry": helpers.line(0.2), "element": {"type": "rigid", "mass": 1.0, "inertia": 0.1}}},
         DYNAMIC, contacts=[touch],
         obstacles={"wheel": {"type": "circle", "center": [0, 0], "radius": 0.5, "on": "hub"}})
-    points, rng, none = point_table(model.interactions.points), np.random.default_rng(5), np.zeros((0, 3))
-    alone = points._replace(run=np.ones_like(points.run))
+    points, rng, none = Record(point_table(model.interactions.points)), np.random.default_rng(5), np.zeros((0, 3))
+    alone = points.replaced(run=np.ones_like(points.run))
     n = model.n_q + len(model.constraints)
     d, v = 1e-3 * rng.standard_normal(n), 1e-2 * rng.standard_normal(n)
     # some points slide from where they held to
@@ -294,7 +310,7 @@ def test_points_of_contact_on_one_curve_are_summed_and_left_out_where_it_is_far(
         far[i + 1:i + 4] = gaps[i:i + 4].min() > 0.6
     assert far.sum() >= 9
     assert (gaps < 0.0).sum() >= 2
-    sewn = sew(points, identity(n, format="csr"), lambda i, j: i * n + n - 1 + j - i)
+    sewn = Record(sew(points.values, identity(n, format="csr"), lambda i, j: i * n + n - 1 + j - i))
     found = []
     for table in (alone, points, sewn):
         if table is points:
@@ -303,7 +319,7 @@ def test_points_of_contact_on_one_curve_are_summed_and_left_out_where_it_is_far(
         K = SymBand(np.zeros((n, n)))
         plain = Places(np.arange(n), np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
         both = point_forces(table, d, v, none, Q)
-        energy = point_tangent(table, d, v, none, 0.3, P, K, plain)
+        energy = tangent(table, d, v, none, 0.3, P, K, plain)
         found.append((np.array([*both, energy]), Q, P, K.values))
     for one, *others in zip(*found, strict=True):
         assert np.abs(one).max() > 0.0
@@ -313,7 +329,7 @@ def test_points_of_contact_on_one_curve_are_summed_and_left_out_where_it_is_far(
     x, h, ends = rng.standard_normal(n), 1e-7, np.zeros((2, n))
     y = (lower + np.tril(lower, -1).T) @ x
     symmetric = y.copy()
-    assert add_skew(sewn, x, y, plain)
+    assert skew(sewn, x, y, plain)
     for end, s in zip(ends, (h, -h), strict=True):
         point_forces(table, d + s * x, v + 0.3 * s * x, none, end)
     slope = (ends[0] - ends[1]) / (2 * h)
@@ -341,7 +357,8 @@ def test_what_friction_between_bodies_makes_unsymmetric_is_kept_whatever_a_point
             model_T[c, num.index[some]] = num.value[some]
     assert (num.place < -1).any()
     touching = [c for c in model.constraints if isinstance(c, ContactPoint)]
-    points, table = sew(point_table(touching), csr_matrix(model_T), lambda i, j: i), facing_table(touching)
+    points = Record(sew(point_table(touching), csr_matrix(model_T), lambda i, j: i))
+    table = Record(facing_table(touching))
     n, z = num.n_unknowns, 1e-5 * rng.standard_normal(num.n_unknowns)
     Kinds(model.meshes.values()).translation(moved := np.zeros(len(num.place)), 1.3, -1e-5)
     bar = model.meshes["bar"].dofs.ravel()
@@ -353,12 +370,12 @@ def test_what_friction_between_bodies_makes_unsymmetric_is_kept_whatever_a_point
     maps = num.places
     v, x, h = np.zeros(len(num.place)), rng.standard_normal(n), 1e-6
     face(table, points, model_T @ z)
-    point_tangent(points, model_T @ z, v, none, 0.0, Q, K, maps)
+    tangent(points, model_T @ z, v, none, 0.0, Q, K, maps)
     assert (points.mem[:, FOUND] == WITHIN).sum() > 3
     lower = np.array([[K.values[i, n - 1 + j - i] if j <= i else 0.0 for j in range(n)] for i in range(n)])
     y = (lower + np.tril(lower, -1).T) @ x
     symmetric = y.copy()
-    assert add_skew(points, x, y, maps)
+    assert skew(points, x, y, maps)
     for k, s in enumerate((h, -h)):
         Q[:] = 0.0
         point_forces(points, model_T @ (z + s * x), v, none, Q)

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 from ancf2d.interactions.prismatic import OnAxis, foot_point, sliding_table
+from ancf2d.kernels.lowlevel.jit import kernel
+from ancf2d.kernels.lowlevel.records import Record
 from ancf2d.kernels.matrices.layout import Places
 from ancf2d.kernels.matrices.matrix import Csr
 from ancf2d.kernels.sliding import (
@@ -19,6 +21,13 @@ from ancf2d.kernels.sliding import (
 )
 from ancf2d.model.interactions import Interactions
 from ancf2d.model.points import point_ref
+
+
+@kernel
+def tangent(table, d, v, amps, c, Q, matrix, places):
+    """Do as ``sliding_tangent``, which kernels alone call."""
+    sliding_tangent(table, d, v, amps, c, Q, matrix, places)
+
 
 TYPES = ["2d2n", "cable", "vallejo", "kerkkanen", "reissner3", "ancf[3,2]"]
 AMPS = np.zeros((0, 3))
@@ -37,7 +46,7 @@ class Scene:
         self.joint = OnAxis(self.point, self.mesh, foot_point(self.mesh.plan, np.array([x, y]))[0], "sleeve")
         self.n_q = self.model.n_q
         self.joint.multiplier = self.n_q
-        self.table = sliding_table([None, self.joint], self.model.e0)
+        self.table = Record(sliding_table([None, self.joint], self.model.e0))
 
     @staticmethod
     def at(geometry, s):
@@ -65,7 +74,7 @@ class Scene:
         none = np.zeros(0, dtype=np.int64)
         Q = np.zeros(n)
         places = Places(np.arange(n), np.zeros(1, np.int64), none, np.zeros(0))
-        sliding_tangent(self.table, d, d, AMPS, 0.0, Q, matrix, places)
+        tangent(self.table, d, d, AMPS, 0.0, Q, matrix, places)
         return Q, A.reshape(n, n)
 
     def mean(self, d0, d1):
@@ -338,7 +347,7 @@ def test_violation_is_relative_and_noise_bounds_round_off(scene):
 @pytest.mark.slow
 def test_no_joints_are_no_work():
     scene = Scene()
-    table = sliding_table([], scene.model.e0)
+    table = Record(sliding_table([], scene.model.e0))
     d, Q = scene.state(), np.zeros(scene.n_q + 1)
     sliding_forces(table, d, d, AMPS, Q)
     sliding_mean_forces(table, d, d, np.zeros(len(d)), Q)
@@ -363,11 +372,11 @@ def test_two_joints_on_bodies_of_different_types_keep_apart():
     for k, joint in enumerate(joints):
         joint.multiplier = model.n_q + k
     d = np.append(helpers.random_state(model, 0.05)[: model.n_q], [1.0, 2.0])
-    both, table = np.zeros(len(d)), sliding_table(joints, model.e0)
+    both, table = np.zeros(len(d)), Record(sliding_table(joints, model.e0))
     sliding_forces(table, d, d, AMPS, both)
     alone = np.zeros(len(d))
     for joint in joints:
-        sliding_forces(sliding_table([joint], model.e0), d, d, AMPS, alone)
+        sliding_forces(Record(sliding_table([joint], model.e0)), d, d, AMPS, alone)
     np.testing.assert_array_equal(both, alone)
     assert both[-1] != 0.0
     assert both[-2] != 0.0

@@ -75,7 +75,7 @@ def test_joints_with_multipliers_and_sliding_points_are_the_same_with_fronts() -
 
 @pytest.mark.parametrize("method", [name for name, m in INTEGRATORS.items() if m.scipy is not None])
 def test_scipys_methods_move_fronts(method: str) -> None:
-    from ancf2d.kernels.motion.dynamics import to_full
+    from ancf2d.kernels.motion.state import fill_full
     from ancf2d.solvers.motion.initial import initial_motion
     from ancf2d.solvers.motion.ode import OdeStepper
     from ancf2d.solvers.motion.problem import make_problem
@@ -96,7 +96,7 @@ def test_scipys_methods_move_fronts(method: str) -> None:
         while not stepper.done:
             stepper.run()
         full = np.zeros(len(problem.place))
-        to_full(problem, stepper.s.z, stepper.w.amps, 0, full)
+        fill_full(problem, stepper.s.z, stepper.w.amps, 0, full)
         ends.append(full[:model.n_q])
     # their tolerance is 1e-6, and the order of unknowns moves the last digits of their steps
     np.testing.assert_allclose(ends[1], ends[0], rtol=0, atol=1e-5 * np.abs(ends[0]).max())

@@ -12,7 +12,7 @@ from ..lowlevel.arrays import copy, copy_rows
 from ..lowlevel.jit import inner, kernel
 from ..lowlevel.records import array_at
 from ..patches import accept_patches, violation
-from .dynamics import norm, to_full
+from .dynamics import norm, signals_at, to_full
 from .events import NONE, aim, gains, interpolate, shorten
 from .release import let_rub, no_friction
 from .state import (
@@ -34,7 +34,6 @@ from .state import (
     TIME,
     TRIES,
     WORK,
-    evaluate,
     turn_on,
 )
 from .work import SECOND, recall
@@ -131,7 +130,7 @@ def _store(p, rows, r, t, number, kind, at, work, lost):  # type: ignore[no-unty
 @inner
 def _turn(p, w, s, z, v, t, h, out):  # type: ignore[no-untyped-def]
     """Fill ``out`` with the turns of s, taken over a time h to z with rates v at t; d and v (n_full,) are left in w."""
-    evaluate(p.programs, t, w.amps)
+    signals_at(p, t, w.amps)
     to_full(p, z, w.amps, 0, w.d)
     if len(p.turning.length) > 0:
         to_full(p, v, w.amps, 1, w.v)

@@ -11,8 +11,7 @@ from ..lowlevel.arrays import copy, copy_rows, vector
 from ..lowlevel.jit import inner, kernel
 from ..moving import moving_inertia
 from ..points import add_to, evaluate_item, fields_of_item, work_arrays
-from .dynamics import FORCES, norm, residual, to_full, to_unknowns, twice_kinetic
-from .state import evaluate
+from .dynamics import FORCES, norm, residual, signals_at, to_full, to_unknowns, twice_kinetic
 
 
 class Moments(NamedTuple):
@@ -31,7 +30,7 @@ def _recall(p, w, at, k):  # type: ignore[no-untyped-def]
     """Let laws and signals be those of a state."""
     copy_rows(at.turns[k], p.points.mem)
     copy_rows(at.feet[k], p.sliding.memory)
-    evaluate(p.programs, at.t[k], w.amps)
+    signals_at(p, at.t[k], w.amps)
 
 
 @kernel
@@ -49,7 +48,7 @@ def read_states(p, w, side, inside, z, v, a, turns, feet, states,  # type: ignor
         copy(states[k], p.states)
         if inside[k] and p.patched:
             calls.onto_constraints(p.calls, (p, w, z[k], v[k], side[k]))
-        evaluate(p.programs, side[k], w.amps)
+        signals_at(p, side[k], w.amps)
         to_full(p, a[k], w.amps, 2, second[k])
         energy[k, 1] = 0.5 * twice_kinetic(p, w, v[k])
         energy[k, 0] = calls.forces(p.calls, (p, w, z[k], v[k]))[0]

@@ -9,7 +9,6 @@ import numpy as np
 from .. import calls
 from ..bodies import mean_elastic, mean_elastic_tangent, set_natural, work_of_natural
 from ..lowlevel.jit import addressed, inner
-from ..lowlevel.records import whole
 from .dynamics import (
     FORCES,
     TANGENTS,
@@ -21,11 +20,12 @@ from .dynamics import (
     patches_tangent,
     remember,
     settled,
+    signals_at,
     solve_with,
     to_full,
     to_unknowns,
 )
-from .state import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE, evaluate
+from .state import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE
 
 # increments that no longer shrink are done below this share of the motion
 ROUND_OFF = 1e-15
@@ -57,10 +57,10 @@ class Conserving(NamedTuple):
 def _mean_patches(p, d0, d1, v, amps0, amps1, mid, Q):  # type: ignore[no-untyped-def]
     """Add the forces of point laws and joints over a step to Q; return the power that is lost in them."""
     if len(p.sliding.multiplier) > 0:
-        calls.sliding_mean(p.calls, (whole(p.sliding), d0, d1, mid, Q))
+        calls.sliding_mean(p.calls, (p.sliding, d0, d1, mid, Q))
     if len(p.points.mem) == 0:
         return 0.0
-    return calls.point_mean(p.calls, (whole(p.points), d0, d1, v, amps0, amps1, True, Q))[1]
+    return calls.point_mean(p.calls, (p.points, d0, d1, v, amps0, amps1, True, Q))[1]
 
 
 @inner
@@ -127,9 +127,9 @@ def _error(m, p, w, s, h):  # type: ignore[no-untyped-def]
 def conserving_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     """Step from the motion s at t to m.end; return (outcome, iterations, error [m], contraction)."""
     n, end = len(m.dz), m.end
-    evaluate(p.programs, t, m.amps[0])
-    evaluate(p.programs, t + h, m.amps[1])
-    evaluate(p.programs, t + 0.5 * h, w.amps)
+    signals_at(p, t, m.amps[0])
+    signals_at(p, t + h, m.amps[1])
+    signals_at(p, t + 0.5 * h, w.amps)
     to_full(p, s.z, m.amps[0], 0, m.d0)
     last, rate = 0.0, s.numbers[CONTRACTION]
     size = max(s.numbers[SIZE], 1e-3 * p.extent)
@@ -241,7 +241,7 @@ def conserving_work(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     Of varying loads, motion and point laws, as ``power_of_loads`` has it.
     """
     change = w.v
-    evaluate(p.programs, t + 0.5 * h, w.amps)
+    signals_at(p, t + 0.5 * h, w.amps)
     to_full(p, m.rate, w.amps, 1, w.v)
     to_full(p, m.end.z, m.amps[1], 0, w.d)
     w.Q[:] = 0.0

@@ -9,8 +9,7 @@ import numpy as np
 from .. import calls
 from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, kernel, kernel_with_memory
 from ..patches import patch_forces, rates_of_constraints
-from .dynamics import add_mass, patches_tangent, residual, to_full, twice_kinetic
-from .state import evaluate
+from .dynamics import add_mass, patches_tangent, residual, signals_at, to_full, twice_kinetic
 
 
 @inner
@@ -49,7 +48,7 @@ def by_motion(p, w, order, out):  # type: ignore[no-untyped-def]
 @kernel
 def kinetic(p, w, s, t):  # type: ignore[no-untyped-def]
     """Return the kinetic energy of the motion s at t, prescribed motion included."""
-    evaluate(p.programs, t, w.amps)
+    signals_at(p, t, w.amps)
     return 0.5 * twice_kinetic(p, w, s.v)
 
 
@@ -89,7 +88,7 @@ def consistent(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
     meets the constraints.
     """
     n = len(z)
-    evaluate(p.programs, t, w.amps)
+    signals_at(p, t, w.amps)
     velocity, acceleration = np.zeros(len(w.d)), np.zeros(len(w.d))
     motion = np.zeros(n)
     rhs = np.zeros(n)
@@ -148,7 +147,7 @@ def gap_rates(p, w, z, v, a, g, rate, second):  # type: ignore[no-untyped-def]
 def onto_constraints(p, w, z, v, t):  # type: ignore[no-untyped-def]
     """Move z and v onto the constraints at t by the least change in the metric of the mass; multipliers stay."""
     n = len(z)
-    evaluate(p.programs, t, w.amps)
+    signals_at(p, t, w.amps)
     rhs, velocity, acceleration, motion = np.zeros(n), np.zeros(len(w.d)), np.zeros(len(w.d)), np.zeros(n)
     for _ in range(5):
         to_full(p, z, w.amps, 0, w.d)

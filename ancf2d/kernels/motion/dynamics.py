@@ -13,7 +13,7 @@ from ..lowlevel.jit import addressed, inner, kernel
 from ..lowlevel.records import array_at
 from ..moving import moving_inertia, place_moving
 from ..patches import add_patch_tangent, forces_but_contacts, patch_forces, patch_noise, violation
-from .state import evaluate
+from .state import evaluate, fill_full
 
 # constraints hold where they are off by no more than this share of their scale
 MET = 1e-13
@@ -89,19 +89,16 @@ class Problem(NamedTuple):
     sure: int
 
 
-@kernel
+@inner
+def signals_at(p, t, out):  # type: ignore[no-untyped-def]
+    """Do as ``evaluate`` for the signals of a model."""
+    calls.signals(p.calls, (p.programs, t, out))
+
+
+@inner
 def to_full(p, z, amps, order, out):  # type: ignore[no-untyped-def]
-    """Fill full coordinates (order 0), their rates (1) or second rates (2) from those of the unknowns."""
-    out[:] = 0.0
-    for i in range(len(z)):
-        out[p.full[i]] = z[i]
-    for k in range(len(p.dependents)):
-        s = 0.0
-        for m in range(p.indptr[k], p.indptr[k + 1]):
-            s += p.value[m] * z[p.index[m]]
-        out[p.dependents[k]] = s
-    for m in range(len(p.motion_coord)):
-        out[p.motion_coord[m]] += p.motion_factor[m] * amps[p.motion_signal[m], order]
+    """Do as ``fill_full``."""
+    calls.full(p.calls, (p, z, amps, order, out))
 
 
 @inner
@@ -242,7 +239,7 @@ def forces_tangent(p, w, z, v, c):  # type: ignore[no-untyped-def]
 @kernel
 def place_at(p, w, z, v, t):  # type: ignore[no-untyped-def]
     """Place what moves along bodies where it is at t."""
-    evaluate(p.programs, t, w.amps)
+    signals_at(p, t, w.amps)
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
     place_moving(p, w.d, w.amps)
@@ -394,5 +391,6 @@ def power_of_loads(p, w, v, a):  # type: ignore[no-untyped-def]
 
 def dynamic_functions(problem: Any) -> dict[Any, tuple[Any, ...]]:
     """Return the functions of this module that the table of a model of this type has (``kernels.calls.table``)."""
-    return {calls.forces: (forces, problem), calls.forces_tangent: (forces_tangent, problem),
+    return {calls.signals: (evaluate, problem.place["programs"][1]), calls.full: (fill_full, problem),
+            calls.forces: (forces, problem), calls.forces_tangent: (forces_tangent, problem),
             calls.at_floor: (at_floor, problem)}

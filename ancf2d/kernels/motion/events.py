@@ -12,7 +12,7 @@ import numpy as np
 from .. import calls
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed, inner, kernel
-from .dynamics import to_full, twice_kinetic
+from .dynamics import signals_at, to_full, twice_kinetic
 from .feedback import tell
 from .state import (
     BACKWARD,
@@ -24,7 +24,6 @@ from .state import (
     REJECTED,
     STEP_SIZE,
     TRIES,
-    evaluate,
     evaluate_with_gradient,
 )
 
@@ -50,7 +49,7 @@ REST = 1e-9
 def holding(p, w, z, v, t):  # type: ignore[no-untyped-def]
     """Mark the conditions that hold at unknowns z with rates v at t; return NONE, SOME or NO_VALUE."""
     f = p.feedback
-    evaluate(p.programs, t, w.amps)
+    signals_at(p, t, w.amps)
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
     tell(f, w.d, w.v)
@@ -98,7 +97,7 @@ def _within(p, w, s, m, at, t, h, x):  # type: ignore[no-untyped-def]
 def _look(p, w, s, m, at, t, h, x):  # type: ignore[no-untyped-def]
     """Let quantities be those at the fraction x of the step from s at t."""
     interpolate(m, p, s, h, x, at.z, at.v, at.a)
-    evaluate(p.programs, t + x * h, w.amps)
+    signals_at(p, t + x * h, w.amps)
     to_full(p, at.z, w.amps, 0, w.d)
     to_full(p, at.v, w.amps, 1, w.v)
     tell(p.feedback, w.d, w.v)

@@ -18,7 +18,7 @@ from .. import calls
 from ..compiled_laws import part
 from ..lowlevel.arrays import numbers
 from ..lowlevel.jit import addressed, inlined, inner
-from ..lowlevel.records import array_at, whole
+from ..lowlevel.records import array_at
 from ..matrices.band import ldl_factor, ldl_solve
 from ..matrices.fronts import fronts_factor, fronts_solve
 from ..matrices.symmetric import TINY, band_of
@@ -193,7 +193,7 @@ def feedback_tangent(p, w, c):  # type: ignore[no-untyped-def]
         for j in range(f.first[k], f.first[k + 1]):
             if not p.points.on[f.items[j]]:
                 continue
-            _by_amplitude(whole(p.points), f.items[j], w.d, w.v, w.amps, f.full)
+            _by_amplitude(p.points, f.items[j], w.d, w.v, w.amps, f.full)
         to_unknowns(p, f.full, f.column, False)
         for i in range(n):
             P[k, i] = f.columns[k, i] + f.column[i]

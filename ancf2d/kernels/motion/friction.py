@@ -20,7 +20,6 @@ from .. import calls
 from ..compiled_laws import call_accept, call_forces
 from ..lowlevel.arrays import copy, copy_rows
 from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory
-from ..lowlevel.records import whole
 from ..points import add_to, amplitude_of, fields_of_item, rates_of_item
 from .consistent import allowed_rates, constraint_matrix, gap_rates
 from .dynamics import to_full, to_unknowns
@@ -136,7 +135,7 @@ def _answer(p, w, factors, items, rate, slips, answers, W, P):  # type: ignore[n
     count, n = len(rate), slips.shape[1]
     for j in range(count):
         w.other[:] = 0.0
-        rate[j] = calls.point_slip(p.calls, (whole(p.points), items[j], w.d, w.v, w.amps, w.other))
+        rate[j] = calls.point_slip(p.calls, (p.points, items[j], w.d, w.v, w.amps, w.other))
         to_unknowns(p, w.other, slips[j], False)
         copy(slips[j], answers[j])
         calls.solve(p.calls, (p, factors, answers[j]))
@@ -237,7 +236,7 @@ def _second_rates(p, w, z, v, a, items, out):  # type: ignore[no-untyped-def]
         to_full(p, rates, w.amps, 1, w.v)
         for j in range(len(out)):
             w.other[:] = 0.0
-            rate = calls.point_slip(p.calls, (whole(p.points), items[j], w.d, w.v, w.amps, w.other))
+            rate = calls.point_slip(p.calls, (p.points, items[j], w.d, w.v, w.amps, w.other))
             out[j] += side * rate / (2.0 * time)
     copy_rows(amps, w.amps)
     to_full(p, z, w.amps, 0, w.d)
@@ -276,7 +275,7 @@ def drag(p, w, z, v, a, how):  # type: ignore[no-untyped-def]
         if abs(rate[j]) > PARTING * fastest:
             way[j] = 1.0 if rate[j] > 0.0 else -1.0
         if p.points.mem[items[j], SLIDES] == 0.0:
-            calls.point_friction(p.calls, (whole(p.points), items[j], w.d, w.v, w.amps, True, hold))
+            calls.point_friction(p.calls, (p.points, items[j], w.d, w.v, w.amps, True, hold))
             if abs(hold[0]) < p.points.par[items[j], FRICTION] * pressed[j]:
                 found[j], given[j] = hold[0], True
     _of_points(p, items, second, pressed, W, P, way, given, found)

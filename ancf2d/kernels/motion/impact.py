@@ -30,15 +30,14 @@ from ..bodies import elastic, set_natural
 from ..compiled_laws import call_forces
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed_with_memory, inner_with_memory, kernel_with_memory
-from ..lowlevel.records import whole
 from ..passages import tunnels
 from ..patches import face_bodies, forces_but_contacts, patch_forces, rates_of_constraints
 from ..points import amplitude_of, fields_of_item
 from .consistent import consistent, gap_rates
-from .dynamics import to_full, twice_kinetic
+from .dynamics import signals_at, to_full, twice_kinetic
 from .friction import approach_freely, drag, point_friction, point_slip, rub, rubs, take_hold
 from .release import friction_forces, let_choose, let_go
-from .state import BACKWARD, GIVEN, evaluate
+from .state import BACKWARD, GIVEN
 
 # of the largest rate: constraints that part slower than this are closed
 PARTING = 1e-9
@@ -77,7 +76,7 @@ def _hold(p, w, z, v, how):  # type: ignore[no-untyped-def]
             p.points.mem[i, HELD], p.points.mem[i, BEHIND] = BY_CHOICE, NONE
     w.other[:] = 0.0
     face_bodies(p, w.d)
-    calls.point_sides(p.calls, (whole(p.points), w.d, w.v, w.amps, w.other))
+    calls.point_sides(p.calls, (p.points, w.d, w.v, w.amps, w.other))
     for i in range(len(how)):
         how[i] = BY_CHOICE
         if p.points.restitution[i] >= 0.0:
@@ -116,7 +115,7 @@ def begin(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
         if p.points.restitution[i] >= 0.0 and p.points.mem[i, SLIDES] != CLOSES:
             # as it stuck or slid in an equilibrium
             p.points.mem[i, SLIDES] = 0.0
-    evaluate(p.programs, t, w.amps)
+    signals_at(p, t, w.amps)
     _hold(p, w, z, v, how)
     gap_rates(p, w, z, v, a, g, rate, second)
     fastest = 0.0
@@ -137,7 +136,7 @@ def begin(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
     let_choose(p)
     if rubs(p):
         to_full(p, z, w.amps, 0, w.d)
-        calls.take_hold(p.calls, (whole(p.points), w.d, w.amps))
+        calls.take_hold(p.calls, (p.points, w.d, w.amps))
     for i in range(n):
         if p.points.restitution[i] >= 0.0 and p.points.par[i, FRICTION] > 0.0:
             p.points.mem[i, SLIDES] = 0.0 if how[i] == CLOSED else CLOSES
@@ -180,7 +179,7 @@ def _held(p, w, z, v, t, tracks):  # type: ignore[no-untyped-def]
 
     With that of springs, too, unless it counts as work.
     """
-    evaluate(p.programs, t, w.amps)
+    signals_at(p, t, w.amps)
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
     w.other[:] = 0.0
@@ -275,7 +274,7 @@ def _given(p, w, end, t, touched, approach, pushed):  # type: ignore[no-untyped-
     for i in range(n):
         if p.points.restitution[i] >= 0.0:
             p.points.mem[i, HELD] = touched[i]
-    evaluate(p.programs, t, w.amps)
+    signals_at(p, t, w.amps)
     gap_rates(p, w, end.z, end.v, end.a, g, rate, second)
     for i in range(n):
         if touched[i] == CLOSED:
@@ -290,7 +289,7 @@ def _given(p, w, end, t, touched, approach, pushed):  # type: ignore[no-untyped-
             given += force * pushed[i]
             if p.points.par[i, FRICTION] > 0.0:
                 w.other[:] = 0.0
-                along = calls.point_slip(p.calls, (whole(p.points), i, w.d, rest, w.amps, w.other))
+                along = calls.point_slip(p.calls, (p.points, i, w.d, rest, w.amps, w.other))
                 given += p.points.par[i, FRICTION] * force * abs(along)
     return given
 
@@ -304,7 +303,7 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
     """
     n, end = len(p.points.mem), m.end
     how, g, rate, second, pushed = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
-    evaluate(p.programs, t + h, w.amps)
+    signals_at(p, t + h, w.amps)
     _hold(p, w, end.z, end.v, how)
     s.numbers[GIVEN], closes, bounces = 0.0, False, False
     for i in range(n):
@@ -317,9 +316,9 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
     bounce, approach, touched = np.zeros(len(s.z)), np.zeros(len(s.z)), how.copy()
     elastic_ones, (moves, driven) = bounces, _pushed(p, w, how, pushed)
     if bounces or allowed > 0.0 or rubs(p) or moves:
-        evaluate(p.programs, t, w.amps)
+        signals_at(p, t, w.amps)
         gap_rates(p, w, s.z, s.v, s.a, g, rate, second)
-        evaluate(p.programs, t + h, w.amps)
+        signals_at(p, t + h, w.amps)
         bounces = False
         if allowed > 0.0:
             shorter = _in_time(p, s, how, g, rate, second, h, allowed)
@@ -361,7 +360,7 @@ def impact_functions(contacts: Any, sided: bool, problem: Any) -> dict[Any, tupl
     """
     out: dict[Any, tuple[Any, ...]] = {calls.tunnels: (tunnels, problem)} if contacts else {}
     if sided:
-        points = problem.place["points"][1].whole()
+        points = problem.place["points"][1]
         out |= {calls.point_sides: (point_sides, points), calls.consistent: (consistent, problem),
                 calls.behind: (behind, problem), calls.impact: (impact, problem),
                 calls.lost_in_impact: (lost_in_impact, problem), calls.let_go: (let_go, problem)}

@@ -11,11 +11,11 @@ from .. import calls
 from ..lowlevel.arrays import copy, copy_rows
 from ..lowlevel.jit import addressed, inner
 from ..moving import add_moving_product
-from .dynamics import add_mass, factor, norm, remember, residual, settled, solve_with
+from .dynamics import add_mass, factor, norm, remember, residual, settled, signals_at, solve_with
 from .feedback import weigh_state
 from .friction import rubs
 from .release import lag_behind, let_rub, opens_in, to_limits
-from .state import BACKWARD, CONTRACTION, DONE, FRESH, NOT_CONVERGED, NOT_FINITE, RUBBED, SINGULAR, SIZE, evaluate
+from .state import BACKWARD, CONTRACTION, DONE, FRESH, NOT_CONVERGED, NOT_FINITE, RUBBED, SINGULAR, SIZE
 
 # iterations that a tangent with its factors costs: where the last one would take more of them, there is a new one
 MAKING = 3.0
@@ -259,7 +259,7 @@ def _again(m, p, w, s, t, h, ca):  # type: ignore[no-untyped-def]
         return DONE, 0, 0.0
     if calls.let_go(p.calls, (p, w, s, m.end.z, t, m.force, m.lag, m.change)):
         _add(p, m.change, 1.0, s)
-    evaluate(p.programs, t + h, w.amps)
+    signals_at(p, t + h, w.amps)
     outcome, iterations, rate = _iterate(m, p, w, s, h, ca)
     for i in range(len(p.points.mem)):
         if opens_in(p, i, s.z, m.end.z) and p.points.par[i, FRICTION] > 0.0:
@@ -289,7 +289,7 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
             for i in range(len(s.a)):
                 m.change[0, i] = -s.extra[0, i]
             _add(p, m.change, 1.0, s)
-    evaluate(p.programs, t + h, w.amps)
+    signals_at(p, t + h, w.amps)
     copy(s.extra[0], m.alg)
     copy(s.z, end.z)
     if p.sided and s.numbers[FRESH] > 0.0:

@@ -11,8 +11,7 @@ from ..lowlevel.arrays import copy
 from ..lowlevel.jit import kernel, kernel_with_memory
 from ..patches import accept_patches, rates_of_constraints, violation
 from .consistent import constraint_matrix
-from .dynamics import lost_to_mass_damping, power_of_loads, residual, to_full
-from .state import evaluate
+from .dynamics import lost_to_mass_damping, power_of_loads, residual, signals_at, to_full
 
 
 @kernel
@@ -30,7 +29,7 @@ def accelerations(p, w, factors, s, t):  # type: ignore[no-untyped-def]
     n = len(s.z)
     rhs = np.zeros(n)
     constrained = False
-    evaluate(p.programs, t, w.amps)
+    signals_at(p, t, w.amps)
     for i in range(n):
         if p.coordinate[i] == 0.0:
             s.z[i] = 0.0
@@ -88,7 +87,7 @@ def rates(p, w, factors, s, free, t, y, out):  # type: ignore[no-untyped-def]
 @kernel
 def tangents(p, w, s, t, K, C, KKT):  # type: ignore[no-untyped-def]
     """Fill dQ/dz, dQ/dz + dQ/dz' and the matrix of [M G^T; G 0], stored as all are, at s with its multipliers."""
-    evaluate(p.programs, t, w.amps)
+    signals_at(p, t, w.amps)
     calls.forces_tangent(p.calls, (p, w, s.z, s.v, 1.0))
     copy(w.A, C)
     calls.forces_tangent(p.calls, (p, w, s.z, s.v, 0.0))
@@ -104,7 +103,7 @@ def powers(p, w, factors, s, free, t, y):  # type: ignore[no-untyped-def]
     """Return (power of varying loads, motion and point laws, power lost) at y."""
     place(s, free, y)
     calls.accelerations(p.calls, (p, w, factors, s, t))
-    evaluate(p.programs, t, w.amps)
+    signals_at(p, t, w.amps)
     _, lost = calls.forces(p.calls, (p, w, s.z, s.v))
     return power_of_loads(p, w, s.v, s.a), lost + lost_to_mass_damping(p, w, s.v)
 
@@ -113,7 +112,7 @@ def powers(p, w, factors, s, free, t, y):  # type: ignore[no-untyped-def]
 def settle(p, w, s, t):  # type: ignore[no-untyped-def]
     """Take the motion s at t as the end of a step, put onto the constraints; return their violation."""
     if len(p.feedback.kind) > 0:
-        evaluate(p.programs, t, w.amps)
+        signals_at(p, t, w.amps)
         to_full(p, s.z, w.amps, 0, w.d)
         calls.feedback_accept(p.calls, (p, w))
     if not p.patched:

@@ -19,7 +19,7 @@ from ..lowlevel.jit import addressed, inner
 from ..lowlevel.records import array_at
 from ..moving import add_moving_product
 from ..patches import violation
-from .dynamics import MET, norm, remember, residual, solve_with, to_full, weighed
+from .dynamics import MET, norm, remember, residual, signals_at, solve_with, to_full, weighed
 from .feedback import weigh_state
 from .reused_tangent import count, tangent, turn, turns
 from .stages import as_at_stage, as_at_start, begin_stages, lost_in_relaxing, place, relax
@@ -34,7 +34,6 @@ from .state import (
     OLD_STEP,
     SINGULAR,
     SIZE,
-    evaluate,
 )
 
 # unknowns that are worked on at a time
@@ -349,7 +348,7 @@ def _iterate(m, p, w, s, h):  # type: ignore[no-untyped-def]
 def radau_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     """Step from the motion s at t to m.end; return (outcome, iterations, error [m], contraction)."""
     for i in range(len(m.c)):
-        evaluate(p.programs, t + m.c[i] * h, m.amps[i])
+        signals_at(p, t + m.c[i] * h, m.amps[i])
     begin_stages(m, h)
     while True:
         _predict(m, p, s, h)

@@ -18,11 +18,9 @@ import numpy as np
 from ...elements.contact_geometry import BY_CHOICE, CLOSED, CLOSES, FRICTION, HELD, OPEN, SLIDES
 from .. import calls
 from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory
-from ..lowlevel.records import whole
 from ..patches import face_bodies
 from .consistent import constraint_matrix
-from .dynamics import to_full, to_unknowns
-from .state import evaluate
+from .dynamics import signals_at, to_full, to_unknowns
 
 # of Coulomb's limit: points that bear more slide
 AT_LIMIT = 0.999
@@ -59,7 +57,7 @@ def let_choose(p):  # type: ignore[no-untyped-def]
 @inner
 def _look(p, w, z, v, t):  # type: ignore[no-untyped-def]
     """Let the full coordinates and rates in w be those at z and v at t, and bodies face each other there."""
-    evaluate(p.programs, t, w.amps)
+    signals_at(p, t, w.amps)
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
     face_bodies(p, w.d)
@@ -86,7 +84,7 @@ def friction_forces(p, w, z, v, t, out):  # type: ignore[no-untyped-def]
         if p.points.restitution[i] >= 0.0 and p.points.par[i, FRICTION] > 0.0:
             k = p.place[p.points.multiplier[i]]
             if z[k] < 0.0:
-                calls.point_friction(p.calls, (whole(p.points), i, w.d, w.v, w.amps, False, one))
+                calls.point_friction(p.calls, (p.points, i, w.d, w.v, w.amps, False, one))
                 out[0, k], out[1, k] = one[0], one[1]
 
 
@@ -97,12 +95,12 @@ def _forces_of(p, w, opens, pressed, rubbed, rest, slide, out):  # type: ignore[
     for i in range(len(opens)):
         if opens[i]:
             w.d[p.points.multiplier[i]] = pressed[p.place[p.points.multiplier[i]]]
-    calls.point_forces(p.calls, (whole(p.points), w.d, w.v, w.amps, w.other))
+    calls.point_forces(p.calls, (p.points, w.d, w.v, w.amps, w.other))
     w.other[:] -= rest
     for i in range(len(opens)):
         if opens[i] and p.points.par[i, FRICTION] > 0.0:
             slide[:] = 0.0
-            calls.point_slip(p.calls, (whole(p.points), i, w.d, w.v, w.amps, slide))
+            calls.point_slip(p.calls, (p.points, i, w.d, w.v, w.amps, slide))
             w.other[:] -= rubbed[p.place[p.points.multiplier[i]]] * slide
     to_unknowns(p, w.other, out, False)
     out *= p.coordinate
@@ -125,7 +123,7 @@ def let_go(p, w, s, z, t, force, lag, change):  # type: ignore[no-untyped-def]
     for i in range(count):
         if p.points.restitution[i] >= 0.0:
             p.points.mem[i, HELD] = OPEN
-    calls.point_forces(p.calls, (whole(p.points), w.d, w.v, w.amps, rest))
+    calls.point_forces(p.calls, (p.points, w.d, w.v, w.amps, rest))
     for i in range(count):
         if opens[i]:
             p.points.mem[i, HELD] = CLOSED

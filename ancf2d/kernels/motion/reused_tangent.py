@@ -9,9 +9,9 @@ from __future__ import annotations
 from .. import calls
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import inner
-from .dynamics import FACTORS, directions, factor, to_full, turned
+from .dynamics import FACTORS, directions, factor, signals_at, to_full, turned
 from .stages import as_at_stage, place, stiffen
-from .state import HELD_COST, HELD_STEP, HELD_STEPS, HELD_TIME, evaluate
+from .state import HELD_COST, HELD_STEP, HELD_STEPS, HELD_TIME
 
 # what a tangent and its factors cost, in iterations
 MAKING = 1.5
@@ -45,7 +45,7 @@ def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
     """Factor the real and the complex bands with the tangent at the held state; return whether they could be."""
     stages, A, B, M = len(m.c), w.A, m.B, p.mass
     z, v = s.extra[stages], s.extra[stages + 1]
-    evaluate(p.programs, s.numbers[HELD_TIME], w.amps)
+    signals_at(p, s.numbers[HELD_TIME], w.amps)
     m.held[0], m.held[1] = s.numbers[HELD_TIME], h
     as_at_stage(m.relaxing, stages // 2)
     stiffen(m.relaxing, complex(0.0, 0.0), h, False)

@@ -137,6 +137,21 @@ def evaluate(programs, t, out):  # type: ignore[no-untyped-def]
         _run(programs, k, t, out, k)
 
 
+@kernel
+def fill_full(p, z, amps, order, out):  # type: ignore[no-untyped-def]
+    """Fill full coordinates (order 0), their rates (1) or second rates (2) from those of the unknowns."""
+    out[:] = 0.0
+    for i in range(len(z)):
+        out[p.full[i]] = z[i]
+    for k in range(len(p.dependents)):
+        s = 0.0
+        for m in range(p.indptr[k], p.indptr[k + 1]):
+            s += p.value[m] * z[p.index[m]]
+        out[p.dependents[k]] = s
+    for m in range(len(p.motion_coord)):
+        out[p.motion_coord[m]] += p.motion_factor[m] * amps[p.motion_signal[m], order]
+
+
 class Turning(NamedTuple):
     """Section directions whose rotations are counted through full turns.
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from .. import calls
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed, inner
-from .dynamics import lost_to_mass_damping, power_of_loads
+from .dynamics import lost_to_mass_damping, power_of_loads, signals_at
 from .events import interpolate
-from .state import evaluate
 
 # errors of methods of second order are of order 3
 SECOND = 3
@@ -16,7 +15,7 @@ SECOND = 3
 @inner
 def power(p, w, z, v, a, t):  # type: ignore[no-untyped-def]
     """Return (power of varying loads, motion and point laws, power lost) of a state."""
-    evaluate(p.programs, t, w.amps)
+    signals_at(p, t, w.amps)
     _, lost = calls.forces(p.calls, (p, w, z, v))
     return power_of_loads(p, w, v, a), lost + lost_to_mass_damping(p, w, v)
 
@@ -42,7 +41,7 @@ def _lost_on_the_way(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
     interpolate(m, p, s, h, 0.5 * end, at.z, at.v, at.a)
     copy(w.y, at.a)
     recall(m, p, h, 0.5 * end)
-    evaluate(p.programs, t + 0.5 * end * h, w.amps)
+    signals_at(p, t + 0.5 * end * h, w.amps)
     lost = 0.0
     for k in range(3):
         side, share = (0.0, 1.0, -1.0)[k], (1.0, 0.5, -0.5)[k]

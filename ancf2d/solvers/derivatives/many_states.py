@@ -13,8 +13,7 @@ import numpy as np
 from ...elements.shape import Array
 from ...kernels.elements import force, tangent_action, viscous_action, viscous_force
 from ...kernels.lowlevel.records import Record
-from ...kernels.motion.dynamics import to_full
-from ...kernels.motion.state import evaluate
+from ...kernels.motion.state import evaluate, fill_full
 from ...model.groups import of_elements
 from ..motion.dynamic import Run
 
@@ -43,10 +42,10 @@ def in_full(run: Run, at: Record, window: Array, lam: Array | None = None) -> Fu
     room = np.zeros(n)
     for k in range(m):
         evaluate(p.programs, float(at.t[k]), w.amps)
-        to_full(p, at.z[k], w.amps, 0, out.d[k])
-        to_full(p, at.v[k], w.amps, 1, out.v[k])
+        fill_full(p, at.z[k], w.amps, 0, out.d[k])
+        fill_full(p, at.v[k], w.amps, 1, out.v[k])
         for q in range(out.lam.shape[2]):
-            to_full(p, np.ascontiguousarray(lam[k, :, q]), none, 0, room)  # type: ignore[index]
+            fill_full(p, np.ascontiguousarray(lam[k, :, q]), none, 0, room)  # type: ignore[index]
             out.lam[k, :, q] = room
     p.programs.window[:] = before
     run.seen[at] = lam, out

@@ -16,8 +16,7 @@ from ...case import Initial
 from ...elements.shape import Array
 from ...errors import CaseError, ComputationError
 from ...kernels.lowlevel.records import Record
-from ...kernels.motion.dynamics import to_full
-from ...kernels.motion.state import evaluate
+from ...kernels.motion.state import evaluate, fill_full
 from ...model.model import Model
 from ..linear import unknowns_to_coordinates
 from ..motion.dynamic import Run
@@ -271,7 +270,7 @@ class MotionAdjoint(Together):
         for row, state in zip(self.motion.rows, self.states, strict=True):
             full = np.zeros((2, len(p.place)))
             evaluate(p.programs, row.side, w.amps)
-            to_full(p, row.z, w.amps, 0, full[0])
-            to_full(p, row.v, w.amps, 1, full[1])
+            fill_full(p, row.z, w.amps, 0, full[0])
+            fill_full(p, row.v, w.amps, 1, full[1])
             out.append(replace(state, d=full[0], v=full[1]))
         return out

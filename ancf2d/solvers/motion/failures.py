@@ -8,8 +8,7 @@ import numpy as np
 
 from ...errors import ComputationError
 from ...interactions.prismatic import OnAxis
-from ...kernels.motion.dynamics import to_full
-from ...kernels.motion.state import COUNT, NOT_FINITE, OLD_STEP, SINGULAR, STEP_SIZE, evaluate
+from ...kernels.motion.state import COUNT, NOT_FINITE, OLD_STEP, SINGULAR, STEP_SIZE, evaluate, fill_full
 from ...kernels.sliding import sliding_check
 from ...model.point_patch import check_facing
 from ...model.timing import Answer
@@ -30,9 +29,9 @@ def check_joints(motion: Any, row: Row) -> None:
         return
     p, d = motion.at_row(row), np.zeros(len(motion.p.place))
     evaluate(p.programs, row.side, motion.w.amps)
-    to_full(p, row.z, motion.w.amps, 0, d)
+    fill_full(p, row.z, motion.w.amps, 0, d)
     check_facing(motion.facing, d, row.side)
-    bad = sliding_check(p.values.sliding, d) if len(p.sliding.multiplier) else -1
+    bad = sliding_check(p.sliding, d) if len(p.sliding.multiplier) else -1
     if bad >= 0:
         raise [c for c in motion.model.constraints if isinstance(c, OnAxis)][bad].lost(t=row.t)
 

@@ -8,8 +8,7 @@ import numpy as np
 
 from ...elements.shape import Array
 from ...kernels.lowlevel.records import Record
-from ...kernels.motion.dynamics import to_full
-from ...kernels.motion.state import SIZE, evaluate
+from ...kernels.motion.state import SIZE, evaluate, fill_full
 from ...model.feedback import ANGLE
 from ...model.point_patch import check_formulas
 from ..state import Row
@@ -40,7 +39,7 @@ class Answers:
             return
         motion, d = self.motion, np.zeros(len(p.place))
         evaluate(p.programs, row.side, motion.w.amps)
-        to_full(p, row.z, motion.w.amps, 0, d)
+        fill_full(p, row.z, motion.w.amps, 0, d)
         self.count_angles(p, d, motion.model.turns.at(d, row.turned))
 
     def begin(self) -> None:

@@ -23,6 +23,7 @@ from ...kernels.motion.events import event_functions, holding
 from ...kernels.motion.feedback import Feedback, feedback_accept, feedback_functions, no_feedback, tail_size
 from ...kernels.motion.impact import begin, impact_functions
 from ...kernels.motion.ode import ode_functions
+from ...kernels.moving import moving_functions
 from ...kernels.patches import patch_functions
 from ...model.feedback import POSITION
 from ...model.groups import with_states
@@ -52,8 +53,7 @@ from ...kernels.motion import ode
 from ...kernels.motion.advance import Plan, Rows, advance
 from ...kernels.motion.along import read_states
 from ...kernels.motion.consistent import consistent, constraint_functions, kinetic
-from ...kernels.motion.dynamics import to_full
-from ...kernels.motion.state import Turning, evaluate, method_of, motion, scratch, turn_on
+from ...kernels.motion.state import Turning, evaluate, fill_full, method_of, motion, scratch, turn_on
 from ...kernels.sliding import sliding_check
 from ...kernels.tangents import fill_products
 from .methods import MAKERS, Method
@@ -73,11 +73,12 @@ def functions(model: Model) -> dict[Any, tuple[Any, ...]]:
     fronts, viscous = model.numbering.fronts is not None, any(pool.tau for pool in model.pools)
     slides, acts = any(isinstance(c, OnAxis) for c in model.constraints), bool(model.interactions.points)
     faces = any(pair.on_bodies for pair in model.contacts)
-    carries = any(isinstance(p, MovingPatch) and p.mass for p in model.interactions.points)
+    moving = [p for p in model.interactions.points if isinstance(p, MovingPatch)]
     return {**dynamic_functions(layout), **matrix_functions(fronts, layout),
             **element_functions(fronts, viscous, method.conserves, bool(model.loads.natural), bool(model.remembers),
                                 layout),
-            **patch_functions(fronts, acts, slides, carries, faces, method.conserves, layout),
+            **patch_functions(fronts, acts, slides, faces, method.conserves, layout),
+            **(moving_functions(fronts, any(p.mass for p in moving), layout) if moving else {}),
             **impact_functions(model.contacts, model.sided, layout),
             **(constraint_functions(layout) if acts or slides else {}),
             **(ode_functions(layout) if method.scipy is not None else {}),
@@ -260,13 +261,13 @@ def _called_from_python(P: Any, own: bool, slides: bool, sided: bool) -> list[Co
     """Return what compiles the kernels that ``Stepper`` calls, or ``OdeStepper`` for SciPy's integrators."""
     M, W = type_of(motion(0, 0, 0)), type_of(scratch(0, 0, 0, 0))
     signatures: dict[Any, tuple[Any, ...]] = {
-        consistent: (P, W, _x, _x, _x, _f, _x), kinetic: (P, W, M, _f), to_full: (P, _x, _xx, _i, _x),
+        consistent: (P, W, _x, _x, _x, _f, _x), kinetic: (P, W, M, _f), fill_full: (P, _x, _xx, _i, _x),
         evaluate: (P.place["programs"][1], _f, _xx), turn_on: (P.place["turning"][1], _x, _x, _f, _x, _x),
         read_states: (P, W, _x, types.boolean[::1], *[_xx] * 3, *[types.float64[:, :, ::1]] * 2, *[_xx] * 6)}
     if sided:
         signatures[begin] = signatures[consistent]
     if slides:
-        signatures[sliding_check] = P.place["sliding"][1].whole(), _x
+        signatures[sliding_check] = P.place["sliding"][1], _x
     if own:
         rows, method = type_of(_no_rows()), type_of(method_of(0, np.zeros((0, 0)), 0))
         plan = type_of(Plan(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, False))

@@ -15,7 +15,7 @@ from ...kernels.lowlevel.records import Record
 from ...kernels.motion import advance as kernels
 from ...kernels.motion.along import read_states
 from ...kernels.motion.consistent import consistent, kinetic
-from ...kernels.motion.dynamics import forces, to_full
+from ...kernels.motion.dynamics import forces
 from ...kernels.motion.impact import begin
 from ...kernels.motion.state import (
     LOST,
@@ -25,6 +25,7 @@ from ...kernels.motion.state import (
     WORK,
     Motion,
     evaluate,
+    fill_full,
     motion,
     scratch,
     turn_on,
@@ -67,8 +68,7 @@ class Stepper:
         self.w = Record(scratch(n, len(problem.place), len(problem.mass), len(signals)))
         self.method = INTEGRATORS[spec.method or default_method(model)]
         self.tolerance = spec.tolerance or 0.0
-        # None where SciPy steps
-        self.m: Method | None = None
+        self.m: Method | None = None  # where SciPy steps
         if self.method.name in MAKERS:
             self.tighten(newton_tolerance(self.method, self.tolerance))
         self.s = Record(motion(n, self.method.rows, len(self.p.turning.length)))
@@ -165,7 +165,7 @@ class Stepper:
         """
         own, out = np.zeros(len(self.p.place)), np.zeros(len(self.s.z))
         evaluate(self.p.programs, 0.0, self.w.amps)
-        to_full(self.p, self.s.v, self.w.amps, 1, own)
+        fill_full(self.p, self.s.v, self.w.amps, 1, own)
         missing = v[:self.model.n_q] - own[:self.model.n_q]
         if missing.any():
             out[:self.p.inner] = unknowns_to_coordinates(self.model).T @ (full_mass(self.model) @ missing)
@@ -189,8 +189,8 @@ class Stepper:
         """Return rotations and rates (2, sections) at z with rates v at t, a time h after the motion."""
         out, d, rates = self.s.turned.copy(), np.zeros(len(self.p.place)), np.zeros(len(self.p.place))
         evaluate(self.p.programs, t, self.w.amps)
-        to_full(self.p, z, self.w.amps, 0, d)
-        to_full(self.p, v, self.w.amps, 1, rates)
+        fill_full(self.p, z, self.w.amps, 0, d)
+        fill_full(self.p, v, self.w.amps, 1, rates)
         turn_on(self.p.turning, d, rates, h, *out)
         return out
 
