@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -48,11 +49,7 @@ class Differing:
     def __init__(self, run: Run, models: Sequence[Model], weights: Array) -> None:
         self.run, self.models, self.weights = run, models, weights
         stepper, base = run.stepper, run.problem.values
-        signals = [Signals() for _ in models]
-        for one in signals:
-            for signal in run.signals:
-                one.row(signal)
-        found = [_tables(model, one) for model, one in zip(models, signals, strict=True)]
+        signals, found = zip(*(_told(run, model) for model in models), strict=True)
         if any(len(one.all) > len(run.signals) and list(pieces(one.all, run.spec.t_end)) != list(stepper.pieces)
                for one in signals):
             raise UnsuitedError("the times of corners of signals depend on the number")
@@ -114,8 +111,14 @@ class Differing:
     @cached_property
     def mass(self) -> Any:
         """The sparse sum of the models' mass by the first weights, None where it is nothing."""
-        blocks = list(_mass_blocks(self.run.model, self.models, self.weights[0])) if self.reduced else []
-        return self._T.T @ scattered(blocks, self.run.model.n_q) @ self._T if blocks else None
+        if not (self.reduced and self._blocks):
+            return None
+        return self._T.T @ scattered(self._blocks, self.run.model.n_q) @ self._T
+
+    @cached_property
+    def _blocks(self) -> list[tuple[Index, Array]]:
+        """What ``_mass_blocks`` yields by the first weights."""
+        return list(_mass_blocks(self.run.model, self.models, self.weights[0]))
 
     def _groups(self, base: Any) -> list[tuple[list[Record], Array]]:
         """Return of each model the elements that are not the same in all, and their damping times."""
@@ -248,8 +251,7 @@ class Differing:
 
     def mass_between(self, x: Array, y: Array) -> Array:
         """Return x^T M y (k,) of rates (n_q, k) and (n_q,), with the sum of the models' mass by the first weights."""
-        blocks = _mass_blocks(self.run.model, self.models, self.weights[0])
-        return np.sum([np.einsum("mik,mi->k", x[coords], y[coords] @ M.T) for coords, M in blocks] or
+        return np.sum([np.einsum("mik,mi->k", x[coords], y[coords] @ M.T) for coords, M in self._blocks] or
                       [np.zeros(x.shape[1])], axis=0)
 
     @property
@@ -267,6 +269,23 @@ def _forgotten(at: Record) -> Record:
     """Return states without what is remembered."""
     values = at.values
     return Record(values._replace(turns=values.turns[:, :0].copy(), feet=values.feet[:, :0].copy()))
+
+
+# of motions, what ``_told`` returns of their own models
+_OWN: WeakKeyDictionary[Run, tuple[Signals, dict[str, Any]]] = WeakKeyDictionary()
+
+
+def _told(run: Run, model: Model) -> tuple[Signals, dict[str, Any]]:
+    """Return the signals of a motion, with those that only a model beside it has, and the model's ``_tables``."""
+    if model is run.model and run in _OWN:
+        return _OWN[run]
+    signals = Signals()
+    for signal in run.signals:
+        signals.row(signal)
+    found = signals, _tables(model, signals)
+    if model is run.model:
+        _OWN[run] = found
+    return found
 
 
 def _tables(model: Model, signals: Signals) -> dict[str, Any]:
