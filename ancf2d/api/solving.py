@@ -12,10 +12,10 @@ from ..case.axes import Axis, read_bounds
 from ..errors import CaseError
 from ..results import check_output
 from ..study.accuracy.control import is_pursued, solve_to_accuracy
-from ..study.accuracy.pursuit import Target
 from ..study.convergence import Steps
 from ..study.convergence import convergence as refine
 from ..study.digests import inputs_of
+from ..study.goal import Target
 from ..study.optimise import METHODS, Optimum, problem_of
 from ..study.optimise import optimise as improve
 from ..study.pool import Workers

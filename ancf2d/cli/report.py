@@ -14,7 +14,7 @@ from .text import TIME, command_line, duration, many, number, rounded, say, tabl
 
 if TYPE_CHECKING:
     from ..case import LoadedCase
-    from ..study.accuracy.pursuit import Target
+    from ..study.goal import Target
 
 
 # what length, force and time are called
@@ -293,7 +293,7 @@ def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: b
     """Solve a case to the accuracy that it asks for, and say how; return the exit code."""
     from ..case.units import with_unit
     from ..study.accuracy.control import describe, solve_to_accuracy
-    from ..study.accuracy.pursuit import Target
+    from ..study.goal import Target
     from ..study.record import Progress
     from ..study.run import describe_goal
 

@@ -190,21 +190,22 @@ def for_study(loaded: LoadedCase) -> LoadedCase:
     return replace(loaded, case=case)
 
 
-@dataclass(frozen=True)
-class File:
-    """Where a run is written; ``conclude(solved)`` may add to its summary before."""
+@dataclass
+class Target:
+    """The result file that runs are written to; ``written``: whether it holds the best so far."""
 
     out: str
-    force: bool
-    command: str
-    conclude: Callable[[Solved], None]
+    force: bool = False
+    command: str = ""
+    written: bool = False
 
 
-def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, file: File | None = None,
-                   solve: Solve | None = None) -> Solved:
+def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, target: Target | None = None,
+                   tell: Callable[[Solved], None] = lambda found: None, solve: Solve | None = None) -> Solved:
     """Solve a case that has a goal, or responses, by ``solve`` where that is not the solver alone.
 
-    Raises CaseError, and ComputationError where it fails or has no such value.
+    It is written to ``target``; ``tell`` may add to its summary before. Raises CaseError, and ComputationError where it
+    fails or has no such value.
     """
     # points are placed so densely that curves can be compared only where an accuracy is asked for
     whole = loaded.case.accuracy is not None
@@ -228,10 +229,10 @@ def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, file: F
         answer = watch.answer(summary, model)
         if answer is not None:
             found.append(answer)
-            if file is not None:
-                file.conclude(Solved(answer, Outcome(summary, model), watch.last))
+            tell(Solved(answer, Outcome(summary, model), watch.last))
 
-    where: dict[str, Any] = {} if file is None else {"out": file.out, "force": file.force, "command": file.command}
+    where: dict[str, Any] = {} if target is None else {
+        "out": target.out, "force": target.force, "command": target.command}
     outcome = run_case(loaded, progress=progress, conclude=conclude, solve=solve, **where)
     if outcome.failure is not None:
         raise outcome.failure

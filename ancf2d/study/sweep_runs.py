@@ -14,8 +14,8 @@ from ..case import CaseText, Goal, LoadedCase
 from ..errors import UNSOLVED, ResultsError, verdict
 from ..model.model import Model
 from .accuracy.control import is_pursued, solve_to_accuracy
-from .accuracy.pursuit import Target
 from .digests import content_name, files_of
+from .goal import Target
 from .pool import DIED
 from .record import Progress
 from .run import run_case, vocabulary

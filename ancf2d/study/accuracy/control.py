@@ -11,7 +11,7 @@ from ...case import FrequencyResponse, LoadedCase, Rectangle, with_overrides
 from ...errors import ComputationError
 from ...model.curve import stretches
 from ...model.plan import acting_points
-from ..goal import Answer, goal_kind
+from ..goal import Answer, Target, goal_kind
 from ..order import Estimate
 from ..record import Progress
 from ..run import Outcome, describe_goal, prepare, vocabulary
@@ -20,7 +20,7 @@ from ..windows import window_of
 from .direct import Direct
 from .mesh import Ladder
 from .motion import Motion
-from .pursuit import LEAST_TOLERANCE, MOST_WORK, Pursuit, Target, apart, tenth
+from .pursuit import LEAST_TOLERANCE, MOST_WORK, Pursuit, apart, tenth
 from .setting import Level, with_setting
 
 # accuracy of a case that leaves element types open and names none

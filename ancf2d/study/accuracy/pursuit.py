@@ -11,7 +11,7 @@ from ...case import LoadedCase
 from ...errors import Ancf2dError, CaseError, ComputationError, verdict
 from ...model.model import Model
 from ...solvers.registry import solve
-from ..goal import File, Solved, solve_for_goal
+from ..goal import Solved, Target, solve_for_goal
 from ..order import Estimate
 from ..record import Progress
 from ..run import Outcome, Solve, prepare
@@ -30,16 +30,6 @@ MOST_ELEMENTS = 200_000
 MOST_WORK = 10**7
 MOST_LEVELS = 30
 LEAST_TOLERANCE = 1e-12
-
-
-@dataclass
-class Target:
-    """The result file that the last level is written to; ``written``: whether it holds the best so far."""
-
-    out: str
-    force: bool = False
-    command: str = ""
-    written: bool = False
 
 
 # of a solved level: what meshes tell, and its relative error
@@ -153,16 +143,13 @@ class Pursuit:
             if told is not None:
                 found.summary["accuracy"] = self.accuracy(level, *told(level))
 
-        file = None if self.target is None or told is None else File(
-            self.target.out, self.target.force, self.target.command, conclude)
+        target = None if told is None else self.target
         self.case = with_setting(self.loaded, level.setting)
         try:
-            found = solve_for_goal(self.case, quiet, file, how)
+            found = solve_for_goal(self.case, quiet, target, conclude, how)
         except (ComputationError, MemoryError) as error:
             level.reason = verdict(error)[1]
             return
-        if file is None:
-            conclude(found)
         if self.loaded.case.solver.takes_guess:
             self.latest[level.setting.kinds] = found
         if told is not None:
