@@ -12,7 +12,7 @@ from ..elements.contact_geometry import FREE, HOME, ORIGIN, PLACE, RHO, WORK
 from .compiled_laws import part
 from .facing import face
 from .lowlevel.arrays import copy, vector
-from .lowlevel.jit import inner, kernel_with_memory
+from .lowlevel.jit import inner, kernel_with_memory, seldom
 from .points import fields_of_item
 
 # of how deep a point may be: what it goes at most between looks at whether it passes through; what is no depth
@@ -64,6 +64,7 @@ def _look(table, points, d, gaps, side):  # type: ignore[no-untyped-def]
 
 
 @kernel_with_memory
+@seldom
 def bodies_cross(table, points, d0, d1):  # type: ignore[no-untyped-def]
     """Return whether a point passes through a body on the straight way from d0 (n_full,) to d1, apart at both.
 

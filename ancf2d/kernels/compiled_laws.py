@@ -22,7 +22,7 @@ from ..elements.formulations.base import PointLaw as StrainLaw
 from ..elements.point_laws import PointLaw
 from .lanes import slots
 from .lowlevel.arrays import array, vector
-from .lowlevel.jit import addressed, inlined, inner, merged
+from .lowlevel.jit import addressed, inlined, inner, merged, seldom
 from .lowlevel.records import address_of, at, caller, rows, table, type_of
 from .motion.state import evaluate_with_gradient
 
@@ -282,7 +282,7 @@ def _compiled_point_law(law: PointLaw, what: str) -> tuple[Any, int]:
                            "along": (forces, _ALONG), "accept_along": (accept, _ACCEPT_ALONG)}[what]
     # the cache knows it by this name
     function.__qualname__ = f"{what}_{law.name}"
-    compiled = addressed(function)
+    compiled = addressed(seldom(function) if what.startswith("accept") else function)
     return compiled, address_of(compiled, signature)
 
 

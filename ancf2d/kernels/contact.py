@@ -33,7 +33,7 @@ from ..elements.contact_geometry import (
 from .compiled_laws import part
 from .facing import body_deepest, body_gaps, face
 from .lowlevel.arrays import vector
-from .lowlevel.jit import inner, kernel
+from .lowlevel.jit import inner, kernel, seldom
 from .points import amplitude_of, fields_of_item
 
 # places at which an interval between points of contact is looked at; depth beside a point that it contains already, of
@@ -47,6 +47,7 @@ _facing, _least, _slopes, _yields, _yields_beside = (part(f) for f in (
 
 
 @kernel
+@seldom
 def contact_gaps(points, d, amps, gaps, along, faces):  # type: ignore[no-untyped-def]
     """Fill the gap, the place on the obstacle and whether it is the face that touches (n,) of points at d (n_full,)."""
     u, w, a, work = vector(200), vector(200), vector(3), vector(WORK)
@@ -64,6 +65,7 @@ def contact_gaps(points, d, amps, gaps, along, faces):  # type: ignore[no-untype
 
 
 @kernel
+@seldom
 def lean(points, d, amps, slope, bend):  # type: ignore[no-untyped-def]
     """Fill g_z and g_zz of the gap of each point between others (n,) at d (n_full,)."""
     u, w, a, work = vector(200), vector(200), vector(3), vector(WORK)
@@ -91,6 +93,7 @@ def _try(par, p0, u, mem, work, z, feature, low, high, best):  # type: ignore[no
 
 
 @kernel
+@seldom
 def deepest(points, free, d, amps, depth, place, feature):  # type: ignore[no-untyped-def]
     """Fill how deep a body is in its obstacle within the interval of each point that may move, where, and in what.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..elements.point_laws import APART
 from .compiled_laws import call_accept, call_accept_along, call_along
 from .lowlevel.arrays import vector
-from .lowlevel.jit import inlined, inner, kernel
+from .lowlevel.jit import inlined, inner, kernel, seldom
 from .lowlevel.records import array_at
 from .matrices.matrix import scatter
 from .points import (
@@ -250,6 +250,7 @@ def point_tangent(points, d, v, amps, c, Q, matrix, places):  # type: ignore[no-
 
 
 @kernel
+@seldom
 def point_accept(points, d, amps):  # type: ignore[no-untyped-def]
     """Let laws remember the accepted state d."""
     if len(points.forces) == 0:

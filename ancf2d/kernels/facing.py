@@ -58,7 +58,7 @@ from ..elements.contact_geometry import (
 )
 from .compiled_laws import part
 from .lowlevel.arrays import copy, numbers, vector
-from .lowlevel.jit import inner, kernel
+from .lowlevel.jit import inner, kernel, seldom
 from .points import fields_of_item, weights_of_item
 
 # faces that touch look against one another by at least this cosine; a corner touches what it looks away from by less
@@ -254,6 +254,7 @@ def face(table, points, d):  # type: ignore[no-untyped-def]
 
 
 @kernel
+@seldom
 def body_gaps(table, points, d, gaps, places):  # type: ignore[no-untyped-def]
     """Fill the gap of each point, infinite where nothing is opposite, after ``face`` at d (n_full,).
 
@@ -286,6 +287,7 @@ def _gap_from(table, points, k, d, z, u, best, room, none, own, work, across, wa
 
 
 @kernel
+@seldom
 def body_deepest(table, points, free, d, depth, place):  # type: ignore[no-untyped-def]
     """Fill how deep a body is in the other within the interval of each point that may move, and where.
 

@@ -9,7 +9,7 @@ from ..elements.contact_geometry import BODY, FREE, HOME, RHO, SHAPE, WORK
 from . import calls
 from .compiled_laws import part
 from .curves import is_apart
-from .lowlevel.jit import addressed_with_memory, inner_with_memory
+from .lowlevel.jit import addressed_with_memory, inner_with_memory, seldom
 from .motion.dynamics import signals_at, to_full
 from .points import amplitude_of, fields_of_item
 
@@ -61,6 +61,7 @@ def _stays_apart(points, i, before, after):  # type: ignore[no-untyped-def]
 
 
 @addressed_with_memory
+@seldom
 def tunnels(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     """Return whether a point passes through an obstacle in the step from s at t to m.end, out of it at both."""
     n, end, depth = len(p.points.mem), m.end, DEPTH * p.extent

@@ -9,7 +9,7 @@ from .body_passages import bodies_cross
 from .curves import add_skew, point_accept, point_forces, point_tangent
 from .facing import face
 from .lowlevel.arrays import array
-from .lowlevel.jit import addressed, inner, kernel, named
+from .lowlevel.jit import addressed, inner, kernel, named, seldom
 from .matrices.symmetric import in_band, in_fronts, places_in
 from .points import (
     evaluate_at,
@@ -47,6 +47,7 @@ def point_violation(points, d, amps):  # type: ignore[no-untyped-def]
 
 
 @kernel
+@seldom
 def point_noise(points, d, out):  # type: ignore[no-untyped-def]
     """Add what a unit relative error of every coordinate's share in a force can sum up to (n_full,).
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from .compiled_laws import call_forces, call_mean
 from .lowlevel.arrays import vector
-from .lowlevel.jit import inlined, inner, kernel
+from .lowlevel.jit import inlined, inner, kernel, seldom
 from .lowlevel.records import array_at
 
 
@@ -299,6 +299,7 @@ def point_mean_forces(points, d0, d1, v, amps0, amps1, lam_from_d1, Q):  # type:
 
 
 @kernel
+@seldom
 def point_constraint_rates(points, d, v, amps, out_velocity, out_acceleration):  # type: ignore[no-untyped-def]
     """Set g_t and v^T g_qq v + 2 g_qt v + g_tt at the multiplier of each constraint g(q, t) = 0 (n_full,) each.
 

@@ -11,7 +11,7 @@ import math
 from ..elements import sliding
 from .compiled_laws import part
 from .lowlevel.arrays import array, matrices, numbers, vector
-from .lowlevel.jit import inner, kernel
+from .lowlevel.jit import inner, kernel, seldom
 from .matrices.matrix import scatter
 
 _point_at, _find, _rows_at, _second = (part(f) for f in (
@@ -107,6 +107,7 @@ def _tangent(table, i, d, Q, matrix, places):  # type: ignore[no-untyped-def]
 
 
 @kernel
+@seldom
 def sliding_matrix(table, i, d, dofs, Q, K):  # type: ignore[no-untyped-def]
     """Fill coordinates, forces (k + 1,) and stiffness (k + 1, k + 1) of joint i, and begin the next search here.
 
@@ -204,6 +205,7 @@ def _constraint_rates(table, i, d, v, out_velocity, out_acceleration):  # type: 
 
 
 @kernel
+@seldom
 def sliding_constraint_rates(table, d, v, amps, out_velocity, out_acceleration):  # type: ignore[no-untyped-def]
     """Set 0 and v^T g_qq v at the multipliers: rates obey g_q v = 0, accelerations g_q v' = -v^T g_qq v."""
     for i in range(len(table.multiplier)):
@@ -228,6 +230,7 @@ def sliding_violation(table, d, amps):  # type: ignore[no-untyped-def]
 
 
 @kernel
+@seldom
 def sliding_accept(table, d):  # type: ignore[no-untyped-def]
     """Take the foot points of the accepted state d as where the next searches begin."""
     for i in range(len(table.multiplier)):
@@ -239,6 +242,7 @@ def sliding_accept(table, d):  # type: ignore[no-untyped-def]
 
 
 @kernel
+@seldom
 def sliding_check(table, d):  # type: ignore[no-untyped-def]
     """Return the number of the first joint whose point is off the end of its body, or -1."""
     for i in range(len(table.multiplier)):
@@ -267,6 +271,7 @@ def _noise(table, i, d, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
+@seldom
 def sliding_noise(table, d, out):  # type: ignore[no-untyped-def]
     """Add what a unit relative error of every coordinate's share in a force can sum up to (n_full,)."""
     for i in range(len(table.multiplier)):

@@ -27,6 +27,8 @@ _REFUSE = ctypes.cast(ctypes.pythonapi.PyErr_BadArgument, ctypes.c_void_p).value
 CACHE, REFUSED = cache_folder()
 # the first byte is 1 as soon as this process, or a copy of it, has a kernel to compile
 _MISSED = mmap.mmap(-1, 1)
+# functions that kernels are made of for size
+_SELDOM: set[Any] = set()
 
 
 class _Kernel:
@@ -45,6 +47,10 @@ class _Kernel:
             library._reload_init.update(other._reload_init)
             library._final_module.link_in(other._get_module_for_linking(), preserve=True)
         library._linking_libraries.clear()
+        if function in _SELDOM:
+            for each in library._final_module.functions:
+                if not each.is_declaration:
+                    each.add_function_attribute("optsize")
         result.reload_init.extend(library._reload_init)
         result = self._finished(result)
         result.target_context.insert_user_function(result.entry_point, result.fndesc, [library])
@@ -183,6 +189,12 @@ def kernel(function: Callable[..., Any]) -> Any:
     It makes no arrays, nor does it call what returns arrays that it made: see ``kernel_with_memory``.
     """
     return _compiled(function, **_NO_MEMORY)
+
+
+def seldom(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Let a kernel that runs once in a step, or less, be optimised for its size, which takes LLVM half as long."""
+    _SELDOM.add(function)
+    return function
 
 
 def shared(function: Callable[..., Any]) -> Any:

@@ -7,6 +7,7 @@ function that it goes through is compiled for all of them.
 from __future__ import annotations
 
 import ctypes
+import hashlib
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -148,7 +149,8 @@ class RecordType(types.Type):  # type: ignore[misc]
             at += words_of(field)
         self.words = at
         inside = ",".join(f.name for _, f in fields)
-        super().__init__(name=f"{kind.__name__}({inside})")
+        # it is in the names of all functions that take the record, each of which is in the code of many kernels
+        super().__init__(name=f"{kind.__name__}_{hashlib.sha256(inside.encode()).hexdigest()[:12]}")
 
     def whole(self) -> types.Type:
         """Return the type of the named tuple itself."""

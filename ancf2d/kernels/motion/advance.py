@@ -9,7 +9,7 @@ import numpy as np
 from .. import calls
 from ..bodies import remember_elements
 from ..lowlevel.arrays import copy, copy_rows
-from ..lowlevel.jit import inner, kernel
+from ..lowlevel.jit import inner, kernel, seldom
 from ..lowlevel.records import array_at
 from ..patches import accept_patches, violation
 from .dynamics import norm, signals_at, to_full
@@ -302,6 +302,7 @@ def _passed(rows, first, end, near):  # type: ignore[no-untyped-def]
 
 
 @kernel
+@seldom
 def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-untyped-def]
     """Step until t_stop, until rows are full or so many steps are done.
 

@@ -8,7 +8,7 @@ from .. import calls
 from ..bodies import elastic, group_at, set_natural
 from ..elements import tangent_action, viscous_action
 from ..lowlevel.arrays import copy, copy_rows, vector
-from ..lowlevel.jit import inner, kernel
+from ..lowlevel.jit import inner, kernel, seldom
 from ..moving import moving_inertia
 from ..points import add_to, evaluate_item, fields_of_item, work_arrays
 from .dynamics import FORCES, norm, residual, signals_at, to_full, to_unknowns, twice_kinetic
@@ -34,6 +34,7 @@ def _recall(p, w, at, k):  # type: ignore[no-untyped-def]
 
 
 @kernel
+@seldom
 def read_states(p, w, side, inside, z, v, a, turns, feet, states,  # type: ignore[no-untyped-def]
                 d, rates, second, Q, energy):
     """Fill d, rates, second and Q - F (m, n_full) with what stored states are in full coordinates.
@@ -104,6 +105,7 @@ def actions(p, w, at, dz, dv, da, step, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
+@seldom
 def tangents(p, w, at, c, out):  # type: ignore[no-untyped-def]
     """Fill out (m, entries) with dQ/dz + c dQ/dz' of each state, as Newton's method has them."""
     for k in range(len(at.t)):

@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import calls
 from ..bodies import mean_elastic, mean_elastic_tangent, set_natural, work_of_natural
-from ..lowlevel.jit import addressed, inner
+from ..lowlevel.jit import addressed, inner, seldom
 from .dynamics import (
     FORCES,
     TANGENTS,
@@ -124,6 +124,7 @@ def _error(m, p, w, s, h):  # type: ignore[no-untyped-def]
 
 
 @addressed
+@seldom
 def conserving_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     """Step from the motion s at t to m.end; return (outcome, iterations, error [m], contraction)."""
     n, end = len(m.dz), m.end
@@ -235,6 +236,7 @@ def _work_of_inertia(m, p, w, s, h):  # type: ignore[no-untyped-def]
 
 
 @addressed
+@seldom
 def conserving_work(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     """Return (work, loss) of the step that has been made, by the forces of its balance: together they are exact.
 

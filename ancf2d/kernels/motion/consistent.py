@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from .. import calls
-from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, kernel, kernel_with_memory
+from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, kernel, kernel_with_memory, seldom
 from ..patches import patch_forces, rates_of_constraints
 from .dynamics import add_mass, patches_tangent, residual, signals_at, to_full, twice_kinetic
 
@@ -23,6 +23,7 @@ def constraint_matrix(p, w):  # type: ignore[no-untyped-def]
 
 
 @addressed_with_memory
+@seldom
 def by_motion(p, w, order, out):  # type: ignore[no-untyped-def]
     """Fill what prescribed motion alone makes of the constraints (order 1: rates, 2: accelerations) at multipliers."""
     out[:] = 0.0
@@ -81,6 +82,7 @@ def allowed_rates(p, w, z, v, impulse, rhs):  # type: ignore[no-untyped-def]
 
 
 @kernel_with_memory
+@seldom
 def consistent(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
     """Make rates v, accelerations a and the multipliers in z consistent at t; return whether that went well.
 
@@ -144,6 +146,7 @@ def gap_rates(p, w, z, v, a, g, rate, second):  # type: ignore[no-untyped-def]
 
 
 @kernel_with_memory
+@seldom
 def onto_constraints(p, w, z, v, t):  # type: ignore[no-untyped-def]
     """Move z and v onto the constraints at t by the least change in the metric of the mass; multipliers stay."""
     n = len(z)

@@ -9,7 +9,7 @@ import numpy as np
 from .. import calls
 from ..bodies import elastic, elastic_noise, elastic_tangent, power_of_natural, set_natural, viscous
 from ..lowlevel.arrays import rank, ranked
-from ..lowlevel.jit import addressed, inner, kernel
+from ..lowlevel.jit import addressed, inner, kernel, seldom
 from ..lowlevel.records import array_at
 from ..moving import moving_inertia, place_moving
 from ..patches import add_patch_tangent, forces_but_contacts, patch_forces, patch_noise, violation
@@ -237,6 +237,7 @@ def forces_tangent(p, w, z, v, c):  # type: ignore[no-untyped-def]
 
 
 @kernel
+@seldom
 def place_at(p, w, z, v, t):  # type: ignore[no-untyped-def]
     """Place what moves along bodies where it is at t."""
     signals_at(p, t, w.amps)
@@ -303,6 +304,7 @@ def norm(p, x):  # type: ignore[no-untyped-def]
 
 
 @addressed
+@seldom
 def at_floor(p, w, v, a):  # type: ignore[no-untyped-def]
     """Return whether no residual in w.R exceeds what round-off can leave of its terms at w.d."""
     w.other[:] = 0.0

@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import calls
 from ..lowlevel.arrays import copy
-from ..lowlevel.jit import addressed, inner, kernel
+from ..lowlevel.jit import addressed, inner, kernel, seldom
 from .dynamics import signals_at, to_full, twice_kinetic
 from .feedback import tell
 from .state import (
@@ -46,6 +46,7 @@ REST = 1e-9
 
 
 @kernel
+@seldom
 def holding(p, w, z, v, t):  # type: ignore[no-untyped-def]
     """Mark the conditions that hold at unknowns z with rates v at t; return NONE, SOME or NO_VALUE."""
     f = p.feedback
@@ -161,6 +162,7 @@ def _between(p, w, s, m, at, t, h, n):  # type: ignore[no-untyped-def]
 
 
 @addressed
+@seldom
 def crossing(p, w, s, m, at, t, h, beyond):  # type: ignore[no-untyped-def]
     """Return the fraction of the step from s at t at which a condition comes to hold, up to 1 + ``beyond``.
 

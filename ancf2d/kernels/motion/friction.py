@@ -19,7 +19,7 @@ from ...elements.contact_geometry import BEHIND, CLOSED, CLOSES, FRICTION, HELD,
 from .. import calls
 from ..compiled_laws import call_accept, call_forces
 from ..lowlevel.arrays import copy, copy_rows
-from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory
+from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, seldom
 from ..points import add_to, amplitude_of, fields_of_item, rates_of_item
 from .consistent import allowed_rates, constraint_matrix, gap_rates
 from .dynamics import to_full, to_unknowns
@@ -148,6 +148,7 @@ def _answer(p, w, factors, items, rate, slips, answers, W, P):  # type: ignore[n
 
 
 @addressed_with_memory
+@seldom
 def rub(p, w, z, v, impulse, approach, how):  # type: ignore[no-untyped-def]
     """Change the rates v at z by the impulses of friction of those items that are CLOSED in how (items,).
 
@@ -244,6 +245,7 @@ def _second_rates(p, w, z, v, a, items, out):  # type: ignore[no-untyped-def]
 
 
 @addressed_with_memory
+@seldom
 def drag(p, w, z, v, a, how):  # type: ignore[no-untyped-def]
     """Add friction to accelerations a and multipliers in z, which have none, of items that are CLOSED in how.
 
@@ -319,6 +321,7 @@ def point_friction(points, i, d, v, amps, holds, out):  # type: ignore[no-untype
 
 
 @addressed_with_memory
+@seldom
 def take_hold(points, d, amps):  # type: ignore[no-untyped-def]
     """Let items begin with the friction that they have BEHIND an impact at d (n_full,)."""
     for i in range(len(points.mem)):

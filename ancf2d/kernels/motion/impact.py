@@ -29,7 +29,7 @@ from .. import calls
 from ..bodies import elastic, set_natural
 from ..compiled_laws import call_forces
 from ..lowlevel.arrays import copy
-from ..lowlevel.jit import addressed_with_memory, inner_with_memory, kernel_with_memory
+from ..lowlevel.jit import addressed_with_memory, inner_with_memory, kernel_with_memory, seldom
 from ..passages import tunnels
 from ..patches import face_bodies, forces_but_contacts, patch_forces, rates_of_constraints
 from ..points import amplitude_of, fields_of_item
@@ -48,6 +48,7 @@ MORE, MOST_BOUNCES = 1.1, 12
 
 
 @addressed_with_memory
+@seldom
 def point_sides(points, d, v, amps, out):  # type: ignore[no-untyped-def]
     """Set 1 at the multipliers (n_full,) of one-sided constraints that are closed at d, 0 at those that are open."""
     u, w, a, f = np.zeros(_FIELDS), np.zeros(_FIELDS), np.zeros(3), np.zeros(_FIELDS)
@@ -107,6 +108,7 @@ def _settle(p, w, z, v, a, t, impulse, how):  # type: ignore[no-untyped-def]
 
 
 @kernel_with_memory
+@seldom
 def begin(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
     """Do as ``consistent`` where one-sided constraints touch: those that part are open, the others take the impact."""
     n = len(p.points.mem)
@@ -144,6 +146,7 @@ def begin(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
 
 
 @addressed_with_memory
+@seldom
 def behind(p, w, z, v, a, t, impulse, approach, how, bounces):  # type: ignore[no-untyped-def]
     """Set the rates behind an impact, then all else; what bounces off no longer presses."""
     if rubs(p):
@@ -295,6 +298,7 @@ def _given(p, w, end, t, touched, approach, pushed):  # type: ignore[no-untyped-
 
 
 @addressed_with_memory
+@seldom
 def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
     """Do what constraints that closed in the step from s at t to m.end do to its end; note what obstacles GIVE.
 
@@ -348,6 +352,7 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
 
 
 @addressed_with_memory
+@seldom
 def lost_in_impact(p, w, s, m, t, h, tracks):  # type: ignore[no-untyped-def]
     """Return by how much energy falls in the step from s at t to m.end, its work and losses not counted."""
     return _held(p, w, s.z, s.v, t, tracks) - _held(p, w, m.end.z, m.end.v, t + h, tracks)

@@ -9,7 +9,7 @@ import numpy as np
 from ...elements.contact_geometry import CLOSES, FRICTION, SLIDES
 from .. import calls
 from ..lowlevel.arrays import copy, copy_rows
-from ..lowlevel.jit import addressed, inner
+from ..lowlevel.jit import addressed, inner, seldom
 from ..moving import add_moving_product
 from .dynamics import add_mass, factor, norm, remember, residual, settled, signals_at, solve_with
 from .feedback import weigh_state
@@ -277,6 +277,7 @@ def _of_step(m, backward):  # type: ignore[no-untyped-def]
 
 
 @addressed
+@seldom
 def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
     """Step from the motion s at t to own.end; return (outcome, iterations, error [m], contraction)."""
     m = _of_step(own, s.numbers[BACKWARD] > 0.0)

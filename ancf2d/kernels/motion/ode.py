@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import calls
 from ..lowlevel.arrays import copy
-from ..lowlevel.jit import kernel, kernel_with_memory
+from ..lowlevel.jit import kernel, kernel_with_memory, seldom
 from ..patches import accept_patches, rates_of_constraints, violation
 from .consistent import constraint_matrix
 from .dynamics import lost_to_mass_damping, power_of_loads, residual, signals_at, to_full
@@ -21,6 +21,7 @@ def mass_factors(p, w, factors):  # type: ignore[no-untyped-def]
 
 
 @kernel_with_memory
+@seldom
 def accelerations(p, w, factors, s, t):  # type: ignore[no-untyped-def]
     """Fill s.a, and the multipliers in s.z, at coordinates s.z with rates s.v; return whether they are determined.
 
@@ -85,6 +86,7 @@ def rates(p, w, factors, s, free, t, y, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
+@seldom
 def tangents(p, w, s, t, K, C, KKT):  # type: ignore[no-untyped-def]
     """Fill dQ/dz, dQ/dz + dQ/dz' and the matrix of [M G^T; G 0], stored as all are, at s with its multipliers."""
     signals_at(p, t, w.amps)
@@ -99,6 +101,7 @@ def tangents(p, w, s, t, K, C, KKT):  # type: ignore[no-untyped-def]
 
 
 @kernel
+@seldom
 def powers(p, w, factors, s, free, t, y):  # type: ignore[no-untyped-def]
     """Return (power of varying loads, motion and point laws, power lost) at y."""
     place(s, free, y)
@@ -109,6 +112,7 @@ def powers(p, w, factors, s, free, t, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
+@seldom
 def settle(p, w, s, t):  # type: ignore[no-untyped-def]
     """Take the motion s at t as the end of a step, put onto the constraints; return their violation."""
     if len(p.feedback.kind) > 0:

@@ -17,7 +17,7 @@ import numpy as np
 
 from ...elements.contact_geometry import BY_CHOICE, CLOSED, CLOSES, FRICTION, HELD, OPEN, SLIDES
 from .. import calls
-from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory
+from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, seldom
 from ..patches import face_bodies
 from .consistent import constraint_matrix
 from .dynamics import signals_at, to_full, to_unknowns
@@ -75,6 +75,7 @@ def to_limits(p, force):  # type: ignore[no-untyped-def]
 
 
 @addressed_with_memory
+@seldom
 def friction_forces(p, w, z, v, t, out):  # type: ignore[no-untyped-def]
     """Fill out (2, n), at multipliers, with forces of friction of points that press at z, and rates of their places."""
     one = np.zeros(2)
@@ -107,6 +108,7 @@ def _forces_of(p, w, opens, pressed, rubbed, rest, slide, out):  # type: ignore[
 
 
 @addressed_with_memory
+@seldom
 def let_go(p, w, s, z, t, force, lag, change):  # type: ignore[no-untyped-def]
     """Let points that open in a step from s at t to z press no more; return whether accelerations are known.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .. import calls
 from ..lowlevel.arrays import copy
-from ..lowlevel.jit import addressed, inner
+from ..lowlevel.jit import addressed, inner, seldom
 from .dynamics import lost_to_mass_damping, power_of_loads, signals_at
 from .events import interpolate
 
@@ -53,6 +53,7 @@ def _lost_on_the_way(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
 
 
 @addressed
+@seldom
 def work(p, w, s, m, at, t, h, end):  # type: ignore[no-untyped-def]
     """Return (work, loss) up to the fraction ``end`` of the step, from its interpolation.
 
