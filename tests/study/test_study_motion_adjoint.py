@@ -205,6 +205,23 @@ def test_steps_are_as_long_as_those_of_a_run(tmp_path, iterations, dt, tight):
             assert last.report["rejected"] == outcome.summary["rejected"]
 
 
+def test_a_bead_that_slides_off_its_rail_ends_the_motion_that_is_kept():
+    """r = 0.5 cosh(4 t) reaches the end of the rail of 2 m at t = 0.516, as in a run."""
+    def rigid(a, b, mass, inertia):
+        return {"geometry": {"type": "line", "start": [a, 0], "end": [b, 0]}, "section": {"height": 0.1, "width": 0.1},
+                "element": {"type": "rigid", "mass": mass, "inertia": inertia}}
+    turn = {"type": "expression", "value": "4*t"}
+    loaded = ancf2d.load({
+        "bodies": {"rail": rigid(0, 2, 1.0, 0.5), "bead": rigid(0.45, 0.55, 2.0, 2e-3)},
+        "boundary_conditions": [{"type": "prescribed", "at": "rail@0", "ux": 0, "uy": 0, "angle": turn}],
+        "joints": [{"name": "sleeve", "type": "prismatic", "point": "bead@0.5", "on": "rail"}],
+        "initial": {"rotation_rate": {"omega": 4.0, "about": [0, 0]}},
+        "solver": {"type": "dynamic", "t_end": 0.52, "tolerance": 1e-6, "method": "radau5"},
+        "goal": {"probe": "bead", "quantity": "x"}, "output": {"probes": {"bead": "bead@0.5"}}})
+    with pytest.raises(ancf2d.ComputationError, match=r"sleeve: bead@0\.5 has slid off the end of rail"):
+        list(backwards.Backwards(prepare(loaded), False, 1e-10).states())
+
+
 def test_one_way_is_chosen_by_goals_and_numbers(tmp_path):
     """One way back for each goal, or one forth for each number: the fewer."""
     loaded = scene(tmp_path, "radau5", CLAMP)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import islice
 from typing import Protocol
 
@@ -28,8 +28,9 @@ from ...model.model import Model
 from ..linear import unknowns_to_coordinates
 from ..motion.breaks import pass_break
 from ..motion.dynamic import Run
+from ..motion.failures import check_joints
 from ..motion.stepping import CHUNK_SECONDS, Stepper
-from ..state import MEMORIES, Row, State
+from ..state import Row, State
 from .differences import UnsuitedError
 from .linear_steps import Change, Equations, Stages
 from .many_states import in_full, left_out
@@ -107,8 +108,7 @@ class Backwards(Once):
         ``rows`` are then its first and its last state, and those between if ``whole``; ``parts`` are its steps. Raises
         ShortenedError where a fixed step is made shorter than a run makes it, if ``strict``.
         """
-        steps = self._record(strict)
-        return self.run.states(advance=lambda: self._some(steps))
+        return self.run.states(advance=partial(self._some, self._record(strict)))
 
     def _some(self, steps: Iterator[list[Row]]) -> list[Row]:
         """Make steps for a short while, one at least; return the states that were stored."""
@@ -122,8 +122,7 @@ class Backwards(Once):
     def _record(self, strict: bool) -> Iterator[list[Row]]:
         """Make the motion, which has begun; yield the states stored in each step."""
         stepper = self.stepper
-        self.begun, self.window = self.now(), stepper.p.programs.window.copy()
-        self.rows = [stepper.last()]
+        self.begun, self.window, self.rows = self.now(), stepper.p.programs.window.copy(), [stepper.last()]
         part, room, columns = Part(self._checkpoint()), KEPT, 0
         for step in self.steps():
             if strict and step is not None and self._shortened(step):
@@ -151,6 +150,8 @@ class Backwards(Once):
             if part.count >= self.size:
                 self._add(part)
                 part = Part(self._checkpoint())
+            for row in [*step.rows, stepper.here()] if len(stepper.p.sliding.multiplier) else ():
+                check_joints(stepper, row)
             yield step.rows
         self._add(part)
         self.rows.append(stepper.last())
@@ -158,10 +159,9 @@ class Backwards(Once):
     def _shortened(self, step: Step) -> bool:
         """Whether the last step is a fixed one that was shortened more often than with a run's tolerance."""
         more = self.stepper.s.numbers[REJECTED] - self.before["numbers"][REJECTED]
-        if not (self.stepper.dt > 0.0 and more):
+        if self.stepper.dt == 0.0 or not more:
             return False
-        memory = dict(zip(MEMORIES, (step.turns, step.feet), strict=False))
-        usual = Run(self.run.model, self.run.spec).stepper
+        usual, memory = Run(self.run.model, self.run.spec).stepper, {"turns": step.turns, "feet": step.feet}
         usual.resume({**self._checkpoint(), **self.before, **memory})
         usual.advance([], 1)
         return bool(usual.s.numbers[REJECTED] - self.before["numbers"][REJECTED] < more)
