@@ -36,10 +36,6 @@ def _no_mean(ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-def]
         J[0, 0, l] = np.nan
 
 
-def _no_memory(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
-    pass
-
-
 @merged
 def _matrix_vector(A, x, out, m, n, lanes):  # type: ignore[no-untyped-def]
     for l in range(lanes):
@@ -108,8 +104,7 @@ def _operations_of(law: StrainLaw) -> Any:
     # internal strains, of laws with memory
     NI = NS if law.state else 0
     # inlined, so that rows a constant distance apart are seen to be so
-    strain, geometric, mean, internal = (_seen_whole(f) for f in (
-        law.strain, law.geometric, law.mean or _no_mean, law.internal or _no_memory))
+    strain, geometric, mean = (_seen_whole(f) for f in (law.strain, law.geometric, law.mean or _no_mean))
 
     def operate(what, work, base, references, state, lanes):  # type: ignore[no-untyped-def]
         R, S = (references, state) if grows else (NR, NM)
@@ -137,9 +132,8 @@ def _operations_of(law: StrainLaw) -> Any:
         elif what == SQUARE:
             _transposed_matrix(J, DJ, H, NS, NU, NU, lanes)
         elif what == REMEMBER:
-            new = rows(work, base + at.new, S)
-            internal(ref, eps, rows(work, base + at.old, S), new, slope, lanes)
-            _less(eps, new, NI, lanes)
+            # ``remember`` has filled state and slope
+            _less(eps, rows(work, base + at.new, NI), NI, lanes)
             _matrix_matrix(slope, J, JE, NI, NI, NU, lanes)
             _from(J, JE, NI, NU, lanes)
         else:
@@ -164,6 +158,32 @@ def _compiled(law: StrainLaw) -> tuple[Any, int]:
 def law_address(law: StrainLaw) -> int:
     """Return the address of a law's operations, compiled when first asked for."""
     return _compiled(_any_size(law))[1]
+
+
+_INTERNAL = types.void(*[types.float64[:, ::1]] * 4, types.float64[:, :, ::1], types.int64)
+_internal = caller(_INTERNAL)
+
+
+@cache
+def _compiled_internal(internal: Any) -> tuple[Any, int]:
+    copy = _copied(internal)
+    _connect(copy)
+    compiled = addressed(copy)
+    return compiled, address_of(compiled, _INTERNAL)
+
+
+def internal_address(law: StrainLaw) -> int:
+    """Return the address of what fills internal strains, compiled once for all laws that share it; 0 for none."""
+    return 0 if law.internal is None else _compiled_internal(law.internal)[1]
+
+
+@inner
+def remember(law, at, work, base, lanes):  # type: ignore[no-untyped-def]
+    """Fill the new state and slope of a point of a law with memory from its strains; ``at`` are its ``Slots``."""
+    _internal(law.internal, (
+        rows(work, base + at.ref, law.references), rows(work, base + at.eps, law.strains),
+        rows(work, base + at.old, law.state), rows(work, base + at.new, law.state),
+        table(work, base + at.slope, law.strains, law.strains), lanes))
 
 
 class Formula(NamedTuple):

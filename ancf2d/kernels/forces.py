@@ -25,11 +25,12 @@ from .batch import (
     no_group,
     pad,
     place_of,
+    points_of,
     product,
     take_natural,
     to_lanes,
 )
-from .compiled_laws import MEAN, PULL, PUSH, RELAX, REMEMBER, STRAIN
+from .compiled_laws import MEAN, PULL, PUSH, RELAX, REMEMBER, STRAIN, remember
 from .lanes import Slots, vectors_of
 from .lowlevel.jit import addressed, inner
 from .lowlevel.records import address_of, array_at, caller, row, type_of, whole
@@ -143,6 +144,9 @@ def with_memory(group, what, part, first, count):  # type: ignore[no-untyped-def
         return 0.0
     if what == REMEMBER:
         recall(group, part, first, count)
+        at, slot = layout(group.law)
+        for p in range(points_of(group.law)):
+            remember(group.law, slot, group.plan.work, p * at.rows, vectors_of(group.law.B.shape[2] * count))
     each_point(group, what, vectors_of(group.law.B.shape[2] * count))
     return 0.0
 

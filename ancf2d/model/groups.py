@@ -10,7 +10,7 @@ from ..elements.formulations.base import PointLaw
 from ..elements.shape import Array
 from ..interactions.forces import NaturalStrain
 from ..kernels.batch import Group, Law
-from ..kernels.compiled_laws import law_address
+from ..kernels.compiled_laws import internal_address, law_address
 from ..kernels.forces import batch_address
 from ..kernels.lanes import LANES, Plan, places, room
 from ..kernels.lowlevel.blas import dgemm_address
@@ -98,8 +98,8 @@ def make_group(pool: Pool, natural: list[NaturalStrain], like: tuple[Pool, Recor
         blocks, pairs, entries = _blocks(B, nc, made(n, first_and_others(nc, positions)[0]))
         follow, rules = following(n, nc, positions, entries)
         parts = _parts(B.shape[1], blocks)
-        law = Law(law_address(point), point.fields, point.strains, point.references, point.state,
-                  *_in_parts_of_law(B, ref, D, parts))
+        law = Law(law_address(point), internal_address(point), point.fields, point.strains, point.references,
+                  point.state, *_in_parts_of_law(B, ref, D, parts))
         batches = _plan(law, parts, nc, blocks, pairs, np.concatenate([entries, np.array(follow)]), rules)
     parts = batches.parts
     group = Group(law, _natural(pool, natural, parts), _memory(law, point, parts, len(pool.dofs)),

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from ancf2d.case import Amplitude, Constant, Expression, Ramp, Sine, Table, jets
 from ancf2d.case.programs import programs as programs_of
 from ancf2d.errors import ComputationError
+from ancf2d.kernels.lowlevel.records import Record
 from ancf2d.kernels.motion.state import evaluate
 from ancf2d.model.timing import Signal
 
@@ -35,8 +36,9 @@ INSIDE = (0.1, 0.35, 0.55, 0.8, 1.2, 1.45, 2.2, 3.7)
 CORNERS = (-0.5, 0.0, 0.25, 1.0, 1.5, 4.0, 5.0)
 
 
-def programs(signals: list[Signal]) -> jets.Programs:
-    return programs_of((s.amplitude, s.factor, s.offset) for s in signals)
+def programs(signals: list[Signal]) -> Record:
+    """Return programs as kernels of motion have them."""
+    return Record(programs_of((s.amplitude, s.factor, s.offset) for s in signals))
 
 
 def compiled(signals: list[Signal], t: float) -> np.ndarray:

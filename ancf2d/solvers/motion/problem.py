@@ -46,7 +46,7 @@ from numba import types
 from ...case import Dynamic
 from ...kernels import calls
 from ...kernels.batch import no_group
-from ...kernels.compiled_laws import law_address
+from ...kernels.compiled_laws import internal_address, law_address
 from ...kernels.forces import batch_address
 from ...kernels.lowlevel.records import type_of
 from ...kernels.motion import ode
@@ -243,7 +243,9 @@ def of_elements(model: Model) -> list[Compilation]:
     if not laws:
         return []
     products = (types.float64[:, :, :, ::1], _i, numba.typeof(no_group().plan), _x)
-    return [batch_address, *(partial(law_address, law) for law in laws), partial(fill_products.compile, products)]
+    return [batch_address, *(partial(law_address, law) for law in laws),
+            *(partial(internal_address, law) for law in laws if law.internal is not None),
+            partial(fill_products.compile, products)]
 
 
 def of_motion(model: Model, spec: Dynamic) -> list[Compilation]:
