@@ -130,7 +130,6 @@ tunnels = _call(_b, None, _SCRATCH, _MOTION, _METHOD, _f, _f)
 impact = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _f, _f, _f)
 lost_in_impact = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _f, _f, _b)
 # contact forces that end: kernels.motion.release
-let_go = _call(_b, None, _SCRATCH, _MOTION, _x, _f, _xx, _xx, _xx)
 friction_forces = _call(_nothing, None, _SCRATCH, _x, _x, _f, _xx)
 # friction there: kernels.motion.friction
 point_slip = _call(_f, None, _i, _x, _x, _xx, _x)

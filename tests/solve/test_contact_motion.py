@@ -357,8 +357,7 @@ def test_methods_that_cannot_step_an_impact_are_refused():
 def test_a_flexible_block_thrown_along_a_floor_is_slowed_by_friction_alone(element, every):
     """Waves of the impact open and close the contact; m g t presses in all, of which friction takes its share.
 
-    Waves too short for the steps may die out, but take no energy from nothing (with ``reissner3`` it doubled where
-    steps began with their accelerations).
+    The steps damp waves too short for them, which takes energy and gives none.
     """
     mu, end, drop = 0.3, 0.3, 1e-3
     body = h.body({"type": "line", "start": [0.2, 0.01 + drop], "end": [0.4, 0.01 + drop]}, h.element(element, 4),
@@ -373,12 +372,10 @@ def test_a_flexible_block_thrown_along_a_floor_is_slowed_by_friction_alone(eleme
     total = sum(energy[part] for part in ("kinetic", "strain", "potential", "dissipated"))
     given = 0.5 * 0.54 * 1.0**2
     # at all stored states
-    assert (total - np.minimum.accumulate(total)).max() < 1e-2 * given
-    assert total[0] - total.min() < 0.08 * given
+    assert (total - np.minimum.accumulate(total)).max() < 1e-3 * given
+    assert total[0] - total.min() < 0.02 * given
     assert energy["strain"].max() < 1e-2 * given
-    # waves that are left may let some points slide back
-    assert found.probes["b"]["vx"] == pytest.approx(1.0 - mu * G * end, abs=0.06)
-
+    assert found.probes["b"]["vx"] == pytest.approx(1.0 - mu * G * end, abs=2e-3)
 
 
 def test_steps_with_contact_end_at_stored_states():

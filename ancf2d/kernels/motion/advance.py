@@ -12,9 +12,9 @@ from ..lowlevel.arrays import copy, copy_rows
 from ..lowlevel.jit import inner, kernel, seldom
 from ..lowlevel.records import array_at
 from ..patches import accept_patches, violation
+from .contact_steps import let_rub, no_friction, opens
 from .dynamics import norm, signals_at, to_full
-from .events import NONE, aim, gains, interpolate, shorten
-from .release import let_rub, no_friction
+from .events import NONE, aim, gains, interpolate
 from .state import (
     BACKWARD,
     CONTRACTION,
@@ -28,6 +28,7 @@ from .state import (
     NOT_FINITE,
     OLD_ERROR,
     OLD_STEP,
+    REJECTED,
     RUBBED,
     SIZE,
     STEP_SIZE,
@@ -167,7 +168,13 @@ def _tried(m, p, w, s, at, t, h):  # type: ignore[no-untyped-def]
     """
     for k in p.clocks:
         p.states[k] = h
+    s.numbers[BACKWARD] = 0.0
     outcome, iterations, error, contraction = calls.step(m.calls, (p, w, s, m.own, t, h))
+    if outcome == DONE and p.sided and opens(p, s.z, m.end.z):
+        # forces at the start would press on what has parted
+        s.numbers[BACKWARD] = 1.0
+        outcome, more, error, contraction = calls.step(m.calls, (p, w, s, m.own, t, h))
+        iterations += more
     if outcome == DONE and p.touches and calls.tunnels(p.calls, (p, w, s, m, t, h)):
         return NOT_CONVERGED, iterations, error, contraction
     if outcome != DONE or not p.winds:
@@ -213,7 +220,6 @@ def _keep(p, w, m, s, t, h, tracks, given, hit):  # type: ignore[no-untyped-def]
         calls.restart(m.calls, (s, m.own))
     s.numbers[TIME], s.numbers[OLD_STEP] = t, h
     s.numbers[COUNT] += 1.0
-    s.numbers[BACKWARD] = 0.0
     s.numbers[SIZE] = max(s.numbers[SIZE], _moved(p, s.z))
     if not p.patched and len(p.turning.length) == 0 and len(p.states) == 0 and len(p.feedback.kind) == 0:
         return 0.0
@@ -245,11 +251,21 @@ def _next_size(m, p, s, ratio, contraction, lost):  # type: ignore[no-untyped-de
         trend = s.numbers[STEP_SIZE] / s.numbers[OLD_STEP] * (old / (low * low)) ** (1.0 / order) * 0.9
         factor = min(factor, trend)
     largest = 4.0 if contraction < 0.3 else 1.2
-    if lost > 0.0 and not m.exact and order <= SECOND:
+    if (lost > 0.0 or p.sided) and not m.exact and order <= SECOND:
         largest = min(largest, DAMPED)
-    if p.sided:
-        largest = min(largest, m.growth)
     return min(max(factor, 0.2), largest)
+
+
+@inner
+def _shorten(m, s, plan, outcome, h, relative):  # type: ignore[no-untyped-def]
+    """Set the length of the next try after a step of length h that could not be made, or was not good enough."""
+    s.numbers[REJECTED] += 1.0
+    s.numbers[TRIES] += 1.0
+    if outcome != DONE:
+        shrink, s.numbers[LIMIT] = 0.5, 0.8 * h
+    else:
+        shrink = max(0.2, 0.8 * (plan.tolerance / relative) ** (1.0 / m.order))
+    s.numbers[STEP_SIZE] = shrink * h
 
 
 @inner
@@ -331,7 +347,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         fine = outcome == DONE and (plan.dt > 0.0 or relative <= plan.tolerance)
         if not fine:
             aims = 0
-            shorten(m, s, plan, outcome, h, relative)
+            _shorten(m, s, plan, outcome, h, relative)
             if not s.numbers[STEP_SIZE] >= plan.smallest:
                 return FAILED, stored, logged, outcome, iterations
             continue
@@ -351,7 +367,8 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             continue
         hit = sooner != 0.0
         work, lost = _work_of_step(m, p, w, s, at, t, h) if plan.tracks else (0.0, 0.0)
-        if p.sided and gains(m, p, w, s, plan, t, h, work - lost, hit):
+        if p.sided and plan.dt > 0.0 and gains(m, p, w, s, plan, t, h, work - lost, hit):
+            _shorten(m, s, plan, NOT_CONVERGED, h, relative)
             continue
         inside, at_end = _passed(rows, next_wanted, end, NEAR * h)
         needed, left = inside + 1 if at_end or inside > 0 else 0, len(rows.t) - stored

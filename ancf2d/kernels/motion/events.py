@@ -1,4 +1,4 @@
-"""What ends a step early, or has it made again: conditions that something waits for, and energy from nothing.
+"""What ends a step early: conditions that something waits for, and energy that comes from nothing.
 
 When in a step conditions come to hold is found by the step's interpolation.
 """
@@ -14,18 +14,7 @@ from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed, inner, kernel, seldom
 from .dynamics import signals_at, to_full, twice_kinetic
 from .feedback import tell
-from .state import (
-    BACKWARD,
-    DONE,
-    GAINED,
-    GIVEN,
-    LIMIT,
-    NOT_CONVERGED,
-    REJECTED,
-    STEP_SIZE,
-    TRIES,
-    evaluate_with_gradient,
-)
+from .state import GAINED, GIVEN, evaluate_with_gradient
 
 # of a condition: nothing waits for it; it is waited for; it holds where the motion has come to an event
 PASSED, WAITING, HOLDS = range(3)
@@ -36,10 +25,10 @@ LOOKS, HALVINGS = 8, 20
 # of the time: two of so many floats are one, and all that comes to hold between is one event
 FLOAT, FLOATS = 2.220446049250313e-16, 4.0
 # of a step that is to end at an event: how far behind its end that is looked for, and how often it is aimed at
-BEYOND, AIMS = 0.05, 8
+BEYOND, TRIES = 0.05, 8
 # where in a step: nowhere
 NOWHERE = 2.0
-# energy that steps may make in all, and each beyond that, beside the kinetic energy; the shortest of them
+# energy that fixed steps may make in all, and each beyond that, beside the kinetic energy; the shortest of them
 GAIN, MORE_GAIN, LAST_TRY = 5e-3, 1e-5, 1e-3
 # of the scene: what contacts do over less is no energy, where the scene is at rest
 REST = 1e-9
@@ -217,33 +206,16 @@ def aim(m, p, w, s, at, t, h, room, aims):  # type: ignore[no-untyped-def]
     if x < 0.0:
         return False, -1.0, False
     near = FLOATS * FLOAT * (t + h)
-    if x == NOWHERE or (aims >= AIMS and x > 1.0) or (x > 1.0 and h >= room):
+    if x == NOWHERE or (aims >= TRIES and x > 1.0) or (x > 1.0 and h >= room):
         return True, h, False
-    if abs(x - 1.0) * h <= near or aims >= AIMS:
+    if abs(x - 1.0) * h <= near or aims >= TRIES:
         return True, h, True
     return False, 0.0 if x * h <= near else min(x * h, room), False
 
 
 @inner
-def shorten(m, s, plan, outcome, h, relative):  # type: ignore[no-untyped-def]
-    """Set the length of the next try after a step of length h that could not be made, or was not good enough."""
-    s.numbers[BACKWARD] = 0.0
-    s.numbers[REJECTED] += 1.0
-    s.numbers[TRIES] += 1.0
-    if outcome != DONE:
-        shrink, s.numbers[LIMIT] = 0.5, 0.8 * h
-    else:
-        shrink = max(0.2, 0.8 * (plan.tolerance / relative) ** (1.0 / m.order))
-    s.numbers[STEP_SIZE] = shrink * h
-
-
-@inner
 def gains(m, p, w, s, plan, t, h, given, hit):  # type: ignore[no-untyped-def]
-    """Return whether a step makes energy beside what is given, and has to be made again.
-
-    What bounces may spin too fast for it: a fixed step is then shorter. An adaptive one is made by the backward Euler
-    method, which damps what is too fast for it.
-    """
+    """Return whether a fixed step makes energy beside what is given: what bounces may spin too fast for it."""
     if hit and np.isinf(s.numbers[GIVEN]):
         # supports that are moved give some in an impact
         return False
@@ -255,14 +227,8 @@ def gains(m, p, w, s, plan, t, h, given, hit):  # type: ignore[no-untyped-def]
             borne += abs(m.end.z[p.place[p.points.multiplier[i]]])
     kinetic = max(kinetic, REST * p.extent * borne)
     gained = max(0.0, s.numbers[GAINED] + rise)
-    share = h / plan.dt if plan.dt > 0.0 else 1.0
-    if gained > GAIN * kinetic and rise > MORE_GAIN * kinetic * share and share > LAST_TRY:
-        if plan.dt > 0.0:
-            shorten(m, s, plan, NOT_CONVERGED, h, 0.0)
-            return True
-        if s.numbers[BACKWARD] == 0.0:
-            s.numbers[BACKWARD] = 1.0
-            return True
+    if gained > GAIN * kinetic and rise > MORE_GAIN * kinetic * h / plan.dt and h > LAST_TRY * plan.dt:
+        return True
     s.numbers[GAINED] = gained
     return False
 

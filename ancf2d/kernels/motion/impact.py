@@ -34,9 +34,9 @@ from ..passages import tunnels
 from ..patches import face_bodies, forces_but_contacts, patch_forces, rates_of_constraints
 from ..points import amplitude_of, fields_of_item
 from .consistent import consistent, gap_rates
+from .contact_steps import friction_forces, let_choose
 from .dynamics import signals_at, to_full, twice_kinetic
 from .friction import approach_freely, drag, point_friction, point_slip, rub, rubs, take_hold
-from .release import friction_forces, let_choose, let_go
 from .state import BACKWARD, GIVEN
 
 # of the largest rate: constraints that part slower than this are closed
@@ -368,7 +368,7 @@ def impact_functions(contacts: Any, sided: bool, problem: Any) -> dict[Any, tupl
         points = problem.place["points"][1]
         out |= {calls.point_sides: (point_sides, points), calls.consistent: (consistent, problem),
                 calls.behind: (behind, problem), calls.impact: (impact, problem),
-                calls.lost_in_impact: (lost_in_impact, problem), calls.let_go: (let_go, problem)}
+                calls.lost_in_impact: (lost_in_impact, problem)}
         if any(pair.item.friction for pair in contacts):
             out |= {calls.point_slip: (point_slip, points), calls.rub: (rub, problem), calls.drag: (drag, problem),
                     calls.point_friction: (point_friction, points), calls.friction_forces: (friction_forces, problem),

@@ -6,15 +6,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...elements.contact_geometry import CLOSES, FRICTION, SLIDES
 from .. import calls
-from ..lowlevel.arrays import copy, copy_rows
+from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed, inner, seldom
 from ..moving import add_moving_product
+from .contact_steps import let_rub, lost_to_friction, to_limits
 from .dynamics import add_mass, factor, norm, remember, residual, settled, signals_at, solve_with
 from .feedback import weigh_state
 from .friction import rubs
-from .release import lag_behind, let_rub, opens_in, to_limits
 from .state import BACKWARD, CONTRACTION, DONE, FRESH, NOT_CONVERGED, NOT_FINITE, RUBBED, SINGULAR, SIZE
 
 # iterations that a tangent with its factors costs: where the last one would take more of them, there is a new one
@@ -28,25 +27,25 @@ KRYLOV, ENOUGH = 8, 1e-4
 class Newmark(NamedTuple):
     """(1 - am) alg_1 + am alg_0 = (1 - af) a_1 + af a_0 with Newmark's beta and gamma (Arnold & Bruls 2007).
 
-    tolerance : of Newton's increments, relative to the size of the motion; full : a tangent for every iteration;
-    end : a Step; alg : (n,); rows (2 KRYLOV + 1, n) : room; change (2, n) : of alg and a at the start, for the step
-    alone. For contacts (``release``): force (3, n), lag, drag (2, n).
+    starts : 1, or 0 where a step has no use for alg at its start; tolerance : of Newton's increments, relative to the
+    size of the motion; full : a tangent for every iteration; end : a Step; alg : (n,); rows (2 KRYLOV + 1, n) : room;
+    before, after (3, n) : at start and end, friction of contacts without a law, rates of their places, and what alg has
+    of the friction.
     """
 
     am: float
     af: float
     beta: float
     gamma: float
+    starts: float
     tolerance: float
     max_iterations: int
     full: bool
     end: Any
     alg: Any
     rows: Any
-    change: Any
-    force: Any
-    lag: Any
-    drag: Any
+    before: Any
+    after: Any
 
 
 @inner
@@ -55,7 +54,7 @@ def _move(m, p, s, h):  # type: ignore[no-untyped-def]
     end = m.end
     for i in range(len(m.alg)):
         if p.coordinate[i] != 0.0:
-            alg0, alg1 = s.extra[0, i], m.alg[i]
+            alg0, alg1 = m.starts * s.extra[0, i], m.alg[i]
             end.z[i] = s.z[i] + h * (s.v[i] + h * ((0.5 - m.beta) * alg0 + m.beta * alg1))
             end.v[i] = s.v[i] + h * ((1.0 - m.gamma) * alg0 + m.gamma * alg1)
             end.a[i] = ((1.0 - m.am) * alg1 + m.am * alg0 - m.af * s.a[i]) / (1.0 - m.af)
@@ -158,11 +157,11 @@ def _solve(m, p, w, x):  # type: ignore[no-untyped-def]
 def _error(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
     """Return the local error [m]: the next term of the series in h, less what stiff motions make of it."""
     for k in range(len(m.alg)):
-        w.x[k] = m.alg[k] - s.extra[0, k]
+        w.x[k] = m.alg[k] - m.starts * s.extra[0, k]
     calls.mass_product(p.calls, (p, w.x, w.y))
     add_moving_product(p, w.x, w.y)
-    first = abs(m.beta - 0.5) if s.numbers[BACKWARD] > 0.0 else max(abs(m.beta - 1.0 / 6.0), 1.0 / 12.0)
-    factor = first * h * h * ca
+    series = max(abs(m.beta - 1.0 / 6.0), 1.0 / 12.0) if m.starts > 0.0 else 0.5
+    factor = series * h * h * ca
     for k in range(len(m.alg)):
         w.y[k] *= factor
     solve_with(p, w.A, w.y)
@@ -178,7 +177,7 @@ def _go_to(m, p, s, h, share):  # type: ignore[no-untyped-def]
     """Begin Newton's method with an end where the step began, plus a share of the way that its rates go in its time."""
     for i in range(len(m.alg)):
         if p.coordinate[i] != 0.0:
-            m.alg[i] = -((1.0 - share) * s.v[i] / h + (0.5 - m.beta) * s.extra[0, i]) / m.beta
+            m.alg[i] = -((1.0 - share) * s.v[i] / h + (0.5 - m.beta) * m.starts * s.extra[0, i]) / m.beta
     copy(s.z, m.end.z)
 
 
@@ -228,52 +227,11 @@ def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _add(p, change, share, s):  # type: ignore[no-untyped-def]
-    """Add a share of changes (2, n) to alg and a of s."""
-    for i in range(len(s.a)):
-        s.extra[0, i] += share * p.coordinate[i] * change[0, i]
-        s.a[i] += share * p.coordinate[i] * change[1, i]
-
-
-@inner
-def _forces(m, p, w, s, t):  # type: ignore[no-untyped-def]
-    """Fill what contacts begin a step with: their forces in a and in alg."""
-    copy(s.z, m.force[0])
-    copy_rows(s.extra[1:3], m.lag)
-    m.force[1:] = 0.0
-    if rubs(p):
-        calls.friction_forces(p.calls, (p, w, s.z, s.v, t, m.force[1:]))
-        if s.numbers[FRESH] > 0.0:
-            to_limits(p, m.force)
-        else:
-            copy(s.extra[3], m.force[1])
-
-
-@inner
-def _again(m, p, w, s, t, h, ca):  # type: ignore[no-untyped-def]
-    """Make a step again where points open in it, which press no more; return as ``_iterate``, no iterations if none."""
-    opens = False
-    for i in range(len(p.points.mem)):
-        opens |= opens_in(p, i, s.z, m.end.z)
-    if not opens:
-        return DONE, 0, 0.0
-    if calls.let_go(p.calls, (p, w, s, m.end.z, t, m.force, m.lag, m.change)):
-        _add(p, m.change, 1.0, s)
-    signals_at(p, t + h, w.amps)
-    outcome, iterations, rate = _iterate(m, p, w, s, h, ca)
-    for i in range(len(p.points.mem)):
-        if opens_in(p, i, s.z, m.end.z) and p.points.par[i, FRICTION] > 0.0:
-            # nor do they take energy in the step
-            p.points.mem[i, SLIDES] = CLOSES
-    return outcome, iterations, rate
-
-
-@inner
 def _of_step(m, backward):  # type: ignore[no-untyped-def]
-    """Return m, with the coefficients of the backward Euler method where a step is made by that and alg = 0."""
-    share = 0.0 if backward else 1.0
-    return Newmark(share * m.am, share * m.af, m.beta if share > 0.0 else 1.0, m.gamma if share > 0.0 else 1.0,
-                   m.tolerance, m.max_iterations, m.full, m.end, m.alg, m.rows, m.change, m.force, m.lag, m.drag)
+    """Return m, or the backward Euler method: z_1 = z_0 + h v_1, v_1 = v_0 + h a_1."""
+    own = 0.0 if backward else 1.0
+    return Newmark(own * m.am, own * m.af, own * m.beta + (1.0 - own), own * m.gamma + (1.0 - own), own, m.tolerance,
+                   m.max_iterations, m.full, m.end, m.alg, m.rows, m.before, m.after)
 
 
 @addressed
@@ -283,13 +241,16 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
     m = _of_step(own, s.numbers[BACKWARD] > 0.0)
     end, ca = m.end, (1.0 - m.am) / ((1.0 - m.af) * m.beta * h * h)
     if p.sided:
-        m.change[:] = 0.0
         let_rub(p, s.z)
-        _forces(m, p, w, s, t)
-        if s.numbers[BACKWARD] > 0.0:
-            for i in range(len(s.a)):
-                m.change[0, i] = -s.extra[0, i]
-            _add(p, m.change, 1.0, s)
+        m.before[:] = 0.0
+        if rubs(p):
+            calls.friction_forces(p.calls, (p, w, s.z, s.v, t, m.before))
+            if s.numbers[FRESH] > 0.0:
+                to_limits(p, s.z, m.before[0])
+                copy(m.before[0], m.before[2])
+            else:
+                copy(s.extra[1], m.before[0])
+                copy(s.extra[2], m.before[2])
     signals_at(p, t + h, w.amps)
     copy(s.extra[0], m.alg)
     copy(s.z, end.z)
@@ -301,18 +262,13 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
         _go_to(m, p, s, h, 0.0)
         outcome, more, rate = _iterate(m, p, w, s, h, ca)
         iterations += more
-    if outcome == DONE and p.sided and s.numbers[BACKWARD] == 0.0:
-        outcome, more, again = _again(m, p, w, s, t, h, ca)
-        iterations, rate = iterations + more, again if more > 0 else rate
-    error = _error(m, p, w, s, h, ca) if outcome == DONE else 0.0
-    if p.sided:
-        _add(p, m.change, -1.0, s)
-    if p.sided and outcome == DONE:
-        if rubs(p):
-            calls.friction_forces(p.calls, (p, w, end.z, end.v, t + h, m.drag))
-        s.numbers[RUBBED] = h * lag_behind(m, p, end.z)
     if outcome != DONE:
         return outcome, iterations, 0.0, rate
+    error = _error(m, p, w, s, h, ca)
+    if p.sided:
+        if rubs(p):
+            calls.friction_forces(p.calls, (p, w, end.z, end.v, t + h, m.after))
+        s.numbers[RUBBED] = h * lost_to_friction(m, p, end.z)
     dense = end.dense
     for i in range(len(m.alg)):
         dense[0, i], dense[1, i], dense[2, i] = h * s.v[i], end.z[i] - s.z[i], h * end.v[i]
@@ -323,8 +279,8 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
 def newmark_accept(s, m):  # type: ignore[no-untyped-def]
     """Keep what the next step needs beside the end of this one."""
     copy(m.alg, s.extra[0])
-    copy_rows(m.lag, s.extra[1:3])
-    copy(m.drag[0], s.extra[3])
+    copy(m.after[0], s.extra[1])
+    copy(m.after[2], s.extra[2])
     s.numbers[FRESH] = 0.0
 
 

@@ -21,7 +21,7 @@ GAINED, GIVEN = 17, 18
 # whether the next step is the first from accelerations that are consistent; energy that contacts without a law took in
 # a step by friction
 FRESH, RUBBED = 19, 20
-# whether a step is tried by the backward Euler method, as it made energy by its own
+# whether a step is made by the backward Euler method, as a contact without a law opens in it
 BACKWARD = 21
 NUMBERS = 22
 
@@ -80,8 +80,7 @@ class Method(NamedTuple):
 
     basis : (k, degree + 1) of the rows of ``end.dense``; own : address of the integrator's own record; calls : table
     of its functions (``kernels.calls``); exact : whether it knows the work of a step itself; impulse : by which
-    share of its length a force at the end of a step changes rates there; growth : of a step beside the one before, at
-    most, where rates jump.
+    share of its length a force at the end of a step changes rates there.
     """
 
     order: int
@@ -91,13 +90,12 @@ class Method(NamedTuple):
     calls: Any
     exact: bool
     impulse: float
-    growth: float
 
 
 def method_of(order: int, basis: Any, n: int) -> Method:
     """Return a method whose own record and functions are yet to come, of n unknowns."""
     end = Step(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((len(basis), n)))
-    return Method(order, basis, end, 0, np.zeros(0, dtype=np.int64), False, 0.0, np.inf)
+    return Method(order, basis, end, 0, np.zeros(0, dtype=np.int64), False, 0.0)
 
 
 def scratch(n: int, n_full: int, entries: int, signals: int) -> Scratch:

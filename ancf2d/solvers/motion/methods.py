@@ -104,9 +104,9 @@ def _newmark_family(alphas: Callable[[float], tuple[float, float]], radius: bool
         n = len(p.weights)
         am, af = alphas(spectral_radius(spec) if radius else 1.0)
         gamma = 0.5 + af - am
-        return Newmark(am, af, 0.25 * (gamma + 0.5) ** 2, gamma, tolerance, spec.max_iterations or MAX_ITERATIONS,
-                       spec.newton == "full", end, np.zeros(n), np.zeros((2 * KRYLOV + 1, n)), np.zeros((2, n)),
-                       np.zeros((3, n)), np.zeros((2, n)), np.zeros((2, n)))
+        return Newmark(am, af, 0.25 * (gamma + 0.5) ** 2, gamma, 1.0, tolerance, spec.max_iterations or MAX_ITERATIONS,
+                       spec.newton == "full", end, np.zeros(n), np.zeros((2 * KRYLOV + 1, n)), np.zeros((3, n)),
+                       np.zeros((3, n)))
     return Maker(3, cubic(), make)
 
 
@@ -193,10 +193,7 @@ class Method:
         self.functions = self._functions(p.layout, p.sided, len(relaxes[0]) > 0)
         own = self.own.values
         impulse = own.gamma * (1.0 - own.af) / (1.0 - own.am) if isinstance(own, Newmark) else 0.0
-        # what is left per step of motions far too fast for the steps grows with the root of the steps' own growth
-        growth = 1.0 / max(spectral_radius(spec), 1e-3)
-        self._unfinished = method._replace(own=self.own.address, exact=self._kernels.work is not None, impulse=impulse,
-                                           growth=growth)
+        self._unfinished = method._replace(own=self.own.address, exact=self._kernels.work is not None, impulse=impulse)
 
     def _functions(self, problem: Any, sided: bool, relaxes: bool) -> dict[Any, tuple[Any, ...]]:
         kernels, own = self._kernels, self.own.layout
