@@ -47,7 +47,7 @@ def _case(solver: dict[str, Any], element: dict[str, Any] | None = None, **more:
                      "section": {"height": 0.05, "width": 0.05}, "element": element or {"type": "cable", "count": 4}}
               for name, x, y in (("a", 0.0, 0.0), ("b", 0.5, -0.06))}
     return {"format": 1, "bodies": bodies, "solver": solver, "output": {"probes": {"tip": "a@1"}},
-            "loads": [{"type": "force", "at": "a@1", "value": [0, -20.0]}],
+            "loads": [{"type": "force", "at": "a@1", "value": [0, -5.0]}],
             "boundary_conditions": [{"type": "clamp", "at": "a@0"}, {"type": "clamp", "at": "b@1"}], **more}
 
 
