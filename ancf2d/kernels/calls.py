@@ -129,7 +129,7 @@ behind = _call(_b, None, _SCRATCH, _x, _x, _x, _f, _x, _x, _x, _b)
 tunnels = _call(_b, None, _SCRATCH, _MOTION, _METHOD, _f, _f)
 impact = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _f, _f, _f)
 lost_in_impact = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _f, _f, _b)
-# contact forces that end: kernels.motion.release
+# friction of contacts without a law over a step: kernels.motion.contact_steps
 friction_forces = _call(_nothing, None, _SCRATCH, _x, _x, _f, _xx)
 # friction there: kernels.motion.friction
 point_slip = _call(_f, None, _i, _x, _x, _xx, _x)
