@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 # beyond this multiple of an element's own width, general sparse factors are cheaper than a general band
 WIDE_BAND = 4
+# of the largest entry in a column: a diagonal entry as large as this is the pivot
+PIVOT = 0.1
 
 
 class TangentMatrix(Protocol):
@@ -142,13 +144,15 @@ class GeneralSparse:
         self.values.fill(0.0)
 
     def factor(self) -> Pivots:
-        """Factor: P_r K P_c = L U, with diagonal pivots preferred so that their signs tell the inertia."""
+        """Factor: P_r K P_c = L U; unless rows are exchanged, the signs of the pivots tell the inertia."""
         from scipy.sparse.linalg import splu
 
         K = self._matrix().tocsc()
         scale = np.abs(K.diagonal())
+        # an order for K + K^T fills the factors where rows leave it
+        order, threshold = ("COLAMD", PIVOT) if self.exchange else ("MMD_AT_PLUS_A", 0.0)
         try:
-            self.lu = splu(K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=float(self.exchange),
+            self.lu = splu(K, permc_spec=order, diag_pivot_thresh=threshold,
                            options={"SymmetricMode": not self.exchange})
         except RuntimeError:
             return Pivots(int(np.argmin(scale)), 0, 0.0)

@@ -109,8 +109,7 @@ def times(system: Any, repeat: int) -> dict[str, float]:
 
 def measure_one(name: str, element: str, repeat: int) -> dict[str, Any]:
     """Return microseconds per element of an iteration, and of factors and solution with a band and with SuperLU."""
-    from ancf2d.solvers.ldl import SymmetricBand
-    from ancf2d.solvers.linear import GeneralSparse, pattern
+    from ancf2d.solvers.linear import GeneralSparse, make_matrix, pattern
     from ancf2d.solvers.system import System
 
     data = SCENES[name](element)
@@ -121,9 +120,9 @@ def measure_one(name: str, element: str, repeat: int) -> dict[str, Any]:
            "half_bandwidth": other.numbering.half_bandwidth}
     found = times(System(model), repeat)
     row |= {part: 1e6 * s / count for part, s in found.items()}
-    n = other.numbering.n_unknowns
-    for kind, matrix in (("band", SymmetricBand(n, other.numbering.half_bandwidth)),
-                         ("superlu", GeneralSparse(n, *pattern(other)))):
+    # multipliers of welds have no diagonal entry, so SuperLU must exchange rows there
+    general = GeneralSparse(other.numbering.n_unknowns, *pattern(other), exchange=bool(other.constraints))
+    for kind, matrix in (("band", make_matrix(other)), ("superlu", general)):
         system = System(other)
         system.matrix = matrix
         found = times(system, repeat)
