@@ -100,6 +100,12 @@ def curves_of(mesh: BodyMesh, side: str, follows: Mapping[int, Any]) -> list[Cur
     return out
 
 
+def _alike(rows: Array) -> list[Index]:
+    """Return which rows are the same."""
+    inverse = np.unique(rows, axis=0, return_inverse=True)[1].ravel()
+    return [np.flatnonzero(inverse == k) for k in range(inverse.max() + 1)]
+
+
 def _corners(mesh: BodyMesh) -> list[Spot]:
     """Return the corners at the ends of a body."""
     if mesh.plan.closed:
@@ -188,6 +194,10 @@ class BodyPair:
         own = np.array([mesh.dofs[p.ie] for p in self.spots]).reshape(len(self.spots), -1)
         self.dofs: Index = np.hstack([own, np.broadcast_to(opposite.dofs, (len(own), len(opposite.dofs)))])
         self.G, self.p0, self.par = np.array(G), np.array(start), np.array(par)
+        same = [geometry.SECTION, geometry.TERMS, geometry.OFFSET]
+        self.alike = _alike(self.par[:, same])
+        self.alike_curves = _alike(np.array([c.constants for c in self.curves])[
+            :, [*same, facing.END, facing.MIDDLE, facing.HALF]])
         self.mem: Array = np.zeros((len(self.spots), facing.BODY_MEMORY))
         self.mem[:, geometry.PLACE] = [p.z for p in self.spots]
         self.mem[:, geometry.HELD], self.mem[:, geometry.BEHIND] = -1.0, geometry.NONE
@@ -199,14 +209,15 @@ class BodyPair:
 
     def _places(self, d: Array | None = None) -> Array:
         """Return where the points are (k, 2) in the reference, or at displacements d (n_full,)."""
-        out, work = np.zeros((len(self.spots), 2)), np.zeros(geometry.WORK)
+        out, u = np.zeros((len(self.spots), 2)), np.zeros_like(self.p0)
         fields, coords = self.own
-        for k, par in enumerate(self.par):
-            u = np.zeros(len(self.p0[k]))
-            if d is not None:
-                u[:fields] = self.G[k, :fields, :coords] @ d[self.dofs[k, :coords]]
-            geometry.stand(par, self.p0[k], u, par[geometry.HOME], work)
-            out[k] = work[geometry.RHO], work[geometry.RHO + 1]
+        if d is not None:
+            u[:, :fields] = np.einsum("kfc,kc->kf", self.G[:, :fields, :coords], d[self.dofs[:, :coords]])
+        for rows in self.alike:
+            # those on curves with the same constants together
+            work = np.zeros((geometry.WORK, len(rows)))
+            geometry.stand(self.par[rows[0]], self.p0[rows].T, u[rows].T, self.par[rows, geometry.HOME], work)
+            out[rows] = work[[geometry.RHO, geometry.RHO + 1]].T
         return out
 
     def _sides(self) -> Array:
@@ -221,16 +232,22 @@ class BodyPair:
 
     def segments(self, d: Array | None = None) -> tuple[Array, Array]:
         """Return the ends (n, 2) of straight pieces of the other body's curves, in the reference or at d (n_full,)."""
-        z, work, across, lines = np.linspace(-1.0, 1.0, STATIONS), *np.zeros((2, geometry.WORK, STATIONS)), []
-        for curve in self.curves:
-            u = np.zeros(len(curve.p0)) if d is None else curve.G @ d[curve.dofs]
-            # at all places at once; the end of a body is straight between its corners
-            straight = curve.constants[facing.END] != 0.0
-            for k in (0, -1) if straight else (...,):
-                facing.curve_at(curve.constants, curve.p0, u, z[k], work[:, k], across[:, k])
-            line = work[[geometry.RHO, geometry.RHO + 1]].T
-            lines.append(np.linspace(line[0], line[-1], STATIONS) if straight else line)
-        found = np.array(lines)
+        z, found = np.linspace(-1.0, 1.0, STATIONS), np.zeros((len(self.curves), STATIONS, 2))
+        for rows in self.alike_curves:
+            some = [self.curves[k] for k in rows]
+            par, p0 = some[0].constants.copy(), np.array([c.p0 for c in some])
+            u = np.zeros_like(p0)
+            if d is not None:
+                u = np.einsum("kfc,kc->kf", np.array([c.G for c in some]), d[np.array([c.dofs for c in some])])
+            # the end of a body is straight between its corners
+            straight = par[facing.END] != 0.0
+            for k in (0, -1) if straight else (slice(None),):
+                work, across = np.zeros((2, geometry.WORK, len(rows), 1 if straight else STATIONS))
+                facing.curve_at(par, p0.T[:, :, None], u.T[:, :, None], z[k], work, across)
+                line = np.moveaxis(work[[geometry.RHO, geometry.RHO + 1]], 0, -1)
+                found[rows, k] = line[:, 0] if straight else line
+            if straight:
+                found[rows] = np.linspace(found[rows, 0], found[rows, -1], STATIONS, axis=1)
         return found[:, :-1].reshape(-1, 2), found[:, 1:].reshape(-1, 2)
 
     def overlap(self, d: Array | None = None) -> tuple[float, float]:

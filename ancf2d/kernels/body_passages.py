@@ -10,7 +10,7 @@ from ..elements import contact_gaps, contact_geometry
 from ..elements.contact_gaps import BOTH, DEEPEST, FOUND, SIDE, WITHIN
 from ..elements.contact_geometry import FREE, HOME, ORIGIN, PLACE, RHO, WORK
 from .compiled_laws import part
-from .facing import face
+from .facing import face, fill_curves
 from .lowlevel.arrays import copy, vector
 from .lowlevel.jit import inner, kernel_with_memory, seldom
 from .points import fields_of_item
@@ -25,7 +25,7 @@ _curve_at, _gap_between, _size_of, _stand = (part(f) for f in (
 @inner
 def _places(table, points, d, out):  # type: ignore[no-untyped-def]
     """Fill where points and then both ends of curves (k + 2 curves, 2) are at d (n_full,)."""
-    face(table, points, d)
+    fill_curves(table, d)
     u, none, work, across, n = vector(200), vector(200), vector(WORK), vector(WORK), len(table.item)
     par_of = vector(table.curve.shape[1])
     for k in range(n):
@@ -46,7 +46,7 @@ def _look(table, points, d, gaps, side):  # type: ignore[no-untyped-def]
     near = np.inf
     for k in range(len(table.item)):
         points.mem[table.item[k], SIDE] = side[k]
-    face(table, points, d)
+    face(table, points, d, False)
     u, own, work, across = vector(200), vector(WORK), vector(WORK), vector(WORK)
     for k in range(len(table.item)):
         i = table.item[k]

@@ -190,7 +190,8 @@ def contact_compilations(problem: Any, obstacles: bool, bodies: bool, sided: boo
     x, xx, b = types.float64[::1], types.float64[:, ::1], types.boolean[::1]
     out: list[Callable[[], object]] = []
     if bodies:
-        out += [partial(face.compile, (facing, points, x)), partial(body_gaps.compile, (facing, points, x, x, xx))]
+        out += [partial(face.compile, (facing, points, x, types.boolean)),
+                partial(body_gaps.compile, (facing, points, x, x, xx))]
         if sided:
             out.append(partial(body_deepest.compile, (facing, points, b, x, x, x)))
     if obstacles:

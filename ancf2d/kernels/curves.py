@@ -15,12 +15,15 @@ from .points import (
     evaluate_item,
     fields_of_item,
     most_of,
+    rests,
     stiffness_of,
     work_arrays,
 )
 
 # of the largest entry of a matrix: what is less symmetric than this
 SKEW = 1e-12
+# what of an item acts: nothing; its multiplier alone, which is 0 where a constraint does not act; or all
+NOTHING, MULTIPLIER, ALL = range(3)
 
 
 @inner
@@ -69,16 +72,22 @@ def _stay_apart(points, i, d, apart):  # type: ignore[no-untyped-def]
 
 @inner
 def _evaluate_run(points, i, d, v, amps, u, w, a, f, H, C, alone):  # type: ignore[no-untyped-def]
-    """Fill f, H, C with the sum over the items from i on that share fields; return (energy, power, whether any acts).
+    """Fill f, H, C with the sum over the items from i on that share fields; return (energy, power, what of them acts).
 
-    ``alone``: H and C need not be filled.
+    ``alone``: H and C need not be filled. Where MULTIPLIER acts, only their last entries are.
     """
     b, m, run = points.field[i], points.field[i + 1] - points.field[i], points.run[i]
     if points.along[i] == 0:
+        if rests(points, i):
+            if points.multiplier[i] < 0:
+                return 0.0, 0.0, NOTHING
+            f[m - 1], H[m * m - 1] = d[points.multiplier[i]], 1.0
+            return 0.0, 0.0, MULTIPLIER
         energy, power = evaluate_item(points, i, d, v, amps, u, w, a, f, H, C)
-        return energy, power, True
+        opens = points.restitution[i] >= 0.0 and H[m * m - 1] != 0.0
+        return energy, power, MULTIPLIER if opens else ALL
     if not points.on[i] or (points.apart[i] > 0.0 and is_apart(points, i, d)):
-        return 0.0, 0.0, False
+        return 0.0, 0.0, NOTHING
     _both_fields(points, i, d, v, u, w)
     amplitude_of(points, i, amps, u, w, a)
     wide = 0 if alone else m
@@ -90,7 +99,7 @@ def _evaluate_run(points, i, d, v, amps, u, w, a, f, H, C, alone):  # type: igno
         array_at(H, 0, (wide, wide)), array_at(C, 0, (wide, wide))))
     acts = power != APART
     _stay_apart(points, i, d, 0.0 if acts or points.fed[i, 0] >= 0 else energy)
-    return (energy, power, True) if acts else (0.0, 0.0, False)
+    return (energy, power, ALL) if acts else (0.0, 0.0, NOTHING)
 
 
 @kernel
@@ -108,8 +117,10 @@ def point_forces(points, d, v, amps, Q):  # type: ignore[no-untyped-def]
         U, lost, acts = _evaluate_run(points, i, d, v, amps, u, w, a, f, H, C, True)
         energy += U
         power += lost
-        if acts:
+        if acts == ALL:
             add_to(points, i, f, Q)
+        elif acts == MULTIPLIER:
+            Q[points.multiplier[i]] += f[points.field[i + 1] - points.field[i] - 1]
         i += points.run[i]
     return energy, power
 
@@ -234,7 +245,11 @@ def point_tangent(points, d, v, amps, c, Q, matrix, places):  # type: ignore[no-
         keeps = len(sewn.rubs) > 0 and not in_place and sewn.begin[i + 1, 2] > sewn.begin[i, 2]
         if in_place or keeps:
             sewn.rubs[i] = False
-        if acts:
+        if acts == MULTIPLIER:
+            last = points.field[i + 1] - points.field[i] - 1
+            Q[points.multiplier[i]] += f[last]
+            scatter(matrix, array_at(H, last * (last + 2), (1, 1)), array_at(points.multiplier, i, (1, 1)), 0, places)
+        elif acts == ALL:
             add_to(points, i, f, Q)
             first, n = points.dof[i], points.dof[i + 1] - points.dof[i]
             if in_place:

@@ -2,7 +2,8 @@
 
 The curves that a body may be touched at are the leaves of a binary tree of boxes, in their order along the body. It is
 filled anew for every state, and each point goes down it to the curve whose foot point is nearest: the cost is linear in
-the points and curves, but for a logarithm.
+the points and curves, but for a logarithm. Where forces alone are asked for, points that are too far away to have one
+are left out.
 """
 
 from __future__ import annotations
@@ -50,16 +51,19 @@ from ..elements.contact_geometry import (
     HELD,
     HOME,
     OFFSET,
+    OPEN,
     ORIGIN,
     PLACE,
     RHO,
+    STIFFNESS,
     TERMS,
+    TOUCH,
     WORK,
 )
 from .compiled_laws import part
 from .lowlevel.arrays import copy, numbers, vector
 from .lowlevel.jit import inner, kernel, seldom
-from .points import fields_of_item, weights_of_item
+from .points import fields_of_first, fields_of_item, weights_of_item
 
 # faces that touch look against one another by at least this cosine; a corner touches what it looks away from by less
 AGAINST, ASIDE = -0.3, 0.5
@@ -77,7 +81,7 @@ _along, _stand = part(contact_geometry.along), part(contact_geometry.stand)
 
 
 @inner
-def _fill(table, d):  # type: ignore[no-untyped-def]
+def fill_curves(table, d):  # type: ignore[no-untyped-def]
     """Fill the fields of all curves at d (n_full,), and the boxes around them."""
     for c in range(len(table.curve)):
         m, n = table.sizes[c, 0], table.sizes[c, 1]
@@ -183,9 +187,12 @@ def _try(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: i
 
 @inner
 def _nearest(table, way, par, x, y, tx, ty, best, room, none, own, across, waiting):  # type: ignore[no-untyped-def]
-    """Return the curve that a point of contact is opposite to, -1 where there is none; fill best as ``_try`` does."""
+    """Return the curve that a point of contact is opposite to, -1 where there is none; fill best as ``_try`` does.
+
+    Nothing is looked for beyond the distance squared that best has at first.
+    """
     first, n, root, found = table.first[way], table.first[way + 1] - table.first[way], table.tree[way], -1
-    best[0], best[1], best[2] = np.inf, 0.0, NOWHERE
+    best[1], best[2] = 0.0, NOWHERE
     waiting[0], count = 0, 1
     while count > 0:
         count -= 1
@@ -216,19 +223,29 @@ def _rests(fixed, z):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _find(table, points, k, u, z, best, room, none, own, across, waiting):  # type: ignore[no-untyped-def]
-    """Write what point k is opposite to from place z of its element, whose fields are in u."""
+def _find(table, points, k, u, z, within, best, room, none, own, across, waiting):  # type: ignore[no-untyped-def]
+    """Write what point k is opposite to from place z of its element, whose fields are in u.
+
+    Where nothing is ``within`` such a distance, the point is apart.
+    """
     i = table.item[k]
+    points.apart[i] = 0.0
     par, mem, b, m = points.par[i], points.mem[i], points.field[i], _size_of(points.par[i])
     _stand(par, points.p0[b:b + m], u, z, own)
     x, y = own[RHO], own[RHO + 1]
+    if _away(table.boxes[table.tree[table.way[k]]], x, y) >= within * within:
+        points.apart[i] = within
+        return
     tx, ty = _along(par, own, AT_1, 1)
     for q in range(len(room)):
         room[q] = par[ORIGIN + q] if CURVE_SIZE <= q < BODY_SIZE else 0.0
     # what is between the ends of its element
     room[OWN] += 0.5 * (z - par[HOME]) * room[OWN_GOES]
-    best[3], best[4] = mem[SIDE], mem[HELD]
+    best[0], best[3], best[4] = within * within, mem[SIDE], mem[HELD]
     c = _nearest(table, table.way[k], par, x, y, tx, ty, best, room, none, own, across, waiting)
+    if c < 0 and within < np.inf:
+        points.apart[i] = within
+        return
     mem[FOOT], mem[FOUND] = best[1], best[2]
     if c >= 0 and par[ORIGIN + RESTS] != 0.0 and _rests(table.curve[c, FIXED], best[1]):
         # a gap that supports hold tells no force
@@ -237,20 +254,35 @@ def _find(table, points, k, u, z, best, room, none, own, across, waiting):  # ty
         _put(table, points, k, i, c)
 
 
+@inner
+def _reach(points, i, d):  # type: ignore[no-untyped-def]
+    """Return the distance beyond which point i has no force at d (n_full,), whatever it is opposite to."""
+    par, k = points.par[i], points.multiplier[i]
+    reach = par[ORIGIN + DEEPEST]
+    if k < 0 or points.mem[i, HELD] == OPEN:
+        return reach
+    # without a law a force closes what is as near as this
+    return reach if points.mem[i, HELD] != CLOSED and -d[k] < par[STIFFNESS] * (reach - par[TOUCH]) else np.inf
+
+
 @kernel
-def face(table, points, d):  # type: ignore[no-untyped-def]
-    """Let every point that may touch a body act on the element of it that is opposite at d (n_full,)."""
+def face(table, points, d, near):  # type: ignore[no-untyped-def]
+    """Let every point that may touch a body act on the element of it that is opposite at d (n_full,).
+
+    ``near`` : only those that may have a force; the others are apart, and opposite to what they were before.
+    """
     if len(table.item) == 0:
         return
-    _fill(table, d)
+    fill_curves(table, d)
     u, none, best = vector(200), vector(200), vector(5)
     own, across, room = vector(WORK), vector(WORK), vector(points.par.shape[1])
     waiting = numbers(table.item, _DEEP)
     for k in range(len(table.item)):
         i = table.item[k]
-        fields_of_item(points, i, d, u)
+        fields_of_first(points, i, table.own[k, 1], d, u)
         z = points.mem[i, PLACE] if points.mem[i, FREE] > 0.0 else points.par[i, HOME]
-        _find(table, points, k, u, z, best, room, none, own, across, waiting)
+        within = _reach(points, i, d) if near else np.inf
+        _find(table, points, k, u, z, within, best, room, none, own, across, waiting)
 
 
 @kernel
@@ -279,7 +311,7 @@ def _gap_from(table, points, k, d, z, u, best, room, none, own, work, across, wa
     i = table.item[k]
     points.mem[i, PLACE] = z
     fields_of_item(points, i, d, u)
-    _find(table, points, k, u, z, best, room, none, own, across, waiting)
+    _find(table, points, k, u, z, np.inf, best, room, none, own, across, waiting)
     fields_of_item(points, i, d, u)
     b, e = points.field[i], points.field[i + 1]
     g = _gap_between(points.par[i], points.p0[b:e], u, points.mem[i], own, work, across)[0]

@@ -16,6 +16,7 @@ from .points import (
     evaluate_item,
     point_constraint_rates,
     point_mean_forces,
+    rests,
     weights_of_item,
     work_arrays,
 )
@@ -38,7 +39,7 @@ def point_violation(points, d, amps):  # type: ignore[no-untyped-def]
         return worst
     u, w, a, f, H, C = work_arrays(points)
     for i in range(len(points.forces)):
-        if points.multiplier[i] >= 0 and points.on[i]:
+        if points.multiplier[i] >= 0 and not rests(points, i):
             evaluate_item(points, i, d, d, amps, u, w, a, f, H, C)
             g = abs(f[points.field[i + 1] - points.field[i] - 1]) / points.scale[i]
             if not g <= worst:
@@ -63,6 +64,8 @@ def point_noise(points, d, out):  # type: ignore[no-untyped-def]
     no_amps = array(signals, 3)
     no_amps[:] = 1.0
     for i in range(len(points.forces)):
+        if points.apart[i] > 0.0 and points.along[i] == 0:
+            continue
         w[:] = 0.0
         evaluate_at(points, i, d, no_amps, u, w, a, f, H, C)
         first, m = points.dof[i], points.field[i + 1] - points.field[i]
@@ -82,9 +85,9 @@ def point_noise(points, d, out):  # type: ignore[no-untyped-def]
 
 @inner
 def face_bodies(p, d):  # type: ignore[no-untyped-def]
-    """Let points that may touch bodies act on the elements that they are opposite to at d (n_full,)."""
+    """Let points that may have a force on a body at d (n_full,) act on the elements that they are opposite to."""
     if len(p.facing.item) > 0:
-        calls.face(p.calls, (p.facing, p.points, d))
+        calls.face(p.calls, (p.facing, p.points, d, True))
 
 
 @inner
@@ -201,7 +204,9 @@ def violation(p, d, amps):  # type: ignore[no-untyped-def]
 def accept_patches(p, d, amps):  # type: ignore[no-untyped-def]
     """Let point laws and joints remember the accepted state d."""
     if len(p.points.mem) > 0:
-        face_bodies(p, d)
+        if len(p.facing.item) > 0:
+            # however far away: laws remember on which side they are
+            calls.face(p.calls, (p.facing, p.points, d, False))
         calls.point_accept(p.calls, (p.points, d, amps))
     if len(p.sliding.multiplier) > 0:
         calls.sliding_accept(p.calls, (p.sliding, d))

@@ -46,7 +46,8 @@ class Points(NamedTuple):
     fields have while their coordinates rest;
     restitution : (n,) what an impact returns to one-sided constraints, nan: contacts with a law, -1: no contact; run :
     (n,) how many items from here on share fields, coordinates and amplitude: ``along`` has them all. apart : (n,) how
-    far they were from acting at ``there`` (coordinates,), each beside what coordinates move, ``lever`` (coordinates,).
+    far they were from acting at ``there`` (coordinates,), each beside what coordinates move, ``lever`` (coordinates,),
+    and points that face bodies are now (``facing``).
     """
 
     forces: Any
@@ -92,9 +93,9 @@ def coordinates_of_item(points, i):  # type: ignore[no-untyped-def]
 
 
 @inner
-def fields_of_item(points, i, d, out):  # type: ignore[no-untyped-def]
-    """Fill G d of item i."""
-    n, m = points.dof[i + 1] - points.dof[i], points.field[i + 1] - points.field[i]
+def fields_of_first(points, i, n, d, out):  # type: ignore[no-untyped-def]
+    """Fill what the first n coordinates of item i give of G d."""
+    m = points.field[i + 1] - points.field[i]
     dofs, span = coordinates_of_item(points, i)
     for k in range(m):
         out[k] = 0.0
@@ -104,6 +105,12 @@ def fields_of_item(points, i, d, out):  # type: ignore[no-untyped-def]
         row = array_at(points.G, points.entry[i] + c * m + low, (len(own),))
         for k in range(len(own)):
             own[k] += row[k] * x
+
+
+@inner
+def fields_of_item(points, i, d, out):  # type: ignore[no-untyped-def]
+    """Fill G d of item i."""
+    fields_of_first(points, i, points.dof[i + 1] - points.dof[i], d, out)
 
 
 @inner
@@ -158,6 +165,12 @@ def evaluate_at(points, i, d, amps, u, w, a, f, H, C):  # type: ignore[no-untype
 
 
 @inner
+def rests(points, i):  # type: ignore[no-untyped-def]
+    """Return whether item i does not act, whatever its fields: it is switched off, or faces nothing that is near."""
+    return not points.on[i] or (points.apart[i] > 0.0 and points.along[i] == 0)
+
+
+@inner
 def law_of_item(points, i, u, w, a, f, H, C, wide):  # type: ignore[no-untyped-def]
     """Fill f (m,), H and C (m, m), both row by row, of item i from its fields and amplitude.
 
@@ -167,7 +180,7 @@ def law_of_item(points, i, u, w, a, f, H, C, wide):  # type: ignore[no-untyped-d
     f[:m] = 0.0
     H[:wide * m] = 0.0
     C[:wide * m] = 0.0
-    if not points.on[i]:
+    if rests(points, i):
         if points.multiplier[i] >= 0:
             f[m - 1] = u[m - 1]
             H[m * m - 1] = 1.0

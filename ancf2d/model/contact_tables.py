@@ -260,7 +260,7 @@ class BodyTable(ContactTable):
         """Let points act on the elements that they are opposite to at d (n_full,)."""
         from ..kernels.facing import face
 
-        face(self.facing, self.table, d)
+        face(self.facing, self.table, d, False)
 
     def crossed(self, before: Array, d: Array) -> bool:
         """Whether a point passes through the other body between two states (n_full,), out of it in both."""

@@ -196,7 +196,7 @@ class Batch:
         """Let points touch with the curves that they have at d (n_full,), and what they are opposite to there."""
         self.curves.take(self.table, d, False)
         if len(self.facing.item):
-            face(self.facing, self.table, d)
+            face(self.facing, self.table, d, False)
 
     def accept(self, d: Array, t: float) -> None:
         """Let laws remember the accepted state d (n_full,) at t."""

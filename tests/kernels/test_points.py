@@ -369,7 +369,7 @@ def test_what_friction_between_bodies_makes_unsymmetric_is_kept_whatever_a_point
     K, Q, ends = SymBand(np.zeros((n, n))), np.zeros(len(num.place)), np.zeros((2, n))
     maps = num.places
     v, x, h = np.zeros(len(num.place)), rng.standard_normal(n), 1e-6
-    face(table, points, model_T @ z)
+    face(table, points, model_T @ z, False)
     tangent(points, model_T @ z, v, none, 0.0, Q, K, maps)
     assert (points.mem[:, FOUND] == WITHIN).sum() > 3
     lower = np.array([[K.values[i, n - 1 + j - i] if j <= i else 0.0 for j in range(n)] for i in range(n)])
@@ -383,6 +383,44 @@ def test_what_friction_between_bodies_makes_unsymmetric_is_kept_whatever_a_point
     slope = (ends[0] - ends[1]) / (2 * h)
     np.testing.assert_allclose(y, slope, atol=1e-5 * np.abs(slope).max())
     assert np.abs(symmetric - slope).max() > 1e-3 * np.abs(slope).max()
+
+
+@pytest.mark.parametrize("pushed", [-1e-5, -1e6])
+@pytest.mark.parametrize("law", [{}, {"law": {"stiffness": 1e6, "damping": 10.0}}])
+def test_points_that_are_left_out_have_no_force(law, pushed) -> None:
+    """A bar turned about a place on a rail: forces on bodies are those of all points, whatever the multipliers are.
+
+    A force that pushes hard closes gaps of any width, so that no point is left out then.
+    """
+    section, middle = {"height": 0.1, "width": 0.1}, np.array([1.5, 0.11])
+    model = helpers.build(
+        {"rail": helpers.body(helpers.line(3.0), helpers.element("reissner2", 6), section),
+         "bar": helpers.body(helpers.line(2.0, start=(0.5, 0.11)), helpers.element("cable", 5), section)},
+        DYNAMIC, contacts=[{"between": ["bar", "rail"], **law}])
+    touching = [p for p in (*model.springs, *model.constraints) if getattr(p, "pair", None) is not None]
+    rng, none, size = np.random.default_rng(2), np.zeros((0, 3)), len(model.numbering.place)
+    bar, left = np.unique(model.meshes["bar"].dofs), []
+    for angle in (0.0, 0.05, -0.3):
+        points, table = Record(point_table(touching)), Record(facing_table(touching))
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        d = 1e-4 * rng.standard_normal(size)
+        d[bar] += helpers.rotate(np.zeros(model.n_q), model, angle, middle - turn @ middle - [0.0, 0.012])[bar]
+        closed = points.multiplier[points.multiplier >= 0]
+        d[closed] = pushed
+        found = []
+        for near in (False, True):
+            Q = np.zeros(size)
+            face(table, points, d, near)
+            found.append((point_forces(points, d, 1e-2 * np.sin(np.arange(size)), none, Q), Q))
+        (before, every), (after, some) = found
+        left.append(int((points.apart > 0.0).sum()))
+        moves = np.setdiff1d(np.arange(size), closed)
+        assert before == after
+        np.testing.assert_array_equal(some[moves], every[moves])
+        assert np.abs(every[moves]).max() > 0.0
+        # where a point acts its gap has to vanish, else its multiplier
+        np.testing.assert_array_equal(some[closed] == 0.0, every[closed] == 0.0)
+    assert max(left) == 0 if closed.size and pushed < -1.0 else max(left) > 5
 
 
 def test_friction_of_a_layer_holds_to_the_last_accepted_state_of_points_that_are_apart() -> None:

@@ -32,7 +32,7 @@ from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed_with_memory, inner_with_memory, kernel_with_memory, seldom
 from ..passages import tunnels
 from ..patches import face_bodies, forces_but_contacts, patch_forces, rates_of_constraints
-from ..points import amplitude_of, fields_of_item
+from ..points import amplitude_of, fields_of_item, rests
 from .consistent import consistent, gap_rates
 from .contact_steps import friction_forces, let_choose
 from .dynamics import signals_at, to_full, twice_kinetic
@@ -53,7 +53,9 @@ def point_sides(points, d, v, amps, out):  # type: ignore[no-untyped-def]
     """Set 1 at the multipliers (n_full,) of one-sided constraints that are closed at d, 0 at those that are open."""
     u, w, a, f = np.zeros(_FIELDS), np.zeros(_FIELDS), np.zeros(3), np.zeros(_FIELDS)
     for i in range(len(points.forces)):
-        if points.restitution[i] >= 0.0:
+        if points.restitution[i] >= 0.0 and rests(points, i):
+            out[points.multiplier[i]] = 0.0
+        elif points.restitution[i] >= 0.0:
             b, m = points.field[i], points.field[i + 1] - points.field[i]
             fields_of_item(points, i, d, u)
             fields_of_item(points, i, v, w)
