@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -266,12 +267,16 @@ class Interactions:
         self.joints = [c for c in constraints if isinstance(c, OnAxis)]
         self.sliding = Record(sliding_table(self.joints, e0))
 
+    @cached_property
+    def rows(self) -> list[slice]:
+        """Where the items of each of ``points`` are in their table."""
+        counts = [len(p.items().mem) for p in self.points]
+        return [slice(end - count, end) for end, count in zip(np.cumsum(counts).tolist(), counts, strict=True)]
+
     @property
     def memory(self) -> list[tuple[slice, Array]]:
-        """Where the items of each of ``points`` are in their table, and what they remember (items, numbers)."""
-        found = [p.items().mem for p in self.points]
-        ends = np.cumsum([len(mem) for mem in found]).tolist()
-        return [(slice(end - len(mem), end), mem) for end, mem in zip(ends, found, strict=True)]
+        """The same, with what they remember (items, numbers)."""
+        return [(rows, p.items().mem) for rows, p in zip(self.rows, self.points, strict=True)]
 
     def patches(self, d: Array, t: float, elastic: bool = False, linear: bool = False) -> Iterator[Evaluated]:
         """Yield energy, Q, K and coordinates of springs, constraints and, unless ``elastic``, of loads.

@@ -42,7 +42,7 @@ def _remembered(one: ContactTable) -> list[Array]:
 
 def recall_rows(model: Model, rows: Array) -> None:
     """Let points of contact remember what a table of all point laws (items, numbers) of a model does."""
-    for patch, (at, _) in zip(model.interactions.points, model.interactions.memory, strict=True):
+    for patch, at in zip(model.interactions.points, model.interactions.rows, strict=True):
         if isinstance(patch, CompliantContact):
             size = patch.pair.size
             patch.pair.mem[:, :size] = rows[at, :size]
