@@ -139,8 +139,8 @@ def _check_contact(checker: Any, path: Path, contact: Any) -> None:
     """Check one contact."""
     case = checker.case
     method = getattr(checker.case.solver, "method", "newton")
-    if contact.friction and contact.law is None and (
-            checker.solver not in ("static", "dynamic") or (checker.solver == "static" and method != "newton")):
+    steps = checker.solver in ("quasi_static", "dynamic") or (checker.solver == "static" and method == "newton")
+    if contact.friction and contact.law is None and not steps:
         what = f"method {method}" if checker.solver == "static" else f"solver {checker.solver}"
         checker.fail((*path, "friction"), f"{dotted(path)}: without a contact law, friction cannot be used with {what}",
                      "law: {stiffness, damping}")

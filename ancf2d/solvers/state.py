@@ -30,6 +30,19 @@ def check_kept(kept: dict[str, Array], fresh: dict[str, Array] | None) -> None:
             raise CheckpointError(f"'{name}' has shape {list(found)}, not {list(wanted)}")
 
 
+class Graded(str):
+    """A warning about one state, of which a run tells only the worst of its kind: the one with the largest ``size``."""
+
+    kind: str
+    size: float
+
+    def __new__(cls, text: str, kind: str, size: float) -> Graded:
+        """Return the text with its kind and size."""
+        out = super().__new__(cls, text)
+        out.kind, out.size = kind, size
+        return out
+
+
 @dataclass
 class State:
     """A state that a solver yields: full coordinates ``d`` at load factor or time ``t``, with how it was found.

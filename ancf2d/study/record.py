@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..case import Case, Static
 from ..model.model import Model
+from ..solvers.state import Graded
 from .windows import Windows
 
 if TYPE_CHECKING:
@@ -79,6 +80,7 @@ class Recorder:
         self.probes: dict[str, dict[str, float]] = {}
         self.totals: dict[str, Any] = {"iterations": 0, "steps": 0}
         self.report: dict[str, Any] = {}
+        self.worst: dict[str, Graded] = {}
         self.clock, self.windows = Clock(iter(())), Windows(model)
 
     def take(self, state: State) -> None:
@@ -96,9 +98,10 @@ class Recorder:
         self.progress.state(state)
 
     def conclude(self) -> None:
-        """Look at the last state as a whole."""
+        """Tell the worst of all states, and look at the last one as a whole."""
         from ..model.element_limits import coarse_warnings
 
+        self._warn(map(str, self.worst.values()))
         if self.state is None or not self.progress.judges:
             return
         if not self.state.linear:
@@ -107,8 +110,11 @@ class Recorder:
 
     def _warn(self, texts: Iterable[str]) -> None:
         for text in texts:
-            self.warnings.append(text)
-            self.progress.warn(text)
+            if not isinstance(text, Graded):
+                self.warnings.append(text)
+                self.progress.warn(text)
+            elif text.kind not in self.worst or text.size > self.worst[text.kind].size:
+                self.worst[text.kind] = text
 
     def _reference(self) -> None:
         from ..solvers.registry import initial_state
@@ -199,8 +205,8 @@ class Recorder:
         from ..results import Checkpoint
 
         notes = {"totals": dict(self.totals), "report": dict(self.report),
-                 "warnings": list(self.warnings), "wall_s": self.clock.seconds, "resolution": self.resolution.kept(),
-                 "windows": self.windows.kept()}
+                 "warnings": list(self.warnings), "worst": [[w, w.kind, w.size] for w in self.worst.values()],
+                 "wall_s": self.clock.seconds, "resolution": self.resolution.kept(), "windows": self.windows.kept()}
         return Checkpoint(state.t, state.checkpoint, notes)
 
     def go_on(self, found: Checkpoint) -> None:
@@ -209,6 +215,7 @@ class Recorder:
         self.totals.update(notes["totals"])
         self.report.update(notes["report"])
         self.warnings[:] = notes["warnings"]
+        self.worst = {kind: Graded(text, kind, size) for text, kind, size in notes.get("worst", ())}
         self.clock.seconds = notes["wall_s"]
         self.resolution.go_on(notes["resolution"])
         self.windows.go_on(notes["windows"])

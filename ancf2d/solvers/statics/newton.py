@@ -15,7 +15,7 @@ from ...model.model import Model
 from ...model.point_patch import check_facing
 from ..active_set import PENETRATION, ROUNDS, begin, exchange
 from ..contact import check_crossed, check_pressed, memory, recall
-from ..state import State
+from ..state import Graded, State
 from ..system import STILL, UNIT_ROUNDOFF, Balance, System
 from ..threads import largest, pieces
 
@@ -194,18 +194,24 @@ def negative_pivots(system: System, d: Array, t: float) -> int:
     return system.factor({"factor": float(f"{t:.6g}")}).negative - system.model.numbering.n_multipliers
 
 
+def inexact(when: str, share: float) -> str:
+    """Return the warning that round-off leaves displacements accurate to a share of the largest."""
+    return Graded(f"round-off limits the state at {when}: displacements are accurate to about {share:.1g} of the "
+                  "largest. Fewer or longer elements give more digits", "round-off", share)
+
+
 def state_of(system: System, result: NewtonResult, t: float, number: int, cutbacks: int, warnings: list[str]) -> State:
     """Return what is yielded of an equilibrium: step ``number``, which was cut so many times."""
     history = {"step": number, "factor": t, "iterations": result.iterations, "residual": result.residual,
                "increment": result.increments[-1] if result.increments else 0.0, "cutbacks": cutbacks,
                "energy": result.energy, "negative_pivots": result.negative_pivots}
     size = system.norm(result.d[system.model.numbering.where])
+    when = f"t = {t:.6g}" if system.model.case.solver.timed else f"factor {t:.6g}"
     if result.uncertainty > max(POOR * size, STILL * system.model.extent):
-        warnings = [*warnings, f"round-off limits the state at factor {t:.6g}: displacements are accurate to about "
-                    f"{result.uncertainty / size:.1g} of the largest. Fewer or longer elements give more digits"]
+        warnings = [*warnings, inexact(when, result.uncertainty / size)]
     if result.overlap > 2.0 * PENETRATION * system.model.extent:
-        warnings = [*warnings, f"at factor {t:.6g} a body is {result.overlap:.2g} deep in an obstacle between its "
-                    "contact points. Use more elements in the contact zone"]
+        warnings = [*warnings, Graded(f"at {when} a body is {result.overlap:.2g} deep in an obstacle between its "
+                                      "contact points. Use more elements in the contact zone", "deep", result.overlap)]
     turned = system.count(result.d, t)
     return State(t, result.d, result.Q, result.F, result.energy, turned, history=history, warnings=warnings)
 

@@ -13,10 +13,10 @@ from ...errors import ComputationError
 from ...model.model import Model
 from ..active_set import PENETRATION, overlap
 from ..contact import check_pressed
-from ..state import State
+from ..state import Graded, State
 from ..system import System
 from .continuation import Curve, Found, PathPoint
-from .newton import MAX_ITERATIONS, POOR, TOLERANCE
+from .newton import MAX_ITERATIONS, POOR, TOLERANCE, inexact
 from .path_events import PathLog, ProbeGoal, goal_between, goal_of, hides_limit_points, limit_between
 from .path_steps import ArcSteps, ProbeSteps, Steps, leave
 from .static import unscaled
@@ -230,14 +230,12 @@ class Follower:
                    "negative_pivots": point.negative}
         size = self.curve.system.norm(point.d[self.model.numbering.free])
         if point.uncertainty > POOR * size:
-            warnings = [*warnings, f"round-off limits the state at factor {point.t:.6g}: displacements are accurate to "
-                        f"about {point.uncertainty / size:.1g} of the largest. Fewer or longer elements give more "
-                        "digits"]
+            warnings = [*warnings, inexact(f"factor {point.t:.6g}", point.uncertainty / size)]
         depth = overlap(self.model, point.d, point.t)
         if depth > 2.0 * PENETRATION * self.model.extent:
-            warnings = [*warnings, f"at factor {point.t:.6g} a body is {depth:.2g} deep in another surface between its "
-                        "contact points, which are fixed on a path. Use more elements, or method: newton, which adds "
-                        "points there"]
+            told = (f"at factor {point.t:.6g} a body is {depth:.2g} deep in another surface between its contact "
+                    "points, which are fixed on a path. Use more elements, or method: newton, which adds points there")
+            warnings = [*warnings, Graded(told, "deep", depth)]
         turned = self.curve.system.count(point.d, point.t)
         state = State(point.t, point.d, point.balance.Q, point.balance.F, point.balance.energy, turned, history=history,
                       warnings=warnings)

@@ -38,6 +38,7 @@ class _Kept:
     states: Array
     contacts: list[Array]
     turns: Turned
+    accepted: tuple[Array, float] | None
 
 
 class Course:
@@ -154,9 +155,14 @@ class Course:
 
         Where the way does not matter there is no such error.
         """
-        if not self.model.remembers:
+        rubs = any(pair.item.friction for pair in self.model.contacts)
+        if not self.model.remembers and not rubs:
             return self._solve(self.t, h, self.path), 0.0
+        kept = self._keep()
         whole = self._solve(self.t, h, self.path)
+        if rubs:
+            # halves begin where the whole step began
+            self._restore(kept)
         middle = self.t + 0.5 * h
         half = self._solve(self.t, 0.5 * h, self.path)
         self.system.accept(half.d, middle)
@@ -185,12 +191,13 @@ class Course:
         return state
 
     def _keep(self) -> _Kept:
-        return _Kept(self.model.states.copy(), memory(self.model), self.system.turns())
+        return _Kept(self.model.states.copy(), memory(self.model), self.system.turns(), self.system.accepted)
 
     def _restore(self, kept: _Kept) -> None:
         self.model.states[:] = kept.states
         recall(self.model, kept.contacts)
         self.system.count_from(kept.turns)
+        self.system.accepted = kept.accepted
 
     def _stuck(self, error: ComputationError) -> ComputationError:
         f = error.failure
