@@ -80,7 +80,8 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
         recall(system.model, kept)
         raise
     recall(system.model, kept)
-    raise ComputationError(f"the contact points were not found: a body is {worst:.3g} deep in an obstacle",
+    found = f"a body is {worst:.3g} deep in an obstacle" if worst > 0.0 else "those that press change again and again"
+    raise ComputationError(f"the contact points were not found: {found}",
                            at={"factor": float(f"{t:.6g}")},
                            advice="more elements in the contact zone, more steps, or obstacles that leave enough room")
 
