@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,18 +11,14 @@ from ...case import LoadedCase
 from ...errors import Ancf2dError, CaseError, ComputationError, verdict
 from ...model.model import Model
 from ...solvers.registry import solve
-from ..goal import Solved, Target, solve_for_goal
-from ..order import Estimate
+from ..goal import Solved, Target, sequence, solve_for_goal
+from ..order import Estimate, estimate, observed_order, round_off_level
 from ..record import Progress
 from ..run import Outcome, Solve, prepare
 from .setting import Level, Setting, bodies_with_meshes, with_setting
 
 if TYPE_CHECKING:
     from ...solvers.statics.newton import Start
-from collections.abc import Sequence
-
-from ..goal import sequence
-from ..order import estimate, observed_order, round_off_level
 
 # of all bodies, on the way to an accuracy
 MOST_ELEMENTS = 200_000
