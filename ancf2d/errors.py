@@ -1,4 +1,4 @@
-"""The expected failures of ancf2d: each knows what to tell its reader."""
+"""The failures that ancf2d expects; each carries what its reader needs to know."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ctrl-C at any moment: it waits where it would do damage, and is never lost."""
+"""Ctrl-C at any moment: it is never lost, and waits where it would do damage."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Values as JSON, whatever they are made of."""
+"""Values of any type as JSON."""
 
 from __future__ import annotations
 

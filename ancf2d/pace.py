@@ -1,4 +1,4 @@
-"""The time that the rest of some work takes, from how fast it went on so far."""
+"""Estimates how long the rest of some work takes from how fast it has gone so far."""
 
 from __future__ import annotations
 

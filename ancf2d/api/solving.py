@@ -1,4 +1,4 @@
-"""Cases loaded, solved, refined, fitted and made discrete models of by one call each."""
+"""One call each to load, solve, refine or fit a case, or to make its discrete model."""
 
 from __future__ import annotations
 

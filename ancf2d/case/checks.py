@@ -1,4 +1,4 @@
-"""Checks that need the whole case; silent about all that depends on INVALID, which could not be read."""
+"""Checks that need the whole case; they skip whatever depends on INVALID, a value that could not be read."""
 
 from __future__ import annotations
 

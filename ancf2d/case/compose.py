@@ -1,4 +1,4 @@
-"""Reads YAML events into nodes; everything that YAML could do and a case needs not is refused."""
+"""Reads YAML events into nodes, and refuses what YAML can do but no case needs."""
 
 from __future__ import annotations
 

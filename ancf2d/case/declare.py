@@ -1,4 +1,4 @@
-"""How a part of the format is declared: a frozen dataclass whose fields say what they mean."""
+"""How a part of the format is declared: as a frozen dataclass whose fields say what they mean."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Checks of what acts and moves: controllers, what answers the motion, what begins and ends, flows, contacts."""
+"""Checks of interactions: controllers, signals that follow the motion, when things act, flows, contacts."""
 
 from __future__ import annotations
 

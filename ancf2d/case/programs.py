@@ -1,4 +1,4 @@
-"""Functions of a case, such as amplitudes, as programs of a small machine (``jets``), which also tell their values."""
+"""Functions of a case, such as amplitudes, as programs of a small machine (``jets``), and their values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``ancf2d compile``: all kernels, before anybody waits for them."""
+"""``ancf2d compile``: compile all kernels in advance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``ancf2d completion``: what a shell reads so that it completes command lines."""
+"""``ancf2d completion``: the shell code that completes commands and options."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``ancf2d fit``: numbers of a case that measured data tell."""
+"""``ancf2d fit``: fit numbers of a case to measured data."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What one invocation of the command line knows of itself, and how it speaks: words, counts, a progress bar."""
+"""What one invocation of the command line knows of itself, and how it prints: words, counts, a progress bar."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Laws of contact of a point of a body with an obstacle: one that yields (``contact_layer``), and one that does not.
+"""Laws of contact between a point of a body and an obstacle: compliant (``contact_layer``), and hard.
 
 A point without a law may stand between nodes, and slide there (``contact_sliding``).
 

@@ -1,4 +1,4 @@
-"""Laws of contact of a point of a body with the curve of an element (``contact_gaps``): with a layer, and without.
+"""Laws of contact between a point of a body and the curve of an element (``contact_gaps``): compliant, and hard.
 
 Forces are minus N times the pressure, so that the two bodies are in balance, in force and moment. Those of friction are
 along |t| dz/dq, how far the foot point moves on the curve, for the same reason.

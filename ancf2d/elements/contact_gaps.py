@@ -1,4 +1,4 @@
-"""The gap of a point of a body from the curve of an element: of another body, or of the same one.
+"""The gap between a point of a body and the curve of an element of another body, or of the same one.
 
 The point rho(q) is on a face, an end or the axis of its element, as in ``contact_geometry``. What it may touch is a
 curve c(z) of the other element: a face, the axis, or the straight end of a body. The foot point, where

@@ -1,4 +1,4 @@
-"""Points of contact without a law between the nodes of a body: how the beam yields there, and where they slide to.
+"""Hard contact points between the nodes of a body: how the beam yields there, and where they slide to.
 
 Between the ends of an element a beam bends under a force p at z more than the element can. It goes c(z) p further,
 c = l^3 x^3 (1 - x)^3/3 EI + l x (1 - x)/kGA at x = 0..1 along the element, as a beam that is clamped at both ends, and

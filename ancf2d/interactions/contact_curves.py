@@ -1,4 +1,4 @@
-"""Where bodies may touch: places along them, and the curves that they have there as polynomials of each element.
+"""Where bodies may touch: places along them, and their curves there as polynomials of each element.
 
 In statics a point of contact without a law may stand anywhere between the ends of an element. What touches there is
 the curve that a beam has between these: the cubic through them, along their sections but for the mean shear of the

@@ -1,4 +1,4 @@
-"""Material that moves along a body: a fluid that it carries, or its own, which runs through its supports.
+"""Material that moves along a body: a fluid that it carries, or its own material, moving through its supports.
 
 What moves with v along the axis has the velocity r_t + v r_x and the acceleration r_tt + 2 v r_tx + v' r_x + v^2 r_xx.
 By parts over x the last is -v^2 r_x on dr_x in the body and v^2 r_x on dr at the end where material leaves, less that

@@ -1,4 +1,4 @@
-"""Prismatic joints: a point that stays on the axis of a deformed body, found on it in the reference."""
+"""Prismatic joints: a point stays on the axis of a deformed body, at a place found in the reference."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Points of contact that pass through bodies from one state to another, out of them in both."""
+"""Contact points that pass through a body between two states, and are outside it in both."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Forces and tangents of all point laws; points of contact on one curve together, and those that are apart left out."""
+"""Forces and tangents of all point laws; contact points on one curve are evaluated together, distant ones skipped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which element of a body each point of contact of another body, or of the same one, is opposite to.
+"""Finds the element of a body that each contact point of another body, or of the same one, is opposite to.
 
 The curves that a body may be touched at are the leaves of a binary tree of boxes, in their order along the body. It is
 filled anew for every state, and each point goes down it to the curve whose foot point is nearest: the cost is linear in

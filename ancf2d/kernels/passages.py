@@ -1,4 +1,4 @@
-"""Points that pass through obstacles from one state of a motion to the next, out of them in both."""
+"""Contact points that pass through an obstacle between two states of a motion, and are outside it in both."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bodies alike: what is done element by element is done for all of them at once."""
+"""Bodies that are alike, so that what is done element by element is done for all of them at once."""
 
 from __future__ import annotations
 

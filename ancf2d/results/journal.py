@@ -1,4 +1,4 @@
-"""A file that HDF5 can be killed in: what lies before the last commit changes all at once.
+"""A file that survives a kill while HDF5 writes to it: its contents up to the last commit change all at once.
 
 HDF5 updates its index structures in place, several small writes at a time, so a process killed in
 between leaves them torn. Here such writes wait in memory as pages; a commit appends them to the file

@@ -1,4 +1,4 @@
-"""What acts on elements beside their neighbours: multipliers of supports and joints, and forces between nodes."""
+"""Loads on elements other than from their neighbours: multipliers of supports and joints, forces between nodes."""
 
 from __future__ import annotations
 

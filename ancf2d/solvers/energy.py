@@ -1,4 +1,4 @@
-"""Energies and momentum of a moving model, and the energy that materials keep beside that of small strains."""
+"""Energies and momentum of a moving model, and the energy that materials store besides that of small strains."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Linear solves to the digits that the model holds, beyond those that its assembled matrix has."""
+"""Linear solves with all digits that the model holds, beyond those of its assembled matrix."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether the mesh follows what a solver has found: section forces by equilibrium beside what the elements store.
+"""Whether the mesh is fine enough: section forces by equilibrium, compared with what the elements store.
 
 Section forces in balance with the loads (and with inertia) have the complementary energy
 U* = int N^2/EA + Q^2/kGA + M^2/EI ds/2 of a body; its elements store U. On a fine mesh both are the same. Their

@@ -1,4 +1,4 @@
-"""Small cases that between them need every kernel, solved for what that leaves in the cache."""
+"""Small cases that together need every kernel; solving them fills the cache."""
 
 from __future__ import annotations
 

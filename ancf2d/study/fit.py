@@ -1,4 +1,4 @@
-"""Numbers of a case that measured data tell: least squares between bounds, standard errors, and what is written."""
+"""Fits numbers of a case to measured data: least squares between bounds, standard errors, the fitted case."""
 
 from __future__ import annotations
 

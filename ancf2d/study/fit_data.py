@@ -1,4 +1,4 @@
-"""Measured columns over time, load factor or frequency, and what a run of a case has in their places."""
+"""Measured columns over time, load factor or frequency, and what a run computes for them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What solutions will cost, from those that were measured: budgets of studies, and the time that is left of one."""
+"""What solutions will cost, judging by those measured: budgets of studies, and the time that is left of one."""
 
 from __future__ import annotations
 

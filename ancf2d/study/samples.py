@@ -1,4 +1,4 @@
-"""Samples of what is uncertain in a case, and what they say of its goal: moments, quantiles, shares of the variance."""
+"""Samples of uncertain numbers of a case, and what they say of its goal: moments, quantiles, shares of variance."""
 
 from __future__ import annotations
 

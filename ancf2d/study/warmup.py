@@ -1,4 +1,4 @@
-"""Compiling before timing: the first run of a kind of model pays for its kernels, and says so."""
+"""Compiles before timing: the first run of a kind of model waits for its kernels, and says so."""
 
 from __future__ import annotations
 

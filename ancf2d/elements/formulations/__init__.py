@@ -1,4 +1,4 @@
-"""Every formulation of the elastic forces; adding one is adding it here."""
+"""All formulations of the elastic forces; a new one is added here."""
 
 from . import cable, green, reissner, structural
 from .base import Formulation, Rule, Sampler, strains_at

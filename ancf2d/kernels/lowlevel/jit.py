@@ -1,4 +1,4 @@
-"""How kernels are compiled: one preset, kept between processes; what only kernels call is no machine code by itself.
+"""How kernels are compiled and kept between processes; what only kernels call gets no machine code of its own.
 
 numba stops before it makes machine code (``no_compile``). What only kernels call (``inner``) is kept as code to be
 linked: it is optimised, and made machine code of, once, in the kernels that it becomes part of.

@@ -1,4 +1,4 @@
-"""Points of contact without a law over a step: which of them rub, whether one opens, and what friction takes."""
+"""Hard contact points over a step: which of them rub, whether one opens, and what friction takes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Impacts: what one-sided constraints (hard contacts) do to rates, and which of them press afterwards.
+"""Impacts: how one-sided constraints (hard contacts) change rates, and which of them press afterwards.
 
 A step of the Newmark family ends where no gap is negative and no force pulls, by Newton's method. Where a constraint
 closes in the step, its positions are right, but the method takes the stop for a force over the whole step, and what is

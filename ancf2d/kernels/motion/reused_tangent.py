@@ -1,4 +1,4 @@
-"""The tangent of Radau's stages: one of a state in the past serves as long as it is worth it, turned with the sections.
+"""The tangent of Radau's stages: that of an earlier state, turned with the sections, as long as it pays.
 
 It is of the middle stage of the step that it was made for. From there it is turned to every stage, of that step and of
 the next ones of the same length: what is left of the contraction is that of the deformation alone.

@@ -1,1 +1,1 @@
-"""How what solvers find changes with the numbers of a case."""
+"""How the results of solvers change with the numbers of a case."""

@@ -1,4 +1,4 @@
-"""A motion whose steps are kept, then followed backwards: how changes of its residuals change a few goals.
+"""The discrete adjoint of a motion: its steps are kept, then followed backwards for a few goals.
 
 The linearised equations of a step (``solvers.derivatives.motion_states``), transposed, turn the derivative of the goals
 with respect to the end of the step into those with respect to its residuals and its start (the discrete adjoint).

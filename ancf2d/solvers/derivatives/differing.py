@@ -1,4 +1,4 @@
-"""What a number of a case changes of the equations of motion: problems of models beside it, without all else."""
+"""What a number of a case changes in the equations of motion: models beside it, reduced to what differs."""
 
 from __future__ import annotations
 

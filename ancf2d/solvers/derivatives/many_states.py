@@ -1,4 +1,4 @@
-"""Many states of a motion at once: each element at each state is one of many elements that are worked on side by side.
+"""Many states of a motion at once: the elements of all states are evaluated side by side.
 
 Kernels evaluate elements of one class together. A body whose section varies has a class for each of its elements, so
 that the states of a motion are what there is plenty of.

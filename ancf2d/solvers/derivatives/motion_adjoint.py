@@ -1,4 +1,4 @@
-"""What numbers of a case do to a few goals of a motion, by the motion backwards, whatever their number.
+"""Derivatives of a few goals of a motion by any number of parameters, by following the motion backwards.
 
 Each number adds what its change of the residuals does as work on the virtual displacements of ``solvers.backwards``:
 it needs two models, and of these what the number changes alone.

@@ -1,4 +1,4 @@
-"""A motion made once more, with the changes of its states beside it: the derivative of the steps as they were made.
+"""A motion repeated together with the changes of its states: the derivatives of the steps as they were made.
 
 The equations R_i = 0 of the stages of each step are differentiated as those of equilibria are (``statics``):
 dR/dp by differences of models beside the number at the same stages, K, C and M by the tangents. A step's matrix is

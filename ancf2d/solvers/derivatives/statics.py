@@ -1,4 +1,4 @@
-"""How the states of a model change with a number of its case, to first order, without solving for them again.
+"""How the states of a model change with a number of its case, to first order, without another solution.
 
 R(z, p) = 0 gives dz/dp = -K^-1 dR/dp with the tangent K of the solution: one factorisation for all numbers. dR/dp is
 taken by differences of models that are built beside the number at the same unknowns z, so that every kind of number is

@@ -1,4 +1,4 @@
-"""Motions beside one: those of models with a number of the case changed, which begin and restart as that one does."""
+"""Motions of models with a number of the case changed; they begin and restart as the original one does."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Why a motion (``stepping.Stepper``) cannot go on: what has no value, what joints do not mean, steps that fail."""
+"""Why a motion (``stepping.Stepper``) cannot go on: undefined values, joints without a meaning, failed steps."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Work and precision: what settings of a case cost and how far off they are."""
+"""Work and precision: what settings of a case cost, and how large their errors are."""
