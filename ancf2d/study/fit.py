@@ -24,7 +24,7 @@ from .fit_data import Data, Watch, check_data, comparable
 from .goal import for_study
 from .gradient import derivatives
 from .record import Progress
-from .run import result_header, run_case, vocabulary
+from .run import prepare, result_header, run_case, vocabulary
 
 # steps of the differences of motions, as shares of the way between the bounds: where time steps are fixed, and where
 # they adapt, so that runs side by side differ by their errors too
@@ -106,7 +106,8 @@ def fit(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: Mapping
     all problems, ComputationError where no start can be solved.
     """
     variables = _variables(loaded, data, bounds, sigma or {})
-    scales = np.array([(sigma or {}).get(name, scale) for name, scale in zip(data.names, data.ranges(), strict=True)])
+    scales = np.array([(sigma or {}).get(name, scale)
+                       for name, scale in zip(data.names, data.scales(prepare(loaded).extent), strict=True)])
     problem = _Problem(comparable(loaded, data), data, variables, bounds, scales, progress or Progress(), done)
     best, tried, failures = None, [], []
     for z0 in _starts(problem, starts):

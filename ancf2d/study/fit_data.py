@@ -26,6 +26,12 @@ FORCES = ("N", "Q", "M")
 # load steps of a path whose factors are no simple fractions, and the largest denominator that is one
 STEPS, DENOMINATOR = 100, 400
 PARTS = ("re", "im")
+# quantities by kind, and the power of a length that gives them the unit of their kind
+KINDS = {"x": ("place", 0), "y": ("place", 0), "ux": ("place", 0), "uy": ("place", 0), "theta": ("place", 1),
+         "vx": ("rate", 0), "vy": ("rate", 0), "omega": ("rate", 1), "N": ("force", 0), "Q": ("force", 0),
+         "M": ("force", -1)}
+# beside the largest range of its kind: what varies less is round-off or noise
+FAINT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -43,11 +49,27 @@ class Data:
         """Where something was measured (n, columns)."""
         return np.isfinite(self.values)
 
-    def ranges(self) -> Array:
-        """Return the range of each column (columns,), its size where it does not vary, 1 where that is zero."""
+    def scales(self, extent: float) -> Array:
+        """Return what differences in each column count beside (columns,): its range, or its size where it is constant.
+
+        Where that is FAINT, the largest range of its kind, with rotations and moments compared over the ``extent``
+        [length] of the model; 1 where nothing but zeros was measured.
+        """
         low, high = np.nanmin(self.values, axis=0), np.nanmax(self.values, axis=0)
         size = np.where(high > low, high - low, np.maximum(np.abs(low), np.abs(high)))
-        return np.where(size > 0.0, size, 1.0)
+        kinds = [self._kind(name) for name in self.names]
+        lengths = np.array([extent**power for _, power in kinds])
+        largest = np.array([max(r for r, (other, _) in zip(size * lengths, kinds, strict=True) if other == kind)
+                            for kind, _ in kinds]) / lengths
+        scales = np.where(size > FAINT * largest, size, largest)
+        return np.where(scales > 0.0, scales, 1.0)
+
+    def _kind(self, name: str) -> tuple[str, int]:
+        """Return the kind of a column, of each input apart, and its power of a length."""
+        source, rest = name.split(".", 1) if self.axis == "hz" else ("", name)
+        quantity = (rest.rpartition(".")[0] if self.axis == "hz" else rest).rpartition(".")[2]
+        kind, power = KINDS[quantity]
+        return f"{source} {kind}", power
 
 
 def read_data(path: str) -> Data:
@@ -132,7 +154,7 @@ def check_data(loaded: LoadedCase, data: Data) -> list[Problem]:
         elif probe not in probes:
             say(f"column '{name}': the case has no probe '{probe}'", "" if nearest(probe, probes) else
                 f"one of {', '.join(probes)}" if probes else "output.probes", nearest(probe, probes) or "")
-        elif quantity not in (*RATES, *RATES.values(), *FORCES):
+        elif quantity not in KINDS:
             say(f"column '{name}': '{quantity}' is no quantity of a probe", "x, y, ux, uy, theta, vx, vy, omega, N, Q "
                 "or M")
         elif quantity in RATES.values() and data.axis == "factor":

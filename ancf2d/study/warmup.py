@@ -237,6 +237,7 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
 def _touch_motion(model: Model, spec: Dynamic, new: bool) -> None:
     """Go through the first moment of a motion; what is wrong with it is told by the run itself."""
     from ..model.contact_tables import of_interactions
+    from ..solvers.contact import memory, recall
     from ..solvers.motion.problem import nothing, of_elements, of_motion
     from ..solvers.motion.schemes import INTEGRATORS, default_method
     from ..solvers.registry import SOLVERS
@@ -248,10 +249,12 @@ def _touch_motion(model: Model, spec: Dynamic, new: bool) -> None:
             spread([*laws, *of_elements(model)])
         spread(of_motion(model, spec))
     _ = model.groups
-    moment = MOMENT * spec.t_end
+    moment, contacts = MOMENT * spec.t_end, memory(model)
     with suppress(Ancf2dError):
         for _ in SOLVERS[Dynamic](model, replace(spec, t_end=moment, dt=None if spec.dt is None else moment)):
             pass
+    # friction holds to nothing yet where the run begins
+    recall(model, contacts)
 
 
 def _touch_matrix(kind: type) -> None:

@@ -280,3 +280,21 @@ def test_fits_from_python_solve_on() -> None:
     found = ancf2d.fit(BENT, data, {EI: (100.0, 1e4)})
     solved = ancf2d.solve(BENT, found.overrides(), states=False)
     assert solved.summary["probes"]["tip"]["uy"] == pytest.approx(data["tip.uy"][-1], rel=1e-6)
+
+
+def test_columns_of_round_off_count_as_the_largest_of_their_kind() -> None:
+    """A strip slides along x: what it does across is round-off, and so is its rotation; friction follows from the rest.
+
+    Beside their own ranges, differences of round-off would outweigh all others.
+    """
+    case = ROOT / "cases/contact/sliding_strip.yaml"
+    quick = {"bodies.strip.element.count": 2, "solver.dt": 0.01, "output.fields": []}
+    course = ancf2d.solve(case, {**quick, "contacts.0.friction": 0.25})
+    columns = {"t": course.t, **{f"end.{q}": course.course["end"][q] for q in ("ux", "uy", "theta", "vx")}}
+    assert np.ptp(columns["end.uy"]) < 1e-12
+    found = ancf2d.fit(ancf2d.load(case, quick), columns, {"contacts.0.friction": (0.1, 0.5)})
+    assert found.rows[0].value == pytest.approx(0.25, rel=1e-4)
+    scales = data_of({"t": [0, 1], "a.ux": [0, 2], "a.uy": [0, 1e-15], "a.theta": [0, 0], "a.vx": [3, 3],
+                      "a.omega": [0, 1e-3], "a.M": [0, 5], "a.N": [0, 1e-9]}).scales(4.0)
+    # of length, length, length over length; velocity, velocity over length; moment, moment over length
+    np.testing.assert_allclose(scales, [2, 2, 2 / 4, 3, 1e-3, 5, 5 / 4])

@@ -10,9 +10,11 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from jobs import BEAM, compile_alone
 
+import ancf2d
 from ancf2d.case import load_case_text
 from ancf2d.elements.formulations import FORMULATIONS
 from ancf2d.elements.registry import ELEMENTS
@@ -23,6 +25,8 @@ from ancf2d.study.every_kernel import MEMORY, STATIC, STIFF, cases_of_every_kind
 from ancf2d.study.pool import Workers, run_jobs
 from ancf2d.study.run import prepare, vocabulary
 from ancf2d.study.warmup import _alone, _locked, kernels_of
+
+ROOT = Path(__file__).resolve().parents[2]
 
 CASE = BEAM.replace("linear_static", "static")
 
@@ -155,6 +159,17 @@ def test_kernels_of_a_kind_of_case_are_gone_through_once_in_a_process(monkeypatc
     for text in (CASE, CASE, CASE.replace("count: 2", "count: 4"), CASE.replace("cable", "reissner2")):
         warmup.warm_up(prepare(load_case_text(text, vocabulary=vocabulary())))
     assert len(touched) == 2
+
+
+def test_a_motion_whose_kernels_were_gone_through_first_is_the_same_bit_for_bit(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    """A strip slides over a floor: going through the first moment leaves nothing that friction would hold to."""
+    quick = {"bodies.strip.element.count": 2, "solver.dt": 0.01, "solver.t_end": 0.1}
+    monkeypatch.setattr(warmup, "_READY", set())
+    one, other = (ancf2d.solve(ROOT / "cases/contact/sliding_strip.yaml", quick) for _ in range(2))
+    for quantity, values in one.course["end"].items():
+        np.testing.assert_array_equal(values, other.course["end"][quantity])
+    assert one.summary["energy"] == other.summary["energy"]
 
 
 def test_every_law_of_a_material_that_a_formulation_takes_is_compiled_ahead() -> None:
