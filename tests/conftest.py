@@ -7,8 +7,11 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+import threading
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import measured as tables
@@ -31,7 +34,11 @@ from ancf2d.study.every_kernel import compile_everything
 compile_everything(wanted=lambda name: " of a frame" not in name and " that " not in name)
 """
 
-COMPILING = pytest.StashKey["subprocess.Popen[bytes]"]()
+# folders whose tests need no kernels, and run while these are compiled; but for some files
+EARLY = ("case", "elements", "results", "docs", "test_layers.py")
+LATER = ("test_valid.py", "test_discrete_jacobians.py", "test_energies.py", "test_strain_functions.py")
+
+COMPILING = pytest.StashKey["Compiling"]()
 
 # the matrices of tests are small, and tests run beside each other: threads below numpy would only wait for cores
 for _name in THREADS:
@@ -50,6 +57,34 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 gc.set_threshold(100_000, 50, 1000)
 
 
+class Compiling:
+    """A process that compiles kernels; ``over`` is a file that is there as soon as it has ended."""
+
+    def __init__(self, folder: Path) -> None:
+        self._place = TemporaryDirectory()
+        self.over = Path(self._place.name, "over")
+        # beside tests that need none of them, and the collection of all
+        self._process = subprocess.Popen([sys.executable, "-c", COMPILE], cwd=folder,
+                                         env={**os.environ, "OMP_NUM_THREADS": str(cores())})
+        self._waiting = threading.Thread(target=self._wait)
+        self._waiting.start()
+
+    def _wait(self) -> None:
+        self._process.wait()
+        self.over.touch()
+
+    def end(self) -> int:
+        """Wait for the process; return its exit code."""
+        self._waiting.join()
+        self._place.cleanup()
+        return self._process.returncode
+
+
+def is_early(path: Path) -> bool:
+    """Whether a file of tests is run while kernels are compiled."""
+    return path.relative_to(Path(__file__).parent).parts[0] in EARLY and path.name not in LATER
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Gather the rows of tables where these are asked for."""
     if config.getoption("pages") or config.getoption("trials") is not None:
@@ -60,10 +95,15 @@ pytest_generate_tests = tables.numbered
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Begin with the files that take longest."""
+    """Begin with the files that take longest; before them in the quick tier, with those that need no kernels."""
     tables.wanted(config, items)
     place = {f"{name}.py": k for k, name in enumerate(FIRST)}
-    items.sort(key=lambda item: place.get(f"{item.path.parent.name}/{item.path.name}", len(FIRST)))
+    quick = config.getoption("markexpr") == "not slow"
+
+    def rank(item: pytest.Item) -> int:
+        later = place.get(f"{item.path.parent.name}/{item.path.name}", len(FIRST))
+        return -1 if quick and is_early(item.path) else later
+    items.sort(key=rank)
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -73,9 +113,30 @@ def pytest_xdist_setupnodes(config: pytest.Config) -> None:
 
     everything = [Path(path).resolve() for path in config.args] == [config.rootpath / "tests"]
     if everything and cache_is_cold():
-        # beside the collection of the tests, which leaves it most of the processors
-        config.stash[COMPILING] = subprocess.Popen([sys.executable, "-c", COMPILE], cwd=config.rootpath,
-                                                   env={**os.environ, "OMP_NUM_THREADS": str(cores())})
+        config.stash[COMPILING] = Compiling(config.rootpath)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_configure_node(node: Any) -> None:
+    """Tell a process that runs tests what to wait for."""
+    if COMPILING in node.config.stash:
+        node.workerinput["compiled"] = str(node.config.stash[COMPILING].over)
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    """Wait for kernels before a test that may need some, while the time that it may take does not run yet."""
+    compiled = getattr(item.config, "workerinput", {}).get("compiled")
+    while compiled is not None and not is_early(item.path) and not Path(compiled).exists():
+        time.sleep(0.1)
+    return (yield)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Fail where the kernels could not be compiled."""
+    if COMPILING in session.config.stash and session.config.stash[COMPILING].end() != 0:
+        pytest.exit("the kernels could not be compiled", returncode=1)
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -85,16 +146,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
     if config.getoption("pages") or config.getoption("trials") is not None:
         return None
-
-    class AfterCompiling(LoadFileScheduling):
-        def schedule(self) -> None:
-            compiling = config.stash.get(COMPILING, None)
-            if compiling is not None and compiling.wait() != 0:
-                raise pytest.UsageError("the kernels could not be compiled")
-            super().schedule()
-
     config.option.loadscopereorder = False
-    return AfterCompiling(config, log)
+    return LoadFileScheduling(config, log)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
