@@ -56,10 +56,11 @@ class Data:
         [length] of the model; 1 where nothing but zeros was measured.
         """
         low, high = np.nanmin(self.values, axis=0), np.nanmax(self.values, axis=0)
-        size = np.where(high > low, high - low, np.maximum(np.abs(low), np.abs(high)))
+        varies = high - low
+        size = np.where(varies > 0.0, varies, np.maximum(np.abs(low), np.abs(high)))
         kinds = [self._kind(name) for name in self.names]
         lengths = np.array([extent**power for _, power in kinds])
-        largest = np.array([max(r for r, (other, _) in zip(size * lengths, kinds, strict=True) if other == kind)
+        largest = np.array([max(r for r, (other, _) in zip(varies * lengths, kinds, strict=True) if other == kind)
                             for kind, _ in kinds]) / lengths
         scales = np.where(size > FAINT * largest, size, largest)
         return np.where(scales > 0.0, scales, 1.0)

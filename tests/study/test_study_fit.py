@@ -298,3 +298,7 @@ def test_columns_of_round_off_count_as_the_largest_of_their_kind() -> None:
                       "a.omega": [0, 1e-3], "a.M": [0, 5], "a.N": [0, 1e-9]}).scales(4.0)
     # of length, length, length over length; velocity, velocity over length; moment, moment over length
     np.testing.assert_allclose(scales, [2, 2, 2 / 4, 3, 1e-3, 5, 5 / 4])
+    # positions that stay are no motion beside which others are faint
+    still = data_of({"factor": [1], "a.x": [1.0], "a.uy": [-1e-7]}).scales(4.0)
+    moving = data_of({"t": [0, 1], "a.x": [1000.0, 1000.0], "a.uy": [0, 1e-5]}).scales(4.0)
+    np.testing.assert_allclose([still, moving], [[1.0, 1e-7], [1000.0, 1e-5]])
