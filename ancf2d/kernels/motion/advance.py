@@ -20,15 +20,13 @@ from .state import (
     CONTRACTION,
     COUNT,
     DONE,
+    FRESH,
     GIVEN,
     GRID,
-    LIMIT,
     LOST,
     NOT_CONVERGED,
     NOT_FINITE,
-    OLD_ERROR,
     OLD_STEP,
-    REJECTED,
     RUBBED,
     SIZE,
     STEP_SIZE,
@@ -37,7 +35,8 @@ from .state import (
     WORK,
     turn_on,
 )
-from .work import SECOND, recall
+from .step_control import late, length, next_size, passed, set_size, shorten, targets
+from .work import recall
 
 # rotation in a step [rad] beyond which stages may be on another turn than the end of the step before
 FAR = 2.5
@@ -45,13 +44,8 @@ FAR = 2.5
 REACHED, FULL, FAILED, EVENT = range(4)
 # what a stored state is: inside a step, where one ends, or the end of a step that has states inside, for their balance
 INSIDE, END, CHECK = range(3)
-# what dies out at once, as behind an impact, moves too little for errors to be seen: steps of second order methods grow
-# no faster there, so that each is short beside all before
-DAMPED = 1.4
 # of a step: times so near to its end are its end
 NEAR = 1e-9
-# of the usual length: steps shorter than this are not made for a state alone
-SHORT = 1e-2
 
 
 class Plan(NamedTuple):
@@ -161,7 +155,7 @@ def _store_inside(m, p, w, s, at, plan, rows, r, time, t, h, number):  # type: i
 
 
 @inner
-def _tried(m, p, w, s, at, t, h):  # type: ignore[no-untyped-def]
+def _tried(m, p, w, s, at, t, h, adaptive):  # type: ignore[no-untyped-def]
     """Step, and return what that answers.
 
     NOT_CONVERGED too where springs may have been taken on another turn, or a point has passed through an obstacle.
@@ -170,6 +164,12 @@ def _tried(m, p, w, s, at, t, h):  # type: ignore[no-untyped-def]
         p.states[k] = h
     s.numbers[BACKWARD] = 0.0
     outcome, iterations, error, contraction = calls.step(m.calls, (p, w, s, m.own, t, h))
+    if (adaptive and outcome == DONE and p.sided and s.numbers[FRESH] == 0.0 and opens(p, s.z, m.end.z)
+            and calls.make_consistent(p.calls, (p, w, s, t))):
+        # rates off by some h^2, as constraints leave them, are forces in a step that is much shorter
+        calls.restart(m.calls, (s, m.own))
+        outcome, more, error, contraction = calls.step(m.calls, (p, w, s, m.own, t, h))
+        iterations += more
     if outcome == DONE and p.sided and opens(p, s.z, m.end.z):
         # forces at the start would press on what has parted
         s.numbers[BACKWARD] = 1.0
@@ -241,82 +241,6 @@ def _keep(p, w, m, s, t, h, tracks, given, hit):  # type: ignore[no-untyped-def]
     return violation(p, w.d, w.amps)
 
 
-@inner
-def _next_size(m, p, s, ratio, contraction, lost):  # type: ignore[no-untyped-def]
-    """Return the factor on the step that the error suggests (Gustafsson 1994), little where Newton was slow."""
-    low, order = max(ratio, 1e-10), m.order
-    factor = 0.9 * low ** (-1.0 / order)
-    old = s.numbers[OLD_ERROR]
-    if old > 0.0 and s.numbers[OLD_STEP] > 0.0:
-        trend = s.numbers[STEP_SIZE] / s.numbers[OLD_STEP] * (old / (low * low)) ** (1.0 / order) * 0.9
-        factor = min(factor, trend)
-    largest = 4.0 if contraction < 0.3 else 1.2
-    if (lost > 0.0 or p.sided) and not m.exact and order <= SECOND:
-        largest = min(largest, DAMPED)
-    return min(max(factor, 0.2), largest)
-
-
-@inner
-def _shorten(m, s, plan, outcome, h, relative):  # type: ignore[no-untyped-def]
-    """Set the length of the next try after a step of length h that could not be made, or was not good enough."""
-    s.numbers[REJECTED] += 1.0
-    s.numbers[TRIES] += 1.0
-    if outcome != DONE:
-        shrink, s.numbers[LIMIT] = 0.5, 0.8 * h
-    else:
-        shrink = max(0.2, 0.8 * (plan.tolerance / relative) ** (1.0 / m.order))
-    s.numbers[STEP_SIZE] = shrink * h
-
-
-@inner
-def _set_size(s, plan, h, relative, factor, event):  # type: ignore[no-untyped-def]
-    """Set the length of the next step; one that was cut at an event says nothing of it."""
-    if plan.dt > 0.0:
-        s.numbers[STEP_SIZE] = min(plan.dt, 2.0 * s.numbers[STEP_SIZE])
-        return
-    s.numbers[OLD_ERROR] = max(relative / plan.tolerance, 1e-2)
-    if not event:
-        s.numbers[STEP_SIZE] = min(plan.largest, factor * h)
-    if s.numbers[LIMIT] > 0.0:
-        # what Newton's method could not take is tried again, but not at once
-        s.numbers[STEP_SIZE] = min(s.numbers[STEP_SIZE], s.numbers[LIMIT])
-        s.numbers[LIMIT] *= 1.05
-
-
-@inner
-def _late(plan, size):  # type: ignore[no-untyped-def]
-    """Return how far [m] a place may be off where a step ends behind an impact, else it is made again; 0 for any."""
-    return plan.tolerance * size if plan.dt == 0.0 else 0.0
-
-
-@inner
-def _targets(s, plan, rows, k):  # type: ignore[no-untyped-def]
-    """Return where a step ends at the latest: where the motion breaks, or a fixed one at the next time of the grid.
-
-    And where it ends for a stored state, from the k-th one on: no later, and there if plan.lands. Where such a step
-    would be far too short, the state is interpolated all the same.
-    """
-    last = plan.t_stop
-    if plan.dt > 0.0:
-        grid = plan.t0 + (s.numbers[GRID] + 1.0) * plan.dt
-        last = plan.t_stop if grid > plan.t_stop - 1e-9 * plan.dt else grid
-    if not plan.lands or rows.every > 0 or k >= len(rows.wanted):
-        return last, last
-    near = SHORT * s.numbers[STEP_SIZE]
-    apart = rows.wanted[k] - s.numbers[TIME] > near and last - rows.wanted[k] > near
-    return last, rows.wanted[k] if apart else last
-
-
-@inner
-def _passed(rows, first, end, near):  # type: ignore[no-untyped-def]
-    """Return how many wanted times from the given one on lie inside a step, and whether one is its end."""
-    last = first
-    while rows.every == 0 and last < len(rows.wanted) and rows.wanted[last] <= end + near:
-        last += 1
-    at_end = last > first and rows.wanted[last - 1] >= end - near
-    return (last - first - 1, True) if at_end else (last - first, False)
-
-
 @kernel
 @seldom
 def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-untyped-def]
@@ -335,19 +259,17 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             return REACHED, stored, logged, outcome, iterations
         if logged >= min(steps, len(rows.log)) or (rows.every > 0 and stored >= len(rows.t)):
             return FULL, stored, logged, outcome, iterations
-        last, target = _targets(s, plan, rows, next_wanted)
-        h = min(s.numbers[STEP_SIZE], target - t)
-        if target - t < 1.1 * h and not sooner > 0.0:
-            h = target - t
+        last, target = targets(s, plan, rows, next_wanted)
+        h = length(s, last, target, sooner > 0.0)
         if aims > 0:
             h = aimed
-        outcome, iterations, error, contraction = _tried(m, p, w, s, at, t, h)
+        outcome, iterations, error, contraction = _tried(m, p, w, s, at, t, h, plan.dt == 0.0)
         size = max(s.numbers[SIZE], _moved(p, m.end.z))
         relative = error / size if size > 0.0 else 0.0
         fine = outcome == DONE and (plan.dt > 0.0 or relative <= plan.tolerance)
         if not fine:
             aims = 0
-            _shorten(m, s, plan, outcome, h, relative)
+            shorten(m, s, plan, outcome, h, relative)
             if not s.numbers[STEP_SIZE] >= plan.smallest:
                 return FAILED, stored, logged, outcome, iterations
             continue
@@ -360,7 +282,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
                 event = aimed == 0.0
                 continue
         end = target if h >= target - t else t + h
-        sooner = calls.impact(p.calls, (p, w, s, m, t, h, _late(plan, size))) if p.sided else 0.0
+        sooner = calls.impact(p.calls, (p, w, s, m, t, h, late(plan, size))) if p.sided else 0.0
         if sooner > 0.0:
             s.numbers[STEP_SIZE] = sooner
             s.numbers[TRIES] += 1.0
@@ -368,9 +290,9 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         hit = sooner != 0.0
         work, lost = _work_of_step(m, p, w, s, at, t, h) if plan.tracks else (0.0, 0.0)
         if p.sided and plan.dt > 0.0 and gains(m, p, w, s, plan, t, h, work - lost, hit):
-            _shorten(m, s, plan, NOT_CONVERGED, h, relative)
+            shorten(m, s, plan, NOT_CONVERGED, h, relative)
             continue
-        inside, at_end = _passed(rows, next_wanted, end, NEAR * h)
+        inside, at_end = passed(rows, next_wanted, end, NEAR * h)
         needed, left = inside + 1 if at_end or inside > 0 else 0, len(rows.t) - stored
         if needed > left and stored > 0:
             # done again by the next call, which has room for its states
@@ -384,12 +306,15 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             return FULL, stored, logged, outcome, iterations
         s.numbers[WORK] += work
         s.numbers[LOST] += lost
-        factor = _next_size(m, p, s, relative / plan.tolerance, contraction, lost) if plan.dt == 0.0 else 1.0
+        following = h
+        if plan.dt == 0.0:
+            cut = event or (target < last and h < s.numbers[STEP_SIZE])
+            following = next_size(m, p, s, h, relative / plan.tolerance, contraction, lost, cut)
         if end >= last and plan.dt > 0.0 and last < plan.t_stop:
             s.numbers[GRID] += 1.0
         worst = _keep(p, w, m, s, end, h, plan.tracks, work - lost, hit)
         s.numbers[CONTRACTION] = contraction
-        _set_size(s, plan, h, relative, factor, event or (target < last and h < s.numbers[STEP_SIZE]))
+        set_size(s, plan, relative, following)
         _log(s, rows.log[logged], end, h, iterations, relative, worst)
         logged += 1
         if needed > 0 or (rows.every > 0 and s.numbers[COUNT] % rows.every == 0):

@@ -1,4 +1,4 @@
-"""Hard contact points over a step: which of them rub, whether one opens, and what friction takes."""
+"""Hard contact points over a step: which of them are closed or rub, whether one opens, and what friction takes."""
 
 from __future__ import annotations
 
@@ -6,12 +6,37 @@ import numpy as np
 
 from ...elements.contact_geometry import BY_CHOICE, CLOSES, FRICTION, HELD, SLIDES
 from .. import calls
+from ..compiled_laws import call_forces
 from ..lowlevel.jit import addressed_with_memory, inner, seldom
 from ..patches import face_bodies
+from ..points import amplitude_of, fields_of_item, rests
 from .dynamics import signals_at, to_full
 
 # of Coulomb's limit: points that bear more slide
 AT_LIMIT = 0.999
+# fields of a contact at most
+FIELDS = 100
+
+
+@addressed_with_memory
+@seldom
+def point_sides(points, d, v, amps, out):  # type: ignore[no-untyped-def]
+    """Set 1 at the multipliers (n_full,) of one-sided constraints that are closed at d, 0 at those that are open."""
+    u, w, a, f = np.zeros(FIELDS), np.zeros(FIELDS), np.zeros(3), np.zeros(FIELDS)
+    for i in range(len(points.forces)):
+        if points.restitution[i] >= 0.0 and rests(points, i):
+            out[points.multiplier[i]] = 0.0
+        elif points.restitution[i] >= 0.0:
+            b, m = points.field[i], points.field[i + 1] - points.field[i]
+            fields_of_item(points, i, d, u)
+            fields_of_item(points, i, v, w)
+            amplitude_of(points, i, amps, u, w, a)
+            H, C = np.zeros((m, m)), np.zeros((m, m))
+            f[:m] = 0.0
+            call_forces(points.forces[i], (points.p0[b:b + m], u[:m], w[:m], points.par[i], a, points.mem[i], f[:m], H,
+                                           C))
+            # of those that are open, the multiplier is 0
+            out[points.multiplier[i]] = 1.0 if H[m - 1, m - 1] == 0.0 else 0.0
 
 
 @inner
@@ -98,3 +123,16 @@ def lost_to_friction(m, p, z):  # type: ignore[no-untyped-def]
             lost -= ((1.0 - m.gamma) * alg0 + m.gamma * alg1) * rate
             m.after[2, k] = alg1
     return lost
+
+
+@inner
+def turned_back(p, m, h):  # type: ignore[no-untyped-def]
+    """Return how far [m] places may be off whose sliding turns back in a step of length h: friction turns then, too."""
+    largest = 0.0
+    for i in range(len(p.points.mem)):
+        if p.points.restitution[i] >= 0.0:
+            k = p.place[p.points.multiplier[i]]
+            rate0, rate1 = m.before[1, k], m.after[1, k]
+            if rate0 * rate1 < 0.0:
+                largest = max(largest, 0.25 * h * min(abs(rate0), abs(rate1)))
+    return largest

@@ -27,45 +27,22 @@ from ...elements.contact_geometry import (
 )
 from .. import calls
 from ..bodies import elastic, set_natural
-from ..compiled_laws import call_forces
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed_with_memory, inner_with_memory, kernel_with_memory, seldom
 from ..passages import tunnels
 from ..patches import face_bodies, forces_but_contacts, patch_forces, rates_of_constraints
-from ..points import amplitude_of, fields_of_item, rests
 from .consistent import consistent, gap_rates
-from .contact_steps import friction_forces, let_choose
+from .contact_steps import friction_forces, let_choose, point_sides
 from .dynamics import signals_at, to_full, twice_kinetic
 from .friction import approach_freely, drag, point_friction, point_slip, rub, rubs, take_hold
 from .state import BACKWARD, GIVEN
 
 # of the largest rate: constraints that part slower than this are closed
 PARTING = 1e-9
-# times that constraints let go after one another, and fields of a contact at most
-_MOST, _FIELDS = 20, 100
+# times that constraints let go after one another
+_MOST = 20
 # times the rate of approach: what a bounce may be more, so that it takes no energy; tries until it gives none
 MORE, MOST_BOUNCES = 1.1, 12
-
-
-@addressed_with_memory
-@seldom
-def point_sides(points, d, v, amps, out):  # type: ignore[no-untyped-def]
-    """Set 1 at the multipliers (n_full,) of one-sided constraints that are closed at d, 0 at those that are open."""
-    u, w, a, f = np.zeros(_FIELDS), np.zeros(_FIELDS), np.zeros(3), np.zeros(_FIELDS)
-    for i in range(len(points.forces)):
-        if points.restitution[i] >= 0.0 and rests(points, i):
-            out[points.multiplier[i]] = 0.0
-        elif points.restitution[i] >= 0.0:
-            b, m = points.field[i], points.field[i + 1] - points.field[i]
-            fields_of_item(points, i, d, u)
-            fields_of_item(points, i, v, w)
-            amplitude_of(points, i, amps, u, w, a)
-            H, C = np.zeros((m, m)), np.zeros((m, m))
-            f[:m] = 0.0
-            call_forces(points.forces[i], (points.p0[b:b + m], u[:m], w[:m], points.par[i], a, points.mem[i], f[:m], H,
-                                           C))
-            # of those that are open, the multiplier is 0
-            out[points.multiplier[i]] = 1.0 if H[m - 1, m - 1] == 0.0 else 0.0
 
 
 @inner_with_memory
@@ -299,6 +276,23 @@ def _given(p, w, end, t, touched, approach, pushed):  # type: ignore[no-untyped-
     return given
 
 
+@inner_with_memory
+def _on_the_way(p, s, end, h, touched, at_impact):  # type: ignore[no-untyped-def]
+    """Let states inside the step from s be on the way to an impact at its end, with items open that close there.
+
+    Where the step ends ``at_impact``, on a parabola from the rates at its start; else, as the impact may be anywhere in
+    the step, straight on, so that no state is inside what neither end is in.
+    """
+    for i in range(len(s.z)):
+        change = end.z[i] - s.z[i]
+        rate = h * s.v[i] if at_impact and p.coordinate[i] != 0.0 else change
+        end.dense[0, i], end.dense[1, i], end.dense[2, i] = rate, change, 2.0 * change - rate
+    for i in range(len(touched)):
+        k = p.place[p.points.multiplier[i]]
+        if touched[i] == CLOSED and not s.z[k] < 0.0:
+            end.dense[:, k] = 0.0
+
+
 @addressed_with_memory
 @seldom
 def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
@@ -346,11 +340,29 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
         if moves or driven:
             s.numbers[GIVEN] = np.inf if driven else _given(p, w, end, t + h, touched, approach, pushed)
     let_choose(p)
-    # straight on between states that touch nothing from within
-    for i in range(len(s.z)):
-        change = end.z[i] - s.z[i]
-        m.end.dense[0, i], m.end.dense[1, i], m.end.dense[2, i] = change, change, change
+    _on_the_way(p, s, end, h, touched, allowed > 0.0)
     return -1.0
+
+
+@addressed_with_memory
+@seldom
+def make_consistent(p, w, s, t):  # type: ignore[no-untyped-def]
+    """Make rates, accelerations and multipliers of s consistent at t, with the items closed that are; return whether.
+
+    Not where points rub: their friction is that of the steps.
+    """
+    if rubs(p):
+        return False
+    how, z, v, a = np.zeros(len(p.points.mem)), s.z.copy(), s.v.copy(), s.a.copy()
+    signals_at(p, t, w.amps)
+    _hold(p, w, z, v, how)
+    good = _settle(p, w, z, v, a, t, np.zeros(len(z)), how)
+    let_choose(p)
+    if good:
+        copy(z, s.z)
+        copy(v, s.v)
+        copy(a, s.a)
+    return good
 
 
 @addressed_with_memory
@@ -370,6 +382,7 @@ def impact_functions(contacts: Any, sided: bool, problem: Any) -> dict[Any, tupl
         points = problem.place["points"][1]
         out |= {calls.point_sides: (point_sides, points), calls.consistent: (consistent, problem),
                 calls.behind: (behind, problem), calls.impact: (impact, problem),
+                calls.make_consistent: (make_consistent, problem),
                 calls.lost_in_impact: (lost_in_impact, problem)}
         if any(pair.item.friction for pair in contacts):
             out |= {calls.point_slip: (point_slip, points), calls.rub: (rub, problem), calls.drag: (drag, problem),

@@ -10,7 +10,7 @@ from .. import calls
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed, inner, seldom
 from ..moving import add_moving_product
-from .contact_steps import let_rub, lost_to_friction, to_limits
+from .contact_steps import let_rub, lost_to_friction, to_limits, turned_back
 from .dynamics import add_mass, factor, norm, remember, residual, settled, signals_at, solve_with
 from .feedback import weigh_state
 from .friction import rubs
@@ -268,6 +268,7 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
     if p.sided:
         if rubs(p):
             calls.friction_forces(p.calls, (p, w, end.z, end.v, t + h, m.after))
+            error = max(error, turned_back(p, m, h))
         s.numbers[RUBBED] = h * lost_to_friction(m, p, end.z)
     dense = end.dense
     for i in range(len(m.alg)):

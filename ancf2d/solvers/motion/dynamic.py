@@ -239,8 +239,8 @@ class Run:
         first.report["initial"] = {"given": given, "kinetic": kinetic, "lost": lost}
         if abs(lost) > TAKEN * given:
             how = "lost at t = 0, as in a plastic impact" if lost > 0.0 else "added at t = 0 by supports that move"
-            first.warnings.append(f"the initial velocities violate supports and joints: {abs(lost):.6g} of {given:.6g} "
-                                  f"of kinetic energy ({100 * abs(lost) / given:.3g} %) is {how}")
+            first.warnings.append(f"the initial velocities violate supports, joints or contacts: {abs(lost):.6g} of "
+                                  f"{given:.6g} of kinetic energy ({100 * abs(lost) / given:.3g} %) is {how}")
 
     def _look_ahead(self, d: Array, v: Array, turned: Array) -> float:
         """Return a displacement that the motion soon reaches [m], at most a share of the scene's size."""

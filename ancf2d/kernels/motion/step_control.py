@@ -1,0 +1,105 @@
+"""How long steps are: by their errors, by what cut them, and by where they have to end."""
+
+from __future__ import annotations
+
+from ..lowlevel.jit import inner
+from .state import DONE, GRID, LIMIT, OLD_ERROR, OLD_STEP, REJECTED, STEP_SIZE, TIME, TRIES
+from .work import SECOND
+
+# what dies out at once, as behind an impact, moves too little for errors to be seen: steps of second order methods grow
+# no faster there, so that each is short beside all before
+DAMPED = 1.4
+# of the usual length: steps shorter than this are not made for a state alone
+SHORT = 1e-2
+
+
+@inner
+def length(s, last, target, sooner):  # type: ignore[no-untyped-def]
+    """Return the length of the next step: to ``target`` at most, which is before ``last`` for a stored state.
+
+    ``sooner`` : whether it is to end where an impact is expected.
+    """
+    left = target - s.numbers[TIME]
+    h = min(s.numbers[STEP_SIZE], left)
+    if left < 1.1 * h and not sooner:
+        return left
+    # the method is less accurate where steps are unlike one another
+    return 0.5 * left if target < last and left < 2.0 * h and not sooner else h
+
+
+@inner
+def next_size(m, p, s, h, ratio, contraction, lost, cut):  # type: ignore[no-untyped-def]
+    """Return how long the step behind one of length h is, by its error (Gustafsson 1994); not much longer where Newton
+    was slow. What is ``cut`` for a stored state is no reason for a shorter one.
+    """
+    low, order = max(ratio, 1e-10), m.order
+    factor = 0.9 * low ** (-1.0 / order)
+    old = s.numbers[OLD_ERROR]
+    if old > 0.0 and s.numbers[OLD_STEP] > 0.0:
+        trend = h / s.numbers[OLD_STEP] * (old / (low * low)) ** (1.0 / order) * 0.9
+        factor = min(factor, trend)
+    largest = 4.0 if contraction < 0.3 else 1.2
+    if (lost > 0.0 or p.sided) and not m.exact and order <= SECOND:
+        largest = min(largest, DAMPED)
+    usual = s.numbers[STEP_SIZE] if cut else h
+    return max(min(max(factor, 0.2) * h, largest * usual), usual if cut else 0.0)
+
+
+@inner
+def shorten(m, s, plan, outcome, h, relative):  # type: ignore[no-untyped-def]
+    """Set the length of the next try after a step of length h that could not be made, or was not good enough."""
+    s.numbers[REJECTED] += 1.0
+    s.numbers[TRIES] += 1.0
+    if outcome != DONE:
+        shrink, s.numbers[LIMIT] = 0.5, 0.8 * h
+    else:
+        shrink = max(0.2, 0.8 * (plan.tolerance / relative) ** (1.0 / m.order))
+    s.numbers[STEP_SIZE] = shrink * h
+
+
+@inner
+def set_size(s, plan, relative, size):  # type: ignore[no-untyped-def]
+    """Set the length of the next step, behind one with that error."""
+    if plan.dt > 0.0:
+        s.numbers[STEP_SIZE] = min(plan.dt, 2.0 * s.numbers[STEP_SIZE])
+        return
+    s.numbers[OLD_ERROR] = max(relative / plan.tolerance, 1e-2)
+    s.numbers[STEP_SIZE] = min(plan.largest, size)
+    if s.numbers[LIMIT] > 0.0:
+        # what Newton's method could not take is tried again, but not at once
+        s.numbers[STEP_SIZE] = min(s.numbers[STEP_SIZE], s.numbers[LIMIT])
+        s.numbers[LIMIT] *= 1.05
+
+
+@inner
+def late(plan, size):  # type: ignore[no-untyped-def]
+    """Return how far [m] a place may be off where a step ends behind an impact, else it is made again; 0 for any."""
+    return plan.tolerance * size if plan.dt == 0.0 else 0.0
+
+
+@inner
+def targets(s, plan, rows, k):  # type: ignore[no-untyped-def]
+    """Return where a step ends at the latest: where the motion breaks, or a fixed one at the next time of the grid.
+
+    And where it ends for a stored state, from the k-th one on: no later, and there if plan.lands. Where such a step
+    would be far too short, the state is interpolated all the same.
+    """
+    last = plan.t_stop
+    if plan.dt > 0.0:
+        grid = plan.t0 + (s.numbers[GRID] + 1.0) * plan.dt
+        last = plan.t_stop if grid > plan.t_stop - 1e-9 * plan.dt else grid
+    if not plan.lands or rows.every > 0 or k >= len(rows.wanted):
+        return last, last
+    near = SHORT * s.numbers[STEP_SIZE]
+    apart = rows.wanted[k] - s.numbers[TIME] > near and last - rows.wanted[k] > near
+    return last, rows.wanted[k] if apart else last
+
+
+@inner
+def passed(rows, first, end, near):  # type: ignore[no-untyped-def]
+    """Return how many wanted times from the given one on lie inside a step, and whether one is its end."""
+    last = first
+    while rows.every == 0 and last < len(rows.wanted) and rows.wanted[last] <= end + near:
+        last += 1
+    at_end = last > first and rows.wanted[last - 1] >= end - near
+    return (last - first - 1, True) if at_end else (last - first, False)

@@ -1,0 +1,107 @@
+"""Adaptive steps through contact without a law, beside closed forms: errors and their estimates."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from motions import Ride, rigid
+from scipy.integrate import solve_ivp
+
+import ancf2d
+
+G = 9.81
+FALL = [{"type": "gravity", "value": [0, -G]}]
+FLOOR = {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}
+
+
+def ladder_leaves(height: float) -> tuple[float, float]:
+    """Return when the top of a ladder of length 1 leaves the wall, and where its foot is 1 s after the start.
+
+    It slides down without friction from rest, its top at this height: w^2 = 3 g (h0 - h)/L, h over L the cosine of its
+    angle. The wall pulls no sooner than h = 2/3 h0; from there on its centre moves on along the floor as fast.
+    """
+    def rates(_: float, y: Any) -> list[float]:
+        return [y[1], 1.5 * G * math.sin(y[0])]
+
+    def pulls(_: float, y: Any) -> float:
+        return math.cos(y[0]) - 2.0 / 3.0 * height
+
+    pulls.terminal = True  # type: ignore[attr-defined]
+    found = solve_ivp(rates, (0.0, 1.0), [math.acos(height), 0.0], events=pulls, rtol=1e-11, atol=1e-12)
+    t, (angle, rate) = found.t[-1], found.y[:, -1]
+    speed = 0.5 * math.cos(angle) * rate
+    return t, 0.5 * math.sin(angle) + speed * (1.0 - t) + 0.5
+
+
+@pytest.fixture(scope="module")
+def ladders() -> list[tuple[float, ancf2d.Solution]]:
+    """Errors of the foot, relative to its way, and motions for tolerances 1e-5 and 1e-6."""
+    width = 0.3
+    height = math.sqrt(1.0 - width * width)
+    _, foot = ladder_leaves(height)
+    wall = {"type": "half_plane", "through": [0, 0], "normal": [1, 0]}
+    out = []
+    for tolerance in (1e-5, 1e-6):
+        found = ancf2d.solve({
+            "bodies": {"ladder": rigid([0, height], [width, 0], 1.0, 1.0 / 12.0)}, "loads": FALL,
+            "obstacles": {"floor": FLOOR, "wall": wall},
+            "contacts": [{"between": ["ladder", name], "side": "axis"} for name in ("floor", "wall")],
+            "solver": {"type": "dynamic", "t_end": 1.0, "tolerance": tolerance},
+            "output": {"interval": 0.01, "probes": {"foot": "ladder@1"}}})
+        out.append((abs(found.probes["foot"]["x"] - foot) / (foot - width), found))
+    return out
+
+
+def test_a_ladder_that_slides_down_a_wall_leaves_it_at_two_thirds_of_its_height(ladders):
+    assert [error < bound for (error, _), bound in zip(ladders, (3e-4, 2e-4), strict=True)] == [True, True]
+
+
+def test_steps_that_end_at_stored_states_are_like_one_another(ladders):
+    """Short steps between long ones make more errors than the long ones: the energy shows it."""
+    assert ladders[1][1].summary["energy_drift"] < 3e-4
+
+
+def test_the_estimate_through_an_impact_is_of_the_size_of_the_error(ladders):
+    for error, found in ladders:
+        estimate = found.summary["accuracy"]["estimate"]
+        assert 0.3 * error < estimate < 30.0 * error
+
+
+def test_states_inside_the_step_of_an_impact_are_on_their_way():
+    """A rod falls flat: until it lands, each state is on its parabola, also where the step ends on the floor."""
+    height, t_end = 0.5, 0.4
+    lands = math.sqrt(2.0 * height / G)
+    falls = Ride({"bodies": {"rod": rigid([0, height], [1, height], 2.0, 0.2)}, "loads": FALL,
+                  "obstacles": {"floor": FLOOR}, "contacts": [{"between": ["rod", "floor"], "side": "axis"}]},
+                 t_end, states=50, tolerance=1e-4)
+    # as in the coarser motions that an error is estimated by
+    falls.stepper.lands = False
+    falls.start().on()
+    t = np.array([row.t for row in falls.rows])
+    expected = np.where(t < lands, height - 0.5 * G * t**2, 0.0)
+    assert np.count_nonzero((t > falls.column("t")[falls.column("t") < lands - 1e-3].max()) & (t < lands)) > 1
+    np.testing.assert_allclose([falls.place("rod@0.5", k)[1] for k in range(len(t))], expected, atol=2e-4 * height)
+
+
+def test_friction_turns_back_with_what_slides():
+    """A block on a spring loses 4 mu N/k of its amplitude in each period; a step is as good as its time of turning."""
+    mass, stiffness, mu, length, t_end = 0.216, 200.0, 0.2, 0.1, 1.0
+    shift, half = mu * mass * G / stiffness, math.pi * math.sqrt(mass / stiffness)
+    place = length
+    for _ in range(int(t_end / half)):
+        centre = math.copysign(shift, place)
+        place = 2.0 * centre - place
+    centre = math.copysign(shift, place)
+    place = centre + (place - centre) * math.cos(math.pi * (t_end % half) / half)
+    found = ancf2d.solve({
+        "bodies": {"block": rigid([0, 0.01], [0.2, 0.01], mass, 1e-3) | {"section": {"height": 0.02, "width": 0.02}}},
+        "loads": FALL, "obstacles": {"floor": FLOOR},
+        "springs": [{"type": "translational", "between": ["block@0", [-1.0 - length, 0.01]], "stiffness": stiffness,
+                     "length": 1.0}],
+        "contacts": [{"between": ["block", "floor"], "friction": mu}],
+        "solver": {"type": "dynamic", "t_end": t_end, "tolerance": 1e-6, "estimate": False},
+        "output": {"probes": {"a": "block@0"}}})
+    assert found.probes["a"]["ux"] == pytest.approx(place - length, abs=5e-5)
