@@ -127,7 +127,16 @@ def case_breaks(case: Case, t0: float, t1: float) -> list[Break]:
     return [b for b in breaks if b.t < t1]
 
 
-def case_turns(case: Case, t0: float, t1: float) -> list[float]:
+def case_stops(case: Case, t0: float, t1: float, turns: bool = True, more: Iterable[float] = ()) -> list[Break]:
+    """Return the breaks of ``case_breaks``, in order, with other places in (t0, t1), which are of order SMOOTH.
+
+    These are where amplitudes turn back, if ``turns`` are asked for, and ``more``.
+    """
+    others = [*(_turns(case, t0, t1) if turns else ()), *(t for t in more if t0 < t < t1)]
+    return _merged([*case_breaks(case, t0, t1), *(Break(t, SMOOTH, t) for t in others)], t1)
+
+
+def _turns(case: Case, t0: float, t1: float) -> list[float]:
     """Return where sines and expressions of a case turn back between their breaks in (t0, t1), in order.
 
     Turns are looked for between as many times as switches are, and found to round-off.

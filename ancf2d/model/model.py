@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -102,6 +103,18 @@ class Model:
     def states(self) -> Array:
         """What elements whose laws have a memory remember of the last accepted state, which solvers write to."""
         return self._groups[1]
+
+    @contextmanager
+    def remembering(self, states: Array | None) -> Iterator[None]:
+        """Let elements remember, for a while, what ``states`` had at another time; None for what they remember now."""
+        now = self.states.copy() if states is not None else None
+        if states is not None:
+            self.states[:] = states
+        try:
+            yield
+        finally:
+            if now is not None:
+                self.states[:] = now
 
     @cached_property
     def clocks(self) -> Index:

@@ -26,6 +26,8 @@ _LONGEST_HEADER = 1 << 24
 # how the header of a sweep's table ends
 SWEEP_COLUMNS = ("elements", "dofs", "wall_s", "estimate", "output", "reason")
 _PROBE_COLUMNS = ["x", "y", "ux", "uy", "theta"]
+# what begins the columns of reactions, controllers, moving points and obstacles beside those of probes
+_BESIDE_PROBES = (["fx", "fy", "m"], ["output"], ["s"], ["ux", "uy", "theta"])
 _FACES = [f"{axis}_{face}" for face in ("axis", "top", "bottom") for axis in "xy"]
 
 
@@ -67,12 +69,15 @@ def _is_own_header(names: Sequence[str]) -> bool:
 
 
 def _are_probes(names: Sequence[str]) -> bool:
-    """Return whether columns are all quantities of one probe after the other: measured data seldom are."""
+    """Return whether columns are quantities of one source after the other, probes first: measured data seldom are."""
     quantities: dict[str, list[str]] = {}
     for name in names:
         probe, dot, quantity = name.partition(".")
         quantities.setdefault(probe if dot else "", []).append(quantity)
-    return bool(quantities) and all(q[:len(_PROBE_COLUMNS)] == _PROBE_COLUMNS for q in quantities.values())
+    heads = (_PROBE_COLUMNS, *_BESIDE_PROBES)
+    first = next(iter(quantities.values()), [])
+    return (first[:len(_PROBE_COLUMNS)] == _PROBE_COLUMNS and "" not in quantities
+            and all(any(q[:len(head)] == head for head in heads) for q in quantities.values()))
 
 
 try:

@@ -117,7 +117,7 @@ class FieldReader:
 
     def __init__(self, model: Model, names: Sequence[str] | None = None) -> None:
         chosen = [FIELDS[name] for name in dict.fromkeys(model.case.output.fields if names is None else names)]
-        self.bodies: list[BodyFields] = []
+        self.model, self.bodies = model, list[BodyFields]()
         self._readers: list[tuple[BodyFields, Callable[[State], dict[Field, Array]]]] = []
         for name, mesh in model.meshes.items() if chosen else ():
             if not mesh.plan.rigid:
@@ -131,8 +131,9 @@ class FieldReader:
 
         ny = 1 of what is known along the axis only, 2 of what is known of the faces.
         """
-        return {(body.body, field.name): values for body, read in self._readers
-                for field, values in read(state).items()}
+        with self.model.remembering(state.memory):
+            return {(body.body, field.name): values for body, read in self._readers
+                    for field, values in read(state).items()}
 
 
 def fibre_stations(mesh: BodyMesh) -> Array:

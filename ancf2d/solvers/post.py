@@ -37,7 +37,8 @@ class Observer:
     def observe(self, state: State) -> dict[str, dict[str, float]]:
         """Return x, y, ux, uy, theta of every probe; vx, vy, omega of states that move; N, Q, M where asked for."""
         turned = turns_of(self.model, state)
-        return {name: self.read(name, state, turned) for name in self.probes}
+        with self.model.remembering(state.memory):
+            return {name: self.read(name, state, turned) for name in self.probes}
 
     def read(self, name: str, state: State, turned: Array) -> dict[str, float]:
         """Return what ``observe`` does of one probe, with the bodies' turns (bodies,) of ``turns_of``."""
@@ -172,7 +173,8 @@ def energies(model: Model, state: State) -> dict[str, float]:
     if state.v is None:
         from .energy import kept_energy
 
-        kept = 0.0 if state.linear or state.about is not None else sum(kept_energy(model, state.d, state.side)[:2])
+        with model.remembering(state.memory):
+            kept = 0.0 if state.linear or state.about is not None else sum(kept_energy(model, state.d, state.side)[:2])
         return {"strain": state.energy + kept, "kinetic": 0.0, "potential": model.gravity_potential(state.d, state.t)}
     moving = Energies(model)
     kinetic = moving.kinetic(state.v) + moving.carried(state.d, state.v, state.side)[0]

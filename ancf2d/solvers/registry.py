@@ -143,6 +143,14 @@ def solve(model: Model, kept: Checkpoint | Start | None = None) -> Iterator[Stat
     Raises ComputationError where the computation fails.
     """
     start = () if kept is None else (kept,)
-    return SOLVERS[type(model.case.solver)](model, model.case.solver, *start)
+    states = SOLVERS[type(model.case.solver)](model, model.case.solver, *start)
+    return _with_memory(model, states) if model.remembers else states
+
+
+def _with_memory(model: Model, states: Iterator[State]) -> Iterator[State]:
+    """Yield states with what elements remember in each, which they are read with later on."""
+    for state in states:
+        state.memory = model.states.copy()
+        yield state
 
 

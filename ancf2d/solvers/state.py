@@ -54,7 +54,8 @@ class State:
 
     ``side`` is the time that amplitudes are taken at: t, where it is not given, but at a break of a motion the float
     before it. ``about`` (n_full,): displacements about which elastic forces are linear, None where they are not.
-    ``controllers`` tells what each controller puts out and remembers.
+    ``controllers`` tells what each controller puts out and remembers. ``memory`` is what elements remember there
+    (``Model.states``), None where they remember nothing.
 
     Motion: ``v`` and ``a`` (n_full,) are the rates of the coordinates (multipliers have none: zero there), None in
     statics. ``blocks`` holds a column of values per step taken since the last state; ``checkpoint`` is what the
@@ -82,6 +83,7 @@ class State:
     left: float | None = None
     about: Array | None = None
     controllers: dict[str, dict[str, float]] = field(default_factory=dict)
+    memory: Array | None = None
 
     def __post_init__(self) -> None:
         if math.isnan(self.side):

@@ -174,7 +174,8 @@ class _Problem:
         self.ratios = [b.low > 0.0 and b.high > DECADE * b.low for b in bounds]
         self.scale = np.broadcast_to(scales, data.values.shape)[data.known]
         self.scales, self.measured = scales, data.values[data.known]
-        self.moves = loaded.case.solver.moves
+        # runs over time have no exact derivatives that are worth their cost
+        self.timed = loaded.case.solver.timed
         self.last: tuple[Any, Array] | None = None
         self.secant: _Secant | None = None
 
@@ -222,7 +223,7 @@ class _Problem:
 
     def jacobian(self, z: Array) -> Array:
         """Return the derivatives (m, n) of the differences to z. Raises ComputationError."""
-        if not self.moves:
+        if not self.timed:
             found = derivatives(self.case(z), self.watch, [replace(v, value=x) for v, x in
                                                            zip(self.variables, self.values(z), strict=True)])
             self.runs += 1 + sum(4 for method in found.methods if method != "exact")
@@ -232,7 +233,7 @@ class _Problem:
         return self._secants(z, self.last[1])
 
     def _secants(self, z: Array, f: Array) -> Array:
-        """Return the derivatives of motions: by differences, and from step to step with Broyden's update between.
+        """Return the derivatives of runs over time: by differences, with Broyden's update from step to step.
 
         They are made anew where the search comes close to its end far from where they were made, since standard errors
         follow from them. Raises _SettledError at the end.
@@ -251,8 +252,8 @@ class _Problem:
         return J
 
     def _differences(self, z: Array, f: Array) -> Array:
-        """Return the derivatives (m, n) of motions by one run for each number, to the inside of its bounds."""
-        h = STEP if self.loaded.case.solver.dt is not None else STEP_ADAPTIVE  # type: ignore[union-attr]
+        """Return the derivatives (m, n) of runs over time by one run for each number, to the inside of its bounds."""
+        h = STEP if getattr(self.loaded.case.solver, "dt", None) is not None else STEP_ADAPTIVE
         columns = []
         for k, place in enumerate(z.tolist()):
             end = place + h if place + h <= 1.0 else place - h
@@ -267,12 +268,12 @@ class _Problem:
         self.last = self.secant = None
         try:
             found = least_squares(self.residuals, z0, self.jacobian, (0.0, 1.0), method="trf", x_scale="jac",
-                                  ftol=TOLERANCE_OF_RUNS if self.moves else TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE)
+                                  ftol=TOLERANCE_OF_RUNS if self.timed else TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE)
         except _SettledError:
             assert self.secant is not None
             z, f, J = self.secant.z, self.secant.f, self.secant.J
             return OptimizeResult(x=z, fun=f, jac=J, cost=0.5 * float(f @ f), success=True, message="")
-        if self.moves:
+        if self.timed:
             found.jac = self._differences(found.x, found.fun)
         return found
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Dynamic, FrequencyResponse, LinearStatic, LoadedCase, Static, with_overrides
+from ..case import Dynamic, FrequencyResponse, LinearStatic, LoadedCase, QuasiStatic, Static, with_overrides
 from ..case.binder import nearest
 from ..case.compose import read_text
 from ..elements.shape import Array
@@ -20,11 +20,13 @@ from ..model.model import Model
 from .run import vocabulary
 
 # what stands in the first column, by solver; and the rates of quantities, with which states are joined by cubics
-ABSCISSAE = {"t": "dynamic", "factor": "static or linear_static", "hz": "frequency_response"}
+ABSCISSAE = {"t": "dynamic or quasi_static", "factor": "static or linear_static", "hz": "frequency_response"}
 RATES = {"x": "vx", "y": "vy", "ux": "vx", "uy": "vy", "theta": "omega"}
 FORCES = ("N", "Q", "M")
 # load steps of a path whose factors are no simple fractions, and the largest denominator that is one
 STEPS, DENOMINATOR = 100, 400
+# share of the last time or load factor within which two are one
+NEAR = 1e-9
 PARTS = ("re", "im")
 # quantities by kind, and the power of a length that gives them the unit of their kind
 KINDS = {"x": ("place", 0), "y": ("place", 0), "ux": ("place", 0), "uy": ("place", 0), "theta": ("place", 1),
@@ -132,7 +134,7 @@ def check_data(loaded: LoadedCase, data: Data) -> list[Problem]:
     def say(message: str, expected: str = "", near: str = "") -> None:
         problems.append(Problem(message, file=data.file, expected=expected, near=near))
 
-    kinds = {"t": Dynamic, "factor": (Static, LinearStatic), "hz": FrequencyResponse}
+    kinds = {"t": (Dynamic, QuasiStatic), "factor": (Static, LinearStatic), "hz": FrequencyResponse}
     if not isinstance(solver, kinds[data.axis]):  # type: ignore[arg-type]
         say(f"the data are over {data.axis}, but the case is not {ABSCISSAE[data.axis]}")
         return problems
@@ -158,7 +160,7 @@ def check_data(loaded: LoadedCase, data: Data) -> list[Problem]:
         elif quantity not in KINDS:
             say(f"column '{name}': '{quantity}' is no quantity of a probe", "x, y, ux, uy, theta, vx, vy, omega, N, Q "
                 "or M")
-        elif quantity in RATES.values() and data.axis == "factor":
+        elif quantity in RATES.values() and solver.balances:
             say(f"column '{name}': a static state has no {quantity}")
     return problems
 
@@ -181,6 +183,9 @@ def comparable(loaded: LoadedCase, data: Data) -> LoadedCase:
             more.append(f"output.{left}=null")
         more.append(f"output.{taken}={step!r}" if even else "output.every=1")
         more.append(f"solver.t_end={float(min(solver.t_end, max(data.x[-1], step)))!r}")
+    elif isinstance(solver, QuasiStatic):
+        end = float(min(solver.t_end, data.x[-1])) or solver.t_end
+        more += [f"solver.t_end={end!r}", f"solver.times={np.minimum(data.x, end).tolist()}"]
     elif isinstance(solver, Static):
         more.append(f"solver.steps={_steps(data.x / solver.end, solver.steps or 1)}")
     elif isinstance(solver, FrequencyResponse):
@@ -231,6 +236,7 @@ class Watch:
         told = [observer.observe(state) for state in states]
         t = np.array([state.t for state in states])
         t, first = np.unique(t, return_index=True)
+        near = np.abs(t[:, None] - self.data.x).argmin(axis=0)
         columns = []
         for name in self.data.names:
             probe, _, quantity = name.rpartition(".")
@@ -238,8 +244,8 @@ class Watch:
                 raise ComputationError(f"the solver does not compute {quantity} of {probe}")
             y = np.array([told[k][probe].get(quantity, np.nan) for k in first])
             rate = RATES.get(quantity, "")
-            if len(t) == 1:
-                columns.append(np.full(len(self.data.x), y[0]))
+            if not np.abs(t[near] - self.data.x).max() > NEAR * t[-1]:
+                columns.append(y[near])
             elif rate in told[-1][probe]:
                 slope = np.array([told[k][probe][rate] for k in first])
                 columns.append(CubicHermiteSpline(t, y, slope)(self.data.x))

@@ -82,6 +82,8 @@ class Recorder:
         self.report: dict[str, Any] = {}
         self.worst: dict[str, Graded] = {}
         self.clock, self.windows = Clock(iter(())), Windows(model)
+        # what elements remember before the first step
+        self.unloaded = model.states.copy() if model.remembers else None
 
     def take(self, state: State) -> None:
         """Take the next state."""
@@ -120,6 +122,7 @@ class Recorder:
         from ..solvers.registry import initial_state
 
         start = initial_state(self.model)
+        start.memory = self.unloaded
         self._store(start, None, self._over_time(start, self.observer.observe(start)))
 
     def _over_time(self, state: State, probes: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:

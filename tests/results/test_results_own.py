@@ -82,7 +82,10 @@ def test_a_file_of_its_own_is_replaced_and_no_other(tmp_path: Path, name: str) -
 def test_a_table_is_told_by_its_header(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     for header, own in (("t,tip.x,tip.y,tip.ux,tip.uy,tip.theta,tip.vx,tip.vy", True), ("t,tip.uy", False),
-                        ("factor,a.x,a.y,a.ux,a.uy,a.theta,b.uy", False), ("t", False), ("x,y", False),
+                        ("factor,a.x,a.y,a.ux,a.uy,a.theta,b.uy", False),
+                        ("factor,a.x,a.y,a.ux,a.uy,a.theta,wall.fx,wall.fy,wall.m", True),
+                        ("t,a.x,a.y,a.ux,a.uy,a.theta,motor.output,motor.z,load.s", True),
+                        ("t,a.x,a.y,a.ux,a.uy,a.theta,measured", False), ("t", False), ("x,y", False),
                         ("curve", False),
                         ("curve,displacement [m],load factor", True), ("EI,status,elements", False),
                         ("EI,status,tip uy,elements,dofs,wall_s,estimate,output,reason", True)):

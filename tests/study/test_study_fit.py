@@ -158,6 +158,30 @@ def test_an_equilibrium_path_tells_stiffness_and_load() -> None:
 
 
 @pytest.mark.slow
+def test_the_force_of_a_held_bar_tells_how_it_relaxes() -> None:
+    """F = E A e (1 + g exp(-t/tau)), measured seldom, at times that are no ends of steps."""
+    case = """\
+bodies:
+  bar:
+    geometry: {type: line, start: [0, 0], end: [0.1, 0]}
+    section: {height: 0.01, width: 0.01}
+    material: {E: 1.0e+9, nu: 0.3, viscoelastic: [{modulus: 1.0, time: 1.0}]}
+    element: {type: cable, count: 1}
+boundary_conditions:
+  - {name: wall, type: clamp, at: bar@0}
+  - {name: grip, type: prescribed, at: bar@1, ux: 1.0e-4, uy: 0, angle: 0}
+solver: {type: quasi_static, t_end: 30, tolerance: 1.0e-3}
+output:
+  probes: {mid: bar@0.5}
+"""
+    t = np.array([0.0, 0.31, 1.07, 2.2, 3.9, 8.03, 20.4])
+    path = "bodies.bar.material"
+    found = fitted(case, data_of({"t": t, "mid.N": 100.0 * 1.3 * (1.0 + 0.6 * np.exp(-t / 2.5))}),
+                   f"{path}.E=5e8:3e9", f"{path}.viscoelastic.0.modulus=0.1:3", f"{path}.viscoelastic.0.time=0.2:20")
+    assert [row.value for row in found.rows] == pytest.approx([1.3e9, 0.6, 2.5], rel=1e-4)
+
+
+@pytest.mark.slow
 def test_what_the_data_do_not_tell_has_no_standard_error() -> None:
     data = path_of(1250.0, 0.0, [0.5, 1.0])
     found = fitted(BENT, data_of(data), f"{EI}=100:1e4", "bodies.beam.section.rhoA=0.5:2")

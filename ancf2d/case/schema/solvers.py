@@ -170,7 +170,15 @@ class QuasiStatic(Kind):
                        example=100)
     tolerance: float = key(Number("", gt=0, lt=1), "Error that a step may make, relative to the largest displacement; "
                            "steps adapt to it", default=STEP_TOLERANCE)
+    times: tuple[float, ...] | None = key(ListOf(Number("s", ge=0), "times", 1), "Times at which steps end, beside "
+                                          "those that the tolerance needs", default=None, example=[1, 10, 100])
     max_iterations: int | None = key(Integer(), "Maximum number of Newton iterations per step", default=None)
+
+    def check(self) -> Iterator[Issue]:
+        """Yield times that the solution does not reach."""
+        late = next((t for t in self.times or () if t > self.t_end), None)
+        if late is not None:
+            yield Issue(("times",), f"{{}}: the solution does not reach {late:g}", f"times up to t_end, {self.t_end:g}")
 
     @property
     def end(self) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from ...case import QuasiStatic
 from ...elements.shape import Array
 from ...errors import ComputationError
-from ...model.breakpoints import case_breaks
+from ...model.breakpoints import SMOOTH, case_stops
 from ...model.model import Model
 from ..contact import memory, recall
 from ..state import State, check_kept
@@ -67,10 +67,14 @@ class Course:
             yield self._at_rest(iterations, warnings)
         else:
             self._resume(kept)
-        for b in case_breaks(self.model.case, 0.0, self.spec.t_end)[self.passed:]:
+        # where elements remember the way, no step may pass a place where it turns back
+        turns = bool(self.model.remembers)
+        for b in case_stops(self.model.case, 0.0, self.spec.t_end, turns, self.spec.times or ())[self.passed:]:
             yield from self._go(b.before if b.order == 0 else b.t)
             state = self._jump(b.t) if b.order == 0 else None
-            self.path, self.begin, self.h = Path([self.t], [self.march.d]), self.t, FIRST * self.spec.t_end
+            self.path = Path([self.t], [self.march.d])
+            if b.order < SMOOTH:
+                self.begin, self.h = self.t, FIRST * self.spec.t_end
             self.passed += 1
             if state is not None:
                 yield state
@@ -211,7 +215,8 @@ def solve_quasi_static(model: Model, spec: QuasiStatic, kept: dict[str, Array] |
     """Yield the equilibrium at t = 0 and at the end of each step up to t_end, or those behind a checkpoint.
 
     Steps adapt to the error of the displacements, by comparison with two half steps; they end where amplitudes have
-    corners, and behind their jumps there is a response that takes no time. Raises ComputationError where no equilibrium
+    corners or, where elements remember the way, turn back, and behind their jumps there is a response that takes no
+    time. Raises ComputationError where no equilibrium
     follows on the last one, and CheckpointError at once where the checkpoint is none of this case.
     """
     if model.hangs:

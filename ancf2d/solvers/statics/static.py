@@ -9,7 +9,7 @@ import numpy as np
 
 from ...elements.shape import Array
 from ...errors import ComputationError, SingularTangentError
-from ...model.breakpoints import case_breaks, case_turns
+from ...model.breakpoints import case_stops
 from ...model.model import Model
 from ...model.timing import PathTiming
 from ..contact import memory, recall
@@ -138,9 +138,8 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
 
 def _stops(model: Model, end: float) -> list[float]:
     """Return the shares of the way at which loads may turn back: fibres are exact on a way that goes one way."""
-    places = [*(b.t for b in case_breaks(model.case, 0.0, end)), *case_turns(model.case, 0.0, end)]
     out: list[float] = []
-    for share in sorted(t / end for t in places):
+    for share in [b.t / end for b in case_stops(model.case, 0.0, end)]:
         if share > ROUND and share < 1.0 - ROUND and (not out or share - out[-1] > ROUND):
             out.append(share)
     return out

@@ -1,0 +1,53 @@
+"""Steps of equilibria over time: where they end."""
+
+from __future__ import annotations
+
+import helpers as h
+import numpy as np
+import pytest
+
+import ancf2d
+from ancf2d.errors import CaseError
+from ancf2d.model.build import build_model
+from ancf2d.solvers.post import reactions
+
+
+def test_yield_is_a_matter_of_the_way_not_of_the_steps() -> None:
+    """Steps end at the peaks of a sine: 7 cycles in some hundred steps leave the yield stress that they do.
+
+    In yield strains and stresses, fibres of E = 1 and H = 0.1 flow by f/1.1 where |e - p| is above the yield stress
+    by f.
+    """
+    body = {"geometry": h.line(1.0), "element": h.element("reissner3", 1),
+            "section": {"height": 0.02, "width": 0.02},
+            "material": {"E": 2e11, "nu": 0.3, "yield": 2e8, "hardening": {"isotropic": 2e10}}}
+    move = {"type": "sine", "frequency": 7.25, "scale": 3e-3}
+    found = h.Solution(build_model(h.load({"rod": body}, {"type": "quasi_static", "t_end": 1.0, "tolerance": 1e-3},
+        bc=[{"type": "clamp", "at": "rod@0"},
+            {"type": "prescribed", "at": "rod@1", "name": "end", "ux": move, "uy": 0, "angle": 0}])))
+    plastic, most = 0.0, 1.0
+    for k in range(15):
+        trial = 3.0 * (-1.0)**k - plastic
+        flow = max(abs(trial) - most, 0.0) / 1.1
+        plastic, most = plastic + np.copysign(flow, trial), most + 0.1 * flow
+    force = reactions(found.model, found.state)["end"]["fx"] / 0.02**2
+    assert force == pytest.approx(2e8 * (3.0 - plastic), rel=1e-9)
+
+
+def test_steps_end_at_times_that_are_asked_for() -> None:
+    """A stretched bar has its stress of (1 + g exp(-t/tau)) E e there, however long its steps are."""
+    times = [0.0, 0.0123, 0.2, 0.77, 1.0]
+    case = h.load({"beam": {"geometry": h.line(1.0), "element": h.element("reissner3", 2),
+                            "section": {"height": 0.02, "width": 0.02},
+                            "material": {"E": 2e6, "nu": 0.3, "viscoelastic": [{"modulus": 0.5, "time": 0.1}]}}},
+                  {"type": "quasi_static", "t_end": 1.0, "tolerance": 1e-3}, bc=[
+                      {"type": "clamp", "at": "beam@0"},
+                      {"type": "prescribed", "at": "beam@1", "name": "end", "ux": 1e-6, "uy": 0, "angle": 0}],
+                  output={"probes": {"tip": "beam@1"}})
+    found = ancf2d.solve(case, {"solver.times": times, "output.fields": ["N"]})
+    at = [int(np.argmin(np.abs(found.course_t - t))) for t in times]
+    np.testing.assert_allclose(found.course_t[at], times, atol=1e-12)
+    exact = 2e6 * 0.02**2 * 1e-6 * (1.0 + 0.5 * np.exp(-np.array(times) / 0.1))
+    np.testing.assert_allclose(found.course["tip"]["N"][at], exact, rtol=1e-6)
+    with pytest.raises(CaseError, match=r"does not reach 1\.5"):
+        ancf2d.load(case, {"solver.times": [0.5, 1.5]})

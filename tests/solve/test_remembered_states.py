@@ -1,0 +1,65 @@
+"""States of materials with memory, read after the run has gone on: each with what its elements remembered there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import helpers as h
+import numpy as np
+import pytest
+
+from ancf2d.results import open_results
+from ancf2d.solvers.fields import FieldReader
+from ancf2d.solvers.post import Observer, energies, reactions
+from ancf2d.study.record import Progress
+from ancf2d.study.run import run_case
+
+E, YIELD, AREA, LENGTH = 2e11, 250e6, 1e-4, 0.2
+FIRST = YIELD / E
+MATERIALS: dict[str, dict[str, Any]] = {
+    "yields": {"yield": YIELD, "hardening": {"isotropic": 1e10, "kinematic": 1e10}},
+    "relaxes": {"viscoelastic": [{"modulus": 0.5, "time": 0.2}]}}
+
+
+def pulled(material: str) -> Any:
+    """Return a bar that is stretched to 4 e_y, back to none and to half of that."""
+    solver = {"type": "static", "steps": 8} if material == "yields" else {"type": "quasi_static", "t_end": 1,
+                                                                           "tolerance": 1e-3}
+    course = {"type": "table", "t": [0, 0.3, 0.7, 1], "value": [0, 4 * FIRST * LENGTH, 0, 2 * FIRST * LENGTH]}
+    return h.load({"bar": {"geometry": h.line(LENGTH), "element": h.element("cable", 2),
+                           "section": {"height": 0.01, "width": 0.01},
+                           "material": {"E": E, "nu": 0.3, **MATERIALS[material]}}}, solver,
+                  bc=[{"type": "clamp", "at": "bar@0"},
+                      {"type": "prescribed", "at": "bar@1", "name": "end", "ux": course, "uy": 0, "angle": 0}],
+                  output={"probes": {"mid": "bar@0.5"}, "fields": ["N", "strain", "stress"] if material == "yields"
+                          else ["N"]})
+
+
+@pytest.mark.parametrize("material", MATERIALS)
+def test_section_forces_of_all_states_balance_the_reaction_there(material: str) -> None:
+    states: list[Any] = []
+    model = run_case(pulled(material), progress=Progress(state=states.append)).model
+    observer, reader = Observer(model), FieldReader(model)
+    pull = np.array([reactions(model, s)["end"]["fx"] for s in states])
+    most = np.abs(pull).max()
+    assert np.ptp(pull) > most
+    np.testing.assert_allclose([observer.observe(s)["mid"]["N"] for s in states], pull, atol=1e-9 * most)
+    for state, force in zip(states, pull, strict=True):
+        np.testing.assert_allclose(reader.read(state)["bar", "N"], force, atol=1e-9 * most)
+    # the elastic part of the first state, which knows nothing of the cycle to come
+    first = next(s for s in states if s.t > 0)
+    strain = np.interp(first.t, [0.0, 0.3], [0.0, 4 * FIRST])
+    if material == "yields" and strain < FIRST:
+        assert energies(model, first)["strain"] == pytest.approx(0.5 * E * strain**2 * AREA * LENGTH, rel=1e-9)
+
+
+def test_a_file_begins_with_the_reference_which_remembers_nothing(tmp_path: Path) -> None:
+    """With few steps, the first one yields; neither forces nor stresses of the reference tell of that."""
+    case = pulled("yields")
+    run_case(case, str(tmp_path / "bar.h5"))
+    with open_results(tmp_path / "bar.h5") as found:
+        assert found.t[0] == 0.0
+        assert found.probes["mid"]["N"][0] == 0.0
+        assert not found.field("bar", "stress", 0).any()
+        assert np.abs(found.field("bar", "stress", 1)).max() > 0.5 * YIELD
