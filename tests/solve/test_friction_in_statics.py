@@ -1,0 +1,149 @@
+"""Friction with obstacles along a path of loads, or over time: what sticks, what slides, and what is refused."""
+
+from __future__ import annotations
+
+import math
+
+import helpers
+import numpy as np
+import pytest
+from test_contact_statics import CLAMP, STIFF, fields_of, strip
+
+from ancf2d.case import Point
+from ancf2d.errors import CaseError
+from ancf2d.solvers.contact import contact_report
+from ancf2d.solvers.registry import solve
+from ancf2d.solvers.section_forces import section_forces
+from ancf2d.solvers.statics.quasi_static import Course
+
+
+def test_friction_holds_a_strip_on_the_floor_up_to_its_limit() -> None:
+    """It slides until a spring bears what Coulomb's friction does not."""
+    bodies = {"beam": helpers.body(helpers.line(1.0), helpers.element("reissner3", 4), {**STIFF, "EA": 1e4})}
+    weight = {"type": "table", "t": [0, 0.2], "value": [0, 1]}
+    pull = {"type": "table", "t": [0.2, 1], "value": [0, 1]}
+    law = {"stiffness": 1e5}
+    solution = helpers.Solution(helpers.build(
+        bodies, contacts=[{"between": ["beam", "floor"], "side": "axis", "friction": 0.3, "law": law}],
+        obstacles={"floor": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}},
+        springs=[{"type": "translational", "between": ["beam@1", [2, 0]], "stiffness": 100},
+                 # what nothing holds before the strip lies on the floor
+                 {"type": "translational", "between": ["beam@0.5", [0.5, 1]], "stiffness": 1e-3}],
+        loads=[{"type": "gravity", "value": [0, -10], "amplitude": weight},
+               {"type": "force", "at": "beam@1", "value": [-4, 0], "amplitude": pull}]))
+    (report,) = contact_report(solution.model, solution.state)
+    np.testing.assert_allclose(report["force"], [0.3 * 10.0, 10.0], rtol=1e-4)
+    assert solution.u("beam@1")[0] == pytest.approx(-(4.0 - 3.0) / 100.0, rel=1e-3)
+    # section forces beside a layer, which has no ends that they would know of; to half of what the last element rubs
+    N, _, _ = section_forces(solution.model, solution.state, solution.model.point(Point("beam", 1.0)))
+    assert pytest.approx(-3.0, abs=0.5 * 3.0 * 0.25) == N
+
+
+@pytest.mark.parametrize("solver", ["static", {"type": "quasi_static", "t_end": 1, "tolerance": 1e-3}])
+def test_friction_without_a_law_holds_up_to_its_limit_and_along_the_path(solver) -> None:
+    """A heavy strip is pushed over the floor and back: a spring bears what Coulomb's friction does not, either way."""
+    bodies = {"beam": helpers.body(helpers.line(1.0), helpers.element("reissner3", 4), {**STIFF, "EA": 1e4})}
+    weight = {"type": "table", "t": [0, 0.2], "value": [0, 1]}
+    push = {"type": "table", "t": [0.2, 0.6, 1], "value": [0, 1, -1]}
+    model = helpers.build(
+        bodies, solver, contacts=[{"between": ["beam", "floor"], "side": "axis", "friction": 0.3}],
+        obstacles={"floor": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}},
+        springs=[{"type": "translational", "between": ["beam@1", [2, 0]], "stiffness": 100}],
+        loads=[{"type": "gravity", "value": [0, -10], "amplitude": weight},
+               {"type": "force", "at": "beam@1", "value": [-4, 0], "amplitude": push}])
+    coords, weights = helpers.point_ref(model.meshes["beam"], 1.0).position()[0]
+    for state in solve(model):
+        (report,) = contact_report(model, state)
+        u = float(weights @ state.d[coords])
+        assert report["force"][1] == pytest.approx(10.0 * min(state.t / 0.2, 1.0), rel=1e-9)
+        assert abs(report["force"][0]) <= 0.3 * 10.0 * (1.0 + 1e-8)
+        # sideways, what acts is in balance
+        acts = 0.0 if state.t < 0.2 else -4.0 * (1.0 - abs(state.t - 0.6) / 0.2 if state.t > 0.6 else
+                                                  (state.t - 0.2) / 0.4)
+        assert report["force"][0] == pytest.approx(100.0 * u - acts, abs=1e-8)
+        if state.t == pytest.approx(0.6):
+            assert u == pytest.approx(-0.01, rel=1e-6)
+        if 0.6 < state.t < 0.9 + 1e-9:
+            # sticks on the way back, but for its own strain
+            assert -0.01 < u < -0.0095
+        elif state.t > 0.9:
+            assert u == pytest.approx(0.01 * (acts - 3.0), rel=1e-6)
+    assert u == pytest.approx(0.01, rel=1e-6)
+    _, sums = fields_of(model, state)
+    np.testing.assert_allclose([sums["pressure"][0], sums["traction"][0]], [10.0, report["force"][0]], rtol=1e-8)
+
+
+def test_a_step_over_time_that_is_refused_leaves_nothing_behind() -> None:
+    """Neither places that friction holds to, nor what the material remembers: a strip that creeps slides on a floor."""
+    model = helpers.build(
+        {"beam": helpers.body(helpers.line(1.0), helpers.element("reissner3", 4), {"height": 0.05, "width": 0.05},
+                              {"E": 1e6, "nu": 0.3, "rho": 400.0, "viscoelastic": [{"modulus": 0.5, "time": 0.2}]})},
+        {"type": "quasi_static", "t_end": 1.0, "tolerance": 1e-3}, bc=[CLAMP],
+        contacts=[{"between": ["beam", "floor"], "side": "axis", "friction": 0.3}],
+        obstacles={"floor": {"type": "half_plane", "through": [0, -1e-3], "normal": [0, 1]}},
+        loads=[{"type": "gravity", "value": [0, -10]},
+               {"type": "force", "at": "beam@1", "value": [20, 0], "amplitude": {"type": "ramp", "t1": 1.0}}])
+    course = Course(model, model.case.solver)
+    states = course.states()
+    while course.t < 0.05:
+        next(states)
+    kept, before = course._keep(), course.checkpoint()
+    _, error = course._tried(0.02)
+    assert error > 0.0
+    tried = course.checkpoint()
+    assert {name.split("/")[0] for name in before if not np.array_equal(before[name], tried[name])} >= {
+        "contact", "states", "accepted"}
+    course._restore(kept)
+    for name, found in course.checkpoint().items():
+        np.testing.assert_array_equal(found, before[name], err_msg=name)
+
+
+def block_on_incline(kind: str, mu: float, metre: float = 1.0, mass: float = 1.0):
+    """Return a solved block of 8 kg on a slope of 0.3 rad, held by 100 N/m, in units of so many m and kg."""
+    slope, size = 0.3, 9.81 / metre
+    block = {"geometry": helpers.line(0.4 / metre, start=(0, 0.1 / metre)), "element": {"type": kind, "count": 2},
+             "section": {"height": 0.2 / metre, "width": 0.1 / metre},
+             "material": {"E": 1e8 * metre / mass, "nu": 0.3, "rho": 1000 * metre**3 / mass}}
+    if kind == "rigid":
+        block["element"] = {"type": "rigid"}
+    return helpers.Solution(helpers.build(
+        {"block": block}, contacts=[{"between": ["block", "slope"], "friction": mu}],
+        obstacles={"slope": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}},
+        springs=[{"type": "translational", "between": ["block@0", [-1 / metre, 0.1 / metre]], "stiffness": 100 / mass}],
+        loads=[{"type": "gravity", "value": [size * math.sin(slope), -size * math.cos(slope)]}]))
+
+
+WEIGHT_DOWN, WEIGHT_ALONG = 8.0 * 9.81 * math.cos(0.3), 8.0 * 9.81 * math.sin(0.3)
+
+
+@pytest.mark.parametrize(("kind", "mu"), [("rigid", 0.5), ("reissner3", 0.5), ("reissner3", 0.2)])
+def test_a_block_on_an_incline_sticks_or_slides(kind: str, mu: float) -> None:
+    """It slides where the slope is steeper than friction bears, until a spring bears the rest."""
+    solution, k = block_on_incline(kind, mu), 100.0
+    (report,) = contact_report(solution.model, solution.state)
+    held = min(mu * WEIGHT_DOWN, WEIGHT_ALONG)
+    assert report["force"] == pytest.approx([-held, WEIGHT_DOWN], rel=1e-4)
+    assert solution.u("block@0")[0] == pytest.approx((WEIGHT_ALONG - held) / k, rel=1e-4, abs=1e-5)
+
+
+@pytest.mark.parametrize("mu", [0.2, 0.5])
+def test_what_a_rigid_block_sticks_by_follows_the_units_and_forces_of_the_scene(mu: float) -> None:
+    """In m/kg/N and mm/t/N, and of weights of 1e-6 N and 1e9 N, it is in the same state."""
+    share, places = min(mu * WEIGHT_DOWN, WEIGHT_ALONG), []
+    # units of length [m] and mass [kg]
+    for metre, mass in ((1.0, 1.0), (1e-3, 1e3), (1.0, 78.48e6), (1.0, 78.48e-9)):
+        solution = block_on_incline("rigid", mu, metre, mass)
+        (report,) = contact_report(solution.model, solution.state)
+        np.testing.assert_allclose(np.array(report["force"]) * mass * metre, [-share, WEIGHT_DOWN], rtol=1e-5)
+        places.append(solution.u("block@0") * metre)
+    np.testing.assert_allclose(places, [places[0]] * len(places), rtol=1e-6, atol=2e-7)
+    slipped = (WEIGHT_ALONG - share) / 100.0
+    np.testing.assert_allclose(places[0], [slipped, 0.0], rtol=1e-6, atol=2e-6)
+
+
+def test_friction_without_a_law_is_refused_where_no_path_of_loads_is_followed() -> None:
+    for solver in ({"type": "eigen", "modes": 1}, {"type": "static", "method": "arc_length",
+                                                   "until": {"load_factor": 1}}):
+        with pytest.raises(CaseError, match="without a contact law, friction"):
+            strip(4, 0.2, bc=[CLAMP], obstacles={"solid": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}},
+                  solver=solver)
