@@ -61,6 +61,10 @@ class Circle:
     motion: Motion | None = key(Record(Motion), MOTION_DOC, default=None)
     check = _held
 
+    def free(self, name: str) -> str:
+        """Return where bodies are, in words."""
+        return f"inside {name}" if self.inside else f"outside {name}"
+
     @property
     def centre(self) -> tuple[float, float]:
         """The point about which it turns."""
@@ -89,6 +93,10 @@ class HalfPlane:
     on: str | None = key(Name("the name of a body"), ON_DOC, default=None, refers="bodies")
     motion: Motion | None = key(Record(Motion), MOTION_DOC, default=None)
     check = _held
+
+    def free(self, name: str) -> str:
+        """Return where bodies are, in words."""
+        return f"on the side of {name} that its normal points to"
 
     @property
     def centre(self) -> tuple[float, float]:
@@ -130,6 +138,10 @@ class PolylineObstacle:
                 yield Issue(("points", i), f"{{}}.points: corner {i} and the next one are the same point")
         if self.closed and len(self.points) >= 3 and _area(self.points) == 0.0:
             yield Issue(("points",), "{}.points: the corners enclose no area")
+
+    def free(self, name: str) -> str:
+        """Return where bodies are, in words."""
+        return f"outside {name}" if self.closed else f"to the left of {name}, from its first point to its last"
 
     @property
     def centre(self) -> tuple[float, float]:

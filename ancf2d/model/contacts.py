@@ -18,7 +18,6 @@ from .mesh import BodyMesh
 
 # of what may overlap, beside the extent of a model
 OVERLAP = 1e-9
-APART = "bodies that do not overlap in the reference, or a law"
 # lengths of a body that is held beyond which it reaches nothing
 REACH = 2.5
 # of what sticks, beside the rate of steps; share of a motion that steps of unknown length are taken for
@@ -97,7 +96,8 @@ class Contacts:
         k = int(np.argmin(gaps))
         if pair.hard and gaps[k] < -OVERLAP * self.extent:
             self.problems.append((("contacts", i), f"contacts.{i}: {pair.body} and {pair.other} overlap in the "
-                                  f"reference, by up to {-gaps[k]:.4g} at S = {pair.s[k]:.4g}", APART))
+                                  f"reference, by up to {-gaps[k]:.4g} at S = {pair.s[k]:.4g}",
+                                  f"{pair.body} {self.case.obstacles[pair.other].free(pair.other)}, or a law"))
         mesh = pair.mesh
         x = np.flatnonzero(mesh.kinds == 0) + mesh.first_dof
         holds = any(c in self.follows and not self.follows[c].terms and c + 1 in self.follows
@@ -114,4 +114,4 @@ class Contacts:
         if depth > OVERLAP * self.extent:
             other = "itself" if pair.other == pair.body else pair.other
             self.problems.append((("contacts", i), f"contacts.{i}: {pair.body} is {depth:.4g} deep in {other} in the "
-                                  f"reference, at S = {s:.4g}", APART))
+                                  f"reference, at S = {s:.4g}", "bodies that do not overlap, or a law"))

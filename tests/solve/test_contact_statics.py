@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import helpers
@@ -280,9 +281,13 @@ def test_arc_length_passes_the_states_of_load_steps_that_touch(gap: float, deep:
         np.testing.assert_allclose(path.r("beam@0.5"), steps.r("beam@0.5"), rtol=1e-8)
 
 
-def test_bodies_that_overlap_obstacles_at_the_start_are_told_where_and_how_deep() -> None:
-    with pytest.raises(CaseError, match=r"overlap in the reference, by up to 0\.1 at S = 0\.5"):
-        strip(4, bc=[CLAMP], obstacles={"solid": {"type": "circle", "center": [0.5, -0.2], "radius": 0.3}})
+@pytest.mark.parametrize(("solid", "where"), [
+    ({"type": "circle", "center": [0.5, -0.2], "radius": 0.3}, "by up to 0.1 at S = 0.5; expected beam outside solid,"),
+    ({"type": "half_plane", "through": [0, 0.1], "normal": [0, 1]}, "the side of solid that its normal points to, or"),
+    ({"type": "polyline", "points": [[2, -0.1], [-1, -0.1]]}, "to the left of solid, from its first point to its")])
+def test_bodies_that_overlap_obstacles_at_the_start_are_told_where_and_how_deep(solid, where) -> None:
+    with pytest.raises(CaseError, match=re.escape(where)):
+        strip(4, bc=[CLAMP], obstacles={"solid": solid})
 
 
 def test_a_run_tells_only_the_worst_state_of_bodies_between_their_points() -> None:
