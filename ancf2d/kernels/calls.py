@@ -143,5 +143,7 @@ step = _call(types.Tuple((_i, _i, _f, _f)), None, _SCRATCH, _MOTION, None, _f, _
 accept, restart = (_call(_nothing, _MOTION, None) for _ in range(2))
 # (p, own, length of the step, fraction of it): what materials that relax remember there
 inside = _call(_nothing, None, None, _f, _f)
+# (p, w, own, fraction of the step): the energy that internal strains take there, in the time of the step
+taken = _call(_f, None, _SCRATCH, None, _f)
 work = _call(_pair, None, _SCRATCH, _MOTION, _METHOD, _MOTION, _f, _f, _f)
 work_of_step = _call(_pair, None, _SCRATCH, _MOTION, None, _f, _f)

@@ -36,7 +36,7 @@ from .state import (
     turn_on,
 )
 from .step_control import late, length, next_size, passed, set_size, shorten, targets
-from .work import recall
+from .work import recall, taken_inside
 
 # rotation in a step [rad] beyond which stages may be on another turn than the end of the step before
 FAR = 2.5
@@ -152,6 +152,11 @@ def _store_inside(m, p, w, s, at, plan, rows, r, time, t, h, number):  # type: i
     _turn(p, w, s, at.z, at.v, t + x * h, x * h, at.turned)
     recall(m, p, h, x)
     _store(p, rows, r, time, number, INSIDE, at, s.numbers[WORK] + work, s.numbers[LOST] + lost)
+    if len(p.states) > 0:
+        # what materials have taken since the start of the step
+        rows.work[r, 1] += remember_elements(p, w.d, w.amps)
+        rows.work[r, 1] += taken_inside(m, p, w, s, at, t, h, x)
+        copy(rows.states[r], p.states)
 
 
 @inner

@@ -198,3 +198,34 @@ def radau_inside(p, m, h, x):  # type: ignore[no-untyped-def]
                 at = first + point * size
                 for k in range(at, at + size - 1):
                     q.states[k] += f * q.stages[j, k]
+
+
+@addressed
+def radau_taken(p, w, m, x):  # type: ignore[no-untyped-def]
+    """Return the energy that internal strains take at the fraction x of a step, where w has d, in the time of the step.
+
+    It is their rate by the polynomial through start and stages under the stress there; what is remembered is lost.
+    """
+    q, s, lost = m.relaxing, len(m.c), 0.0
+    for r in range(len(q.runs)):
+        first, size, points, n = q.runs[r, 1], q.runs[r, 3], q.runs[r, 2], q.runs[r, 4]
+        for point in range(points):
+            at = first + point * size
+            for k in range(at, at + size - 1):
+                q.states[k] = 0.0
+            # the strains are those that are remembered
+            q.states[at + size - 1] = -NO_SHARE
+        for j in range(s + 1):
+            f, rate, own = 1.0, 0.0, 0.0 if j == 0 else m.c[j - 1]
+            for i in range(s + 1):
+                if i != j:
+                    other = 0.0 if i == 0 else m.c[i - 1]
+                    rate = (rate * (x - other) + f) / (own - other)
+                    f *= (x - other) / (own - other)
+            for point in range(points):
+                at = first + point * size
+                for k in range(at, at + size - 1):
+                    # commit returns the stress times what is new beside the old internal strain
+                    q.states[k] += (f - rate if k < at + n else f) * q.stages[j, k]
+        lost += calls.commit(p.calls, (group_at(p.groups[q.runs[r, 0]]), w.d))
+    return lost

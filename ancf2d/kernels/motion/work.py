@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from .. import calls
+from ..bodies import set_natural
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed, inner, seldom
-from .dynamics import lost_to_mass_damping, power_of_loads, signals_at
+from .dynamics import lost_to_mass_damping, power_of_loads, signals_at, to_full
 from .events import interpolate
 
 # errors of methods of second order are of order 3
 SECOND = 3
+# Lobatto's points in [0, 1], and their weights
+POINTS = (0.0, 0.27639320225002106, 0.7236067977499789, 1.0)
+WEIGHTS = (1.0 / 12.0, 5.0 / 12.0, 5.0 / 12.0, 1.0 / 12.0)
 
 
 @inner
@@ -52,6 +56,20 @@ def _lost_on_the_way(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
     return lost
 
 
+@inner
+def taken_inside(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
+    """Return what internal strains that are solved at stages take up to the fraction ``end`` of the step."""
+    lost = 0.0
+    if len(p.clocks) > 0 and m.order > SECOND:
+        for k in range(4):
+            interpolate(m, p, s, h, end * POINTS[k], at.z, at.v, at.a)
+            signals_at(p, t + end * POINTS[k] * h, w.amps)
+            to_full(p, at.z, w.amps, 0, w.d)
+            set_natural(p, w.amps, w.amps)
+            lost += end * WEIGHTS[k] * calls.taken(m.calls, (p, w, m.own, end * POINTS[k]))
+    return lost
+
+
 @addressed
 @seldom
 def work(p, w, s, m, at, t, h, end):  # type: ignore[no-untyped-def]
@@ -62,9 +80,8 @@ def work(p, w, s, m, at, t, h, end):  # type: ignore[no-untyped-def]
     """
     done, lost, low = 0.0, 0.0, m.order <= SECOND
     for k in range(2 if low else 4):
-        x = end * ((0.21132486540518713, 0.7886751345948129, 0.0, 0.0) if low
-                   else (0.0, 0.27639320225002106, 0.7236067977499789, 1.0))[k]
-        f = 0.5 if low else (1.0 / 12.0, 5.0 / 12.0, 5.0 / 12.0, 1.0 / 12.0)[k]
+        x = end * ((0.21132486540518713, 0.7886751345948129, 0.0, 0.0) if low else POINTS)[k]
+        f = 0.5 if low else WEIGHTS[k]
         interpolate(m, p, s, h, x, at.z, at.v, at.a)
         recall(m, p, h, x)
         one, two = power(p, w, at.z, at.v, at.a, t + x * h)

@@ -30,7 +30,7 @@ from ...kernels.motion.newmark import (
     newmark_step,
 )
 from ...kernels.motion.radau import TILE, Radau, radau_accept, radau_restart, radau_step
-from ...kernels.motion.stages import radau_inside, relaxing
+from ...kernels.motion.stages import radau_inside, radau_taken, relaxing
 from ...kernels.motion.state import Step, method_of
 from ...kernels.motion.work import work
 from ...model.mesh import Index
@@ -49,8 +49,8 @@ Relaxes = tuple[Index, Array]
 class Kernels(NamedTuple):
     """The functions of a family of integrators.
 
-    ``inside`` of those that step materials that relax, ``work`` of those that know the work of a step themselves,
-    ``go_on`` of those that go on behind an impact.
+    ``inside`` of those that step materials that relax, ``taken`` of those that solve them at stages, ``work`` of those
+    that know the work of a step themselves, ``go_on`` of those that go on behind an impact.
     """
 
     step: Any
@@ -59,13 +59,14 @@ class Kernels(NamedTuple):
     inside: Any = None
     work: Any = None
     go_on: Any = None
+    taken: Any = None
 
 
 # by the kind of their own tuples
 KERNELS = {
     Newmark: Kernels(newmark_step, newmark_accept, newmark_restart, newmark_inside, go_on=newmark_go_on),
     Conserving: Kernels(conserving_step, conserving_accept, conserving_restart, work=conserving_work),
-    Radau: Kernels(radau_step, radau_accept, radau_restart, radau_inside),
+    Radau: Kernels(radau_step, radau_accept, radau_restart, radau_inside, taken=radau_taken),
 }
 
 
@@ -203,6 +204,8 @@ class Method:
             out[calls.work_of_step] = kernels.work, problem, own
         if relaxes:
             out[calls.inside] = kernels.inside, problem, own
+            if kernels.taken is not None:
+                out[calls.taken] = kernels.taken, problem, own
         if sided:
             out[calls.restart] = kernels.go_on, own
         return out
