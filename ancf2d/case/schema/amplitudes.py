@@ -70,9 +70,10 @@ class Table(Function):
             yield Issue(("value",), f"{{}}: t has {len(self.t)} numbers and value has "
                         f"{len(self.value_)}", "as many values as times")
         for i in range(1, len(self.t)):
-            if not self.t[i - 1] < self.t[i]:
-                yield Issue(("t", i), f"{{}}.t must increase, got {self.t[i]:g} "
-                            f"after {self.t[i - 1]:g}")
+            last, t = self.t[i - 1:i + 1]
+            if not last < t:
+                yield Issue(("t", i), f"{{}}.t must increase, got {t:g} after {last:g}", "" if t < last else
+                            f"ascending times, or for a jump an expression such as '1 if t < {t:g} else 0'")
                 break
 
     @cached_property
