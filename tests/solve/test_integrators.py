@@ -6,7 +6,10 @@ import helpers as h
 import pytest
 from motions import GRAVITY, Ride, rigid, rod
 
+from ancf2d.kernels.lowlevel.jit import kernel
 from ancf2d.kernels.motion.advance import advance
+from ancf2d.kernels.motion.dynamics import span
+from ancf2d.kernels.motion.state import SIZE, TIME
 from ancf2d.solvers.motion import stepping
 from ancf2d.solvers.motion.methods import MAKERS
 from ancf2d.solvers.motion.schemes import INTEGRATORS, SCHEMES, method_problems
@@ -94,3 +97,23 @@ def test_stepping_is_compiled_once_for_all_scenes_and_integrators():
     for scene, method in ((FREE, "radau5"), ({**FREE, "springs": [spring]}, "generalized_alpha")):
         Ride(scene, 1e-3, method=method, dt=1e-3).start().on()
     assert len(advance.signatures) == 1
+
+
+@kernel
+def length_beside_increments(p, s, h):
+    """Do as ``span``, which kernels alone call."""
+    return span(p, s, h)
+
+
+def test_increments_are_small_beside_what_rates_need_in_steps_far_shorter_than_usual():
+    """Errors of rates are those of positions over h: beside the size of a motion they would be of any size."""
+    stepper = Ride(HELD, 1.0, dt=0.01).start().stepper
+    numbers = stepper.s.numbers
+    numbers[SIZE] = 2.0
+    assert length_beside_increments(stepper.p, stepper.s, 1e-9) == 2.0
+    numbers[TIME] = 0.5
+    assert length_beside_increments(stepper.p, stepper.s, 1e-3) == 2.0
+    # no rate: that of the motion so far
+    assert length_beside_increments(stepper.p, stepper.s, 1e-9) == pytest.approx(1e4 * 1e-9 * 2.0 / 0.5)
+    stepper.s.v[:] = 10.0 / stepper.p.weights.max()
+    assert length_beside_increments(stepper.p, stepper.s, 1e-9) == pytest.approx(1e4 * 1e-9 * 10.0)

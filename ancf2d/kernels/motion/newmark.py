@@ -11,10 +11,10 @@ from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed, inner, seldom
 from ..moving import add_moving_product
 from .contact_steps import let_rub, lost_to_friction, to_limits, turned_back
-from .dynamics import add_mass, factor, norm, remember, residual, settled, signals_at, solve_with
+from .dynamics import add_mass, factor, norm, remember, residual, settled, signals_at, solve_with, span
 from .feedback import weigh_state
 from .friction import rubs
-from .state import BACKWARD, CONTRACTION, DONE, FRESH, NOT_CONVERGED, NOT_FINITE, RUBBED, SINGULAR, SIZE
+from .state import BACKWARD, CONTRACTION, DONE, FRESH, NOT_CONVERGED, NOT_FINITE, RUBBED, SINGULAR
 
 # iterations that a tangent with its factors costs: where the last one would take more of them, there is a new one
 MAKING = 3.0
@@ -187,7 +187,7 @@ def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
     n, end = len(m.alg), m.end
     cv = m.gamma / (m.beta * h)
     last, rate = 0.0, s.numbers[CONTRACTION]
-    size = max(s.numbers[SIZE], 1e-3 * p.extent)
+    size = span(p, s, h)
     iteration = 0
     _move(m, p, s, h)
     while True:

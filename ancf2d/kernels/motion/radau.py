@@ -19,7 +19,7 @@ from ..lowlevel.jit import addressed, inner
 from ..lowlevel.records import array_at
 from ..moving import add_moving_product
 from ..patches import violation
-from .dynamics import MET, norm, remember, residual, signals_at, solve_with, to_full, weighed
+from .dynamics import MET, norm, remember, residual, signals_at, solve_with, span, to_full, weighed
 from .feedback import weigh_state
 from .reused_tangent import count, tangent, turn, turns
 from .stages import as_at_stage, as_at_start, begin_stages, lost_in_relaxing, place, relax
@@ -33,7 +33,6 @@ from .state import (
     NOT_FINITE,
     OLD_STEP,
     SINGULAR,
-    SIZE,
 )
 
 # unknowns that are worked on at a time
@@ -311,7 +310,7 @@ def _at_floor(m, p, w, s, h):  # type: ignore[no-untyped-def]
 def _iterate(m, p, w, s, h):  # type: ignore[no-untyped-def]
     """Solve for the stages from those predicted; return (outcome, iterations, contraction)."""
     rate, last, iteration = s.numbers[CONTRACTION], 0.0, 0
-    wanted = m.tolerance * max(s.numbers[SIZE], 1e-3 * p.extent)
+    wanted = m.tolerance * span(p, s, h)
     while True:
         for i in range(len(m.c)):
             place(m, p, w, s, i)
