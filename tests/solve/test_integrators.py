@@ -8,8 +8,8 @@ from motions import GRAVITY, Ride, rigid, rod
 
 from ancf2d.kernels.lowlevel.jit import kernel
 from ancf2d.kernels.motion.advance import advance
-from ancf2d.kernels.motion.dynamics import span
 from ancf2d.kernels.motion.state import SIZE, TIME
+from ancf2d.kernels.motion.step_control import span
 from ancf2d.solvers.motion import stepping
 from ancf2d.solvers.motion.methods import MAKERS
 from ancf2d.solvers.motion.schemes import INTEGRATORS, SCHEMES, method_problems

@@ -22,11 +22,11 @@ from .dynamics import (
     settled,
     signals_at,
     solve_with,
-    span,
     to_full,
     to_unknowns,
 )
 from .state import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR
+from .step_control import span
 
 # increments that no longer shrink are done below this share of the motion
 ROUND_OFF = 1e-15

@@ -13,14 +13,12 @@ from ..lowlevel.jit import addressed, inner, kernel, seldom
 from ..lowlevel.records import array_at
 from ..moving import moving_inertia, place_moving
 from ..patches import add_patch_tangent, forces_but_contacts, patch_forces, patch_noise, violation
-from .state import SIZE, TIME, evaluate, fill_full
+from .state import evaluate, fill_full
 
 # constraints hold where they are off by no more than this share of their scale
 MET = 1e-13
 # what is counted of a motion: evaluations of forces alone, those with their tangent, factorisations
 FORCES, TANGENTS, FACTORS = range(3)
-# steps in which a motion goes as far as its size, where it moves as usual
-SO_MANY = 1e4
 
 
 class Problem(NamedTuple):
@@ -303,19 +301,6 @@ def weighed(weights, x):  # type: ignore[no-untyped-def]
 def norm(p, x):  # type: ignore[no-untyped-def]
     """Return the largest displacement [m] that a change x of the unknowns means; not a number where x is not."""
     return weighed(p.weights, x)
-
-
-@inner
-def span(p, s, h):  # type: ignore[no-untyped-def]
-    """Return the length [m] that increments in a step of length h from the motion s are to be small beside.
-
-    It is the size of the motion; of steps that move far less than that it is what SO_MANY of them move, since errors
-    of rates are those of positions over h.
-    """
-    size = max(s.numbers[SIZE], 1e-3 * p.extent)
-    if s.numbers[TIME] <= 0.0:
-        return size
-    return min(size, SO_MANY * h * max(norm(p, s.v), size / s.numbers[TIME]))
 
 
 @addressed

@@ -11,10 +11,11 @@ from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed, inner, seldom
 from ..moving import add_moving_product
 from .contact_steps import let_rub, lost_to_friction, to_limits, turned_back
-from .dynamics import add_mass, factor, norm, remember, residual, settled, signals_at, solve_with, span
+from .dynamics import add_mass, factor, norm, remember, residual, settled, signals_at, solve_with
 from .feedback import weigh_state
 from .friction import rubs
 from .state import BACKWARD, CONTRACTION, DONE, FRESH, NOT_CONVERGED, NOT_FINITE, RUBBED, SINGULAR
+from .step_control import span
 
 # iterations that a tangent with its factors costs: where the last one would take more of them, there is a new one
 MAKING = 3.0

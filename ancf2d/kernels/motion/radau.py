@@ -19,7 +19,7 @@ from ..lowlevel.jit import addressed, inner
 from ..lowlevel.records import array_at
 from ..moving import add_moving_product
 from ..patches import violation
-from .dynamics import MET, norm, remember, residual, signals_at, solve_with, span, to_full, weighed
+from .dynamics import MET, norm, remember, residual, signals_at, solve_with, to_full, weighed
 from .feedback import weigh_state
 from .reused_tangent import count, tangent, turn, turns
 from .stages import as_at_stage, as_at_start, begin_stages, lost_in_relaxing, place, relax
@@ -34,6 +34,7 @@ from .state import (
     OLD_STEP,
     SINGULAR,
 )
+from .step_control import span
 
 # unknowns that are worked on at a time
 TILE = 128

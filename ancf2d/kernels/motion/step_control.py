@@ -1,9 +1,10 @@
-"""How long steps are: by their errors, by what cut them, and by where they have to end."""
+"""How long steps are, by their errors, by what cut them and by where they end; how small increments are in them."""
 
 from __future__ import annotations
 
 from ..lowlevel.jit import inner
-from .state import DONE, GRID, LIMIT, OLD_ERROR, OLD_STEP, REJECTED, STEP_SIZE, TIME, TRIES
+from .dynamics import norm
+from .state import DONE, GRID, LIMIT, OLD_ERROR, OLD_STEP, REJECTED, SIZE, STEP_SIZE, TIME, TRIES
 from .work import SECOND
 
 # what dies out at once, as behind an impact, moves too little for errors to be seen: steps of second order methods grow
@@ -11,6 +12,8 @@ from .work import SECOND
 DAMPED = 1.4
 # of the usual length: steps shorter than this are not made for a state alone
 SHORT = 1e-2
+# steps in which a motion goes as far as its size, where it moves as usual
+SO_MANY = 1e4
 
 
 @inner
@@ -103,3 +106,16 @@ def passed(rows, first, end, near):  # type: ignore[no-untyped-def]
         last += 1
     at_end = last > first and rows.wanted[last - 1] >= end - near
     return (last - first - 1, True) if at_end else (last - first, False)
+
+
+@inner
+def span(p, s, h):  # type: ignore[no-untyped-def]
+    """Return the length [m] that increments in a step of length h from the motion s are to be small beside.
+
+    It is the size of the motion; of steps that move far less than that it is what SO_MANY of them move, since errors
+    of rates are those of positions over h.
+    """
+    size = max(s.numbers[SIZE], 1e-3 * p.extent)
+    if s.numbers[TIME] <= 0.0:
+        return size
+    return min(size, SO_MANY * h * max(norm(p, s.v), size / s.numbers[TIME]))
