@@ -9,7 +9,7 @@ from motions import GRAVITY, Ride, rigid, rod
 from ancf2d.kernels.lowlevel.jit import kernel
 from ancf2d.kernels.motion.advance import advance
 from ancf2d.kernels.motion.state import SIZE, TIME
-from ancf2d.kernels.motion.step_control import span
+from ancf2d.kernels.motion.step_control import enough
 from ancf2d.solvers.motion import stepping
 from ancf2d.solvers.motion.methods import MAKERS
 from ancf2d.solvers.motion.schemes import INTEGRATORS, SCHEMES, method_problems
@@ -100,20 +100,23 @@ def test_stepping_is_compiled_once_for_all_scenes_and_integrators():
 
 
 @kernel
-def length_beside_increments(p, s, h):
-    """Do as ``span``, which kernels alone call."""
-    return span(p, s, h)
+def small_enough(p, s, h, tolerance):
+    """Do as ``enough``, which kernels alone call."""
+    return enough(p, s, h, tolerance)
 
 
 def test_increments_are_small_beside_what_rates_need_in_steps_far_shorter_than_usual():
     """Errors of rates are those of positions over h: beside the size of a motion they would be of any size."""
     stepper = Ride(HELD, 1.0, dt=0.01).start().stepper
-    numbers = stepper.s.numbers
-    numbers[SIZE] = 2.0
-    assert length_beside_increments(stepper.p, stepper.s, 1e-9) == 2.0
-    numbers[TIME] = 0.5
-    assert length_beside_increments(stepper.p, stepper.s, 1e-3) == 2.0
+    p, s = stepper.p, stepper.s
+    s.numbers[SIZE] = 2.0
+    assert small_enough(p, s, 1e-9, 1e-8) == 2e-8
+    s.numbers[TIME] = 0.5
+    assert small_enough(p, s, 1e-3, 1e-8) == 2e-8
     # no rate: that of the motion so far
-    assert length_beside_increments(stepper.p, stepper.s, 1e-9) == pytest.approx(1e4 * 1e-9 * 2.0 / 0.5)
-    stepper.s.v[:] = 10.0 / stepper.p.weights.max()
-    assert length_beside_increments(stepper.p, stepper.s, 1e-9) == pytest.approx(1e4 * 1e-9 * 10.0)
+    assert small_enough(p, s, 1e-9, 1e-8) == pytest.approx(1e-8 * 1e4 * 1e-9 * 2.0 / 0.5)
+    s.v[:] = 10.0 / p.weights.max()
+    assert small_enough(p, s, 1e-9, 1e-8) == pytest.approx(1e-8 * 1e4 * 1e-9 * 10.0)
+    # positions are known to round-off alone
+    assert small_enough(p, s, 1e-13, 1e-12) == pytest.approx(1e-15 * max(2.0, p.extent))
+    assert small_enough(p, s, 1e-13, 1e-16) == pytest.approx(2e-16)

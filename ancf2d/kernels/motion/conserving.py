@@ -25,8 +25,7 @@ from .dynamics import (
     to_full,
     to_unknowns,
 )
-from .state import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR
-from .step_control import span
+from .state import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE
 
 # increments that no longer shrink are done below this share of the motion
 ROUND_OFF = 1e-15
@@ -134,7 +133,7 @@ def conserving_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     signals_at(p, t + 0.5 * h, w.amps)
     to_full(p, s.z, m.amps[0], 0, m.d0)
     last, rate = 0.0, s.numbers[CONTRACTION]
-    size = span(p, s, h)
+    size = max(s.numbers[SIZE], 1e-3 * p.extent)
     for i in range(n):
         # stiff motions that nothing damps alternate from step to step: the last acceleration is no guide to the next
         m.dz[i] = p.coordinate[i] * h * s.v[i]

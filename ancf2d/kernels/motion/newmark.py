@@ -15,7 +15,7 @@ from .dynamics import add_mass, factor, norm, remember, residual, settled, signa
 from .feedback import weigh_state
 from .friction import rubs
 from .state import BACKWARD, CONTRACTION, DONE, FRESH, NOT_CONVERGED, NOT_FINITE, RUBBED, SINGULAR
-from .step_control import span
+from .step_control import enough
 
 # iterations that a tangent with its factors costs: where the last one would take more of them, there is a new one
 MAKING = 3.0
@@ -188,11 +188,11 @@ def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
     n, end = len(m.alg), m.end
     cv = m.gamma / (m.beta * h)
     last, rate = 0.0, s.numbers[CONTRACTION]
-    size = span(p, s, h)
+    wanted = enough(p, s, h, m.tolerance)
     iteration = 0
     _move(m, p, s, h)
     while True:
-        if iteration == 0 or m.full or p.sided or _left(last, rate, m.tolerance * size) > MAKING:
+        if iteration == 0 or m.full or p.sided or _left(last, rate, wanted) > MAKING:
             calls.forces_tangent(p.calls, (p, w, end.z, end.v, cv))
             add_mass(p, ca + p.alpha * cv, w.A)
             if not factor(p, w, w.A):
@@ -219,7 +219,7 @@ def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
         _move(m, p, s, h)
         last, iteration = step, iteration + 1
         expected = rate if iteration > 1 else min(max(rate, 1e-2), 0.5)
-        if iteration >= p.sure and settled(step, expected, m.tolerance * size, p, w, end.z, w.amps):
+        if iteration >= p.sure and settled(step, expected, wanted, p, w, end.z, w.amps):
             break
         # which constraints are open is found on the way: the first increments need not shrink
         if iteration >= m.max_iterations or (rate > 2.0 and iteration > 2 and not p.sided):

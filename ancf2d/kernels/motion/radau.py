@@ -34,7 +34,7 @@ from .state import (
     OLD_STEP,
     SINGULAR,
 )
-from .step_control import span
+from .step_control import enough
 
 # unknowns that are worked on at a time
 TILE = 128
@@ -311,7 +311,7 @@ def _at_floor(m, p, w, s, h):  # type: ignore[no-untyped-def]
 def _iterate(m, p, w, s, h):  # type: ignore[no-untyped-def]
     """Solve for the stages from those predicted; return (outcome, iterations, contraction)."""
     rate, last, iteration = s.numbers[CONTRACTION], 0.0, 0
-    wanted = m.tolerance * span(p, s, h)
+    wanted = enough(p, s, h, m.tolerance)
     while True:
         for i in range(len(m.c)):
             place(m, p, w, s, i)

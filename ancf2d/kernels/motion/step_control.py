@@ -14,6 +14,8 @@ DAMPED = 1.4
 SHORT = 1e-2
 # steps in which a motion goes as far as its size, where it moves as usual
 SO_MANY = 1e4
+# of positions, beside the size of a motion
+ROUND = 1e-15
 
 
 @inner
@@ -109,13 +111,14 @@ def passed(rows, first, end, near):  # type: ignore[no-untyped-def]
 
 
 @inner
-def span(p, s, h):  # type: ignore[no-untyped-def]
-    """Return the length [m] that increments in a step of length h from the motion s are to be small beside.
+def enough(p, s, h, tolerance):  # type: ignore[no-untyped-def]
+    """Return how small [m] increments are to be in a step of length h from the motion s, by their relative tolerance.
 
-    It is the size of the motion; of steps that move far less than that it is what SO_MANY of them move, since errors
-    of rates are those of positions over h.
+    They are small beside the size of the motion; in steps that move far less than that, beside what SO_MANY of them
+    move, since errors of rates are those of positions over h; but no smaller than round-off lets them be.
     """
     size = max(s.numbers[SIZE], 1e-3 * p.extent)
     if s.numbers[TIME] <= 0.0:
-        return size
-    return min(size, SO_MANY * h * max(norm(p, s.v), size / s.numbers[TIME]))
+        return tolerance * size
+    moved = SO_MANY * h * max(norm(p, s.v), size / s.numbers[TIME])
+    return min(tolerance * size, max(tolerance * moved, ROUND * max(size, p.extent)))
