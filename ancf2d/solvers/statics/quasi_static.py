@@ -216,8 +216,8 @@ def solve_quasi_static(model: Model, spec: QuasiStatic, kept: dict[str, Array] |
 
     Steps adapt to the error of the displacements, by comparison with two half steps; they end where amplitudes have
     corners or, where elements remember the way, turn back, and behind their jumps there is a response that takes no
-    time. Raises ComputationError where no equilibrium
-    follows on the last one, and CheckpointError at once where the checkpoint is none of this case.
+    time. Raises ComputationError where no equilibrium follows on the last one, and CheckpointError at once where the
+    checkpoint is none of this case.
     """
     if model.hangs:
         raise ComputationError("only gravity stabilises the model, so there is no equilibrium to start from",
