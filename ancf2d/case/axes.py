@@ -90,8 +90,8 @@ def _each(options: Sequence[str], read: Callable[[str], T], option: str, done: s
 
 def _unpaired(axes: Sequence[Axis]) -> list[Problem]:
     """Return a problem for every list that is not as long as the first one."""
-    return [_start(axis.text).problem(f"{quoted(axis.path)} has {len(axis.values)} values, {quoted(axes[0].path)} has "
-                                      f"{len(axes[0].values)}", expected="lists of one length with --pair")
+    return [_start(axis.text).problem(f"{quoted(axis.path)} has a list of {len(axis.values)}, {quoted(axes[0].path)} "
+                                      f"a list of {len(axes[0].values)}", expected="lists of one length with --pair")
             for axis in axes[1:] if len(axis.values) != len(axes[0].values)]
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from ..errors import CaseError, Problem, all_of
 from .axes import VARY, Bounds
-from .binder import Vocabulary
+from .binder import Vocabulary, listed, nearest
 from .compose import compose
 from .emit import number_text
 from .load import LoadedCase, load_case_text, with_overrides
@@ -43,19 +43,35 @@ def variable_at(loaded: LoadedCase, path: str) -> Variable:
 
     Parts of the path are keys, and of lists the index or the name of an item. Raises CaseError where there is none.
     """
-    found = _found(loaded.source.root, path)
+    file, found = loaded.source.file, _found(loaded.source.root, path)
+    given = found is not None
     if found is None:
         text = loaded.completed
         found = _found(compose(text, Origin("completed", line_breaks(text)), problems=[]), path)
-    if found is None:
-        raise CaseError(Problem(f"the case has no {quoted(path)}", file=loaded.source.file, near=_near(loaded, path),
-                                expected="" if _near(loaded, path) else "the path of a number, such as "
-                                "bodies.beam.section.height"))
+    if found is None or not (given or isinstance(found[0], Scalar)):
+        raise CaseError(_missing(loaded, path))
     variable = _variable(path, *found)
     if variable is None:
-        node = found[0]
-        raise CaseError(node.mark.problem(f"{quoted(path)} is {node.shown()}; expected a number, or a point BODY@S"))
+        node, below = found[0], next((v for v in _below(found[0], path, None) if not v.body), None)
+        what = f"{quoted(path)} is {node.shown()}"
+        # what is left out of the file has no place in it
+        problem = node.mark.problem(what) if given else Problem(f"{what} by default", file=file)
+        raise CaseError(replace(problem, expected="a number, or the key of a point BODY@S" if below is None
+                                else f"a number, such as {below.path}"))
     return variable
+
+
+def _missing(loaded: LoadedCase, path: str) -> Problem:
+    """Return the problem of a path that leads nowhere; in place of a point, the keys that have it are named."""
+    file, root, (body, at, place) = loaded.source.file, loaded.source.root, path.partition("@")
+    if at and isinstance(root, MapNode):
+        keys = [v.path for name, entry in root.entries.items() for v in _below(entry.node, name, None)
+                if v.body == body and v.value == resolve(place)]
+        return Problem(f"{quoted(path)} is a point, not the path of a key", file=file,
+                       expected=listed(keys) if keys else "the path of a key that has a point, such as loads.0.at")
+    near = nearest(path, [v.path for v in variables_of(loaded)])
+    return Problem(f"the case has no {quoted(path)}", file=file, near=near,
+                   expected="" if near else "the path of a number, such as bodies.beam.section.height")
 
 
 def numbers_at(loaded: LoadedCase, paths: Iterable[str]) -> list[Variable]:
@@ -77,12 +93,6 @@ def variables_of(loaded: LoadedCase) -> list[Variable]:
 def _of_mesh(path: str) -> bool:
     parts = path.split(".")
     return parts[0] == "bodies" and parts[2:3] == ["element"] and parts[3:] not in (["mass"], ["inertia"])
-
-
-def _near(loaded: LoadedCase, path: str) -> str:
-    from .binder import nearest
-
-    return nearest(path, [v.path for v in variables_of(loaded)]) or ""
 
 
 def _found(root: Node | None, path: str) -> tuple[Node, Node | None] | None:
@@ -149,6 +159,14 @@ def numbers_between(loaded: LoadedCase, bounds: Sequence[Bounds], vocabulary: Vo
     if problems:
         raise CaseError(problems)
     return found
+
+
+def moved_starts(variables: Sequence[Variable], bounds: Sequence[Bounds], starts: Sequence[float]) -> list[str]:
+    """Return what to say of numbers that are not between their bounds, so that a search starts elsewhere."""
+    return [f"{v.path} is {v.value:g} in the case, {'at' if v.value in (b.low, b.high) else 'beyond'} the bound "
+            f"{b.low if v.value <= b.low else b.high:g}: the search starts at {start:g}"
+            for v, b, start in zip(variables, bounds, starts, strict=True)
+            if start != v.value and not b.low < v.value < b.high]
 
 
 def text_with(loaded: LoadedCase, values: Mapping[str, float], vocabulary: Vocabulary) -> tuple[str, bool]:

@@ -19,8 +19,9 @@ if TYPE_CHECKING:
                                "ancf2d sensitivity beam.yaml -o influence.h5"))
 @case_argument
 @click.option("--to", "paths", multiple=True, metavar="PATH",
-              help="A number of the case, e.g. bodies.beam.section.height, loads.0.value.1 or parameters.kp, or a "
-              "point BODY@S, whose S is varied. May be given several times. Default: every number that can vary.")
+              help="A number of the case, e.g. bodies.beam.section.height, loads.0.value.1 or parameters.kp, or the "
+              "key of a point BODY@S, e.g. loads.0.at, whose S is varied. May be given several times. Default: every "
+              "number that can vary.")
 @click.option("-o", "--output", type=click.Path(), metavar="OUT.h5", help="Write the table to a result file.")
 @set_option
 @force_option

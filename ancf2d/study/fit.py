@@ -13,7 +13,7 @@ import numpy as np
 
 from ..case import LoadedCase, with_overrides
 from ..case.axes import Bounds
-from ..case.numbers import Variable, numbers_between, text_with, variable_at
+from ..case.numbers import Variable, moved_starts, numbers_between, text_with, variable_at
 from ..case.units import QUANTITY_UNITS, unit_label
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem
@@ -110,7 +110,8 @@ def fit(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: Mapping
                        for name, scale in zip(data.names, data.scales(prepare(loaded).extent), strict=True)])
     problem = _Problem(comparable(loaded, data), data, variables, bounds, scales, progress or Progress(), done)
     best, tried, failures = None, [], []
-    for z0 in _starts(problem, starts):
+    places = _starts(problem, starts)
+    for z0 in places:
         try:
             found = problem.minimise(z0)
         except ComputationError as error:
@@ -125,7 +126,8 @@ def fit(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: Mapping
              "residual": float(np.sqrt(np.mean(one.fun**2))),
              "values": dict(zip([b.path for b in bounds], problem.values(one.x), strict=True))}
             for _, start, one in tried]
-    return _conclude(loaded, problem, best, tried[0][1], told, [f"a start failed: {e}" for e in failures])
+    warnings = moved_starts(variables, bounds, problem.values(places[0]))
+    return _conclude(loaded, problem, best, tried[0][1], told, warnings + [f"a start failed: {e}" for e in failures])
 
 
 def _variables(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: Mapping[str, float]

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..case import LoadedCase, with_overrides
 from ..case.axes import Bounds
-from ..case.numbers import Variable, numbers_between
+from ..case.numbers import Variable, moved_starts, numbers_between
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..results import Column, write_tables
@@ -236,9 +236,10 @@ def _concluded(problem: Problem, search: _Search, y: Array, success: bool, messa
     y = search.preferred(y)
     values, x = search.values(y), search.x(y)
     rows = []
-    for variable, bound, value, share in zip(problem.variables, problem.bounds, x.tolist(), y.tolist(), strict=True):
+    starts = search.x(search.start).tolist()
+    for bound, start, value, share in zip(problem.bounds, starts, x.tolist(), y.tolist(), strict=True):
         at = "low" if share <= AT_BOUND else "high" if share >= 1 - AT_BOUND else None
-        rows.append({"path": variable.path, "value": value, "start": variable.value, "low": bound.low,
+        rows.append({"path": bound.path, "value": value, "start": start, "low": bound.low,
                      "high": bound.high, "at_bound": at})
     constraints, kept = [], True
     for text, kind, value, size in zip(problem.texts, problem.kinds, values[1:].tolist(), search.sizes[1:],
@@ -250,7 +251,8 @@ def _concluded(problem: Problem, search: _Search, y: Array, success: bool, messa
     if success and not kept:
         success, message = False, "no values within the bounds meet all constraints"
     loaded, minimised = search.loaded, problem.measures.measures[0].text
-    warned = list(dict.fromkeys(search.warnings[y.tobytes()]))
+    warned = [*moved_starts(problem.variables, problem.bounds, starts),
+              *dict.fromkeys(search.warnings[y.tobytes()])]
     if not any(slopes[0].any() for slopes in search.known_slopes()):
         warned.append(f"{minimised} does not depend on any of the numbers that vary" + (
             ": no material or section of the case has a mass" if minimised == MASS and not values[0] else ""))

@@ -112,6 +112,7 @@ def test_sensitivities_and_designs_are_written_and_drawn(call: Call, call_json: 
 @pytest.mark.parametrize(("arguments", "message"), [
     (("sensitivity", "beam.yaml", "--set", "goal=null"), "the case has no goal"),
     (("sensitivity", "beam.yaml", "--to", "loads.tip.valu.1"), "did you mean 'loads.tip.value.1'?"),
+    (("sensitivity", "beam.yaml", "--to", "masses"), "beam.yaml: error: the case has no 'masses'"),
     (("sensitivity", "beam.yaml", "--to", "bodies.beam.element.count"), "whole number"),
     (("optimise", "beam.yaml", "--vary", "loads.tip.value.1=1", "--minimise", "mass"), "not PATH=LOW:HIGH"),
     (("optimise", "beam.yaml", "--vary", "loads.tip.value.1=-2:-1", "--minimise", "tip.uz"), "did you mean 'tip.uy'?"),

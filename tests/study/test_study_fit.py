@@ -181,6 +181,16 @@ output:
     assert [row.value for row in found.rows] == pytest.approx([1.3e9, 0.6, 2.5], rel=1e-4)
 
 
+@pytest.mark.parametrize(("low", "high", "told"), [
+    (100, 1e4, None), (1100, 1500, "is 1000 in the case, beyond the bound 1100: the search starts at 1300"),
+    (100, 950, "is 1000 in the case, beyond the bound 950"), (1000, 1500, "is 1000 in the case, at the bound 1000")])
+def test_a_search_that_does_not_start_where_the_case_is_says_so(low: float, high: float, told: str | None) -> None:
+    found = fitted(BENT, data_of(path_of(1250.0, 0.0, [0.5, 1.0])), f"{EI}={low:g}:{high:g}")
+    said = [text for text in found.warnings if "the search starts" in text]
+    assert (told is None and not said) or (len(said) == 1 and f"{EI} {told}" in said[0])
+    assert (found.rows[0].start == 1000.0) == (told is None)
+
+
 @pytest.mark.slow
 def test_what_the_data_do_not_tell_has_no_standard_error() -> None:
     data = path_of(1250.0, 0.0, [0.5, 1.0])

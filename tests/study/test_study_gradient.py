@@ -1,5 +1,6 @@
 """Derivatives of goals to numbers of a case: closed forms, and differences of whole runs."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -49,8 +50,19 @@ def test_numbers_are_found_by_their_paths():
     assert variable_at(case, "loads.tip.at").override(0.5) == "loads.tip.at=beam@0.5"
     with pytest.raises(CaseError, match=r"did you mean 'bodies\.beam\.section\.EI'"):
         variable_at(case, "bodies.beam.section.El")
-    with pytest.raises(CaseError, match="expected a number"):
-        variable_at(case, "loads.tip.type")
+
+
+@pytest.mark.parametrize(("path", "words"), [
+    ("loads.tip.type", "'loads.tip.type' is the text 'force'; expected a number, or the key of a point"),
+    ("loads", "'loads' is a list of 1; expected a number, such as loads.tip.value.0"),
+    ("masses", "the case has no 'masses'"), ("units", "the case has no 'units'"),
+    ("title", "'title' is the text '' by default; expected a number, or the key of a point"),
+    ("beam@1", "'beam@1' is a point, not the path of a key; expected loads.tip.at or output.probes.tip"),
+    ("beam@0.3", "'beam@0.3' is a point, not the path of a key; expected the path of a key that has a point")])
+def test_paths_of_no_number_are_told_without_places_that_the_file_does_not_have(path: str, words: str) -> None:
+    with pytest.raises(CaseError, match=re.escape(words)) as caught:
+        variable_at(ancf2d.load(CANTILEVER), path)
+    assert "completed" not in str(caught.value)
 
 
 def test_errors_of_states_count_as_far_as_values_depend_on_states(monkeypatch):

@@ -46,6 +46,13 @@ def test_lightest_cantilever(method):
     assert constraint["met"]
     assert constraint["excess"] == pytest.approx(0.0, abs=1e-6)
     assert found.evaluations <= 40
+    assert not [text for text in found.warnings if "the search starts" in text]
+
+
+def test_a_design_that_begins_at_a_bound_says_so():
+    found = ancf2d.optimise(TEXT, {HEIGHT: (0.1, 0.2)}, "mass")
+    assert f"{HEIGHT} is 0.05 in the case, beyond the bound 0.1: the search starts at 0.1" in found.warnings
+    assert found.rows[0]["start"] == 0.1
 
 
 def test_the_slowest_throw():
