@@ -16,6 +16,8 @@ RELAXING = ("linear_static", "static", "quasi_static", "eigen", "frequency_respo
 FIELDS = ("stress", "strain", "energy")
 # solvers that follow fibres along their way
 FOLLOWING = ("static", "quasi_static", "dynamic")
+# yield stresses beside E: from a tenth of those of the softest pure metals to what crystals without faults bear
+YIELDS = 1e-5, 0.1
 
 
 def materials_of(case: Any) -> Iterator[tuple[Path, Any]]:
@@ -43,6 +45,14 @@ def check_materials(checker: Any) -> None:
             checker.fail(key, f"{dotted(key)} cannot be used with solver {checker.solver}, only with {listed(allowed)}")
     _check_fields(checker)
     _check_layers(checker)
+
+
+def yield_warnings(case: Any) -> list[str]:
+    """Return what to say of yield stresses that no material has beside its E, so that one is in other units."""
+    return [f"{dotted(path)}: no known material has yield: {m.yield_:g} with E: {m.E:g}: its strain at the yield "
+            f"stress is {m.yield_ / m.E:.2g}, that of steel about 1e-3. Give both in the same units"
+            for path, m in materials_of(case) if m is not None and m.yield_ is not None
+            and isinstance(m.E, float | int) and not YIELDS[0] <= m.yield_ / m.E <= YIELDS[1]]
 
 
 def _check_fields(checker: Any) -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..case import Case, LoadedCase, Vocabulary, load_case
+from ..case.material_checks import yield_warnings
 from ..case.units import unit_warnings
 from ..elements import registry
 from ..elements.definition import coordinate_components
@@ -74,7 +75,7 @@ def prepare(loaded: LoadedCase, like: Model | None = None, beside: bool = False)
         raise CaseError(problems)
     if beside:
         return model
-    model.warnings += [*left_out(loaded.case), *unit_warnings(loaded.case)]
+    model.warnings += [*left_out(loaded.case), *unit_warnings(loaded.case), *yield_warnings(loaded.case)]
     return model
 
 

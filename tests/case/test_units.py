@@ -54,6 +54,23 @@ def test_gravity_in_other_units_is_told(units: str, E: float, rho: float, g: flo
     assert f"that of the earth is {earth}" in warning
 
 
+@pytest.mark.parametrize(("E", "yields", "told"), [
+    (2.07e11, 235e6, None), (2.07e5, 235, None), (7e10, 5e8, None), (2e9, 8e7, None), (2.07e11, 235, "1.1e-09"),
+    (2.07e11, 235e3, "1.1e-06"), (2.07e5, 235e6, "1.1e+03")],
+    ids=["steel", "steel in mm", "aluminium", "plastic", "MPa beside Pa", "kPa beside Pa", "Pa beside MPa"])
+def test_yield_stresses_in_other_units_than_the_modulus_are_told(E: float, yields: float, told: str | None) -> None:
+    whole = CASE.format(units=M, E=E, rho=7850, g=0).replace("linear_static", "static")
+    given = f"{{E: {E}, nu: 0.3, rho: 7850, yield: {yields}}}"
+    before, material, after = whole.partition(f"    material: {{E: {E}, nu: 0.3, rho: 7850}}\n")
+    alone = f"{before}    material: {given}\n{after}"
+    layer = before.replace("height: 10, width: 10", f"width: 10, layers: [{{height: 10, material: {given}}}]") + after
+    assert material
+    for text in (alone, layer):
+        said = [w for w in prepare(load_case_text(text)).warnings if "no known material has yield" in w]
+        assert len(said) == (told is not None)
+        assert told is None or f"its strain at the yield stress is {told}," in said[0]
+
+
 @pytest.mark.parametrize(("what", "labels", "said"), [
     ("tip uy", SI, "tip uy [m]"), ("tip uy", ("mm", "kN", "s"), "tip uy [mm]"), ("limit point 1 load ux", SI,
     "limit point 1 load ux [m]"), ("left M", ("mm", "N", "s"), "left M [N mm]"), ("bending 2", SI, "bending 2 [rad/s]"),

@@ -104,6 +104,12 @@ def test_a_tolerance_that_is_missed_is_told(fine: float, words: list[str]) -> No
     assert all(word in said[0] for word in words)
 
 
+def test_a_tolerance_is_never_recommended_far_beyond_the_levels_that_were_compared() -> None:
+    """Errors that grow by 1.8 per level (power 0.26) would ask for 1e-5 (10/100)^(1/0.26) = 1.2e-9."""
+    (said,) = estimate_of(1e-3 * (10.0**0.255 - 1.0) / SAFETY, 1e-5, 773, growth=10.0**0.255).warnings()
+    assert "Use a tolerance of about 1e-07" in said
+
+
 def test_the_four_bar_whose_crank_starts_at_full_speed_misses_its_tolerance_and_says_so() -> None:
     """The driven point is the middle of the crank, the tolerance 1e-5.
 

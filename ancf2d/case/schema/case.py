@@ -64,8 +64,9 @@ class Initial:
 
     from_: str = key(StartText(), "Initial state: rest (the reference), static (equilibrium under the loads), or the "
                      "last state of a result file, which must satisfy the supports and joints", default="rest")
-    velocity: tuple[float, float] | None = key(VELOCITY, "Velocity of all bodies; components that violate supports "
-                                                         "and joints are lost, as in a plastic impact", default=None)
+    velocity: tuple[float, float] | None = key(VELOCITY, "Velocity of all bodies; components that violate supports, "
+                                                         "joints or contacts are lost, as in a plastic impact",
+                                                 default=None)
     rotation_rate: RotationRate | None = key(Record(RotationRate), "Rotation of all bodies about a point, added to the "
                                              "velocity", default=None)
     bodies: dict[str, BodyInitial] = key(MapOf(Record(BodyInitial), "bodies by name"),

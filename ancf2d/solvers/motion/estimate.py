@@ -181,9 +181,10 @@ class Estimate:
                     "only a much smaller tolerance resolves. If these vibrations do not matter, use a larger tolerance"
                     + self._better() + self._jump()]
         if estimate <= count * tolerance:
-            smaller = tolerance * (MISSED * tolerance / estimate) ** (1.0 / min(order, self.order))
+            # no farther down than the levels are apart, which is what the power was seen over
+            share = max((MISSED * tolerance / estimate) ** (1.0 / min(order, self.order)), self.factor ** -LEVELS)
             return [said + "Each step meets the tolerance, but the errors add up. Use a tolerance of about "
-                    f"{smaller:.1g}" + self._better() + self._jump()]
+                    f"{share * tolerance:.1g}" + self._better() + self._jump()]
         # errors that do not grow add up to no more than the number of steps times the tolerance
         return [said + "The errors grow, because the motion is sensitive to its initial state, like chaotic motions. A "
                 "smaller tolerance only postpones the time from which the motion is unreliable; its statistics may "
