@@ -69,13 +69,6 @@ def test_too_many_combinations_are_told_before_they_are_made() -> None:
         read_axes([f"a={many}", f"b={many}"])
 
 
-def test_pairs_of_lists_that_differ_in_length_are_refused() -> None:
-    with pytest.raises(CaseError) as caught:
-        read_axes(["a=1", "b=2:6:5", "c=7"], pair=True)
-    (problem,) = caught.value.problems
-    assert problem.sentence == "'b' has a list of 5, 'a' a list of 1; expected lists of one length with --pair"
-
-
 # ---------------------------------------------------------------------------- rows
 
 def test_every_combination_is_a_row_with_its_exact_answer() -> None:
