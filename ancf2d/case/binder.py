@@ -56,8 +56,8 @@ class KnownRecords:
     """The records that mappings below a node were found to be, where nothing was wrong with them.
 
     ``plain`` has their plain data by the id of each record, and ``texts`` what YAML has of these by the id of the data,
-    once they were asked for (``case.emit``). Nodes, records and data live as long as this, so that none has the id of
-    another.
+    once they were asked for (``case.emit``); ``below`` what is at and below each record at a path (``records.walk``).
+    Nodes, records and data live as long as this, so that none has the id of another.
     """
 
     def __init__(self, root: Node | None = None) -> None:
@@ -65,6 +65,7 @@ class KnownRecords:
         self._found: dict[tuple[int, type, Path], Any] = {}
         self.plain: dict[int, Any] = {}
         self.texts: dict[int, str] = {}
+        self.below: dict[tuple[int, Path], list[tuple[Path, Any, str]]] = {}
 
     def get(self, cls: type, node: MapNode, path: Path) -> Any:
         """Return the record of a class that a mapping at a path was read as, None where it was not."""

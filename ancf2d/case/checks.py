@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from .binder import INVALID, Binder, Path, dotted, listed
+from .emit import walk
 from .interaction_checks import (
     check_active,
     check_contacts,
@@ -15,7 +16,6 @@ from .interaction_checks import (
 )
 from .material_checks import check_materials
 from .nodes import Source, quoted
-from .records import walk
 from .schema import Case, Layers, LimitPoints, Point, Stiffness
 
 STATIC = ("linear_static", "static")
@@ -76,7 +76,7 @@ class _Checker:
         paths = [*(problem.path for problem in binder.problems), *binder.refused]
         self.failed = {path[:i] for path in paths for i in range(1, len(path) + 1)}
         self._known: dict[str, tuple[set[str], bool]] = {}
-        self.values = walk(case)
+        self.values = walk(case, (), binder.known)
 
     def fail(self, path: Path, message: str, expected: str = "", near: str = "", on_key: bool = False) -> None:
         mark = self.source.key_mark(path) if on_key else self.source.mark(path)

@@ -1,4 +1,4 @@
-"""Writes a case as YAML that reads back to the same case."""
+"""Lists the values of a case, and writes it as YAML that reads back to the same case."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
-from .binder import KnownRecords
+from .binder import KnownRecords, Path
 from .nodes import resolve
 from .records import keys_of, tag_of
 
@@ -18,6 +18,28 @@ _PLAIN = re.compile(r"[A-Za-z_][\w@./+ -]*(?<! )", re.ASCII)
 _WIDTH = 88
 # text here, but truth values to readers of YAML 1.1
 _YAML11 = ("yes", "no", "on", "off")
+
+
+def walk(value: Any, path: Path = (), known: KnownRecords | None = None) -> list[tuple[Path, Any, str]]:
+    """Return every value of a case at and below ``value``: its path, itself, what its text refers to.
+
+    ``known`` records are gone through once.
+    """
+    kept = known.below if known is not None and id(value) in known.plain else {}
+    if (id(value), path) in kept:
+        return kept[id(value), path]
+    kept[id(value), path] = found = [(path, value, "")]
+    if isinstance(value, dict | tuple):
+        below = [(part, one, "") for part, one in (value.items() if isinstance(value, dict) else enumerate(value))]
+    elif dataclasses.is_dataclass(value):
+        cls: Any = type(value)
+        below = [(name, one, k.refers) for name, k in keys_of(cls).items()
+                 if (one := getattr(value, k.field)) is not None]
+    else:
+        return found
+    for part, one, refers in below:
+        found += [((*path, part), one, refers)] if isinstance(one, str) else walk(one, (*path, part), known)
+    return found
 
 
 def written(value: Any, known: KnownRecords | None = None) -> Any:

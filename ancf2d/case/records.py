@@ -382,19 +382,3 @@ def key_schema(k: Key, book: Book) -> JsonSchema:
     if k.example is not None:
         schema["examples"] = [k.example]
     return schema
-
-
-def walk(value: Any, path: Path = ()) -> list[tuple[Path, Any, str]]:
-    """Return every value of a case at and below ``value``: its path, itself, what its text refers to."""
-    found = [(path, value, "")]
-    if isinstance(value, dict | tuple):
-        below = [(part, one, "") for part, one in (value.items() if isinstance(value, dict) else enumerate(value))]
-    elif dataclasses.is_dataclass(value):
-        cls: Any = type(value)
-        below = [(name, one, k.refers) for name, k in keys_of(cls).items()
-                 if (one := getattr(value, k.field)) is not None]
-    else:
-        return found
-    for part, one, refers in below:
-        found += [((*path, part), one, refers)] if isinstance(one, str) else walk(one, (*path, part))
-    return found

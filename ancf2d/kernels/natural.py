@@ -3,6 +3,7 @@ makes them, and internal ones, which laws with memory remember."""
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,8 +30,9 @@ class Natural(NamedTuple):
     signal: Any
 
 
+@cache
 def no_natural() -> Natural:
-    """Return the natural strains of elements that nothing but displacements strains."""
+    """Return the same natural strains always, those of elements that nothing but displacements strains."""
     n = np.zeros(0, dtype=np.int64)
     return Natural(np.zeros((0, 0, 0, 0)), np.zeros(0), n, np.zeros((0, 3)), n)
 
@@ -53,8 +55,9 @@ class Memory(NamedTuple):
     trial: Any
 
 
+@cache
 def no_memory() -> Memory:
-    """Return the memory of laws that have none."""
+    """Return the same memory always, that of laws that have none."""
     return Memory(np.zeros(0, dtype=np.int64), np.zeros((0, 0, 0)), np.zeros((0, 0, 0)))
 
 

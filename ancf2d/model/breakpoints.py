@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..case import Case, Constant, Expression, Gated, Ramp, Sine, Table, Windowed, syntax
-from ..case.records import walk
+from ..case.emit import walk
 from ..elements.shape import Array
 from .timing import Signal
 

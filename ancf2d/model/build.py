@@ -36,7 +36,7 @@ from .determinacy import drop_repeated, free_motions, linear_row
 from .element_limits import hidden_warning, hinge_warning, locking_warning
 from .mesh import BodyMesh
 from .model import Model, symmetric
-from .numbering import Elimination, coordinate_weights, eliminate, inconsistent, number
+from .numbering import Elimination, eliminate, inconsistent, number
 from .plan import acting_at, plan_bodies, reference_extent, warnings_of
 from .points import PointRef, point_ref
 from .switched import switched
@@ -162,7 +162,7 @@ class _Builder:
     @cached_property
     def weights(self) -> Array:
         """Displacement that a unit of each nodal coordinate stands for (n_q,) [m]."""
-        return np.concatenate([coordinate_weights(m) for m in self.meshes.values()])
+        return np.concatenate([m.weights for m in self.meshes.values()])
 
     def size(self, coordinate: int) -> float:
         """Return the natural magnitude of a coordinate for a unit displacement."""

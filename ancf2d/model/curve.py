@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -87,8 +87,9 @@ class Piece:
         curvature: Array = (t.conj() * bend).imag
         return curvature
 
+    @cached_property
     def turns(self) -> Array:
-        """Return the angles (count,) by which the elements turn [rad]."""
+        """The angles (count,) by which the elements turn [rad]."""
         return np.diff(self.position(self.l * np.arange(self.count + 1))[1])
 
     def nearest(self, r: Array) -> float:
@@ -97,7 +98,7 @@ class Piece:
 
 
 def _pair(z: Any) -> Array:
-    return np.stack([z.real, z.imag], axis=-1)
+    return np.ascontiguousarray(z, dtype=complex).view(float).reshape(*np.shape(z), 2)
 
 
 def share_count(lengths: Sequence[float], count: int) -> list[int]:

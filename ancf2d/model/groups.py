@@ -150,6 +150,8 @@ def _with_products(law: Law, plan: Plan) -> Plan:
 
 def _rows(old: Array, new: Array, source: Sequence[int], at: Sequence[int], parts: int) -> Array:
     """Return the parts of classes: those of ``source`` in the old ones, or, at places ``at``, the new ones."""
+    if len(at) == len(source):
+        return new
     old, new = (x.reshape(-1, parts, *x.shape[1:]) for x in (old, new))
     out = old[np.maximum(source, 0)]
     out[at] = new[:len(at)]

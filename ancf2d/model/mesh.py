@@ -133,7 +133,7 @@ class BodyMesh:
 
     def _classes_of(self, piece: Piece, keys: dict[tuple[Any, ...], int], peak: list[int]) -> Index:
         """Return the classes (n,) of the elements of a piece, those that are new added."""
-        found, samplers, turns = [], self._samplers_of(piece), piece.turns()
+        found, samplers, turns = [], self._samplers_of(piece), piece.turns
         length, mean, varying = float(f"{piece.l:.13e}"), self.plan.section, self.plan.varying
         begin: Array = piece.s0 + piece.l * np.arange(piece.count, dtype=float)
         along = None if varying is None else SectionsAlong(varying, begin / self.plan.length,
@@ -257,6 +257,13 @@ class BodyMesh:
         return np.array([l**i / factorial(i) * half**j / factorial(j) for i, j in orders])
 
     @cached_property
+    def weights(self) -> Array:
+        """The displacement that a unit of each coordinate stands for (n_dofs,): 1 for r, l for r_x, h/2 for r_y [m]."""
+        element, half = self.plan.element, self.plan.section.height / 2
+        return self.tile([v for w in self.shape_weights.tolist()
+                          for v in ([w, w] if element.components == 2 else [w, w, half])])
+
+    @cached_property
     def gradients(self) -> Array:
         """Rotation or strain that a unit of each coordinate stands for (n_dofs,): 0 for r; 1 for r_x, r_y and theta."""
         element, half = self.plan.element, self.plan.section.height / 2
@@ -301,6 +308,8 @@ class BodyMesh:
 
     def angles_at(self, elements: Index, xi: Array) -> Array:
         """Return the angles of the reference tangent (m, stations) at xi (m, stations) of elements (m,)."""
+        if len(self.plan.pieces) == 1:
+            return self.plan.pieces[0].position(self.plan.pieces[0].l * (elements[:, None] + xi))[1]
         piece = np.searchsorted(self.piece_first, elements, side="right") - 1
         out = np.empty(xi.shape)
         for k in np.unique(piece):

@@ -160,9 +160,7 @@ class Model:
     @cached_property
     def weights(self) -> Array:
         """Displacement that a unit of each nodal coordinate stands for (n_q,) [m]."""
-        from .numbering import coordinate_weights
-
-        return np.concatenate([coordinate_weights(m) for m in self.meshes.values()])
+        return np.concatenate([m.weights for m in self.meshes.values()])
 
     @cached_property
     def straining(self) -> Array:

@@ -334,17 +334,8 @@ def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[C
                      width, largest, fronts, source)
 
 
-def coordinate_weights(mesh: BodyMesh) -> Array:
-    """Return the displacement that a unit of each coordinate stands for: 1 for r, l for r_x, h/2 for r_y, ... [m]."""
-    element, half = mesh.plan.element, mesh.plan.section.height / 2
-    pattern: list[float] = []
-    for w in mesh.shape_weights.tolist():
-        pattern += [w, w] if element.components == 2 else [w, w, half]
-    return mesh.tile(pattern)
-
-
 def straining_weights(mesh: BodyMesh, extent: float) -> Array:
-    """Return ``coordinate_weights`` by which Newton's increments may be judged, in a scene of such an extent [m].
+    """Return weights (n_dofs,) by which Newton's increments may be judged, in a scene of such an extent [m].
 
     A section that turns or stretches by itself strains by w/(h/2), w its weight; over an element of length l so does a
     displacement of w l/(h/2), which is what it counts as in slender elements: EA times strains that are left has to be
@@ -356,4 +347,4 @@ def straining_weights(mesh: BodyMesh, extent: float) -> Array:
     for _, j in (derivative_order(name) for _, name in mesh.plan.element.functionals):
         share = longer if j > 0 else 1.0
         pattern += [share, share] if mesh.plan.element.components == 2 else [share, share, longer]
-    return coordinate_weights(mesh) * mesh.tile(pattern)
+    return mesh.weights * mesh.tile(pattern)

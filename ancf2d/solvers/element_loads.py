@@ -50,14 +50,12 @@ def equilibrium_rows(model: Model, state: State) -> tuple[Array, Array]:
     rows = model.rows
     if not rows:
         return np.zeros(0), R
-    coords = np.unique(np.concatenate([r.coords for r in rows]))
-    where = {int(c): k for k, c in enumerate(coords)}
+    coords, index = np.unique(np.concatenate([r.coords for r in rows]), return_inverse=True)
+    owner = np.repeat(np.arange(len(rows)), [len(r.coords) for r in rows])
     # coordinates of different kinds have different units: their forces are compared as what acts on a displacement
-    coefs = [r.coefs / model.weights[r.coords] for r in rows]
-    sizes = np.array([np.linalg.norm(c) for c in coefs])
-    data = np.concatenate([c / size for c, size in zip(coefs, sizes, strict=True)])
-    index = np.array([where[int(c)] for r in rows for c in r.coords])
-    owner = np.repeat(np.arange(len(rows)), [len(c) for c in coefs])
+    data = np.concatenate([r.coefs for r in rows]) / model.weights[coords[index]]
+    sizes = np.sqrt(np.bincount(owner, data**2, len(rows)))
+    data /= sizes[owner]
     b = R[coords] / model.weights[coords]
     if len(rows) * len(coords) <= 4_000_000:
         A = np.zeros((len(coords), len(rows)))

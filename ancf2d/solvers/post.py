@@ -36,7 +36,8 @@ class Observer:
 
     def observe(self, state: State) -> dict[str, dict[str, float]]:
         """Return x, y, ux, uy, theta of every probe; vx, vy, omega of states that move; N, Q, M where asked for."""
-        turned = turns_of(self.model, state)
+        # linear theory knows no turns
+        turned = np.zeros(0) if state.linear else turns_of(self.model, state)
         with self.model.remembering(state.memory):
             return {name: self.read(name, state, turned) for name in self.probes}
 

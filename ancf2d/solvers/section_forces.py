@@ -328,14 +328,10 @@ class _Part:
         place = self._rows(stations) @ self.local
         c, s = self._axes(stations)
         borne = self._borne(stations)
-        out = np.empty((len(self.dofs), len(body.xi), 3))
-        for k, xi in enumerate(body.xi):
-            before = self._load_wrench(k, xi)
-            total = -(start + before) if xi <= 0.5 else end + whole - before
-            fx, fy = total[:, 0], total[:, 1]
-            out[:, k, 0] = c[:, k] * fx + s[:, k] * fy
-            out[:, k, 1] = -s[:, k] * fx + c[:, k] * fy
-            out[:, k, 2] = total[:, 2] - _cross(place[:, k], total)
+        before = np.stack([self._load_wrench(k, xi) for k, xi in enumerate(body.xi)], axis=1)
+        total = np.where((body.xi <= 0.5)[:, None], -(start[:, None] + before), (end + whole)[:, None] - before)
+        fx, fy = total[..., 0], total[..., 1]
+        out = np.stack([c * fx + s * fy, -s * fx + c * fy, total[..., 2] - _cross(place, total)], axis=-1)
         for fx, fy, moment in borne:
             out -= np.stack([c * fx + s * fy, c * fy - s * fx, moment], axis=-1)
         return out

@@ -19,8 +19,8 @@ R = TypeVar("R")
 USUAL_GROWTH, SLOWEST_GROWTH, FASTEST_GROWTH = 1.3, 0.5, 3.0
 # elements of a small mesh that take as long as what does not depend on the mesh
 OVERHEAD = 100
-# seconds between two estimates
-EVERY = 0.1
+# seconds between two estimates, and between them beside what one takes: of many jobs it goes through all that are left
+EVERY, RARELY = 0.1, 300.0
 # a job that takes longer than predicted takes this share of its time so far still
 OVERDUE = 0.2
 
@@ -81,7 +81,7 @@ class Forecast:
                  done: Done = lambda share, left: None, clock: Callable[[], float] = lambda: time.monotonic()) -> None:
         self.jobs, self.done, self.clock = list(jobs), done, clock
         self.workers, self.processes = workers, max(workers.processes, 1)
-        self.origin, self.told = clock(), 0.0
+        self.origin, self.told, self.pause = clock(), 0.0, EVERY
         self.began = dict.fromkeys(range(min(self.processes, len(self.jobs))), 0.0)
         self.seconds: dict[int, float] = {}
         self.known: dict[Hashable, dict[float, list[float]]] = {}
@@ -105,9 +105,10 @@ class Forecast:
     def tick(self, running: float | None = None) -> None:
         """Tell how far the jobs are; ``running`` [s] is what the one that goes on will still take, if it tells."""
         now, count = self.spent, len(self.seconds) / max(len(self.jobs), 1)
-        if 0.0 < count < 1.0 and now - self.told < EVERY:
+        if 0.0 < count < 1.0 and now - self.told < self.pause:
             return
         self.told, left = now, self.left(running)
+        self.pause = max(EVERY, RARELY * (self.spent - now))
         self.done(count if left is None else self.spent / max(self.spent + left, 1e-9), left)
 
     def followed(self, solve: Callable[..., R]) -> Callable[..., R]:

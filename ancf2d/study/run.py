@@ -13,6 +13,7 @@ import numpy as np
 
 from ..case import Case, LoadedCase, Vocabulary, load_case
 from ..case.material_checks import yield_warnings
+from ..case.records import tag_of
 from ..case.units import unit_warnings
 from ..elements import registry
 from ..elements.definition import coordinate_components
@@ -81,8 +82,7 @@ def prepare(loaded: LoadedCase, like: Model | None = None, beside: bool = False)
 
 def solver_name(case: Case) -> str:
     """Return ``solver.type`` of a case."""
-    words = type(case.solver).__name__
-    return "".join("_" + c.lower() if c.isupper() else c for c in words).lstrip("_")
+    return tag_of(type(case.solver))
 
 
 Conclude = Callable[[dict[str, Any], Model], None]
@@ -91,18 +91,21 @@ Solve = Callable[[Model], "Iterator[State]"]
 
 def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False, command: str = "",
              progress: Progress | None = None, resume: bool = False, conclude: Conclude | None = None,
-             solve: Solve | None = None, checkpoints: Path | None = None, like: Model | None = None) -> Outcome:
+             solve: Solve | None = None, checkpoints: Path | None = None, like: Model | None = None,
+             kernels: str = "") -> Outcome:
     """Solve a case; write its result file where ``out`` names one; return the outcome.
 
     With ``resume``, a run over time that was interrupted goes on from its last checkpoint, to the same result bit for
     bit; where there is nothing to resume from, the run starts afresh. ``conclude`` may add to the summary of a run
     that has succeeded, before it is written. ``solve`` yields the states in place of the solver. ``checkpoints``: a
     file that a run over time without result file is resumed from, while it lasts. ``like``: a model of the case with
-    other values, of which the run takes what is the same.
+    other values, of which the run takes what is the same. ``kernels``: the name of those that it needs, if it is known.
 
     Raises CaseError for a wrong case and ResultsError for a file that cannot be written or resumed; a failed
     computation is returned, with the states found so far.
     """
+    from .warmup import warm_up
+
     model = prepare(loaded, like)
     progress = progress or Progress()
     progress.built(model)
@@ -114,6 +117,7 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
     if out is None and checkpoints is not None and loaded.case.solver.timed:
         writer = _keeper(loaded, model, checkpoints)
     try:
+        warm_up(model, progress.compiling, kernels)
         return _solve(loaded, model, writer, progress, warnings, conclude, solve)
     except BaseException as error:
         if writer is not None:
@@ -123,9 +127,6 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
 
 def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, warnings: list[str],
            conclude: Conclude | None, solve: Solve | None) -> Outcome:
-    from .warmup import warm_up
-
-    warm_up(model, progress.compiling)
     recorder, failure = Recorder(model, writer, progress, warnings), None
     recorder.clock.states = _checked(loaded, model, _states(model, writer, solve))
     if writer is not None and writer.resumed is not None:

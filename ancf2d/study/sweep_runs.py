@@ -75,7 +75,7 @@ class _Last:
     def run(self, job: Job, loaded: LoadedCase, *args: Any, **options: Any) -> dict[str, Any]:
         """Return the summary of ``run_case``."""
         like, self.model = self.model if job.text == self.text else None, None
-        outcome = run_case(loaded, *args, like=like, **options)
+        outcome = run_case(loaded, *args, like=like, kernels=job.kernels, **options)
         model = outcome.model
         if model.n_elements <= SMALL:
             # what that was like is not needed any longer

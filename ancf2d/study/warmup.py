@@ -44,17 +44,19 @@ _READY: set[str] = set()
 SELDOM = (100_000, 50, 1000)
 
 
-def warm_up(model: Model, compiling: Callable[[str], None] = lambda text: None) -> None:
+def warm_up(model: Model, compiling: Callable[[str], None] = lambda text: None, kernels: str = "") -> None:
     """Compile (or load from the cache) the kernels that a model's solve will call, on empty work.
 
     ``compiling`` and the logger "ancf2d" are told where some are compiled, here or by a process that this one waits
     for: at once with an empty cache, else after 1.5 s. Of several processes that need the same kernels, one compiles
-    them and the others wait. Nothing is done where this process has solved a case of the same kind before.
+    them and the others wait. Nothing is done where this process has solved a case of the same kind before. ``kernels``
+    is their name by ``kernels_of``, if it is known.
     """
     from ..kernels.lowlevel.jit import CACHE, REFUSED, expect_kernels
 
     loaded = model.loaded
-    kernels = kernels_of(loaded.data if loaded is not None and loaded.case is model.case else written(model.case))
+    kernels = kernels or kernels_of(loaded.data if loaded is not None and loaded.case is model.case
+                                    else written(model.case))
     if kernels in _READY:
         return
     what = f"compiling kernels, which cannot be cached for the next run: {REFUSED}" if REFUSED else (

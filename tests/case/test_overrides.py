@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from ancf2d.case import CaseText, load_case
+from ancf2d.case.emit import walk
 from ancf2d.errors import CaseError
 
 CASE = Path(__file__).parent / "valid" / "simply_supported.yaml"
@@ -203,3 +204,16 @@ def test_cases_of_one_text_share_what_is_not_set(vocabulary):
     assert (one.bodies["beam"].element.count, other.bodies["beam"].element.count) == (4, 8)
     assert one.bodies["beam"].section is other.bodies["beam"].section
     assert one.loads[0] is other.loads[0]
+
+
+def test_what_cases_of_one_text_share_is_gone_through_once(vocabulary):
+    shared = CaseText(CASE.read_text(encoding="utf-8"), str(CASE))
+    for n in (4, 8):
+        case = shared.load([f"bodies.beam.element.count={n}", f"loads.0.value.1={n}"], vocabulary).case
+        assert walk(case, (), shared.known) == walk(case)
+    section, path = case.bodies["beam"].section, ("bodies", "beam", "section")
+    assert walk(section, path, shared.known) is walk(section, path, shared.known)
+    assert walk(section, path, shared.known) == walk(section, path)
+    assert (*path, "height") in [place for place, *_ in walk(section, path, shared.known)]
+    # at another place it has other paths
+    assert walk(section, ("other",), shared.known) == walk(section, ("other",))

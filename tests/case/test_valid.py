@@ -26,8 +26,9 @@ from ancf2d.case import (
     template,
 )
 from ancf2d.case.compose import compose
+from ancf2d.case.emit import walk
 from ancf2d.case.nodes import Origin, plain_data
-from ancf2d.case.records import keys_of, tag_of, walk
+from ancf2d.case.records import keys_of, tag_of
 from ancf2d.errors import CaseError
 
 VALID = sorted((Path(__file__).parent / "valid").glob("*.yaml"))

@@ -50,6 +50,24 @@ def test_cost_grows_as_the_last_two_did_within_reason() -> None:
     assert predicted_cost([2, 4], [1.0, 100.0], 8) == pytest.approx(800.0)
 
 
+def test_estimates_of_many_jobs_take_a_small_share_of_their_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, told = [0.0], []
+    ahead = Forecast([("a", 1.0)] * 2000, done=lambda share, left: told.append(share), clock=lambda: now[0])
+    estimate = ahead.left
+
+    def left(running: float | None = None) -> float | None:
+        now[0] += 0.01
+        return estimate(running)
+
+    monkeypatch.setattr(ahead, "left", left)
+    for i in range(2000):
+        now[0] += 0.05
+        ahead.take(i, None, 0.05)
+    assert 10 < len(told) <= 0.01 * 2000 * 0.05 / 0.01
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+
+
 def test_budget_counts_from_its_beginning() -> None:
     moments = iter([100.0, 103.0, 103.0, 110.5])
     budget = Budget(10.0, lambda: next(moments))
