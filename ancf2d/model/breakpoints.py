@@ -139,7 +139,8 @@ def case_stops(case: Case, t0: float, t1: float, turns: bool = True, more: Itera
 def _turns(case: Case, t0: float, t1: float) -> list[float]:
     """Return where sines and expressions of a case turn back between their breaks in (t0, t1), in order.
 
-    Turns are looked for between as many times as switches are, and found to round-off.
+    Turns are looked for between as many times as switches are, and found to round-off; of a stretch where an amplitude
+    stays as it is, both ends are taken.
     """
     from scipy.optimize import brentq
 
@@ -151,7 +152,8 @@ def _turns(case: Case, t0: float, t1: float) -> list[float]:
             # the rate jumps where it turns at a break
             x = brentq(lambda x, of=signal: of.derivatives(x)[1], t[k], t[k + 1], xtol=CLOSE * (t1 - t0))
             found.append(float(x))
-        found += t[1:-1][rates[1:-1] == 0.0].tolist() if rates.any() else []
+        rests = rates == 0.0
+        found += t[1:-1][rests[1:-1] & ~(rests[:-2] & rests[2:])].tolist()
     return sorted(set(found))
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 
+import helpers
 import numpy as np
 import pytest
 
 from ancf2d.case import Amplitude, Constant, Expression, Ramp, Sine, Table
-from ancf2d.model.breakpoints import Piece, breakpoints, jumps, pieces
+from ancf2d.model.breakpoints import TURNS, Piece, breakpoints, case_stops, jumps, pieces
 from ancf2d.model.timing import Signal
 
 THIRD = 1 / 3
@@ -129,3 +130,19 @@ def test_breaks_of_several_signals_that_coincide_are_one() -> None:
 def test_times_of_any_size_have_breaks(end: float) -> None:
     assert found(formula(f"1 if t < {end!r} else 2"), end) == [(end, 0)]
     assert found(formula(f"1 if t < {end!r} else 1"), end) == []
+
+
+@pytest.mark.parametrize(("text", "stops"), [
+    ("t if t < 1 else 1", [1.0]), ("0.5 if t < 1 else 0.2", [1.0]), ("(t - 1)^2", [1.0]), ("(t - 0.99999)^2", [0.99999]),
+    ("2", []),
+    ("(t - 0.5)*(1 - t)*(t > 0.5)*(t < 1)", [0.5, 0.75, 1.0])])
+def test_steps_of_statics_end_where_amplitudes_turn_and_nowhere_while_they_stay(text: str, stops: list[float]) -> None:
+    """A stretch where nothing changes has a stop at either end, up to the distance of the places that are looked at."""
+    bodies = {"b": helpers.body(helpers.line(1.0), helpers.element("cable", 1))}
+    case = helpers.load(bodies, bc=[{"type": "clamp", "at": "b@0"}], loads=[
+        {"type": "force", "at": "b@1", "value": [0, 1], "amplitude": {"type": "expression", "value": text}}]).case
+    found = [b.t for b in case_stops(case, 0.0, 2.0)]
+    near = 2.0 / (TURNS - 1)
+    assert all(min(abs(t - stop) for stop in stops) <= near * (1 + 1e-9) for t in found)
+    assert all(min(abs(t - stop) for t in found) < 1e-9 for stop in stops)
+    assert len(found) <= 3 * len(stops)
