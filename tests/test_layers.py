@@ -37,14 +37,16 @@ BELOW = {
 }
 ROOMS = sorted(BELOW)
 SOURCES = cache(lambda: sources(PACKAGE))
+# all nodes of each file
+NODES = cache(lambda: {path: list(ast.walk(tree)) for path, tree in SOURCES().items()})
 # the loop of a motion, the machine of expressions and steps that are one compiled function each: calls there cost time
 LONG = {"advance": 80, "run_with_gradient": 60, "consistent": 60, "_with_border": 60, "conserving_step": 60}
 
 
-def imported(path: Path, tree: ast.AST) -> Iterator[str]:
+def imported(path: Path) -> Iterator[str]:
     """The rooms that a file imports from."""
     parts = ("ancf2d", *path.relative_to(PACKAGE).parent.parts)
-    for node in ast.walk(tree):
+    for node in NODES()[path]:
         names: list[str] = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -64,8 +66,8 @@ def test_inner_parts_of_numba_are_used_in_one_folder() -> None:
 @pytest.mark.parametrize("room", ROOMS)
 def test_rooms_import_from_those_below(room: str) -> None:
     wrong = [f"{path.relative_to(PACKAGE)} imports {other}"
-             for path, tree in SOURCES().items() if path.is_relative_to(PACKAGE / room)
-             for other in imported(path, tree) if other not in BELOW[room] | BASE | {room}]
+             for path in SOURCES() if path.is_relative_to(PACKAGE / room)
+             for other in imported(path) if other not in BELOW[room] | BASE | {room}]
     assert not wrong
 
 
@@ -138,8 +140,9 @@ def test_scripts_are_a_package_that_takes_nothing_from_the_tests() -> None:
     tests = {path.stem for path in (ROOT / "tests").rglob("*.py")}
     wrong = []
     for path, tree in sources(ROOT / "scripts").items():
-        names = [name.name for node in ast.walk(tree) if isinstance(node, ast.Import) for name in node.names]
-        names += [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and not node.level]
+        nodes = list(ast.walk(tree))
+        names = [name.name for node in nodes if isinstance(node, ast.Import) for name in node.names]
+        names += [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom) and not node.level]
         wrong += [f"{path.relative_to(ROOT)} imports {name}" for name in names if name.split(".")[0] in tests]
         wrong += [f"{path.relative_to(ROOT)} changes sys.path"] * ("sys.path" in path.read_text("utf-8"))
     assert not wrong
@@ -147,10 +150,10 @@ def test_scripts_are_a_package_that_takes_nothing_from_the_tests() -> None:
 
 def test_files_and_functions_are_short() -> None:
     long = []
-    for path, tree in SOURCES().items():
+    for path, nodes in NODES().items():
         if len(path.read_text("utf-8").splitlines()) > 400:
             long.append(str(path.relative_to(PACKAGE)))
-        for node in ast.walk(tree):
+        for node in nodes:
             if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
                 lines = (node.end_lineno or 0) - node.lineno + 1
                 if lines > LONG.get(node.name, 50):
