@@ -133,8 +133,8 @@ def test_times_of_any_size_have_breaks(end: float) -> None:
 
 
 @pytest.mark.parametrize(("text", "stops"), [
-    ("t if t < 1 else 1", [1.0]), ("0.5 if t < 1 else 0.2", [1.0]), ("(t - 1)^2", [1.0]), ("(t - 0.99999)^2", [0.99999]),
-    ("2", []),
+    ("t if t < 1 else 1", [1.0]), ("0.5 if t < 1 else 0.2", [1.0]), ("(t - 1)^2", [1.0]),
+    ("(t - 0.99999)^2", [0.99999]), ("2", []),
     ("(t - 0.5)*(1 - t)*(t > 0.5)*(t < 1)", [0.5, 0.75, 1.0])])
 def test_steps_of_statics_end_where_amplitudes_turn_and_nowhere_while_they_stay(text: str, stops: list[float]) -> None:
     """A stretch where nothing changes has a stop at either end, up to the distance of the places that are looked at."""
