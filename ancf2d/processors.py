@@ -9,6 +9,9 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 
+# libraries below numpy would each start a thread per core in every process; they look at this when numpy is imported
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS",
+           "NUMBA_NUM_THREADS")
 # a copy that takes longer than this [s] hangs: nothing that it does is missed, only late
 PATIENCE = 60.0
 _TICK = 0.005

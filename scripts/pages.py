@@ -10,9 +10,10 @@ from datetime import date
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from ancf2d.processors import THREADS
+
 ROOT = Path(__file__).resolve().parents[1]
 CASES, DOCS = ROOT / "cases", ROOT / "docs"
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 def one_thread() -> None:

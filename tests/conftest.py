@@ -18,7 +18,7 @@ import measured as tables
 import pytest
 
 from ancf2d.processors import cores
-from ancf2d.study.pool import THREADS
+from scripts.pages import one_thread
 
 # files of few slow tests that take longest: begun last, they would leave one of two processes without work at the end
 FIRST = ("docs/test_documents", "study/test_study_fit", "cli/test_cli_first_run", "cli/test_cli_examples",
@@ -40,9 +40,9 @@ LATER = ("test_valid.py", "test_discrete_jacobians.py", "test_energies.py", "tes
 
 COMPILING = pytest.StashKey["Compiling"]()
 
-# the matrices of tests are small, and tests run beside each other: threads below numpy would only wait for cores
-for _name in THREADS:
-    os.environ.setdefault(_name, "1")
+# the matrices of tests are small, and tests run beside each other: threads below numpy would only wait for cores.
+# Nothing above may import numpy, for which it would be too late
+one_thread()
 
 # processes that tests start, and the next run of the tests, would each compile the same sources for a second or more
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)

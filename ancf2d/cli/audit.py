@@ -47,7 +47,7 @@ def command(session: Session, element: str, preset: str | None, formulation: str
     number, a verdict (pass, fail or note) and its meaning. The exit code is 0 even if checks fail.
     """
     session.subject = {"element": element}
-    from ..study.pool import THREADS
+    from ..processors import THREADS
 
     # the matrices here are small: threads would only wait for each other
     for name in THREADS:

@@ -22,6 +22,7 @@ from typing import Any, Generic, TypeVar
 
 from ..errors import ComputationError
 from ..interrupts import uninterrupted
+from ..processors import THREADS
 from .digests import program
 
 CONNECT = 10.0  # seconds until a scheduler must have answered
@@ -100,9 +101,6 @@ R = TypeVar("R")
 DIED = "the process that solved this died: it was killed or ran out of memory"
 # seconds between two looks at jobs that go on
 TICK = 1.0
-# libraries below numpy would each start a thread per core in every process
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS",
-           "NUMBA_NUM_THREADS")
 
 
 @dataclass(frozen=True)

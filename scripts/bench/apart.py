@@ -12,7 +12,8 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from scripts.pages import ROOT, THREADS
+from ancf2d.processors import THREADS
+from scripts.pages import ROOT
 
 
 def apart(function: str, *arguments: Any, threads: int = 1, seconds: float | None = None) -> Any:

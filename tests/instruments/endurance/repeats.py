@@ -10,6 +10,7 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ancf2d.processors import THREADS
 from ancf2d.results import open_results
 from scripts.pages import table
 
@@ -95,7 +96,7 @@ def thread_bits(count: int, numbers: tuple[int, ...] = (1, 2)) -> dict[str, list
             for k, n in enumerate((*numbers, *numbers)):
                 out = folder / f"{solver}-{k}.h5"
                 code, err = scenes.finished(scenes.start(folder, "run", str(path), "-q", "-o", str(out),
-                                                         **dict.fromkeys(scenes.THREADS, str(n))))
+                                                         **dict.fromkeys(THREADS, str(n))))
                 found.setdefault(solver, []).append(scenes.bits(out) if code == 0 else err)
     return found
 
