@@ -103,5 +103,5 @@ def test_friction_turns_back_with_what_slides():
                      "length": 1.0}],
         "contacts": [{"between": ["block", "floor"], "friction": mu}],
         "solver": {"type": "dynamic", "t_end": t_end, "tolerance": 1e-6, "estimate": False},
-        "output": {"probes": {"a": "block@0"}}})
+        "output": {"probes": {"a": "block@0"}}}, states=False)
     assert found.probes["a"]["ux"] == pytest.approx(place - length, abs=5e-5)

@@ -27,7 +27,7 @@ def column(load: dict[str, Any] = TIP, modes: int = 1, element: str = "cable", c
 
 
 def first(case: dict[str, Any]) -> dict[str, Any]:
-    summary = ancf2d.solve(case).summary
+    summary = ancf2d.solve(case, states=False).summary
     assert summary["load_factors"] == [c["factor"] for c in summary["critical"]]
     found: dict[str, Any] = summary["critical"][0]
     return found
@@ -92,7 +92,7 @@ def test_becks_column_of_a_material_that_relaxes(element: str, count: int, terms
 def test_a_motion_that_only_seems_to_grow_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the whole space has no critical factor although the followed modes seem to, a warning names the factor."""
     monkeypatch.setattr("ancf2d.solvers.small_motions.flutter._Track.refined", lambda self, start, low, high: None)
-    summary = ancf2d.solve(column()).summary
+    summary = ancf2d.solve(column(), states=False).summary
     assert summary["load_factors"] == []
     told = [re.search(r"may begin to grow near the load factor ([\d.]+),", warning) for warning in summary["warnings"]]
     assert any(one and 20.0 < float(one[1]) < 30.0 for one in told)
@@ -101,7 +101,7 @@ def test_a_motion_that_only_seems_to_grow_is_told(monkeypatch: pytest.MonkeyPatc
 @pytest.mark.parametrize("count", [8, 32])
 def test_factors_of_a_column_that_bends_before_it_flutters_are_no_critical_loads(count: int) -> None:
     """EA theta^2 is as much as EI/L^2 long before Beck's load, where the tip turns by 0.5 P_y/EI: on any mesh."""
-    summary = ancf2d.solve(column({**TIP, "value": [-1, -0.05]}, modes=2, count=count)).summary
+    summary = ancf2d.solve(column({**TIP, "value": [-1, -0.05]}, modes=2, count=count), states=False).summary
     assert summary["load_factors"] == []
     told = [w for w in summary["warnings"] if "linear buckling does not apply" in w]
     assert float(re.search(r"the load factor ([\d.]+)\. ", told[0])[1]) == pytest.approx(0.0224153, rel=1e-4)
@@ -111,7 +111,8 @@ def test_factors_of_a_column_that_bends_before_it_flutters_are_no_critical_loads
 def test_motions_of_a_slender_column_that_relaxes_grow_as_the_beam_equation_says() -> None:
     case = column({**TIP, "value": [-17, 0]}, element="reissner3", count=12, body=relaxing(*ZENER),
                   solver={"type": "eigen", "modes": 4, "about": "static"})
-    pairs = [complex(f["growth"], f["omega"]) for f in ancf2d.solve(case).summary["frequencies"] if f["omega"] > 0]
+    pairs = [complex(f["growth"], f["omega"])
+             for f in ancf2d.solve(case, states=False).summary["frequencies"] if f["omega"] > 0]
     assert len(pairs) == 4
     for s in (s for s in pairs if s.imag > 0.1):
         growth, omega = fsolve(lambda x: _left(ZENER, 17.0, complex(*x)), [s.real, s.imag], xtol=1e-12)
@@ -138,7 +139,8 @@ def test_a_column_of_two_materials_flutters_where_an_eigenvalue_comes_to_the_axi
     found = first(case)
     assert found["kind"] == "flutter"
     case["loads"][0]["value"] = [-found["factor"], 0]
-    pairs = ancf2d.solve({**case, "solver": {"type": "eigen", "modes": 3, "about": "static"}}).summary["frequencies"]
+    pairs = ancf2d.solve({**case, "solver": {"type": "eigen", "modes": 3, "about": "static"}},
+                         states=False).summary["frequencies"]
     least = min(pairs, key=lambda one: abs(one["growth"]) if one["omega"] else np.inf)
     assert abs(least["growth"]) < 1e-5 * least["omega"]
     assert least["omega"] == pytest.approx(found["omega"], rel=1e-5)
@@ -186,7 +188,7 @@ def ziegler(damping: float, load: float = -1.0, **more: Any) -> dict[str, Any]:
 
 def test_zieglers_pendulum() -> None:
     """Ziegler 1952: 7/2 - sqrt 2 without damping, 41/28 with equal dampers that vanish; divergence at 7/2 + sqrt 2."""
-    still, divergence = ancf2d.solve(ziegler(0.0)).summary["critical"]
+    still, divergence = ancf2d.solve(ziegler(0.0), states=False).summary["critical"]
     assert still["factor"] == pytest.approx(3.5 - math.sqrt(2), rel=1e-7)
     assert still["omega"] == pytest.approx(2**-0.25, rel=1e-4)
     assert divergence == {"factor": pytest.approx(3.5 + math.sqrt(2), rel=1e-6), "kind": "divergence", "omega": 0.0}
@@ -264,7 +266,7 @@ def test_a_pair_that_grows_between_two_load_factors_is_predicted_from_both(most:
 
 def test_modes_about_a_state_under_a_follower_load() -> None:
     case = ziegler(0.1, -1.8, solver={"type": "eigen", "modes": 2, "about": "static"})
-    summary = ancf2d.solve(case).summary
+    summary = ancf2d.solve(case, states=False).summary
     found = [complex(f["growth"], f["omega"]) for f in summary["frequencies"]]
     exact = ziegler_eigenvalues(1.8, 0.1)
     np.testing.assert_allclose(found, sorted(exact[exact.imag > 0], key=lambda s: float(s.imag)), rtol=1e-6)
@@ -294,7 +296,7 @@ def test_dead_loads_diverge_and_pulling_loads_do_nothing() -> None:
     dead = {"type": "force", "at": "c@1", "value": [-1, 0]}
     assert first(column(dead)) == {"factor": pytest.approx(math.pi**2 / 4, rel=1e-4), "kind": "divergence",
                                    "omega": 0.0}
-    pulled = ancf2d.solve(column({**TIP, "value": [1, 0]})).summary
+    pulled = ancf2d.solve(column({**TIP, "value": [1, 0]}), states=False).summary
     assert pulled["critical"] == []
     assert any("no small motion grows" in w for w in pulled["warnings"])
 
@@ -302,7 +304,7 @@ def test_dead_loads_diverge_and_pulling_loads_do_nothing() -> None:
 def test_flutter_needs_a_mass() -> None:
     massless = column(body={"section": {"EA": 1e7, "kGA": 1e7, "EI": 1}})
     with pytest.raises(ComputationError, match="depends on the mass"):
-        ancf2d.solve(massless)
+        ancf2d.solve(massless, states=False)
 
 
 def test_root_locus_marks_where_frequencies_meet() -> None:

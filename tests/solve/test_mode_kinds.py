@@ -185,7 +185,7 @@ def test_the_sway_of_a_stage_on_leaf_springs_is_its_first_bending_mode(table: st
             "joints": [{"type": "weld", "between": ["left@1", "table@0"]},
                        {"type": "weld", "between": ["right@1", "table@1"]}],
             "goal": {"kind": "bending", "number": 1}, "solver": {"type": "eigen", "modes": 2}}
-    solution = ancf2d.solve(case)
+    solution = ancf2d.solve(case, states=False)
     first = solution.summary["frequencies"][0]
     assert (first["kind"], first["number"]) == ("bending", 1)
     assert first["shares"]["axial"] > 0.99

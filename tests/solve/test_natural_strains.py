@@ -216,7 +216,7 @@ def test_what_cannot_strain_is_refused(load: dict[str, Any], material: dict[str,
 def test_a_rigid_body_is_not_strained() -> None:
     case = strip({"type": "rigid"}, [{"type": "eigenstrain", "axial": 1e-3}])
     with pytest.raises(ancf2d.CaseError, match="body 'strip' is rigid"):
-        ancf2d.solve(case)
+        ancf2d.solve(case, states=False)
 
 
 @pytest.mark.parametrize("curvature", [2 / 7, 11 / 7, 26 / 7, 5.0])
