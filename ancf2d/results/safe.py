@@ -12,6 +12,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+from h5py import h5a
 
 from ancf2d.errors import ResultsError
 from ancf2d.results.journal import is_journaled, open_hdf5, steady
@@ -88,15 +89,22 @@ def _check_format(path: Path, file: h5py.File) -> None:
 
 def attribute(node: h5py.Group | h5py.Dataset, name: str, default: Any = None) -> Any:
     """Return an attribute as a plain number, string or list."""
-    known = node.attrs
-    if name not in known:
+    key = name.encode("utf-8", "surrogateescape")
+    if not h5a.exists(node.id, key):
         return default
-    kind = known.get_id(name).dtype
+    # opened once, which h5py does for its type and again for its value
+    found = h5a.open(node.id, key)
+    kind = found.dtype
     if kind.kind not in "biufS" and h5py.check_string_dtype(kind) is None:
         return default
     if kind.kind == "f" and kind.itemsize > LARGEST_NUMBER:
         return default
-    value = known[name]
+    if found.shape == ():
+        one = np.empty((), kind)
+        found.read(one)
+        value = one[()]
+    else:
+        value = node.attrs[name]
     if isinstance(value, bytes):
         return value.decode("utf-8", "replace")
     if isinstance(value, (np.generic, np.ndarray)):
