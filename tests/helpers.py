@@ -18,8 +18,10 @@ from ancf2d.elements.registry import ELEMENTS, FAMILY, ancf
 from ancf2d.model.build import build_model
 from ancf2d.model.interactions import Batch, batches
 from ancf2d.model.model import Model
-from ancf2d.model.points import dot, point_ref
+from ancf2d.model.points import PointRef, dot, point_ref
 from ancf2d.model.rotation import Rotation
+from ancf2d.solvers.section_forces import SectionForces
+from ancf2d.solvers.state import State
 from ancf2d.study.run import vocabulary
 
 ORDERS = ((1, 1), (2, 1), (3, 1), (1, 2), (2, 2), (3, 3), (8, 5))
@@ -316,6 +318,12 @@ def dense(target: Any, n: int) -> np.ndarray:
             row = slice(target.indptr[i], target.indptr[i + 1])
             out[i, target.indices[row]] = A[row]
     return out
+
+
+def section_forces(model: Model, state: State, point: PointRef) -> tuple[float, float, float]:
+    """Return N, Q, M at a point."""
+    N, Q, M = SectionForces(model, point.mesh, np.array([point.xi]))(state, np.array([point.ie]))[0, 0].tolist()
+    return N, Q, M
 
 
 def path(until: dict[str, Any], method: str = "arc_length", **more: Any) -> dict[str, Any]:

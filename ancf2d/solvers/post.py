@@ -13,7 +13,7 @@ from ..model.points import PointRef, dot
 from ..model.rotation import Rotation
 from .element_loads import constraint_forces, equilibrium_rows
 from .energy import Energies
-from .section_forces import has_section_forces, section_forces
+from .section_forces import SectionForces, has_section_forces
 from .state import State
 
 FORCES = ("N", "Q", "M")
@@ -33,6 +33,7 @@ class Observer:
         self.probes = {name: model.point(p.at, p.y) for name, p in model.case.output.probes.items()}
         self.rotations = {name: Rotation(p) for name, p in self.probes.items()}
         self.forces = forces and asks_for_forces(model.case)
+        self._sections: dict[str, SectionForces] = {}
 
     def observe(self, state: State) -> dict[str, dict[str, float]]:
         """Return x, y, ux, uy, theta of every probe; vx, vy, omega of states that move; N, Q, M where asked for."""
@@ -53,7 +54,9 @@ class Observer:
             velocity = place_rate(point, state.v, theta, omega)
             values.update(vx=velocity[0], vy=velocity[1], omega=omega)
         if self.forces and has_section_forces(point.mesh):
-            values.update(zip(FORCES, section_forces(self.model, state, point), strict=True))
+            if name not in self._sections:
+                self._sections[name] = SectionForces(self.model, point.mesh, np.array([point.xi]))
+            values.update(zip(FORCES, self._sections[name](state, np.array([point.ie]))[0, 0].tolist(), strict=True))
         return {k: float(v) for k, v in values.items()}
 
 

@@ -20,7 +20,6 @@ from ..model.body_groups import damping_time, place_of
 from ..model.classes import Volume, over_body
 from ..model.mesh import BodyMesh, Index
 from ..model.model import Model
-from ..model.points import PointRef
 from ..model.profiles import load_breaks
 from ..model.timing import rates_of
 from .element_loads import Inside, acting_inside, is_inside
@@ -388,9 +387,3 @@ class _Part:
             force = T * way / np.linalg.norm(way, axis=-1, keepdims=True)
             force *= ((s >= guide.first - SAME) & (s <= guide.last + SAME))[..., None]
             yield force[..., 0], force[..., 1], _cross(arm, force)
-
-
-def section_forces(model: Model, state: State, point: PointRef) -> tuple[float, float, float]:
-    """Return N, Q, M at a point; see SectionForces."""
-    N, Q, M = SectionForces(model, point.mesh, np.array([point.xi]))(state, np.array([point.ie]))[0, 0].tolist()
-    return N, Q, M

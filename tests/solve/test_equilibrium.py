@@ -84,14 +84,12 @@ def test_three_supports_share_the_load_in_equilibrium(name):
 @pytest.mark.parametrize("name", helpers.KINDS.values())
 def test_section_forces_are_those_of_the_free_body_beyond(name):
     """N, Q, M of a cantilever under a tip force: the force in the section's axes and its moment about the point."""
-    from ancf2d.solvers.post import section_forces
-
     F = np.array([0.4, -0.6]) * EI
     bodies = {"beam": helpers.body(helpers.line(1.2), helpers.element(name, 6))}
     for solver in ("linear_static", "static"):
         out = helpers.solved(bodies, solver, bc=[{"type": "clamp", "at": "beam@0"}], loads=helpers.tip(*F))
         for s in (0.0, 0.25, 0.5, 0.9):
-            N, Q, M = section_forces(out.model, out.state, out.point(f"beam@{s}"))
+            N, Q, M = helpers.section_forces(out.model, out.state, out.point(f"beam@{s}"))
             linear = solver == "linear_static"
             angle = 0.0 if linear else out.theta(f"beam@{s}")
             arm = np.array([1.2 * (1 - s), 0.0]) if linear else out.r("beam@1") - out.r(f"beam@{s}")

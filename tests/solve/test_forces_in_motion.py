@@ -5,13 +5,13 @@ from __future__ import annotations
 import helpers as h
 import numpy as np
 import pytest
+from helpers import section_forces
 
 from ancf2d.interactions.forces import DeadLoad
 from ancf2d.model.rotation import Kinds
 from ancf2d.solvers.linear import full_mass
 from ancf2d.solvers.post import Observer, energies, reactions
 from ancf2d.solvers.registry import solve
-from ancf2d.solvers.section_forces import section_forces
 from ancf2d.solvers.state import State
 from ancf2d.solvers.system import System
 

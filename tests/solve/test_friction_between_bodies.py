@@ -7,12 +7,12 @@ from typing import Any
 import helpers
 import numpy as np
 import pytest
+from helpers import section_forces
 from motions import ride
 from test_contact_of_bodies import block, check_balance
 
 from ancf2d.solvers.contact import contact_report
 from ancf2d.solvers.fields import FieldReader
-from ancf2d.solvers.section_forces import section_forces
 
 HEIGHT, WIDTH, E, G = 0.02, 0.05, 2e11, 9.81
 BENDING = E * WIDTH * HEIGHT**3 / 12

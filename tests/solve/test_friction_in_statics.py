@@ -7,13 +7,13 @@ import math
 import helpers
 import numpy as np
 import pytest
+from helpers import section_forces
 from test_contact_statics import CLAMP, STIFF, fields_of, strip
 
 from ancf2d.case import Point
 from ancf2d.errors import CaseError
 from ancf2d.solvers.contact import contact_report
 from ancf2d.solvers.registry import solve
-from ancf2d.solvers.section_forces import section_forces
 from ancf2d.solvers.statics.quasi_static import Course
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import helpers
 import numpy as np
 import pytest
+from helpers import section_forces
 from numpy.polynomial import Polynomial
 from numpy.polynomial.legendre import Legendre
 from scipy.linalg import eigh
@@ -15,7 +16,7 @@ from ancf2d.case import ProfileTable
 from ancf2d.elements.section import timoshenko
 from ancf2d.results.geometry import body_faces
 from ancf2d.solvers.linear import full_mass
-from ancf2d.solvers.section_forces import SectionForces, section_forces
+from ancf2d.solvers.section_forces import SectionForces
 from ancf2d.solvers.stress import stress_of
 from ancf2d.study.run import body_record
 
