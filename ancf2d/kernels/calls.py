@@ -139,11 +139,13 @@ drag = _call(_nothing, None, _SCRATCH, _x, _x, _x, _x)
 point_friction = _call(_nothing, None, _i, _x, _x, _xx, _b, _x)
 take_hold = _call(_nothing, None, _x, _xx)
 # integrators: the last but times is the integrator's own record, of which callers know the address alone
-step = _call(types.Tuple((_i, _i, _f, _f)), None, _SCRATCH, _MOTION, None, _f, _f)
-accept, restart = (_call(_nothing, _MOTION, None) for _ in range(2))
+# those named after a method are of one that makes steps of two methods: kernels.motion.switching
+step, radau_step, euler_step = (_call(types.Tuple((_i, _i, _f, _f)), None, _SCRATCH, _MOTION, None, _f, _f)
+                                for _ in range(3))
+accept, radau_accept, restart = (_call(_nothing, _MOTION, None) for _ in range(3))
 # (p, own, length of the step, fraction of it): what materials that relax remember there
-inside = _call(_nothing, None, None, _f, _f)
+inside, radau_inside = (_call(_nothing, None, None, _f, _f) for _ in range(2))
 # (p, w, own, fraction of the step): the energy that internal strains take there, in the time of the step
-taken = _call(_f, None, _SCRATCH, None, _f)
+taken, radau_taken = (_call(_f, None, _SCRATCH, None, _f) for _ in range(2))
 work = _call(_pair, None, _SCRATCH, _MOTION, _METHOD, _MOTION, _f, _f, _f)
 work_of_step = _call(_pair, None, _SCRATCH, _MOTION, None, _f, _f)

@@ -82,6 +82,9 @@ def _small_cases() -> Iterator[tuple[str, dict[str, Any]]]:
     yield "statics of contact between bodies", {**bodies, "contacts": [*bodies["contacts"], rough], "solver": STATIC}
     yield "generalized_alpha of contact between bodies", {**bodies, **impacts, "contacts": [*bodies["contacts"], rough]}
     yield "generalized_alpha of contact with obstacles", {**_contact_with_obstacles(), **impacts}
+    # the same contacts, between steps of another method
+    yield "radau5 of contact with obstacles", {**_contact_with_obstacles(), **impacts,
+                                               "solver": {**step, "method": "radau5"}}
     # integrators call what these add by address: one stands for all
     yield "radau5 with controllers, events and what moves", {
         **_answers(), "solver": {**MOMENT, "method": "radau5"}, "output": {**FEW, "probes": {"tip": "b@1"}}}

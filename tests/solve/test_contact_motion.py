@@ -347,7 +347,7 @@ def test_steps_too_long_for_a_layer_are_told():
 def test_methods_that_cannot_step_an_impact_are_refused():
     rod = scene()
     bodies = rod.pop("bodies")
-    for method in ("radau5", "newmark", "energy_momentum", "RK45"):
+    for method in ("newmark", "energy_momentum", "RK45"):
         model = h.build(bodies, {"type": "dynamic", "t_end": 1, "dt": 0.1, "method": method}, **rod)
         assert any("contact without a law (touch)" in p.message and "generalized_alpha" in p.expected
                    for p in method_problems(model))

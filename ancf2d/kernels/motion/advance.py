@@ -15,6 +15,7 @@ from ..patches import accept_patches, violation
 from .contact_steps import let_rub, no_friction, opens
 from .dynamics import norm, signals_at, to_full
 from .events import NONE, aim, gains, interpolate
+from .impact import HIT
 from .state import (
     BACKWARD,
     CONTRACTION,
@@ -24,18 +25,20 @@ from .state import (
     GIVEN,
     GRID,
     LOST,
+    NEXT,
     NOT_CONVERGED,
     NOT_FINITE,
     OLD_STEP,
     RUBBED,
     SIZE,
     STEP_SIZE,
+    SWITCHES,
     TIME,
     TRIES,
     WORK,
     turn_on,
 )
-from .step_control import late, length, next_size, passed, set_size, shorten, targets
+from .step_control import late, length, next_size, passed, set_length, set_size, shorten, targets, usual
 from .work import recall, taken_inside
 
 # rotation in a step [rad] beyond which stages may be on another turn than the end of the step before
@@ -167,15 +170,16 @@ def _tried(m, p, w, s, at, t, h, adaptive):  # type: ignore[no-untyped-def]
     """
     for k in p.clocks:
         p.states[k] = h
-    s.numbers[BACKWARD] = 0.0
+    s.numbers[BACKWARD] = 1.0 if s.numbers[NEXT] > 0.0 else 0.0
     outcome, iterations, error, contraction = calls.step(m.calls, (p, w, s, m.own, t, h))
-    if (adaptive and outcome == DONE and p.sided and s.numbers[FRESH] == 0.0 and opens(p, s.z, m.end.z)
+    looks = outcome == DONE and p.sided and not m.switches
+    if (adaptive and looks and s.numbers[FRESH] == 0.0 and opens(p, s.z, m.end.z)
             and calls.make_consistent(p.calls, (p, w, s, t))):
         # rates off by some h^2, as constraints leave them, are forces in a step that is much shorter
         calls.restart(m.calls, (s, m.own))
         outcome, more, error, contraction = calls.step(m.calls, (p, w, s, m.own, t, h))
         iterations += more
-    if outcome == DONE and p.sided and opens(p, s.z, m.end.z):
+    if outcome == DONE and p.sided and not m.switches and opens(p, s.z, m.end.z):
         # forces at the start would press on what has parted
         s.numbers[BACKWARD] = 1.0
         outcome, more, error, contraction = calls.step(m.calls, (p, w, s, m.own, t, h))
@@ -213,17 +217,19 @@ def _count_impact(m, p, w, s, t, h, tracks, given):  # type: ignore[no-untyped-d
 
 
 @inner
-def _keep(p, w, m, s, t, h, tracks, given, hit):  # type: ignore[no-untyped-def]
-    """Make the end of the step the motion, a new one behind an impact; return the violation of constraints there."""
-    if hit:
+def _keep(p, w, m, s, t, h, tracks, given, happened):  # type: ignore[no-untyped-def]
+    """Make the end of the step the motion, a new one behind what ``impact`` says that HAPPENED; return the violation of
+    constraints there.
+    """
+    if happened == HIT:
         _count_impact(m, p, w, s, s.numbers[TIME], h, tracks, given)
     calls.accept(m.calls, (s, m.own))
     copy(m.end.z, s.z)
     copy(m.end.v, s.v)
     copy(m.end.a, s.a)
-    if hit:
-        calls.restart(m.calls, (s, m.own))
     s.numbers[TIME], s.numbers[OLD_STEP] = t, h
+    if happened < 0.0:
+        calls.restart(m.calls, (s, m.own))
     s.numbers[COUNT] += 1.0
     s.numbers[SIZE] = max(s.numbers[SIZE], _moved(p, s.z))
     if not p.patched and len(p.turning.length) == 0 and len(p.states) == 0 and len(p.feedback.kind) == 0:
@@ -269,13 +275,17 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         if aims > 0:
             h = aimed
         outcome, iterations, error, contraction = _tried(m, p, w, s, at, t, h, plan.dt == 0.0)
+        if outcome == SWITCHES:
+            aims = 0
+            s.numbers[TRIES] += 1.0
+            continue
         size = max(s.numbers[SIZE], _moved(p, m.end.z))
         relative = error / size if size > 0.0 else 0.0
         fine = outcome == DONE and (plan.dt > 0.0 or relative <= plan.tolerance)
         if not fine:
             aims = 0
             shorten(m, s, plan, outcome, h, relative)
-            if not s.numbers[STEP_SIZE] >= plan.smallest:
+            if not usual(s) >= plan.smallest:
                 return FAILED, stored, logged, outcome, iterations
             continue
         if len(p.feedback.watched) > 0:
@@ -289,12 +299,12 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         end = target if h >= target - t else t + h
         sooner = calls.impact(p.calls, (p, w, s, m, t, h, late(plan, size))) if p.sided else 0.0
         if sooner > 0.0:
-            s.numbers[STEP_SIZE] = sooner
+            set_length(s, sooner)
             s.numbers[TRIES] += 1.0
             continue
-        hit = sooner != 0.0
         work, lost = _work_of_step(m, p, w, s, at, t, h) if plan.tracks else (0.0, 0.0)
-        if p.sided and plan.dt > 0.0 and gains(m, p, w, s, plan, t, h, work - lost, hit):
+        looks = p.sided and (plan.dt > 0.0 or s.numbers[NEXT] > 0.0)
+        if looks and gains(m, p, w, s, plan, t, h, work - lost, sooner == HIT):
             shorten(m, s, plan, NOT_CONVERGED, h, relative)
             continue
         inside, at_end = passed(rows, next_wanted, end, NEAR * h)
@@ -317,9 +327,9 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             following = next_size(m, p, s, h, relative / plan.tolerance, contraction, lost, cut)
         if end >= last and plan.dt > 0.0 and last < plan.t_stop:
             s.numbers[GRID] += 1.0
-        worst = _keep(p, w, m, s, end, h, plan.tracks, work - lost, hit)
+        worst = _keep(p, w, m, s, end, h, plan.tracks, work - lost, sooner)
         s.numbers[CONTRACTION] = contraction
-        set_size(s, plan, relative, following)
+        set_size(s, plan, h, relative, following)
         _log(s, rows.log[logged], end, h, iterations, relative, worst)
         logged += 1
         if needed > 0 or (rows.every > 0 and s.numbers[COUNT] % rows.every == 0):

@@ -215,7 +215,7 @@ def aim(m, p, w, s, at, t, h, room, aims):  # type: ignore[no-untyped-def]
 
 @inner
 def gains(m, p, w, s, plan, t, h, given, hit):  # type: ignore[no-untyped-def]
-    """Return whether a fixed step makes energy beside what is given: what bounces may spin too fast for it."""
+    """Return whether a step makes energy beside what is given: what bounces may spin, or vibrate, too fast for it."""
     if hit and np.isinf(s.numbers[GIVEN]):
         # supports that are moved give some in an impact
         return False
@@ -226,8 +226,8 @@ def gains(m, p, w, s, plan, t, h, given, hit):  # type: ignore[no-untyped-def]
         if p.points.restitution[i] >= 0.0:
             borne += abs(m.end.z[p.place[p.points.multiplier[i]]])
     kinetic = max(kinetic, REST * p.extent * borne)
-    gained = max(0.0, s.numbers[GAINED] + rise)
-    if gained > GAIN * kinetic and rise > MORE_GAIN * kinetic * h / plan.dt and h > LAST_TRY * plan.dt:
+    gained, dt = max(0.0, s.numbers[GAINED] + rise), plan.dt if plan.dt > 0.0 else plan.largest
+    if gained > GAIN * kinetic and rise > MORE_GAIN * kinetic * h / dt and h > LAST_TRY * dt:
         return True
     s.numbers[GAINED] = gained
     return False

@@ -28,19 +28,21 @@ from ...elements.contact_geometry import (
 from .. import calls
 from ..bodies import elastic, set_natural
 from ..lowlevel.arrays import copy
-from ..lowlevel.jit import addressed_with_memory, inner_with_memory, kernel_with_memory, seldom
+from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, kernel_with_memory, seldom
 from ..passages import tunnels
 from ..patches import face_bodies, forces_but_contacts, patch_forces, rates_of_constraints
 from .consistent import consistent, gap_rates
 from .contact_steps import friction_forces, let_choose, point_sides
 from .dynamics import signals_at, to_full, twice_kinetic
 from .friction import approach_freely, drag, point_friction, point_slip, rub, rubs, take_hold
-from .state import BACKWARD, GIVEN
+from .state import BACKWARD, GIVEN, NEXT
 
 # of the largest rate: constraints that part slower than this are closed
 PARTING = 1e-9
 # times that constraints let go after one another
 _MOST = 20
+# what happened at the end of a step: an impact, or what a method that switches goes on from anew
+HIT, ANEW = -1.0, -2.0
 # times the rate of approach: what a bounce may be more, so that it takes no energy; tries until it gives none
 MORE, MOST_BOUNCES = 1.1, 12
 
@@ -276,6 +278,14 @@ def _given(p, w, end, t, touched, approach, pushed):  # type: ignore[no-untyped-
     return given
 
 
+@inner
+def go_straight(end, s):  # type: ignore[no-untyped-def]
+    """Let the step from s be interpolated by a straight line: between states that touch, nothing penetrates."""
+    for k in range(len(end.dense)):
+        for i in range(len(s.z)):
+            end.dense[k, i] = end.z[i] - s.z[i]
+
+
 @inner_with_memory
 def _on_the_way(p, s, end, h, touched, at_impact):  # type: ignore[no-untyped-def]
     """Let states inside the step from s be on the way to an impact at its end, with items open that close there.
@@ -283,10 +293,11 @@ def _on_the_way(p, s, end, h, touched, at_impact):  # type: ignore[no-untyped-de
     Where the step ends ``at_impact``, on a parabola from the rates at its start; else, as the impact may be anywhere in
     the step, straight on, so that no state is inside what neither end is in.
     """
-    for i in range(len(s.z)):
-        change = end.z[i] - s.z[i]
-        rate = h * s.v[i] if at_impact and p.coordinate[i] != 0.0 else change
-        end.dense[0, i], end.dense[1, i], end.dense[2, i] = rate, change, 2.0 * change - rate
+    go_straight(end, s)
+    for i in range(len(s.z) if at_impact else 0):
+        if p.coordinate[i] != 0.0:
+            change, rate = end.z[i] - s.z[i], h * s.v[i]
+            end.dense[0, i], end.dense[2, i] = rate, 2.0 * change - rate
     for i in range(len(touched)):
         k = p.place[p.points.multiplier[i]]
         if touched[i] == CLOSED and not s.z[k] < 0.0:
@@ -298,9 +309,12 @@ def _on_the_way(p, s, end, h, touched, at_impact):  # type: ignore[no-untyped-de
 def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
     """Do what constraints that closed in the step from s at t to m.end do to its end; note what obstacles GIVE.
 
-    Returns -1 if there were any, 0 if none; or how long the step may be, with nothing done, where what closed would be
-    off by more than ``allowed`` [m] (0: it may).
+    Returns HIT if there were any, 0 if none; or how long the step may be, with nothing done, where what closed would be
+    off by more than ``allowed`` [m] (0: it may). Of methods that switch, steps in which nothing may close are left
+    alone, and behind others the motion begins ANEW: rates become what closed points allow.
     """
+    if m.switches and s.numbers[NEXT] == 0.0:
+        return 0.0
     n, end = len(p.points.mem), m.end
     how, g, rate, second, pushed = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     signals_at(p, t + h, w.amps)
@@ -311,8 +325,12 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
             closes = True
             bounces |= p.points.restitution[i] > 0.0
     if not closes:
+        if m.switches:
+            still = np.zeros(len(s.z))
+            calls.behind(p.calls, (p, w, end.z, end.v, end.a, t + h, still, still.copy(), how, False))
+            go_straight(end, s)
         let_choose(p)
-        return 0.0
+        return ANEW if m.switches else 0.0
     bounce, approach, touched = np.zeros(len(s.z)), np.zeros(len(s.z)), how.copy()
     elastic_ones, (moves, driven) = bounces, _pushed(p, w, how, pushed)
     if bounces or allowed > 0.0 or rubs(p) or moves:
@@ -340,8 +358,8 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
         if moves or driven:
             s.numbers[GIVEN] = np.inf if driven else _given(p, w, end, t + h, touched, approach, pushed)
     let_choose(p)
-    _on_the_way(p, s, end, h, touched, allowed > 0.0)
-    return -1.0
+    _on_the_way(p, s, end, h, touched, allowed > 0.0 and not m.switches)
+    return HIT
 
 
 @addressed_with_memory

@@ -23,13 +23,17 @@ GAINED, GIVEN = 17, 18
 FRESH, RUBBED = 19, 20
 # whether a step is made by the backward Euler method, as a contact without a law opens in it
 BACKWARD = 21
-NUMBERS = 22
+# of methods that switch to it (``switching``): length of such a step to come, 0 for none; of one that meets the
+# tolerance, 0 where that is not known; of the last one, 0 behind longer steps of the other kind; of these before they
+# were cut; and how many such steps there were
+NEXT, EULER, LAST, UNCUT, SWITCHED = range(22, 27)
+NUMBERS = 27
 
 _turn = inner(turn)
 # increments of Newton's method that are kept for messages
 HISTORY = 64
-# what a step answers
-DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR = range(4)
+# what a step answers; SWITCHES: that it has to be made anew, shorter or by another method, as NEXT tells
+DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SWITCHES = range(5)
 
 
 class Motion(NamedTuple):
@@ -80,7 +84,8 @@ class Method(NamedTuple):
 
     basis : (k, degree + 1) of the rows of ``end.dense``; own : address of the integrator's own record; calls : table
     of its functions (``kernels.calls``); exact : whether it knows the work of a step itself; impulse : by which
-    share of its length a force at the end of a step changes rates there.
+    share of its length a force at the end of a step changes rates there; switches : whether contacts without a law open
+    and close in backward Euler steps alone.
     """
 
     order: int
@@ -90,12 +95,13 @@ class Method(NamedTuple):
     calls: Any
     exact: bool
     impulse: float
+    switches: bool
 
 
 def method_of(order: int, basis: Any, n: int) -> Method:
     """Return a method whose own record and functions are yet to come, of n unknowns."""
     end = Step(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((len(basis), n)))
-    return Method(order, basis, end, 0, np.zeros(0, dtype=np.int64), False, 0.0)
+    return Method(order, basis, end, 0, np.zeros(0, dtype=np.int64), False, 0.0, False)
 
 
 def scratch(n: int, n_full: int, entries: int, signals: int) -> Scratch:

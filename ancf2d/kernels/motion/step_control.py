@@ -4,7 +4,23 @@ from __future__ import annotations
 
 from ..lowlevel.jit import inner
 from .dynamics import norm
-from .state import DONE, GRID, LIMIT, OLD_ERROR, OLD_STEP, REJECTED, SIZE, STEP_SIZE, TIME, TRIES
+from .state import (
+    DONE,
+    EULER,
+    GRID,
+    LAST,
+    LIMIT,
+    NEXT,
+    OLD_ERROR,
+    OLD_STEP,
+    REJECTED,
+    SIZE,
+    STEP_SIZE,
+    SWITCHED,
+    TIME,
+    TRIES,
+    UNCUT,
+)
 from .work import SECOND
 
 # what dies out at once, as behind an impact, moves too little for errors to be seen: steps of second order methods grow
@@ -16,6 +32,22 @@ SHORT = 1e-2
 SO_MANY = 1e4
 # of positions, beside the size of a motion
 ROUND = 1e-15
+# of the error of a backward Euler step in its length
+SECOND_ORDER = 2
+# backward Euler steps within a fixed step: each is so many times as long as the one before
+GROWS = 8.0
+
+
+@inner
+def usual(s):  # type: ignore[no-untyped-def]
+    """Return the length of the next step, wherever it has to end."""
+    return s.numbers[NEXT] if s.numbers[NEXT] > 0.0 else s.numbers[STEP_SIZE]
+
+
+@inner
+def set_length(s, h):  # type: ignore[no-untyped-def]
+    """Set the length of the next try of the same kind."""
+    s.numbers[NEXT if s.numbers[NEXT] > 0.0 else STEP_SIZE] = h
 
 
 @inner
@@ -25,11 +57,11 @@ def length(s, last, target, sooner):  # type: ignore[no-untyped-def]
     ``sooner`` : whether it is to end where an impact is expected.
     """
     left = target - s.numbers[TIME]
-    h = min(s.numbers[STEP_SIZE], left)
+    h = min(usual(s), left)
     if left < 1.1 * h and not sooner:
         return left
     # the method is less accurate where steps are unlike one another
-    return 0.5 * left if target < last and left < 2.0 * h and not sooner else h
+    return 0.5 * left if target < last and left < 2.0 * h and not sooner and s.numbers[NEXT] == 0.0 else h
 
 
 @inner
@@ -46,8 +78,8 @@ def next_size(m, p, s, h, ratio, contraction, lost, cut):  # type: ignore[no-unt
     largest = 4.0 if contraction < 0.3 else 1.2
     if (lost > 0.0 or p.sided) and not m.exact and order <= SECOND:
         largest = min(largest, DAMPED)
-    usual = s.numbers[STEP_SIZE] if cut else h
-    return max(min(max(factor, 0.2) * h, largest * usual), usual if cut else 0.0)
+    before = s.numbers[STEP_SIZE] if cut else h
+    return max(min(max(factor, 0.2) * h, largest * before), before if cut else 0.0)
 
 
 @inner
@@ -55,18 +87,43 @@ def shorten(m, s, plan, outcome, h, relative):  # type: ignore[no-untyped-def]
     """Set the length of the next try after a step of length h that could not be made, or was not good enough."""
     s.numbers[REJECTED] += 1.0
     s.numbers[TRIES] += 1.0
-    if outcome != DONE:
-        shrink, s.numbers[LIMIT] = 0.5, 0.8 * h
+    euler = s.numbers[NEXT] > 0.0
+    if outcome == DONE:
+        shrink = max(0.2, 0.8 * (plan.tolerance / relative) ** (1.0 / (SECOND_ORDER if euler else m.order)))
     else:
-        shrink = max(0.2, 0.8 * (plan.tolerance / relative) ** (1.0 / m.order))
-    s.numbers[STEP_SIZE] = shrink * h
+        shrink = 0.5
+        if not euler:
+            s.numbers[LIMIT] = 0.8 * h
+    set_length(s, shrink * h)
+    if euler:
+        s.numbers[EULER] = shrink * h
 
 
 @inner
-def set_size(s, plan, relative, size):  # type: ignore[no-untyped-def]
-    """Set the length of the next step, behind one with that error."""
+def _go_on(s, plan, h, relative):  # type: ignore[no-untyped-def]
+    """Set the lengths of steps behind one by the backward Euler method, of a method that switches to it."""
+    if plan.dt > 0.0:
+        if h >= 0.5 * s.numbers[EULER]:
+            s.numbers[EULER] = min(plan.dt, GROWS * h)
+    elif h >= 0.5 * s.numbers[EULER]:
+        s.numbers[EULER] = h * min(2.0, 0.9 * max(relative / plan.tolerance, 1e-10) ** (-1.0 / SECOND_ORDER))
+    s.numbers[STEP_SIZE] = max(s.numbers[STEP_SIZE], s.numbers[UNCUT])
+    s.numbers[LAST], s.numbers[NEXT], s.numbers[UNCUT], s.numbers[OLD_ERROR] = h, 0.0, 0.0, 0.0
+    s.numbers[SWITCHED] += 1.0
+
+
+@inner
+def set_size(s, plan, h, relative, size):  # type: ignore[no-untyped-def]
+    """Set the length of the next step, behind one of length h with that error."""
+    if s.numbers[NEXT] > 0.0:
+        _go_on(s, plan, h, relative)
+        return
+    if h > s.numbers[LAST]:
+        s.numbers[LAST] = 0.0
     if plan.dt > 0.0:
         s.numbers[STEP_SIZE] = min(plan.dt, 2.0 * s.numbers[STEP_SIZE])
+        if h >= 0.5 * plan.dt:
+            s.numbers[EULER] = 0.0
         return
     s.numbers[OLD_ERROR] = max(relative / plan.tolerance, 1e-2)
     s.numbers[STEP_SIZE] = min(plan.largest, size)

@@ -11,7 +11,8 @@ import numpy as np
 from ...elements.shape import Array
 from ...errors import ComputationError
 from ...kernels.motion.advance import CHECK
-from ...kernels.motion.state import COUNT
+from ...kernels.motion.state import COUNT, SWITCHED
+from ...kernels.motion.switching import FIXED
 from ...model.mesh import Index
 from ...model.model import Model
 from ...model.points import PointRef
@@ -132,13 +133,17 @@ class Estimate:
             # what springs that hold points give counts no more than for the steps
             size = np.maximum(size, least_size(self.stepper.model, self.stepper.tolerance))
         fine, rough = (float(np.max(row / size, initial=0.0)) for row in self.largest)
+        # a part of how far off contacts that open and close are located is the same in all levels
+        located = self.stepper.s.numbers[SWITCHED] if self.factor == DOUBLE else 0.0
         if fine == 0.0:
-            return 0.0, None
+            return FIXED * located, None
         order = float(np.log(rough / fine) / np.log(self.factor)) if rough > 0.0 else 0.0
         if self.factor ** order < ASYMPTOTIC:
             # differences that do not shrink tell no more than their size
-            return max(fine, rough), order
-        return SAFETY * fine / (self.factor ** min(order, self.order) - 1.0), order
+            return max(fine, rough) + FIXED * located, order
+        # their errors are of order 1
+        highest = 1.0 if located > 0.0 else self.order
+        return SAFETY * fine / (self.factor ** min(order, highest) - 1.0) + FIXED * located, order
 
     def _alike(self) -> bool:
         """Whether longer fixed steps were cut, or are so few, that they are those of the motion itself."""

@@ -32,6 +32,15 @@ from ...kernels.motion.newmark import (
 from ...kernels.motion.radau import TILE, Radau, radau_accept, radau_restart, radau_step
 from ...kernels.motion.stages import radau_inside, radau_taken, relaxing
 from ...kernels.motion.state import Step, method_of
+from ...kernels.motion.switching import (
+    Switched,
+    switched_accept,
+    switched_go_on,
+    switched_inside,
+    switched_restart,
+    switched_step,
+    switched_taken,
+)
 from ...kernels.motion.work import work
 from ...model.mesh import Index
 from .schemes import Integrator, spectral_radius
@@ -40,6 +49,8 @@ MAX_ITERATIONS = 12
 # of Newton's increments, relative to the size of the motion
 TIGHT = 1e-10
 CONSERVING = 1e-18
+# of them, between impacts: what is left of increments would add up to energy where a body bounces for ever
+TIGHTER = 1e-3
 
 
 # what ``Model.relaxing`` tells
@@ -67,6 +78,8 @@ KERNELS = {
     Newmark: Kernels(newmark_step, newmark_accept, newmark_restart, newmark_inside, go_on=newmark_go_on),
     Conserving: Kernels(conserving_step, conserving_accept, conserving_restart, work=conserving_work),
     Radau: Kernels(radau_step, radau_accept, radau_restart, radau_inside, taken=radau_taken),
+    Switched: Kernels(switched_step, switched_accept, switched_restart, switched_inside, go_on=switched_go_on,
+                      taken=switched_taken),
 }
 
 
@@ -109,6 +122,28 @@ def _newmark_family(alphas: Callable[[float], tuple[float, float]], radius: bool
                        spec.newton == "full", end, np.zeros(n), np.zeros((2 * KRYLOV + 1, n)), np.zeros((3, n)),
                        np.zeros((3, n)))
     return Maker(3, cubic(), make)
+
+
+def _switched(radau: Radau, basis: Array, spec: Dynamic, p: Any, relaxes: Relaxes) -> tuple[Switched, list[Record]]:
+    """Return a method that makes steps of Radau's method, and backward Euler steps where contacts open and close.
+
+    With the records of the two.
+    """
+    n, items = len(p.weights), len(p.points.mem)
+    euler = _newmark_family(lambda rho: (0.0, 0.0), radius=False).make(spec, p, radau.tolerance, radau.end, relaxes)
+    parts = [Record(radau._replace(tolerance=max(TIGHTER * radau.tolerance, 1e-14))), Record(euler)]
+    return Switched(parts[0].address, parts[1].address, calls.table({}), 0.0 if spec.dt else spec.tolerance or 0.0,
+                    basis, radau.end, Step(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((0, n))), np.zeros(items),
+                    np.zeros((3, items)), np.zeros(1)), parts
+
+
+def _functions_of_both(problem: Any, radau: Any, euler: Any, relaxes: bool) -> dict[Any, tuple[Any, ...]]:
+    """Return what a method that switches calls of its two methods."""
+    out = {calls.radau_step: (radau_step, problem, radau), calls.radau_accept: (radau_accept, radau),
+           calls.euler_step: (newmark_step, problem, euler)}
+    if relaxes:
+        out |= {calls.radau_inside: (radau_inside, problem, radau), calls.radau_taken: (radau_taken, problem, radau)}
+    return out
 
 
 def _energy_momentum(spec: Dynamic, p: Any, tolerance: float, end: Step, _: Relaxes) -> Conserving:
@@ -189,12 +224,17 @@ class Method:
     def __init__(self, name: str, spec: Dynamic, p: Record, tolerance: float, relaxes: Relaxes) -> None:
         order, basis, make = MAKERS[name]
         method = method_of(order, basis, len(p.weights))
-        self.own = Record(make(spec, p, tolerance, method.end, relaxes))
+        own, parts = make(spec, p, tolerance, method.end, relaxes), list[Record]()
+        if p.sided and isinstance(own, Radau):
+            own, parts = _switched(own, basis, spec, p, relaxes)
+        self.own = Record(own, parts)
         self.order, self._kernels = order, KERNELS[type(self.own.values)]
         self.functions = self._functions(p.layout, p.sided, len(relaxes[0]) > 0)
-        own = self.own.values
+        if parts:
+            self.functions |= _functions_of_both(p.layout, *(part.layout for part in parts), len(relaxes[0]) > 0)
         impulse = own.gamma * (1.0 - own.af) / (1.0 - own.am) if isinstance(own, Newmark) else 0.0
-        self._unfinished = method._replace(own=self.own.address, exact=self._kernels.work is not None, impulse=impulse)
+        self._unfinished = method._replace(own=self.own.address, exact=self._kernels.work is not None, impulse=impulse,
+                                             switches=isinstance(own, Switched))
 
     def _functions(self, problem: Any, sided: bool, relaxes: bool) -> dict[Any, tuple[Any, ...]]:
         kernels, own = self._kernels, self.own.layout
@@ -213,7 +253,10 @@ class Method:
     @cached_property
     def record(self) -> Record:
         """What kernels take, its functions compiled."""
-        return Record(self._unfinished._replace(calls=calls.table(self.functions)))
+        table = calls.table(self.functions)
+        if isinstance(self.own.values, Switched):
+            self.own.values.calls[:] = table
+        return Record(self._unfinished._replace(calls=table))
 
     def restart(self, s: Any) -> None:
         """Let the method begin anew from the motion s."""

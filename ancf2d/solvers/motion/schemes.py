@@ -157,11 +157,17 @@ def _forgets(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusa
 
 
 def _impacts(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
-    """Steps of one stage alone end where nothing overlaps and nothing pulls."""
-    if model.sided and scheme.name not in ("generalized_alpha", "hht"):
-        names = ", ".join(dict.fromkeys(contact.name for contact in model.contacts if contact.hard))
+    """What ends where nothing overlaps and nothing pulls is a step of one stage, or one that such steps are between."""
+    hard = [contact for contact in model.contacts if contact.hard]
+    rubs = [contact for contact in hard if contact.item.friction]
+    if scheme.name in ("radau5", "radau9") and rubs:
+        names = ", ".join(dict.fromkeys(contact.name for contact in rubs))
+        yield ("method", f"{scheme.name} does not support friction without a law ({names})",
+               "generalized_alpha or hht, no friction, or law: {stiffness: ...} for the contact")
+    elif hard and scheme.name not in ("generalized_alpha", "hht", "radau5", "radau9"):
+        names = ", ".join(dict.fromkeys(contact.name for contact in hard))
         yield ("method", f"{scheme.name} does not support contact without a law ({names})",
-               "generalized_alpha or hht, or law: {stiffness: ...} for the contact")
+               "generalized_alpha, hht, radau5 or radau9, or law: {stiffness: ...} for the contact")
     names = ", ".join(dict.fromkeys(contact.name for contact in model.contacts if contact.other in model.meshes))
     if scheme.conserves and names:
         yield ("method", f"{scheme.name} does not support contact between bodies ({names})",
