@@ -231,7 +231,8 @@ class Method:
         self.order, self._kernels = order, KERNELS[type(self.own.values)]
         self.functions = self._functions(p.layout, p.sided, len(relaxes[0]) > 0)
         if parts:
-            self.functions |= _functions_of_both(p.layout, *(part.layout for part in parts), len(relaxes[0]) > 0)
+            radau, euler = parts
+            self.functions |= _functions_of_both(p.layout, radau.layout, euler.layout, len(relaxes[0]) > 0)
         impulse = own.gamma * (1.0 - own.af) / (1.0 - own.am) if isinstance(own, Newmark) else 0.0
         self._unfinished = method._replace(own=self.own.address, exact=self._kernels.work is not None, impulse=impulse,
                                              switches=isinstance(own, Switched))
