@@ -275,17 +275,13 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         if aims > 0:
             h = aimed
         outcome, iterations, error, contraction = _tried(m, p, w, s, at, t, h, plan.dt == 0.0)
-        if outcome == SWITCHES:
-            aims = 0
-            s.numbers[TRIES] += 1.0
-            continue
         size = max(s.numbers[SIZE], _moved(p, m.end.z))
         relative = error / size if size > 0.0 else 0.0
         fine = outcome == DONE and (plan.dt > 0.0 or relative <= plan.tolerance)
         if not fine:
             aims = 0
             shorten(m, s, plan, outcome, h, relative)
-            if not usual(s) >= plan.smallest:
+            if outcome != SWITCHES and not usual(s) >= plan.smallest:
                 return FAILED, stored, logged, outcome, iterations
             continue
         if len(p.feedback.watched) > 0:
@@ -303,8 +299,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             s.numbers[TRIES] += 1.0
             continue
         work, lost = _work_of_step(m, p, w, s, at, t, h) if plan.tracks else (0.0, 0.0)
-        looks = p.sided and (plan.dt > 0.0 or s.numbers[NEXT] > 0.0)
-        if looks and gains(m, p, w, s, plan, t, h, work - lost, sooner == HIT):
+        if p.sided and gains(m, p, w, s, plan, t, h, work - lost, sooner == HIT):
             shorten(m, s, plan, NOT_CONVERGED, h, relative)
             continue
         inside, at_end = passed(rows, next_wanted, end, NEAR * h)

@@ -1,10 +1,11 @@
-"""Hard contact points over a step: which of them are closed or rub, whether one opens, and what friction takes."""
+"""Hard contact points over a step: which of them close, open or rub, where it is between, and what friction takes.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ...elements.contact_geometry import BY_CHOICE, CLOSES, FRICTION, HELD, SLIDES
+from ...elements.contact_geometry import BY_CHOICE, CLOSED, CLOSES, FRICTION, HELD, SLIDES
 from .. import calls
 from ..compiled_laws import call_forces
 from ..lowlevel.jit import addressed_with_memory, inner, seldom
@@ -75,6 +76,37 @@ def opens(p, before, z):  # type: ignore[no-untyped-def]
             if before[k] < 0.0 <= z[k]:
                 return True
     return False
+
+
+@inner
+def closes(p, s, how, i):  # type: ignore[no-untyped-def]
+    """Return whether item i, which is ``how[i]`` at the end of the step from s, closed in it."""
+    return how[i] == CLOSED and not s.z[p.place[p.points.multiplier[i]]] < 0.0
+
+
+@inner
+def go_straight(end, s):  # type: ignore[no-untyped-def]
+    """Let the step from s be interpolated by a straight line: between states that touch, nothing penetrates."""
+    for k in range(len(end.dense)):
+        for i in range(len(s.z)):
+            end.dense[k, i] = end.z[i] - s.z[i]
+
+
+@inner
+def on_the_way(p, s, end, h, touched, at_impact):  # type: ignore[no-untyped-def]
+    """Let states inside the step from s be on the way to an impact at its end, with items open that close there.
+
+    Where the step ends ``at_impact``, on a parabola from the rates at its start; else, as the impact may be anywhere in
+    the step, straight on, so that no state is inside what neither end is in.
+    """
+    go_straight(end, s)
+    for i in range(len(s.z) if at_impact else 0):
+        if p.coordinate[i] != 0.0:
+            change, rate = end.z[i] - s.z[i], h * s.v[i]
+            end.dense[0, i], end.dense[2, i] = rate, 2.0 * change - rate
+    for i in range(len(touched)):
+        if closes(p, s, touched, i):
+            end.dense[:, p.place[p.points.multiplier[i]]] = 0.0
 
 
 @inner

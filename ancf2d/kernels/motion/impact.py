@@ -28,11 +28,11 @@ from ...elements.contact_geometry import (
 from .. import calls
 from ..bodies import elastic, set_natural
 from ..lowlevel.arrays import copy
-from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, kernel_with_memory, seldom
+from ..lowlevel.jit import addressed_with_memory, inner_with_memory, kernel_with_memory, seldom
 from ..passages import tunnels
 from ..patches import face_bodies, forces_but_contacts, patch_forces, rates_of_constraints
 from .consistent import consistent, gap_rates
-from .contact_steps import friction_forces, let_choose, point_sides
+from .contact_steps import closes, friction_forces, go_straight, let_choose, on_the_way, point_sides
 from .dynamics import signals_at, to_full, twice_kinetic
 from .friction import approach_freely, drag, point_friction, point_slip, rub, rubs, take_hold
 from .state import BACKWARD, GIVEN, NEXT
@@ -223,7 +223,7 @@ def _in_time(p, s, how, g, rate, second, h, allowed):  # type: ignore[no-untyped
     """Return how long a step may be so that what closes in it is off by no more than ``allowed`` [m], 0 if it is."""
     best = h
     for i in range(len(how)):
-        if how[i] == CLOSED and not s.z[p.place[p.points.multiplier[i]]] < 0.0 and g[i] > 0.0:
+        if closes(p, s, how, i) and g[i] > 0.0:
             speed = -_approach(g[i], rate[i], second[i], h)
             if speed > max(rate[i], 0.0):
                 # when the gap is 0, which began with g, its rate and second rate
@@ -231,6 +231,23 @@ def _in_time(p, s, how, g, rate, second, h, allowed):  # type: ignore[no-untyped
                 if speed * (h - closing) > allowed:
                     best = min(best, closing + 0.5 * allowed / speed)
     return best if best < h else 0.0
+
+
+@inner_with_memory
+def _rates_of_bounces(p, s, how, g, rate, second, h, approach, bounce):  # type: ignore[no-untyped-def]
+    """Fill approach and bounce (n,), at multipliers of what closed in a step of length h from s with these gaps.
+
+    Returns whether any bounces, and whether all keep their energy.
+    """
+    bounces, elastic_ones = False, True
+    for i in range(len(how)):
+        if closes(p, s, how, i):
+            k = p.place[p.points.multiplier[i]]
+            approach[k] = _approach(g[i], rate[i], second[i], h)
+            bounce[k] = -p.points.restitution[i] * approach[k]
+            bounces |= bounce[k] > 0.0
+            elastic_ones &= p.points.restitution[i] == 1.0 and p.points.par[i, FRICTION] == 0.0
+    return bounces, elastic_ones
 
 
 @inner_with_memory
@@ -278,32 +295,6 @@ def _given(p, w, end, t, touched, approach, pushed):  # type: ignore[no-untyped-
     return given
 
 
-@inner
-def go_straight(end, s):  # type: ignore[no-untyped-def]
-    """Let the step from s be interpolated by a straight line: between states that touch, nothing penetrates."""
-    for k in range(len(end.dense)):
-        for i in range(len(s.z)):
-            end.dense[k, i] = end.z[i] - s.z[i]
-
-
-@inner_with_memory
-def _on_the_way(p, s, end, h, touched, at_impact):  # type: ignore[no-untyped-def]
-    """Let states inside the step from s be on the way to an impact at its end, with items open that close there.
-
-    Where the step ends ``at_impact``, on a parabola from the rates at its start; else, as the impact may be anywhere in
-    the step, straight on, so that no state is inside what neither end is in.
-    """
-    go_straight(end, s)
-    for i in range(len(s.z) if at_impact else 0):
-        if p.coordinate[i] != 0.0:
-            change, rate = end.z[i] - s.z[i], h * s.v[i]
-            end.dense[0, i], end.dense[2, i] = rate, 2.0 * change - rate
-    for i in range(len(touched)):
-        k = p.place[p.points.multiplier[i]]
-        if touched[i] == CLOSED and not s.z[k] < 0.0:
-            end.dense[:, k] = 0.0
-
-
 @addressed_with_memory
 @seldom
 def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
@@ -317,39 +308,31 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
         return 0.0
     n, end = len(p.points.mem), m.end
     how, g, rate, second, pushed = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    bounce, approach = np.zeros(len(s.z)), np.zeros(len(s.z))
     signals_at(p, t + h, w.amps)
     _hold(p, w, end.z, end.v, how)
-    s.numbers[GIVEN], closes, bounces = 0.0, False, False
+    s.numbers[GIVEN], any_closes, bounces, elastic_ones = 0.0, False, False, False
     for i in range(n):
-        if how[i] == CLOSED and not s.z[p.place[p.points.multiplier[i]]] < 0.0:
-            closes = True
+        if closes(p, s, how, i):
+            any_closes = True
             bounces |= p.points.restitution[i] > 0.0
-    if not closes:
+    if not any_closes:
         if m.switches:
-            still = np.zeros(len(s.z))
-            calls.behind(p.calls, (p, w, end.z, end.v, end.a, t + h, still, still.copy(), how, False))
+            calls.behind(p.calls, (p, w, end.z, end.v, end.a, t + h, bounce, approach, how, False))
             go_straight(end, s)
         let_choose(p)
         return ANEW if m.switches else 0.0
-    bounce, approach, touched = np.zeros(len(s.z)), np.zeros(len(s.z)), how.copy()
-    elastic_ones, (moves, driven) = bounces, _pushed(p, w, how, pushed)
+    touched, (moves, driven) = how.copy(), _pushed(p, w, how, pushed)
     if bounces or allowed > 0.0 or rubs(p) or moves:
         signals_at(p, t, w.amps)
         gap_rates(p, w, s.z, s.v, s.a, g, rate, second)
         signals_at(p, t + h, w.amps)
-        bounces = False
         if allowed > 0.0:
             shorter = _in_time(p, s, how, g, rate, second, h, allowed)
             if shorter > 0.0:
                 let_choose(p)
                 return shorter
-        for i in range(n):
-            k = p.place[p.points.multiplier[i]]
-            if how[i] == CLOSED and not s.z[k] < 0.0:
-                approach[k] = _approach(g[i], rate[i], second[i], h)
-                bounce[k] = -p.points.restitution[i] * approach[k]
-                bounces |= bounce[k] > 0.0
-                elastic_ones &= p.points.restitution[i] == 1.0 and p.points.par[i, FRICTION] == 0.0
+        bounces, elastic_ones = _rates_of_bounces(p, s, how, g, rate, second, h, approach, bounce)
         approach_freely(p, w, s, end, how, h if s.numbers[BACKWARD] > 0.0 else m.impulse * h, approach)
     if bounces and not driven:
         s.numbers[GIVEN] = _bounce(p, w, s, end, t, h, bounce, approach, how, elastic_ones, pushed, moves)
@@ -358,7 +341,7 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
         if moves or driven:
             s.numbers[GIVEN] = np.inf if driven else _given(p, w, end, t + h, touched, approach, pushed)
     let_choose(p)
-    _on_the_way(p, s, end, h, touched, allowed > 0.0 and not m.switches)
+    on_the_way(p, s, end, h, touched, allowed > 0.0 and not m.switches)
     return HIT
 
 

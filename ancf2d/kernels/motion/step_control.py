@@ -17,6 +17,7 @@ from .state import (
     SIZE,
     STEP_SIZE,
     SWITCHED,
+    SWITCHES,
     TIME,
     TRIES,
     UNCUT,
@@ -85,8 +86,11 @@ def next_size(m, p, s, h, ratio, contraction, lost, cut):  # type: ignore[no-unt
 @inner
 def shorten(m, s, plan, outcome, h, relative):  # type: ignore[no-untyped-def]
     """Set the length of the next try after a step of length h that could not be made, or was not good enough."""
-    s.numbers[REJECTED] += 1.0
     s.numbers[TRIES] += 1.0
+    if outcome == SWITCHES:
+        # the method has set it
+        return
+    s.numbers[REJECTED] += 1.0
     euler = s.numbers[NEXT] > 0.0
     if outcome == DONE:
         shrink = max(0.2, 0.8 * (plan.tolerance / relative) ** (1.0 / (SECOND_ORDER if euler else m.order)))

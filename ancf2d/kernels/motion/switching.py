@@ -20,10 +20,9 @@ from .. import calls
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed, inner, seldom
 from ..patches import patch_forces
-from .contact_steps import let_choose
+from .contact_steps import go_straight, let_choose
 from .dynamics import norm, signals_at, to_full
 from .events import NOWHERE, interpolate
-from .impact import go_straight
 from .newmark import newmark_inside
 from .radau import radau_restart
 from .state import (
