@@ -136,6 +136,34 @@ def test_what_opens_and_closes_all_the_time_gains_no_energy_and_penetrates_nothi
         assert y.min() > -1e-9
 
 
+@pytest.mark.parametrize("angle", [1.2, 1.4])
+def test_an_impact_in_one_long_backward_euler_step_gains_no_energy(angle):
+    """The end of a stiff cable bounces, whose vibrations are far shorter than the step that the tolerance allows."""
+    height, length = 2.0, 0.5
+    end = (length * math.cos(angle), height + length * math.sin(angle))
+    cable = h.body({"type": "line", "start": [0.0, height], "end": list(end)}, h.element("cable", 3),
+                   {"height": 0.01, "width": 0.1}, {"E": 1.2e8, "nu": 0.3, "rho": 2000.0})
+    found = ride(falling(cable, restitution=1.0), math.sqrt(2.0 * height / G) + 0.01, every=1, method="radau5",
+                 tolerance=1e-4)
+    total, _ = found.totals()
+    assert found.stepper.s.numbers[SWITCHED] > 0
+    assert (total - total[0]).max() < 1e-6 * G * height
+
+
+def test_a_touch_between_the_places_that_are_looked_at_is_found():
+    """The tip of a rod that spins would be in the floor for less than an eighth of a step."""
+    dip, begin = 1e-4, 0.5 * math.pi - 2.78125
+    middle, (x, y) = 0.5 - dip, (0.5 * math.cos(begin), 0.5 * math.sin(begin))
+    rod = rigid([-x, middle - y], [x, middle + y], MASS, INERTIA)
+    scene = {"bodies": {"rod": rod}, "obstacles": FLOOR, "boundary_conditions": [{"type": "pin", "at": "rod@0.5"}],
+             "initial": {"bodies": {"rod": {"rotation_rate": {"omega": 1.0, "about": [0.0, middle]}}}},
+             "contacts": [{"between": ["rod", "floor"], "side": "axis"}]}
+    found = ride(scene, 5.0, method="radau9", dt=0.5)
+    # it stays where it touches
+    assert found.place("rod@0") == pytest.approx([-math.sqrt(0.25 - middle**2), 0.0], abs=1e-8)
+    assert np.abs(found.full()[1]).max() < 1e-10
+
+
 def test_a_fixed_step_has_few_parts():
     found = fallen_strip(dt=5e-3)
     steps = np.round(found.column("t") / 5e-3 - 0.5 + 1e-6)
