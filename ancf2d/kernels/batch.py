@@ -17,7 +17,8 @@ from .natural import Memory, Natural, natural_strain, no_memory, no_natural
 class Law(NamedTuple):
     """The sampled law of one body.
 
-    address, internal : of the law's operations and internal strains; fields, strains, references, state : of one point.
+    address, internal : of the law's operations and internal strains; fields, strains, references, state : of one point;
+    timed : whether the last number of a state is the time since the last accepted one.
     B : (classes, fields, stations, n_dof); ref : (classes, any, stations); D : (classes, strains, strains, stations),
     quadrature weight and volume included: of all points of a station, one after another. Parts of a class count as
     classes.
@@ -29,6 +30,7 @@ class Law(NamedTuple):
     strains: int
     references: int
     state: int
+    timed: bool
     B: Any
     ref: Any
     D: Any
@@ -56,7 +58,7 @@ def no_group() -> Group:
     """Return a group without elements: all groups are of its type."""
     x, n = np.zeros(0), np.zeros(0, dtype=np.int64)
     table, index = np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
-    law = Law(0, 0, 1, 1, 1, 0, np.zeros((0, 1, 1, 1)), np.zeros((0, 1, 1)), np.zeros((0, 1, 1, 1)))
+    law = Law(0, 0, 1, 1, 1, 0, False, np.zeros((0, 1, 1, 1)), np.zeros((0, 1, 1)), np.zeros((0, 1, 1, 1)))
     plan = Plan(1, 1, index, index, index, index, index, index, table, n, x, 0, 0)
     return Group(law, no_natural(), no_memory(), n, table, index, 2, plan)
 

@@ -99,7 +99,7 @@ def make_group(pool: Pool, natural: list[NaturalStrain], like: tuple[Pool, Recor
         follow, rules = following(n, nc, positions, entries)
         parts = _parts(B.shape[1], blocks)
         law = Law(law_address(point), internal_address(point), point.fields, point.strains, point.references,
-                  point.state, *_in_parts_of_law(B, ref, D, parts))
+                  point.state, point.timed, *_in_parts_of_law(B, ref, D, parts))
         batches = _plan(law, parts, nc, blocks, pairs, np.concatenate([entries, np.array(follow)]), rules)
     parts = batches.parts
     group = Group(law, _natural(pool, natural, parts), _memory(law, point, parts, len(pool.dofs)),

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from .. import calls
 from ..bodies import remember_elements
 from ..lowlevel.arrays import copy, copy_rows
@@ -14,7 +12,7 @@ from ..lowlevel.records import array_at
 from ..patches import accept_patches, violation
 from .contact_steps import let_rub, no_friction, opens
 from .dynamics import norm, signals_at, to_full
-from .events import NONE, aim, gains, interpolate
+from .events import NONE, aim, interpolate
 from .impact import HIT
 from .state import (
     BACKWARD,
@@ -22,7 +20,6 @@ from .state import (
     COUNT,
     DONE,
     FRESH,
-    GIVEN,
     GRID,
     LOST,
     NEXT,
@@ -33,12 +30,14 @@ from .state import (
     SIZE,
     STEP_SIZE,
     SWITCHES,
+    TAKEN,
     TIME,
     TRIES,
     WORK,
     turn_on,
 )
 from .step_control import late, length, next_size, passed, set_length, set_size, shorten, targets, usual
+from .step_energy import count_impact, gains
 from .work import recall, taken_inside
 
 # rotation in a step [rad] beyond which stages may be on another turn than the end of the step before
@@ -202,27 +201,12 @@ def _moved(p, z):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _count_impact(m, p, w, s, t, h, tracks, given):  # type: ignore[no-untyped-def]
-    """Count what an impact takes of the energy, ``given`` all else that goes in, and what obstacles give that move.
-
-    Where supports are moved, that is not known: they give what else appears from nothing.
-    """
-    known = s.numbers[GIVEN] if not np.isinf(s.numbers[GIVEN]) else 0.0
-    gone = calls.lost_in_impact(p.calls, (p, w, s, m, t, h, tracks)) + given + known
-    s.numbers[WORK] += known
-    if gone > 0.0:
-        s.numbers[LOST] += gone
-    elif tracks and np.isinf(s.numbers[GIVEN]):
-        s.numbers[WORK] -= gone
-
-
-@inner
 def _keep(p, w, m, s, t, h, tracks, given, happened):  # type: ignore[no-untyped-def]
     """Make the end of the step the motion, a new one behind what ``impact`` says that HAPPENED; return the violation of
     constraints there.
     """
     if happened == HIT:
-        _count_impact(m, p, w, s, s.numbers[TIME], h, tracks, given)
+        count_impact(m, p, w, s, s.numbers[TIME], h, tracks, given)
     calls.accept(m.calls, (s, m.own))
     copy(m.end.z, s.z)
     copy(m.end.v, s.v)
@@ -293,6 +277,8 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
                 event = aimed == 0.0
                 continue
         end = target if h >= target - t else t + h
+        if p.sided and len(p.states) > 0:
+            s.numbers[TAKEN] = calls.taken_in_step(p.calls, (p, w, s, m, at, t, h))
         sooner = calls.impact(p.calls, (p, w, s, m, t, h, late(plan, size))) if p.sided else 0.0
         if sooner > 0.0:
             set_length(s, sooner)

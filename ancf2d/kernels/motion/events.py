@@ -1,4 +1,4 @@
-"""What ends a step early: conditions that something waits for, and energy that comes from nothing.
+"""What ends a step early: conditions that something waits for.
 
 When in a step conditions come to hold is found by the step's interpolation.
 """
@@ -12,9 +12,9 @@ import numpy as np
 from .. import calls
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed, inner, kernel, seldom
-from .dynamics import signals_at, to_full, twice_kinetic
+from .dynamics import signals_at, to_full
 from .feedback import tell
-from .state import GAINED, GIVEN, NEXT, evaluate_with_gradient
+from .state import evaluate_with_gradient
 
 # of a condition: nothing waits for it; it is waited for; it holds where the motion has come to an event
 PASSED, WAITING, HOLDS = range(3)
@@ -28,10 +28,6 @@ FLOAT, FLOATS = 2.220446049250313e-16, 4.0
 BEYOND, TRIES = 0.05, 8
 # where in a step: nowhere
 NOWHERE = 2.0
-# energy that fixed steps may make in all, and each beyond that, beside the kinetic energy; the shortest of them
-GAIN, MORE_GAIN, LAST_TRY = 5e-3, 1e-5, 1e-3
-# of the scene: what contacts do over less is no energy, where the scene is at rest
-REST = 1e-9
 
 
 @kernel
@@ -211,31 +207,6 @@ def aim(m, p, w, s, at, t, h, room, aims):  # type: ignore[no-untyped-def]
     if abs(x - 1.0) * h <= near or aims >= TRIES:
         return True, h, True
     return False, 0.0 if x * h <= near else min(x * h, room), False
-
-
-@inner
-def gains(m, p, w, s, plan, t, h, given, hit):  # type: ignore[no-untyped-def]
-    """Return whether a step makes energy beside what is given: what bounces may spin, or vibrate, too fast for it.
-
-    Steps of known error are not looked at: adaptive ones, unless a contact changes in a backward Euler step.
-    """
-    if plan.dt == 0.0 and s.numbers[NEXT] == 0.0:
-        return False
-    if hit and np.isinf(s.numbers[GIVEN]):
-        # supports that are moved give some in an impact
-        return False
-    rise = -calls.lost_in_impact(p.calls, (p, w, s, m, t, h, plan.tracks)) - given - (s.numbers[GIVEN] if hit else 0.0)
-    kinetic = 0.5 * max(twice_kinetic(p, w, s.v), twice_kinetic(p, w, m.end.v))
-    borne = 0.0
-    for i in range(len(p.points.mem)):
-        if p.points.restitution[i] >= 0.0:
-            borne += abs(m.end.z[p.place[p.points.multiplier[i]]])
-    kinetic = max(kinetic, REST * p.extent * borne)
-    gained, dt = max(0.0, s.numbers[GAINED] + rise), plan.dt if plan.dt > 0.0 else plan.largest
-    if gained > GAIN * kinetic and rise > MORE_GAIN * kinetic * h / dt and h > LAST_TRY * dt:
-        return True
-    s.numbers[GAINED] = gained
-    return False
 
 
 def event_functions(problem: Any, accept: Any) -> dict[Any, tuple[Any, ...]]:

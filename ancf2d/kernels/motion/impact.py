@@ -26,16 +26,16 @@ from ...elements.contact_geometry import (
     SLIDES,
 )
 from .. import calls
-from ..bodies import elastic, set_natural
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed_with_memory, inner_with_memory, kernel_with_memory, seldom
 from ..passages import tunnels
-from ..patches import face_bodies, forces_but_contacts, patch_forces, rates_of_constraints
+from ..patches import face_bodies, rates_of_constraints
 from .consistent import consistent, gap_rates
 from .contact_steps import closes, friction_forces, go_straight, let_choose, on_the_way, point_sides
-from .dynamics import signals_at, to_full, twice_kinetic
+from .dynamics import signals_at, to_full
 from .friction import approach_freely, drag, point_friction, point_slip, rub, rubs, take_hold
 from .state import BACKWARD, GIVEN, NEXT
+from .step_energy import kept, kept_before, lost_in_impact, taken_in_step
 
 # of the largest rate: constraints that part slower than this are closed
 PARTING = 1e-9
@@ -158,35 +158,15 @@ def _approach(g, rate, second, h):  # type: ignore[no-untyped-def]
 
 
 @inner_with_memory
-def _held(p, w, z, v, t, tracks):  # type: ignore[no-untyped-def]
-    """Return kinetic and strain energy less the work of constant loads, with that of contacts.
-
-    With that of springs, too, unless it counts as work.
-    """
-    signals_at(p, t, w.amps)
-    to_full(p, z, w.amps, 0, w.d)
-    to_full(p, v, w.amps, 1, w.v)
-    w.other[:] = 0.0
-    set_natural(p, w.amps, w.amps)
-    energy = elastic(p, w.d, w.other)
-    energy += patch_forces(p, w.d, w.v, w.amps, w.other)[0]
-    if tracks:
-        energy -= forces_but_contacts(p, w.d, w.v, w.amps, w.other)[0]
-    for k in range(len(p.load_coord)):
-        if not p.load_varies[k]:
-            energy -= p.load_value[k] * w.amps[p.load_signal[k], 0] * w.d[p.load_coord[k]]
-    return energy + 0.5 * twice_kinetic(p, w, v)
-
-
-@inner_with_memory
-def _bounce(p, w, s, end, t, h, bounce, approach, how, conserves, pushed, moves):  # type: ignore[no-untyped-def]
-    """Do as ``behind`` in a step from s at t, with so much of the bounce that it gives no energy; return ``_given``.
+def _bounce(p, w, s, m, t, h, bounce, approach, how, conserves, pushed, moves):  # type: ignore[no-untyped-def]
+    """Do as ``behind`` in the step from s at t, with so much of the bounce that it gives no energy; return ``_given``.
 
     Kinetic energy behind an impact is that of a plastic one and the square of the bounce times what that adds. A
     bounce with restitution 1 takes no energy either, where nothing that it touches ``moves`` by signals.
     """
+    end = m.end
     z, v, a, sides, full = end.z.copy(), end.v.copy(), end.a.copy(), how.copy(), bounce.copy()
-    before, share, plastic, given = _held(p, w, s.z, s.v, t, False), 1.0, 0.0, 0.0
+    before, share, plastic, given = kept_before(p, w, s, m, t, h, False), 1.0, 0.0, 0.0
     # with friction, and the work of what moves, energy is not quite that
     for attempt in range(MOST_BOUNCES if moves or rubs(p) else 3):
         if attempt > 0:
@@ -202,7 +182,7 @@ def _bounce(p, w, s, end, t, h, bounce, approach, how, conserves, pushed, moves)
         calls.behind(p.calls, (p, w, end.z, end.v, end.a, t + h, bounce, approach, how, share > 0.0))
         if moves:
             given = _given(p, w, end, t + h, sides, approach, pushed)
-        held = _held(p, w, end.z, end.v, t + h, False) - given
+        held = kept(p, w, end.z, end.v, t + h, False) - given
         if attempt == 0:
             if held <= before and (moves or not conserves):
                 break
@@ -335,7 +315,7 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
         bounces, elastic_ones = _rates_of_bounces(p, s, how, g, rate, second, h, approach, bounce)
         approach_freely(p, w, s, end, how, h if s.numbers[BACKWARD] > 0.0 else m.impulse * h, approach)
     if bounces and not driven:
-        s.numbers[GIVEN] = _bounce(p, w, s, end, t, h, bounce, approach, how, elastic_ones, pushed, moves)
+        s.numbers[GIVEN] = _bounce(p, w, s, m, t, h, bounce, approach, how, elastic_ones, pushed, moves)
     else:
         calls.behind(p.calls, (p, w, end.z, end.v, end.a, t + h, bounce, approach, how, bounces))
         if moves or driven:
@@ -366,13 +346,6 @@ def make_consistent(p, w, s, t):  # type: ignore[no-untyped-def]
     return good
 
 
-@addressed_with_memory
-@seldom
-def lost_in_impact(p, w, s, m, t, h, tracks):  # type: ignore[no-untyped-def]
-    """Return by how much energy falls in the step from s at t to m.end, its work and losses not counted."""
-    return _held(p, w, s.z, s.v, t, tracks) - _held(p, w, m.end.z, m.end.v, t + h, tracks)
-
-
 def impact_functions(contacts: Any, sided: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
     """Return the functions that the table of a model with these contacts has (``kernels.calls.table``).
 
@@ -384,7 +357,7 @@ def impact_functions(contacts: Any, sided: bool, problem: Any) -> dict[Any, tupl
         out |= {calls.point_sides: (point_sides, points), calls.consistent: (consistent, problem),
                 calls.behind: (behind, problem), calls.impact: (impact, problem),
                 calls.make_consistent: (make_consistent, problem),
-                calls.lost_in_impact: (lost_in_impact, problem)}
+                calls.lost_in_impact: (lost_in_impact, problem), calls.taken_in_step: (taken_in_step, problem)}
         if any(pair.item.friction for pair in contacts):
             out |= {calls.point_slip: (point_slip, points), calls.rub: (rub, problem), calls.drag: (drag, problem),
                     calls.point_friction: (point_friction, points), calls.friction_forces: (friction_forces, problem),

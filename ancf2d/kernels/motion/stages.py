@@ -57,6 +57,11 @@ def place(m, p, w, s, i):  # type: ignore[no-untyped-def]
 def begin_stages(m, h):  # type: ignore[no-untyped-def]
     """Keep what is remembered at the start of a step h, and fill G."""
     q, s = m.relaxing, len(m.c)
+    for r in range(len(q.runs)):
+        first, size = q.runs[r, 1], q.runs[r, 3]
+        for point in range(q.runs[r, 2]):
+            # no time has passed there
+            q.states[first + point * size + size - 1] = 0.0
     for i in range(len(q.stages)):
         copy(q.states, q.stages[i])
     for k in range(len(q.terms)):

@@ -27,7 +27,9 @@ BACKWARD = 21
 # tolerance, 0 where that is not known; of the last one, 0 behind longer steps of the other kind; of these before they
 # were cut; and how many such steps there were
 NEXT, EULER, LAST, UNCUT, SWITCHED = range(22, 27)
-NUMBERS = 27
+# what materials with memory take of the strain energy in a step, where contacts without a law ask for it
+TAKEN = 27
+NUMBERS = 28
 
 _turn = inner(turn)
 # increments of Newton's method that are kept for messages

@@ -1,0 +1,145 @@
+"""Energy of steps with contacts without a law: what an impact takes, and whether a step makes some from nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .. import calls
+from ..bodies import elastic, group_at, set_natural
+from ..lowlevel.arrays import copy
+from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, seldom
+from ..patches import forces_but_contacts, patch_forces
+from .dynamics import signals_at, to_full, twice_kinetic
+from .stages import NO_SHARE
+from .state import GAINED, GIVEN, LOST, NEXT, TAKEN, WORK
+from .work import recall, taken_inside
+
+# energy that fixed steps may make in all, and each beyond that, beside the kinetic energy; the shortest of them
+GAIN, MORE_GAIN, LAST_TRY = 5e-3, 1e-5, 1e-3
+# of the scene: what contacts do over less is no energy, where the scene is at rest
+REST = 1e-9
+
+
+@inner_with_memory
+def kept(p, w, z, v, t, tracks):  # type: ignore[no-untyped-def]
+    """Return kinetic and strain energy less the work of constant loads, with that of contacts.
+
+    With that of springs, too, unless it counts as work.
+    """
+    signals_at(p, t, w.amps)
+    to_full(p, z, w.amps, 0, w.d)
+    to_full(p, v, w.amps, 1, w.v)
+    w.other[:] = 0.0
+    set_natural(p, w.amps, w.amps)
+    energy = elastic(p, w.d, w.other)
+    energy += patch_forces(p, w.d, w.v, w.amps, w.other)[0]
+    if tracks:
+        energy -= forces_but_contacts(p, w.d, w.v, w.amps, w.other)[0]
+    for k in range(len(p.load_coord)):
+        if not p.load_varies[k]:
+            energy -= p.load_value[k] * w.amps[p.load_signal[k], 0] * w.d[p.load_coord[k]]
+    return energy + 0.5 * twice_kinetic(p, w, v)
+
+
+@inner_with_memory
+def kept_before(p, w, s, m, t, h, tracks):  # type: ignore[no-untyped-def]
+    """Return ``kept`` at the start of the step from s to m.end, less what materials take in the step."""
+    recall(m, p, h, 0.0)
+    held = kept(p, w, s.z, s.v, t, tracks) - s.numbers[TAKEN]
+    recall(m, p, h, 1.0)
+    return held
+
+
+@addressed_with_memory
+@seldom
+def lost_in_impact(p, w, s, m, t, h, tracks):  # type: ignore[no-untyped-def]
+    """Return by how much energy falls in the step from s at t to m.end, its work and losses not counted."""
+    before = kept_before(p, w, s, m, t, h, tracks)
+    recall(m, p, h, 1.0)
+    lost = before - kept(p, w, m.end.z, m.end.v, t + h, tracks)
+    recall(m, p, h, 0.0)
+    return lost
+
+
+@inner_with_memory
+def _relaxing_energy(p, w, z, t):  # type: ignore[no-untyped-def]
+    """Return the strain energy of what relaxes, with the internal strains that it remembers."""
+    for k in p.clocks:
+        p.states[k] = -NO_SHARE
+    signals_at(p, t, w.amps)
+    to_full(p, z, w.amps, 0, w.d)
+    set_natural(p, w.amps, w.amps)
+    w.other[:] = 0.0
+    energy = 0.0
+    for g in range(len(p.groups)):
+        if group_at(p.groups[g]).law.timed:
+            energy += calls.force(p.calls, (group_at(p.groups[g]), w.d, w.other))
+    return energy
+
+
+@addressed_with_memory
+@seldom
+def taken_in_step(p, w, s, m, at, t, h):  # type: ignore[no-untyped-def]
+    """Return what internal strains take in the step from s at t to m.end: under the mean of the stresses at both ends.
+
+    Of a method that solves them at stages, what its quadrature says. What yields flows under the stress at the end.
+    """
+    before = p.states.copy()
+    taken = taken_inside(m, p, w, s, at, t, h, 1.0)
+    recall(m, p, h, 1.0)
+    ends = len(p.clocks) > 0 and p.states[p.clocks[0]] > 0.0
+    signals_at(p, t + h, w.amps)
+    to_full(p, m.end.z, w.amps, 0, w.d)
+    set_natural(p, w.amps, w.amps)
+    for g in range(len(p.groups)):
+        law = group_at(p.groups[g]).law
+        if law.state > 0:
+            lost = calls.commit(p.calls, (group_at(p.groups[g]), w.d))
+            taken += lost if not law.timed else 0.0
+    if ends:
+        # with stresses D (eps - q): the mean of what changes of q alone would take at the one end and at the other
+        taken -= 0.5 * (_relaxing_energy(p, w, s.z, t) + _relaxing_energy(p, w, m.end.z, t + h))
+        copy(before, p.states)
+        taken += 0.5 * (_relaxing_energy(p, w, s.z, t) + _relaxing_energy(p, w, m.end.z, t + h))
+    copy(before, p.states)
+    return taken
+
+
+@inner
+def gains(m, p, w, s, plan, t, h, given, hit):  # type: ignore[no-untyped-def]
+    """Return whether a step makes energy beside what is given: what bounces may spin, or vibrate, too fast for it.
+
+    Steps of known error are not looked at: adaptive ones, unless a contact changes in a backward Euler step.
+    """
+    if plan.dt == 0.0 and s.numbers[NEXT] == 0.0:
+        return False
+    if hit and np.isinf(s.numbers[GIVEN]):
+        # supports that are moved give some in an impact
+        return False
+    rise = -calls.lost_in_impact(p.calls, (p, w, s, m, t, h, plan.tracks)) - given - (s.numbers[GIVEN] if hit else 0.0)
+    kinetic = 0.5 * max(twice_kinetic(p, w, s.v), twice_kinetic(p, w, m.end.v))
+    borne = 0.0
+    for i in range(len(p.points.mem)):
+        if p.points.restitution[i] >= 0.0:
+            borne += abs(m.end.z[p.place[p.points.multiplier[i]]])
+    kinetic = max(kinetic, REST * p.extent * borne)
+    gained, dt = max(0.0, s.numbers[GAINED] + rise), plan.dt if plan.dt > 0.0 else plan.largest
+    if gained > GAIN * kinetic and rise > MORE_GAIN * kinetic * h / dt and h > LAST_TRY * dt:
+        return True
+    s.numbers[GAINED] = gained
+    return False
+
+
+@inner
+def count_impact(m, p, w, s, t, h, tracks, given):  # type: ignore[no-untyped-def]
+    """Count what an impact takes of the energy, ``given`` all else that goes in, and what obstacles give that move.
+
+    Where supports are moved, that is not known: they give what else appears from nothing.
+    """
+    known = s.numbers[GIVEN] if not np.isinf(s.numbers[GIVEN]) else 0.0
+    gone = calls.lost_in_impact(p.calls, (p, w, s, m, t, h, tracks)) + given + known
+    s.numbers[WORK] += known
+    if gone > 0.0:
+        s.numbers[LOST] += gone
+    elif tracks and np.isinf(s.numbers[GIVEN]):
+        s.numbers[WORK] -= gone
