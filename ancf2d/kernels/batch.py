@@ -18,9 +18,9 @@ class Law(NamedTuple):
     """The sampled law of one body.
 
     address, internal : of the law's operations and internal strains; fields, strains, references, state : of one point;
-    timed : whether states end with the time since the last. B : (classes, fields, stations, n_dof); ref : (classes, any,
-    stations); D : (classes, strains, strains, stations), quadrature weight and volume included: of all points of a
-    station, one after another. Parts of a class count as classes.
+    timed : whether states end with the time since the last. B : (classes, fields, stations, n_dof); ref : (classes,
+    any, stations); D : (classes, strains, strains, stations), quadrature weight and volume included: of all points of
+    a station, one after another. Parts of a class count as classes.
     """
 
     address: int
