@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-from motions import Ride, rigid
+from motions import Ride, ride, rigid
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import ancf2d
 
@@ -105,3 +107,34 @@ def test_friction_turns_back_with_what_slides():
         "solver": {"type": "dynamic", "t_end": t_end, "tolerance": 1e-6, "estimate": False},
         "output": {"probes": {"a": "block@0"}}}, states=False)
     assert found.probes["a"]["ux"] == pytest.approx(place - length, abs=5e-5)
+
+
+def off_a_floor(floor: Callable[[float], float], rate: Callable[[float], float], height: float, t_end: float) -> float:
+    """Return the height at t_end of what falls from rest and bounces off a floor that moves, without a loss."""
+    def gap(at: Any, t: float, y: float, v: float) -> Any:
+        return y + v * (at - t) - 0.5 * G * (at - t) ** 2 - floor(at)
+
+    t, y, v = 0.0, height, 0.0
+    while True:
+        times = np.linspace(t + 1e-6, t_end, 20001)
+        below = np.flatnonzero(gap(times, t, y, v) < 0.0)
+        if not len(below):
+            return float(gap(t_end, t, y, v) + floor(t_end))
+        hit = brentq(gap, times[below[0] - 1], times[below[0]], (t, y, v), xtol=1e-14)
+        t, y, v = hit, floor(hit), 2.0 * rate(hit) - (v - G * (hit - t))
+
+
+@pytest.mark.parametrize(("method", "how", "within"), [
+    ("generalized_alpha", {"tolerance": 1e-4}, 1e-4), ("generalized_alpha", {"tolerance": 1e-6}, 3e-6),
+    ("radau5", {"tolerance": 1e-4}, 2e-5), ("radau5", {"dt": 1e-3}, 1e-6)])
+@pytest.mark.parametrize("moves", ["1.0*t", "0.1*sin(9*t)"])
+def test_bounces_off_a_floor_that_moves_keep_the_speed_relative_to_it(moves, method, how, within):
+    floor, rate = {"1.0*t": (lambda t: 1.0 * t, lambda t: 1.0),
+                   "0.1*sin(9*t)": (lambda t: 0.1 * np.sin(9.0 * t), lambda t: 0.9 * math.cos(9.0 * t))}[moves]
+    scene = {"bodies": {"rod": rigid([0.0, 0.5], [1.0, 0.5], 2.0, 0.2)}, "loads": FALL,
+             "obstacles": {"floor": {**FLOOR, "motion": {"y": {"type": "expression", "value": moves}}}},
+             "contacts": [{"between": ["rod", "floor"], "side": "axis", "restitution": 1.0}]}
+    found = ride(scene, 2.0, method=method, every=1, **how)
+    assert found.place("rod@0.5")[1] == pytest.approx(off_a_floor(floor, rate, 0.5, 2.0), abs=within)
+    total, _ = found.totals()
+    assert total[-1] - total[0] == pytest.approx(found.rows[-1].work, rel=1e-4)

@@ -27,7 +27,7 @@ from ...elements.contact_geometry import (
 )
 from .. import calls
 from ..lowlevel.arrays import copy
-from ..lowlevel.jit import addressed_with_memory, inner_with_memory, kernel_with_memory, seldom
+from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, kernel_with_memory, seldom
 from ..passages import tunnels
 from ..patches import face_bodies, rates_of_constraints
 from .consistent import consistent, gap_rates
@@ -43,8 +43,9 @@ PARTING = 1e-9
 _MOST = 20
 # what happened at the end of a step: an impact, or what a method that switches goes on from anew
 HIT, ANEW = -1.0, -2.0
-# times the rate of approach: what a bounce may be more, so that it takes no energy; tries until it gives none
-MORE, MOST_BOUNCES = 1.1, 12
+# times the rate of approach: what a bounce may be more, so that it takes no energy; tries until it gives none; of the
+# energy that the bounce adds: what it may take, and what round-off may give
+MORE, MOST_BOUNCES, EQUAL, ROUND = 1.1, 12, 1e-9, 1e-12
 
 
 @inner_with_memory
@@ -157,18 +158,29 @@ def _approach(g, rate, second, h):  # type: ignore[no-untyped-def]
     return -min(np.sqrt(square), abs(rate) + abs(second) * h)
 
 
+@inner
+def _signals_towards(p, w, end, h):  # type: ignore[no-untyped-def]
+    """Fill w.amps with signals a time h before ``end`` as second rates that stay as they are there would have them."""
+    signals_at(p, end, w.amps)
+    for k in range(len(w.amps)):
+        w.amps[k, 0] -= h * (w.amps[k, 1] - 0.5 * h * w.amps[k, 2])
+        w.amps[k, 1] -= h * w.amps[k, 2]
+
+
 @inner_with_memory
 def _bounce(p, w, s, m, t, h, bounce, approach, how, conserves, pushed, moves):  # type: ignore[no-untyped-def]
     """Do as ``behind`` in the step from s at t, with so much of the bounce that it gives no energy; return ``_given``.
 
     Kinetic energy behind an impact is that of a plastic one and the square of the bounce times what that adds. A
-    bounce with restitution 1 takes no energy either, where nothing that it touches ``moves`` by signals.
+    bounce with restitution 1 takes no energy either, where nothing that it touches ``moves`` by signals. With friction,
+    and with the work of what moves, energy is not quite that, and the largest share that gives none is looked for.
     """
-    end = m.end
+    end, searches = m.end, moves or rubs(p)
     z, v, a, sides, full = end.z.copy(), end.v.copy(), end.a.copy(), how.copy(), bounce.copy()
-    before, share, plastic, given = kept_before(p, w, s, m, t, h, False), 1.0, 0.0, 0.0
-    # with friction, and the work of what moves, energy is not quite that
-    for attempt in range(MOST_BOUNCES if moves or rubs(p) else 3):
+    before, share, whole, plastic, given = kept_before(p, w, s, m, t, h, False), 1.0, 0.0, 0.0, 0.0
+    # shares that give no energy, ``below`` 0 by so much, and that give some
+    low, below, high, above = 0.0, 0.0, MORE, np.inf
+    for attempt in range(MOST_BOUNCES if searches else 3):
         if attempt > 0:
             copy(z, end.z)
             copy(v, end.v)
@@ -182,19 +194,26 @@ def _bounce(p, w, s, m, t, h, bounce, approach, how, conserves, pushed, moves): 
         calls.behind(p.calls, (p, w, end.z, end.v, end.a, t + h, bounce, approach, how, share > 0.0))
         if moves:
             given = _given(p, w, end, t + h, sides, approach, pushed)
-        held = kept(p, w, end.z, end.v, t + h, False) - given
+        gain = kept(p, w, end.z, end.v, t + h, False) - given - before
+        noise = ROUND * (whole - plastic)
+        if gain > noise:
+            high, above = share, gain
+        elif share >= low:
+            low, below = share, gain
         if attempt == 0:
-            if held <= before and (moves or not conserves):
+            if gain <= 0.0 and (moves or not conserves):
                 break
-            whole_bounce, share = held, 0.0
+            whole, share = gain, 0.0
         elif attempt == 1:
-            plastic = held
-            added = whole_bounce - plastic
-            share = min(np.sqrt(max(0.0, before - plastic) / added), MORE) if added > 0.0 else 0.0
-        elif held <= before:
+            plastic = gain
+            if not plastic < min(whole, 0.0):
+                break
+            share = min(np.sqrt(plastic / (plastic - whole)), MORE)
+        elif gain <= noise and (above == np.inf or gain > -EQUAL * (whole - plastic)):
             break
         else:
-            share *= 0.5
+            between = below / (below - above) if attempt % 3 > 0 else 0.5
+            share = low + between * (high - low) if attempt < MOST_BOUNCES - 2 else low
     return given
 
 
@@ -304,14 +323,18 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
         return ANEW if m.switches else 0.0
     touched, (moves, driven) = how.copy(), _pushed(p, w, how, pushed)
     if bounces or allowed > 0.0 or rubs(p) or moves:
-        signals_at(p, t, w.amps)
-        gap_rates(p, w, s.z, s.v, s.a, g, rate, second)
-        signals_at(p, t + h, w.amps)
-        if allowed > 0.0:
-            shorter = _in_time(p, s, how, g, rate, second, h, allowed)
+        # what moves is first taken to go on as it does at the start of the step, then to come to where the impact is
+        for towards in range(2 if allowed > 0.0 and moves else 1):
+            if towards:
+                _signals_towards(p, w, t + h, h)
+            else:
+                signals_at(p, t, w.amps)
+            gap_rates(p, w, s.z, s.v, s.a, g, rate, second)
+            shorter = _in_time(p, s, how, g, rate, second, h, allowed) if allowed > 0.0 else 0.0
             if shorter > 0.0:
                 let_choose(p)
                 return shorter
+        signals_at(p, t + h, w.amps)
         bounces, elastic_ones = _rates_of_bounces(p, s, how, g, rate, second, h, approach, bounce)
         approach_freely(p, w, s, end, how, h if s.numbers[BACKWARD] > 0.0 else m.impulse * h, approach)
     if bounces and not driven:
