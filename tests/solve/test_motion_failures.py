@@ -77,14 +77,18 @@ def test_a_motion_that_is_taken_up_again_still_tells_of_elements_inside_out() ->
 
 
 def estimate_of(fine: float, tolerance: float, steps: int, asked: bool = True, growth: float = 10.0,
-                driven: str | None = None, method: str = "radau5") -> Estimate:
-    """An estimate whose levels differ by ``fine`` and ``growth`` times that, where the largest displacement is 1."""
+                driven: str | None = None, method: str = "radau5", obstacle: bool = False) -> Estimate:
+    """An estimate whose levels differ by ``fine`` and ``growth`` times that, where the largest displacement is 1.
+
+    A support is ``driven``, or an ``obstacle``.
+    """
+    signals = [] if driven is None else [Signal(Expression(driven))]
     model = SimpleNamespace(extent=1.0, sided=False, case=SimpleNamespace(
-        accuracy=None, initial=None, solver=SimpleNamespace(tolerance=tolerance if asked else None)), contacts=[])
+        accuracy=None, initial=None, solver=SimpleNamespace(tolerance=tolerance if asked else None)),
+        contacts=[SimpleNamespace(signal=tuple(signals))] if obstacle else [])
     numbers = np.zeros(COUNT + 1)
     numbers[COUNT] = steps
     found = Estimate.__new__(Estimate)
-    signals = [] if driven is None else [Signal(Expression(driven))]
     found.stepper = SimpleNamespace(model=model, tolerance=tolerance, s=SimpleNamespace(numbers=numbers),
                                     signals=signals, driving=range(len(signals)), method=INTEGRATORS[method])
     found.factor, found.order, found.failed = TENFOLD, 1, ""
@@ -145,3 +149,5 @@ def test_methods_of_low_order_that_miss_a_tolerance_name_a_better_one(method: st
 def test_a_prescribed_motion_that_starts_with_a_jump_is_named_as_a_cause(angle: str | None, told: bool) -> None:
     (said,) = estimate_of(4e-2, 1e-5, 773, driven=angle).warnings()
     assert ("begins at full speed" in said) == told
+    (said,) = estimate_of(4e-2, 1e-5, 773, driven=angle, obstacle=True).warnings()
+    assert "begins at full speed" not in said

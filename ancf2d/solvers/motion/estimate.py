@@ -203,8 +203,11 @@ class Estimate:
 
     def _jump(self) -> str:
         """Say that a prescribed motion starts a model at rest as an impact does, where one does."""
-        signals = (self.stepper.signals[k] for k in self.stepper.driving)
-        if self.stepper.model.case.initial is not None or not any(rates_of(s, 0.0)[0] for s in signals):
+        model = self.stepper.model
+        # what obstacles follow moves nothing before they touch
+        obstacles = [s for pair in model.contacts for s in pair.signal or ()]
+        signals = [self.stepper.signals[k] for k in self.stepper.driving]
+        if model.case.initial is not None or not any(rates_of(s, 0.0)[0] for s in signals if s not in obstacles):
             return ""
         return (". A prescribed motion begins at full speed, which excites vibrations like an impact. Let it begin "
                 "gradually, or give initial velocities")
