@@ -85,7 +85,7 @@ def estimate_of(fine: float, tolerance: float, steps: int, asked: bool = True, g
     signals = [] if driven is None else [Signal(Expression(driven))]
     model = SimpleNamespace(extent=1.0, sided=False, case=SimpleNamespace(
         accuracy=None, initial=None, solver=SimpleNamespace(tolerance=tolerance if asked else None)),
-        contacts=[SimpleNamespace(signal=tuple(signals))] if obstacle else [])
+        contacts=[SimpleNamespace(hard=False, signal=tuple(signals))] if obstacle else [])
     numbers = np.zeros(COUNT + 1)
     numbers[COUNT] = steps
     found = Estimate.__new__(Estimate)
