@@ -67,7 +67,7 @@ def power_jet(a, ad, add, b, bd, bdd):  # type: ignore[no-untyped-def]
     moving = bd != 0.0 or bdd != 0.0
     if a > 0.0 and moving:
         L = math.log(a)
-        g, gg = bd * L + b * ad / a, bdd * L + 2.0 * bd * ad / a + b * (add / a - (ad / a) ** 2)
+        g, gg = bd * L + b * ad / a, bdd * L + 2.0 * bd * ad / a + b * (add / a - (ad / a) * (ad / a))
         return f, f * g, f * (gg + g * g)
     fd, fdd = 0.0, 0.0
     if bd != 0.0:

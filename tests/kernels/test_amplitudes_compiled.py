@@ -102,9 +102,10 @@ def test_where_there_is_no_value_or_derivative_there_is_none(
     (Sine(frequency=1e308), 10.0, math.nan, math.nan),
     (Expression(value_="(0 - 2)^(1e200*1e200*t)"), 1.0, math.nan, math.nan),
     (Expression(value_="t^-1"), 1e-200, 1e200, math.nan),
+    (Expression(value_="sin(t)^t"), 1e-241, 1.0, 1.0 + math.log(1e-241)),
     (Table(t=(0.0, 2e-170), value_=(0.0, 1e-170), smooth=True), 1e-170, 0.5e-170, 0.75),
     (Table(t=(0.0, 1e-300, 3e-300), value_=(0.0, 1e100, 2e100), smooth=True), 2e-300, math.nan, math.nan),
-], ids=["sine", "whole part", "slope of a power", "short table", "steep table"])
+], ids=["sine", "whole part", "slope of a power", "curvature of a power", "short table", "steep table"])
 def test_numbers_at_the_ends_of_their_range_are_the_same_in_compiled_code(
         amplitude: Amplitude, t: float, value: float, rate: float) -> None:
     signal = Signal(amplitude)
