@@ -116,7 +116,7 @@ def test_interrupted_sweep_tells_its_rows_and_goes_on(folder: Path) -> None:
     (folder / "beam.yaml").write_text(LONG)
     # compiled beforehand, so that what is waited for is the sweep
     run_case(load_case_text(LONG, overrides=["solver.t_end=1e-3"], vocabulary=vocabulary()))
-    arguments = ["sweep", "beam.yaml", "--over", "solver.t_end=1e-3,0.25,0.3", "--jobs", "2", "--csv", "t.csv",
+    arguments = ["sweep", "beam.yaml", "--over", "solver.t_end=1e-3,1.0,1.1", "--jobs", "2", "--csv", "t.csv",
                  "--keep", "--json"]
     process = start(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
     until = time.monotonic() + 120
