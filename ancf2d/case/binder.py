@@ -56,7 +56,7 @@ class KnownRecords:
     """The records that mappings below a node were found to be, where nothing was wrong with them.
 
     ``plain`` has their plain data by the id of each record, and ``texts`` what YAML has of these by the id of the data,
-    once they were asked for (``case.emit``); ``below`` what is at and below each record at a path (``records.walk``).
+    once they were asked for (``case.emit``); ``below`` what is at and below each record at a path (``emit.walk``).
     Nodes, records and data live as long as this, so that none has the id of another.
     """
 

@@ -1,5 +1,4 @@
-"""Hard contact points over a step: which of them close, open or rub, where it is between, and what friction takes.
-"""
+"""Hard contact points over a step: which of them close, open or rub, the states inside it, and what friction takes."""
 
 from __future__ import annotations
 

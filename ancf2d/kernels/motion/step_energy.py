@@ -43,7 +43,10 @@ def kept(p, w, z, v, t, tracks):  # type: ignore[no-untyped-def]
 
 @inner_with_memory
 def kept_before(p, w, s, m, t, h, tracks):  # type: ignore[no-untyped-def]
-    """Return ``kept`` at the start of the step from s to m.end, less what materials take in the step."""
+    """Return ``kept`` at the start of the step from s to m.end, less what materials take in the step.
+
+    They are left as they are at its end.
+    """
     recall(m, p, h, 0.0)
     held = kept(p, w, s.z, s.v, t, tracks) - s.numbers[TAKEN]
     recall(m, p, h, 1.0)
@@ -55,7 +58,6 @@ def kept_before(p, w, s, m, t, h, tracks):  # type: ignore[no-untyped-def]
 def lost_in_impact(p, w, s, m, t, h, tracks):  # type: ignore[no-untyped-def]
     """Return by how much energy falls in the step from s at t to m.end, its work and losses not counted."""
     before = kept_before(p, w, s, m, t, h, tracks)
-    recall(m, p, h, 1.0)
     lost = before - kept(p, w, m.end.z, m.end.v, t + h, tracks)
     recall(m, p, h, 0.0)
     return lost
