@@ -11,6 +11,7 @@ from typing import Any
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from ancf2d.errors import ResultsError
 from ancf2d.plot.contact import CONTACT
@@ -170,11 +171,12 @@ def rendered(picture: Picture, figure: Figure | None = None, look: Look | None =
         if figure is None:
             figure = ShownFigure()
             FigureCanvasAgg(figure)
-        figure.set_layout_engine("constrained")
+        engine = ConstrainedLayoutEngine()
+        figure.set_layout_engine(engine)
         figure.set_size_inches(*(look.size or picture.size))
         picture.render(figure)
         plain_ticks(figure)
         if any(axes.get_aspect() != "auto" for axes in figure.axes):
-            # axes of one scale settle when drawn, and only then is known how wide their labels are
-            figure.draw_without_rendering()
+            # axes of one scale settle when laid out, and only then is known how wide their labels are
+            engine.execute(figure)
     return figure

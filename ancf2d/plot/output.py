@@ -12,6 +12,7 @@ from typing import Any
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.transforms import Bbox
 
 from ancf2d.errors import ResultsError
@@ -145,16 +146,17 @@ Place = tuple[Bbox, tuple[float, float], tuple[float, float]]
 
 def _lay_out(figure: Figure, picture: Picture) -> list[Place]:
     """Draw a picture and return where its axes are, and their limits, which are those of all pictures."""
-    figure.set_layout_engine("constrained")
+    engine = ConstrainedLayoutEngine()
+    figure.set_layout_engine(engine)
     # later times may have more digits, and a title may need one more line for them
     note = getattr(picture, "note", None)
     if note is not None:
         vars(picture)["note"] = f"{note}{'0' * MORE_DIGITS}"
     picture.render(figure)
     plain_ticks(figure)
-    # axes of one scale settle when drawn, and only then is known how wide their labels are
-    figure.draw_without_rendering()
-    figure.draw_without_rendering()
+    # axes of one scale settle when laid out, and only then is known how wide their labels are
+    engine.execute(figure)
+    engine.execute(figure)
     figure.set_layout_engine("none")
     if note is not None:
         vars(picture)["note"] = note
