@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -80,6 +81,7 @@ class Compiling:
         return self._process.returncode
 
 
+@cache
 def is_early(path: Path) -> bool:
     """Whether a file of tests is run while kernels are compiled."""
     return path.relative_to(Path(__file__).parent).parts[0] in EARLY and path.name not in LATER
@@ -92,6 +94,23 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 pytest_generate_tests = tables.numbered
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pycollect_makeitem(collector: Any, name: str, obj: Any) -> list[pytest.Item] | None:
+    """Make no tests that would all be left out: of the thousands of both tiers, every process makes its own.
+
+    Marks of a test, its rows, class and module count, not those of rows of fixtures: give these by ``indirect``.
+    """
+    option, marks = collector.config.getoption, [*getattr(obj, "pytestmark", ()), *collector.iter_markers()]
+    names = {mark.name for mark in marks}
+    left_out = "pages" in names and not option("pages")
+    if option("markexpr") == "not slow":
+        left_out |= "slow" in names
+    elif option("markexpr") == "slow" and "slow" not in names:
+        rows = [row for mark in marks if mark.name in ("parametrize", "trials") for row in mark.args[-1]]
+        left_out |= not any(mark.name == "slow" for row in rows for mark in getattr(row, "marks", ()))
+    return [] if left_out and name.startswith("test_") else None
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -108,11 +108,15 @@ class Scene:
         return force, moment
 
 
-@pytest.fixture(params=helpers.chosen(TYPES, ["2d2n", "cable", "reissner3"]))
+@pytest.fixture
 def scene(request):
     return Scene(request.param)
 
 
+EVERY = pytest.mark.parametrize("scene", helpers.chosen(TYPES, ["2d2n", "cable", "reissner3"]), indirect=True)
+
+
+@EVERY
 def test_the_distance_is_that_of_the_nearest_point(scene):
     d = scene.state()
     r = np.array([scene.axis(d, s) for s in np.linspace(0.47, 0.53, 601)])
@@ -124,6 +128,7 @@ def test_the_distance_is_that_of_the_nearest_point(scene):
         assert scene.g(d) == pytest.approx(np.copysign(nearest, off), rel=1e-5)
 
 
+@EVERY
 def test_forces_are_the_gradient_and_the_tangent_their_derivative(scene):
     d, h = scene.state(), 1e-6
     Q, K = scene.tangent(d)
@@ -139,6 +144,7 @@ def test_forces_are_the_gradient_and_the_tangent_their_derivative(scene):
     assert np.abs(K[:-1, :-1]).max() > 0.1
 
 
+@EVERY
 def test_statics_have_the_same_forces_and_tangent(scene):
     d = scene.state(seed=3)
     Q, K = scene.tangent(d)
@@ -152,6 +158,7 @@ def test_statics_have_the_same_forces_and_tangent(scene):
 
 
 @pytest.mark.slow
+@EVERY
 def test_rates_are_time_derivatives_along_a_motion(scene):
     d, v, h = scene.state(), scene.state(1.0, 5, 0.0), 1e-4
     velocity, acceleration = np.full(len(d), 9.0), np.full(len(d), 9.0)
@@ -184,6 +191,7 @@ def bent(scene, size=1.2):
     return d
 
 
+@EVERY
 def test_the_foot_point_crosses_borders_within_one_evaluation(scene):
     d, a = bent(scene), np.linspace(0.02, 1.18, 59)
     radius = L / 1.2
@@ -199,6 +207,7 @@ def test_the_foot_point_crosses_borders_within_one_evaluation(scene):
     assert sliding_check(scene.table, d) == -1
 
 
+@EVERY
 def test_only_accepted_states_move_the_memory(scene):
     d = bent(scene)
     before = scene.table.memory.copy()
@@ -213,6 +222,7 @@ def test_only_accepted_states_move_the_memory(scene):
     assert scene.table.memory[0, 0] == 0
 
 
+@EVERY
 def test_the_normal_keeps_its_sign_over_turns_of_the_body(scene):
     d = bent(scene)
     scene.put(d, *(scene.axis(d, 0.3) + np.array([0.0, 0.05])))
@@ -250,6 +260,7 @@ def test_a_kink_has_one_side_and_no_jump_of_the_distance(corner):
 
 
 @pytest.mark.slow
+@EVERY
 @pytest.mark.parametrize(("one", "two"), [(0.3, 0.34), (0.35, 0.45), (0.15, 0.85), (0.5, 0.5)])
 def test_mean_forces_do_no_work_and_have_no_resultant(scene, one, two):
     """From one point of the axis to another while the body deforms, turns and moves."""
@@ -270,6 +281,7 @@ def test_mean_forces_do_no_work_and_have_no_resultant(scene, one, two):
 
 
 @pytest.mark.slow
+@EVERY
 def test_mean_forces_take_the_difference_of_distances(scene):
     d0, d1 = scene.state(0.04, 1), scene.state(0.04, 2, 1.0)
     Q = scene.mean(d0, d1)
@@ -283,6 +295,7 @@ def test_mean_forces_take_the_difference_of_distances(scene):
 
 
 @pytest.mark.slow
+@EVERY
 def test_mean_forces_are_the_gradient_where_a_step_is_small(scene):
     d = scene.state(multiplier=1.0)
     change = scene.state(1e-5, 7, 0.0)
@@ -290,6 +303,7 @@ def test_mean_forces_are_the_gradient_where_a_step_is_small(scene):
     np.testing.assert_array_equal(scene.mean(d, d), scene.forces(d))
 
 
+@EVERY
 @pytest.mark.parametrize("end", [0, 1])
 def test_running_off_an_end_is_told(scene, end):
     d = np.zeros(scene.n_q + 1)
@@ -329,6 +343,7 @@ def test_the_foot_point_in_the_reference_is_the_nearest_point(sweep):
 
 
 @pytest.mark.slow
+@EVERY
 def test_violation_is_relative_and_noise_bounds_round_off(scene):
     d = bent(scene)
     d[-1] = 2.0
