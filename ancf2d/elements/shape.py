@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from math import factorial
 from typing import Any
 
@@ -106,6 +106,12 @@ class ShapeFunctions:
         self._exact: dict[Any, NDArray] = {}
         self._values: dict[Any, Array] = {}
 
+    @cached_property
+    def orders(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The orders of the derivatives along x and along y that the nodal coordinates are (n_shape,)."""
+        along, across = zip(*(derivative_order(name) for _, name in self.element.functionals), strict=True)
+        return np.array(along), np.array(across)
+
     def _basis_values(self, basis: NDArray, xi: NDArray, eta: NDArray, i: int, j: int) -> NDArray:
         mx = _monomials(self._dx, xi, i) * (2 / np.longdouble(self.l)) ** i
         my = _monomials(self._dy, eta, j) * (2 / np.longdouble(self.h)) ** j
@@ -117,7 +123,10 @@ class ShapeFunctions:
         ``xi01`` runs from 0 to 1 along the element, ``eta = 2 y/h`` from -1 to 1 across.
         """
         at = np.atleast_1d(np.asarray(xi01, dtype=float))
-        across = np.ascontiguousarray(np.broadcast_to(np.asarray(eta, dtype=float), at.shape))
+        across = np.asarray(eta, dtype=float)
+        if across.shape != at.shape:
+            across = np.broadcast_to(across, at.shape)
+        across = np.ascontiguousarray(across)
         place = (at.tobytes(), across.tobytes(), i, j)
         return _kept(self._values, place, lambda: self.exact(at, across, i, j).astype(np.float64)).copy()
 
@@ -147,8 +156,7 @@ class ScaledShape(ShapeFunctions):
     def __init__(self, unit: ShapeFunctions, l: float, h: float) -> None:
         self.element, self.l, self.h, self._unit = unit.element, float(l), float(h), unit
         self._scales = np.longdouble(l), np.longdouble(h)
-        orders = np.array([derivative_order(name) for _, name in self.element.functionals])
-        self._sizes = self._scales[0] ** orders[:, 0] * self._scales[1] ** orders[:, 1]
+        self._sizes = self._scales[0] ** unit.orders[0] * self._scales[1] ** unit.orders[1]
         self._values: dict[Any, Array] = {}
 
     def exact(self, xi01: Array, eta: Array, i: int, j: int) -> NDArray:

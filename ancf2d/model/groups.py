@@ -111,7 +111,7 @@ def make_group(pool: Pool, natural: list[NaturalStrain], like: tuple[Pool, Recor
 def _sampled_classes(pool: Pool, classes: Sequence[ElementClass]) -> tuple[Array, Array, Array]:
     """Return B, ref and D (classes, stations, ...) of classes of elements."""
     samples = [pool.plan.formulation.sample(c.sampler, pool.plan.rule) for c in classes]
-    B, ref, D = (np.stack(part) for part in zip(*samples, strict=True))
+    B, ref, D = (np.array(part) for part in zip(*samples, strict=True))
     return B, ref, D
 
 
@@ -261,7 +261,8 @@ def _in_parts(x: Array, parts: int, axis: int, weight: float = 1.0) -> Array:
     """
     length = -(-x.shape[1] // parts)
     missing = parts * length - x.shape[1]
-    x = np.concatenate([x, np.repeat(weight * x[:, :1], missing, axis=1)], axis=1)
+    if missing:
+        x = np.concatenate([x, np.repeat(weight * x[:, :1], missing, axis=1)], axis=1)
     x = x.reshape(x.shape[0] * parts, length, *x.shape[2:])
     return np.ascontiguousarray(np.moveaxis(x, 1, axis))
 

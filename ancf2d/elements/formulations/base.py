@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -129,6 +130,15 @@ class Sampler:
         out[:, component::nc] = S
         return out
 
+    def vectors(self, *fields: Array) -> Array:
+        """Return x and y of vectors, each given by shape-function rows (points, n_shape), as rows on the element
+        coordinates: (points, 2 fields, n_dof)."""
+        nc = self.e0.shape[1]
+        out = np.zeros((len(fields[0]), 2 * len(fields), fields[0].shape[1] * nc))
+        for k, S in enumerate(fields):
+            out[:, 2 * k, 0::nc] = out[:, 2 * k + 1, 1::nc] = S
+        return out
+
 
 # what would strain an element if it were free: from stations xi (n,) in [0, 1] to (4, n) axial strain and curvature
 # [1/m], temperature [K] at the axis and its gradient [K/m] across
@@ -197,9 +207,14 @@ def strains_at(formulation: Formulation, ref: Array, u: Array) -> tuple[Array, A
     return eps.ravel(), J.reshape(-1, len(u))
 
 
+@lru_cache
 def rule_points(rule: tuple[int, int]) -> tuple[Array, Array, Array]:
-    """Return xi in [0, 1], eta in [-1, 1] and weights (sum 1) of an nx by ny Gauss rule, x slowest."""
-    return product_points(gauss(rule[0]), gauss(rule[1]))
+    """Return xi in [0, 1], eta in [-1, 1] and weights (sum 1) of an nx by ny Gauss rule, x slowest, not to be written
+    to."""
+    found = product_points(gauss(rule[0]), gauss(rule[1]))
+    for one in found:
+        one.flags.writeable = False
+    return found
 
 
 def product_points(along: tuple[Array, Array], across: tuple[Array, Array]) -> tuple[Array, Array, Array]:

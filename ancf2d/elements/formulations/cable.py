@@ -130,7 +130,7 @@ def _stations(sampler: Sampler, points: tuple[Array, Array], parts: tuple[float,
     # d/ds = (1/j0) d/dx along a reference whose interpolated |r_x| is not quite 1
     dj0 = np.sum(rx * rxx, axis=1, keepdims=True) / j0
     fields = (Sx / j0, Sxx / j0**2 - Sx * dj0 / j0**3)
-    B = np.stack([sampler.spread(S, k) for S in fields for k in (0, 1)], axis=1)
+    B = sampler.vectors(*fields)
     ref = np.hstack([S @ sampler.e0 for S in fields])
     ds = w * j0[:, 0] * sampler.shape.l
     s = sampler.at(xi)

@@ -13,7 +13,7 @@ import numpy as np
 from ..definition import ElementType
 from ..section import Section, shear_flow
 from ..shape import Array, gauss
-from .base import Formulation, Free, PointLaw, Rule, Sampler, cross, join, of_section
+from .base import Formulation, Free, PointLaw, Rule, Sampler, cross, join, of_section, rule_points
 
 # points across a layer that integrate squares of its shear stress
 POINTS = 6
@@ -83,8 +83,7 @@ def _points(sampler: Sampler, xi: Array, eta: Array) -> tuple[Array, Array, Arra
     # grad s = J0^-T (s_x, s_y); its components along t and n
     st = (Sx * cross(t, ry)[:, None] + Sy * cross(rx, t)[:, None]) / det[:, None]
     sn = (Sx * cross(n, ry)[:, None] + Sy * cross(rx, n)[:, None]) / det[:, None]
-    rows = [sampler.spread(S, k) for S in (st, sn) for k in (0, 1)]
-    return np.stack(rows, axis=1), np.hstack([t, n]), det
+    return sampler.vectors(st, sn), np.hstack([t, n]), det
 
 
 # of D, what is left without shear
@@ -103,6 +102,8 @@ def _across(section: Section, points: int) -> tuple[Array, Array]:
 
 def _rule_points(sampler: Sampler, rule: tuple[int, int]) -> tuple[Array, Array, Array]:
     """Return xi, eta and weights (sum 1) of a rule, whose points across are those of each layer; x slowest."""
+    if not sampler.section.layers:
+        return rule_points(rule)
     (x, wx), (eta, wy) = gauss(rule[0]), _across(sampler.section, rule[1])
     return np.repeat(x, len(eta)), np.tile(eta, len(x)), np.outer(wx, wy).ravel()
 

@@ -110,7 +110,7 @@ def _stations(sampler: Sampler, points: tuple[Array, Array],
     rx = Sx @ sampler.e0
     j0 = np.hypot(rx[:, 0], rx[:, 1])[:, None]
     fields = (Sx / j0, Sy, Sxy / j0)
-    B = np.stack([sampler.spread(S, k) for S in fields for k in (0, 1)], axis=1)
+    B = sampler.vectors(*fields)
     ref = np.hstack([S @ sampler.e0 for S in fields])
     ds = w * j0[:, 0] * sampler.shape.l
     s = sampler.at(xi)
