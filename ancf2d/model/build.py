@@ -166,7 +166,7 @@ class _Builder:
 
     def size(self, coordinate: int) -> float:
         """Return the natural magnitude of a coordinate for a unit displacement."""
-        return float(1.0 / self.weights[coordinate])
+        return 1.0 / self.weights.item(coordinate)
 
     def add_joints(self) -> None:
         for mesh in self.meshes.values():

@@ -27,7 +27,7 @@ Index = NDArray[np.int64]
 STATIONS = np.array([0.0, 0.5, 1.0])
 # what meshes share whose nodes are in the same places, and stand for the same coordinates
 LAID_OUT = ("dofs", "nodes", "turn", "e0", "n_dofs", "n_nodes", "piece_first", "kinds", "coordinate_names", "starts",
-            "lengths", "angles", "shares_start", "_references")
+            "lengths", "angles", "shares_start", "_references", "_located")
 
 
 def straight(shape: ShapeFunctions, section: Section) -> Sampler:
@@ -89,6 +89,8 @@ class BodyMesh:
         self._known = {} if like is None or (exactly and like.plan.section != plan.section) else like.classes_in(plan)
         # reference coordinates of elements, each in its own frame
         self._references: dict[tuple[Any, ...], Array] = {}
+        # elements of points that were asked for, by S
+        self._located: dict[float, tuple[int, float, float]] = {}
         if like is not None and like._places == self._places:
             vars(self).update({name: value for name, value in vars(like).items() if name in LAID_OUT})
         else:
@@ -334,6 +336,11 @@ class BodyMesh:
 
     def element_at(self, s: float) -> tuple[int, float, float]:
         """Return (element, xi in [0, 1], reference angle) of the point at fraction s of the arc length."""
+        if s not in self._located:
+            self._located[s] = self._place_of(s)
+        return self._located[s]
+
+    def _place_of(self, s: float) -> tuple[int, float, float]:
         k, sigma = self.plan.locate(s)
         piece = self.plan.pieces[k]
         ie = min(int(sigma / piece.l * (1 + 1e-12)), piece.count - 1)

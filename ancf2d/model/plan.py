@@ -376,7 +376,7 @@ def warnings_of(plan: BodyPlan) -> list[str]:
     if on_axis and not plan.section.laws and {plan.rule.normal[1], plan.rule.shear[1]} != {1}:
         out.append(f"bodies.{plan.name}: formulation {plan.formulation.name} integrates on the axis; "
                    "the points across have no effect")
-    longest = max(p.l for p in plan.pieces) / float(np.min(plan.section_at(np.linspace(0.0, 1.0, 101)).height))
+    longest = max(p.l for p in plan.pieces) / (plan.section.height if plan.varying is None else plan.varying.lowest)
     if longest > plan.element.slender:
         out.append(f"bodies.{plan.name}: {plan.element.name} is too stiff in bending with elements as slender as these "
                    f"({longest:.3g} times as long as high; up to {plan.element.slender:g} is safe). Use more elements, "

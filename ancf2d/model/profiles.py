@@ -145,6 +145,11 @@ class VaryingSection:
         """The section of the mean values, by which sizes are judged."""
         return self.resolve(with_numbers(self.body, mean))
 
+    @property
+    def lowest(self) -> float:
+        """The least height at 101 places."""
+        return float(np.min(self.at(np.linspace(0.0, 1.0, 101)).height))
+
 
 def alike_along(one: Body, other: Body, begin: Array, length: Array) -> NDArray[np.bool_]:
     """Return where two bodies have the same section and material: at which stretches (n,), given by their places S.
