@@ -50,14 +50,18 @@ def equilibrium_rows(model: Model, state: State) -> tuple[Array, Array]:
     rows = model.rows
     if not rows:
         return np.zeros(0), R
-    coords, index = np.unique(np.concatenate([r.coords for r in rows]), return_inverse=True)
+    held = np.concatenate([r.coords for r in rows])
+    coords, index = np.unique(held, return_inverse=True)
     owner = np.repeat(np.arange(len(rows)), [len(r.coords) for r in rows])
     # coordinates of different kinds have different units: their forces are compared as what acts on a displacement
-    data = np.concatenate([r.coefs for r in rows]) / model.weights[coords[index]]
+    data = np.concatenate([r.coefs for r in rows]) / model.weights[held]
     sizes = np.sqrt(np.bincount(owner, data**2, len(rows)))
     data /= sizes[owner]
     b = R[coords] / model.weights[coords]
-    if len(rows) * len(coords) <= 4_000_000:
+    if len(coords) == len(held):
+        # no two rows hold the same coordinate: they are at right angles
+        lam = np.asarray(np.bincount(owner, data * b[index], len(rows)), dtype=float)
+    elif len(rows) * len(coords) <= 4_000_000:
         A = np.zeros((len(coords), len(rows)))
         A[index, owner] = data
         lam = np.linalg.lstsq(A, b, rcond=None)[0]

@@ -161,11 +161,14 @@ class _Body:
         return float((weight / (1.0 + pulled)).sum()) / total if total > 0.0 else 1.0
 
     def _stored(self, state: State) -> float:
-        """Return the strain energy, of the strains eps + tau d eps/dt where a viscous stress is among the forces."""
+        """Return the strain energy of the state whose section forces were asked for last.
+
+        It is that of the strains eps + tau d eps/dt where a viscous stress is among the forces.
+        """
         mesh, n_q, tau = self.mesh, self.model.n_q, self.forces.tau
-        Q, energy, alone = nodal_forces(self.model, mesh, state, self.some, self.forces.apart(self.some))
         if state.linear or state.v is None or not tau:
-            return self.weight * energy
+            return self.weight * self.forces.energy
+        Q, energy, alone = nodal_forces(self.model, mesh, state, self.some, self.forces.apart(self.some))
         d, v = (x[:n_q][mesh.dofs[self.some]].ravel() for x in (state.d, state.v))
         power = float(Q.ravel() @ v) + (natural_power(alone, 0.0, d, v) if self.model.loads.natural else 0.0)
         return self.weight * (energy + tau * power + 0.5 * tau * viscous_force(alone, tau, d, v, np.zeros_like(d)))

@@ -104,10 +104,12 @@ class SectionForces:
         kinds: dict[Any, int] = {}
         kind = [kinds.setdefault((id(c.shape), c.sampler.cuts, c.sampler.profile is None), len(kinds))
                 for c in mesh.classes]
-        self.kind = np.array(kind)[mesh.cls]
+        self.kinds, self.kind = len(kinds), np.array(kind)[mesh.cls]
         points = [(item, model.point(item.at)) for item in model.case.resting_masses]
         self.point_masses = [(p, mass_terms(item, p)) for item, p in points if is_inside(p, mesh)]
         self.inside: list[Inside] = []
+        # strain energy of the elements that were looked at last, without that of a viscous stress
+        self.energy = 0.0
         self.along = gauss(POINTS)
         self._apart: dict[bytes, Any] = {}
 
@@ -136,11 +138,11 @@ class SectionForces:
         They are those of the elements (m,), by default of all.
         """
         every = np.arange(len(self.mesh.dofs)) if elements is None else elements
-        self.inside = acting_inside(self.model, self.mesh, state)
+        self.inside, self.energy = acting_inside(self.model, self.mesh, state), 0.0
         out = np.empty((len(every), len(self.xi), 3))
         for start in range(0, len(every), BLOCK):
             block = every[start:start + BLOCK]
-            for k in np.unique(self.kind[block]):
+            for k in np.unique(self.kind[block]) if self.kinds > 1 else [0]:
                 mine = np.flatnonzero(self.kind[block] == k)
                 out[start + mine] = _Part(self, state, block[mine]).forces()
         return out
@@ -241,7 +243,7 @@ class _Part:
             yield xi, force * (w * span[:, None])[..., None]
 
     def _rows(self, xi: Array, i: int = 0, j: int = 0, y: Array | None = None) -> Array:
-        """Return shape functions (m, g, n_shape) at xi (m, g), on the axis or at y (m, g)."""
+        """Return shape functions (..., n_shape) at xi (...), on the axis or at y (...)."""
         shape = self.body.mesh.classes[self.k].shape
         eta = np.zeros(xi.size) if y is None else 2.0 * y.ravel() / shape.h
         return shape(xi.ravel(), eta, i, j).reshape(*xi.shape, -1)
@@ -251,6 +253,8 @@ class _Part:
         body = self.body
         mesh = body.mesh
         angle = mesh.angles_at(self.chosen, xi)
+        if self.state.linear:
+            return np.cos(angle), np.sin(angle)
         kind = body.mesh.plan.element.section_kind
         if kind == "theta":
             angle = angle + np.einsum("mgk,mk->mg", self._rows(xi), self.d[..., 2])
@@ -264,7 +268,8 @@ class _Part:
     def _nodal(self) -> Array:
         """Return the elastic and viscous forces (m, n_shape, nc) of the elements on their coordinates."""
         body, state = self.body, self.state
-        Q, _, alone = nodal_forces(body.model, body.mesh, state, self.chosen, body.apart(self.chosen))
+        Q, energy, alone = nodal_forces(body.model, body.mesh, state, self.chosen, body.apart(self.chosen))
+        body.energy += energy
         if not state.linear and state.v is not None and body.tau:
             d, v = (x[:body.model.n_q][self.dofs].ravel() for x in (state.d, state.v))
             viscous_force(alone, body.tau, d, v, Q.reshape(-1))
@@ -324,7 +329,7 @@ class _Part:
         start, end = (self._node_wrench(own, node) for node in (body.first_node, body.last_node))
         whole = self._load_wrench(-1, 1.0)
         stations = np.broadcast_to(body.xi, (len(self.dofs), len(body.xi)))
-        place = self._rows(stations) @ self.local
+        place = self._rows(body.xi) @ self.local
         c, s = self._axes(stations)
         borne = self._borne(stations)
         before = np.stack([self._load_wrench(k, xi) for k, xi in enumerate(body.xi)], axis=1)
