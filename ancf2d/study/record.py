@@ -89,7 +89,9 @@ class Recorder:
         """Take the next state."""
         if self.writer is not None and self.totals["steps"] == 0 and isinstance(self.case.solver, Static):
             self._reference()
-        self.state, self.probes = state, self.observer.observe(state)
+        self.state = state
+        if self.moves or self.writer is not None:
+            self.probes = self.observer.observe(state)
         self._warn(state.warnings)
         self.report.update(state.report)
         if self.moves:
@@ -104,6 +106,9 @@ class Recorder:
         from ..model.element_limits import coarse_warnings
 
         self._warn(map(str, self.worst.values()))
+        if self.state is not None and not self.moves and self.writer is None:
+            # of states that nothing is written of, the last one alone is told
+            self.probes = self.observer.observe(self.state)
         if self.state is None or not self.progress.judges:
             return
         if not self.state.linear:

@@ -135,17 +135,14 @@ def _solve_in_turn(job: Job, progress: Progress | None) -> dict[str, Any]:
 def _solve(job: Job, progress: Progress | None) -> dict[str, Any]:
     from ..results import part_path
 
-    loaded, place = job.load(), Path(job.output)
+    loaded = job.load()
     if not job.keep:
-        folder = place.parents[1]
-        checkpoints = folder / f"{job.name}.checkpoint" if folder.is_dir() else None
-        if job.force and checkpoints is not None:
-            checkpoints.unlink(missing_ok=True)
+        checkpoints = _checkpoints(job) if loaded.case.solver.timed else None
         if is_pursued(loaded):
             return _judged(solve_to_accuracy(loaded).outcome.summary)
         return _last.run(job, loaded, progress=progress, checkpoints=checkpoints)
-    if not place.parent.is_dir():
-        raise ResultsError(f"there is no folder '{place.parent}' on this worker; several machines need "
+    if not os.path.isdir(os.path.dirname(job.output)):
+        raise ResultsError(f"there is no folder '{os.path.dirname(job.output)}' on this worker; several machines need "
                            "a shared folder")
     options: dict[str, Any] = {"force": job.force or _left_over(job.output), "command": job.command}
     if is_pursued(loaded):
@@ -157,6 +154,15 @@ def _solve(job: Job, progress: Progress | None) -> dict[str, Any]:
             # left by other options or an unreadable file: it is replaced
             pass
     return _last.run(job, loaded, job.output, progress=progress, **options)
+
+
+def _checkpoints(job: Job) -> Path | None:
+    """Return the file that a run over time goes on from, without what is not to be used; None without its folder."""
+    folder = Path(job.output).parents[1]
+    found = folder / f"{job.name}.checkpoint" if folder.is_dir() else None
+    if job.force and found is not None:
+        found.unlink(missing_ok=True)
+    return found
 
 
 def _judged(summary: dict[str, Any]) -> dict[str, Any]:

@@ -13,6 +13,7 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -108,7 +109,7 @@ class Sweep:
         """The rows whose outcome is known."""
         return [row for row in self.rows if row.status]
 
-    @property
+    @cached_property
     def file(self) -> Path:
         """The file of all rows."""
         return self.folder / NAME
