@@ -1,8 +1,9 @@
 """What surrounds a solve: variants of a sweep beside their solves alone, stored states and estimates beside the steps.
 
-All are processor times of one process, with kernels in the cache. The sweeps vary the height of the section of a beam
-with 16 elements `vallejo` in ten load steps, the same in linear statics, and of a falling bar with 8 elements
-`reissner3`. The motions are pendulum (1), `reissner3`, with 150 stored states or the end alone.
+All are processor times of one process, with kernels in the cache. The sweeps are run by the command line; they vary the
+height of the section of a beam with 16 elements `vallejo` in ten load steps, the same in linear statics, and of a
+falling bar with 8 elements `reissner3`. The motions are pendulum (1), `reissner3`, with 150 stored states or the end
+alone.
 """
 
 from __future__ import annotations
@@ -12,11 +13,16 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from . import start
 from .apart import apart, seconds
 from .motion import ALONE, CASE, INTERVAL
 from .scenes import PENDULUMS, STATIC, T_END, Bar
 
-VARIANTS = 100
+# rows of each sweep, and those of the least one, which tells what starting costs; variants that are solved alone
+ROWS = {"statics in ten load steps": 2000, "linear statics": 2000, "motion by the default way": 100}
+LEAST, ALONE_TOO = 2, 100
+# what 2000 rows of statics may take: so many times their solves, and seconds beside
+TIMES, BESIDE = 1.5, 2.0
 BEAM = """
 bodies:
   rod:
@@ -49,28 +55,34 @@ def sweeps() -> dict[str, str]:
             "motion by the default way": _pendulum(*DEFAULT)}
 
 
-def sweep(name: str, variants: int) -> dict[str, float]:
-    """Return the time of a sweep, and of the solves of its variants alone [s], per variant."""
+def sweep(name: str) -> dict[str, float]:
+    """Return the time of a sweep, of the least one, and the median of the solves of its variants alone [s]."""
     from ancf2d.case.axes import combinations, read_axes
-    from ancf2d.study.pool import ALONE as WORKERS
     from ancf2d.study.run import load, prepare
-    from ancf2d.study.sweep import plan, run_sweep
 
     height = PENDULUMS[1].height if "motion" in name else STATIC.height
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "case.yaml")
         file.write_text(sweeps()[name], encoding="utf-8")
 
-        def whole(number: int) -> None:
-            axes = read_axes([f"bodies.rod.section.height={height}:{2 * height}:{number}"])
-            run_sweep(plan(str(file), axes, [], Path(folder, f"sweep{number}"), WORKERS), WORKERS)
+        def over(number: int) -> str:
+            return f"bodies.rod.section.height={height}:{2 * height}:{number}"
 
-        whole(2)
-        (taken,) = seconds(lambda: whole(variants), 1)
-        axes = read_axes([f"bodies.rod.section.height={height}:{2 * height}:{variants}"])
-        options = [axes[0].override(value) for (value,) in combinations(axes)]
-        solves = sum(_solve_seconds(prepare(load(file, [option]))) for option in options)
-    return {"whole": taken / variants, "solve": solves / variants}
+        def whole(number: int) -> float:
+            command = ["sweep", str(file), "--over", over(number), "--jobs", "1", "--force", "-o", f"of{number}"]
+            return start.seconds([*start.ANCF2D, *command], folder)[0]
+
+        def alone() -> list[float]:
+            axes = read_axes([over(ALONE_TOO)])
+            return [_solve_seconds(prepare(load(file, [axes[0].override(value)]))) for (value,) in combinations(axes)]
+
+        whole(LEAST)
+        least = statistics.median(whole(LEAST) for _ in range(3))
+        # before the sweep and behind it: other programs slow down both
+        solves = alone()
+        taken = whole(ROWS[name])
+        solves += alone()
+    return {"rows": ROWS[name], "whole": taken, "start": least, "solve": statistics.median(solves)}
 
 
 def _solve_seconds(model: Any) -> float:
@@ -104,16 +116,22 @@ def default_way(repeat: int) -> dict[str, float]:
 
 def measure(repeat: int) -> dict[str, Any]:
     """Return the times of sweeps and of the ways of a motion, each kind in a process of its own."""
-    return {"sweeps": {name: apart("many.sweep", name, VARIANTS) for name in sweeps()},
+    return {"sweeps": {name: apart("many.sweep", name) for name in sweeps()},
             "ways": apart("many.default_way", 3 * repeat)}
+
+
+def _row(name: str, rows: int, whole: float, start: float, solve: float) -> list[Any]:
+    """Return the line of a sweep."""
+    one = (whole - start) / (rows - LEAST)
+    return [name, rows, f"{whole:.1f} s", f"{start:.1f} s", f"{1e3 * one:.1f} ms", f"{1e3 * solve:.1f} ms",
+            f"{one / solve:.2f}", f"{rows * solve:.1f} s"]
 
 
 def text(found: dict[str, Any]) -> str:
     """Return the section of the page."""
     from scripts.pages import table
 
-    rows = [[name, f"{1e3 * one['solve']:.1f} ms", f"{1e3 * one['whole']:.1f} ms", f"{one['whole'] / one['solve']:.2f}"]
-            for name, one in found["sweeps"].items()]
+    rows = [_row(name, **one) for name, one in found["sweeps"].items()]
     ways = found["ways"]
     first = next(iter(ways.values()))
     steps = [[name, f"{1e3 * taken:.0f} ms", f"{taken / first:.1f}"] for name, taken in ways.items()]
@@ -121,10 +139,10 @@ def text(found: dict[str, Any]) -> str:
 
 A sweep reads its case once. Each variant takes what it has in common with the variant before: records, meshes, sampled
 laws, places in the matrix, and what was found of bodies and supports. The rest is checked, built, solved and judged as
-in a run of its own, with the same result bit for bit. Processor time of a variant, in sweeps of {VARIANTS} on one core
-without compiling:
+in a run of its own, with the same result bit for bit. Processor time of whole sweeps from the command line, on one core
+without compiling. The start is that of a sweep of {LEAST} rows; the solve is the median of a variant solved alone:
 
-{table(["sweep of", "the solve", "in all", "ratio"], rows)}
+{table(["sweep of", "rows", "in all", "of it the start", "a row", "the solve", "ratio", "the solves"], rows)}
 
 Pendulum (1) to 1e-4 m. Stored states are at multiples of 0.01 s; the error estimate comes from two coarser motions.
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from scripts.pages import table
 
-from . import motion
+from . import many, motion
 from .motion import GEOMETRICALLY_EXACT as EXACT
 from .motion import QUARTIC, REISSNER
 from .scenes import T_END
@@ -234,6 +234,10 @@ NOTES = {
     "start": (
         "Starting: beyond the imports, a warm run loads kernels from the cache, and reads, checks and writes the "
         "case. `scripts/bench/start.py` times each way to start."),
+    "sweep": (
+        "Rows of linear statics: a linear solve of 16 elements takes as long as some hundred calls of NumPy. Checking "
+        "the values of a row, building its model, sampling its elements and judging its mesh take as many calls "
+        "each."),
     "first": (
         "The first run ever compiles the kernels that the case needs (material law, matrix, solver), on two "
         "processors where available. Other kernels are compiled when they are needed. The remaining time is that "
@@ -311,9 +315,18 @@ def start_aims(found: Found) -> Iterator[Aim]:
                         f" wall time, {brief(start['first run ever'])} processor time")
 
 
+def many_aims(found: Found) -> Iterator[Aim]:
+    """Yield what is wanted of sweeps."""
+    for name, one in found["many"]["sweeps"].items():
+        if "static" in name:
+            limit = many.TIMES * one["rows"] * one["solve"] + many.BESIDE
+            yield ("sweep", f"{one['rows']} rows of {name}: {many.TIMES:g} times their solves and {many.BESIDE:g} s",
+                   f"{one['whole']:.1f} s against {limit:.1f} s", one["whole"] <= limit)
+
+
 def aims(found: Found) -> list[Aim]:
     """Return (name, what is wanted, what was measured, whether it is reached)."""
-    return [*motion_aims(found), *static_aims(found), *start_aims(found)]
+    return [*motion_aims(found), *static_aims(found), *start_aims(found), *many_aims(found)]
 
 
 def aims_table(found: Found) -> str:
