@@ -19,7 +19,7 @@ from .motion import ALONE, CASE, INTERVAL
 from .scenes import PENDULUMS, STATIC, T_END, Bar
 
 # rows of each sweep, and those of the least one, which tells what starting costs; variants that are solved alone
-ROWS = {"statics in ten load steps": 2000, "linear statics": 2000, "motion by the default way": 100}
+ROWS = {"statics in ten load steps": 2000, "linear statics": 2000, "motion by the default way": 50}
 LEAST, ALONE_TOO = 2, 100
 # what 2000 rows of statics may take: so many times their solves, and seconds beside
 TIMES, BESIDE = 1.5, 2.0
