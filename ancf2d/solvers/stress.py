@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,7 +29,6 @@ RECTANGLE = 1e-9  # by which the second moment of a rectangle may differ from b 
 class OverBody:
     """Stress [Pa], strain (..., 3) and energy density [J/m^3] (..., 1) at stations (ne, nx, ny) of a body.
 
-    ``yielded`` is the plastic strain (..., 1) along the axis, None where there is none.
     Components xx, yy, xy along and across the axis: second Piola-Kirchhoff stress and Green-Lagrange strain, shear
     strain as 2 eps_xy, in the axes of the reference; where strains are small, that is the stress in the turned section.
     """
@@ -37,12 +36,11 @@ class OverBody:
     stress: Array
     strain: Array
     energy: Array
-    yielded: Array | None = None
 
     @property
     def plastic(self) -> Array:
-        """Plastic strain (..., 1) along the axis."""
-        return np.zeros_like(self.energy) if self.yielded is None else self.yielded
+        """Plastic strain (..., 1) along the axis, which is zero."""
+        return np.zeros_like(self.energy)
 
 
 class _Gradients(NamedTuple):
@@ -274,26 +272,17 @@ class StressOfFibres:
         heights = np.stack([np.broadcast_to(mesh.sections(row).height, self.size[:2]) for row in rows])
         self.y = 0.5 * heights[self.rule.ravel(), np.arange(len(xi)), :, None] * eta
 
-    def __call__(self, state: State) -> OverBody:
-        """Return the fields of a state."""
-        shear = self._shear(state)
-        borne, plastic = self._strained(state, True)
-        whole = self._strained(state, False)[0] if self.model.loads.natural else borne
-        stress = np.empty(self.size)
-        for law, some in self.laws:
-            stress[..., some] = law.stress_of(borne[..., some], plastic[..., some])
-        across = -self.nu * (borne - plastic) - 0.5 * plastic
-        return OverBody(np.stack([stress, np.zeros_like(stress), shear[..., 0]], axis=-1),
-                        np.stack([whole, across, shear[..., 1]], axis=-1), np.full((*self.size, 1), np.nan),
-                        plastic[..., None])
+    def __call__(self, state: State) -> OverFibres:
+        """Return the fields of a state, which are found where they are asked for."""
+        return OverFibres(self, state)
 
-    def _shear(self, state: State) -> Array:
+    def shear(self, state: State) -> Array:
         """Return shear stress and strain (ne, nx, ny, 2) of the elastic section."""
         found = [of(state) for of in self.elastic]
         both = np.stack([np.stack([f.stress[..., 2], f.strain[..., 2]], axis=-1) for f in found])
         return np.asarray(both[self.rule.ravel(), np.arange(self.size[0])])
 
-    def _strained(self, state: State, natural: bool) -> tuple[Array, Array]:
+    def strained(self, state: State, natural: bool) -> tuple[Array, Array]:
         """Return the strains of the fibres and their plastic strains (ne, nx, ny), natural strains taken off or not."""
         model, mesh, law = self.model, self.mesh, self.mesh.plan.formulation.law
         group = apart(model, mesh, np.arange(self.size[0]))
@@ -311,3 +300,46 @@ class StressOfFibres:
         eps = eps[:, :nx] + found[..., :n]
         strain = eps[..., :1] - self.y * eps[..., 1 if n == 2 else 2, None]
         return strain, found[..., 2 * n::2][..., :self.size[2]]
+
+
+@dataclass
+class OverFibres:
+    """What ``OverBody`` has, of fibres in a state; the energy that they store is not known."""
+
+    of: StressOfFibres
+    state: State
+
+    @cached_property
+    def _shear(self) -> Array:
+        return self.of.shear(self.state)
+
+    @cached_property
+    def _borne(self) -> tuple[Array, Array]:
+        return self.of.strained(self.state, True)
+
+    @property
+    def stress(self) -> Array:
+        """Stress [Pa] (ne, nx, ny, 3)."""
+        strain, plastic = self._borne
+        stress = np.empty(self.of.size)
+        for law, some in self.of.laws:
+            stress[..., some] = law.stress_of(strain[..., some], plastic[..., some])
+        return np.stack([stress, np.zeros_like(stress), self._shear[..., 0]], axis=-1)
+
+    @property
+    def strain(self) -> Array:
+        """Strain (ne, nx, ny, 3)."""
+        borne, plastic = self._borne
+        whole = self.of.strained(self.state, False)[0] if self.of.model.loads.natural else borne
+        across = -self.of.nu * (borne - plastic) - 0.5 * plastic
+        return np.stack([whole, across, self._shear[..., 1]], axis=-1)
+
+    @property
+    def energy(self) -> Array:
+        """Not a number (ne, nx, ny, 1)."""
+        return np.full((*self.of.size, 1), np.nan)
+
+    @property
+    def plastic(self) -> Array:
+        """Plastic strain (ne, nx, ny, 1) along the axis."""
+        return self._borne[1][..., None]
