@@ -269,3 +269,33 @@ def test_what_probes_read_is_differentiated(tmp_path):
             coords, by_d, by_v = observer.slopes(name, quantity, state)
             exact = (read(name, quantity, h) - read(name, quantity, -h)) / (2 * h)
             assert by_d @ one[coords] + by_v @ two[coords] == pytest.approx(exact, rel=1e-6), (name, quantity)
+
+
+def test_a_corner_of_a_rigid_body():
+    """A bent bar of mass mu per length that is pushed from rest: theta = (r x F) t^2/(2 J), r from its centre of mass.
+
+    The place of its corner changes how the coordinates of both pieces follow from those of the body.
+    """
+    def rotation(points, F=(10.0, 17.0), t=1e-4, mu=2.0):
+        points = np.array(points)
+        way, middle = np.diff(points, axis=0), 0.5 * (points[1:] + points[:-1])
+        m = mu * np.hypot(*way.T)
+        center = m @ middle / m.sum()
+        J = m @ (np.sum(way**2, axis=1) / 12 + np.sum((middle - center) ** 2, axis=1))
+        r = points[-1] - center
+        return (r[0] * F[1] - r[1] * F[0]) * t**2 / (2 * J)
+
+    points, h = [[0.0, 0.1], [0.05, 0.3], [0.25, 0.27]], 1e-5
+    case = {"bodies": {"bar": {"geometry": {"type": "polyline", "points": points}, "element": {"type": "rigid"},
+                               "section": {"EA": 1.0, "kGA": 1.0, "EI": 1.0, "rhoA": 2.0, "rhoI": 0.0}}},
+            "loads": [{"type": "force", "at": "bar@1", "value": [10.0, 17.0]}],
+            "solver": {"type": "dynamic", "t_end": 1e-4, "dt": 1e-5, "method": "radau5"},
+            "goal": {"probe": "foot", "quantity": "theta"}, "output": {"probes": {"foot": "bar@0"}}}
+    study = ancf2d.sensitivity(case, [f"bodies.bar.geometry.points.{k}.{i}" for k in range(3) for i in range(2)])
+    for row in study.rows:
+        k, i = map(int, row.path.split(".")[-2:])
+        moved = np.zeros((3, 2))
+        moved[k, i] = h
+        exact = (rotation(points + moved) - rotation(points - moved)) / (2 * h)
+        assert row.method == "exact"
+        assert row.derivative == pytest.approx(exact, rel=1e-4), row.path

@@ -256,8 +256,8 @@ class Differing:
 
     @property
     def moves(self) -> bool:
-        """Whether the number changes how coordinates follow from unknowns, or what is prescribed."""
-        return self.problems[0].values.place is not self.run.problem.values.place
+        """Whether the number may change how coordinates follow from unknowns, or what is prescribed."""
+        return not self.reduced
 
 
 def _some(at: Record, which: Index) -> Record:
