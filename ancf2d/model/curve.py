@@ -26,7 +26,7 @@ TOGETHER = 1e-5
 JUMP = 1e-9
 # stretches of a rigid curved body
 LEAST, LONGEST = 4, 400
-# of an element: shares of a count that differ by less are equal, whatever round-off says
+# shares of a count that differ by less are equal, whatever round-off says
 ALIKE = 1e-6
 
 
@@ -219,10 +219,15 @@ def short_pieces(geometry: Geometry, turn: float) -> tuple[Piece, ...]:
     """
     whole, places = _undivided(geometry)
     length = whole[-1].s0 + whole[-1].length
-    most = max(LEAST, math.ceil(min(turning(geometry) / turn, LONGEST)))
+    most = max(LEAST, _up(min(turning(geometry) / turn, LONGEST)))
     cut = _stretches(whole, [s / length for s in places])
-    return tuple(part for p in cut for n in [math.ceil(most * p.length / length)]
+    return tuple(part for p in cut for n in [_up(most * p.length / length)]
                  for part in _split(p, [p.length * k / n for k in range(1, n)]))
+
+
+def _up(x: float) -> int:
+    """Return the least whole number that is not less than x, but for what counts as equal."""
+    return math.ceil(x * (1.0 - ALIKE))
 
 
 def is_closed(geometry: Geometry) -> bool:

@@ -273,6 +273,13 @@ def test_a_rigid_arc_has_the_mass_centre_and_inertia_of_an_arc():
     assert energy(0.6, -0.8, 1.5) == pytest.approx(0.5 * mass + 0.5 * about * 1.5**2, rel=1e-13)
 
 
+def test_round_off_does_not_decide_how_a_rigid_arc_is_divided():
+    """An arc of 1.5 rad, 15 stretches of 0.1 rad, has as many whatever its radius: derivatives need them alike."""
+    counts = {len(model_of(rigid({**RING, "from": 0.0, "to": 1.5, "radius": 1.0 + 1e-3 * k}, section=BAR)
+                           ).meshes["b"].plan.pieces) for k in range(20)}
+    assert counts == {15}
+
+
 @pytest.mark.parametrize("geometry", [RING, pytest.param(ELLIPSE, marks=pytest.mark.slow), SPLINE, PATH])
 def test_the_points_of_a_rigid_curve_keep_their_places_in_the_body(geometry):
     model = model_of(rigid(geometry, section=BAR, mass=3.0))
