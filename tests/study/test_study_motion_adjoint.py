@@ -299,3 +299,18 @@ def test_a_corner_of_a_rigid_body():
         exact = (rotation(points + moved) - rotation(points - moved)) / (2 * h)
         assert row.method == "exact"
         assert row.derivative == pytest.approx(exact, rel=1e-4), row.path
+
+
+@pytest.mark.parametrize("method", ["newmark", "radau5"])
+def test_a_motion_without_unknowns(method):
+    """A clamped rigid bar rests: its end moves as far as its geometry does, and a load changes nothing."""
+    case = {"bodies": {"bar": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0.2]},
+                               "section": {"height": 0.1, "width": 0.1}, "element": {"type": "rigid", "mass": 2.0, "inertia": 1.0}}},
+            "boundary_conditions": [{"type": "clamp", "at": "bar@0"}],
+            "loads": [{"type": "force", "at": "bar@1", "value": [3, 4]}],
+            "solver": {"type": "dynamic", "t_end": 1.0, "dt": 0.1, "method": method},
+            "goal": {"probe": "tip", "quantity": "y"}, "output": {"probes": {"tip": "bar@1"}}}
+    study = ancf2d.sensitivity(case, ["bodies.bar.geometry.end.1", "loads.0.value.1"])
+    found = {row.path: row.derivative for row in study.rows}
+    assert study.goal == pytest.approx(0.2)
+    assert found == pytest.approx({"bodies.bar.geometry.end.1": 1.0, "loads.0.value.1": 0.0}, abs=1e-9)

@@ -170,7 +170,7 @@ class Backwards(Once):
     def size(self) -> int:
         """The steps of a window."""
         s, n = self.method.stages, self.entries.n
-        return max(WINDOW // (s * n * (6 + 3 * s * max(self.stepper.p.width, 1))), 8)
+        return max(WINDOW // (s * max(n, 1) * (6 + 3 * s * max(self.stepper.p.width, 1))), 8)
 
     def keeps(self, goals: int) -> bool:
         """Whether there is room for the virtual displacements of so many goals at all stages."""
