@@ -305,7 +305,8 @@ def test_a_corner_of_a_rigid_body():
 def test_a_motion_without_unknowns(method):
     """A clamped rigid bar rests: its end moves as far as its geometry does, and a load changes nothing."""
     case = {"bodies": {"bar": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0.2]},
-                               "section": {"height": 0.1, "width": 0.1}, "element": {"type": "rigid", "mass": 2.0, "inertia": 1.0}}},
+                               "section": {"height": 0.1, "width": 0.1},
+                               "element": {"type": "rigid", "mass": 2.0, "inertia": 1.0}}},
             "boundary_conditions": [{"type": "clamp", "at": "bar@0"}],
             "loads": [{"type": "force", "at": "bar@1", "value": [3, 4]}],
             "solver": {"type": "dynamic", "t_end": 1.0, "dt": 0.1, "method": method},
