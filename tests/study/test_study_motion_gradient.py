@@ -145,7 +145,7 @@ def test_residuals_are_those_of_elements_where_a_number_acts(tmp_path):
         assert found == [arm, fork], path
         left = zip(one.differing.problems, one.differing.elements, strict=True)
         assert [len(p.groups) + len(elements) for p, elements in left] == [groups] * 4, path
-        some = one.differing.residuals(at, base.p.programs.window)
+        some = one.differing.residuals(at, base.p)
         whole, R = np.zeros((2, *shape)), np.zeros(shape)
         for own, weights in zip(one.runs, one.weights.T, strict=True):
             along.residuals(own.stepper.p, own.stepper.w, at, R)
@@ -177,3 +177,51 @@ def test_steps_of_wide_models_have_sparse_matrices(monkeypatch, tmp_path):
     _, wide = gradient(loaded, lambda model, states: read(model, states), paths)
     assert wide == pytest.approx(narrow, rel=1e-8)
     assert np.abs(wide).min() > 0.0
+
+
+def test_a_spring_that_begins():
+    """A mass moves at v until t1, and then on a spring: x = v t1 cos(w s) + v/w sin(w s), s = t - t1, w = sqrt(k/m)."""
+    m, k, v, t1, t = 2.0, 50.0, 0.3, 0.4, 1.0
+    case = {"bodies": {"mass": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
+                                "section": {"height": 0.1, "width": 0.1},
+                                "element": {"type": "rigid", "mass": m, "inertia": 1.0}}},
+            "springs": [{"type": "translational", "between": ["mass@0", [-1, 0]], "stiffness": k, "length": 1.0,
+                         "active": {"from": t1}}],
+            "boundary_conditions": [{"type": "roller", "at": "mass@0", "fixed": "y"},
+                                    {"type": "roller", "at": "mass@1", "fixed": "y"}],
+            "initial": {"velocity": [v, 0]},
+            "solver": {"type": "dynamic", "t_end": t, "tolerance": 1e-9, "method": "radau5"},
+            "goal": {"probe": "mass", "quantity": "ux"}, "output": {"probes": {"mass": "mass@0"}}}
+    study, w, s = ancf2d.sensitivity(case, ["springs.0.stiffness"]), np.sqrt(k / m), t - t1
+    assert study.goal == pytest.approx(v * t1 * np.cos(w * s) + v / w * np.sin(w * s), rel=1e-6)
+    slope = -v * t1 * s * np.sin(w * s) + v * (s * np.cos(w * s) / w - np.sin(w * s) / w**2)
+    assert study.rows[0].method == "exact"
+    assert study.rows[0].derivative == pytest.approx(slope / (2 * w * m), rel=1e-6)
+
+
+BRIDGE = {"bodies": {"deck": {"geometry": {"type": "line", "start": [0, 0], "end": [4, 0]},
+                              "section": {"height": 0.1, "width": 0.05}, "material": {"E": 1e9, "nu": 0.3, "rho": 1e3},
+                              "element": {"type": "reissner3", "count": 4}}},
+          "boundary_conditions": [{"type": "pin", "at": "deck@0"}, {"type": "roller", "at": "deck@1", "fixed": "y"}],
+          "solver": {"type": "dynamic", "t_end": 0.8, "dt": 0.01, "method": "radau5"},
+          "goal": {"probe": "middle", "quantity": "uy"}, "output": {"probes": {"middle": "deck@0.5"}}}
+
+
+def test_a_force_that_moves_over_a_bridge():
+    """Small deflections are in proportion to the force, in whatever elements it has been."""
+    push = {"type": "force", "at": {"on": "deck", "s": {"type": "expression", "value": "1.1*t"}},
+            "value": [0, -0.01]}
+    study = ancf2d.sensitivity({**BRIDGE, "loads": [push]}, ["loads.0.value.1"])
+    assert study.rows[0].method == "exact"
+    assert study.rows[0].derivative == pytest.approx(study.goal / -0.01, rel=1e-4)
+
+
+def test_a_support_that_catches_a_motion_is_differentiated_by_runs():
+    """It holds its point where that has come to, which the steps do not tell."""
+    catch = {"type": "pin", "at": "deck@0.25", "active": {"from": 0.3}}
+    case = {**BRIDGE, "boundary_conditions": [*BRIDGE["boundary_conditions"], catch],
+            "loads": [{"type": "gravity", "value": [0, -9.81]}]}
+    row, = ancf2d.sensitivity(case, ["bodies.deck.material.E"]).rows
+    assert row.method == "differences of runs: a support or joint begins where the motion has come to"
+    high, low = (ancf2d.solve(case, [f"bodies.deck.material.E={E!r}"]).value for E in (1.001e9, 0.999e9))
+    assert row.derivative == pytest.approx((high - low) / 2e6, rel=1e-3)

@@ -169,6 +169,12 @@ class Differing:
         for p in problems:
             p.programs.window[:] = window
 
+    def _let_act(self, acting: Record) -> None:
+        """Let act what does in the problem of the motion, and points that move be in the same elements."""
+        for p in () if self.reduced else self.problems:
+            p.points.on[:], p.sliding.on[:], p.moving.element[:] = (
+                acting.points.on, acting.sliding.on, acting.moving.element)
+
     def _moments(self, at: Record) -> Record:
         """Return states of the motion with what these problems remember."""
         values = at.values
@@ -178,9 +184,11 @@ class Differing:
         turns = np.ascontiguousarray(values.turns[:, self.items, :wide])
         return Record(values._replace(turns=turns, feet=values.feet if self.joints else values.feet[:, :0].copy()))
 
-    def residuals(self, at: Record, window: Array) -> Array:
-        """Return differences (k, m, n) of the residuals at m states, with signals as they are in a time (2,)."""
+    def residuals(self, at: Record, acting: Record) -> Array:
+        """Return differences (k, m, n) of the residuals at m states, where what acts in a motion's problem does."""
+        window = acting.programs.window
         self._enter(window, [*self.problems, *self.inertia])
+        self._let_act(acting)
         shape, mine = at.values.z.shape, self._moments(at)
         out, R = np.zeros((len(self.weights), *shape)), np.zeros(shape)
         for p, w, elements, weights in zip(self.problems, self.w, self.elements, self.weights.T, strict=True):

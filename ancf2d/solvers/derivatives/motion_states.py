@@ -204,8 +204,8 @@ class Pass(Once):
 
     def _accelerations(self) -> Array:
         """Return how accelerations (n, 2 numbers) change with the numbers where the motion is now and begins anew."""
-        at, window = self.now(), self.stepper.p.programs.window
-        dR = [one.differing.residuals(at, window)[:, 0] for one in self.numbers]
+        at = self.now()
+        dR = [one.differing.residuals(at, self.stepper.p)[:, 0] for one in self.numbers]
         return np.asarray(-self.by_mass.solve(np.concatenate(dR).T))
 
     def _behind_break(self, change: Change) -> Change:
@@ -245,7 +245,7 @@ class Pass(Once):
         at = self.moments(window)
         dR = np.zeros((m, n, 2 * len(self.numbers)))
         for k, one in enumerate(self.numbers):
-            dR[:, :, 2 * k:2 * k + 2] = np.moveaxis(one.differing.residuals(at, self.stepper.p.programs.window), 0, 2)
+            dR[:, :, 2 * k:2 * k + 2] = np.moveaxis(one.differing.residuals(at, self.stepper.p), 0, 2)
         equations = self.equations(window, at)
         course = Course(*equations.follow(dR, change))
         self.precise = self.precise and self._exact(equations, at, dR, course)
