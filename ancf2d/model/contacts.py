@@ -18,6 +18,8 @@ from .mesh import BodyMesh
 
 # of what may overlap, beside the extent of a model
 OVERLAP = 1e-9
+# the same with a law, beside the length of a body: it may be meant to press from the start
+DEEP = 0.01
 # lengths of a body that is held beyond which it reaches nothing
 REACH = 2.5
 # of what sticks, beside the rate of steps; share of a motion that steps of unknown length are taken for
@@ -86,8 +88,7 @@ class Contacts:
             return [pair]
         pairs = body_pairs(item, name, self.meshes[body], self.meshes[other], self.extent, rapid_rate(self.case),
                            self.follows if isinstance(self.case.solver, Dynamic) else {})
-        if item.law is None:
-            self._look_at_bodies(i, pairs)
+        self._look_at_bodies(i, pairs)
         return pairs
 
     def _look(self, i: int, pair: ContactPair) -> None:
@@ -98,6 +99,8 @@ class Contacts:
             self.problems.append((("contacts", i), f"contacts.{i}: {pair.body} and {pair.other} overlap in the "
                                   f"reference, by up to {-gaps[k]:.4g} at S = {pair.s[k]:.4g}",
                                   f"{pair.body} {self.case.obstacles[pair.other].free(pair.other)}, or a law"))
+        if not pair.hard:
+            self._look_at_law(i, pair, -gaps[k], pair.s[k])
         mesh = pair.mesh
         x = np.flatnonzero(mesh.kinds == 0) + mesh.first_dof
         holds = any(c in self.follows and not self.follows[c].terms and c + 1 in self.follows
@@ -107,11 +110,21 @@ class Contacts:
             self.warnings.append(f"contacts.{i}: {pair.body} is held {gaps[k]:.4g} from {pair.other}, more than "
                                  f"{REACH:g} times its length: they touch only if a support moves it there")
 
+    def _look_at_law(self, i: int, pair: ContactPair | BodyPair, depth: float, s: float) -> None:
+        """Look for a law that presses hard from the start."""
+        if depth > DEEP * pair.mesh.plan.length:
+            other = "itself" if pair.other == pair.body else pair.other
+            self.warnings.append(f"contacts.{i}: {pair.body} and {other} overlap in the reference, by up to "
+                                 f"{depth:.4g} at S = {s:.4g}, so the law pushes them apart from the start. Move them "
+                                 "apart unless this is meant")
+
     def _look_at_bodies(self, i: int, pairs: list[BodyPair]) -> None:
         """Look for bodies that overlap in the reference."""
         found = [(*pair.overlap(), pair) for pair in pairs]
         depth, s, pair = max(found, key=lambda one: one[0])
-        if depth > OVERLAP * self.extent:
+        if not pair.hard:
+            self._look_at_law(i, pair, depth, s)
+        elif depth > OVERLAP * self.extent:
             other = "itself" if pair.other == pair.body else pair.other
             self.problems.append((("contacts", i), f"contacts.{i}: {pair.body} is {depth:.4g} deep in {other} in the "
                                   f"reference, at S = {s:.4g}", "bodies that do not overlap, or a law"))

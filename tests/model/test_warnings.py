@@ -8,6 +8,7 @@ from typing import Any
 import helpers
 import pytest
 
+import ancf2d
 from ancf2d.case import load_case_text
 from ancf2d.model.build import build_model
 
@@ -127,3 +128,22 @@ def test_a_rule_that_hides_motions_is_told_however_slender_the_element(element: 
     found = helpers.build({"b": helpers.body(helpers.line(length), spec)}, bc=[{"type": "clamp", "at": "b@0"}]).warnings
     said = [w for w in found if "with little or no stiffness" in w]
     assert [f"leave {hidden} motion" in w for w in said] == [True] * bool(hidden)
+
+
+@pytest.mark.parametrize(("depth", "told"), [(0.03, True), (1e-4, False)])
+@pytest.mark.parametrize("bodies", [False, True])
+def test_a_law_that_presses_hard_from_the_start_is_told(depth: float, bodies: bool, told: bool) -> None:
+    """A beam of 1 m begins so deep in the floor, or in another beam: by more than a hundredth of its length."""
+    beam = helpers.body(helpers.line(1.0), helpers.element("reissner2", 4), {"height": 0.1, "width": 0.1},
+                        {"E": 1e7, "nu": 0.3})
+    case: dict[str, Any] = {"bodies": {"beam": beam},
+                            "boundary_conditions": [{"type": "clamp", "at": "beam@0"}], "solver": {"type": "static"},
+                            "contacts": [{"between": ["beam", "under"], "law": {"stiffness": 1e5}}]}
+    if bodies:
+        line = {"type": "line", "start": [0, -0.1 + depth], "end": [1.1, -0.1 + depth]}
+        case["bodies"]["under"] = {**beam, "geometry": line}
+        case["boundary_conditions"].append({"type": "clamp", "at": "under@0"})
+    else:
+        case["obstacles"] = {"under": {"type": "half_plane", "through": [0, -0.05 + depth], "normal": [0, 1]}}
+    found = [w for w in build_model(ancf2d.load(case)).warnings if "overlap in the reference, by up to 0.03 at S" in w]
+    assert bool(found) == told
