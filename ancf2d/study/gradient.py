@@ -245,10 +245,10 @@ class Study:
                 s for one, slope in zip(self.responses or (), slopes, strict=True)
                 for s in one.states(model, step * slope.value + abs(step) * slope.kink)])
         if self.middle is None:
-            # beside the values of a run: Newton's iterations go further where steps are differentiated, and a peak is
-            # between the frequencies of a range
-            solver = self.model.case.solver
-            self.middle = watched(0.0) if self.moves or isinstance(solver, FrequencyResponse) else self.values
+            # beside the values of a run: Newton's iterations go further where steps are differentiated, points of
+            # contact slide with what lifts off, and a peak is between the frequencies of a range
+            apart = self.moves or self.model.contacts or isinstance(self.model.case.solver, FrequencyResponse)
+            self.middle = watched(0.0) if apart else self.values
         found = derivative(watched, min(slope.h for slope in slopes), middle=self.middle)
         # errors of the states count as far as what is watched changes with them, not with the number itself
         share = max(_share(slope) for slope in slopes)

@@ -31,6 +31,12 @@ def test_a_beam_that_is_pressed_onto_obstacles_has_an_equilibrium_out_of_them(nu
     assert touching.pressed(pytestconfig.getoption("seed"), number) == []
 
 
+@pytest.mark.parametrize("number", [19, *(pytest.param(k, marks=pytest.mark.slow) for k in (4, 10))])
+def test_a_beam_that_is_pressed_onto_stiff_layers_has_an_equilibrium(number: int) -> None:
+    """A full increment of Newton's method leads from within a layer out of it, and the next one back."""
+    assert touching.pressed(5, number, stiffness=1e7) == []
+
+
 def test_distances_are_those_of_plane_geometry() -> None:
     square = {"type": "polyline", "points": [[0, 0], [1, 0], [1, 1], [0, 1]]}
     X = np.array([[0.5, 0.25], [2.0, 2.0], [0.5, -1.0], [-1.0, 0.5]])

@@ -285,3 +285,30 @@ def test_motion_of_an_oscillator():
     slope = -u * np.sin(w) / (2 * np.sqrt(50.0 * 2.0))
     assert found["springs.k.stiffness"].derivative == pytest.approx(slope, rel=1e-6)
     assert found["springs.k.length"].derivative == pytest.approx(1 - np.cos(w), rel=1e-6)
+
+
+# a cantilever that its tip's load bends over a disc
+BENT_OVER = {"bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
+                                 "section": {"height": 0.02, "width": 0.05},
+                                 "material": {"E": 1e7, "nu": 0.3, "rho": 65.0},
+                                 "element": {"type": "reissner2", "count": 11}}},
+             "boundary_conditions": [{"type": "clamp", "at": "beam@0"}],
+             "obstacles": {"disc": {"type": "circle", "center": [0.87, -0.25], "radius": 0.22}},
+             "contacts": [{"between": ["beam", "disc"], "side": "axis"}],
+             "loads": [{"type": "force", "at": "beam@1", "value": [0, -1]}],
+             "solver": {"type": "static"}, "goal": {"probe": "tip", "quantity": "uy"},
+             "output": {"probes": {"tip": "beam@1"}}}
+
+
+@pytest.mark.parametrize(("more", "rel"), [
+    ({}, 1e-5), ({"contacts": [{"between": ["beam", "disc"], "law": {"stiffness": 1e5}}]}, 1e-7),
+    ({"solver": {"type": "eigen", "about": "static", "modes": 1}, "goal": {"kind": "bending", "number": 1}}, 5e-5)])
+def test_a_beam_over_a_disc(more, rel):
+    """What touches moves along the beam with every number: derivatives are those of differences of runs."""
+    case = {**BENT_OVER, **more}
+    for path, value in (("bodies.beam.geometry.end.0", 1.0), ("obstacles.disc.radius", 0.22)):
+        row, = ancf2d.sensitivity(case, path).rows
+        a, b, c, d = (ancf2d.solve(case, [f"{path}={value * (1 + k * 2e-4)!r}"]).value for k in (-2, -1, 1, 2))
+        assert row.method == "exact"
+        assert row.derivative == pytest.approx((a - 8 * b + 8 * c - d) / (12 * 2e-4 * value), rel=rel)
+        assert row.error < 1e-6 * abs(row.derivative)

@@ -31,6 +31,8 @@ from .varied_motions import Varied
 
 # corrections of a solution before it is differentiated
 POLISH = 3
+# corrections of derivatives where tangents are not exact, and beside what they are small enough
+CORRECTIONS, EXACT = 12, 1e-9
 # of the size of a scene, displacements over which tangents are differentiated along a path
 ALONG = 1e-3
 
@@ -108,9 +110,9 @@ class Equilibrium(OneByOne):
         z = self.system.matrix.solve(b)
         return np.asarray(z + self.system.matrix.solve(b - apply(z)))
 
-    def residual(self, model: Model) -> Array:
-        """Return R (n,) of a model at the unknowns of this equilibrium."""
-        system, d = self.system_of(model), model.displacements(self.z, self.t)
+    def residual(self, model: Model, change: Array | float = 0.0) -> Array:
+        """Return R (n,) of a model at the unknowns of this equilibrium, or where they have changed."""
+        system, d = self.system_of(model), model.displacements(self.z + change, self.t)
         if not self.linear:
             return system.forces(d, self.t).R
         start = system.assemble(self.zero, self.t, load_stiffness=False)
@@ -123,7 +125,22 @@ class Equilibrium(OneByOne):
         part, whose forces are far larger than those that the loads balance.
         """
         weights = self.system.weights
-        return derivative(lambda s: -self._solved(self.residual(at(s))), h, weights, self._unknown)
+        found = derivative(lambda s: -self._solved(self.residual(at(s))), h, weights, self._unknown)
+        return found if self.contacts is None else self._corrected(at, found)
+
+    def _corrected(self, at: Varied, found: Quotient) -> Quotient:
+        """Return dz/dp (n,) along which residuals do not change: tangents of points that slide leave something out."""
+        system, z = self.system, found.value
+
+        def more(step: float) -> Array:
+            return step * z - self._solved(self.residual(at(step), step * z))
+        for _ in range(CORRECTIONS):
+            found = derivative(more, found.h, system.weights, self._unknown)
+            last, z = found.value - z, found.value
+            found = replace(found, error=found.error + np.abs(last))
+            if system.norm(last) <= EXACT * system.norm(z):
+                break
+        return found
 
     @cached_property
     def _unknown(self) -> float:

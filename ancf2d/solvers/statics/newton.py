@@ -31,6 +31,8 @@ POOR = 1e-6
 FLOOR = 4.0
 # an equilibrium further from a guess than this share of the guess may be on another branch
 NEAR = 0.5
+# increments that may grow before they count as those of a cycle
+CYCLE = 4
 
 
 @dataclass
@@ -118,6 +120,8 @@ def _newton(system: System, d: Array, t_old: float, t: float, tolerance: float, 
         if stalled and (nothing or at_floor(balance.R, system.noise(d, t))):
             uncertainty = min(increments[-2:])
             break
+        if cycles(increments) and any(not pair.hard for pair in system.model.contacts):
+            z *= 0.5
         np.add(d[num.where], z, out=z)
         system.model.displacements(z, t, out=d)
         # the tangent follows multipliers also where nothing moves
@@ -171,6 +175,11 @@ def has_converged(increments: list[float], size: float, tolerance: float) -> boo
         return False
     contraction = last / increments[-2]
     return contraction < 0.5 and last * contraction <= tolerance * size
+
+
+def cycles(increments: list[float]) -> bool:
+    """Whether increments no longer fall: a body goes into its layer and out again."""
+    return len(increments) > CYCLE and increments[-1] >= min(increments[:-1])
 
 
 def check_divergence(increments: list[float], extent: float, at: dict[str, Any], residuals: list[float]) -> None:

@@ -172,9 +172,11 @@ def pressed_scene(seed: int, number: int) -> Data:
 # ---------------------------------------------------------------------- judged
 
 
-def pressed(seed: int, number: int) -> list[str]:
-    """Return what must not be of the equilibrium of a pressed beam."""
+def pressed(seed: int, number: int, stiffness: float | None = None) -> list[str]:
+    """Return what must not be of the equilibrium of a pressed beam, on layers where these have a stiffness."""
     case = pressed_scene(seed, number)
+    for contact in case["contacts"] if stiffness else ():
+        contact["law"] = {"stiffness": stiffness}
     try:
         solution = ancf2d.solve(case)
     except Ancf2dError as error:
@@ -186,7 +188,7 @@ def pressed(seed: int, number: int) -> list[str]:
     for pair in solution.model.contacts:
         S = sorted({float(s) for s, spot in zip(pair.s, pair.spots, strict=True) if not spot.free})
         gap = distance(case["obstacles"][pair.other], _places(solution, "beam", S)[-1]).min()
-        if pair.item.side == "axis" and gap < -DEPTH * solution.model.extent:
+        if pair.item.side == "axis" and not stiffness and gap < -DEPTH * solution.model.extent:
             out.append(f"{-gap:.1e} deep in {pair.other}")
     return out
 
