@@ -120,9 +120,7 @@ def _newton(system: System, d: Array, t_old: float, t: float, tolerance: float, 
         if stalled and (nothing or at_floor(balance.R, system.noise(d, t))):
             uncertainty = min(increments[-2:])
             break
-        if cycles(increments) and any(not pair.hard for pair in system.model.contacts):
-            z *= 0.5
-        np.add(d[num.where], z, out=z)
+        np.add(d[num.where], uncycled(z, increments, system.model), out=z)
         system.model.displacements(z, t, out=d)
         # the tangent follows multipliers also where nothing moves
         settled = iteration > 1 or not first[num.free >= num.n_q].any()
@@ -177,9 +175,10 @@ def has_converged(increments: list[float], size: float, tolerance: float) -> boo
     return contraction < 0.5 and last * contraction <= tolerance * size
 
 
-def cycles(increments: list[float]) -> bool:
-    """Whether increments no longer fall: a body goes into its layer and out again."""
-    return len(increments) > CYCLE and increments[-1] >= min(increments[:-1])
+def uncycled(z: Array, increments: list[float], model: Model) -> Array:
+    """Return an increment, half of it where bodies go into their layers and out again: increments do not fall then."""
+    cycles = len(increments) > CYCLE and increments[-1] >= min(increments[:-1])
+    return 0.5 * z if cycles and not all(pair.hard for pair in model.contacts) else z
 
 
 def check_divergence(increments: list[float], extent: float, at: dict[str, Any], residuals: list[float]) -> None:
