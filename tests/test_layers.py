@@ -159,3 +159,15 @@ def test_files_and_functions_are_short() -> None:
                 if lines > LONG.get(node.name, 50):
                     long.append(f"{path.relative_to(PACKAGE)}: {node.name}")
     assert not long
+
+
+def test_rows_of_fixtures_have_no_marks() -> None:
+    """Tests whose fixtures had a mark ``slow`` on some of their rows would be left out of both tiers (``conftest``)."""
+    found = []
+    for path in sorted((ROOT / "tests").rglob("*.py")):
+        text = path.read_text("utf-8")
+        for call in ast.walk(ast.parse(text)) if "fixture(" in text else ():
+            if isinstance(call, ast.Call) and ast.unparse(call.func).endswith("fixture"):
+                rows = [ast.unparse(key.value) for key in call.keywords if key.arg == "params"]
+                found += [f"{path.name}: {row}" for row in rows if re.search(r"marks|chosen|covering|pairwise", row)]
+    assert found == []
