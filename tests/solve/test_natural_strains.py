@@ -229,3 +229,22 @@ def test_a_strip_that_is_bent_in_part_takes_no_more_steps_than_it_is_given(curva
     assert summary["steps"] == 10
     assert summary["iterations"] <= 60
     assert summary["probes"]["tip"]["theta"] == pytest.approx(0.04 * curvature, rel=1e-10)
+
+
+@pytest.mark.parametrize("kind", [("reissner3", None), ("cable", None), ("vallejo", "structural")])
+@pytest.mark.parametrize("solver", [{"type": "static", "steps": 8},
+                                    {"type": "quasi_static", "t_end": 1.0, "tolerance": 1e-4}])
+def test_a_held_strip_that_is_heated_beyond_yield_and_cooled_is_left_in_tension(kind: tuple[str, str | None],
+                                                                               solver: dict[str, Any]) -> None:
+    """It flows in compression by p = (E alpha T - s)/(E + H), and back by q = (E p - s - H p)/(E + H) as it cools.
+
+    Isotropic hardening: stress then is s + H (p + q).
+    """
+    s, H, T = 100e6, 2e9, 400.0
+    p = (E * ALPHA * T - s) / (E + H)
+    q = (E * p - s - H * p) / (E + H)
+    heat = {"type": "temperature", "value": T, "amplitude": {"type": "table", "t": [0, 0.5, 1], "value": [0, 1, 0]}}
+    case = strip(element(*kind, 2), [heat], [*CLAMPED, {"type": "clamp", "at": "strip@1"}], solver,
+                 material={"yield": s, "hardening": {"isotropic": H}}, fields=["N"])
+    left = ancf2d.solve(case, states=False).probes["mid"]["N"]
+    assert left == pytest.approx((s + H * (p + q)) * WIDTH * HEIGHT, rel=1e-5)
