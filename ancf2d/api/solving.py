@@ -114,8 +114,8 @@ def sensitivity(case: CaseLike, to: str | Sequence[str] = (), overrides: Overrid
 
     ``to`` are paths such as ``["bodies.beam.section.height", "loads.0.value.1"]``; without any, every number that can
     vary is taken. ``rows`` have path, value, derivative, elasticity, the estimate of the derivative's error, and how
-    it was found: equilibria, frequencies and buckling factors are differentiated exactly, all else by differences of
-    runs.
+    it was found: equilibria, small motions, buckling factors and most motions are differentiated exactly, all else by
+    differences of runs.
 
     Raises CaseError if the case has no goal or a path leads to no number that can vary, ComputationError if the case
     cannot be solved.

@@ -100,7 +100,7 @@ class Contacts:
                                   f"reference, by up to {-gaps[k]:.4g} at S = {pair.s[k]:.4g}",
                                   f"{pair.body} {self.case.obstacles[pair.other].free(pair.other)}, or a law"))
         if not pair.hard:
-            self._look_at_law(i, pair, -gaps[k], pair.s[k])
+            self._tell_depth(i, pair, -gaps[k], pair.s[k])
         mesh = pair.mesh
         x = np.flatnonzero(mesh.kinds == 0) + mesh.first_dof
         holds = any(c in self.follows and not self.follows[c].terms and c + 1 in self.follows
@@ -110,8 +110,8 @@ class Contacts:
             self.warnings.append(f"contacts.{i}: {pair.body} is held {gaps[k]:.4g} from {pair.other}, more than "
                                  f"{REACH:g} times its length: they touch only if a support moves it there")
 
-    def _look_at_law(self, i: int, pair: ContactPair | BodyPair, depth: float, s: float) -> None:
-        """Look for a law that presses hard from the start."""
+    def _tell_depth(self, i: int, pair: ContactPair | BodyPair, depth: float, s: float) -> None:
+        """Warn of a law that presses hard from the start."""
         if depth > DEEP * pair.mesh.plan.length:
             other = "itself" if pair.other == pair.body else pair.other
             self.warnings.append(f"contacts.{i}: {pair.body} and {other} overlap in the reference, by up to "
@@ -123,7 +123,7 @@ class Contacts:
         found = [(*pair.overlap(), pair) for pair in pairs]
         depth, s, pair = max(found, key=lambda one: one[0])
         if not pair.hard:
-            self._look_at_law(i, pair, depth, s)
+            self._tell_depth(i, pair, depth, s)
         elif depth > OVERLAP * self.extent:
             other = "itself" if pair.other == pair.body else pair.other
             self.problems.append((("contacts", i), f"contacts.{i}: {pair.body} is {depth:.4g} deep in {other} in the "

@@ -91,7 +91,7 @@ class _Body:
     def energies(self, state: State) -> tuple[float, float]:
         """Return U, and by how much the mesh fails to follow U*; both 0 where they are round-off."""
         forces = self.forces(state, self.some)
-        asked, stored = self._asked(forces), self._stored(state)
+        asked, stored = self._asked(forces), self._stored(state, self.forces.energy)
         size = float(np.abs(self.model.weights * state.d[:self.model.n_q]).max()) / self.model.extent
         floor = self.faint * (size if state.linear else max(1.0, size)) ** 2
         if max(asked, stored) <= floor:
@@ -160,15 +160,15 @@ class _Body:
         total = float(weight.sum())
         return float((weight / (1.0 + pulled)).sum()) / total if total > 0.0 else 1.0
 
-    def _stored(self, state: State) -> float:
-        """Return the strain energy of the state whose section forces were asked for last.
+    def _stored(self, state: State, energy: float) -> float:
+        """Return the strain energy of a state, of whose elements it is ``energy``.
 
         It is that of the strains eps + tau d eps/dt where a viscous stress is among the forces.
         """
         mesh, n_q, tau = self.mesh, self.model.n_q, self.forces.tau
         if state.linear or state.v is None or not tau:
-            return self.weight * self.forces.energy
-        Q, energy, alone = nodal_forces(self.model, mesh, state, self.some, self.forces.apart(self.some))
+            return self.weight * energy
+        Q, _, alone = nodal_forces(self.model, mesh, state, self.some, self.forces.apart(self.some))
         d, v = (x[:n_q][mesh.dofs[self.some]].ravel() for x in (state.d, state.v))
         power = float(Q.ravel() @ v) + (natural_power(alone, 0.0, d, v) if self.model.loads.natural else 0.0)
         return self.weight * (energy + tau * power + 0.5 * tau * viscous_force(alone, tau, d, v, np.zeros_like(d)))

@@ -75,6 +75,8 @@ class Recorder:
         self.fields = FieldReader(model) if writer is not None else None
         self.every, self.end = self.case.output.every or 1, run_end(self.case)
         self.moves = self.case.solver.moves
+        # of equilibria that nothing is written of, the last one alone is told
+        self.reads_all = self.moves or writer is not None
         self.state: State | None = None
         self.reacted: tuple[State | None, dict[str, dict[str, float]]] = (None, {})
         self.probes: dict[str, dict[str, float]] = {}
@@ -90,7 +92,7 @@ class Recorder:
         if self.writer is not None and self.totals["steps"] == 0 and isinstance(self.case.solver, Static):
             self._reference()
         self.state = state
-        if self.moves or self.writer is not None:
+        if self.reads_all:
             self.probes = self.observer.observe(state)
         self._warn(state.warnings)
         self.report.update(state.report)
@@ -106,8 +108,7 @@ class Recorder:
         from ..model.element_limits import coarse_warnings
 
         self._warn(map(str, self.worst.values()))
-        if self.state is not None and not self.moves and self.writer is None:
-            # of states that nothing is written of, the last one alone is told
+        if self.state is not None and not self.reads_all:
             self.probes = self.observer.observe(self.state)
         if self.state is None or not self.progress.judges:
             return

@@ -141,9 +141,9 @@ def _solve(job: Job, progress: Progress | None) -> dict[str, Any]:
         if is_pursued(loaded):
             return _judged(solve_to_accuracy(loaded).outcome.summary)
         return _last.run(job, loaded, progress=progress, checkpoints=checkpoints)
-    if not os.path.isdir(os.path.dirname(job.output)):
-        raise ResultsError(f"there is no folder '{os.path.dirname(job.output)}' on this worker; several machines need "
-                           "a shared folder")
+    folder = Path(job.output).parent
+    if not folder.is_dir():
+        raise ResultsError(f"there is no folder '{folder}' on this worker; several machines need a shared folder")
     options: dict[str, Any] = {"force": job.force or _left_over(job.output), "command": job.command}
     if is_pursued(loaded):
         return _judged(solve_to_accuracy(loaded, Target(job.output, **options)).outcome.summary)
@@ -157,7 +157,7 @@ def _solve(job: Job, progress: Progress | None) -> dict[str, Any]:
 
 
 def _checkpoints(job: Job) -> Path | None:
-    """Return the file that a run over time goes on from, without what is not to be used; None without its folder."""
+    """Return the file that a run over time goes on from, which ``force`` empties; None where there is no folder."""
     folder = Path(job.output).parents[1]
     found = folder / f"{job.name}.checkpoint" if folder.is_dir() else None
     if job.force and found is not None:
