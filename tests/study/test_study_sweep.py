@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -218,6 +219,15 @@ def test_the_state_that_a_motion_starts_from_is_part_of_its_name(folder: Path) -
         assert found.status == "converged", found.reason
         names.append(found.output)
     assert names[0] != names[1]
+
+
+def test_a_worker_without_the_folder_of_result_files_says_so() -> None:
+    """As on another machine, which does not share it."""
+    job, = plan("beam.yaml", read_axes(["bodies.beam.element.count=1"]), (), Path("out"), ALONE, keep=True).jobs
+    told = sweep_runs.solve_job(replace(job, output=str(Path("elsewhere", "runs", "row.h5"))))
+    assert told["status"] == "failed"
+    assert "there is no folder 'elsewhere" in told["reason"]
+    assert "need a shared folder" in told["reason"]
 
 
 # ---------------------------------------------------------------------------- tables
