@@ -192,11 +192,15 @@ def test_a_spring_that_begins():
             "initial": {"velocity": [v, 0]},
             "solver": {"type": "dynamic", "t_end": t, "tolerance": 1e-9, "method": "radau5"},
             "goal": {"probe": "mass", "quantity": "ux"}, "output": {"probes": {"mass": "mass@0"}}}
-    study, w, s = ancf2d.sensitivity(case, ["springs.0.stiffness"]), np.sqrt(k / m), t - t1
+    study, w, s = ancf2d.sensitivity(case, ["springs.0.stiffness", "springs.0.active.from"]), np.sqrt(k / m), t - t1
+    found = {row.path.rpartition(".")[2]: row for row in study.rows}
     assert study.goal == pytest.approx(v * t1 * np.cos(w * s) + v / w * np.sin(w * s), rel=1e-6)
     slope = -v * t1 * s * np.sin(w * s) + v * (s * np.cos(w * s) / w - np.sin(w * s) / w**2)
-    assert study.rows[0].method == "exact"
-    assert study.rows[0].derivative == pytest.approx(slope / (2 * w * m), rel=1e-6)
+    assert found["stiffness"].method == "exact"
+    assert found["stiffness"].derivative == pytest.approx(slope / (2 * w * m), rel=1e-6)
+    # the number that moves its time is left to runs, no other one
+    assert found["from"].method == "differences of runs: the times of corners of signals depend on the number"
+    assert found["from"].derivative == pytest.approx(v * t1 * w * np.sin(w * s), rel=1e-6)
 
 
 BRIDGE = {"bodies": {"deck": {"geometry": {"type": "line", "start": [0, 0], "end": [4, 0]},

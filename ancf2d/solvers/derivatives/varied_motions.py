@@ -95,6 +95,9 @@ class Beside:
         models = [run.model if few and step == 0.0 else at(step) for step in self.steps]
         self.differing = Differing(run, models, self.weights)
         self._start: Change | None = None
+        if run.stepper.events or run.stepper.moving:
+            # when things begin, or points pass nodes, may depend on this number, and on no other one
+            self.runs  # noqa: B018
 
     @cached_property
     def runs(self) -> list[Run]:
