@@ -103,6 +103,15 @@ def test_states_of_a_controller_obey_their_equations():
     assert told(motion)["watch:z"] == pytest.approx(z, abs=1e-7)
 
 
+def test_a_controller_that_nothing_uses_watches_the_motion():
+    """It counts whole turns of an arm that spins, as it would where a load follows it."""
+    watch = {"type": "pid", "input": "hub.theta", "kp": 1}
+    scene = arm("0", controllers={"watch": watch}, initial={"rotation_rate": {"omega": 10}})
+    motion = ride(scene, 1.0, tolerance=1e-9, estimate=False)
+    found = motion.stepper.answers.look(motion.rows[-1])
+    assert found["watch"]["output"] == pytest.approx(10.0, abs=1e-8)
+
+
 def test_tangents_are_derivatives():
     """Of signals, states and formulas together, by coordinates and rates, on a flexible arm of directions."""
     lead = {"type": "state", "rate": {"z": "tip.x*sin(tip.theta) - z*z"}, "initial": {"z": 0.3}, "output": "3*z"}

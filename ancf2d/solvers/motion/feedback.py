@@ -24,7 +24,8 @@ class Answers:
         """Let the angles that something answers be counted from those at d (n_full,) on."""
         model = self.motion.model
         d = d[:model.n_q]
-        for k, q in enumerate(self.feedback.quantities):
+        # a controller that nothing uses answers no angles
+        for k, q in enumerate(self.feedback.quantities[:len(p.feedback.near)]):
             if q.rotation is not None and q.kind == ANGLE:
                 p.feedback.near[k] = model.turns.theta(q.rotation, model.e0 + d, d, turned)
 
