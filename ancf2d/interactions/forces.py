@@ -52,7 +52,8 @@ class NaturalStrain:
     """What one load strains a free body by, from S = ``first`` to ``last``, times its amplitude.
 
     ``values`` are axial strain, curvature [1/m], temperature [K] and its gradient [K/m] along the body. ``amount`` (3,)
-    and ``signal`` (1,) are its rows of ``kernels.natural.Natural``.
+    and ``signal`` (1,) are its rows of ``kernels.natural.Natural``. Equilibria are sought with a ``share`` of its change
+    from the amplitude ``before``.
     """
 
     mesh: BodyMesh
@@ -62,6 +63,13 @@ class NaturalStrain:
     amplitude: Callable[[float], float]
     amount: Array = field(default_factory=lambda: np.zeros(3))
     signal: Index = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
+    before: float = 0.0
+    share: float = 1.0
+
+    def at(self, t: float) -> float:
+        """Return how much of it strains the body at load factor or time t."""
+        now = self.amplitude(t)
+        return now if self.share == 1.0 else self.before + self.share * (now - self.before)
 
     def places(self) -> Index:
         """Return for each element 0 where it is not strained, 1 where as all others are, and 2 + its number else."""

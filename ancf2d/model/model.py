@@ -239,7 +239,7 @@ class Model:
         ``rates`` are those of the loads by their number among ``loads.natural``; all others are 0.
         """
         for k, load in enumerate(self.loads.natural):
-            load.amount[:] = 0.0 if t is None else load.amplitude(t)
+            load.amount[:] = 0.0 if t is None else load.at(t)
             load.amount[1] = rates.get(k, 0.0) if rates else 0.0
 
     def gravity_potential(self, d: Array, t: float) -> float:

@@ -16,7 +16,7 @@ from ..contact import memory, recall
 from ..state import State, check_kept
 from ..system import UNIT_ROUNDOFF, System, Turned
 from .newton import MAX_ITERATIONS, TOLERANCE, NewtonResult, check_sound, newton, state_of
-from .static import STEPS, March
+from .static import BEYOND, STEPS, March
 from .step_control import Path
 
 # shares of the whole time: the first step, the longest one, and one that is too short to go on
@@ -119,9 +119,9 @@ class Course:
 
     def _jump(self, t: float) -> State:
         """Return the equilibrium behind a jump of the loads or motions at t, which takes no time."""
-        self.t = t
+        before, self.t = self.t, t
         self.model.set_step(0.0)
-        found = self.march.jump(t)
+        found = self.march.jump(before, t)
         self.system.held = None
         return self._at_rest(found, [])
 
@@ -207,8 +207,7 @@ class Course:
         f = error.failure
         return ComputationError(f"no equilibrium was found beyond t = {self.t:.6g}: {f.reason}",
                                 at={"step": self.number, "t": float(f"{self.t:.6g}")}, history=f.history,
-                                advice=f.advice or "a limit load is likely, beyond which only solver dynamic can "
-                                "continue; else supports that leave no mechanism")
+                                advice=f.advice or BEYOND)
 
 
 def solve_quasi_static(model: Model, spec: QuasiStatic, kept: dict[str, Array] | None = None) -> Iterator[State]:

@@ -45,6 +45,9 @@ FAINT = 1e-6
 NEXT = 1e-3
 # share of the way within which two places are one
 ROUND = 1e-9
+# what helps where no equilibrium over time is found
+BEYOND = ("a limit load is likely, beyond which only solver dynamic can continue; else supports that leave no "
+          "mechanism")
 
 
 def solve_linear(model: Model) -> Iterator[State]:
@@ -191,20 +194,28 @@ class March:
     def settle(self) -> tuple[int, list[str]]:
         """Go to the equilibrium at factor 0; return iterations and warnings.
 
-        Springs are tightened step by step, and forces that hold the reference beside them are taken away.
+        Springs are tightened and natural strains grow step by step; forces that hold the reference beside them are
+        taken away.
         """
         R = self.system.forces(self.d, 0.0).R
         if not R.any() or at_floor(R, self.system.noise(self.d, 0.0)):
             return 0, []
         for spring in self.model.springs:
             spring.tighten(0.0)
+        self._strain(0.0)
         self.held = self.system.forces(self.d, 0.0).R
         states = list(self.go(Load(0.0, 0.0), Load(0.0, 1.0)))
         return sum(int(s.history["iterations"]) for s in states), [w for s in states for w in s.warnings]
 
-    def jump(self, t: float) -> int:
-        """Go on to the equilibrium at t where loads or motions jump, with steps of its own; return iterations."""
+    def jump(self, before: float, t: float) -> int:
+        """Go on to the equilibrium at t where loads or motions jump, with steps of its own; return iterations.
+
+        ``before`` is the time just before the jump.
+        """
         self.d = self.model.displacements(self.d[self.model.numbering.where], t)
+        for strain in self.model.loads.natural:
+            strain.before = strain.amplitude(before)
+        self._strain(0.0)
         self.held, self.tightens = self.system.forces(self.d, t).R, False
         return sum(int(s.history["iterations"]) for s in self.go(Load(t, 0.0), Load(t, 1.0)))
 
@@ -229,8 +240,14 @@ class March:
         self.system.count_from(turns)
         if self.held is not None:
             self.system.held = (1.0 - load.share) * self.held
+            self._strain(load.share)
             for spring in self.model.springs if self.tightens else ():
                 spring.tighten(load.share)
+
+    def _strain(self, share: float) -> None:
+        """Let natural strains be a share of the way from what they were before."""
+        for strain in self.model.loads.natural:
+            strain.share = share
 
     def go(self, begin: Load, end: Load, stops: Sequence[float] = ()) -> Iterator[State]:
         """Yield a state per step while one load becomes another; steps end at shares ``stops`` of the way."""
@@ -248,7 +265,7 @@ class March:
             except ComputationError as error:
                 recall(self.model, touched)
                 if not stride.cut(target, isinstance(error, SingularTangentError)):
-                    raise _stuck(error, old.factor, number) from error
+                    raise self._stuck(error, old.factor, number) from error
                 continue
             if changed and self._bends_away(path, result, old.factor) and stride.corner(target):
                 recall(self.model, touched)
@@ -309,24 +326,30 @@ class March:
         """Return what to say of a state whose stability is not that of the last one."""
         if (result.negative_pivots > 0) == (self.negative > 0) or not self.system.knows_inertia:
             return []
+        timed = self.model.case.solver.timed
+        when, paths = (f"t = {t:.6g}", "") if timed else (
+            f"load factor {t:.6g}", "; to pass limit points, use method: arc_length")
         if self.negative > 0:
-            return [f"the equilibrium is stable again from load factor {t:.6g} on"]
+            return [f"the equilibrium is stable again from {when} on"]
         apart = [f", or short elements separate in {m.plan.name}" for m in self.model.meshes.values() if m.can_part]
-        return [f"unstable equilibrium from load factor {t:.6g} on: the structure buckles or snaps "
-                f"there{''.join(apart)} ({result.negative_pivots} negative pivots). To follow the buckled branch, add "
-                "a small imperfection of shape or load; to pass limit points, use method: arc_length"]
+        return [f"unstable equilibrium from {when} on: the structure buckles or snaps there{''.join(apart)} "
+                f"({result.negative_pivots} negative pivots). To follow the buckled branch, add a small imperfection "
+                f"of shape or load{paths}"]
 
-
-def _stuck(error: ComputationError, t: float, number: int) -> ComputationError:
-    met = (f := error.failure).at.get("factor", t)
-    if isinstance(error, SingularTangentError) and 0.0 < abs(met - t) <= NEXT * abs(t):
+    def _stuck(self, error: ComputationError, t: float, number: int) -> ComputationError:
+        met = (f := error.failure).at.get("factor", t)
+        if isinstance(error, SingularTangentError) and 0.0 < abs(met - t) <= NEXT * abs(t):
+            return ComputationError(
+                f"load factor {met:.6g} is critical: the tangent stiffness is singular there",
+                at={"step": number + 1, **f.at},
+                advice="a load factor on either side of it. The structure buckles or snaps there. To follow the "
+                "buckled branch, add a small imperfection of shape or load; to pass limit points, use method: "
+                "arc_length")
+        if self.model.case.solver.timed:
+            return ComputationError(f"no equilibrium was found at t = {t:.6g}: {f.reason}", at={"t": t},
+                                    history=f.history, advice=f.advice or BEYOND)
         return ComputationError(
-            f"load factor {met:.6g} is critical: the tangent stiffness is singular there",
-            at={"step": number + 1, **f.at},
-            advice="a load factor on either side of it. The structure buckles or snaps there. To follow the buckled "
-            "branch, add a small imperfection of shape or load; to pass limit points, use method: arc_length")
-    return ComputationError(
-        f"no equilibrium was found beyond load factor {t:.6g}: {f.reason}", at={"step": number + 1, **f.at},
-        history=f.history,
-        advice=f.advice or "method: arc_length if this is a limit point; else more steps, or supports that leave no "
-        "mechanism")
+            f"no equilibrium was found beyond load factor {t:.6g}: {f.reason}", at={"step": number + 1, **f.at},
+            history=f.history,
+            advice=f.advice or "method: arc_length if this is a limit point; else more steps, or supports that leave "
+            "no mechanism")
