@@ -51,6 +51,26 @@ def test_the_scene_may_turn_either_way() -> None:
     np.testing.assert_allclose(omegas(case("vallejo, count: 4", 5)), omegas(case("vallejo, count: 4", -5)), rtol=1e-9)
 
 
+ARM = """
+  arm:
+    geometry: {type: line, start: [0.12, 0.16], end: [0.72, 0.96]}
+    element: {type: rigid, mass: 1, inertia: 0.1}
+springs: [{type: rotational, between: [[0.12, 0.16], arm@0], stiffness: 10}]
+boundary_conditions:
+- {name: pivot, type: pin, at: arm@0}
+- """
+
+
+@pytest.mark.parametrize("count", [3, 8], ids=["all pairs at once", "Arnoldi"])
+def test_a_rigid_arm_beside_a_beam_adds_its_own_pair(count: int) -> None:
+    """It swings with J s^2 + k + m Omega^2 R c = 0 about a pivot at R, and leaves the pairs of the beam alone."""
+    text = case(f"reissner3, count: {count}", 3)
+    both = text.replace("\nboundary_conditions: [", ARM).replace("hold: section}]", "hold: section}")
+    alone, found = (omegas(one.replace("modes: 3", f"modes: {modes}")) for one, modes in ((text, 5), (both, 6)))
+    arm = math.sqrt((10 + 9 * 0.2 * 0.5) / (0.1 + 0.25))
+    np.testing.assert_allclose(found, sorted([*alone, arm]), rtol=1e-7)
+
+
 def test_arnoldi_finds_the_pairs_that_all_pairs_at_once_hold(monkeypatch: pytest.MonkeyPatch) -> None:
     text = case("vallejo, count: 12", 7)
     found = omegas(text)

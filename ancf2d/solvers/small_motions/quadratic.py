@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ...elements.shape import Array
 from ...errors import ComputationError
 from .factors import Factors, turned_on_half_circle
-from .projected import Complex, Quadratic, Space, projected_pairs
+from .projected import Complex, Quadratic, Space, projected_pairs, within_constraints
 
 # up to so many unknowns, every eigenvalue is computed at once
 DENSE = 40
@@ -54,7 +54,7 @@ class Pairs:
 
     ``rest`` (k,): which are rigid motions that nothing moves or holds, each once, with s = 0. ``residual``:
     |Q(s0)^-1 Q(s) x|/|x| as displacements, Q(s) = K + s C + s^2 M, s0 the shift. ``missing``: how many more eigenvalues
-    the argument principle counts within the circle through the last pair (None: it could not tell).
+    there are within the circle through the last pair, by the argument principle (None: it could not tell).
     ``skipped`` pairs did not converge.
     """
 
@@ -90,7 +90,8 @@ class Search:
         if self.factors.singular:
             raise ComputationError("the matrix K + s C + s^2 M is singular for every s",
                                    advice="a mass or a stiffness for everything that can move")
-        self.space = Space(problem)
+        self.within = within_constraints(problem)
+        self.space = Space(problem, self.within)
 
     def _inverse(self, b: Array) -> Array:
         return self.factors.solve(b)
@@ -166,7 +167,7 @@ class Search:
         if len(s) <= some:
             return s, Y
         X = [self.space.combined(y) for y in Y[:some]]
-        self.space = Space(p)
+        self.space = Space(p, self.within)
         for one, x in zip(s, X, strict=False):
             tau = one - self.s0
             b = tau * (_both(p.damping, x) + 2 * self.s0 * _both(p.mass, x)) + tau * tau * _both(p.mass, x)
@@ -269,7 +270,7 @@ def _chosen(search: Search, s: Complex, Y: Complex, number: int, complete: bool)
     motions = _motions(search.problem, resting)
     rest_count, n = len(motions), search.problem.n
     found = np.array([0j] * rest_count + keep, dtype=complex)
-    missing = 0 if complete else _missing(search, found, s)
+    missing = skipped if complete else _missing(search, found, s)
     return Pairs(found, np.array([*motions, *vectors], dtype=complex).reshape(-1, n),
                  np.array([*(search.residual(0.0, x) for x in motions), *residuals]),
                  np.arange(len(found)) < rest_count, missing, skipped)
