@@ -51,3 +51,17 @@ def test_steps_end_at_times_that_are_asked_for() -> None:
     np.testing.assert_allclose(found.course["tip"]["N"][at], exact, rtol=1e-6)
     with pytest.raises(CaseError, match=r"does not reach 1\.5"):
         ancf2d.load(case, {"solver.times": [0.5, 1.5]})
+
+
+@pytest.mark.parametrize(("course", "begins", "ends"), [
+    ({"type": "table", "t": [0, 1, 2], "value": [0, 2, 0]}, 0.5, 1.5),
+    ({"type": "expression", "value": "2 if 0.3 < t < 1.2 else 0"}, 0.3, 1.2)], ids=["gradual", "at once"])
+def test_a_column_is_told_to_be_unstable_beyond_its_buckling_load(course: dict, begins: float, ends: float) -> None:
+    """A straight column under twice its buckling load pi^2 EI/4 and back, in steps of at most a hundredth."""
+    body = {"geometry": h.line(1.0), "element": h.element("reissner3", 4), "section": {"EA": 1e6, "kGA": 1e6, "EI": 1}}
+    load = {"type": "force", "at": "rod@1", "value": [-np.pi**2 / 4, 0], "amplitude": course}
+    found = h.Solution(build_model(h.load({"rod": body}, {"type": "quasi_static", "t_end": 2.0}, loads=[load],
+                                          bc=[{"type": "clamp", "at": "rod@0"}])))
+    told = [(w.split(" from t")[0], s.t) for s in found.states for w in s.warnings]
+    assert [what for what, _ in told] == ["unstable equilibrium", "the equilibrium is stable again"]
+    assert [begins, ends] <= [t for _, t in told] and [t for _, t in told] <= [begins + 0.02, ends + 0.02]

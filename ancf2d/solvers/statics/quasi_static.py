@@ -15,7 +15,7 @@ from ...model.model import Model
 from ..contact import memory, recall
 from ..state import State, check_kept
 from ..system import UNIT_ROUNDOFF, System, Turned
-from .newton import MAX_ITERATIONS, TOLERANCE, NewtonResult, check_sound, newton, state_of
+from .newton import MAX_ITERATIONS, TOLERANCE, NewtonResult, check_sound, negative_pivots, newton, state_of
 from .static import BEYOND, STEPS, March
 from .step_control import Path
 
@@ -123,7 +123,7 @@ class Course:
         self.model.set_step(0.0)
         found = self.march.jump(before, t)
         self.system.held = None
-        return self._at_rest(found, [])
+        return self._at_rest(*found)
 
     def _go(self, stop: float) -> Iterator[State]:
         """Yield the states of steps up to a time."""
@@ -186,7 +186,10 @@ class Course:
     def _accept(self, result: NewtonResult, t: float) -> State:
         self.t = t
         self._count(result.d)
-        state = state_of(self.system, result, t, self.number - 1, 0, [])
+        if result.negative_pivots != self.march.negative:
+            result.negative_pivots = negative_pivots(self.system, result.d, t)
+        state = state_of(self.system, result, t, self.number - 1, 0, self.march.stability(result, t))
+        self.march.negative = result.negative_pivots
         self.system.accept(result.d, t)
         # what is asked for next is asked at this moment
         self.model.set_step(0.0)

@@ -204,11 +204,10 @@ class March:
             spring.tighten(0.0)
         self._strain(0.0)
         self.held = self.system.forces(self.d, 0.0).R
-        states = list(self.go(Load(0.0, 0.0), Load(0.0, 1.0)))
-        return sum(int(s.history["iterations"]) for s in states), [w for s in states for w in s.warnings]
+        return self._all(Load(0.0, 0.0), Load(0.0, 1.0))
 
-    def jump(self, before: float, t: float) -> int:
-        """Go on to the equilibrium at t where loads or motions jump, with steps of its own; return iterations.
+    def jump(self, before: float, t: float) -> tuple[int, list[str]]:
+        """Go on to the equilibrium at t where loads or motions jump; return iterations and warnings.
 
         ``before`` is the time just before the jump.
         """
@@ -217,7 +216,12 @@ class March:
             strain.before = strain.amplitude(before)
         self._strain(0.0)
         self.held, self.tightens = self.system.forces(self.d, t).R, False
-        return sum(int(s.history["iterations"]) for s in self.go(Load(t, 0.0), Load(t, 1.0)))
+        return self._all(Load(t, 0.0), Load(t, 1.0))
+
+    def _all(self, begin: Load, end: Load) -> tuple[int, list[str]]:
+        """Go from one load to another; return the iterations and the warnings of all steps."""
+        states = list(self.go(begin, end))
+        return sum(int(s.history["iterations"]) for s in states), [w for s in states for w in s.warnings]
 
     def stand(self, d: Array) -> None:
         """Go on from an equilibrium (n_full,) that was found otherwise."""
@@ -272,7 +276,7 @@ class March:
                 continue
             number += 1
             self.system.count_from(turns)
-            stability = self._stability(result, new.factor)
+            stability = self.stability(result, new.factor)
             state = state_of(self.system, result, new.factor, number, stride.cutbacks, stability)
             self.system.accept(result.d, new.factor)
             self.turns = self.system.turns()
@@ -322,7 +326,7 @@ class March:
             return False
         return len(path.t) > 1 or negative_pivots(self.system, path.d[-1], t_old) <= 0
 
-    def _stability(self, result: NewtonResult, t: float) -> list[str]:
+    def stability(self, result: NewtonResult, t: float) -> list[str]:
         """Return what to say of a state whose stability is not that of the last one."""
         if (result.negative_pivots > 0) == (self.negative > 0) or not self.system.knows_inertia:
             return []
