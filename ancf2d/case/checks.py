@@ -13,6 +13,7 @@ from .interaction_checks import (
     check_feedback,
     check_flows,
     check_moving,
+    check_rates,
 )
 from .material_checks import check_materials
 from .nodes import Source, quoted
@@ -58,6 +59,7 @@ def check_case(case: Case, source: Source, binder: Binder) -> None:
         check_active(checker)
         check_flows(checker)
         check_feedback(checker)
+        check_rates(checker)
         check_materials(checker)
         checker.goals()
         checker.masses()

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 from .binder import INVALID, Path, dotted, listed
+from .material_checks import materials_of
 from .nodes import quoted
 from .schema import Active, Expression, Initial, MovingPoint, PointExpression
 from .schema.controllers import DerivativeError, equations, loop
@@ -20,7 +22,7 @@ def check_feedback(checker: Any) -> None:
     method = getattr(checker.case.solver, "method", None)
     static = isinstance(checker.case.initial, Initial) and checker.case.initial.from_ == "static"
     for path, value, _ in checker.values:
-        if isinstance(value, PointExpression) and "t" in value.quantities and checker.solver != "dynamic":
+        if isinstance(value, PointExpression) and "t" in value.quantities and not checker.case.solver.timed:
             checker.fail(path, f"{dotted(path)} uses t: solver {checker.solver} has no time", "an amplitude")
         if not _answers(value):
             continue
@@ -82,6 +84,33 @@ def check_active(checker: Any) -> None:
         if isinstance(value, Active) and checker.solver != "dynamic":
             checker.fail(path, f"{dotted(path)} cannot be used with solver {checker.solver}, only with dynamic",
                          on_key=True)
+
+
+def check_rates(checker: Any) -> None:
+    """Check that nothing resists rates where a solver follows time without velocities."""
+    solver = checker.case.solver
+    if not solver.timed or solver.moves:
+        return
+    for path, instead in _resisting(checker):
+        checker.fail(path, f"{dotted(path)} cannot be used with solver {checker.solver}, which computes no velocities",
+                     f"solver dynamic, or {instead}")
+
+
+def _resisting(checker: Any) -> Iterator[tuple[Path, str]]:
+    """Yield the places of what resists rates, and what can stand instead."""
+    for path, material in materials_of(checker.case):
+        damping = None if material in (None, INVALID) else material.damping
+        if damping not in (None, INVALID) and damping.kelvin_voigt != 0.0:
+            yield (*path, "damping"), "material.viscoelastic"
+    for i, spring in enumerate(checker.case.springs or ()):
+        if spring is not INVALID and getattr(spring, "damped", False):
+            yield ("springs", i, "damping" if getattr(spring, "damping", 0.0) else "force"), "a spring without damping"
+    for i, contact in enumerate(checker.case.contacts or ()):
+        if contact is not INVALID and contact.law not in (None, INVALID) and contact.law.damping != 0.0:
+            yield ("contacts", i, "law", "damping"), "a law without damping"
+    for path, value, _ in checker.values:
+        if isinstance(value, PointExpression) and {"vx", "vy"} & set(value.quantities):
+            yield path, "a value without vx and vy"
 
 
 def check_moving(checker: Any) -> None:

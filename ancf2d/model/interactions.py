@@ -27,7 +27,7 @@ from .constraints import Constraint
 from .mesh import Index
 from .point_patch import Items, PointConstraint, PointPatch
 from .rotation import Turns
-from .timing import rates_of
+from .timing import Clocked, rates_of
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
@@ -190,8 +190,9 @@ class Batch:
         self._energy, self._shape = np.zeros(m), (m, n, n)
 
     def amplitudes(self, t: float, rates: bool = False) -> Array:
-        """Return the signals (k, 3) at t; their derivatives by time are 0 unless asked for."""
-        return np.array([(s(t), *(rates_of(s, t) if rates else (0.0, 0.0))) for s in self.signals]).reshape(-1, 3)
+        """Return the signals (k, 3) at t; their derivatives by time are 0 unless asked for, but for those that tell t."""
+        return np.array([(s(t), *(rates_of(s, t) if rates or isinstance(s, Clocked) else (0.0, 0.0)))
+                         for s in self.signals]).reshape(-1, 3)
 
     def turn_to(self, d: Array) -> None:
         """Let points touch with the curves that they have at d (n_full,), and what they are opposite to there."""

@@ -65,3 +65,13 @@ def test_a_column_is_told_to_be_unstable_beyond_its_buckling_load(course: dict, 
     told = [(w.split(" from t")[0], s.t) for s in found.states for w in s.warnings]
     assert [what for what, _ in told] == ["unstable equilibrium", "the equilibrium is stable again"]
     assert [begins, ends] <= [t for _, t in told] and [t for _, t in told] <= [begins + 0.02, ends + 0.02]
+
+
+def test_a_line_load_is_a_formula_in_time() -> None:
+    """w = (11/120) q L^4/(E I) at the tip of a cantilever under q s; for t^2 q s, that of the time."""
+    body = {"geometry": h.line(1.0), "element": h.element("cable", 8), "section": {"EA": 1e6, "kGA": 1e6, "EI": 10}}
+    found = h.Solution(build_model(h.load({"rod": body}, {"type": "quasi_static", "t_end": 2.0, "times": [1.0]},
+        bc=[{"type": "clamp", "at": "rod@0"}],
+        loads=[{"type": "distributed", "on": "rod", "value": [0, "1e-3*t^2*s"]}])))
+    uy = {s.t: found.u("rod@1", k)[1] for k, s in enumerate(found.states)}
+    assert [uy[1.0], uy[2.0]] == pytest.approx([11e-4 / 120, 4 * 11e-4 / 120], rel=1e-5)
