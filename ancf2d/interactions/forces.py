@@ -52,8 +52,8 @@ class NaturalStrain:
     """What one load strains a free body by, from S = ``first`` to ``last``, times its amplitude.
 
     ``values`` are axial strain, curvature [1/m], temperature [K] and its gradient [K/m] along the body. ``amount`` (3,)
-    and ``signal`` (1,) are its rows of ``kernels.natural.Natural``. Equilibria are sought with a ``share`` of its change
-    from the amplitude ``before``.
+    and ``signal`` (1,) are its rows of ``kernels.natural.Natural``. On the way to an equilibrium a ``share`` of its
+    change from the amplitude ``before`` acts.
     """
 
     mesh: BodyMesh

@@ -190,7 +190,7 @@ class Batch:
         self._energy, self._shape = np.zeros(m), (m, n, n)
 
     def amplitudes(self, t: float, rates: bool = False) -> Array:
-        """Return the signals (k, 3) at t; their derivatives by time are 0 unless asked for, but for those that tell t."""
+        """Return the signals (k, 3) at t; their derivatives by time are 0 unless asked for, or they tell the time."""
         return np.array([(s(t), *(rates_of(s, t) if rates or isinstance(s, Clocked) else (0.0, 0.0)))
                          for s in self.signals]).reshape(-1, 3)
 
