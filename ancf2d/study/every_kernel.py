@@ -8,22 +8,32 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from ..case import TEMPLATES, load_case_text, template
+import numpy as np
+
+from ..case import TEMPLATES, Goal, LoadedCase, load_case_text, template
 from ..elements.formulations import FORMULATIONS
 from ..elements.registry import ELEMENTS
 from ..kernels.lowlevel.jit import CACHE, REFUSED
 from ..solvers.motion.schemes import INTEGRATORS
+from .gradient import gradient
+from .measures import GoalValues
 from .run import run_case, vocabulary
 
 STIFF = {"E": 1e10, "nu": 0.3, "rho": 1000.0}
 DAMPED = {**STIFF, "damping": {"kelvin_voigt": 1e-4}}
 SECTION = {"height": 0.05, "width": 0.05}
-MOMENT = {"type": "dynamic", "t_end": 1e-4, "tolerance": 1e-2, "estimate": False}
+MOMENT: dict[str, Any] = {"type": "dynamic", "t_end": 1e-4, "tolerance": 1e-2, "estimate": False}
+# one step: with a tolerance, motions with contact would begin with very short ones
+STEP = {"type": "dynamic", "t_end": MOMENT["t_end"], "dt": MOMENT["t_end"]}
 FEW = {"interval": MOMENT["t_end"]}
 STATIC = {"type": "static", "steps": 1}
 GRAVITY = {"type": "gravity", "value": [0, -9.81]}
 # one integrator of each family; the others have the same kernels
 METHODS = ("radau5", "generalized_alpha", "energy_momentum", "Radau")
+# the probe of motions that are differentiated, and the numbers that they are differentiated to: of an element, a law
+PROBE = "tip"
+DIFFERENTIATED = {f"{name} with springs and joints": ("bodies.a.material.E", "springs.0.stiffness")
+                  for name in ("radau5", "generalized_alpha")}
 SIDE = 6  # of the frame that fronts are cheaper for than a band
 LAW = {"stiffness": 1e6, "damping": 1.0}
 # materials with memory or of large strains; their kernels serve any number of fibres and of terms
@@ -47,7 +57,15 @@ def compile_everything(done: Callable[[float, str], None] = lambda share, what: 
             outcome = run_case(loaded, str(Path(folder, "out.h5")), force=True)
             if outcome.failure is not None:
                 raise outcome.failure
+            if name in DIFFERENTIATED:
+                _differentiate(loaded, DIFFERENTIATED[name])
     return len(cases), CACHE, REFUSED
+
+
+def _differentiate(loaded: LoadedCase, paths: tuple[str, ...]) -> None:
+    """Differentiate a motion to the numbers at ``paths``: back through its steps for a goal, and forth for its end."""
+    gradient(loaded, GoalValues((Goal(probe=PROBE, quantity="uy"),)), paths)
+    gradient(loaded, lambda model, states: np.array(states[-1].d), paths)
 
 
 def cases_of_every_kind() -> Iterator[tuple[str, str, tuple[str, ...]]]:
@@ -76,24 +94,24 @@ def _small_cases() -> Iterator[tuple[str, dict[str, Any]]]:
     yield "flutter of a pipe", {**_column(), "fluid": {"on": "column", "rhoA": 0.2, "velocity": 1.0},
                                 "solver": {"type": "buckling", "modes": 1}, "loads": []}
     bodies, rough = _contact_of_bodies(), {"between": ["a", "c"], "friction": 0.1}
-    # one step: with a tolerance, they would begin with very short ones
-    step = {"type": "dynamic", "t_end": MOMENT["t_end"], "dt": MOMENT["t_end"]}
-    impacts: dict[str, Any] = {"solver": {**step, "method": "generalized_alpha"}, "output": FEW}
+    impacts: dict[str, Any] = {"solver": {**STEP, "method": "generalized_alpha"}, "output": FEW}
     yield "statics of contact between bodies", {**bodies, "contacts": [*bodies["contacts"], rough], "solver": STATIC}
     yield "generalized_alpha of contact between bodies", {**bodies, **impacts, "contacts": [*bodies["contacts"], rough]}
     yield "generalized_alpha of contact with obstacles", {**_contact_with_obstacles(), **impacts}
     # the same contacts, between steps of another method
     yield "radau5 of contact with obstacles", {**_contact_with_obstacles(), **impacts,
-                                               "solver": {**step, "method": "radau5"}}
+                                               "solver": {**STEP, "method": "radau5"}}
     # integrators call what these add by address: one stands for all
     yield "radau5 with controllers, events and what moves", {
-        **_answers(), "solver": {**MOMENT, "method": "radau5"}, "output": {**FEW, "probes": {"tip": "b@1"}}}
+        **_answers(), "solver": {**MOMENT, "method": "radau5"}, "output": {**FEW, "probes": {PROBE: "b@1"}}}
     yield from _memories()
     for name in METHODS:
         motion, conserved = {"solver": {**MOMENT, "method": name}, "output": FEW}, INTEGRATORS[name].conserves
         yield name, {**_laws(conserved), **motion}
-        yield f"{name} with springs and joints", {**_interactions(), **motion}
+        probed = {**motion, "output": {**FEW, "probes": {PROBE: "b@1"}}}
+        yield f"{name} with springs and joints", {**_interactions(), **probed}
         if INTEGRATORS[name].scipy is None:
+            yield f"{name} with what is let go", {**_let_go(), **probed}
             yield f"{name} of a frame", {**_frame(conserved), **motion}
 
 
@@ -147,9 +165,9 @@ def _interactions() -> dict[str, Any]:
                       {"type": "moment", "at": "arm@1", "value": 0.01}]}
 
 
-def _contact_with_obstacles() -> dict[str, Any]:
+def _contact_with_obstacles(material: dict[str, Any] = STIFF) -> dict[str, Any]:
     """Return a case with contact of bodies with obstacles, with a law and without; nothing has to touch yet."""
-    bodies = {name: _body([0, k], [1, k], {"type": "cable"}, STIFF) for k, name in enumerate(("hard", "soft"))}
+    bodies = {name: _body([0, k], [1, k], {"type": "cable"}, material) for k, name in enumerate(("hard", "soft"))}
     return {"format": 1, "title": "obstacles", "bodies": bodies, "loads": [GRAVITY],
             "boundary_conditions": [{"type": "clamp", "at": f"{name}@0"} for name in bodies],
             "obstacles": {"drum": {"type": "circle", "center": [1, -0.13], "radius": 0.1},
@@ -178,6 +196,7 @@ def _answers() -> dict[str, Any]:
             "controllers": {"motor": {"type": "pid", "input": "1 - tip.theta", "kp": 3, "ki": 1, "kd": 0.1,
                                       "filter": 1e-3, "limit": [-5, 5]},
                             "lead": {"type": "state", "rate": {"z": "1 - tip.theta - z"}, "output": "z"}},
+            "masses": [{"at": {"on": "a", "s": place}, "mass": 0.1}],
             "loads": [{"type": "moment", "at": "b@0", "value": 1,
                        "amplitude": {"type": "expression", "value": "motor + lead"}},
                       {"type": "distributed", "on": "b", "value": ["-0.1*vx", "-0.1*vy"]},
@@ -185,8 +204,30 @@ def _answers() -> dict[str, Any]:
                       {"type": "force", "at": {"on": "a", "s": place}, "value": [0, -1]}]}
 
 
+def _let_go() -> dict[str, Any]:
+    """Return a case with supports and a weld that end during a motion, one-sided springs and layers of contact."""
+    bodies = {name: _body([0, k], [1, k], {"type": "cable"}, DAMPED) for k, name in enumerate(("a", "b", "c"))}
+    bodies["d"] = _body([1, 2], [2, 2], {"type": "vallejo"}, DAMPED)
+    bodies["a"]["element"]["type"] = "vallejo"
+    ends = {"active": {"until": f"{PROBE}.uy > 9"}}
+    angle = {"type": "sine", "scale": 1e-3, "frequency": 1.0}
+    return {"format": 1, "title": "let go", "bodies": bodies,
+            "boundary_conditions": [{"type": "clamp", "at": "a@0", "hold": "section", **ends},
+                                    {"type": "clamp", "at": "a@1", "hold": "breathe", **ends},
+                                    {"type": "pin", "at": "b@0", **ends}, {"type": "clamp", "at": "c@0"},
+                                    {"type": "prescribed", "at": "b@0", "angle": angle, **ends}],
+            "joints": [{"type": "weld", "between": ["c@1", "d@0"], **ends}],
+            "springs": [{"type": "translational", "between": ["b@1", [2, 1]], "stiffness": 1.0, "only": "tension"},
+                        {"type": "rotational", "between": ["b@1", [0, 0]], "stiffness": 1.0, "gap": 0.1}],
+            "obstacles": {"floor": {"type": "half_plane", "through": [0, 1.97], "normal": [0, 1]}},
+            "contacts": [{"between": ["c", "floor"], "friction": 0.1, "law": LAW}],
+            "loads": [{"type": "follower_force", "at": "b@1", "value": [0, 0.1]},
+                      {"type": "tendon", "on": "b", "y": 0.01, "tension": 0.01}]}
+
+
 def _memories() -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield statics of a body of each formulation that bears a material with memory, or one of large strains."""
+    """Yield statics of a body of each formulation that bears a material with memory, or one of large strains, and
+    motions with memory."""
     for kind, keys in MEMORY.items():
         for name, formulation in FORMULATIONS.items():
             element = next(t for t in ELEMENTS.values() if formulation.refuse(t) is None)
@@ -198,6 +239,12 @@ def _memories() -> Iterator[tuple[str, dict[str, Any]]]:
                 "format": 1, "title": kind, "bodies": {"a": body}, "loads": [GRAVITY],
                 "boundary_conditions": [{"type": "clamp", "at": "a@0"}],
                 "solver": {"type": "quasi_static", "t_end": 1.0} if kind == "relaxes" else STATIC}
+    remembers = _contact_with_obstacles({**STIFF, **MEMORY["relaxes"]})
+    for method in ("radau5", "generalized_alpha"):
+        free = {key: value for key, value in remembers.items() if key not in ("obstacles", "contacts")}
+        for what, case in (("motion", free), ("contact", remembers)):
+            yield f"{method} of {what} that relaxes", {
+                **case, "solver": {**STEP, "method": method}, "output": {"interval": 0.5 * STEP["t_end"]}}
 
 
 def _frame(conserved: bool = False) -> dict[str, Any]:

@@ -23,6 +23,8 @@ NOT_NEEDED = {"matplotlib", "unittest", "scipy.linalg", "scipy.sparse", "scipy.i
 KERNELS, LIBRARY = 76, 5
 # cases that between them need every kind of kernel, with what is changed
 SHORT = ("solver.t_end=0.01",)
+RELAXES = "bodies.rod.material.viscoelastic=[{modulus: 0.5, time: 0.1}]"
+LET_GO = "boundary_conditions.pivot.active={until: t > 1}"
 RUNS = [
     *((f"static/{name}.yaml", ()) for name in ("uniform_load", "follower_force", "portal_frame", "deep_arch",
                                                "thick_cantilever_three_node", "three_hinged_frame")),
@@ -34,7 +36,16 @@ RUNS = [
     *(("dynamic/double_pendulum.yaml", (*SHORT, f"solver.method={method}", "solver.tolerance=1e-3"))
       for method in ("radau9", "hht", "generalized_alpha", "newmark", "RK45", "DOP853", "Radau", "BDF", "LSODA")),
     ("dynamic/pendulum2_cable.yaml", (*SHORT, "solver.method=energy_momentum")),
+    ("dynamic/moving_mass.yaml", SHORT), ("modes/rotating_cantilever_vallejo.yaml", ()),
+    *(("dynamic/pendulum1_reissner3.yaml", (*SHORT, f"solver.method={method}", RELAXES))
+      for method in ("radau5", "generalized_alpha")),
+    *(("dynamic/pendulum2_cable.yaml", (*SHORT, f"solver.method={method}", LET_GO))
+      for method in ("radau5", "energy_momentum")),
 ]
+# cases that are differentiated, back through a motion and forth
+DIFFERENTIATED = [("dynamic/double_pendulum.yaml", (*SHORT, f"solver.method={method}", "solver.tolerance=1e-3", *goal))
+                  for method in ("radau5", "generalized_alpha")
+                  for goal in ((), ("goal={quantity: strain_energy}",))]
 RUN = """
 import json, sys
 from numba.core import event
@@ -124,7 +135,9 @@ def test_after_compile_no_run_compiles_anything(folder: Path) -> None:
     compiled = kernels_taken(folder, ["compile", "-q"])
     cases = Path(__file__).parents[2] / "cases"
     # one process for all: their imports take longer than they do
-    needed = kernels_taken(folder, *(["run", str(cases / name), "-q", "--force", *(f"--set={c}" for c in changes)]
-                                     for name, changes in RUNS))
+    whole = [(["run", "--force"], RUNS), (["sensitivity", "--to=loads.0.value.1", "--to=bodies.upper.material.E"],
+                                          DIFFERENTIATED)]
+    needed = kernels_taken(folder, *([command, str(cases / name), "-q", *options, *(f"--set={c}" for c in changes)]
+                                     for (command, *options), tried in whole for name, changes in tried))
     assert len(needed) > 50
     assert needed - compiled == set()
