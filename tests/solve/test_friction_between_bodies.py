@@ -319,3 +319,42 @@ def test_bodies_that_begin_to_touch_do_not_pass_through_one_another_in_a_load_st
         contacts=[{**ON, "law": {"stiffness": 1e9}}]))
     # each leaf is held by the other: what the layer gives
     np.testing.assert_allclose(found.u("upper@1")[1], -0.5 * 5e4 / 1e9, rtol=0.05)
+
+
+def folded(whole: bool, law: Any) -> Any:
+    """Return a hairpin, in one piece or of two that are welded in its bend, whose end is pressed down and dragged."""
+    arm, bend, start = {"line": 0.15}, 0.05, [0.15, 0.0]
+    radius = 2 * bend / np.pi
+
+    def bent(start, heading, pieces, count):
+        geometry = {"type": "path", "start": start, "heading": heading, "pieces": pieces}
+        return helpers.body(geometry, helpers.element("cable", count), {"height": 0.01, "width": WIDTH},
+                            {"E": E, "nu": 0.3})
+
+    half, turn = {"arc": radius, "angle": -0.5 * np.pi}, {"arc": radius, "angle": -np.pi}
+    if whole:
+        bodies = {"pin": bent(start, np.pi, [arm, turn, arm], 8)}
+    else:
+        bodies = {"lower": bent(start, np.pi, [arm, half], 4),
+                  "upper": bent([-radius, radius], 0.5 * np.pi, [half, arm], 4)}
+    clamped, end, contact = ("pin@0", "pin@1", {"self": "pin"}) if whole else (
+        "lower@0", "upper@1", {"between": ["upper", "lower"]})
+    load = {"type": "force", "at": end, "value": [0, -3e4], "amplitude": {"type": "ramp", "t0": 0, "t1": 0.5}}
+    drag = {**load, "value": [1e4, 0], "amplitude": {"type": "table", "t": [0, 0.5, 0.75, 1], "value": [0, 0, 1, 0]}}
+    return helpers.Solution(helpers.build(
+        bodies, {"type": "static", "steps": 4}, loads=[load, drag],
+        joints=[] if whole else [{"type": "weld", "between": ["lower@1", "upper@0"]}],
+        bc=[{"name": "wall", "type": "clamp", "at": clamped}],
+        contacts=[{"name": "touch", "friction": MU, **contact, **({"law": law} if law else {})}]))
+
+
+@pytest.mark.parametrize("law", [{"stiffness": 1e9}, pytest.param(None, marks=pytest.mark.slow)])
+def test_a_hairpin_rubs_on_itself_as_two_welded_halves_on_each_other(law):
+    pin, halves = folded(True, law), folded(False, law)
+    for s in (0.0, 0.3, 0.7, 1.0):
+        np.testing.assert_allclose(pin.r(f"pin@{0.5 + 0.5 * s}"), halves.r(f"upper@{s}"), rtol=0, atol=1e-9)
+    (report,) = contact_report(halves.model, halves.state)
+    assert report["force"][1] > 1e3
+    # held by friction where it was dragged to
+    assert abs(report["force"][0]) > 0.1 * report["force"][1]
+    check_balance(pin)
