@@ -153,6 +153,15 @@ def test_a_hairpin_touches_itself_as_half_of_it_does_its_plane_of_symmetry(law):
     check_balance(whole)
 
 
+def test_what_may_touch_but_does_not_vibrates_as_if_alone():
+    """A beam that may touch itself has more such points than coordinates, and all of them are open."""
+    scene = {"bodies": {"hook": beam([0, 0], [1, 0], "reissner3")}, "boundary_conditions": clamps("hook@0"),
+             "solver": {"type": "eigen", "modes": 3}}
+    alone, may = (ancf2d.solve({**scene, **more}).summary for more in ({}, {"contacts": [{"self": "hook"}]}))
+    for one, other in zip(alone["frequencies"], may["frequencies"], strict=True):
+        assert one["omega"] == pytest.approx(other["omega"], rel=1e-8)
+
+
 def test_steps_that_keep_energy_are_refused():
     bodies = {"upper": beam([0, 0.02], [1, 0.02]), "lower": beam([0.8, 0], [1.6, 0])}
     solver = {"type": "dynamic", "t_end": 1, "dt": 0.1, "method": "energy_momentum"}

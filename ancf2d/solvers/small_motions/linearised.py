@@ -166,7 +166,10 @@ def small_motions(model: Model, about: str, solver: str) -> Linearised:
 
     Raises ComputationError where nothing can move, or there is no such equilibrium.
     """
-    if model.numbering.n_unknowns <= 2 * model.numbering.n_multipliers:
+    num = model.numbering
+    # open contacts have multipliers that hold nothing
+    holding = num.n_multipliers - sum(len(table.points) for table in model.contact_tables)
+    if num.n_unknowns - num.n_multipliers <= holding:
         raise ComputationError("supports and joints hold all coordinates, so nothing can vibrate",
                                at={"solver": solver},
                                advice="fewer supports or joints")
