@@ -31,7 +31,7 @@ _SECTIONS: dict[Path, tuple[str, ...]] = {
     ("fluid",): (*SMALL, "buckling", "dynamic"),
     ("contacts",): ("static", "quasi_static", "dynamic", *SMALL),
     ("controllers",): ("dynamic",),
-    ("output", "interval"): ("dynamic",),
+    ("output", "interval"): ("quasi_static", "dynamic"),
     ("output", "every"): ("static", "quasi_static", "dynamic"),
 }
 # what a goal names -> the solvers that can answer

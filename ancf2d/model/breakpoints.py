@@ -69,6 +69,13 @@ def pieces(signals: Iterable[Signal], t_end: float, more: Iterable[Break] = ()) 
     return [*out, Piece(first, math.inf, t_end)]
 
 
+def instants(interval: float, t_end: float, each: int = 1) -> Array:
+    """Return the times between 0 and t_end after every so many intervals."""
+    count = int(np.floor(t_end / (each * interval) * (1.0 + CLOSE)))
+    times = interval * np.arange(each, each * count + 1, each, dtype=float)
+    return times[times < t_end * (1.0 - CLOSE)]
+
+
 def telling_times(courses: Iterable[Callable[[float], float]], t0: float, t1: float) -> list[float]:
     """Return times in [t0, t1] at which functions that agree are one: at breaks, beside them and between them.
 

@@ -73,7 +73,7 @@ class Recorder:
         self.model, self.case, self.writer, self.progress, self.warnings = model, model.case, writer, progress, warnings
         self.observer, self.resolution = Observer(model), Resolution(model)
         self.fields = FieldReader(model) if writer is not None else None
-        self.every, self.end = self.case.output.every or 1, run_end(self.case)
+        self.end = run_end(self.case)
         self.moves = self.case.solver.moves
         # of equilibria that nothing is written of, the last one alone is told
         self.reads_all = self.moves or writer is not None
@@ -163,7 +163,7 @@ class Recorder:
         if self.writer is None:
             return
         self._write_once(state)
-        if self.totals["steps"] % self.every == 0 or state.t >= self.end or state.last:
+        if self.case.output.stores(self.totals["steps"], state.t) or state.t >= self.end or state.last:
             self._store(state, state.history, self._over_time(state, self.probes), checkpoint=self._checkpoint(state))
         else:
             self.writer.log(state.history, t=state.t, probes=self._over_time(state, self.probes))

@@ -189,7 +189,7 @@ def summarise(loaded: LoadedCase, model: Model, recorder: Recorder, failure: Com
 
             out["contacts"] = contact_report(model, state)
         out["energy"] = dict(state.history) if recorder.moves else energies(model, state)
-        out["t" if recorder.moves else "load_factor"] = state.t
+        out["t" if recorder.case.solver.timed else "load_factor"] = state.t
         if "negative_pivots" in state.history and model.symmetric:
             out["negative_pivots"] = int(state.history["negative_pivots"])
     if recorder.windows.goals:

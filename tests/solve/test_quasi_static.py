@@ -68,6 +68,19 @@ def test_a_column_is_told_to_be_unstable_beyond_its_buckling_load(course: dict, 
     assert np.all((late >= 0.0) & (late <= 0.02))
 
 
+def test_states_are_stored_after_each_interval() -> None:
+    """Steps end there; the deflection F L^3/(3 E I) follows the load t."""
+    body = {"geometry": h.line(1.0), "element": h.element("cable", 1), "section": {"EA": 1e6, "kGA": 1e6, "EI": 10}}
+    load = {"type": "force", "at": "rod@1", "value": [0, 3e-3], "amplitude": {"type": "expression", "value": "t"}}
+    case = h.load({"rod": body}, {"type": "quasi_static", "t_end": 1.0}, loads=[load],
+                  bc=[{"type": "clamp", "at": "rod@0"}], output={"probes": {"tip": "rod@1"}, "interval": 0.3})
+    found = ancf2d.solve(case)
+    assert found.summary["t"] == 1.0
+    np.testing.assert_allclose(found.t, [0.0, 0.3, 0.6, 0.9, 1.0], rtol=1e-15)
+    tip = [found.axis("rod", k)[-1, 1] for k in range(5)]
+    np.testing.assert_allclose(tip, 1e-4 * found.t, rtol=1e-6)
+
+
 def test_a_line_load_is_a_formula_in_time() -> None:
     """w = (11/120) q L^4/(E I) at the tip of a cantilever under q s; for t^2 q s, that of the time."""
     body = {"geometry": h.line(1.0), "element": h.element("cable", 8), "section": {"EA": 1e6, "kGA": 1e6, "EI": 10}}

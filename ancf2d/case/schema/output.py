@@ -16,6 +16,8 @@ PARTS = ("abs", "re", "im", "phase")
 REACTION_QUANTITIES = ("fx", "fy", "m")
 CASE_QUANTITIES = ("strain_energy",)
 MODE_KINDS = ("bending", "axial", "shear", "thickness", "rigid", "mixed", "spurious")
+# of a number of intervals: what is as good as a whole one
+ROUND = 1e-9
 FORMS = ("{probe, quantity}, {reaction, quantity}, {quantity: strain_energy}, {kind, number}, "
          "{load_factor}, {limit_point} or {input, probe, quantity}")
 
@@ -164,6 +166,13 @@ class Output:
                                   "Fields to store over the bodies: N, Q, M (at the probes too), stress, strain, "
                                   "energy (per volume), plastic_strain (of fibres), and pressure, traction, gap "
                                   "(of contact, on both faces)", default=())
+
+    def stores(self, step: int, t: float) -> bool:
+        """Whether the equilibrium of a step, numbered from 1, at a time t is stored."""
+        if self.interval is None:
+            return step % (self.every or 1) == 0
+        n = t / self.interval
+        return abs(n - round(n)) <= ROUND * max(n, 1.0)
 
     def check(self) -> Iterator[Issue]:
         """Yield an interval that is given twice."""

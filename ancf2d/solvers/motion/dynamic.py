@@ -16,6 +16,7 @@ from ...errors import ComputationError
 from ...kernels.lowlevel.records import Record
 from ...kernels.motion.advance import CHECK, INSIDE
 from ...kernels.motion.state import COUNT, REJECTED
+from ...model.breakpoints import instants
 from ...model.element_limits import any_inverted, inverted
 from ...model.model import Model
 from ...pace import Pace
@@ -57,14 +58,10 @@ def stored_times(model: Model, spec: Dynamic) -> Array:
     """
     output = model.case.output
     if output.interval is not None:
-        interval, each = output.interval, 1
-    elif spec.dt is not None:
-        interval, each = spec.dt, output.every or max(1, round(spec.t_end / spec.dt / STATES))
-    else:
-        interval, each = spec.t_end / STATES, 1
-    count = int(np.floor(spec.t_end / (each * interval) * (1.0 + 1e-12)))
-    times = interval * np.arange(each, each * count + 1, each, dtype=float)
-    return times[times < spec.t_end * (1.0 - 1e-12)]
+        return instants(output.interval, spec.t_end)
+    if spec.dt is not None:
+        return instants(spec.dt, spec.t_end, output.every or max(1, round(spec.t_end / spec.dt / STATES)))
+    return instants(spec.t_end / STATES, spec.t_end)
 
 
 class Balance:

@@ -10,7 +10,7 @@ import numpy as np
 from ...case import QuasiStatic
 from ...elements.shape import Array
 from ...errors import ComputationError
-from ...model.breakpoints import SMOOTH, case_stops
+from ...model.breakpoints import SMOOTH, case_stops, instants
 from ...model.model import Model
 from ..contact import memory, recall
 from ..state import State, check_kept
@@ -69,7 +69,11 @@ class Course:
             self._resume(kept)
         # where elements remember the way, no step may pass a place where it turns back
         turns = bool(self.model.remembers)
-        for b in case_stops(self.model.case, 0.0, self.spec.t_end, turns, self.spec.times or ())[self.passed:]:
+        case, end = self.model.case, self.spec.t_end
+        wanted = list(self.spec.times or ())
+        if case.output.interval is not None:
+            wanted += instants(case.output.interval, end).tolist()
+        for b in case_stops(case, 0.0, end, turns, wanted)[self.passed:]:
             yield from self._go(b.before if b.order == 0 else b.t)
             state = self._jump(b.t) if b.order == 0 else None
             self.path = Path([self.t], [self.march.d])
