@@ -20,6 +20,8 @@ from ..case import (
     StateSpace,
     Static,
 )
+from ..case.binder import dotted
+from ..case.material_checks import materials_of
 from ..elements.shape import Array
 from ..interactions.moving import never_met
 from ..model.model import Model
@@ -110,16 +112,15 @@ def left_out(case: Case) -> list[str]:
                                     for what, begin in late if begin >= case.solver.end)]
     if not isinstance(case.solver, Eigen):
         return []
-    dampers = [f"bodies.{name}.material.damping" for name, body in case.bodies.items()
-               if body.material is not None and body.material.damping is not None]
-    dampers += [f"bodies.{name}.material.viscoelastic" for name, body in case.bodies.items()
-                if body.material is not None and body.material.viscoelastic]
+    dampers = [f"{dotted(path)}.{what}" for what in ("damping", "viscoelastic")
+               for path, material in materials_of(case) if material is not None and getattr(material, what)]
     dampers += [f"springs.{i}.damping" if hasattr(spring, "damping") else f"springs.{i}"
                 for i, spring in enumerate(case.springs) if spring.damped]
     dampers += ["damping"] if case.damping is not None else []
     out = []
     if dampers and not case.solver.damped:
-        out.append(f"these modes are undamped (damped: false), so {', '.join(dampers)} have no effect")
+        out.append(f"these modes are undamped (damped: false), so {', '.join(dampers)} "
+                   f"{'has' if len(dampers) == 1 else 'have'} no effect")
     if case.solver.about == "reference" and case.steady_rotation is None:
         what = ["loads"] if case.loads else []
         what += ["prescribed motions"] if any(s.motions for s in case.boundary_conditions) else []

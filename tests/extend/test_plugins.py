@@ -176,7 +176,7 @@ def test_a_damper_may_be_any_function_of_the_rate() -> None:
     modes = rod({"type": "eigen", "modes": 1}, springs=[*scene["springs"], spring_of(K)])
     assert any("springs.0" in w and "small motions" in w for w in modes.warnings)
     modes = rod({"type": "eigen", "modes": 1, "damped": False}, springs=[*scene["springs"], spring_of(K)])
-    assert any("undamped (damped: false), so springs.0 have no effect" in w for w in modes.warnings)
+    assert any("undamped (damped: false), so springs.0 has no effect" in w for w in modes.warnings)
 
 
 def spring_of(stiffness):

@@ -89,6 +89,13 @@ def test_pinned_pipes_buckle_and_loads_stay() -> None:
     assert pushed["factor"] == pytest.approx(math.sqrt((math.pi**2 - 4) / 0.5), rel=2e-5)
 
 
+def test_flow_is_told_to_load_the_reference() -> None:
+    """The fluid presses a pipe that is held at both ends together; there are no springs that could."""
+    found = ancf2d.solve(pipe(boundary_conditions=PINNED, solver={"type": "eigen", "modes": 1}), states=False)
+    assert [w for w in found.warnings if "equilibrium" in w] == [
+        "the reference is not an equilibrium, because material flows there. Use about: static"]
+
+
 def test_travelling_beams() -> None:
     # all that moves is the beam itself: beta = 1
     case = pipe(0.0, boundary_conditions=PINNED)

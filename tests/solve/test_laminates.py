@@ -332,6 +332,16 @@ def opensees_tip(parts: list[tuple[float, float]], load: list[float], count: int
     return [ops.nodeDisp(count + 1, k) for k in (1, 2, 3)]
 
 
+def test_undamped_modes_tell_which_layers_relax() -> None:
+    layers = [layer(0.001, 1e9), layer(0.002, 1e8)]
+    for one in layers:
+        one["material"]["viscoelastic"] = [{"modulus": 1, "time": 0.1}]
+    case = strip("vallejo", layers, [], solver={"type": "eigen", "modes": 1, "damped": False})
+    found = ancf2d.solve(case, states=False).summary
+    places = ", ".join(f"bodies.strip.section.layers.{k}.material.viscoelastic" for k in (0, 1))
+    assert found["warnings"] == [f"these modes are undamped (damped: false), so {places} have no effect"]
+
+
 @pytest.mark.parametrize("large", [False, True])
 def test_a_laminated_cantilever_is_that_of_fibre_sections_in_opensees(large: bool) -> None:
     """Steel under a soft core and aluminium, the axis in the middle: under a force, to a third of its length."""

@@ -129,7 +129,7 @@ def test_kelvin_voigt_and_rayleigh_damping_are_exact_functions_of_undamped_frequ
     np.testing.assert_allclose(np.abs(eigenvalues(summary)), omega, rtol=1e-8)
     undamped = found(f"damping: {{rayleigh: {{alpha: {alpha}, beta: {beta}}}}}", solver="damped: false")
     np.testing.assert_allclose(eigenvalues(undamped), 1j * omega, rtol=1e-12)
-    assert any("damping have no effect" in w for w in undamped["warnings"])
+    assert any("damping has no effect" in w for w in undamped["warnings"])
 
 
 def test_fewer_pairs_than_asked_for_where_the_rest_is_overdamped() -> None:

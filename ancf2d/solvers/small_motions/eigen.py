@@ -60,7 +60,8 @@ def solve_eigen(model: Model, spec: Eigen) -> Iterator[State]:
         state.warnings += [f"springs.{k}: its damping force is of higher order in the rates, so it has no effect on "
                            "small motions" for k in small.rates.of_higher_order()]
     if not base.loaded and np.any(small.pencil.balance.R):
-        state.warnings.append("the reference is not an equilibrium, because springs are loaded there. Use about: "
+        acts = [*["springs are loaded"] * bool(model.springs), *["material flows"] * bool(model.loads.flows)]
+        state.warnings.append(f"the reference is not an equilibrium, because {' or '.join(acts)} there. Use about: "
                               "static")
     yield state
 

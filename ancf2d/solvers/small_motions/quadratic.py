@@ -90,8 +90,12 @@ class Search:
         if self.factors.singular:
             raise ComputationError("the matrix K + s C + s^2 M is singular for every s",
                                    advice="a mass or a stiffness for everything that can move")
-        self.within = within_constraints(problem)
-        self.space = Space(problem, self.within)
+        self._fulfilled = within_constraints(problem)
+        self.space = Space(problem, self._within)
+
+    def _within(self, x: Array) -> Array:
+        """Return x (n,) within the constraints, with its multipliers: stiff forces that they balance take no digits."""
+        return np.where(self.problem.moved, self._fulfilled(x), x)
 
     def _inverse(self, b: Array) -> Array:
         return self.factors.solve(b)
@@ -167,7 +171,7 @@ class Search:
         if len(s) <= some:
             return s, Y
         X = [self.space.combined(y) for y in Y[:some]]
-        self.space = Space(p, self.within)
+        self.space = Space(p, self._within)
         for one, x in zip(s, X, strict=False):
             tau = one - self.s0
             b = tau * (_both(p.damping, x) + 2 * self.s0 * _both(p.mass, x)) + tau * tau * _both(p.mass, x)

@@ -168,12 +168,14 @@ def _grown(small: Linearised, u: Array, found: Stability, modes: int, warnings: 
     problem = Quadratic(small)
     factors = np.array([c.factor for c in found.critical])
     V = np.array([problem.phases(c.vector)[0] for c in found.critical]).reshape(-1, problem.n)
+    shears = any(mesh.plan.element.section_kind != "tangent" for mesh in small.model.meshes.values())
+    coarser = "type: cable or fewer elements" if shears else "fewer elements"
     if len(factors) < modes:
         warnings.append(f"{len(factors)} critical {called}s were found up to {found.last:.6g} instead of {modes}"
                         if len(factors) else f"no small motion grows up to the {called} {found.last:.6g}")
     warnings += [f"a small motion may begin to grow near the {called} {factor:.4g}, but round-off hides whether it "
                  "does, as it can in very slender bodies. Check with solver eigen and about: static at that load, or "
-                 "use type: cable or fewer elements" for factor in found.doubtful]
+                 f"use {coarser}" for factor in found.doubtful]
     for c in found.critical:
         if c.factor * size > FAR:
             warnings.append(f"load factor {c.factor:.6g}: the linear response rotates or strains the model by "
