@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from itertools import combinations, product
+from typing import Any
 
 import numpy as np
 
@@ -18,12 +19,12 @@ from .contact import STICK, TOUCH, Contact
 from .contact_curves import (
     Spot,
     curve_rows,
+    curves_of,
     eta_at,
     face_of,
     levels_of,
     moves,
     offset_of,
-    padded,
     pieces_along,
     spots,
 )
@@ -34,70 +35,37 @@ DEEPEST = 0.75
 THROUGH = 0.4
 # of a height: parts of a body that are nearer along it than this do not touch one another
 APART = 1.0
+# of a height: steps in which bodies are followed from a joint
+LOOK = 0.05
 # places along each curve at which bodies are looked at in the reference
 STATIONS = 9
 
 
-class Curve(NamedTuple):
-    """What of a body may be touched: the constants of its law (``contact_bodies``), and the fields of an element."""
+def _beside(one: BodyMesh, s: float, two: BodyMesh, t: float) -> float:
+    """Return how far from places s and t [m], which a joint holds together, points of the bodies touch nothing.
 
-    constants: Array
-    G: Array
-    p0: Array
-    dofs: Index
-
-
-def _across(mesh: BodyMesh, ie: int, z: float, low: float, high: float) -> Array:
-    """Return the matrix (fields, n_dof) that gives the coefficients of an end of an element, across it."""
-    element, shape = mesh.plan.element, mesh.classes[mesh.cls[ie]].shape
-    terms, half, nc = _terms(mesh), 0.25 * (high - low) * mesh.plan.section.height, element.components
-    at = (np.array([0.5 * (z + 1.0)]), np.array([0.5 * (low + high)]))
-    rows = np.zeros((2 * terms, element.n_dof))
-    for j in range(element.degree_y + 1):
-        for c in range(2):
-            rows[c * terms + j, c::nc] = shape(*at, 0, j)[0] * half**j / math.factorial(j)
-    return rows
+    There the bodies overlap: their axes are less than a height apart in the reference, or will be when they fold.
+    Beside a corner of one body, its arms do.
+    """
+    height = _mean_height(one, two)
+    far, step = 0.5 * APART * height, LOOK * height
+    ways = _ways(one, s, step)
+    for way, other in combinations(ways, 2) if one is two and s == t else product(ways, _ways(two, t, step)):
+        most = min(len(way), len(other))
+        near = np.hypot(*(way[:most] - other[:most]).T) < height
+        far = max(far, step * float(most if near.all() else np.argmin(near)))
+    return far
 
 
-def _terms(mesh: BodyMesh) -> int:
-    """Return how many powers the curves of a body have."""
-    return 1 + max(mesh.plan.element.degree_x, mesh.plan.element.degree_y)
+def _ways(mesh: BodyMesh, s: float, step: float) -> list[Array]:
+    """Return the points (k, 2) in the reference, a step apart, on both ways along a body from the place s [m]."""
+    length = mesh.plan.length
+    return [np.array([mesh.plan.position((s + way * step * k) / length)[0] for k in range(int(room / step) + 1)])
+            for way, room in ((1.0, length - s), (-1.0, s)) if room > step]
 
 
-def curves_of(mesh: BodyMesh, side: str, follows: Mapping[int, Any]) -> list[Curve]:
-    """Return the curves of a body that may be touched: its faces and ends, or its axis; ``follows`` as in ``moves``."""
-    out, count, levels = [], len(mesh.dofs), levels_of(mesh, side)
-    terms = _terms(mesh)
-
-    def add(ie: int, rows: Array, kind: int, **constants: float) -> None:
-        par = np.zeros(facing.CURVE_SIZE)
-        par[[geometry.SECTION, geometry.TERMS]] = kind, terms
-        for name, value in constants.items():
-            par[getattr(facing, name)] = value
-        out.append(Curve(par, rows, rows @ mesh.e0[mesh.dofs[ie] - mesh.first_dof], mesh.dofs[ie]))
-
-    for eta in levels:
-        for ie in range(count):
-            height = eta_at(mesh, Spot(ie, 0.0, eta, 0.0))
-            rows, own, kind = curve_rows(mesh, ie, height)
-            joined = (1 if ie > 0 or mesh.plan.closed else 0) + (2 if ie < count - 1 or mesh.plan.closed else 0)
-            add(ie, padded(rows, own, terms), kind, OFFSET=offset_of(mesh, height), JOINED=joined,
-                SIGN=-1.0 if eta == levels[0] and side == "surface" else 1.0, BEGINS=float(mesh.starts[ie]),
-                GOES=float(mesh.lengths[ie]), FIXED=sum(k for k, z in ((1, -1.0), (2, 1.0))
-                                                    if follows and not moves(mesh, Spot(ie, z, eta, 0.0), follows)))
-    if side == "surface" and not mesh.plan.closed:
-        for ie, z in ((0, -1.0), (count - 1, 1.0)):
-            low, high = (eta_at(mesh, Spot(ie, z, eta, 0.0)) for eta in levels)
-            rests = follows and not any(moves(mesh, Spot(ie, z, eta, 0.0), follows) for eta in levels)
-            place = {"SIGN": -z, "BEGINS": 0.0 if z < 0.0 else mesh.plan.length, "FIXED": 4.0 if rests else 0.0}
-            rows, own, kind = curve_rows(mesh, ie, 0.0)
-            if kind == geometry.CURVE:
-                add(ie, _across(mesh, ie, z, low, high), kind, **place)
-            else:
-                below, above = offset_of(mesh, low), offset_of(mesh, high)
-                add(ie, padded(rows, own, terms), kind, **place, END=z, MIDDLE=0.5 * (below + above),
-                    HALF=0.5 * (above - below))
-    return out
+def _mean_height(one: BodyMesh, two: BodyMesh) -> float:
+    return 0.5 * float(one.plan.section.height + two.plan.section.height)
 
 
 def _alike(rows: Array) -> list[Index]:
@@ -123,19 +91,52 @@ def _rank(mesh: BodyMesh) -> tuple[Any, ...]:
 
 
 def body_pairs(item: Contact, name: str, one: BodyMesh, two: BodyMesh, extent: float, rapid: float,
-               follows: Mapping[int, Any]) -> list[BodyPair]:
+               follows: Mapping[int, Any], joined: Sequence[tuple[float, float]] = ()) -> list[BodyPair]:
     """Return the points of each of two bodies that may touch the other (the same one: of a body with itself).
 
     With a law both bear half the pressure. Without one, only one has points all along, and the other its corners.
+    ``joined`` are the places along each [m] that joints hold together.
     """
-    if one is two:
-        return [BodyPair(item, name, one, one, extent, True, rapid, follows)]
-    if item.law is not None:
-        return [BodyPair(item, name, one, two, extent, True), BodyPair(item, name, two, one, extent, True)]
-    first = _rank(one) < _rank(two)
-    pairs = [BodyPair(item, name, one, two, extent, first, rapid, follows),
-             BodyPair(item, name, two, one, extent, not first, rapid, follows)]
-    return [pair for pair in pairs if pair.spots]
+    soft, itself, places = item.law is not None, one is two, [*joined]
+    if itself:
+        places += [(s, s) for s in _sharp_corners(one)]
+    elif soft:
+        rapid, follows = 0.0, {}
+    reach, out = [_beside(one, s, two, t) for s, t in places], []
+    for k, (mesh, other) in enumerate([(one, two)] if itself else [(one, two), (two, one)]):
+        whole = soft or itself or _rank(mesh) < _rank(other)
+        beside = [(at[k], near) for at, near in zip(places, reach, strict=True)]
+        # what may move along an interval, with all of it
+        half = 0.5 * mesh.lengths / pieces_along(mesh)
+        chosen = [p for p in _spots(item, mesh, whole)
+                  if all(abs(_along(mesh, p) - s) >= near + (half[p.ie] if p.free else 0.0) for s, near in beside)]
+        if chosen:
+            out.append(BodyPair(item, name, mesh, other, extent, chosen, whole, rapid, follows, beside))
+    return out
+
+
+def _spots(item: Contact, mesh: BodyMesh, whole: bool) -> list[Spot]:
+    """Return the places of a body that may touch another one: the whole of it, or its ends."""
+    if whole:
+        return spots(mesh, item.side, item.law is not None, False)
+    return _corners(mesh) if item.side == "surface" else [
+        p for p in spots(mesh, "axis", False, False) if _is_end(mesh, p)]
+
+
+def _sharp_corners(mesh: BodyMesh) -> list[float]:
+    """Return where a body has corners sharper than a right angle [m]: beside these it overlaps itself."""
+    out = []
+    for after, _ in mesh.seams:
+        before, k = mesh.piece_of((after - 1) % mesh.plan.count)
+        turn = float(before.position(before.l * (k + 1))[1]) - float(mesh.angles[after])
+        if abs(math.remainder(turn, 2.0 * math.pi)) > 0.5 * math.pi:
+            out.append(float(mesh.starts[after]))
+    return out
+
+
+def _along(mesh: BodyMesh, p: Spot) -> float:
+    """Return how far along its body a place is [m]."""
+    return float(mesh.starts[p.ie] + 0.5 * (p.z + 1.0) * mesh.lengths[p.ie])
 
 
 class BodyPair:
@@ -154,29 +155,24 @@ class BodyPair:
     # what each is opposite to changes
     runs = None
 
-    def __init__(self, item: Contact, name: str, mesh: BodyMesh, other: BodyMesh, extent: float, whole: bool,
-                 rapid: float = 0.0, follows: Mapping[int, Any] | None = None,
-                 chosen: list[Spot] | None = None) -> None:
+    def __init__(self, item: Contact, name: str, mesh: BodyMesh, other: BodyMesh, extent: float, chosen: list[Spot],
+                 whole: bool = True, rapid: float = 0.0, follows: Mapping[int, Any] | None = None,
+                 beside: Sequence[tuple[float, float]] = ()) -> None:
         self.item, self.name, self.mesh, self.against = item, name, mesh, other
         self.hard, self.body, self.other, self.scale = item.law is None, mesh.plan.name, other.plan.name, extent
-        self.whole, self.rapid, self.follows = whole, rapid, follows or {}
+        self.spots, self.whole, self.rapid, self.follows = chosen, whole, rapid, follows or {}
+        self.beside = list(beside)
         self.law = COMPLIANT_BODIES if not self.hard else ROUGH_BODIES if item.friction else HARD_BODIES
         # what is reported is the force on the first body named: none of a body on itself
         self.sign = 0.0 if item.between is None else 1.0 if item.between[0] == self.body else -1.0
-        ends = _corners(mesh) if item.side == "surface" else [
-            p for p in spots(mesh, "axis", False, False) if _is_end(mesh, p)]
-        self.spots = chosen or spots(mesh, item.side, not self.hard, False) if whole else ends
-        self.s: Array = np.array([self._along(p) / mesh.plan.length for p in self.spots])
+        self.s: Array = np.array([_along(mesh, p) / mesh.plan.length for p in self.spots])
         self.curves = curves_of(other, item.side, self.follows)
         self._items()
 
     def at(self, item: Contact, mesh: BodyMesh, chosen: list[Spot]) -> BodyPair:
         """Return chosen points of one of the two bodies beside the other, under a contact of the same kind."""
         other = self.against if mesh is self.mesh else self.mesh
-        return BodyPair(item, self.name, mesh, other, self.scale, True, chosen=chosen)
-
-    def _along(self, p: Spot) -> float:
-        return float(self.mesh.starts[p.ie] + 0.5 * (p.z + 1.0) * self.mesh.lengths[p.ie])
+        return BodyPair(item, self.name, mesh, other, self.scale, chosen)
 
     def _items(self) -> None:
         """Make the items, each opposite to the first curve."""
@@ -264,7 +260,9 @@ class BodyPair:
         turn = np.abs(_cross(b[:-1] - a[:-1], b[1:] - a[1:])) * (np.hypot(*(b[:-1] - a[1:]).T) < 1e-12 * self.scale)
         off = float((turn / np.hypot(*(b - a).T)[:-1])[np.arange(1, len(a)) % (STATIONS - 1) > 0].max(initial=0.0))
         low, high = np.minimum(a, b).min(axis=0), np.maximum(a, b).max(axis=0)
-        for p, s in zip(self._places(d), self.s.tolist(), strict=True):
+        # between points that bear something bodies overlap by what elements can
+        chosen = np.array([d is None or not p.free for p in self.spots])
+        for p, s in zip(self._places(d)[chosen], self.s[chosen].tolist(), strict=True):
             if (p < low).any() or (p > high).any():
                 continue
             above = (a[:, 1] > p[1]) != (b[:, 1] > p[1])
@@ -293,6 +291,8 @@ class BodyPair:
         along = np.abs(s[near.row] - s[near.col])
         if mesh.plan.closed:
             along = np.minimum(along, mesh.plan.length - along)
+        for at, far in self.beside:
+            along[np.abs(s[near.row] - at) < far] = 0.0
         apart = np.flatnonzero(along > np.pi * height)
         if not len(apart):
             return 0.0, 0.0
@@ -329,12 +329,12 @@ class BodyPair:
     def _limits(self, p: Spot) -> list[float]:
         """Return what tells where a point may touch (``contact_bodies``)."""
         itself, length = self.against is self.mesh, self.mesh.plan.length
-        height = 0.5 * (self.mesh.plan.section.height + self.against.plan.section.height)
+        height = _mean_height(self.mesh, self.against)
         corner = p.z if _is_end(self.mesh, p) else 0.0
         yields = float(pieces_along(self.against)) if self.hard and (
             corner == 1.0 if itself else not self.whole) else 0.0
-        return [DEEPEST * height, self._along(p), float(self.mesh.lengths[p.ie]), APART * height if itself else 0.0,
-                length if itself and self.mesh.plan.closed else 0.0, corner,
+        return [DEEPEST * height, _along(self.mesh, p), float(self.mesh.lengths[p.ie]),
+                APART * height if itself else 0.0, length if itself and self.mesh.plan.closed else 0.0, corner,
                 float(itself and self.hard and corner == 0.0), float(self.item.side == "axis"),
                 yields, self.against.plan.length if self.against.plan.closed else 0.0,
                 float(bool(self.follows) and not moves(self.mesh, p, self.follows))]

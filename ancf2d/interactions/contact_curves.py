@@ -16,10 +16,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..elements import contact_gaps as facing
 from ..elements import contact_geometry as geometry
 from ..elements.shape import Array, gauss
 from ..model.mesh import BodyMesh, Index
@@ -238,6 +239,68 @@ def _bends(mesh: BodyMesh, ie: int, across: int, wanted: int) -> Array:
     mean = w @ shape(x, np.zeros(len(x)), 0, across)
     out = np.zeros((wanted, len(mean)))
     out[:CUBIC] = np.outer(FIRST, first - mean) + np.outer(LAST, last - mean)
+    return out
+
+
+class Curve(NamedTuple):
+    """What of a body may be touched: the constants of its law (``contact_bodies``), and the fields of an element."""
+
+    constants: Array
+    G: Array
+    p0: Array
+    dofs: Index
+
+
+def _across(mesh: BodyMesh, ie: int, z: float, low: float, high: float) -> Array:
+    """Return the matrix (fields, n_dof) that gives the coefficients of an end of an element, across it."""
+    element, shape = mesh.plan.element, mesh.classes[mesh.cls[ie]].shape
+    terms, half, nc = _terms(mesh), 0.25 * (high - low) * mesh.plan.section.height, element.components
+    at = (np.array([0.5 * (z + 1.0)]), np.array([0.5 * (low + high)]))
+    rows = np.zeros((2 * terms, element.n_dof))
+    for j in range(element.degree_y + 1):
+        for c in range(2):
+            rows[c * terms + j, c::nc] = shape(*at, 0, j)[0] * half**j / math.factorial(j)
+    return rows
+
+
+def _terms(mesh: BodyMesh) -> int:
+    """Return how many powers the curves of a body have."""
+    return 1 + max(mesh.plan.element.degree_x, mesh.plan.element.degree_y)
+
+
+def curves_of(mesh: BodyMesh, side: str, follows: Mapping[int, Any]) -> list[Curve]:
+    """Return the curves of a body that may be touched: its faces and ends, or its axis; ``follows`` as in ``moves``."""
+    out, count, levels = [], len(mesh.dofs), levels_of(mesh, side)
+    terms = _terms(mesh)
+
+    def add(ie: int, rows: Array, kind: int, **constants: float) -> None:
+        par = np.zeros(facing.CURVE_SIZE)
+        par[[geometry.SECTION, geometry.TERMS]] = kind, terms
+        for name, value in constants.items():
+            par[getattr(facing, name)] = value
+        out.append(Curve(par, rows, rows @ mesh.e0[mesh.dofs[ie] - mesh.first_dof], mesh.dofs[ie]))
+
+    for eta in levels:
+        for ie in range(count):
+            height = eta_at(mesh, Spot(ie, 0.0, eta, 0.0))
+            rows, own, kind = curve_rows(mesh, ie, height)
+            joined = (1 if ie > 0 or mesh.plan.closed else 0) + (2 if ie < count - 1 or mesh.plan.closed else 0)
+            add(ie, padded(rows, own, terms), kind, OFFSET=offset_of(mesh, height), JOINED=joined,
+                SIGN=-1.0 if eta == levels[0] and side == "surface" else 1.0, BEGINS=float(mesh.starts[ie]),
+                GOES=float(mesh.lengths[ie]), FIXED=sum(k for k, z in ((1, -1.0), (2, 1.0))
+                                                    if follows and not moves(mesh, Spot(ie, z, eta, 0.0), follows)))
+    if side == "surface" and not mesh.plan.closed:
+        for ie, z in ((0, -1.0), (count - 1, 1.0)):
+            low, high = (eta_at(mesh, Spot(ie, z, eta, 0.0)) for eta in levels)
+            rests = follows and not any(moves(mesh, Spot(ie, z, eta, 0.0), follows) for eta in levels)
+            place = {"SIGN": -z, "BEGINS": 0.0 if z < 0.0 else mesh.plan.length, "FIXED": 4.0 if rests else 0.0}
+            rows, own, kind = curve_rows(mesh, ie, 0.0)
+            if kind == geometry.CURVE:
+                add(ie, _across(mesh, ie, z, low, high), kind, **place)
+            else:
+                below, above = offset_of(mesh, low), offset_of(mesh, high)
+                add(ie, padded(rows, own, terms), kind, **place, END=z, MIDDLE=0.5 * (below + above),
+                    HALF=0.5 * (above - below))
     return out
 
 

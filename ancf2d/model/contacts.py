@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..case import Case, Dynamic
+from ..case.schema.points import named_points
 from ..elements.shape import Array
 from ..interactions.body_contact import BodyPair, body_pairs
 from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
@@ -87,9 +88,19 @@ class Contacts:
             self._look(i, pair)
             return [pair]
         pairs = body_pairs(item, name, self.meshes[body], self.meshes[other], self.extent, rapid_rate(self.case),
-                           self.follows if isinstance(self.case.solver, Dynamic) else {})
-        self._look_at_bodies(i, pairs)
+                           self.follows if isinstance(self.case.solver, Dynamic) else {}, self._joined(body, other))
+        if pairs:
+            self._look_at_bodies(i, pairs)
+        else:
+            self.problems.append((("contacts", i), f"contacts.{i}: all of {body} and {other} is so near to a joint of "
+                                  "both that nothing can touch", "bodies that are longer than they are high"))
         return pairs
+
+    def _joined(self, body: str, other: str) -> list[tuple[float, float]]:
+        """Return the places along two bodies [m] that joints hold together."""
+        at = [named_points(joint) for joint in self.case.joints if joint.active is None or not joint.active.begins]
+        return [(p.s * self.meshes[body].plan.length, q.s * self.meshes[other].plan.length)
+                for points in at for p in points for q in points if (p.body, q.body) == (body, other) and p != q]
 
     def _look(self, i: int, pair: ContactPair) -> None:
         """Look for a body that overlaps an obstacle in the reference, or that cannot reach it."""
