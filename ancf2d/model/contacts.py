@@ -19,6 +19,8 @@ from .mesh import BodyMesh
 
 # of what may overlap, beside the extent of a model
 OVERLAP = 1e-9
+# the same of what elements that follow a curve may overlap by
+SLIGHT = 1e-5
 # the same with a law, beside the length of a body: it may be meant to press from the start
 DEEP = 0.01
 # lengths of a body that is held beyond which it reaches nothing
@@ -61,6 +63,7 @@ class Contacts:
         self.warnings += [f"obstacles.{name}: no contact names this obstacle, so it has no effect"
                           for name in self.case.obstacles if name not in named]
         for i, item in enumerate(self.case.contacts):
+            self._tell_heights(i, item)
             for pair in self._pairs(i, item):
                 self.pairs.append(pair)
                 if pair.hard:
@@ -102,14 +105,23 @@ class Contacts:
         return [(p.s * self.meshes[body].plan.length, q.s * self.meshes[other].plan.length)
                 for points in at for p in points for q in points if (p.body, q.body) == (body, other) and p != q]
 
+    def _tell_heights(self, i: int, item: Any) -> None:
+        """Warn of faces where no section says how far they are from the axis."""
+        bodies = [name for name in item.between or () if name in self.meshes] if item.side == "surface" else []
+        self.warnings += [f"contacts.{i}: {name} has no section, so its faces are taken to be "
+                          f"{0.5 * self.meshes[name].plan.section.height:.3g} from its axis. Give it a section, or use "
+                          "side: axis" for name in bodies if self.case.bodies[name].section is None]
+
     def _look(self, i: int, pair: ContactPair) -> None:
         """Look for a body that overlaps an obstacle in the reference, or that cannot reach it."""
         gaps = pair.gaps(np.zeros(len(self.e0)), self.begin)
         k = int(np.argmin(gaps))
         if pair.hard and gaps[k] < -OVERLAP * self.extent:
+            free = self.case.obstacles[pair.other].free(pair.other)
+            where = "a small gap between them" if -gaps[k] < SLIGHT * self.extent else f"{pair.body} {free}"
             self.problems.append((("contacts", i), f"contacts.{i}: {pair.body} and {pair.other} overlap in the "
                                   f"reference, by up to {-gaps[k]:.4g} at S = {pair.s[k]:.4g}",
-                                  f"{pair.body} {self.case.obstacles[pair.other].free(pair.other)}, or a law"))
+                                  f"{where}, or a law"))
         if not pair.hard:
             self._tell_depth(i, pair, -gaps[k], pair.s[k])
         mesh = pair.mesh

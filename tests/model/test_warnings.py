@@ -147,3 +147,15 @@ def test_a_law_that_presses_hard_from_the_start_is_told(depth: float, bodies: bo
         case["obstacles"] = {"under": {"type": "half_plane", "through": [0, -0.05 + depth], "normal": [0, 1]}}
     found = [w for w in build_model(ancf2d.load(case)).warnings if "overlap in the reference" in w]
     assert [f"by up to {depth:g} at S" in w for w in found] == [True] * told
+
+
+@pytest.mark.parametrize(("more", "side", "told"), [({}, "surface", True), ({}, "axis", False),
+                                                    ({"section": {"height": 0.1, "width": 0.1}}, "surface", False)])
+def test_faces_of_a_rigid_bar_without_a_section_are_told(more: dict[str, Any], side: str, told: bool) -> None:
+    """It is taken to be a twentieth of its length high: its faces are a fortieth from the axis."""
+    bar = {"geometry": helpers.line(2.0), "element": {"type": "rigid", "mass": 1, "inertia": 1}, **more}
+    case = {"bodies": {"bar": bar}, "solver": {"type": "dynamic", "t_end": 1},
+            "obstacles": {"floor": {"type": "half_plane", "through": [0, -1], "normal": [0, 1]}},
+            "contacts": [{"between": ["bar", "floor"], "side": side}]}
+    found = [w for w in build_model(ancf2d.load(case)).warnings if "section" in w]
+    assert ["bar has no section, so its faces are taken to be 0.05 from its axis" in w for w in found] == [True] * told

@@ -284,6 +284,7 @@ def test_arc_length_passes_the_states_of_load_steps_that_touch(gap: float, deep:
 @pytest.mark.parametrize(("solid", "where"), [
     ({"type": "circle", "center": [0.5, -0.2], "radius": 0.3}, "by up to 0.1 at S = 0.5; expected beam outside solid,"),
     ({"type": "half_plane", "through": [0, 0.1], "normal": [0, 1]}, "the side of solid that its normal points to, or"),
+    ({"type": "half_plane", "through": [0, 1e-7], "normal": [0, 1]}, "expected a small gap between them, or a law"),
     ({"type": "polyline", "points": [[2, -0.1], [-1, -0.1]]}, "to the left of solid, from its first point to its")])
 def test_bodies_that_overlap_obstacles_at_the_start_are_told_where_and_how_deep(solid, where) -> None:
     with pytest.raises(CaseError, match=re.escape(where)):
