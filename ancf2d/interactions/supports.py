@@ -89,7 +89,7 @@ def _breathe(point: PointRef, owner: str, out: Equations) -> None:
     """Hold the mean position and keep the section straight and in direction, free to stretch."""
     element = point.mesh.plan.element
     if element.section_kind != "interpolated":
-        raise SupportError(("hold",), f"the section of {element.name} is rigid and cannot breathe", "section or all")
+        raise SupportError(("hold",), f"sections of type {element.name} are rigid and cannot breathe", "section or all")
     across = point.director()[1]
     angle = across - 0.5 * math.pi
     out.rows.append(hold_along(point.position(), angle, owner, "axial position"))

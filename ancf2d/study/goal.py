@@ -237,7 +237,8 @@ def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, target:
     if outcome.failure is not None:
         raise outcome.failure
     if not found:
-        raise ComputationError(f"the solver does not compute {describe_goal(goal)}")
+        raise ComputationError(": ".join([f"the solver does not compute {describe_goal(goal)}",
+                                          *["; ".join(outcome.warnings)] * bool(outcome.warnings)]))
     return Solved(found[0], outcome, watch.last)
 
 

@@ -9,11 +9,12 @@ from itertools import pairwise
 import pytest
 from pursued import BETWEEN, CANTILEVER, SLIDE, SWING, case
 
-from ancf2d.case import LoadedCase
+from ancf2d.case import LoadedCase, load_case_text
+from ancf2d.errors import ComputationError
 from ancf2d.study.accuracy.mesh import Ladder
 from ancf2d.study.accuracy.pursuit import SAFETY, Pursuit, Told, best, choose, judge, tenth
 from ancf2d.study.accuracy.setting import Level, Setting, least
-from ancf2d.study.goal import Answer
+from ancf2d.study.goal import Answer, solve_for_goal
 from ancf2d.study.record import Progress
 
 
@@ -31,6 +32,15 @@ def test_a_known_level_is_not_solved_again():
     first = pursuit.solve(Setting({"beam": 2}), "once")
     assert pursuit.solve(Setting({"beam": 2}), "twice") is first
     assert len(pursuit.levels) == 1
+
+
+def test_a_goal_that_no_mesh_has_is_told_with_the_reason():
+    """A bar that is pulled does not buckle."""
+    pulled = load_case_text(CANTILEVER.replace("ELEMENT", "{type: cable, count: 2}").replace("[0, -500e3]", "[1, 0]")
+                            .replace("type: static", "type: buckling, modes: 1")
+                            .replace("goal: {probe: tip, quantity: uy}", "goal: {load_factor: 1}"))
+    with pytest.raises(ComputationError, match="does not compute load factor 1: 0 positive load factors were found"):
+        solve_for_goal(pulled)
 
 
 def levels_of(values: dict[int, float]) -> list[Level]:
