@@ -23,11 +23,11 @@ from ..case.numbers import Variable, numbers_at
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
-from ..solvers.derivatives.backwards import Backwards, ShortenedError
+from ..solvers.derivatives.backwards import Backwards, UnlikeError
 from ..solvers.derivatives.differences import Quotient, UnsuitedError, derivative
 from ..solvers.derivatives.motion import Motion
 from ..solvers.derivatives.motion_adjoint import MotionAdjoint, made_again
-from ..solvers.derivatives.motion_states import NEWTON
+from ..solvers.derivatives.motion_states import NEWTON, lengths_of
 from ..solvers.derivatives.small_motions import Excited, Instability, Vibration
 from ..solvers.derivatives.statics import Equilibrium, Path, Response
 from ..solvers.derivatives.varied_motions import unsuited
@@ -100,8 +100,9 @@ class Study:
         self.models: dict[str, Callable[[float], Model]] = {}
         self.moves = loaded.case.solver.moves
         self.middle: Array | None = None
-        # the motion, if its steps have been kept for the way back
+        # the motion, if its steps have been kept for the way back, and how long fixed ones are in a run
         self.motion: Backwards | None = None
+        self.lengths: list[float] = []
         self.model, states = self._first(numbers)
         self.progress = replace(progress, warn=lambda text: None, state=lambda state: None, built=lambda model: None,
                                 judges=False)
@@ -118,7 +119,7 @@ class Study:
             told = list[str]()
             try:
                 found = self._run(self.loaded, partial(self._kept, tolerance=tolerance), told.append)
-            except ShortenedError:
+            except UnlikeError:
                 continue
             except (UnsuitedError, ComputationError):
                 break
@@ -133,7 +134,7 @@ class Study:
         if why_not(model):
             return solve(model)
         goals: Any = self.watch
-        self.motion = Backwards(model, goals.whole, tolerance)
+        self.motion = Backwards(model, goals.whole, tolerance, self.lengths)
         return self.motion.states()
 
     def _run(self, loaded: LoadedCase, how: Callable[[Model], Iterator[State]] | None = None,
@@ -168,7 +169,7 @@ class Study:
         try:
             motion, states = self.motion, self.ended
             if motion is None:
-                motion, states = made_again(self.model, goals.whole)
+                motion, states = made_again(self.model, goals.whole, lengths_of(states))
             return MotionAdjoint(motion, states, goals)
         except UnsuitedError:
             return None
@@ -295,7 +296,7 @@ def responses(model: Model, states: Sequence[Any], whole: bool, goals: Sequence[
     """
     solver, kept, asked = model.case.solver, states if whole else states[-1:], goals or ()
     if solver.moves:
-        return [Motion(model, states[-1], whole)]
+        return [Motion(model, states, whole)]
     if isinstance(solver, Eigen):
         modes = [(g.kind, g.number) for g in asked if g.kind is not None and g.number is not None]
         return [Vibration(model, state, modes) for state in kept]

@@ -203,6 +203,27 @@ def test_a_spring_that_begins():
     assert found["from"].derivative == pytest.approx(v * t1 * w * np.sin(w * s), rel=1e-6)
 
 
+@pytest.mark.parametrize(("name", "force"), [("tip.uy", -90.0), ("mid.M", -150.0)])
+def test_steps_are_shortened_where_a_run_shortens_them(name, force):
+    """Newton's method does not converge in steps that it makes when it is to come closer, by either way."""
+    probe, quantity = name.split(".")
+    loaded = ancf2d.load({
+        "bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "end": [2, 0]},
+                            "section": {"EA": 1e6, "kGA": 4e5, "EI": 500, "rhoA": 2, "rhoI": 1e-3},
+                            "element": {"type": "reissner3", "count": 3}}},
+        "boundary_conditions": [{"type": "clamp", "at": "beam@0"}],
+        "loads": [{"name": "tip", "type": "force", "at": "beam@1", "value": [0, force]}],
+        "solver": {"type": "dynamic", "method": "generalized_alpha", "t_end": 0.2, "dt": 0.01, "estimate": False},
+        "goal": {"probe": probe, "quantity": quantity}, "output": {"probes": {"tip": "beam@1", "mid": "beam@0.5"}}})
+    path, h = "loads.tip.value.1", 1e-4 * force
+    low, run, high = (ancf2d.solve(loaded, [f"{path}={force + by!r}"], states=False) for by in (-h, 0.0, h))
+    assert run.summary["rejected"] > 0
+    study = ancf2d.sensitivity(loaded, [path])
+    assert study.rows[0].method == "exact"
+    assert study.goal == pytest.approx(run.value, rel=1e-8)
+    assert study.rows[0].derivative == pytest.approx((high.value - low.value) / (2 * h), rel=1e-6)
+
+
 BRIDGE = {"bodies": {"deck": {"geometry": {"type": "line", "start": [0, 0], "end": [4, 0]},
                               "section": {"height": 0.1, "width": 0.05}, "material": {"E": 1e9, "nu": 0.3, "rho": 1e3},
                               "element": {"type": "reissner3", "count": 4}}},

@@ -23,7 +23,6 @@ from ...elements.shape import Array
 from ...kernels.lowlevel.records import Record
 from ...kernels.motion import along
 from ...kernels.motion.advance import INSIDE
-from ...kernels.motion.state import REJECTED
 from ...model.model import Model
 from ..linear import unknowns_to_coordinates
 from ..motion.breaks import pass_break
@@ -87,28 +86,28 @@ class Part:
     end: Change | None = None
 
 
-class ShortenedError(UnsuitedError):
-    """Fixed steps had to be made again shorter, and another tolerance of Newton's method may prevent this."""
+class UnlikeError(UnsuitedError):
+    """A fixed step is not as long as in a run, as it is with another tolerance of Newton's method."""
 
 
 class Backwards(Once):
     """A motion whose steps are kept, so that it can go backwards. Raises UnsuitedError."""
 
-    def __init__(self, model: Model, whole: bool, tolerance: float) -> None:
+    def __init__(self, model: Model, whole: bool, tolerance: float, lengths: list[float] | None) -> None:
         spec = model.case.solver
         assert isinstance(spec, Dynamic)
-        super().__init__(model, spec, tolerance)
+        super().__init__(model, spec, tolerance, lengths)
         self.whole, self.rows, self.parts, self.off = whole, list[Row](), list[Part](), 0.0
         if self.stepper.moving or self.stepper.events or len(self.stepper.p.facing.item):
             raise UnsuitedError("points move along bodies, or things begin to act")
 
-    def states(self, strict: bool = True) -> Iterator[State]:
+    def states(self) -> Iterator[State]:
         """Make the motion and yield its states. Raises ComputationError, and UnsuitedError where it cannot go back.
 
         ``rows`` are then its first and its last state, and those between if ``whole``; ``parts`` are its steps. Raises
-        ShortenedError where a fixed step is made shorter than a run makes it, if ``strict``.
+        UnlikeError where a fixed step is not as long as a run makes it.
         """
-        return self.run.states(advance=partial(self._some, self._record(strict)))
+        return self.run.states(advance=partial(self._some, self._record()))
 
     def _some(self, steps: Iterator[list[Row]]) -> list[Row]:
         """Make steps for a short while, one at least; return the states that were stored."""
@@ -119,14 +118,14 @@ class Backwards(Once):
                 break
         return found
 
-    def _record(self, strict: bool) -> Iterator[list[Row]]:
+    def _record(self) -> Iterator[list[Row]]:
         """Make the motion, which has begun; yield the states stored in each step."""
         stepper = self.stepper
         self.begun, self.window, self.rows = self.now(), stepper.p.programs.window.copy(), [stepper.last()]
         part, room, columns = Part(self._checkpoint()), KEPT, 0
         for step in self.steps():
-            if strict and step is not None and self._shortened(step):
-                raise ShortenedError
+            if step is not None and self.unlike():
+                raise UnlikeError
             if step is None:
                 self._add(part)
                 self.parts.append(Part(self._checkpoint(), behind=stepper.piece + 1))
@@ -155,16 +154,6 @@ class Backwards(Once):
             yield step.rows
         self._add(part)
         self.rows.append(stepper.last())
-
-    def _shortened(self, step: Step) -> bool:
-        """Whether the last step is a fixed one that was shortened more often than with a run's tolerance."""
-        more = self.stepper.s.numbers[REJECTED] - self.before["numbers"][REJECTED]
-        if self.stepper.dt == 0.0 or not more:
-            return False
-        usual, memory = Run(self.run.model, self.run.spec).stepper, {"turns": step.turns, "feet": step.feet}
-        usual.resume({**self._checkpoint(), **self.before, **memory})
-        usual.advance([], 1)
-        return bool(usual.s.numbers[REJECTED] - self.before["numbers"][REJECTED] < more)
 
     @cached_property
     def size(self) -> int:

@@ -14,7 +14,7 @@ from ...model.model import Model
 from ..motion.dynamic import Run
 from ..state import Row, State
 from .differences import SHORTER, SMOOTH, TRIES, Quotient, UnsuitedError
-from .motion_states import NEWTON, Pass, unlike
+from .motion_states import NEWTON, Pass, lengths_of, unlike
 from .varied_motions import Beside, Together, Varied
 
 # differences of lower order, beside the largest change, for which a motion is not made again: the square is left
@@ -24,14 +24,16 @@ FIRST_STEPS = 16
 
 
 class Motion(Together):
-    """The change of the states of a motion with numbers of its case, of the last alone unless ``whole``."""
+    """The change of the ``states`` of a motion with numbers of its case, of the last alone unless ``whole``."""
 
-    def __init__(self, model: Model, last: State, whole: bool) -> None:
+    def __init__(self, model: Model, states: Sequence[State], whole: bool) -> None:
         spec = model.case.solver
         assert isinstance(spec, Dynamic)
         # no coarser motions beside
         self.spec = replace(spec, estimate=False)
-        self.model, self.whole, self.rejected = model, whole, int(last.report["rejected"])
+        self.model, self.whole = model, whole
+        # fixed steps have the lengths that they had in the run
+        self.lengths = lengths_of(states)
         self.found: dict[Varied, Quotient | Exception] = {}
         self.runs: dict[int, Run] = {}
         self.rows: list[Row] = []
@@ -77,7 +79,7 @@ class Motion(Together):
         """Make the motion, or its first steps, with the tightest tolerance that it allows; return who was refused."""
         while True:
             last = len(self.tolerances) == 1
-            motion = Pass(self.model, self.spec, self.whole, self.tolerances[0], None if last else self.rejected)
+            motion = Pass(self.model, self.spec, self.whole, self.tolerances[0], None if last else self.lengths)
             numbers, refused = self._numbers(todo)
             try:
                 if not numbers or motion.make(list(numbers.values()), steps):

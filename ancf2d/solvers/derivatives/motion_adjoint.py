@@ -24,7 +24,7 @@ from ..motion.initial import asked_rates, initial_rates
 from ..motion.stepping import Stepper
 from ..post import Observer
 from ..state import State
-from .backwards import PARTS, Backwards, ShortenedError
+from .backwards import PARTS, Backwards, UnlikeError
 from .differences import Quotient, UnsuitedError
 from .linear_steps import Change
 from .motion_states import NEWTON
@@ -41,17 +41,17 @@ ROUND_OFF = 3e-11
 EPSILON, FEW = 2.2e-16, 4.0
 
 
-def made_again(model: Model, whole: bool) -> tuple[Backwards, list[State]]:
-    """Make a motion with the tightest tolerance of Newton's method that shortens no steps.
+def made_again(model: Model, whole: bool, lengths: list[float]) -> tuple[Backwards, list[State]]:
+    """Make a motion with the tightest tolerance of Newton's method that leaves fixed steps their ``lengths`` of a run.
 
     Raises UnsuitedError.
     """
     for tolerance in NEWTON:
         last = tolerance == NEWTON[-1]
-        motion = Backwards(model, whole, tolerance)
+        motion = Backwards(model, whole, tolerance, None if last else lengths)
         try:
-            return motion, list(motion.states(strict=not last))
-        except ShortenedError:
+            return motion, list(motion.states())
+        except UnlikeError:
             continue
         except ComputationError as found:
             if last:

@@ -9,7 +9,7 @@ steps.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -22,18 +22,22 @@ from ...elements.shape import Array
 from ...kernels.lowlevel.records import Record
 from ...kernels.motion import along
 from ...kernels.motion.advance import EVENT, INSIDE
-from ...kernels.motion.state import REJECTED, Motion
+from ...kernels.motion.state import Motion
 from ...model.model import Model
 from ..motion.breaks import pass_break
 from ..motion.dynamic import Run
-from ..motion.stepping import Stepper
-from ..state import Row
+from ..motion.stepping import LOG, Stepper
+from ..state import Row, State
 from .differences import UnsuitedError
 from .linear_steps import Change, Entries, Equations, Stages, method_of
 from .varied_motions import Beside, carried, joined, rests
 
-# of Newton's increments, the first that does not shorten fixed steps: stages are differentiated as they are
+# of Newton's increments, the first with which fixed steps are as long as in a run
 NEWTON = (1e-13, 1e-12, 1e-11, 1e-10)
+# Newton's iterations in a step that converges with a larger tolerance too
+EASY = 5
+# relative, of lengths of steps that are the same
+SAME = 1e-6
 # numbers that the stages of a window of steps are kept in, at most
 WINDOW = 1 << 21
 # of the scene: how far tangents are tried along a change
@@ -77,9 +81,12 @@ class Course:
 
 
 class Once:
-    """A motion made once more, step by step, with the linear equations of its steps."""
+    """A motion made once more, step by step, with the linear equations of its steps.
 
-    def __init__(self, model: Model, spec: Dynamic, tolerance: float) -> None:
+    ``lengths`` are those of fixed steps in a run, found where needed if none are given; None if they may differ.
+    """
+
+    def __init__(self, model: Model, spec: Dynamic, tolerance: float, lengths: list[float] | None) -> None:
         # no coarser motions beside
         self.run = Run(model, replace(spec, estimate=False))
         self.stepper = self.run.stepper
@@ -91,8 +98,9 @@ class Once:
         self.entries = Entries(model, p, self.method.stages)
         self.mass, self.free = self.entries.read(p.mass), self.entries.free
         self.damped = bool(p.tau.any()) or len(p.points.mem) > 0
-        # what the last step began with
+        # what the last step began with, and how many were made
         self.before: dict[str, Array] = {}
+        self.lengths, self.made = lengths, 0
 
     def steps(self) -> Iterator[Step | None]:
         """Make the motion; yield its steps, and None where it has come to a break."""
@@ -105,12 +113,30 @@ class Once:
             if why == EVENT:
                 raise UnsuitedError("events answer the motion")
             if logged:
+                self.made += 1
                 h = float(stepper.rows.log[0, 2])
                 stages = self.method.taken(self.own.values, self.before["z"], t, h)
                 yield Step(t, h, stages, turns, feet, rows)
                 rows = []
             if stepper.breaks(why):
                 yield None
+
+    def unlike(self) -> bool:
+        """Whether the last step is a fixed one that is not as long as in a run.
+
+        For smaller increments Newton's method may make a tangent sooner and converge where it does not in a run, or
+        fail where that converges. As long as all steps are easy, no run is made to compare with.
+        """
+        stepper, lengths = self.stepper, self.lengths
+        if lengths is None or stepper.dt == 0.0:
+            return False
+        if not lengths:
+            iterations, cut = (stepper.rows.log[0, LOG.index(name)] for name in ("iterations", "rejected"))
+            if not cut and (self.method.stages > 1 or iterations <= EASY):
+                return False
+            lengths += lengths_of(Run(self.run.model, self.run.spec).states())
+        h, k = float(stepper.rows.log[0, LOG.index("dt")]), self.made - 1
+        return k >= len(lengths) or not math.isclose(h, lengths[k], rel_tol=SAME)
 
     def moments(self, window: Sequence[Step]) -> Record:
         def joined(name: str) -> Array:
@@ -152,13 +178,18 @@ class Once:
             s.z, s.v, s.a, p.points.mem, p.sliding.memory))))
 
 
+def lengths_of(states: Iterable[State]) -> list[float]:
+    """Return the lengths of all steps of a motion."""
+    return [h for state in states for h in state.blocks["dt"].tolist()]
+
+
 class Pass(Once):
     """A motion made once more, with the changes of its states beside it. Raises UnsuitedError."""
 
     def __init__(self, model: Model, spec: Dynamic, whole: bool, tolerance: float,
-                 rejected: int | None) -> None:
-        super().__init__(model, spec, tolerance)
-        self.rejected, self.whole = math.inf if rejected is None else rejected, whole
+                 lengths: list[float] | None) -> None:
+        super().__init__(model, spec, tolerance, lengths)
+        self.whole = whole
         # the same motion once more, for what it does at breaks
         self.other: Stepper | None = None
         self.rows: list[Row] = []
@@ -169,7 +200,7 @@ class Pass(Once):
         self.off, self.rough = np.zeros(0), np.zeros(0)
 
     def make(self, numbers: Sequence[Beside], steps: int | None = None) -> bool:
-        """Make the motion, or so many steps; return whether no more of them were shortened than ``rejected``.
+        """Make the motion, or so many steps; return whether they are as long as those of a run.
 
         ``rows`` and ``changes`` (3, n, 2 numbers) are then those of the stored states.
         """
@@ -180,7 +211,7 @@ class Pass(Once):
         self._take(stepper.last(), change)
         size, window = min(self._size(), steps or self._size()), list[Step]()
         for step in self.steps():
-            if stepper.dt > 0.0 and stepper.s.numbers[REJECTED] > self.rejected:
+            if step is not None and self.unlike():
                 return False
             if step is not None:
                 window.append(step)
@@ -192,7 +223,7 @@ class Pass(Once):
                 change = self._behind_break(change)
         change = self._through(window, change)
         self._take(stepper.last(), change)
-        return stepper.dt == 0.0 or stepper.s.numbers[REJECTED] <= self.rejected
+        return True
 
     def _begin(self) -> Change:
         """Return the change of the start."""
