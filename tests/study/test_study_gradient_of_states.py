@@ -187,3 +187,27 @@ def test_equal_ones_that_stay_equal():
     # of the last pair there may be a third one that is not computed
     with pytest.raises(ComputationError, match=r"there may be more than solver\.modes"):
         ancf2d.sensitivity(case | {"solver": {"type": "eigen", "modes": 2}}, ["parameters.thick"])
+
+
+def test_section_forces_of_responses_about_a_bent_state():
+    """M of a response of a bent cantilever is the same where E, rho and what bends it are all scaled; its width scales
+    E and rho alike.
+    """
+    case = {"bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
+                                "section": {"height": 0.02, "width": 0.05},
+                                "material": {"E": 1e8, "nu": 0.3, "rho": 1000},
+                                "element": {"type": "reissner3", "count": 4}}},
+            "boundary_conditions": [{"type": "clamp", "at": "beam@0"}],
+            "loads": [{"name": "bend", "type": "force", "at": "beam@1", "value": [0, -8]},
+                      {"name": "push", "type": "force", "at": "beam@1", "value": [0, 1]}],
+            "solver": {"type": "frequency_response", "inputs": ["push"], "frequencies": [3.0], "about": "static"},
+            "goal": {"input": "push", "probe": "mid", "quantity": "M", "hz": 3.0, "part": "re"},
+            "output": {"probes": {"mid": "beam@0.63"}}}
+    study = ancf2d.sensitivity(case, ["bodies.beam.material.E", "bodies.beam.material.rho", "loads.bend.value.1",
+                                      "bodies.beam.section.width"])
+    found = {row.path.rpartition(".")[2]: row for row in study.rows}
+    assert {row.method for row in study.rows} == {"exact"}
+    E, rho, bend, width = (found[name].elasticity for name in ("E", "rho", "1", "width"))
+    assert E + rho + bend == pytest.approx(0.0, abs=3e-4)
+    assert E + rho == pytest.approx(width, abs=3e-4)
+    assert all(abs(row.error * row.value) < 1e-3 * abs(study.goal) for row in study.rows)

@@ -30,8 +30,9 @@ from .linearised import Linearised, Relaxing
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-# displacement, beside the size of the element, by which forces are differentiated
-SMALL = 1e-6
+# displacement, beside the size of the element, by which forces are differentiated: they cancel each other, so that much
+# is left of their round-off; and where points of contact may open and close
+SMALL, CLOSE = 1e-3, 1e-5
 # factor on a load by which natural strains are differentiated
 FACTOR = 1e-3
 
@@ -74,21 +75,28 @@ class SmallForces:
         n_q, out = self.model.n_q, np.zeros((3, len(self.coords)))
         key = ("d", "v", "a")[rate]
         start, mesh = getattr(self.state, key), self.point.mesh
-        size = SMALL * min(float(mesh.lengths[self.point.ie]), 0.5 * mesh.plan.section.height)
+        size = min(float(mesh.lengths[self.point.ie]), 0.5 * mesh.plan.section.height)
+        size *= CLOSE if self.model.contacts else SMALL
         for k, c in enumerate(self.coords.tolist()):
             if rate and c >= n_q:
                 continue  # multipliers have no rates
             # forces are linear in multipliers
             h = size / float(self.model.weights[c]) if c < n_q else max(1.0, abs(start[c]))
-            ends, places = [], []
-            for step in (h, -h):
-                moved = start.copy()
-                moved[c] += step
-                ends.append(self._at(self.forces, replace(self.state, **{key: moved})))
-                places.append(moved[c])
-            # the steps that are left when they are rounded
-            out[:, k] = (ends[0] - ends[1]) / (places[0] - places[1])
+            near = self._quotient(key, c, h)
+            # rates and multipliers are linear: a difference of second order is exact
+            out[:, k] = near if rate or c >= n_q else near + (near - self._quotient(key, c, 2.0 * h)) / 3.0
         return out
+
+    def _quotient(self, key: str, c: int, h: float) -> Array:
+        """Return the central difference (3,) of N, Q, M by a coordinate, a rate or a second rate."""
+        ends, places = [], []
+        for step in (h, -h):
+            moved = getattr(self.state, key).copy()
+            moved[c] += step
+            ends.append(self._at(self.forces, replace(self.state, **{key: moved})))
+            places.append(moved[c])
+        # the steps that are left when they are rounded
+        return (ends[0] - ends[1]) / (places[0] - places[1])
 
     def _at(self, forces: SectionForces, state: State) -> Array:
         return np.asarray(forces(state, np.array([self.point.ie]))[0, 0])
