@@ -192,6 +192,16 @@ def test_steps_are_made_once_for_values_and_derivatives(monkeypatch, tmp_path):
     assert told[0].warnings == told[1].warnings
 
 
+def test_the_last_step_counts_however_long_it_takes(monkeypatch, tmp_path):
+    """Steps are made for a short while at a time: of a large model one by one, the last one too."""
+    loaded = scene(tmp_path, "newmark", PIN, SHORT)
+    many, _ = found(loaded, SOME)
+    monkeypatch.setattr(backwards, "CHUNK_SECONDS", 0.0)
+    single, _ = found(loaded, SOME)
+    assert np.abs(single).min() > 0.0
+    assert single == pytest.approx(many, rel=1e-9)
+
+
 @pytest.mark.parametrize(("iterations", "dt", "tight"), [(5, 5e-4, False), (7, 2e-3, True)])
 def test_steps_are_as_long_as_those_of_a_run(tmp_path, iterations, dt, tight):
     """A tolerance that Newton's method does not reach is given up; steps that a run shortens, too, are kept so."""

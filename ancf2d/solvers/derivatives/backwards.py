@@ -114,7 +114,8 @@ class Backwards(Once):
         found, began = list[Row](), time.perf_counter()
         for rows in steps:
             found += rows
-            if time.perf_counter() - began > CHUNK_SECONDS:
+            # behind the last step it is noted that the motion ends
+            if time.perf_counter() - began > CHUNK_SECONDS and not self.stepper.done:
                 break
         return found
 
