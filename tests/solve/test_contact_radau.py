@@ -212,3 +212,22 @@ def test_friction_without_a_law_is_refused():
         problem, = method_problems(model)
         assert "friction without a law (touch)" in problem.message
         assert "generalized_alpha" in problem.expected
+
+
+def test_a_chain_whose_links_come_nowhere_near_moves_as_without_contact():
+    """Where Newton's method fails and nothing is closed, steps become shorter, and remain those of Radau's method."""
+    square, material = {"height": 0.05, "width": 0.05}, {"E": 1e9, "nu": 0.3, "rho": 1000.0}
+    kinds = [{"type": "rigid"}, h.element("reissner3", 2), {"type": "rigid"}]
+    bodies = {f"link {k}": h.body(h.line(0.5, start=(0.5 * k, 0.0)), kind, square, material)
+              for k, kind in enumerate(kinds)}
+    chain = {"bodies": bodies, "boundary_conditions": [{"type": "pin", "at": "link 0@0"}],
+             "joints": [{"type": "pin", "between": [f"link {k}@1", f"link {k + 1}@0"]} for k in range(2)],
+             "loads": [{"type": "gravity", "value": [0, -9.81]}],
+             "solver": {"type": "dynamic", "t_end": 0.6, "method": "radau5", "tolerance": 1e-4, "estimate": False},
+             "output": {"interval": 0.05, "probes": {"tip": "link 2@1"}}}
+    pairs = [{"between": [f"link {k}", f"link {j}"]} for k, j in ((1, 0), (2, 1), (2, 0))]
+    free, beside = ancf2d.solve(chain), ancf2d.solve({**chain, "contacts": pairs})
+    np.testing.assert_allclose(beside.course["tip"]["y"], free.course["tip"]["y"], rtol=0, atol=1e-3)
+    e = beside.energies
+    total, size = e["kinetic"] + e["strain"] + e["potential"], (e["kinetic"] + e["strain"]).max()
+    assert np.abs(total).max() < 1e-4 * size

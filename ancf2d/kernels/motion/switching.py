@@ -75,11 +75,14 @@ class Switched(NamedTuple):
 
 @inner
 def _hold(p, s, held):  # type: ignore[no-untyped-def]
-    """Hold closed what presses, and open what does not."""
+    """Hold closed what presses, and open what does not; return whether something is closed."""
+    closes = False
     for i in range(len(held)):
         if p.points.restitution[i] >= 0.0:
             held[i] = CLOSED if s.z[p.place[p.points.multiplier[i]]] < 0.0 else OPEN
             p.points.mem[i, HELD] = held[i]
+            closes |= held[i] == CLOSED
+    return closes
 
 
 @inner
@@ -220,10 +223,11 @@ def switched_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
         outcome, iterations, error, rate = calls.euler_step(own.calls, (p, w, s, own.euler, t, h))
         go_straight(own.end, s)
         return outcome, iterations, error, rate
-    _hold(p, s, own.held)
+    closes = _hold(p, s, own.held)
     outcome, iterations, error, rate = calls.radau_step(own.calls, (p, w, s, own.radau, t, h))
     if outcome != DONE:
-        if not h > 2.0 * _euler_length(p, s, own, h):
+        # where nothing is closed, no contact is the cause: a shorter step helps
+        if closes and not h > 2.0 * _euler_length(p, s, own, h):
             s.numbers[NEXT], outcome = h, SWITCHES
     else:
         # a step that is too long for its error is made again anyway
