@@ -60,7 +60,9 @@ def solve_eigen(model: Model, spec: Eigen) -> Iterator[State]:
         state.warnings += [f"springs.{k}: its damping force is of higher order in the rates, so it has no effect on "
                            "small motions" for k in small.rates.of_higher_order()]
     if not base.loaded and np.any(small.pencil.balance.R):
-        acts = [*["springs are loaded"] * bool(model.springs), *["material flows"] * bool(model.loads.flows)]
+        layers = any(contact.law is not None for contact in model.case.contacts)
+        acts = [*["springs are loaded"] * bool(model.case.springs), *["contact layers press"] * layers,
+                *["material flows"] * bool(model.loads.flows)]
         state.warnings.append(f"the reference is not an equilibrium, because {' or '.join(acts)} there. Use about: "
                               "static")
     yield state
