@@ -260,9 +260,7 @@ class BodyPair:
         turn = np.abs(_cross(b[:-1] - a[:-1], b[1:] - a[1:])) * (np.hypot(*(b[:-1] - a[1:]).T) < 1e-12 * self.scale)
         off = float((turn / np.hypot(*(b - a).T)[:-1])[np.arange(1, len(a)) % (STATIONS - 1) > 0].max(initial=0.0))
         low, high = np.minimum(a, b).min(axis=0), np.maximum(a, b).max(axis=0)
-        # between points that bear something bodies overlap by what elements can
-        chosen = np.array([d is None or not p.free for p in self.spots])
-        for p, s in zip(self._places(d)[chosen], self.s[chosen].tolist(), strict=True):
+        for p, s in zip(self._places(d), self.s.tolist(), strict=True):
             if (p < low).any() or (p > high).any():
                 continue
             above = (a[:, 1] > p[1]) != (b[:, 1] > p[1])

@@ -206,9 +206,9 @@ def _answers() -> dict[str, Any]:
 
 def _let_go() -> dict[str, Any]:
     """Return a case with supports and a weld that end during a motion, one-sided springs and layers of contact."""
-    bodies = {name: _body([0, k], [1, k], {"type": "cable"}, DAMPED) for k, name in enumerate(("a", "b", "c"))}
+    bodies = {name: _body([0, k], [1, k], {"type": kind}, DAMPED)
+              for k, (name, kind) in enumerate([("a", "vallejo"), ("b", "cable"), ("c", "cable")])}
     bodies["d"] = _body([1, 2], [2, 2], {"type": "vallejo"}, DAMPED)
-    bodies["a"]["element"]["type"] = "vallejo"
     ends = {"active": {"until": f"{PROBE}.uy > 9"}}
     angle = {"type": "sine", "scale": 1e-3, "frequency": 1.0}
     return {"format": 1, "title": "let go", "bodies": bodies,
