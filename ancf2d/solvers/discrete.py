@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..case.schema.points import MovingPoint
+from ..case.schema.profiles import PointExpression
 from ..elements.shape import Array
-from ..errors import ComputationError
+from ..errors import CaseError, ComputationError, Problem
 from ..model.mesh import Index
 from ..model.model import Model
 from .linear import full_mass, unknowns_to_coordinates
@@ -41,10 +44,17 @@ class DiscreteModel:
     amplitude has no value at t or a point has left the body that it slides on.
 
     Torsion springs on sections without theta count whole turns, and prismatic joints follow their point, from one
-    evaluation to the next.
+    evaluation to the next. Fibres that yield are evaluated as if strained from the reference at once.
+
+    Raises CaseError where a case has what no function R(z, z', t) tells: states of controllers and materials,
+    conditions, friction, impacts; or what this R leaves out: loads and masses that move along bodies, feedback, drag.
     """
 
     def __init__(self, model: Model) -> None:
+        left = [Problem(message, path=path) if model.loaded is None else model.loaded.source.problem(path, message)
+                for path, message in _left_out(model)]
+        if left:
+            raise CaseError(left)
         self._model, self._system, num = model, System(model), model.numbering
         # where each unknown, in the order of the nodal coordinates, stands in the matrices of the system
         self._order: Index = np.argsort(num.free)
@@ -310,3 +320,40 @@ class DiscreteModel:
     @cached_property
     def _observer(self) -> Observer:
         return Observer(self._model, forces=False)
+
+
+def _left_out(model: Model) -> Iterator[tuple[tuple[Any, ...], str]]:
+    """Yield the path of everything in a case that the residual does not contain, and what to tell of it."""
+    case, over_time = model.case, model.case.solver.timed
+    for group in ("boundary_conditions", "joints", "springs", "masses", "loads"):
+        for k, item in enumerate(getattr(case, group)):
+            for why in dict.fromkeys(_beyond(item, group in ("boundary_conditions", "joints"))):
+                yield (group, k), _told(f"{group}.{k}", why)
+    for k, contact in enumerate(case.contacts):
+        if contact.friction:
+            yield ("contacts", k, "friction"), _told(f"contacts.{k}.friction", "friction depends on the load path")
+        elif over_time and contact.law is None:
+            yield ("contacts", k), _told(f"contacts.{k}", "impacts without a law make velocities jump")
+    for name in model.meshes if over_time else ():
+        if model.meshes[name].plan.section.maxwell or name in model.remembers:
+            yield ("bodies", name), _told(f"bodies.{name}", "its material remembers past strains")
+
+
+def _beyond(item: Any, holds: bool) -> Iterator[str]:
+    """Yield why R(z, z', t) does not contain an item of a case; ``holds``: it is a support or joint."""
+    active = getattr(item, "active", None)
+    if active is not None and (holds or active.waits):
+        yield "it waits for a condition" if active.waits else "it is let go"
+    fields = [v for value in vars(item).values() for v in (value if isinstance(value, tuple) else (value,))]
+    for value in fields:
+        if isinstance(value, MovingPoint):
+            yield "it moves along a body"
+        elif isinstance(value, PointExpression):
+            if {"vx", "vy"} & set(value.quantities):
+                yield "it depends on velocities"
+        elif getattr(value, "quantities", ()):
+            yield f"it depends on {', '.join(value.quantities)}"
+
+
+def _told(where: str, why: str) -> str:
+    return f"{where}: {why}, which the residual of ancf2d.system does not contain; ancf2d.solve takes it into account"

@@ -266,3 +266,31 @@ def test_a_body_without_density_has_no_mass_matrix() -> None:
 def test_a_mesh_that_is_not_chosen_yet_is_refused() -> None:
     with pytest.raises(ancf2d.CaseError, match="type and count"):
         ancf2d.system(cantilever(goal={"probe": "tip", "quantity": "uy"}, accuracy=1e-3))
+
+
+FLOOR = {"floor": {"type": "half_plane", "through": [0, -1], "normal": [0, 1]}}
+HINTED = {"type": "expression", "value": "-tip.uy"}
+
+
+@pytest.mark.parametrize(("scene", "words"), [
+    ({"loads": [{"type": "force", "at": "beam@1", "value": [0, 1], "amplitude": HINTED}]},
+     "loads.0: it depends on tip.uy"),
+    ({"loads": [{"type": "force", "at": {"on": "beam", "s": {"type": "ramp"}}, "value": [0, 1]}]},
+     "loads.0: it moves along a body"),
+    ({"loads": [{"type": "distributed", "on": "beam", "value": [0, "-vy*abs(vy)"]}]},
+     "loads.0: it depends on velocities"),
+    ({"masses": [{"at": {"on": "beam", "s": {"type": "ramp"}}, "mass": 1}]}, "masses.0: it moves along a body"),
+    ({"boundary_conditions": [{"type": "clamp", "at": "beam@0"},
+                              {"type": "pin", "at": "beam@1", "active": {"to": 1}}]},
+     "boundary_conditions.1: it is let go"),
+    ({"springs": [{"type": "translational", "between": ["beam@1", [1, 1]], "stiffness": 1,
+                   "active": {"until": "tip.uy > 1"}}]}, "springs.0: it waits for a condition"),
+    ({"bodies": {"beam": body("vallejo", (0, 0), (1, 0), viscoelastic=[{"modulus": 1, "time": 1}])}},
+     "bodies.beam: its material remembers past strains"),
+    ({"obstacles": FLOOR, "contacts": [{"between": ["beam", "floor"]}]}, "contacts.0: impacts without a law"),
+    ({"obstacles": FLOOR, "contacts": [{"between": ["beam", "floor"], "friction": 0.1, "law": {"stiffness": 1}}],
+      "solver": STATIC}, "contacts.0.friction: friction depends on the load path")],
+    ids=["feedback", "moving force", "drag", "moving mass", "let go", "condition", "memory", "impacts", "friction"])
+def test_what_the_residual_leaves_out_is_refused(scene: dict[str, Any], words: str) -> None:
+    with pytest.raises(ancf2d.CaseError, match=words):
+        ancf2d.system(cantilever(**{"solver": DYNAMIC, **scene}))
