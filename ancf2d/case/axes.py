@@ -105,6 +105,10 @@ def _axis(text: str, distinct: bool) -> Axis:
     start = _start(text)
     if not equals or not path.strip():
         raise CaseError(start.problem("not PATH=VALUE,VALUE", expected="for example bodies.beam.element.count=4,8,16"))
+    unfinished = [part for part in map(str.strip, values.split(",")) if _RANGE.fullmatch(part) and part.endswith(":")]
+    if unfinished:
+        # YAML would take its last colon for that of a key
+        raise CaseError(start.problem(f"{quoted(unfinished[0])} is not a range", expected=RANGE))
     # as the inside of a YAML list; its bracket stands in the place of the equals sign
     refused: list[Problem] = []
     node = compose(f"[{values}]", start.origin, len(OPTION) + len(path) + 1, refused)

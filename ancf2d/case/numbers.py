@@ -18,6 +18,8 @@ from .overrides import index_of
 
 # what no run depends on, or only through its discretisation
 APART = ("format", "title", "units", "solver", "goal", "accuracy", "output", "expected")
+# a share of the way from one bound to the other that no whole number is likely to lie at
+BETWEEN = 0.3819
 
 
 @dataclass(frozen=True)
@@ -145,12 +147,16 @@ def _below(node: Node, path: str, parent: Node | None) -> Iterator[Variable]:
 
 
 def numbers_between(loaded: LoadedCase, bounds: Sequence[Bounds], vocabulary: Vocabulary) -> list[Variable]:
-    """Return the numbers at the paths of bounds. Raises CaseError with all that are none, or cannot be at a bound."""
+    """Return the numbers at the paths of bounds.
+
+    Raises CaseError with all paths of none, and all numbers that cannot be at a bound or anywhere between.
+    """
     found, problems = [], []
     for one in bounds:
         try:
             variable = variable_at(loaded, one.path)
-            for value in (one.low, one.high):
+            # the one between is no whole number, where that is asked for
+            for value in (one.low, one.high, one.low + BETWEEN * (one.high - one.low)):
                 with_overrides(loaded, [variable.override(value)], vocabulary)
             found.append(variable)
         except CaseError as error:

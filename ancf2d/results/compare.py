@@ -20,8 +20,8 @@ _FAMILIES = {
     "N": "force", "Q": "force", "fx": "force", "fy": "force", "M": "moment", "m": "moment",
     "strain": "energy", "kinetic": "energy", "potential": "energy", "dissipated": "energy", "work": "energy",
 }
-# "checks" repeat values that are compared anyway, with differences that are round-off where all is well
-_NOT_COMPARED = {"wall_s", "output", "case", "reason", "at", "time_s", "checks"}
+# "checks" and the table "computed" of a sweep repeat values that are compared anyway: as round-off, and with times
+_NOT_COMPARED = {"wall_s", "output", "case", "reason", "at", "time_s", "checks", "computed"}
 # what says how a result was computed rather than what it is
 _COUNTERS = {"iterations", "steps", "rejected", "dt"}
 _TEXTS = {"status", "solver", "kind", "element", "formulation"}
@@ -323,7 +323,7 @@ def _series(place: str, a: np.ndarray, b: np.ndarray, rows: Rows, scale: float, 
 
 def _tables(a: Results, b: Results, tol: _Tolerance) -> Found:
     yield from _names("/tables", a.tables, b.tables)
-    for name in [n for n in a.tables if n in b.tables]:
+    for name in [n for n in a.tables if n in b.tables and n not in _NOT_COMPARED]:
         one, two = a.tables[name], b.tables[name]
         yield from _names(f"/tables/{name}", one, two)
         shape = _shapes(f"/tables/{name}", (one.rows,), (two.rows,))

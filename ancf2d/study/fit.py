@@ -146,7 +146,9 @@ def _variables(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: 
     if not bounds:
         problems.append(Problem("nothing is varied", expected="--vary PATH=LOW:HIGH"))
     if data.known.sum() <= len(bounds):
-        problems.append(Problem(f"{int(data.known.sum())} values cannot tell {len(bounds)} numbers", file=data.file))
+        problems.append(Problem(f"there are too few values ({int(data.known.sum())}) to fit {len(bounds)} "
+                                f"number{'s' * (len(bounds) != 1)}", file=data.file,
+                                expected="more values than numbers"))
     if problems:
         raise CaseError(problems)
     return variables

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -80,20 +81,23 @@ def read_data(path: str) -> Data:
     rows = [row for row in csv.reader(io.StringIO(read_text(path))) if any(cell.strip() for cell in row)]
     if len(rows) < 2:
         raise CaseError(Problem("the file has no data", file=path, expected="a line of names, then lines of numbers"))
-    names, problems = [name.strip() for name in rows[0]], []
+    names, problems = [name.strip() for name in rows[0]], list[Problem]()
     if names[0] not in ABSCISSAE:
         raise CaseError(_misnamed(names, path))
+    problems += [Problem(f"there are {n} columns '{name}'", file=path, line=1, column=1, expected="each column once")
+                 for name, n in Counter(names).items() if n > 1]
     values = np.full((len(rows) - 1, len(names)), np.nan)
     for k, row in enumerate(rows[1:]):
         if len(row) != len(names):
-            problems.append(Problem(f"the line has {len(row)} cells", file=path, line=k + 2, column=1,
-                                    expected=f"{len(names)}, as the first line has"))
+            problems.append(Problem(f"the line has {len(row)} cell{'s' * (len(row) != 1)}", file=path, line=k + 2,
+                                    column=1, expected=f"{len(names)}, as the first line has"))
             continue
         for j, cell in enumerate(row):
             try:
                 values[k, j] = float(cell) if cell.strip() else np.nan
             except ValueError:
-                problems.append(Problem(f"'{cell.strip()}' is no number", file=path, line=k + 2, column=1))
+                problems.append(Problem(f"'{cell.strip()}' in column {names[j]} is no number", file=path,
+                                        line=k + 2, column=1))
     if problems:
         raise CaseError(problems)
     return data_of(dict(zip(names, values.T, strict=True)), path)
@@ -136,7 +140,8 @@ def check_data(loaded: LoadedCase, data: Data) -> list[Problem]:
 
     kinds = {"t": (Dynamic, QuasiStatic), "factor": (Static, LinearStatic), "hz": FrequencyResponse}
     if not isinstance(solver, kinds[data.axis]):  # type: ignore[arg-type]
-        say(f"the data are over {data.axis}, but the case is not {ABSCISSAE[data.axis]}")
+        say(f"the data are over {data.axis}, but the solver of the case is {solver.tag}",
+            f"solver {ABSCISSAE[data.axis]}")
         return problems
     if solver.on_path:
         say("the load factor does not tell the states of a path apart", "method: newton")

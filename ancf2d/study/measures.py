@@ -87,8 +87,11 @@ def read_measure(text: str, option: str, words: Vocabulary, parameters: Sequence
 
 def _said(message: str, words: Vocabulary) -> str:
     """Return what is wrong with a name without those that nobody can write."""
+    if (parameter := re.match(r"'parameters\.(\w+)' is unknown", message)) is not None:
+        return f"{parameter[0]}: in expressions the parameter is written {parameter[1]}"
     head, known, _ = message.partition("; known names are ")
-    return f"{head}; there are {', '.join(words.quantities)}, max(...) and min(...)" if known else message
+    return (f"{head}; there are {', '.join(words.quantities)}, and max(...) and min(...) of these or of a field "
+            f"({', '.join(words.fields)})" if known else message)
 
 
 def _closed(text: str, at: int) -> int:

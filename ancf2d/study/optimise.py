@@ -213,7 +213,9 @@ def optimise(problem: Problem, method: str = "slsqp", iterations: int = 100, pro
                           bounds=[(0.0, 1.0)] * len(search.start), constraints=_constraints(search, method, sizes),
                           options=options)
     y = np.clip(np.asarray(result.x), 0.0, 1.0)
-    return _concluded(problem, search, y, bool(result.success), " ".join(str(result.message).split()))
+    message = (f"no convergence within {iterations} iteration{'s' * (iterations != 1)}; allow more, or widen the bounds"
+               if result.nit >= iterations and not result.success else " ".join(str(result.message).split()))
+    return _concluded(problem, search, y, bool(result.success), message)
 
 
 def _constraints(search: _Search, method: str, sizes: Array) -> list[Any]:
@@ -248,8 +250,8 @@ def _concluded(problem: Problem, search: _Search, y: Array, success: bool, messa
         kept &= bool(met)
         constraints.append({"constraint": text, "excess": value, "met": bool(met),
                             "active": bool(abs(value) <= 10 * MET * size)})
-    if success and not kept:
-        success, message = False, "no values within the bounds meet all constraints"
+    if not kept:
+        success, message = False, "no values within the bounds were found that meet all constraints"
     loaded, minimised = search.loaded, problem.measures.measures[0].text
     warned = [*moved_starts(problem.variables, problem.bounds, starts),
               *dict.fromkeys(search.warnings[y.tobytes()])]

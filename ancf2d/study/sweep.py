@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -35,6 +36,7 @@ def plan(case: str, axes: list[Axis], overrides: Sequence[str], folder: Path, wo
     axes = axes if samples is None else samples.axes
     origin = CaseText(text, file, os.path.dirname(file))
     sweep = Sweep(case, "", axes, folder, [], [], samples=samples, keep=keep, force=force, command=command)
+    _check_parameters((text, *overrides, *(str(axis.values) for axis in axes)), axes)
     problems: list[Problem] = []
     for values in combinations(axes, paired or samples is not None):
         row = Row({axis.path: value for axis, value in zip(axes, values, strict=True)})
@@ -58,6 +60,15 @@ def plan(case: str, axes: list[Axis], overrides: Sequence[str], folder: Path, wo
     if not any(sweep.jobs):
         raise CaseError(_distinct(problems, axes))
     return sweep
+
+
+def _check_parameters(texts: Sequence[str], axes: Sequence[Axis]) -> None:
+    """Raise CaseError for axes of parameters that stand nowhere in the texts of a case, so that nothing uses them."""
+    words = set(re.findall(r"\w+", " ".join(texts)))
+    unused = [axis for axis in axes if axis.path.startswith("parameters.") and axis.path.split(".")[1] not in words]
+    if unused:
+        raise CaseError([Problem(f"nothing in the case uses {axis.path}", f"{axis.option}{axis.text}",
+                                 expected="a parameter of the case") for axis in unused])
 
 
 def _size(case: Case) -> float:

@@ -37,9 +37,13 @@ def test_everything_wrong_is_told_and_nothing_is_written(call: Call, folder: Pat
     before = sorted(p.name for p in folder.iterdir())
     result = call(*FIT, "--vary", "b=2:1", "--sigma", "c")
     assert result.exit_code == 2
-    for text in ("'x' is no number", "2:1 is not a range", "not PROBE.QUANTITY=NUMBER"):
+    for text in ("'x' in column tip.uy is no number", "2:1 is not a range", "not PROBE.QUANTITY=NUMBER"):
         assert text in result.stderr
     assert call(*FIT[:3], "nowhere.csv", *FIT[4:]).exit_code == 2
+    (folder / "data.csv").write_text(DATA.replace("tip.ux", "tip.uy"))
+    assert "there are 2 columns 'tip.uy'" in call(*FIT).stderr
     (folder / "data.csv").write_text(DATA)
+    whole = call(*FIT, "--vary", "bodies.beam.element.count=1:9")
+    assert "--vary bodies.beam.element.count=1:9: error: bodies.beam.element.count must be a whole" in whole.stderr
     assert "is an input of this command" in call(*FIT, "-o", "data.csv").stderr
     assert sorted(p.name for p in folder.iterdir()) == before

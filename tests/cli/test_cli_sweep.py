@@ -69,9 +69,9 @@ def test_samples_end_with_what_they_say(call: Call, call_json: CallJson) -> None
 
 
 def test_everything_wrong_with_what_is_varied_is_told_at_once(call: Call) -> None:
-    result = call("sweep", "beam.yaml", "--over", "a=1:2", "--sample", "b~beta(1, 2)", "--sample", "c", "--pair")
+    result = call("sweep", "beam.yaml", "--over", "a=0.1:0.2:", "--sample", "b~beta(1, 2)", "--sample", "c", "--pair")
     assert result.exit_code == 2
-    for text in ("both given", "is not a range", "is not a distribution", "not PATH~", "nothing to pair"):
+    for text in ("both given", "'0.1:0.2:' is not a range", "is not a distribution", "not PATH~", "nothing to pair"):
         assert text in result.stderr
     assert "need --sample" in call("sweep", "beam.yaml", "--over", "a=1,2", "--seed", "1").stderr
     assert "nothing is varied" in call("sweep", "beam.yaml").stderr
@@ -87,6 +87,9 @@ def test_failed_rows_exit_with_1_and_wrong_sweeps_with_2(call: Call, call_json: 
     assert result.exit_code == 2
     assert "did you mean 'element'?" in result.stderr
     assert "--over loads.5.value=[0,1]: error: 'loads' has 1 item" in result.stderr
+    unused = call("sweep", "beam.yaml", "--over", "parameters.k=1,2")
+    assert unused.exit_code == 2
+    assert "nothing in the case uses parameters.k" in unused.stderr
     assert call("sweep", "beam.yaml").exit_code == 2
     assert sorted(os.listdir(folder)) == before
     assert call_json("sweep", "beam.yaml", "--over", "a", "--json")["status"] == "failed"

@@ -296,7 +296,7 @@ def test_everything_wrong_with_a_fit_is_told_at_once() -> None:
     for text in ("go from 0.5 to 2", "no probe 'tap'", "'uz' is no quantity", "a static state has no vx", "must be > 0",
                  "EJ", "no column 'tip.ux'"):
         assert text in told
-    with pytest.raises(CaseError, match="the case is not dynamic"):
+    with pytest.raises(CaseError, match="the solver of the case is static"):
         fitted(BENT, data_of({"t": [1.0, 2.0], "tip.uy": [1.0, 2.0]}), f"{EI}=1:2")
     with pytest.raises(CaseError) as found:
         read_bounds(["a", "b=1", "c=2:1", "d=1:x", "=1:2", "e=1:2", "e=1:3"])

@@ -103,7 +103,9 @@ def test_values_of_expressions():
 
 
 @pytest.mark.parametrize(("text", "message"), [
-    ("mas", "did you mean 'mass'"), ("tip.uz", "did you mean 'tip.uy'"), ("max(stres)", "'stres' is unknown"),
+    ("mas", "did you mean 'mass'"), ("tip.uz", "did you mean 'tip.uy'"),
+    ("max(stres)", r"'stres' is unknown.*of a field \(.*stress"),
+    ("2*parameters.h", "in expressions the parameter is written h"),
     ("max(max(mass))", "cannot stand in each other"), ("max(tip.uy", "is missing"), ("goal +", "ends too early")])
 def test_what_is_wrong_with_an_expression(text, message):
     with pytest.raises(CaseError, match=message):
@@ -113,6 +115,15 @@ def test_what_is_wrong_with_an_expression(text, message):
 def test_a_constraint_compares_two_expressions():
     with pytest.raises(CaseError, match="no constraint"):
         ancf2d.optimise(TEXT, {HEIGHT: (0.02, 0.2)}, "mass", "tip.uy")
+
+
+def test_what_cannot_be_met_and_what_takes_longer_are_told_apart():
+    never = ancf2d.optimise(TEXT, {HEIGHT: (0.02, 0.2)}, "mass", "mass <= -1")
+    assert never.message == "no values within the bounds were found that meet all constraints"
+    longer = ancf2d.optimise(TEXT, {HEIGHT: (0.02, 0.2)}, "mass - 100*tip.uy", iterations=1)
+    assert not never.found
+    assert not longer.found
+    assert "no convergence within 1 iteration" in longer.message
 
 
 def test_sides_of_a_constraint_read_their_own_extremes():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from jobs import BEAM, GOAL
 from ancf2d.case.axes import read_axes, read_distributions
 from ancf2d.errors import CaseError, ResultsError
 from ancf2d.results import checkpoint, open_results
+from ancf2d.results.compare import compare_results
 from ancf2d.solvers.motion import stepping
 from ancf2d.study import sweep_runs, sweep_table
 from ancf2d.study.pool import ALONE
@@ -126,6 +128,10 @@ def test_an_interrupted_sweep_goes_on_from_its_file(monkeypatch: pytest.MonkeyPa
     found = swept(f"{EI}=1e3:4e3:4")
     assert [row.reused for row in found.rows] == [True, True, False, False]
     assert len(runs) == 2
+    # computed again, the rows take other times; they agree all the same
+    shutil.copy("out/sweep.h5", "before.h5")
+    swept(f"{EI}=1e3:4e3:4", force=True)
+    assert compare_results("before.h5", "out/sweep.h5", rtol=0.0) == []
     # rows of earlier sweeps are known too
     assert [row.reused for row in swept(f"{EI}=5e3,4e3,1e3").rows] == [False, True, True]
 
