@@ -7,9 +7,12 @@ from typing import Any
 import click
 
 from ..errors import Ancf2dError, CaseError, ComputationError, Problem
+from ..extend.plugins import blame
 from .session import Session
 from .text import let_go_of_output, many, say
 
+# what the code of a plugin does not raise by mistake
+EXPECTED = (Ancf2dError, click.ClickException, click.Abort, KeyboardInterrupt, EOFError, OSError, MemoryError)
 FAILED, WRONG, INTERRUPTED = 1, 2, 130
 
 
@@ -22,6 +25,8 @@ def explain(error: BaseException, session: Session) -> int:
         import traceback
 
         say("".join(traceback.format_exception(error)), err=True)
+    if not isinstance(error, EXPECTED):
+        error = blame(error) or error
     if isinstance(error, click.ClickException):
         # the option may stand behind what could not be read
         session.json = session.json or "--json" in session.arguments

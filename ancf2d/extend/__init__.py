@@ -7,6 +7,7 @@ statics, paths, modes and motion, ``validate``, ``schema`` and the messages on w
 from __future__ import annotations
 
 from collections.abc import Callable
+from inspect import signature
 from typing import Any
 
 from ..case import GroundPoint, Point
@@ -26,6 +27,10 @@ __all__ = [
     "helper", "key", "load", "record", "spring",
 ]
 
+# what the functions of the law of a formulation take
+ARGUMENTS = {"strain": ("ref", "u", "eps", "J", "lanes"), "geometric": ("ref", "u", "sigma", "J", "H", "lanes"),
+             "internal": ("ref", "eps", "old", "new", "slope", "lanes")}
+
 
 def helper(function: Callable[..., Any]) -> Callable[..., Any]:
     """Let the functions of a plugin call this one of its own; it is compiled with them."""
@@ -37,8 +42,13 @@ def helper(function: Callable[..., Any]) -> Callable[..., Any]:
 def formulation(made: Formulation) -> Formulation:
     """Register a formulation of the elastic forces, for every element type that it does not refuse.
 
-    Raises PluginError where there is one of this name.
+    Raises PluginError where there is one of this name, and where a function of its law takes other arguments.
     """
+    for name, arguments in ARGUMENTS.items():
+        function = getattr(made.law, name)
+        if function is not None and len(signature(function).parameters) != len(arguments):
+            raise PluginError(f"formulation '{made.name}': {name}{signature(function)} takes other arguments; expected "
+                              f"{name}({', '.join(arguments)})")
     if FORMULATIONS.setdefault(made.name, made) is not made:
         raise PluginError(f"there is already a formulation '{made.name}'")
     return made

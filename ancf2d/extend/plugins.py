@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import sys
 import traceback
 from functools import cache
@@ -41,6 +42,23 @@ def load_plugins() -> None:
         _load_file(path)
 
 
+def blame(error: BaseException) -> PluginError | None:
+    """Return what to tell of an error in the code of a plugin, in which it is run or compiled; None for all others."""
+    modules = [sys.modules.get(point.module) for group in GROUPS for point in entry_points(group=group)]
+    files = [*_named(), *(file for file in (getattr(module, "__file__", None) for module in modules) if file)]
+    run = [(frame.filename, frame.lineno) for frame in traceback.extract_tb(error.__traceback__)
+           if frame.filename in files]
+    # what numba says of a function that it cannot compile
+    compiled = [(file, line) for file in files for line in re.findall(re.escape(file) + r" \((\d+)\)", str(error))]
+    if not run and not compiled:
+        return None
+    file, place = run[-1] if run else compiled[0]
+    if run:
+        return PluginError(f"{file}:{place}: the plugin fails: {_words(error)}")
+    lines = [line.strip() for line in str(error).splitlines() if line.strip() and "mode pipeline" not in line]
+    return PluginError(f"{file}:{place}: the plugin cannot be compiled: {' '.join(lines[:2])}")
+
+
 def digest() -> str:
     """Return a digest of the plugin files that are in use."""
     found = hashlib.sha256()
@@ -75,5 +93,5 @@ def _load_file(path: str) -> None:
         raise PluginError(f"{place}: the plugin cannot be loaded: {_words(error)}") from error
 
 
-def _words(error: Exception) -> str:
-    return str(error) if isinstance(error, PluginError) else f"{type(error).__name__}: {error}"
+def _words(error: BaseException) -> str:
+    return str(error) if isinstance(error, PluginError) else f"{type(error).__name__}: {error}".rstrip(": ")

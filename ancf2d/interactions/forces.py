@@ -158,6 +158,10 @@ def load(cls: R) -> R:
     return register("loads", cls, ("name", "amplitude"))
 
 
+# what the force of such a load returns
+RETURNS = ("fx", "fy", "dfx/dx", "dfx/dy", "dfy/dx", "dfy/dy")
+
+
 def position_load(force: Callable[..., Any], *, potential: bool) -> Callable[[R], R]:
     """Register a record as a kind of load: a force on a point, as a function of where the point is.
 
@@ -171,7 +175,7 @@ def position_load(force: Callable[..., Any], *, potential: bool) -> Callable[[R]
 
         def add(self: Any, context: LoadContext, out: LoadSet) -> None:
             fields = position_fields(context.point(self.at))
-            out.patches.append(PointPatch(law, fields, constants_of(self), context.amplitude))
+            out.patches.append(PointPatch(law, fields, constants_of(self, force, RETURNS), context.amplitude))
 
         register("loads", cls, ("at", "amplitude", "name"), methods=("constants",))
         cls.add = add  # type: ignore[attr-defined]

@@ -42,6 +42,8 @@ PULL_DOC = ("Force as a formula in the elongation u [m] and its rate v, in place
             "pulls the ends together")
 TURN_DOC = ("Moment as a formula in u, the relative rotation less angle [rad], and its rate v, in place of stiffness "
             "and damping; a positive moment turns the second end back")
+# what the force of a spring returns
+RETURNS = ("energy", "N", "dN/du", "dN/d(rate)")
 End = PointRef | GroundPoint
 
 
@@ -148,7 +150,7 @@ def spring(force: Callable[..., Any], *, on: str = "elongation", damped: bool = 
 
         def place(self: Any, ends: list[End]) -> Spring:
             rest = self.rest() if hasattr(self, "rest") else None
-            return (about if on == "angle" else along)(law, ends, constants_of(self), self.damped, rest)
+            return (about if on == "angle" else along)(law, ends, constants_of(self, force, RETURNS), self.damped, rest)
 
         if not hasattr(cls, "check"):
             cls.check = _check

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -89,12 +90,29 @@ class Items(NamedTuple):
     stays: bool = True
 
 
-def constants_of(item: Any) -> list[float]:
-    """Return the constants of the law of a record. Raises PluginError where there are too many."""
-    found = [float(x) for x in item.constants()]
+def constants_of(item: Any, force: Callable[..., Any], returns: Sequence[str]) -> list[float]:
+    """Return the constants of the law of a record, whose ``force`` (of two numbers and these) ``returns`` so much.
+
+    Raises PluginError where they are too many, or no numbers, and where the force takes or returns something else.
+    """
+    name, given = type(item).__name__, item.constants()
+    try:
+        found = [float(x) for x in given]
+    except (TypeError, ValueError):
+        raise PluginError(f"{name}.constants() returns {given!r}; expected a list of numbers") from None
     if len(found) > MAX_CONSTANTS:
-        raise PluginError(f"{type(item).__name__}.constants() returns {len(found)} numbers; expected at most "
-                          f"{MAX_CONSTANTS}")
+        raise PluginError(f"{name}.constants() returns {len(found)} numbers; expected at most {MAX_CONSTANTS}")
+    # at 0 it may have no value
+    with np.errstate(all="ignore"), suppress(ArithmeticError):
+        try:
+            out = force(0.0, 0.0, np.array(found))
+        except TypeError as error:
+            if error.__traceback__ is not None and error.__traceback__.tb_next is None:
+                raise PluginError(f"the force of {name}: {error}") from None
+            raise
+        if not isinstance(out, tuple) or len(out) != len(returns):
+            what = f"{len(out)} values" if isinstance(out, tuple) else str(out)
+            raise PluginError(f"the force of {name} returns {what}; expected {len(returns)}: {', '.join(returns)}")
     return found
 
 

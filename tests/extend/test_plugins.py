@@ -236,6 +236,36 @@ def test_a_plugin_that_fails_is_named_with_its_line(tmp_path) -> None:
 
 
 @pytest.mark.usefixtures("registries")
+@pytest.mark.parametrize(("name", "old", "new", "words"), [
+    ("hardening", ", k + 3 * k3 * u**2, 0.0", "", "the force of Hardening returns 2 values; expected 4: energy, N,"),
+    ("hardening", "(u, rate, par)", "(u, par)", "the force of Hardening: force() takes 2 positional arguments"),
+    ("hardening", "[self.stiffness, self.cubic]", "self.stiffness", "returns 300.0; expected a list of numbers"),
+    ("hardening", "self.cubic]", "self.cubik]", ":25: the plugin fails: AttributeError: 'Hardening' object has no"),
+    ("hardening", "k, k3 = par[0], par[1]", "k, k3 = par[2], 0", ":8: the plugin fails: IndexError"),
+    ("small_strain", "eps, J, lanes)", "eps, J)", "strain(ref, u, eps, J) takes other arguments; expected strain(")],
+    ids=["returns", "arguments", "constants", "attribute", "index", "formulation"])
+def test_a_plugin_that_does_not_do_what_it_declares_is_named(tmp_path, name, old, new, words) -> None:
+    case, path, text = tmp_path / "case.yaml", tmp_path / "wrong.py", (HERE / f"{name}.py").read_text()
+    case.write_text(CASE % "cubic: 5e4")
+    path.write_text(text.replace(old, new))
+    done = CliRunner().invoke(app, ["run", str(case), "--plugin", str(path), "-o", str(tmp_path / "out.h5")])
+    assert done.exit_code == 2
+    assert words in done.stderr
+    assert not (tmp_path / "out.h5").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("registries")
+def test_a_plugin_that_cannot_be_compiled_is_named_with_its_line(tmp_path) -> None:
+    case, path = tmp_path / "case.yaml", tmp_path / "wrong.py"
+    case.write_text(CASE % "cubic: 5e4")
+    path.write_text((HERE / "hardening.py").read_text().replace("k, k3 = par[0]", "k, k3 = {'k': par[0], 1: 0}['k']"))
+    done = CliRunner().invoke(app, ["run", str(case), "--plugin", str(path), "-o", str(tmp_path / "out.h5")])
+    assert done.exit_code == 2
+    assert f"{path}:8: the plugin cannot be compiled: " in done.stderr
+
+
+@pytest.mark.usefixtures("registries")
 def test_what_there_is_already_is_not_replaced() -> None:
     def again():
         @extend.spring(lambda u, rate, par: (0.0, 0.0, 0.0, 0.0))
