@@ -87,9 +87,8 @@ class SectionForces:
     """N, Q, M of one body at the same stations ``xi`` (k,) in [0, 1] of every element.
 
     The element's nodal forces, less what loads and inertia on it contribute to them, are the forces at its ends: in
-    balance with them whatever the formulation's stresses are worth. Sections in the first half of an element are
-    reached from its start, the others from its end. Loads, masses, springs, supports and joints between nodes act at
-    their points.
+    balance with them whatever the formulation's stresses are worth. Loads, masses, springs, supports and joints between
+    nodes act at their points, and evenly along the element what its inner nodes are out of balance by.
     """
 
     def __init__(self, model: Model, mesh: BodyMesh, xi: Array) -> None:
@@ -333,7 +332,8 @@ class _Part:
         c, s = self._axes(stations)
         borne = self._borne(stations)
         before = np.stack([self._load_wrench(k, xi) for k, xi in enumerate(body.xi)], axis=1)
-        total = np.where((body.xi <= 0.5)[:, None], -(start[:, None] + before), (end + whole)[:, None] - before)
+        off = start + end + whole
+        total = body.xi[:, None] * off[:, None] - start[:, None] - before
         fx, fy = total[..., 0], total[..., 1]
         out = np.stack([c * fx + s * fy, -s * fx + c * fy, total[..., 2] - _cross(place, total)], axis=-1)
         for fx, fy, moment in borne:

@@ -1,5 +1,7 @@
 """Large displacements: reactions balance whatever is applied, in force and in moment about the moved points."""
 
+from dataclasses import replace
+
 import helpers
 import numpy as np
 import pytest
@@ -96,6 +98,16 @@ def test_section_forces_are_those_of_the_free_body_beyond(name):
             c, si = np.cos(angle), np.sin(angle)
             expected = [c * F[0] + si * F[1], -si * F[0] + c * F[1], arm[0] * F[1] - arm[1] * F[0]]
             np.testing.assert_allclose([N, Q, M], expected, atol=1e-7 * EI)
+
+
+def test_section_forces_have_no_jump_within_elements_out_of_balance():
+    """Between nodes nothing acts on a body, so N, Q, M are smooth there, whatever is left of the residual."""
+    bodies = {"beam": helpers.body(helpers.line(1.2), helpers.element("reissner3", 1))}
+    out = helpers.solved(bodies, bc=[{"type": "clamp", "at": "beam@0"}], loads=helpers.tip(0.4 * EI, -0.6 * EI))
+    off = replace(out.state, d=out.d + 0.01 * np.random.default_rng(0).standard_normal(len(out.d)))
+    before, middle, behind = (np.array(helpers.section_forces(out.model, off, out.point(f"beam@{s}")))
+                              for s in (0.4999, 0.5, 0.5001))
+    np.testing.assert_allclose(before + behind, 2.0 * middle, rtol=1e-5)
 
 
 @pytest.mark.parametrize("solver", ["linear_static", "static", {"type": "static", "method": "arc_length"}, "buckling"])
