@@ -262,8 +262,7 @@ class Study:
 
         def run(step: float) -> Array:
             model, states = self._run(_tight(for_study(varied(self.loaded, variable, step))))
-            if step != 0.0:
-                meshes.add(mesh_of(model))
+            meshes.add(mesh_of(model))
             if len(meshes) > 1:
                 raise ComputationError(f"the mesh changes with {variable.path}: there is no derivative at "
                                        f"{variable.value:.9g}", advice="another value, or element: {nodes: regular}")

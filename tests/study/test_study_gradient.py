@@ -10,7 +10,7 @@ from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 import ancf2d
 from ancf2d.case.numbers import Variable, variable_at, variables_of
-from ancf2d.errors import CaseError
+from ancf2d.errors import CaseError, ComputationError
 from ancf2d.solvers import lift_off
 from ancf2d.solvers.derivatives.differences import derivative
 from ancf2d.solvers.derivatives.statics import Equilibrium
@@ -39,6 +39,15 @@ def test_timoshenko_cantilever():
     exact = [P * L**3 / (3 * EI**2), P * L / kGA**2, 0.0, L**3 / (3 * EI) + L / kGA, -P * (L**2 / EI + 1 / kGA)]
     assert values == pytest.approx([-P * (L**3 / (3 * EI) + L / kGA)], rel=1e-9)
     assert J[0] == pytest.approx(exact, rel=1e-8, abs=1e-20)
+
+
+def test_ends_of_tables_beside_which_there_is_another_mesh():
+    """The end of a table is a node, so where it leaves the end of its body there is one more element."""
+    strain = {"name": "bend", "type": "eigenstrain", "on": "beam", "curvature": {"s": [0, 1], "value": [0.1, 0.3]}}
+    case = ancf2d.load(CANTILEVER | {"loads": [strain]})
+    for path in ("loads.bend.curvature.s.0", "loads.bend.curvature.s.1"):
+        with pytest.raises(ComputationError, match=f"the mesh changes with {re.escape(path)}"):
+            gradient(case, [case.case.goal], [path])
 
 
 def test_numbers_are_found_by_their_paths():
