@@ -157,7 +157,8 @@ def _tell(session: Session, sweep: Sweep, csv_file: str | None) -> int:
 def report(sweep: Sweep) -> str:
     """Return a sweep as people read it: a row per variant, what samples say, then where the results are."""
     from ..case.units import with_unit
-    from ..study.sweep_table import short_names, shown, value_names
+    from ..results.records import short_names
+    from ..study.sweep_table import shown, value_names
 
     paths = [axis.path for axis in sweep.axes]
     names, estimated = value_names(sweep), any(row.estimate is not None for row in sweep.rows)
@@ -187,7 +188,8 @@ def report(sweep: Sweep) -> str:
 def _moments(sweep: Sweep, paths: list[str]) -> list[str]:
     """Return what samples say: moments, quantiles and shares of the variance of each value."""
     from ..case.units import with_unit
-    from ..study.sweep_table import short_names, value_names
+    from ..results.records import short_names
+    from ..study.sweep_table import value_names
 
     found = sweep.statistics()
     if not found:

@@ -14,6 +14,7 @@ from ancf2d.errors import ResultsError
 from ancf2d.plot import style
 from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title, lacking
 from ancf2d.results import Results, Table
+from ancf2d.results.records import short_names
 
 # of its size: the change of each number that the bars show
 CHANGE = 0.01
@@ -147,7 +148,7 @@ def fit(sources: Sequence[Source], *, quantity: Sequence[str] = ()) -> Curves:
 def _note(results: Results) -> str:
     """Return the fitted numbers in a line, each with its standard error."""
     table = results.tables["fit"]
-    ends = [str(path).rpartition(".")[2] for path in table["path"]]
+    ends = short_names([str(path) for path in table["path"]])
     return ", ".join(f"{end} = {value:.5g}" + (f" +- {error:.1g}" if np.isfinite(error) else "") for end, value, error
                      in zip(ends, table["value"], table["standard_error"], strict=True))
 
@@ -238,8 +239,7 @@ def _lines(table: Table, path: str, sampled: bool) -> list[tuple[str, np.ndarray
     if sampled or not others or len(np.unique(table[path])) == table.rows:
         return [("", np.arange(table.rows))]
     shown = [[f"{v:g}" if isinstance(v, float | np.floating) else str(v) for v in table[p]] for p in others]
-    ends = [p.rpartition(".")[2] for p in others]
-    ends = ends if len(set(ends)) == len(ends) else others
+    ends = short_names(others)
     names = [", ".join(f"{end} = {v}" for end, v in zip(ends, row, strict=True)) for row in zip(*shown, strict=True)]
     return [(name, np.flatnonzero([n == name for n in names])) for name in dict.fromkeys(names)]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -218,3 +219,16 @@ def escape(name: str) -> str:
 def unescape(key: str) -> str:
     """Undo ``escape``."""
     return key.replace("%2E", ".").replace("%2F", "/").replace("%25", "%")
+
+
+def short_names(paths: Sequence[str]) -> list[str]:
+    """Return the shortest ends of dotted paths that tell them apart; numbers of items stand behind their list."""
+    def end(path: str, parts: int) -> str:
+        return ".".join(path.split(".")[-parts:])
+
+    out = []
+    for path in paths:
+        ends = (end(path, k) for k in range(1, path.count(".") + 1))
+        out.append(next((e for k, e in enumerate(ends, 1)
+                         if not e[0].isdigit() and sum(end(p, k) == e for p in paths) == 1), path))
+    return out

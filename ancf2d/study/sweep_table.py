@@ -166,19 +166,6 @@ def shown(value: Any) -> str:
     return value if isinstance(value, str) else flow(value)
 
 
-def short_names(paths: Sequence[str]) -> list[str]:
-    """Return the shortest ends of dotted paths that tell them apart."""
-    def end(path: str, parts: int) -> str:
-        return ".".join(path.split(".")[-parts:])
-
-    out = []
-    for path in paths:
-        whole = path.count(".") + 1
-        out.append(next((end(path, k) for k in range(1, whole)
-                         if sum(end(p, k) == end(path, k) for p in paths) == 1), path))
-    return out
-
-
 def write_csv(sweep: Sweep, path: str | os.PathLike[str], *, force: bool = False) -> None:
     """Write the finished rows: full paths of the varied values, then what was computed, at full precision.
 

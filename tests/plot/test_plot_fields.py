@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.collections import QuadMesh
+from matplotlib.figure import Figure
 from synthetic import HEADER, bent_beam, coordinates, mechanism, tangent_body
 
 from ancf2d.case import load_case_text
 from ancf2d.errors import ResultsError
 from ancf2d.plot import draw
+from ancf2d.plot.contact import Zone, Zones
 from ancf2d.plot.kinds import build
 from ancf2d.results import Results, ResultWriter, open_results
 from ancf2d.study.fields_of_states import StatesWithFields
@@ -340,3 +342,12 @@ def test_an_energy_density_is_never_drawn_negative(bent: Results) -> None:
     stored = bent.field("beam", "energy")
     assert picture.range() == pytest.approx((stored.min(), stored.max()))
     assert stored.min() >= 0.0
+
+
+def test_a_map_of_pressure_says_where_nothing_touches() -> None:
+    t, s = np.array([0.0, 1.0]), np.array([0.0, 1.0, 2.0])
+    for pressure, note in ((0.0, "nothing touches in any stored state"), (1.0, "")):
+        figure = Figure()
+        face = Zone("beam, lower face", s, np.full((2, 3), pressure))
+        Zones("Beam", ("t", "s"), "m", "N/m", t, [face]).render(figure)
+        assert figure.axes[0].get_title().removeprefix("Beam").strip() == note

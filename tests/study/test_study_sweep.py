@@ -15,12 +15,13 @@ from jobs import BEAM, GOAL
 from ancf2d.case.axes import combinations, read_axes
 from ancf2d.errors import CaseError, ResultsError
 from ancf2d.results import open_results, part_path
+from ancf2d.results.records import short_names
 from ancf2d.results.target import Target
 from ancf2d.study import digests, sweep_runs
 from ancf2d.study.pool import ALONE
 from ancf2d.study.run import run_case
 from ancf2d.study.sweep import plan, run_sweep
-from ancf2d.study.sweep_table import Sweep, short_names, shown, write_csv
+from ancf2d.study.sweep_table import Sweep, shown, write_csv
 
 # uy = F L^3/(3 E I) of the tip, exactly, in linear statics
 
@@ -237,6 +238,7 @@ def test_columns_have_the_shortest_names_that_tell_them_apart() -> None:
     assert short_names(["bodies.a.element.count", "bodies.b.element.count", "title"]) == [
         "a.element.count", "b.element.count", "title"]
     assert short_names(["bodies.a.section.height", "bodies.a.section.width"]) == ["height", "width"]
+    assert short_names(["loads.tip.value.1", "loads.0.value.0"]) == ["value.1", "value.0"]
 
 
 def test_reasons_name_what_was_meant() -> None:
