@@ -385,7 +385,9 @@ class Temperature:
     def add(self, context: LoadContext, out: LoadSet) -> None:
         """Add what it strains by the thermal expansion of the material."""
         section = context.meshes[self.on].plan.section
-        if not section.alpha:
+        # the mean of layers may be 0
+        if not (section.alpha or any(layer.alpha for layer in section.layers)):
+            of = ".section.layers.0" if section.layers else ""
             raise LoadError(("on",), f"body '{self.on}' has no thermal expansion",
-                            f"bodies.{self.on}.material.alpha, in 1/K")
+                            f"bodies.{self.on}{of}.material.alpha, in 1/K")
         _add(self, (0.0, 0.0, self.value, self.gradient), context, out)

@@ -59,6 +59,13 @@ def test_bimetal_strips_bend_as_timoshenko_says(kind: str, axis: Any, metals: tu
     assert tip["theta"] == pytest.approx(-L * timoshenko(low / high, E1 / E2, low + high, 1.5e-5), rel=1e-9)
 
 
+def test_layers_whose_expansions_cancel_in_the_mean_bend() -> None:
+    tip = probes(strip("reissner3", [layer(1e-3, 1e11, -1e-5), layer(1e-3, 1e11, 1e-5)], HEAT))["tip"]
+    assert tip["theta"] == pytest.approx(-L * timoshenko(1.0, 1.0, 2e-3, 2e-5), rel=1e-9)
+    with pytest.raises(ancf2d.CaseError, match=r"no thermal expansion; expected bodies.strip.section.layers.0.material"):
+        probes(strip("reissner3", [layer(1e-3, 1e11), layer(1e-3, 1e11)], HEAT))
+
+
 @pytest.mark.parametrize(("low", "high", "E1", "E2"), BIMETALS)
 def test_a_bimetal_continuum_bends_so_away_from_its_ends(low: float, high: float, E1: float, E2: float) -> None:
     case = strip([3, 3], [layer(low, E1, 1e-5, nu=0.2), layer(high, E2, 2.5e-5)], HEAT, count=80)
