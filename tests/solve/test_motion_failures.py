@@ -97,7 +97,7 @@ def estimate_of(fine: float, tolerance: float, steps: int, asked: bool = True, g
 
 
 @pytest.mark.parametrize(("fine", "words"), [
-    (9 * 9e-5, []), (9 * 1.1e-4, ["the tolerance is missed", "11 times"]),
+    (9 * 9e-5, []), (9 * 1.1e-4, ["the tolerance is missed", "11 times", "Use a tolerance of about 5e-06"]),
     (9 * 5e-3, ["the tolerance is missed", "add up. Use a tolerance of about 2e-07"]),
     (9 * 8e-2, ["the tolerance is missed", "8000 times the tolerance 1e-05", "sensitive to its initial state"])])
 def test_a_tolerance_that_is_missed_is_told(fine: float, words: list[str]) -> None:

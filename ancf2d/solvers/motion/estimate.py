@@ -186,8 +186,9 @@ class Estimate:
                     "only a much smaller tolerance resolves. If these vibrations do not matter, use a larger tolerance"
                     + self._better() + self._jump()]
         if estimate <= count * tolerance:
-            # no farther down than the levels are apart, which is what the power was seen over
-            share = max((MISSED * tolerance / estimate) ** (1.0 / min(order, self.order)), self.factor ** -LEVELS)
+            # no farther down than the levels are apart, which is what the power was seen over; never the same again
+            share = (MISSED * tolerance / estimate) ** (1.0 / min(order, self.order))
+            share = max(min(share, 0.5), self.factor ** -LEVELS)
             return [said + "Each step meets the tolerance, but the errors add up. Use a tolerance of about "
                     f"{share * tolerance:.1g}" + self._better() + self._jump()]
         # errors that do not grow add up to no more than the number of steps times the tolerance
