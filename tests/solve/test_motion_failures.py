@@ -12,9 +12,11 @@ from motions import GRAVITY, RUBBER, rod
 
 from ancf2d.case.schema.amplitudes import Expression
 from ancf2d.errors import ComputationError
-from ancf2d.kernels.motion.state import COUNT
+from ancf2d.kernels.motion.state import COUNT, SINGULAR
 from ancf2d.model.timing import Signal
+from ancf2d.solvers.motion.dynamic import Run
 from ancf2d.solvers.motion.estimate import SAFETY, TENFOLD, Estimate
+from ancf2d.solvers.motion.failures import failure
 from ancf2d.solvers.motion.schemes import INTEGRATORS
 from ancf2d.solvers.registry import solve
 from ancf2d.solvers.state import State
@@ -59,6 +61,16 @@ def test_states_before_a_failure_are_not_lost(method: str) -> None:
     assert error is not None
     assert "sqrt" in error.failure.reason
     np.testing.assert_allclose([s.t for s in states[:10]], 0.01 * np.arange(10), atol=1e-12)
+
+
+def test_where_a_motion_has_gone_so_far_that_strains_are_lost_it_is_said_to_grow() -> None:
+    """Positions have 16 digits, so beyond 1e9 times the size of a model hardly any are left for strains."""
+    model = h.build({"a": rod("cable", 1)}, {"type": "dynamic", "t_end": 1.0, "dt": 0.01}, loads=GRAVITY)
+    motion = Run(model, model.case.solver)
+    motion.begin()
+    for far, words in ((1e6, "the matrix of a step is singular"), (1e10, "the motion grows without bound")):
+        motion.stepper.s.z[:] = far
+        assert words in failure(motion.stepper, SINGULAR).failure.reason
 
 
 def test_a_motion_that_is_taken_up_again_still_tells_of_elements_inside_out() -> None:

@@ -14,6 +14,9 @@ from ...model.point_patch import check_facing
 from ...model.timing import Answer
 from ..state import Row
 
+# of the size of a model: further away, strains are lost in round-off of positions
+FAR = 1e9
+
 
 def check_signals(motion: Any, t: float) -> None:
     """Raise the ComputationError of an expression that has no value at t."""
@@ -48,6 +51,12 @@ def failure(motion: Any, outcome: int) -> ComputationError:
     worst = int(np.argmax(np.where(np.isfinite(motion.w.x), weights * np.abs(motion.w.x), np.inf)))
     if motion.p.full[worst] < motion.model.n_q:
         at["coordinate"] = motion.model.describe_coordinate(int(motion.p.full[worst]))
+    far = motion.reached / float(motion.p.extent)
+    if far > FAR:
+        return ComputationError(
+            f"the motion grows without bound: it has gone {far:.2g} times as far as the model is large", at=at,
+            advice="look at what feeds it: a controller or a load that answers the motion and makes it unstable, or "
+            "constants that are far too large")
     reason = {NOT_FINITE: "the forces are no longer finite",
               SINGULAR: "the matrix of a step is singular"}.get(outcome, "Newton's method did not converge")
     return ComputationError(
