@@ -179,6 +179,21 @@ def test_steps_of_wide_models_have_sparse_matrices(monkeypatch, tmp_path):
     assert np.abs(wide).min() > 0.0
 
 
+def test_natural_strains_that_follow_amplitudes_of_their_own():
+    """Two that follow f and 1 - f are one that stays: so are their derivatives."""
+    def slopes(**amplitudes):
+        loads = [{"name": name, "type": "eigenstrain", "on": "stick", "curvature": 0.3, "amplitude": how}
+                 for name, how in amplitudes.items()]
+        case = ancf2d.load(THROWN | {"loads": loads, "solver": {"type": "dynamic", "t_end": 0.02, "dt": 0.001}})
+        return gradient(case, [case.case.goal], [f"loads.{name}.curvature" for name in amplitudes])
+
+    value, one = slopes(a={"type": "constant"})
+    same, two = slopes(a={"type": "expression", "value": "t/0.02"}, b={"type": "expression", "value": "1 - t/0.02"})
+    assert same == pytest.approx(value, rel=1e-9)
+    assert two.sum() == pytest.approx(one[0, 0], rel=1e-7)
+    assert abs(two[0, 1]) > 0.01 * abs(one[0, 0])
+
+
 def test_a_spring_that_begins():
     """A mass moves at v until t1, and then on a spring: x = v t1 cos(w s) + v/w sin(w s), s = t - t1, w = sqrt(k/m)."""
     m, k, v, t1, t = 2.0, 50.0, 0.3, 0.4, 1.0

@@ -24,7 +24,16 @@ from ...model.model import Model
 from ..linear import fluid_masses, full_mass, point_masses, scattered, unknowns_to_coordinates
 from ..motion.dynamic import Run
 from ..motion.problem import make_problem, own
-from ..motion.tables import Signals, dead_loads, mass_tables, moved_mass, point_laws, prescribed, with_own
+from ..motion.tables import (
+    Signals,
+    dead_loads,
+    mass_tables,
+    moved_mass,
+    natural_signals,
+    point_laws,
+    prescribed,
+    with_own,
+)
 from .differences import UnsuitedError
 from .many_states import forces, in_full
 
@@ -299,8 +308,7 @@ def _told(run: Run, model: Model) -> tuple[Signals, dict[str, Any]]:
 def _tables(model: Model, signals: Signals) -> dict[str, Any]:
     """Return what a model's equations of motion are made of, but for elements and mass, as a ``Problem`` names it."""
     num, damping = model.numbering, model.case.damping
-    for load in model.loads.natural:
-        load.signal[0] = signals.row(load.amplitude)
+    natural_signals(model, signals)
     return {"points": point_laws(model, signals), "sliding": sliding_table(model.constraints, model.e0),
             "place": num.place, "indptr": num.indptr, "index": num.index, "value": num.value, "full": num.free,
             "dependents": num.dependent, "alpha": float(damping.rayleigh.alpha) if damping else 0.0,

@@ -33,7 +33,7 @@ from ...model.timing import Signal
 from ..energy import is_constant
 from ..linear import full_mass, unknowns_to_coordinates
 from .schemes import INTEGRATORS, Integrator, default_method
-from .tables import Signals, dead_loads, mass_tables, motions, sewn_laws, vectors, with_own
+from .tables import Signals, dead_loads, mass_tables, motions, natural_signals, sewn_laws, vectors, with_own
 
 if TYPE_CHECKING:
     pass
@@ -110,8 +110,7 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
     weights[own], straining[own] = model.weights[num.free[own]], model.straining[num.free[own]]
     pairs, turns = vectors(model)
     tau = np.array([pool.tau for pool in model.pools])
-    for load in model.loads.natural:
-        load.signal[0] = signals.row(load.amplitude)
+    natural_signals(model, signals)
     damping = model.case.damping
     data: dict[str, Any] = {
         "groups": addresses(model.groups), "states": model.states, "clocks": model.clocks, "tau": tau,

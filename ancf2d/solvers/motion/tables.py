@@ -42,6 +42,14 @@ class Signals:
                          for s in self.all), {k for k, s in enumerate(self.all) if isinstance(s, Clocked)})
 
 
+def natural_signals(model: Model, signals: Signals) -> None:
+    """Tell the elements of a model which signals their natural strains follow."""
+    # loads have places among the elements once there are these
+    _ = model.groups
+    for load in model.loads.natural:
+        load.signal[0] = signals.row(load.amplitude)
+
+
 def mass_tables(M: csr_matrix | None, num: Numbering) -> dict[str, Any]:
     """Return a mass matrix, None for zero, as ``kernels.matrices.symmetric`` has it, and the diagonals of a band."""
     from scipy.sparse import coo_matrix, tril
