@@ -9,7 +9,7 @@ from typing import Any
 
 from ..case import LoadedCase
 from ..case.numbers import Variable, numbers_at, variables_of
-from ..errors import UNSOLVED, verdict
+from ..errors import UNSOLVED, CaseError, Problem, verdict
 from ..results import Column, write_tables
 from .accuracy.control import is_pursued, solve_to_accuracy
 from .convergence import goal_units
@@ -80,6 +80,10 @@ def sensitivity(loaded: LoadedCase, paths: Sequence[str] = (), progress: Progres
         try:
             found, method = study.differentiate(variable)
         except UNSOLVED as error:
+            if paths and isinstance(error, CaseError):
+                raise CaseError([Problem(f"{variable.path} cannot vary about {variable.value:g}: {one.message}",
+                                         file=f"--to {variable.path}", expected=one.expected, near=one.near)
+                                 for one in error.problems]) from error
             if paths:
                 raise
             skipped[variable.path] = verdict(error)[1]
