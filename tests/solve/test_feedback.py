@@ -202,7 +202,7 @@ def test_an_expression_without_a_value_is_told(more: dict, what: str, name: str,
              **more}
     until = scene.pop("solver", {})
     with pytest.raises(ComputationError, match=f"{what}.* has no value") as caught:
-        ride(scene, 3.0, tolerance=1e-6, estimate=False, **until)
+        ride(scene, 3.0, tolerance=1e-7, estimate=False, **until)
     assert caught.value.failure.at[name] == pytest.approx(bound, abs=2e-2)
 
 

@@ -89,3 +89,11 @@ def test_the_error_of_a_step_that_ends_at_round_off_is_that_of_one_that_ends_bef
         # the increment that no more is made of is not counted
         ended += (two.stepper.w.history > 0).sum() > two.column("iterations")[0]
     assert ended > 0
+
+
+@pytest.mark.parametrize(("method", "steps"), [("radau5", 1000), ("radau9", 250)])
+def test_what_newtons_method_leaves_does_not_add_up_over_many_short_steps(method, steps):
+    """Where the predicted stages are within Newton's tolerance of the solution, one increment is not enough."""
+    scene, t_end = SCENES["double pendulum"]
+    moved = ride(scene, t_end, method=method, dt=t_end / steps)
+    np.testing.assert_allclose(moved.place("b@1"), double_pendulum(t_end), atol=1e-11)

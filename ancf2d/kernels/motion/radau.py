@@ -34,7 +34,7 @@ from .state import (
     OLD_STEP,
     SINGULAR,
 )
-from .step_control import enough
+from .step_control import enough, rounding
 
 # unknowns that are worked on at a time
 TILE = 128
@@ -311,7 +311,7 @@ def _at_floor(m, p, w, s, h):  # type: ignore[no-untyped-def]
 def _iterate(m, p, w, s, h):  # type: ignore[no-untyped-def]
     """Solve for the stages from those predicted; return (outcome, iterations, contraction)."""
     rate, last, iteration = s.numbers[CONTRACTION], 0.0, 0
-    wanted = enough(p, s, h, m.tolerance)
+    wanted, least = enough(p, s, h, m.tolerance), rounding(p, s)
     while True:
         for i in range(len(m.c)):
             place(m, p, w, s, i)
@@ -336,8 +336,9 @@ def _iterate(m, p, w, s, h):  # type: ignore[no-untyped-def]
         _rates(m, s, h, True)
         relax(m, p, w, s)
         last, iteration = step, iteration + 1
-        expected = rate if iteration > 1 else min(max(rate, 1e-2), 0.5)
-        small = step == 0.0 or (expected < 1.0 and step * expected <= wanted * (1.0 - expected))
+        # one increment tells no contraction, and what it leaves adds up over many short steps
+        small = step <= (least if iteration == 1 else 0.0) or (
+            iteration > 1 and rate < 1.0 and step * rate <= wanted * (1.0 - rate))
         if small and iteration >= p.sure and _met(m, p, w, s):
             return DONE, iteration, rate
         if in_vain:

@@ -172,6 +172,12 @@ def passed(rows, first, end, near):  # type: ignore[no-untyped-def]
 
 
 @inner
+def rounding(p, s):  # type: ignore[no-untyped-def]
+    """Return how large [m] increments are that round-off alone may make."""
+    return ROUND * max(s.numbers[SIZE], p.extent)
+
+
+@inner
 def enough(p, s, h, tolerance):  # type: ignore[no-untyped-def]
     """Return how small [m] increments are to be in a step of length h from the motion s, by their relative tolerance.
 
@@ -182,4 +188,4 @@ def enough(p, s, h, tolerance):  # type: ignore[no-untyped-def]
     if s.numbers[TIME] <= 0.0:
         return tolerance * size
     moved = SO_MANY * h * max(norm(p, s.v), size / s.numbers[TIME])
-    return min(tolerance * size, max(tolerance * moved, ROUND * max(size, p.extent)))
+    return min(tolerance * size, max(tolerance * moved, rounding(p, s)))
