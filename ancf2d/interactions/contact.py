@@ -95,6 +95,8 @@ class ContactPair:
 
     # whether its points touch bodies
     on_bodies = False
+    # see ``draw_back``
+    back = 0.0
 
     @cached_property
     def runs(self) -> Index:
@@ -148,7 +150,15 @@ class ContactPair:
 
     def at(self, item: Contact, mesh: BodyMesh, chosen: list[Spot]) -> ContactPair:
         """Return chosen points of the body beside the obstacle, under a contact of the same kind."""
-        return ContactPair(item, self.name, mesh, self.obstacle, self.frame, self.scale, chosen=chosen)
+        out = ContactPair(item, self.name, mesh, self.obstacle, self.frame, self.scale, chosen=chosen)
+        if self.back > 0.0:
+            out.draw_back(self.back)
+        return out
+
+    def draw_back(self, back: float) -> None:
+        """Let the surface of a smooth obstacle be so far [m] from where it is given, away from bodies."""
+        shape = self.obstacle.shape(back)
+        self.par[:, -len(shape):], self.back = shape, back
 
     def beam_at(self, k: int) -> BeamCurve | None:
         """Return the curve of the beam at spot k, where it is not the element's own."""

@@ -70,9 +70,9 @@ class Circle:
         """The point about which it turns."""
         return self.center
 
-    def shape(self) -> list[float]:
-        """Return what the law of contact takes."""
-        return [geometry.CIRCLE, *self.center, -self.radius if self.inside else self.radius]
+    def shape(self, back: float = 0.0) -> list[float]:
+        """Return what the law of contact takes, with the surface drawn ``back`` [m] from bodies."""
+        return [geometry.CIRCLE, *self.center, (-self.radius if self.inside else self.radius) - back]
 
     def outline(self) -> tuple[Array, bool]:
         """Return points (n, 2) of its surface, and whether they close."""
@@ -103,10 +103,11 @@ class HalfPlane:
         """The point about which it turns."""
         return self.through
 
-    def shape(self) -> list[float]:
-        """Return what the law of contact takes."""
+    def shape(self, back: float = 0.0) -> list[float]:
+        """Return what the law of contact takes, with the surface drawn ``back`` [m] from bodies."""
         size = math.hypot(*self.normal)
-        return [geometry.HALF_PLANE, *self.through, self.normal[0] / size, self.normal[1] / size]
+        nx, ny = self.normal[0] / size, self.normal[1] / size
+        return [geometry.HALF_PLANE, self.through[0] - back * nx, self.through[1] - back * ny, nx, ny]
 
     def outline(self) -> tuple[Array, bool]:
         """Return two points of its surface (2, 2), one length unit to either side, and False: it goes on."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Case, Dynamic
+from ..case import Case, Dynamic, QuasiStatic, Static
 from ..case.schema.points import named_points
 from ..elements.shape import Array
 from ..interactions.body_contact import BodyPair, body_pairs
@@ -115,10 +115,10 @@ class Contacts:
     def _look(self, i: int, pair: ContactPair) -> None:
         """Look for a body that overlaps an obstacle in the reference, or that cannot reach it."""
         gaps = pair.gaps(np.zeros(len(self.e0)), self.begin)
-        k = int(np.argmin(gaps))
-        if pair.hard and gaps[k] < -OVERLAP * self.extent:
-            free = self.case.obstacles[pair.other].free(pair.other)
-            where = "a small gap between them" if -gaps[k] < SLIGHT * self.extent else f"{pair.body} {free}"
+        k, obstacle = int(np.argmin(gaps)), self.case.obstacles[pair.other]
+        if pair.hard and gaps[k] < -OVERLAP * self.extent and not self._follows_a_curve(pair, -gaps[k]):
+            slight = -gaps[k] < SLIGHT * self.extent
+            where = "a small gap between them" if slight else f"{pair.body} {obstacle.free(pair.other)}"
             self.problems.append((("contacts", i), f"contacts.{i}: {pair.body} and {pair.other} overlap in the "
                                   f"reference, by up to {-gaps[k]:.4g} at S = {pair.s[k]:.4g}",
                                   f"{where}, or a law"))
@@ -132,6 +132,19 @@ class Contacts:
         if holds and rests and gaps[k] > REACH * mesh.plan.length:
             self.warnings.append(f"contacts.{i}: {pair.body} is held {gaps[k]:.4g} from {pair.other}, more than "
                                  f"{REACH:g} times its length: they touch only if a support moves it there")
+
+    def _follows_a_curve(self, pair: ContactPair, depth: float) -> bool:
+        """Return whether a body may be as deep in an obstacle, since its elements are not quite its curve.
+
+        Equilibria are free of such an overlap. A motion has to begin so: the obstacle is made smaller.
+        """
+        solver, smooth = self.case.solver, self.case.obstacles[pair.other].smooth
+        if depth >= SLIGHT * self.extent or all(p.kappa == 0.0 for p in pair.mesh.plan.pieces):
+            return False
+        if isinstance(solver, Dynamic) and smooth:
+            pair.draw_back(depth)
+            return True
+        return isinstance(solver, Static | QuasiStatic) and not solver.on_path
 
     def _tell_depth(self, i: int, pair: ContactPair | BodyPair, depth: float, s: float) -> None:
         """Warn of a law that presses hard from the start."""

@@ -1,0 +1,61 @@
+"""Curved bodies that lie on an obstacle in the reference, where their elements are not quite the curve."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import helpers
+import numpy as np
+import pytest
+
+import ancf2d
+from ancf2d.errors import CaseError
+
+RADIUS, HEIGHT, PULL = 0.05, 5e-4, 10.0
+
+
+def rope(element: dict[str, Any], solver: dict[str, Any], friction: float = 0.0) -> dict[str, Any]:
+    """Return a rope around the upper half of a drum, which is held at its start and pulled down at its end."""
+    axis = {"type": "arc", "center": [0, 0], "radius": RADIUS + HEIGHT / 2, "from": math.pi, "to": 0}
+    return {"format": 1, "title": "rope", "solver": solver,
+            "bodies": {"rope": {"geometry": axis, "section": {"height": HEIGHT, "width": 0.01},
+                                "material": {"E": 1e9, "nu": 0.3, "rho": 1000}, "element": element}},
+            "obstacles": {"drum": {"type": "circle", "center": [0, 0], "radius": RADIUS}},
+            "contacts": [{"between": ["rope", "drum"], "friction": friction}],
+            "boundary_conditions": [{"type": "pin", "at": "rope@0"}],
+            "loads": [{"type": "force", "at": "rope@1", "value": [0, -PULL]}]}
+
+
+@pytest.mark.parametrize("kind", ["cable", "reissner3", "vallejo"])
+def test_a_rope_on_a_drum_without_friction_bears_the_same_force_at_both_ends(kind: str) -> None:
+    solution = ancf2d.solve(rope({"type": kind, "count": 20}, {"type": "static", "steps": 4}), states=False)
+    assert solution.reactions["rope@0"]["fy"] == pytest.approx(-PULL, rel=1e-4)
+    assert solution.reactions["drum"]["fy"] == pytest.approx(2 * PULL, rel=1e-4)
+
+
+def test_a_rope_on_a_drum_slips_at_the_ratio_of_euler_and_eytelwein() -> None:
+    solution = ancf2d.solve(rope({"type": "vallejo", "count": 40}, {"type": "static", "steps": 4}, 0.3), states=False)
+    assert -solution.reactions["rope@0"]["fy"] == pytest.approx(PULL / math.exp(0.3 * math.pi), rel=2e-2)
+
+
+def test_in_motion_the_drum_is_smaller_by_what_the_elements_overlap() -> None:
+    motion = {"type": "dynamic", "t_end": 1e-4, "tolerance": 1e-3, "estimate": False}
+    case = rope({"type": "vallejo", "count": 20}, motion)
+    model = helpers.build(**case)
+    (pair,) = model.contacts
+    gaps = pair.gaps(np.zeros(len(model.e0)), 0.0)
+    assert 0.0 < pair.back < 1e-5 * RADIUS
+    assert gaps.min() == pytest.approx(0.0, abs=1e-15)
+    energies = {name: values[-1] for name, values in ancf2d.solve(case).energies.items()}
+    assert 0.0 < energies["kinetic"] + energies["strain"] + energies["dissipated"] <= 1.01 * energies["work"]
+
+
+@pytest.mark.parametrize(("element", "solver", "wanted"), [
+    # chords of a circle are deep in it
+    ({"type": "reissner2", "count": 20}, {"type": "static"}, "expected rope outside drum"),
+    ({"type": "cable", "count": 20}, {"type": "static", "method": "arc_length", "until": {"load_factor": 1}},
+     "expected a small gap")])
+def test_other_overlaps_are_refused(element: dict[str, Any], solver: dict[str, Any], wanted: str) -> None:
+    with pytest.raises(CaseError, match=wanted):
+        helpers.build(**rope(element, solver))
