@@ -7,7 +7,6 @@ from typing import Any
 import click
 
 from ..errors import Ancf2dError, CaseError, ComputationError, Problem
-from ..extend.plugins import blame
 from .session import Session
 from .text import let_go_of_output, many, say
 
@@ -26,6 +25,8 @@ def explain(error: BaseException, session: Session) -> int:
 
         say("".join(traceback.format_exception(error)), err=True)
     if not isinstance(error, EXPECTED):
+        from ..extend.plugins import blame
+
         error = blame(error) or error
     if isinstance(error, click.ClickException):
         # the option may stand behind what could not be read
