@@ -19,8 +19,9 @@ from .step_control import enough
 
 # iterations that a tangent with its factors costs: where the last one would take more of them, there is a new one
 MAKING = 3.0
-# of the extent: gaps within which a point counts as one that touches, and so the increments that tell nothing more
-TOUCHES = 4e-12
+# of the extent: increments that tell nothing more where points open and close by turns. Those within the gap of a point
+# that counts as one that touches (1e-12) add up
+TOUCHES = 4e-11
 # what is not symmetric in a tangent: at most so many products with it for a solve, and what may be left of one
 KRYLOV, ENOUGH = 8, 1e-4
 
