@@ -101,9 +101,9 @@ class Radau(NamedTuple):
 
     c (s,) nodes; W (s, s); real mu, complex mus (k,) its eigenvalues; apart (s, s) : minus its left eigenvectors, the
     real one, then real and imaginary parts; together (s, s) : what makes stages of the parts; embedded (1, s) and gamma
-    of the error estimate; tolerance of Newton's increments; full : a tangent for every step; damped : whether tangents
-    depend on rates; multipliers : which unknowns are; end : a Step; X, V, A, R (s, n) stages; kept (s, n) residuals of
-    the stages; B, C (k, ...) factors; y (n,), u (k, n); amps (s, signals, 3); cosine, sine (s, pairs): how vectors have
+    of the error estimate; tolerance of Newton's increments; full : a tangent for every step; fixed : whether steps have
+    a fixed length; damped : whether tangents depend on rates; multipliers : which unknowns are; end : a Step; X, V, A,
+    R (s, n) stages; kept (s, n) residuals of the stages; B, C (k, ...) factors; y (n,), u (k, n); amps (s, signals, 3); cosine, sine (s, pairs): how vectors have
     turned at a stage since the tangent's state; held (4,) : time and length of the step that the factors are of,
     iterations of this one, and energy that relaxing took; facing (2, pairs) : directions of the vectors at the
     tangent's state; F (s, s), rows (s, TILE) to work in; relaxing : what materials that relax remember at the stages.
@@ -120,6 +120,7 @@ class Radau(NamedTuple):
     tolerance: float
     max_iterations: int
     full: bool
+    fixed: bool
     damped: bool
     multipliers: Any
     end: Any
@@ -336,9 +337,11 @@ def _iterate(m, p, w, s, h):  # type: ignore[no-untyped-def]
         _rates(m, s, h, True)
         relax(m, p, w, s)
         last, iteration = step, iteration + 1
-        # one increment tells no contraction, and what it leaves adds up over many short steps
-        small = step <= (least if iteration == 1 else 0.0) or (
-            iteration > 1 and rate < 1.0 and step * rate <= wanted * (1.0 - rate))
+        expected = rate if iteration > 1 else min(max(rate, 1e-2), 0.5)
+        small = step == 0.0 or (expected < 1.0 and step * expected <= wanted * (1.0 - expected))
+        if m.fixed and iteration == 1:
+            # one increment tells no contraction, and what it leaves adds up over many short steps
+            small = step <= least
         if small and iteration >= p.sure and _met(m, p, w, s):
             return DONE, iteration, rate
         if in_vain:

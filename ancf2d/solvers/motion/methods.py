@@ -195,7 +195,8 @@ def radau(stages: int) -> Maker:
         cosine, sine, F, row = (np.zeros((stages, m)) for m in (len(p.pairs), len(p.pairs), stages, TILE))
         return Radau(c, W, float(values[k].real), values[upper], -np.array(rows), np.array(columns).T.copy(),
                      (W.T @ (embedded - A[-1]))[None], gamma, tolerance, spec.max_iterations or MAX_ITERATIONS,
-                     spec.newton == "full", bool(p.tau.any()) or len(p.points.mem) > 0 or p.rank > 0,
+                     spec.newton == "full", spec.dt is not None,
+                     bool(p.tau.any()) or len(p.points.mem) > 0 or p.rank > 0,
                      np.flatnonzero(p.coordinate == 0.0), end, X, V, accelerations, R, kept, np.zeros(entries),
                      np.zeros((len(upper), entries), dtype=complex), np.zeros(n),
                      np.zeros((len(upper), n), dtype=complex), np.zeros((stages, len(p.programs.first) - 1, 3)),
