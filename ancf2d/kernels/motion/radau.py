@@ -104,9 +104,10 @@ class Radau(NamedTuple):
     of the error estimate; tolerance of Newton's increments; full : a tangent for every step; fixed : whether steps have
     a fixed length; damped : whether tangents depend on rates; multipliers : which unknowns are; end : a Step; X, V, A,
     R (s, n) stages; kept (s, n) residuals of the stages; B, C (k, ...) factors; y (n,), u (k, n);
-    amps (s, signals, 3); cosine, sine (s, pairs): how vectors have turned at a stage since the tangent's state; held (4,) : time and length of the step that the factors are of,
-    iterations of this one, and energy that relaxing took; facing (2, pairs) : directions of the vectors at the
-    tangent's state; F (s, s), rows (s, TILE) to work in; relaxing : what materials that relax remember at the stages.
+    amps (s, signals, 3); cosine, sine (s, pairs): how vectors have turned at a stage since the tangent's state;
+    held (4,) : time and length of the step that the factors are of, iterations of this one, and energy that relaxing
+    took; facing (2, pairs) : directions of the vectors at the tangent's state; F (s, s), rows (s, TILE) to work in;
+    relaxing : what materials that relax remember at the stages.
     """
 
     c: Any
