@@ -116,7 +116,11 @@ class Contacts:
         """Look for a body that overlaps an obstacle in the reference, or that cannot reach it."""
         gaps = pair.gaps(np.zeros(len(self.e0)), self.begin)
         k, obstacle = int(np.argmin(gaps)), self.case.obstacles[pair.other]
-        if pair.hard and gaps[k] < -OVERLAP * self.extent and not self._follows_a_curve(pair, -gaps[k]):
+        if self._lies_on_it(pair, -gaps[k]):
+            # equilibria are free of the overlap; a motion has to begin so
+            if isinstance(self.case.solver, Dynamic):
+                pair.draw_back(-gaps[k])
+        elif pair.hard and gaps[k] < -OVERLAP * self.extent:
             slight = -gaps[k] < SLIGHT * self.extent
             where = "a small gap between them" if slight else f"{pair.body} {obstacle.free(pair.other)}"
             self.problems.append((("contacts", i), f"contacts.{i}: {pair.body} and {pair.other} overlap in the "
@@ -133,17 +137,14 @@ class Contacts:
             self.warnings.append(f"contacts.{i}: {pair.body} is held {gaps[k]:.4g} from {pair.other}, more than "
                                  f"{REACH:g} times its length: they touch only if a support moves it there")
 
-    def _follows_a_curve(self, pair: ContactPair, depth: float) -> bool:
-        """Return whether a body may be as deep in an obstacle, since its elements are not quite its curve.
-
-        Equilibria are free of such an overlap. A motion has to begin so: the obstacle is made smaller.
-        """
-        solver, smooth = self.case.solver, self.case.obstacles[pair.other].smooth
-        if depth >= SLIGHT * self.extent or all(p.kappa == 0.0 for p in pair.mesh.plan.pieces):
+    def _lies_on_it(self, pair: ContactPair, depth: float) -> bool:
+        """Return whether a body may overlap an obstacle by ``depth`` [m], as its elements are not quite its curve."""
+        solver = self.case.solver
+        if not (pair.hard and OVERLAP * self.extent < depth < SLIGHT * self.extent
+                and any(p.kappa != 0.0 for p in pair.mesh.plan.pieces)):
             return False
-        if isinstance(solver, Dynamic) and smooth:
-            pair.draw_back(depth)
-            return True
+        if isinstance(solver, Dynamic):
+            return self.case.obstacles[pair.other].smooth
         return isinstance(solver, Static | QuasiStatic) and not solver.on_path
 
     def _tell_depth(self, i: int, pair: ContactPair | BodyPair, depth: float, s: float) -> None:
