@@ -121,7 +121,7 @@ crossing = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _MOTION, _f, _f, _f)
 # states that belong to constraints: kernels.motion.consistent
 consistent = _call(_b, None, _SCRATCH, _x, _x, _x, _f, _x)
 by_motion = _call(_nothing, None, _SCRATCH, _i, _x)
-onto_constraints = _call(_nothing, None, _SCRATCH, _x, _x, _f)
+onto_constraints = _call(_nothing, None, _SCRATCH, _x, _x, _x, _f, _b)
 # for SciPy's integrators: kernels.motion.ode
 accelerations = _call(_b, None, _SCRATCH, _x, _MOTION, _f)
 # impacts: kernels.motion.impact

@@ -100,6 +100,30 @@ def test_steps_are_differentiated(method, monkeypatch, tmp_path):
         assert error <= 1e-6 * abs(value)
 
 
+@pytest.mark.parametrize("shaft", [{"type": "pin"}, {"type": "prescribed", "ux": 0, "uy": 0, "angle": {
+    "type": "expression", "value": "1 - cos(6*t)"}}], ids=["free", "driven"])
+def test_reactions_of_a_mechanism(shaft, monkeypatch):
+    """Forces depend on the tangent of a load that turns at once, positions after some time, or never where driven."""
+    monkeypatch.setattr(methods, "TIGHT", 1e-13)
+    bars = {name: {"geometry": {"type": "line", "start": start, "end": end},
+                   "element": {"type": "rigid", "mass": 0.5, "inertia": 0.004}}
+            for name, start, end in (("crank", [0, 0], [0.2, 0.1]), ("rod", [0.2, 0.1], [0.9, 0]))}
+    loaded = ancf2d.load({
+        "bodies": bars, "boundary_conditions": [{"name": "shaft", "at": "crank@0", **shaft}],
+        "joints": [{"type": "pin", "between": ["crank@1", "rod@0"]},
+                   {"type": "slider", "at": "rod@1", "through": [0.9, 0], "along": [1, 0]}],
+        "loads": [{"name": "push", "type": "follower_force", "at": "rod@0.5", "value": [4, 3]}],
+        "solver": {"type": "dynamic", "t_end": 0.3, "dt": 0.01},
+        "goal": {"reaction": "shaft", "quantity": "m" if "angle" in shaft else "fx"}})
+    numbers, h = ("loads.push.value.1", "bodies.rod.element.mass"), 1e-3
+    told = {row.path: row for row in ancf2d.sensitivity(loaded, numbers).rows}
+    for path in numbers:
+        value = variable_at(loaded, path).value
+        near, far = (solved(loaded, path, k * h) - solved(loaded, path, -k * h) for k in (1, 2))
+        assert told[path].method == "exact"
+        assert told[path].derivative == pytest.approx((8 * near - far) / (12 * h * value), rel=1e-6)
+
+
 @pytest.mark.parametrize("solver", [pytest.param({"dt": 0.02}, marks=pytest.mark.slow), {"tolerance": 1e-6},
                                     {"dt": 0.02, "method": "generalized_alpha"}])
 def test_a_thrown_body_is_known_in_closed_form(solver):

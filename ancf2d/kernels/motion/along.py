@@ -13,6 +13,11 @@ from ..moving import moving_inertia
 from ..points import add_to, evaluate_item, fields_of_item, work_arrays
 from .dynamics import FORCES, norm, residual, signals_at, to_full, to_unknowns, twice_kinetic
 
+# virtual displacements that have died out: they are not scaled
+NONE = 1e-200
+# what of a stored state is put onto the constraints
+AS_IS, RATES, POSITIONS = range(3)
+
 
 class Moments(NamedTuple):
     """States of a motion. t (m,); z, v, a (m, n); turns (m, items, memory), feet (m, joints, 2): what laws remember."""
@@ -35,20 +40,20 @@ def _recall(p, w, at, k):  # type: ignore[no-untyped-def]
 
 @kernel
 @seldom
-def read_states(p, w, side, inside, z, v, a, turns, feet, states,  # type: ignore[no-untyped-def]
+def read_states(p, w, side, onto, z, v, a, turns, feet, states,  # type: ignore[no-untyped-def]
                 d, rates, second, Q, energy):
     """Fill d, rates, second and Q - F (m, n_full) with what stored states are in full coordinates.
 
-    Those inside steps are put onto the constraints first, in z and v (m, n) themselves. side (m,) are the times of
-    signals, turns, feet and states what is remembered there (``advance.Rows``). energy (m, 2) : of elements
-    and kinetic.
+    They are put onto the constraints first, in z, v and a (m, n) themselves, as far as ``onto`` (m,) says: AS_IS, RATES
+    or POSITIONS too. side (m,) are the times of signals, turns, feet and states what is remembered there
+    (``advance.Rows``). energy (m, 2) : of elements and kinetic.
     """
     for k in range(len(side)):
         copy_rows(turns[k], p.points.mem)
         copy_rows(feet[k], p.sliding.memory)
         copy(states[k], p.states)
-        if inside[k] and p.patched:
-            calls.onto_constraints(p.calls, (p, w, z[k], v[k], side[k]))
+        if onto[k] != AS_IS:
+            calls.onto_constraints(p.calls, (p, w, z[k], v[k], a[k], side[k], onto[k] == POSITIONS))
         signals_at(p, side[k], w.amps)
         to_full(p, a[k], w.amps, 2, second[k])
         energy[k, 1] = 0.5 * twice_kinetic(p, w, v[k])
@@ -163,7 +168,7 @@ def left_out(p, w, at, lam, none, room, by_z, by_v):  # type: ignore[no-untyped-
         set_natural(p, w.amps, w.amps)
         # what is quadratic in the rates keeps most digits where these are alike
         size, rates = norm(p, lam[k]), max(norm(p, at.v[k]), 1e-3 * p.extent)
-        scale = rates / size if size > 0.0 else 1.0
+        scale = rates / size if size > NONE else 1.0
         for i in range(len(full)):
             full[i] *= scale
             by_d[i], by_rate[i] = 0.0, 0.0

@@ -9,7 +9,7 @@ import numpy as np
 from .. import calls
 from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, kernel, kernel_with_memory, seldom
 from ..patches import patch_forces, rates_of_constraints
-from .dynamics import add_mass, patches_tangent, residual, signals_at, to_full, twice_kinetic
+from .dynamics import FORCES, add_mass, patches_tangent, residual, signals_at, to_full, twice_kinetic
 
 
 @inner
@@ -145,13 +145,11 @@ def gap_rates(p, w, z, v, a, g, rate, second):  # type: ignore[no-untyped-def]
             second[i] = acceleration[k] + y[p.place[k]]
 
 
-@kernel_with_memory
-@seldom
-def onto_constraints(p, w, z, v, t):  # type: ignore[no-untyped-def]
-    """Move z and v onto the constraints at t by the least change in the metric of the mass; multipliers stay."""
+@inner_with_memory
+def _onto_positions(p, w, z, t):  # type: ignore[no-untyped-def]
+    """Move z onto the constraints at t by the least change in the metric of the mass; multipliers stay."""
     n = len(z)
-    signals_at(p, t, w.amps)
-    rhs, velocity, acceleration, motion = np.zeros(n), np.zeros(len(w.d)), np.zeros(len(w.d)), np.zeros(n)
+    rhs = np.zeros(n)
     for _ in range(5):
         to_full(p, z, w.amps, 0, w.d)
         constraint_matrix(p, w)
@@ -166,17 +164,52 @@ def onto_constraints(p, w, z, v, t):  # type: ignore[no-untyped-def]
         calls.solve(p.calls, (p, w.A, rhs))
         for i in range(n):
             z[i] += rhs[i] * p.coordinate[i]
-    to_full(p, v, w.amps, 1, w.v)
-    constraint_matrix(p, w)
-    rates_of_constraints(p, w.d, w.v, w.amps, velocity, acceleration)
-    calls.product(p.calls, (p, w.A, v, w.y))
-    calls.by_motion(p.calls, (p, w, 1, motion))
+
+
+@kernel_with_memory
+@seldom
+def onto_constraints(p, w, z, v, a, t, inside):  # type: ignore[no-untyped-def]
+    """Move v, a and the multipliers in z onto the constraints at t, z too if the state is ``inside`` a step.
+
+    The changes are the least in the metric of the mass: what residuals the state has, it keeps. Steps meet constraints
+    in positions, so that their rates and multipliers are of lower order. Contacts without a law, whose rates jump,
+    keep their accelerations and forces.
+    """
+    n = len(z)
+    signals_at(p, t, w.amps)
+    if inside:
+        _onto_positions(p, w, z, t)
+    rhs, none = np.zeros(n), np.zeros(n)
+    calls.forces(p.calls, (p, w, z, v))
+    residual(p, w, v, a)
+    # steps alone are counted
+    w.counts[FORCES] -= 1
+    before = w.R.copy()
+    regular, factors = allowed_rates(p, w, z, v, none, rhs)
+    if not regular:
+        return
     for i in range(n):
-        rhs[i] = 0.0 if p.coordinate[i] != 0.0 else -velocity[p.full[i]] - w.y[i] - motion[i]
-    if calls.factor(p.calls, (p, w.A, w.y)):
-        calls.solve(p.calls, (p, w.A, rhs))
-        for i in range(n):
-            v[i] += rhs[i] * p.coordinate[i]
+        v[i] += rhs[i] * p.coordinate[i]
+    if p.sided:
+        return
+    calls.forces(p.calls, (p, w, z, v))
+    residual(p, w, v, a)
+    w.counts[FORCES] -= 1
+    for i in range(n):
+        rhs[i] = before[i] - w.R[i] if i < p.inner else 0.0
+    velocity, acceleration, motion = np.zeros(len(w.d)), np.zeros(len(w.d)), np.zeros(n)
+    rates_of_constraints(p, w.d, w.v, w.amps, velocity, acceleration)
+    calls.product(p.calls, (p, w.A, a, w.y))
+    calls.by_motion(p.calls, (p, w, 2, motion))
+    for i in range(n):
+        if p.coordinate[i] == 0.0:
+            rhs[i] = -acceleration[p.full[i]] - w.y[i] - motion[i]
+    calls.solve(p.calls, (p, factors, rhs))
+    for i in range(n):
+        if p.coordinate[i] == 0.0:
+            z[i] += rhs[i]
+        else:
+            a[i] += rhs[i]
 
 
 def constraint_functions(problem: Any) -> dict[Any, tuple[Any, ...]]:

@@ -121,7 +121,7 @@ def settle(p, w, s, t):  # type: ignore[no-untyped-def]
         calls.feedback_accept(p.calls, (p, w))
     if not p.patched:
         return 0.0
-    calls.onto_constraints(p.calls, (p, w, s.z, s.v, t))
+    calls.onto_constraints(p.calls, (p, w, s.z, s.v, s.a, t, True))
     to_full(p, s.z, w.amps, 0, w.d)
     accept_patches(p, w.d, w.amps)
     return violation(p, w.d, w.amps)

@@ -292,7 +292,8 @@ class Backwards(Once):
         by_z, by_v = np.zeros((2, *lam.shape))
         # as large as the rates
         sizes, rates = ((p.weights * np.abs(x)).max(axis=1, initial=0.0) for x in (lam, at.v))
-        scale = np.where(sizes > 0.0, np.maximum(rates, 1e-3 * p.extent) / np.where(sizes > 0.0, sizes, 1.0), 1.0)
+        some = sizes > along.NONE
+        scale = np.where(some, np.maximum(rates, 1e-3 * p.extent) / np.where(some, sizes, 1.0), 1.0)
         virtual = (T @ (scale[:, None] * lam).T).T
         for group, tau in zip(self.run.model.groups, p.tau.tolist(), strict=True):
             if tau > 0.0:

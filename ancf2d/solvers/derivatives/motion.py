@@ -14,7 +14,7 @@ from ...model.model import Model
 from ..motion.dynamic import Run
 from ..state import Row, State
 from .differences import SHORTER, SMOOTH, TRIES, Quotient, UnsuitedError
-from .motion_states import NEWTON, Pass, lengths_of, unlike
+from .motion_states import NEWTON, OF_FORCES, Pass, lengths_of, unlike
 from .varied_motions import Beside, Together, Varied
 
 # differences of lower order, beside the largest change, for which a motion is not made again: the square is left
@@ -107,14 +107,16 @@ class Motion(Together):
         for k, why in refused.items():
             self.found.setdefault(todo[k][0], why)
         self.rows = motion.rows or self.rows
-        weights = motion.stepper.p.weights
+        weights, one, of_forces = motion.stepper.p.weights, np.ones(len(motion.free)), 1.0 / OF_FORCES
         for column, (k, number) in enumerate(numbers.items()):
             if k in refused:
                 continue
             both = np.array(motion.changes)[..., 2 * column:2 * column + 2]
             value, gap = both[..., 0], np.abs(both[..., 0] - both[..., 1])
             shares[k] = unlike(weights, both[:, 0])
-            error = gap * min(shares[k], 1.0) + motion.off[column] * np.abs(value)
+            # of z, v and a, as ``Pass`` takes them
+            off = motion.off[column] * np.array([np.where(motion.free, 1.0, of_forces), one, of_forces * one])
+            error = gap * min(shares[k], 1.0) + off * np.abs(value)
             best = self.found.get(number.at)
             if not isinstance(best, Quotient) or error.max(initial=0.0) < best.error.max(initial=0.0):
                 self.found[number.at] = Quotient(value.ravel(), error.ravel(), number.h)

@@ -220,6 +220,8 @@ class MotionAdjoint(Together):
         out, observer = [Change.none(n, len(self.values)) for _ in self.states], Observer(self.model, forces=False)
         for goal, state, probe, quantity, weight in self.goals.terms(self.model, self.states):
             coords, by_d, by_v = observer.slopes(probe, quantity, self.states[state])
+            if by_v.any() and not free.all():
+                raise UnsuitedError("rates of states are put onto the constraints")
             for name, by in (("z", by_d), ("v", by_v)):
                 full = np.zeros(len(num.place))
                 np.add.at(full, coords, weight * by)

@@ -46,6 +46,10 @@ TRIED = 5e-6
 CLOSE, CORRECTIONS = 1e-9, 12
 # the same, beyond which they do not come to an end
 LOOSE = 1e-6
+# of the scene, and of accelerations and multipliers: changes over the step of a number that round-off makes
+UNMOVED, NOISE = 1e-12, 1e-10
+# of what accelerations and multipliers are off, beside their own size, what counts: they are differences of positions
+OF_FORCES = 1e-2
 # what the changes of all numbers together may leave out, and the golden section, of which they have unlike shares
 ENOUGH, GOLDEN = 5e-9, 0.6180339887498949
 
@@ -297,17 +301,16 @@ class Pass(Once):
         Each number counts by its size in the sum, times a factor of its own, so that none makes up for another.
         """
         weights, stages, own = self.stepper.p.weights[None, :, None], course.stages, slice(None, None, 2)
-        sizes = (weights * np.abs(stages.z[:, :, own])).max(axis=(0, 1), initial=0.0)
-        factors = (0.5 + np.arange(len(sizes)) * GOLDEN % 1.0) / np.where(sizes > 0.0, sizes, 1.0)
+        sizes = np.maximum((weights * np.abs(stages.z[:, :, own])).max(axis=(0, 1), initial=0.0),
+                           UNMOVED * self.stepper.p.extent * self._per_step)
+        factors = (0.5 + np.arange(len(sizes)) * GOLDEN % 1.0) / sizes
         z, v, a = (np.ascontiguousarray(x[:, :, own] @ factors) for x in (stages.z, stages.v, stages.a))
-        size = float((weights[:, :, 0] * np.abs(z)).max(initial=0.0))
-        if not size > 0.0 or not (sizes > 0.0).all():
-            return False
+        size = max(float((weights[:, :, 0] * np.abs(z)).max(initial=0.0)), 1.0)
         J = np.zeros(z.shape)
         along.actions(self.stepper.p, self.stepper.w, at, z, v, a, TRIED * self.stepper.p.extent / size, J)
         defect = (dR[:, :, own] @ factors + J)[:, :, None]
         more, _ = equations.follow(defect, Change.none(self.entries.n, 1))
-        left = float((weights * np.abs(more.z)).max(initial=0.0)) / size
+        left = self._share(at, Stages(stages.t, z, v, a), more, 0, size, float(factors @ self._per_step))
         if left <= ENOUGH:
             self.off = np.maximum(self.off, left)
         return left <= ENOUGH
@@ -319,18 +322,19 @@ class Pass(Once):
         before, worst, J = np.ones(len(some)), np.full(len(some), np.inf), np.zeros(dR.shape[:2])
         last = np.zeros(len(some))
         for _ in range(CORRECTIONS):
-            defects = np.zeros((*dR.shape[:2], len(some)))
-            sizes = np.zeros(len(some))
+            defects, sizes = np.zeros((*dR.shape[:2], len(some))), UNMOVED * stepper.p.extent * self._per_step[some]
             for k, number in enumerate(some.tolist()):
                 z, v, a = (np.ascontiguousarray(x[:, :, 2 * number]) for x in
                            (course.stages.z, course.stages.v, course.stages.a))
-                sizes[k] = float((weights * np.abs(z)).max(initial=0.0))
-                step = TRIED * stepper.p.extent / sizes[k] if sizes[k] > 0.0 else self.numbers[number].h
-                along.actions(stepper.p, stepper.w, at, z, v, a, step, J)
+                sizes[k] = max(float((weights * np.abs(z)).max(initial=0.0)), sizes[k])
+                along.actions(stepper.p, stepper.w, at, z, v, a, TRIED * stepper.p.extent / sizes[k], J)
                 defects[:, :, k] = dR[:, :, 2 * number] + J
             more = Course(*equations.follow(defects, Change.none(self.entries.n, len(some))))
-            shares = np.array([float((weights * np.abs(more.stages.z[:, :, k])).max(initial=0.0)) for k in
-                               range(len(some))]) / np.where(sizes > 0.0, sizes, 1.0)
+            stages = course.stages
+            shares = np.array([
+                self._share(at, Stages(stages.t, *(x[:, :, 2 * number] for x in (stages.z, stages.v, stages.a))),
+                            more.stages, k, float(sizes[k]), float(self._per_step[number]))
+                for k, number in enumerate(some.tolist())])
             for columns in (2 * some, 2 * some + 1):
                 course.add(more, columns)
             # the first correction is as good as the tangents were
@@ -344,6 +348,23 @@ class Pass(Once):
         self.off = np.maximum(self.off, last)
         if (last > LOOSE).any():
             raise UnsuitedError("the tangents of the steps do not determine their derivatives")
+
+    @property
+    def _per_step(self) -> Array:
+        """One by the step of each number (numbers,)."""
+        return 1.0 / np.array([abs(number.h) for number in self.numbers])
+
+    def _share(self, at: Record, stages: Stages, more: Stages, k: int, size: float, per_step: float) -> float:
+        """Return how large ``more`` changes (m, n, numbers) of number k are beside those of ``stages`` (m, n).
+
+        The larger share: of positions, which change by ``size``, or OF_FORCES that of accelerations and multipliers.
+        """
+        weights, held = self.stepper.p.weights, 1.0 - self.free
+        shares = [float((weights * np.abs(more.z[:, :, k])).max(initial=0.0)) / size]
+        for base, x, new, by in ((at.a, stages.a, more.a, weights), (at.z, stages.z, more.z, held)):
+            own, changed, off = (float((by * np.abs(y)).max(initial=0.0)) for y in (base, x, new[:, :, k]))
+            shares.append(OF_FORCES * max(off - NOISE * own * per_step, 0.0) / (changed or 1.0))
+        return max(shares)
 
     def _within(self, step: Step, row: Row, course: Course, k: int) -> Change:
         """Return the change of a state that is stored within a step."""

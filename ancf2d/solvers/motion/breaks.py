@@ -95,7 +95,7 @@ def pass_break(motion: Any, piece: int) -> None:
     before, after = np.zeros((len(motion.signals), 3)), np.zeros((len(motion.signals), 3))
     evaluate(p.programs, t, before)
     if p.patched:
-        onto_constraints(p, w, s.z, s.v, t)
+        onto_constraints(p, w, s.z, s.v, s.a, t, True)
     carried = motion.moving.rates(p, w, s, t)
     # as where a motion goes on: what rates are off the constraints stays
     off = given - s.v if motion.method.conserves else np.zeros_like(given)

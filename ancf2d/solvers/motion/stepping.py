@@ -13,7 +13,7 @@ from ...elements.shape import Array
 from ...errors import ComputationError
 from ...kernels.lowlevel.records import Record
 from ...kernels.motion import advance as kernels
-from ...kernels.motion.along import read_states
+from ...kernels.motion.along import AS_IS, POSITIONS, RATES, read_states
 from ...kernels.motion.consistent import consistent, kinetic
 from ...kernels.motion.dynamics import forces
 from ...kernels.motion.impact import begin
@@ -323,9 +323,18 @@ class Stepper:
                    turns.copy(), feet.copy(), states.copy(), turned.copy(), log)
 
     def _read(self, rows: list[Row], side: Array, kind: Array, *columns: Array) -> None:
-        """Fill in what stored states are in full coordinates; columns are z, v, a and what is remembered of them."""
+        """Fill in what stored states are in full coordinates; columns are z, v, a and what is remembered of them.
+
+        Those that are put onto the constraints keep z, v and a as steps have them, which derivatives go on from.
+        """
         full, energy = np.zeros((4, len(rows), len(self.p.place))), np.zeros((len(rows), 2))
-        read_states(self.past, self.w, side, kind == kernels.INSIDE, *columns, *full, energy)
+        onto = np.full(len(rows), AS_IS)
+        if not self.p.coordinate.all():
+            # rates that keep the energy, and those of contacts without a law, are off the constraints
+            ends = AS_IS if self.method.conserves or self.p.sided else RATES
+            onto = np.where(kind == kernels.INSIDE, POSITIONS, ends)
+            columns = *(x.copy() for x in columns[:3]), *columns[3:]
+        read_states(self.past, self.w, side, onto, *columns, *full, energy)
         n = len(self.model.numbering.place)
         for row, d, rates, second, Q, one in zip(rows, *full[..., :n], energy, strict=True):
             row.full, row.energy = (d, rates, second, Q), (float(one[0]), float(one[1]))
