@@ -1,4 +1,4 @@
-"""Breaks of a motion, where it starts anew: of signals, and of points that move along bodies to other elements."""
+"""Starts of a motion, at first and behind breaks: of signals, and of points that move on to other elements."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from ...kernels.lowlevel.records import Record
 from ...kernels.motion.advance import NEAR
 from ...kernels.motion.consistent import kinetic, onto_constraints
 from ...kernels.motion.dynamics import place_at
-from ...kernels.motion.state import GRID, LOST, STEP_SIZE, WORK, evaluate
+from ...kernels.motion.state import GRID, LOST, STEP_SIZE, WORK, evaluate, fill_full
 from ...model.breakpoints import Break, Piece, breakpoints
 from ...model.model import Model
 from ...model.timing import Signal
+from ..linear import full_mass, unknowns_to_coordinates
 
 # whether a point acts, and its rate while the body rests
 Rates = list[tuple[bool, Array]]
@@ -82,6 +83,21 @@ class MovingPoints:
         out = np.zeros(len(s.z))
         out[:p.inner] = self.model.numbering.reduce(full[:len(self.model.numbering.place)])
         return out
+
+
+def impulse_of_followers(motion: Any, v: Array) -> Array:
+    """Return T^T M (v - v') on the unknowns of a motion (``stepping.Stepper``) that begins with its rates.
+
+    v' are all rates (n_full,) that follow from those: what coordinates that supports and joints have eliminated were to
+    have of v acts on the coordinates that they follow.
+    """
+    own, out = np.zeros(len(motion.p.place)), np.zeros(len(motion.s.z))
+    evaluate(motion.p.programs, 0.0, motion.w.amps)
+    fill_full(motion.p, motion.s.v, motion.w.amps, 1, own)
+    missing = (v - own[:len(v)])[:motion.model.n_q]
+    if missing.any():
+        out[:motion.p.inner] = unknowns_to_coordinates(motion.model).T @ (full_mass(motion.model) @ missing)
+    return out
 
 
 def pass_break(motion: Any, piece: int) -> None:

@@ -34,10 +34,9 @@ from ...model.breakpoints import Piece, pieces
 from ...model.model import Model
 from ...model.point_patch import PointConstraint
 from ...model.timing import Signal
-from ..linear import full_mass, unknowns_to_coordinates
 from ..state import MEMORIES, Row
 from ..system import least_size
-from .breaks import MovingPoints, pass_break
+from .breaks import MovingPoints, impulse_of_followers, pass_break
 from .events import Events
 from .failures import check_joints, check_signals, failure
 from .feedback import Answers
@@ -89,6 +88,8 @@ class Stepper:
         self._at = Record(motion(n, 0, len(self.p.turning.length)))
         # within steps of contacts without a law, where rates jump, interpolated states have more energy than either end
         self.tracks, self.lands = tracks(model, problem), bool(self.p.sided)
+        # rates that keep the energy, and those of contacts without a law, are off the constraints
+        self.ends = AS_IS if self.method.conserves or self.p.sided else RATES
         self.driving = np.array(driving(problem), dtype=np.int64)
         self.facing = [c for c in model.constraints if isinstance(c, PointConstraint) and c.facing is not None]
 
@@ -139,7 +140,7 @@ class Stepper:
         self._place(d, v, turned)
         given = self.s.v.copy()
         self.events.catch(self.events.acting())
-        self.consistent(0.0, self._impulse(v))
+        self.consistent(0.0, impulse_of_followers(self, v))
         self.answers.begin()
         self.events.begin()
         if self.method.conserves and goes_on(self.model):
@@ -157,19 +158,6 @@ class Stepper:
         model.interactions.take_hold(d, 0.0)
         for rows, mem in model.interactions.memory:
             self.p.points.mem[rows, :mem.shape[1]] = mem
-
-    def _impulse(self, v: Array) -> Array:
-        """Return T^T M (v - v') on the unknowns, with v' of all rates v (n_full,) those that follow from the unknowns'.
-
-        Coordinates that supports and joints have eliminated follow others: what they were to have of v acts on these.
-        """
-        own, out = np.zeros(len(self.p.place)), np.zeros(len(self.s.z))
-        evaluate(self.p.programs, 0.0, self.w.amps)
-        fill_full(self.p, self.s.v, self.w.amps, 1, own)
-        missing = v[:self.model.n_q] - own[:self.model.n_q]
-        if missing.any():
-            out[:self.p.inner] = unknowns_to_coordinates(self.model).T @ (full_mass(self.model) @ missing)
-        return out
 
     def consistent(self, t: float, impulse: Array) -> None:
         make = begin if self.p.sided else consistent
@@ -330,9 +318,7 @@ class Stepper:
         full, energy = np.zeros((4, len(rows), len(self.p.place))), np.zeros((len(rows), 2))
         onto = np.full(len(rows), AS_IS)
         if not self.p.coordinate.all():
-            # rates that keep the energy, and those of contacts without a law, are off the constraints
-            ends = AS_IS if self.method.conserves or self.p.sided else RATES
-            onto = np.where(kind == kernels.INSIDE, POSITIONS, ends)
+            onto = np.where(kind == kernels.INSIDE, POSITIONS, self.ends)
             columns = *(x.copy() for x in columns[:3]), *columns[3:]
         read_states(self.past, self.w, side, onto, *columns, *full, energy)
         n = len(self.model.numbering.place)
