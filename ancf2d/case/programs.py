@@ -112,6 +112,17 @@ class Function:
 
     variable = "t"
     scale = 1.0
+    # where it may not be smooth, as far as it names the places; whether it is a polynomial between them
+    knots: tuple[float, ...] = ()
+    polynomial = constant = False
+    # the formula whose switches it has, and the functions whose breaks it has beside its own
+    tree: Tree | None = None
+    parts: tuple[Function, ...] = ()
+
+    @property
+    def ungated(self) -> Function:
+        """What it is while it acts, where only the motion tells when that is."""
+        return self
 
     def emit(self, out: Assembler) -> None:
         """Put the function on the stack, without its scale."""

@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..case import Case, Constant, Expression, Gated, Ramp, Sine, Table, Windowed, syntax
+from ..case import Case, syntax
 from ..case.emit import walk
+from ..case.programs import Function
 from ..elements.shape import Array
 from .timing import Signal
 
@@ -87,7 +88,7 @@ def telling_times(courses: Iterable[Callable[[float], float]], t0: float, t1: fl
     signals = [s for s in courses if isinstance(s, Signal) and s.amplitude is not None]
     breaks = [b for s in dict.fromkeys(signals) for b in breakpoints(s, t0, t1)]
     ends = sorted({t0, t1, *(b.t for b in breaks), *(b.before for b in breaks)})
-    n = BETWEEN if all(isinstance(s.amplitude, Ramp | Table | Constant) for s in signals) else CLOSELY
+    n = BETWEEN if all(s.amplitude is not None and s.amplitude.polynomial for s in signals) else CLOSELY
     inner = 0.5 - 0.5 * np.cos(np.pi * (np.arange(n) + 0.5) / n)
     between = [a + (b - a) * x for a, b in pairwise(ends) for x in inner.tolist()]
     return sorted({*ends, *between})
@@ -108,19 +109,13 @@ def breakpoints(signal: Signal, t0: float, t1: float) -> tuple[Break, ...]:
     amplitude = signal.amplitude
     if signal.factor == 0.0 or amplitude is None or amplitude.scale == 0.0:
         return ()
-    if isinstance(amplitude, Gated):
-        # where it begins and ends is known while the motion runs
-        return breakpoints(Signal(amplitude.inner, signal.factor), t0, t1)
-    if isinstance(amplitude, Expression):
-        places = switches(amplitude.tree, t0, t1)
-    elif isinstance(amplitude, Windowed):
-        inner = breakpoints(Signal(amplitude.inner), t0, t1)
-        places = [*inner, *(Break(t, 0, math.nextafter(t, -math.inf)) for t in amplitude.t if t0 < t <= t1)]
-    elif isinstance(amplitude, Ramp | Table):
-        times = (amplitude.t0, amplitude.t1) if isinstance(amplitude, Ramp) else amplitude.t
-        places = [Break(t, 0, math.nextafter(t, -math.inf)) for t in times if t0 < t <= t1]
-    else:
-        return ()
+    if amplitude.ungated is not amplitude:
+        return breakpoints(Signal(amplitude.ungated, signal.factor), t0, t1)
+    places = [Break(t, 0, math.nextafter(t, -math.inf)) for t in amplitude.knots if t0 < t <= t1]
+    if amplitude.tree is not None:
+        places += switches(amplitude.tree, t0, t1)
+    for part in amplitude.parts:
+        places += breakpoints(Signal(part), t0, t1)
     unit = Signal(amplitude)
     size = _size(unit, t0, t1)
     found = [b._replace(order=_order(unit, b.before, b.t, size, t1 - t0)) for b in _merged(places, t1)]
@@ -129,7 +124,7 @@ def breakpoints(signal: Signal, t0: float, t1: float) -> tuple[Break, ...]:
 
 def case_breaks(case: Case, t0: float, t1: float) -> list[Break]:
     """Return the breaks of all amplitudes of a case in (t0, t1), in order: a way that is remembered turns there."""
-    found = dict.fromkeys(value for _, value, _ in walk(case) if isinstance(value, Expression | Ramp | Table))
+    found = dict.fromkeys(value for _, value, _ in walk(case) if isinstance(value, Function))
     breaks = _merged([b for a in found for b in breakpoints(Signal(a), t0, t1)], t1)
     return [b for b in breaks if b.t < t1]
 
@@ -144,7 +139,7 @@ def case_stops(case: Case, t0: float, t1: float, turns: bool = True, more: Itera
 
 
 def _turns(case: Case, t0: float, t1: float) -> list[float]:
-    """Return where sines and expressions of a case turn back between their breaks in (t0, t1), in order.
+    """Return where amplitudes of a case that are no polynomials turn back between their breaks in (t0, t1), in order.
 
     Turns are looked for between as many times as switches are, and found to round-off; of a stretch where an amplitude
     stays as it is, both ends are taken.
@@ -152,7 +147,8 @@ def _turns(case: Case, t0: float, t1: float) -> list[float]:
     from scipy.optimize import brentq
 
     found = list[float]()
-    for amplitude in dict.fromkeys(value for _, value, _ in walk(case) if isinstance(value, Expression | Sine)):
+    for amplitude in dict.fromkeys(value for _, value, _ in walk(case) if isinstance(value, Function)
+                                  and not value.polynomial):
         signal, t = Signal(amplitude), np.linspace(t0, t1, TURNS)
         rates = np.array([signal.derivatives(x)[1] for x in t.tolist()])
         for k in np.flatnonzero(rates[:-1] * rates[1:] < 0.0).tolist():
@@ -177,11 +173,12 @@ def _merged(breaks: Iterable[Break], t1: float) -> list[Break]:
 
 def _size(signal: Signal, t0: float, t1: float) -> float:
     """Return how large the value becomes."""
-    if isinstance(signal.amplitude, Expression):
+    amplitude = signal.amplitude
+    if amplitude is not None and amplitude.tree is not None:
         with np.errstate(all="ignore"):
-            v = np.abs(signal.amplitude.scale * _Trace(np.linspace(t0, t1, 101)).value(signal.amplitude.tree))
+            v = np.abs(amplitude.scale * _Trace(np.linspace(t0, t1, 101)).value(amplitude.tree))
         return float(np.max(v, where=np.isfinite(v), initial=0.0))
-    return max(abs(signal(t)) for t in (t0, t1, *getattr(signal.amplitude, "t", ())))
+    return max(abs(signal(t)) for t in (t0, t1, *(amplitude.knots if amplitude is not None else ())))
 
 
 def _order(signal: Signal, before: float, after: float, size: float, span: float) -> int:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..case import Active, Amplitude, Latch, amplitude_of
+from ..case.programs import Function
 
 
 @dataclass(frozen=True)
@@ -18,7 +19,10 @@ class Signal:
     Kernels take signals as programs, which also give the two rates.
     """
 
-    amplitude: Amplitude | None = None
+    # whether only the motion tells its value; whether it tells the time in the place of its rate
+    fed = clocked = False
+
+    amplitude: Function | None = None
     factor: float = 1.0
     offset: float = 0.0
 
@@ -42,6 +46,8 @@ class Signal:
 class Answer(Signal):
     """A signal that is a function of quantities of the motion; it has the value of the state last looked at."""
 
+    fed = True
+
     level: list[float] = field(default_factory=lambda: [math.nan], compare=False)
 
     def __call__(self, t: float) -> float:
@@ -60,6 +66,8 @@ class Answer(Signal):
 @dataclass(frozen=True)
 class Clocked(Signal):
     """A signal that tells the time in the place of its rate: what loads follow that are formulas in t."""
+
+    clocked = True
 
     def derivatives(self, t: float) -> tuple[float, float, float]:
         """Return the value at time t, and the time."""

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..case import Constant
 from ..elements.shape import Array
 from ..interactions.forces import DeadLoad
 from ..interactions.moving import MovingPatch
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
 
 def is_constant(amplitude: Callable[[float], float]) -> bool:
     """Whether what a load of a dynamic case follows has the same value at all times."""
-    return isinstance(amplitude, Signal) and (amplitude.amplitude is None or isinstance(amplitude.amplitude, Constant))
+    return isinstance(amplitude, Signal) and (amplitude.amplitude is None or amplitude.amplitude.constant)
 
 
 def has_potential(load: DeadLoad | MovingPatch) -> bool:

@@ -117,9 +117,14 @@ class Windowed(Function):
     end: float
 
     @property
-    def t(self) -> tuple[float, ...]:
+    def knots(self) -> tuple[float, ...]:  # type: ignore[override]
         """The times at which it begins and ends."""
         return tuple(x for x in (self.begin, self.end) if math.isfinite(x))
+
+    @property
+    def parts(self) -> tuple[Function, ...]:  # type: ignore[override]
+        """The other amplitude."""
+        return (self.inner,)
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -141,6 +146,11 @@ class Gated(Function):
 
     inner: Any
     latch: Latch
+
+    @property
+    def ungated(self) -> Function:
+        """The other amplitude."""
+        return self.inner  # type: ignore[no-any-return]
 
     @property
     def quantities(self) -> tuple[str, ...]:

@@ -23,6 +23,7 @@ class Constant(Function):
     """The same value at all times."""
 
     tag = "constant"
+    polynomial = constant = True
     scale: float = key(Number(), SCALE_DOC, default=1.0)
 
     def emit(self, out: Assembler) -> None:
@@ -35,6 +36,7 @@ class Ramp(Function):
     """Rises from 0 at t0 to 1 at t1 and stays there."""
 
     tag = "ramp"
+    polynomial = True
     t0: float = key(Number("s"), "Where the rise begins", default=0.0)
     t1: float = key(Number("s"), "Where the rise ends", default=1.0)
     scale: float = key(Number(), SCALE_DOC, default=1.0)
@@ -44,6 +46,11 @@ class Ramp(Function):
         if not self.t0 < self.t1:
             yield Issue(("t1",), f"{{}}: t0 must be less than t1, got t0 {self.t0:g} "
                         f"and t1 {self.t1:g}")
+
+    @property
+    def knots(self) -> tuple[float, ...]:  # type: ignore[override]
+        """Where its slope jumps."""
+        return self.t0, self.t1
 
     def emit(self, out: Assembler) -> None:
         """Put it on the stack, without its scale."""
@@ -55,6 +62,7 @@ class Table(Function):
     """Values at times, constant before the first and after the last."""
 
     tag = "table"
+    polynomial = True
     t: tuple[float, ...] = key(ListOf(Number("s"), "numbers", 1), "Times, in ascending order",
                                example=[0, 1, 2])
     value_: tuple[float, ...] = key(ListOf(Number(), "numbers", 1), "Value at each time",
@@ -75,6 +83,11 @@ class Table(Function):
                 yield Issue(("t", i), f"{{}}.t must increase, got {t:g} after {last:g}", "" if t < last else
                             f"ascending times, or for a jump an expression such as '1 if t < {t:g} else 0'")
                 break
+
+    @property
+    def knots(self) -> tuple[float, ...]:  # type: ignore[override]
+        """Where it may not be smooth."""
+        return self.t
 
     @cached_property
     def slopes(self) -> tuple[float, ...]:
@@ -155,7 +168,7 @@ class Expression(Function):
     scale: float = key(Number(), SCALE_DOC, default=1.0)
 
     @cached_property
-    def tree(self) -> Tree:
+    def tree(self) -> Tree:  # type: ignore[override]
         """The formula as a tree, parsed once."""
         return syntax(self.value_, self.variable)
 

@@ -23,7 +23,6 @@ from ...model.determinacy import rigid_motion
 from ...model.point_patch import PointConstraint, PointPatch
 from ...model.points import dot
 from ...model.switched import CLOSED, catch, is_off
-from ...model.timing import Answer
 from ...results.records import EVENT_WORDS
 from ..linear import dense
 
@@ -47,7 +46,7 @@ class Events:
         joints = [(-1 - i, c) for i, c in enumerate(model.interactions.joints) if c.active is not None]
         self.timed = [*_timed(model.interactions.points), *((k, c.active) for k, c in joints)]
         self.gates = [("signals", k, s.amplitude.latch) for k, s in enumerate(signals)
-                      if isinstance(s.amplitude, Gated) and not isinstance(s, Answer)]
+                      if isinstance(s.amplitude, Gated) and not s.fed]
         self.gates += [("answers", k, a.amplitude.latch) for k, a in enumerate(model.feedback.answers)
                        if isinstance(a.amplitude, Gated)]
         self.cuts: list[float] = []

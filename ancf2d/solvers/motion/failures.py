@@ -11,7 +11,6 @@ from ...interactions.prismatic import OnAxis
 from ...kernels.motion.state import COUNT, NOT_FINITE, OLD_STEP, SINGULAR, STEP_SIZE, evaluate, fill_full
 from ...kernels.sliding import sliding_check
 from ...model.point_patch import check_facing
-from ...model.timing import Answer
 from ..state import Row
 
 # of the size of a model: further away, strains are lost in round-off of positions
@@ -21,7 +20,7 @@ FAR = 1e9
 def check_signals(motion: Any, t: float) -> None:
     """Raise the ComputationError of an expression that has no value at t."""
     for signal in motion.signals:
-        if not isinstance(signal, Answer):
+        if not signal.fed:
             signal(t)
     motion.answers.check(t - motion.t)
 

@@ -15,7 +15,6 @@ from ...model.interactions import point_table, sew
 from ...model.mesh import Index
 from ...model.model import Model
 from ...model.numbering import Numbering
-from ...model.timing import Answer, Clocked
 from ..energy import is_constant
 
 if TYPE_CHECKING:
@@ -38,8 +37,8 @@ class Signals:
 
     def programs(self) -> Any:
         """Return what evaluates them."""
-        return programs(((None, 0.0, 0.0) if isinstance(s, Answer) else (s.amplitude, s.factor, s.offset)
-                         for s in self.all), {k for k, s in enumerate(self.all) if isinstance(s, Clocked)})
+        return programs(((None, 0.0, 0.0) if s.fed else (s.amplitude, s.factor, s.offset)
+                         for s in self.all), {k for k, s in enumerate(self.all) if s.clocked})
 
 
 def natural_signals(model: Model, signals: Signals) -> None:
