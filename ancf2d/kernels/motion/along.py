@@ -9,6 +9,7 @@ from ..bodies import elastic, group_at, set_natural
 from ..elements import tangent_action, viscous_action
 from ..lowlevel.arrays import copy, copy_rows, vector
 from ..lowlevel.jit import inner, kernel, seldom
+from ..lowlevel.records import array_at
 from ..moving import moving_inertia
 from ..points import add_to, evaluate_item, fields_of_item, work_arrays
 from .dynamics import FORCES, norm, residual, signals_at, to_full, to_unknowns, twice_kinetic
@@ -16,7 +17,7 @@ from .dynamics import FORCES, norm, residual, signals_at, to_full, to_unknowns, 
 # virtual displacements that have died out: they are not scaled
 NONE = 1e-200
 # what of a stored state is put onto the constraints
-AS_IS, RATES, POSITIONS = range(3)
+AS_IS, FORCES_ALONE, RATES, POSITIONS = range(4)
 
 
 class Moments(NamedTuple):
@@ -45,14 +46,21 @@ def read_states(p, w, side, onto, z, v, a, turns, feet, states,  # type: ignore[
     """Fill d, rates, second and Q - F (m, n_full) with what stored states are in full coordinates.
 
     They are put onto the constraints first, in z, v and a (m, n) themselves, as far as ``onto`` (m,) says: AS_IS, RATES
-    or POSITIONS too. side (m,) are the times of signals, turns, feet and states what is remembered there
-    (``advance.Rows``). energy (m, 2) : of elements and kinetic.
+    or POSITIONS too. With FORCES_ALONE a and multipliers alone are new, by the equations of motion. side (m,) are the
+    times of signals, turns, feet and states what is remembered there (``advance.Rows``). energy (m, 2) : of elements
+    and kinetic.
     """
     for k in range(len(side)):
         copy_rows(turns[k], p.points.mem)
         copy_rows(feet[k], p.sliding.memory)
         copy(states[k], p.states)
-        if onto[k] != AS_IS:
+        if onto[k] == FORCES_ALONE:
+            given, none = array_at(second[k], 0, v[k].shape), array_at(Q[k], 0, v[k].shape)
+            copy(v[k], given)
+            none[:] = 0.0
+            calls.consistent(p.calls, (p, w, z[k], given, a[k], side[k], none))
+            w.counts[FORCES] -= 1
+        elif onto[k] != AS_IS:
             calls.onto_constraints(p.calls, (p, w, z[k], v[k], a[k], side[k], onto[k] == POSITIONS))
         signals_at(p, side[k], w.amps)
         to_full(p, a[k], w.amps, 2, second[k])

@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import calls
 from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, kernel, kernel_with_memory, seldom
-from ..patches import patch_forces, rates_of_constraints
+from ..patches import face_bodies, patch_forces, rates_of_constraints
 from .dynamics import FORCES, add_mass, patches_tangent, residual, signals_at, to_full, twice_kinetic
 
 
@@ -145,6 +145,20 @@ def gap_rates(p, w, z, v, a, g, rate, second):  # type: ignore[no-untyped-def]
             second[i] = acceleration[k] + y[p.place[k]]
 
 
+@inner
+def _touches(p, w, z, v):  # type: ignore[no-untyped-def]
+    """Return whether a contact without a law is closed at z with rates v and the signals in w.amps."""
+    to_full(p, z, w.amps, 0, w.d)
+    to_full(p, v, w.amps, 1, w.v)
+    w.other[:] = 0.0
+    face_bodies(p, w.d)
+    calls.point_sides(p.calls, (p.points, w.d, w.v, w.amps, w.other))
+    for i in range(len(p.points.restitution)):
+        if p.points.restitution[i] >= 0.0 and w.other[p.points.multiplier[i]] != 0.0:
+            return True
+    return False
+
+
 @inner_with_memory
 def _onto_positions(p, w, z, t):  # type: ignore[no-untyped-def]
     """Move z onto the constraints at t by the least change in the metric of the mass; multipliers stay."""
@@ -172,11 +186,14 @@ def onto_constraints(p, w, z, v, a, t, inside):  # type: ignore[no-untyped-def]
     """Move v, a and the multipliers in z onto the constraints at t, z too if the state is ``inside`` a step.
 
     The changes are the least in the metric of the mass: what residuals the state has, it keeps. Steps meet constraints
-    in positions, so that their rates and multipliers are of lower order. Contacts without a law, whose rates jump,
-    keep their accelerations and forces.
+    in positions, so that their rates and multipliers are of lower order. While a contact without a law is closed, whose
+    rates jump, the ends of steps stay as they are, and other states keep accelerations and forces.
     """
     n = len(z)
     signals_at(p, t, w.amps)
+    touches = p.sided and _touches(p, w, z, v)
+    if touches and not inside:
+        return
     if inside:
         _onto_positions(p, w, z, t)
     rhs, none = np.zeros(n), np.zeros(n)
@@ -190,7 +207,7 @@ def onto_constraints(p, w, z, v, a, t, inside):  # type: ignore[no-untyped-def]
         return
     for i in range(n):
         v[i] += rhs[i] * p.coordinate[i]
-    if p.sided:
+    if touches:
         return
     calls.forces(p.calls, (p, w, z, v))
     residual(p, w, v, a)

@@ -81,6 +81,7 @@ def functions(model: Model) -> dict[Any, tuple[Any, ...]]:
             **(moving_functions(fronts, any(p.mass for p in moving), layout) if moving else {}),
             **impact_functions(model.contacts, model.sided, layout),
             **(constraint_functions(layout) if acts or slides else {}),
+            **({calls.consistent: (consistent, layout)} if method.conserves else {}),
             **(ode_functions(layout) if method.scipy is not None else {}),
             **(event_functions(layout, (feedback_accept, layout)) if model.feedback.conditions else {}),
             **(feedback_functions(fronts, layout) if model.feedback.rank else {})}

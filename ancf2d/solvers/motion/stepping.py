@@ -13,7 +13,7 @@ from ...elements.shape import Array
 from ...errors import ComputationError
 from ...kernels.lowlevel.records import Record
 from ...kernels.motion import advance as kernels
-from ...kernels.motion.along import AS_IS, POSITIONS, RATES, read_states
+from ...kernels.motion.along import AS_IS, FORCES_ALONE, POSITIONS, RATES, read_states
 from ...kernels.motion.consistent import consistent, kinetic
 from ...kernels.motion.dynamics import forces
 from ...kernels.motion.impact import begin
@@ -88,8 +88,11 @@ class Stepper:
         self._at = Record(motion(n, 0, len(self.p.turning.length)))
         # within steps of contacts without a law, where rates jump, interpolated states have more energy than either end
         self.tracks, self.lands = tracks(model, problem), bool(self.p.sided)
-        # rates that keep the energy, and those of contacts without a law, are off the constraints
-        self.ends = AS_IS if self.method.conserves or self.p.sided else RATES
+        # of what ends and insides of steps are put onto constraints: rates that keep the energy are off these
+        free = bool(self.p.coordinate.all())
+        self.inside, self.ends = AS_IS if free else POSITIONS, AS_IS if free else RATES
+        if self.method.conserves:
+            self.ends = FORCES_ALONE
         self.driving = np.array(driving(problem), dtype=np.int64)
         self.facing = [c for c in model.constraints if isinstance(c, PointConstraint) and c.facing is not None]
 
@@ -316,9 +319,8 @@ class Stepper:
         Those that are put onto the constraints keep z, v and a as steps have them, which derivatives go on from.
         """
         full, energy = np.zeros((4, len(rows), len(self.p.place))), np.zeros((len(rows), 2))
-        onto = np.full(len(rows), AS_IS)
-        if not self.p.coordinate.all():
-            onto = np.where(kind == kernels.INSIDE, POSITIONS, self.ends)
+        onto = np.where(kind == kernels.INSIDE, self.inside, self.ends)
+        if onto.any():
             columns = *(x.copy() for x in columns[:3]), *columns[3:]
         read_states(self.past, self.w, side, onto, *columns, *full, energy)
         n = len(self.model.numbering.place)
