@@ -47,32 +47,46 @@ def check_materials(checker: Any) -> None:
     _check_layers(checker)
 
 
-def yield_warnings(case: Any) -> list[str]:
-    """Return what to say of yield stresses that no material has beside its E, so that one is in other units."""
-    return [f"{dotted(path)}: no known material has yield: {m.yield_:g} with E: {m.E:g}: its strain at the yield "
+def material_warnings(case: Any) -> list[str]:
+    """Return what to say of yield stresses that no material has beside its E, and of heated layers without alpha.
+
+    The stresses are in other units then.
+    """
+    heated = {load.on for load in case.loads if load.tag == "temperature"}
+    out = [f"{dotted((*path, 'alpha'))}: not given, so temperature does not expand this layer, unlike others" for
+           path, m in materials_of(case) if path[1] in heated and len(path) > 3 and m.alpha is None]
+    return out + [f"{dotted(path)}: no known material has yield: {m.yield_:g} with E: {m.E:g}: its strain at the yield "
             f"stress is {m.yield_ / m.E:.2g}, that of steel about 1e-3. Give both in the same units"
             for path, m in materials_of(case) if m is not None and m.yield_ is not None
             and isinstance(m.E, float | int) and not YIELDS[0] <= m.yield_ / m.E <= YIELDS[1]]
 
 
+def refused_field(case: Any, solver: str, field: str) -> tuple[str, str] | None:
+    """Return why a field over the height is not known of all materials, and what to ask for; None if it is.
+
+    Fibres tell theirs, but for the energy.
+    """
+    materials = [m for _, m in materials_of(case) if m not in (None, INVALID)]
+    others, follow = any(m.remembers and not m.fibres for m in materials), any(m.fibres for m in materials)
+    told = not others and (not follow or solver in FOLLOWING)
+    if field == "plastic_strain" and not (follow and solver in FOLLOWING):
+        return (f"plastic_strain is available only for fibres, in solvers {listed(FOLLOWING)}",
+                "a material with yield or stress_strain")
+    if field not in FIELDS or (told and not (follow and field == "energy")):
+        return None
+    whose = "relaxes or is hyperelastic" if others else "yields or follows a curve"
+    return (f"{field} is not available for a material that {whose}",
+            "N, Q, M" if others or not told else "N, Q, M, stress, strain, plastic_strain")
+
+
 def _check_fields(checker: Any) -> None:
-    """Check that fields over the height are known of all materials: fibres tell theirs, but for the energy."""
+    """Check that fields over the height are known of all materials."""
     case = checker.case
     if INVALID in (case.output, case.bodies) or case.output.fields is INVALID:
         return
-    materials = [m for _, m in materials_of(case) if m not in (None, INVALID)]
-    others, follow = any(m.remembers and not m.fibres for m in materials), any(m.fibres for m in materials)
-    told = not others and (not follow or checker.solver in FOLLOWING)
     for k, field in enumerate(case.output.fields):
-        if field == "plastic_strain" and not (follow and checker.solver in FOLLOWING):
-            checker.fail(("output", "fields", k), "output.fields: plastic_strain is available only for fibres, in "
-                         "solvers "
-                         f"{listed(FOLLOWING)}", "a material with yield or stress_strain")
-        elif field in FIELDS and (not told or (follow and field == "energy")):
-            whose = "relaxes or is hyperelastic" if others else "yields or follows a curve"
-            checker.fail(("output", "fields", k), f"output.fields: {field} is not available for a material that "
-                         f"{whose}",
-                         "N, Q, M" if others or not told else "N, Q, M, stress, strain, plastic_strain")
+        if (refused := refused_field(case, checker.solver, field)) is not None:
+            checker.fail(("output", "fields", k), f"output.fields: {refused[0]}", refused[1])
 
 
 def _check_layers(checker: Any) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -11,15 +12,23 @@ from ..errors import CaseError, Problem, all_of
 from .axes import VARY, Bounds
 from .binder import Vocabulary, listed, nearest
 from .compose import compose
-from .emit import number_text
+from .emit import number_text, walk
 from .load import LoadedCase, load_case_text, with_overrides
 from .nodes import LINE_BREAK, ListNode, MapNode, Node, Origin, Scalar, line_breaks, quoted, resolve
 from .overrides import index_of
+from .schema import Case
 
 # what no run depends on, or only through its discretisation
 APART = ("format", "title", "units", "solver", "goal", "accuracy", "output", "expected")
 # a share of the way from one bound to the other that no whole number is likely to lie at
 BETWEEN = 0.3819
+
+
+def unused_parameters(case: Case) -> list[str]:
+    """Return what to say of parameters that no text of a case names."""
+    texts = [value for path, value, _ in walk(case) if isinstance(value, str)] if case.parameters else []
+    words = {word for text in texts for word in re.findall(r"\w+", text)}
+    return [f"parameters.{name}: nothing in the case uses it" for name in case.parameters if name not in words]
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,13 @@ import numpy as np
 
 from ..case import Goal, LoadedCase
 from ..case.binder import TOLD
+from ..case.material_checks import refused_field
 from ..case.nodes import Mark, Origin
+from ..case.records import tag_of
 from ..case.series import series
 from ..case.syntax import Chain, Comparison, Constant, ExpressionError, Names, Time, Tree, named_in, renamed, syntax
 from ..elements.shape import Array
-from ..errors import CaseError, ComputationError
+from ..errors import CaseError, ComputationError, Problem
 from ..model.model import Model
 from ..solvers.derivatives.motion_adjoint import Term
 from ..solvers.fields import FIELDS, FieldReader, field_problems
@@ -230,6 +232,8 @@ class Measures:
     def _field(model: Model, state: Any, name: str) -> Array:
         """Return all values of a field; of stresses the equivalent one of von Mises."""
         problems = field_problems(model, (name,))
+        if (refused := refused_field(model.case, tag_of(type(model.case.solver)), name)) is not None:
+            problems += [Problem(refused[0], expected=refused[1])]
         if problems:
             raise CaseError(problems)
         values = list(FieldReader(model, (name,)).read(state).values())

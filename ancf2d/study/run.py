@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..case import Case, LoadedCase, Vocabulary, load_case
-from ..case.material_checks import yield_warnings
+from ..case.material_checks import material_warnings
+from ..case.numbers import unused_parameters
 from ..case.records import tag_of
 from ..case.units import unit_warnings
 from ..elements import registry
@@ -76,7 +77,8 @@ def prepare(loaded: LoadedCase, like: Model | None = None, beside: bool = False)
         raise CaseError(problems)
     if beside:
         return model
-    model.warnings += [*left_out(loaded.case), *unit_warnings(loaded.case), *yield_warnings(loaded.case)]
+    model.warnings += [*left_out(loaded.case), *unit_warnings(loaded.case), *material_warnings(loaded.case),
+                       *unused_parameters(loaded.case)]
     return model
 
 

@@ -71,6 +71,18 @@ def test_yield_stresses_in_other_units_than_the_modulus_are_told(E: float, yield
         assert told is None or f"its strain at the yield stress is {told}," in said[0]
 
 
+def test_parameters_that_nothing_uses_and_layers_that_do_not_expand_are_told() -> None:
+    text = CASE.format(units=M, E=2.07e11, rho=7850, g=0)
+    heated, steel = ["loads=[{type: temperature, on: b, value: 20}]"], "E: 2e11, nu: 0.3, rho: 7850"
+    layers = (f"bodies.b.section={{width: 10, layers: [{{height: 5, material: {{{steel}, alpha: 1e-5}}}}, "
+              f"{{height: 5, material: {{{steel}}}}}]}}")
+    for overrides, told in (
+            (["parameters={h: 5, k: 2}", 'bodies.b.section.height="2*h"'], "parameters.k: nothing in the case uses it"),
+            ([*heated, layers, "bodies.b.material=null"], "bodies.b.section.layers.1.material.alpha: not given")):
+        (warning,) = prepare(load_case_text(text, overrides=overrides)).warnings
+        assert warning.startswith(told)
+
+
 @pytest.mark.parametrize(("what", "labels", "said"), [
     ("tip uy", SI, "tip uy [m]"), ("tip uy", ("mm", "kN", "s"), "tip uy [mm]"), ("limit point 1 load ux", SI,
     "limit point 1 load ux [m]"), ("left M", ("mm", "N", "s"), "left M [N mm]"), ("bending 2", SI, "bending 2 [rad/s]"),

@@ -112,6 +112,13 @@ def test_what_is_wrong_with_an_expression(text, message):
         read_measure(text, "--minimise", Vocabulary(ancf2d.load(TEXT)))
 
 
+def test_fields_that_materials_do_not_have_are_told():
+    case = ancf2d.load(TEXT, ["solver={type: static}", "bodies.beam.material.yield=1e9",
+                              "bodies.beam.element.formulation=structural"])
+    with pytest.raises(CaseError, match="energy is not available for a material that yields"):
+        ancf2d.optimise(case, {HEIGHT: (0.02, 0.2)}, "max(energy)")
+
+
 def test_a_constraint_compares_two_expressions():
     with pytest.raises(CaseError, match="no constraint"):
         ancf2d.optimise(TEXT, {HEIGHT: (0.02, 0.2)}, "mass", "tip.uy")
