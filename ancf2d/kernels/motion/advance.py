@@ -33,6 +33,7 @@ from .state import (
     TAKEN,
     TIME,
     TRIES,
+    UNBOUNDED,
     WORK,
     turn_on,
 )
@@ -53,8 +54,8 @@ NEAR = 1e-9
 class Plan(NamedTuple):
     """How far, and how: fixed steps dt on the grid t0 + k dt, or adaptive ones (dt = 0) under ``tolerance``.
 
-    smallest, largest : steps; tracks : whether loads, motion or dampers do work that has to be summed; lands : whether
-    steps end at the times of stored states.
+    smallest, largest : steps; fastest : rate [m/s] beyond which the motion fails; tracks : whether loads, motion or
+    dampers do work that has to be summed; lands : whether steps end at the times of stored states.
     """
 
     t0: float
@@ -63,6 +64,7 @@ class Plan(NamedTuple):
     tolerance: float
     smallest: float
     largest: float
+    fastest: float
     tracks: bool
     lands: bool
 
@@ -196,7 +198,7 @@ def _tried(m, p, w, s, at, t, h, adaptive):  # type: ignore[no-untyped-def]
 
 @inner
 def _moved(p, z):  # type: ignore[no-untyped-def]
-    """Return the largest displacement [m] of the unknowns z, states of controllers apart."""
+    """Return the largest displacement [m] of the unknowns z, or rate of these, states of controllers apart."""
     return norm(p, array_at(z, 0, (p.inner,)))
 
 
@@ -268,6 +270,8 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             if outcome != SWITCHES and not usual(s) >= plan.smallest:
                 return FAILED, stored, logged, outcome, iterations
             continue
+        if not _moved(p, m.end.v) <= plan.fastest:
+            return FAILED, stored, logged, UNBOUNDED, iterations
         if len(p.feedback.watched) > 0:
             good, aimed, event = aim(m, p, w, s, at, t, h, target - t, aims)
             aims = 0 if good else aims + 1

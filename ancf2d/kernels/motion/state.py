@@ -35,7 +35,7 @@ _turn = inner(turn)
 # increments of Newton's method that are kept for messages
 HISTORY = 64
 # what a step answers; SWITCHES: that it has to be made anew, shorter or by another method, as NEXT tells
-DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SWITCHES = range(5)
+DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SWITCHES, UNBOUNDED = range(6)
 
 
 class Motion(NamedTuple):

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...errors import ComputationError
 from ...interactions.prismatic import OnAxis
-from ...kernels.motion.state import COUNT, NOT_FINITE, OLD_STEP, SINGULAR, STEP_SIZE, evaluate, fill_full
+from ...kernels.motion.state import COUNT, NOT_FINITE, OLD_STEP, SINGULAR, STEP_SIZE, UNBOUNDED, evaluate, fill_full
 from ...kernels.sliding import sliding_check
 from ...model.point_patch import check_facing
 from ..state import Row
@@ -38,6 +38,11 @@ def check_joints(motion: Any, row: Row) -> None:
         raise [c for c in motion.model.constraints if isinstance(c, OnAxis)][bad].lost(t=row.t)
 
 
+def fastest(motion: Any) -> float:
+    """Return the rate [m/s] at which a motion would go FAR in the time of its case; none is meant to."""
+    return FAR * float(motion.p.extent) / float(motion.model.case.solver.t_end)
+
+
 def failure(motion: Any, outcome: int) -> ComputationError:
     """Return what to say of a step that could not be made."""
     h = float(motion.s.numbers[STEP_SIZE])
@@ -51,9 +56,12 @@ def failure(motion: Any, outcome: int) -> ComputationError:
     if motion.p.full[worst] < motion.model.n_q:
         at["coordinate"] = motion.model.describe_coordinate(int(motion.p.full[worst]))
     far = motion.reached / float(motion.p.extent)
-    if far > FAR:
+    if far > FAR or outcome == UNBOUNDED:
+        how = f"it has gone {far:.2g} times as far as the model is large" if far > FAR else \
+            f"it has become faster than {fastest(motion):.2g} {motion.model.case.units.labels[0]}/" \
+            f"{motion.model.case.units.labels[2]}"
         return ComputationError(
-            f"the motion grows without bound: it has gone {far:.2g} times as far as the model is large", at=at,
+            f"the motion grows without bound: {how}", at=at,
             advice="look at what feeds it: a controller or a load that answers the motion and makes it unstable, or "
             "constants that are far too large")
     reason = {NOT_FINITE: "the forces are no longer finite",

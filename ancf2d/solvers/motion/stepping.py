@@ -38,7 +38,7 @@ from ..state import MEMORIES, Row
 from ..system import least_size
 from .breaks import MovingPoints, impulse_of_followers, pass_break
 from .events import Events
-from .failures import check_joints, check_signals, failure
+from .failures import check_joints, check_signals, failure, fastest
 from .feedback import Answers
 from .initial import goes_on
 from .methods import MAKERS, Method, newton_tolerance
@@ -276,7 +276,8 @@ class Stepper:
         """
         assert self.m is not None
         stop, end = self.pieces[self.piece].stop, self.spec.t_end
-        plan = kernels.Plan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), self.tracks, self.lands)
+        plan = kernels.Plan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), fastest(self),
+                            self.tracks, self.lands)
         self._plan = self._plan if self._plan is not None and self._plan.values == plan else Record(plan)
         why, stored, logged, outcome, _ = kernels.advance(
             self.m.record, self.p, self.w, self.s, self._at, self._plan, self.rows, self.next_wanted, steps)
