@@ -257,9 +257,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         if logged >= min(steps, len(rows.log)) or (rows.every > 0 and stored >= len(rows.t)):
             return FULL, stored, logged, outcome, iterations
         last, target = targets(s, plan, rows, next_wanted)
-        h = length(s, last, target, sooner > 0.0)
-        if aims > 0:
-            h = aimed
+        h = aimed if aims > 0 else length(s, last, target, sooner > 0.0)
         outcome, iterations, error, contraction = _tried(m, p, w, s, at, t, h, plan.dt == 0.0)
         size = max(s.numbers[SIZE], _moved(p, m.end.z))
         relative = error / size if size > 0.0 else 0.0
