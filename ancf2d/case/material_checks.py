@@ -48,9 +48,8 @@ def check_materials(checker: Any) -> None:
 
 
 def material_warnings(case: Any) -> list[str]:
-    """Return what to say of yield stresses that no material has beside its E, and of heated layers without alpha.
-
-    The stresses are in other units then.
+    """Return what to say of yield stresses in other units than E, which no material has, and of heated layers without
+    alpha.
     """
     heated = {load.on for load in case.loads if load.tag == "temperature"}
     out = [f"{dotted((*path, 'alpha'))}: not given, so temperature does not expand this layer, unlike others" for

@@ -88,7 +88,7 @@ class Stepper:
         self._at = Record(motion(n, 0, len(self.p.turning.length)))
         # within steps of contacts without a law, where rates jump, interpolated states have more energy than either end
         self.tracks, self.lands = tracks(model, problem), bool(self.p.sided)
-        # of what ends and insides of steps are put onto constraints: rates that keep the energy are off these
+        # how far states inside steps, and where they end, are put onto constraints; rates that keep the energy are not
         free = bool(self.p.coordinate.all())
         self.inside, self.ends = AS_IS if free else POSITIONS, AS_IS if free else RATES
         if self.method.conserves:
