@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..elements.contact_geometry import FREE, FRICTION, SLIDING, STANDING
+from ..elements.contact_geometry import FREE, FRICTION, HELD, OWN, SLIDING, STANDING
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
@@ -33,6 +33,16 @@ def recall(model: Model, kept: list[Array], slide: bool = False) -> None:
             own[:len(row)] = row
             if slide and one.pair.still and own[FREE] == STANDING:
                 own[FREE] = SLIDING
+
+
+def stays_behind(model: Model) -> bool:
+    """Return whether a force acts at a place between points at home that no equation moves with a number.
+
+    Between equilibria such places are chosen anew, where a body is deepest: on another body, on a side of a polyline,
+    and inside a contact zone.
+    """
+    return any(mem[HELD] > 0.0 and (mem[FREE] == OWN or (mem[FREE] == STANDING and not one.pair.still))
+               for one in model.contact_tables if one.pair.hard for mem in _remembered(one))
 
 
 def _remembered(one: ContactTable) -> list[Array]:

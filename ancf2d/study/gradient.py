@@ -23,6 +23,7 @@ from ..case.numbers import Variable, numbers_at
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
+from ..solvers.contact import stays_behind
 from ..solvers.derivatives.backwards import Backwards, UnlikeError
 from ..solvers.derivatives.differences import Quotient, UnsuitedError, derivative
 from ..solvers.derivatives.motion import Motion
@@ -186,6 +187,8 @@ class Study:
         whole = getattr(self.watch, "whole", True) and len(states) > 1
         if not reason and self.model.contacts and any(g.limit_point is not None for g in goals or ()):
             reason = "contact changes along the path"
+        if not reason and not self.moves and stays_behind(self.model):
+            reason = "places between nodes that touch are chosen anew in every run"
         if not reason and goals is None and isinstance(self.model.case.solver, Eigen | Buckling):
             reason = "it is not known which modes are read"
         if not reason and whole and not self.moves and (self.model.contacts or any(s.report for s in states)):

@@ -323,3 +323,29 @@ def test_a_beam_over_a_disc(monkeypatch, more, count):
         assert row.method == "exact"
         assert row.derivative == pytest.approx((a - 8 * b + 8 * c - d) / (12e-5 * value), rel=1e-6)
         assert row.error < 1e-6 * abs(row.derivative)
+
+
+# bodies that touch between their nodes: an arch on a side of a polyline, and over another body
+ARCH = {"geometry": {"type": "arc", "center": [0, 1], "radius": 1.0, "from": 3.9, "to": 5.0},
+        "section": {"height": 0.02, "width": 0.05}, "material": {"E": 1e7, "nu": 0.3},
+        "element": {"type": "cable", "count": 5}}
+LEDGE = {"geometry": {"type": "line", "start": [-0.2, -0.03], "end": [0.8, -0.02]}, "section": ARCH["section"],
+         "material": ARCH["material"], "element": {"type": "cable", "count": 3}}
+TOUCHED = {"polyline": ({"floor": {"type": "polyline", "points": [[-1, -0.02], [0.3, -0.01], [2, 0.01]]}}, {}, []),
+           "body": ({}, {"floor": LEDGE}, [{"type": "clamp", "at": "floor@0"}, {"type": "clamp", "at": "floor@1"}])}
+
+
+@pytest.mark.parametrize("what", TOUCHED)
+def test_places_between_nodes_that_a_run_chooses_are_left_to_runs(what):
+    """The place that touches moves with a number, and the force with it, which no equation of the state tells."""
+    obstacles, bodies, held = TOUCHED[what]
+    case = ancf2d.load({
+        "bodies": {"arch": ARCH, **bodies}, "obstacles": obstacles, "contacts": [{"between": ["arch", "floor"]}],
+        "boundary_conditions": [{"type": "clamp", "at": "arch@0"}, *held],
+        "loads": [{"name": "tip", "type": "force", "at": "arch@0.9", "value": [0.05, -0.6]}],
+        "solver": {"type": "static"}, "goal": {"probe": "tip", "quantity": "uy"},
+        "output": {"probes": {"tip": "arch@1"}}})
+    row, = ancf2d.sensitivity(case, ["loads.tip.value.1"]).rows
+    assert row.method == "differences of runs: places between nodes that touch are chosen anew in every run"
+    expected = differences_of_solves(case, row.path, 3e-3, lambda s: s.value)
+    assert row.derivative == pytest.approx(expected, rel=1e-3)
