@@ -69,6 +69,9 @@ def variable_at(loaded: LoadedCase, path: str) -> Variable:
         problem = node.mark.problem(what) if given else Problem(f"{what} by default", file=file)
         raise CaseError(replace(problem, expected="a number, or the key of a point BODY@S" if below is None
                                 else f"a number, such as {below.path}"))
+    if path.startswith("goal."):
+        raise CaseError(Problem(f"{quoted(path)} belongs to the goal itself and cannot vary", file=file,
+                                expected="a number that results depend on"))
     return variable
 
 

@@ -232,6 +232,8 @@ class Study:
                     found = prepare(_tight(for_study(varied(self.loaded, variable, step))), self.model, beside=True)
                     if numbering_of(found) != self.numbering:
                         raise UnsuitedError("the unknowns change with the number")
+                    if self.moves and _times_of(found) != _times_of(self.model):
+                        raise UnsuitedError("the times of steps and of stored states change with the number")
                     models[step] = found
                 return models[step]
             self.models[variable.path] = at
@@ -310,6 +312,11 @@ def responses(model: Model, states: Sequence[Any], whole: bool, goals: Sequence[
     if solver.on_path:
         return [Path(model, states, [g.limit_point for g in asked if g.limit_point])]
     return [Equilibrium(model, state, solver.linear) for state in kept]
+
+
+def _times_of(model: Model) -> tuple[Any, ...]:
+    """Return what tells when the steps of a motion end, and which states are stored."""
+    return model.case.solver, model.case.output.every, model.case.output.interval
 
 
 def _share(found: Quotient) -> float:

@@ -336,9 +336,9 @@ class GoalValues:
 
 
 def probes_alike(one: Model, other: Model, names: Iterable[str]) -> bool:
-    """Return whether probes are on the same bodies in two models."""
-    bodies = {one.case.output.probes[name].at.body for name in names}
-    return all(one.meshes[body] is other.meshes[body] for body in bodies)
+    """Return whether probes are at the same places of the same bodies in two models."""
+    sides = [(one.case.output.probes[name], other.case.output.probes[name]) for name in names]
+    return all(a == b and one.meshes[a.at.body] is other.meshes[b.at.body] for a, b in sides)
 
 
 def last_summary(model: Model, states: Sequence[Any], reacts: bool = True, forces: bool = False,

@@ -75,6 +75,15 @@ def test_paths_of_no_number_are_told_without_places_that_the_file_does_not_have(
     assert "completed" not in str(caught.value)
 
 
+def test_numbers_of_the_goal_itself_are_refused():
+    """What is differentiated does not change with a number that says what it is: 0 would be no answer."""
+    case = {**STRUT, "loads": [{"name": "push", "type": "force", "at": "strut@1", "value": [0, 1]}],
+            "solver": {"type": "frequency_response", "inputs": ["push"], "from": 1, "to": 3},
+            "goal": {"probe": "tip", "quantity": "uy", "input": "push", "hz": 2}}
+    with pytest.raises(CaseError, match=r"'goal\.hz' belongs to the goal itself and cannot vary"):
+        ancf2d.sensitivity(case, "goal.hz")
+
+
 def test_errors_of_states_count_as_far_as_values_depend_on_states(monkeypatch):
     """Where dz/dL is known to a share e of itself, u_y' = -P (L^2/EI + 1/kGA) is too; mass' = rhoA has no such error.
     """

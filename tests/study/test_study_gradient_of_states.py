@@ -65,6 +65,36 @@ def test_the_end_of_a_path_where_a_probe_is():
                                    "reaches": differences(lambda x: load(BASE, RISE, x), u, 1e-3)}, rel=1e-8)
 
 
+def test_the_end_of_a_path_at_a_load_factor():
+    """P = EA y (1/l - 1/L) of y = rise + u: the fall u changes by 1/P'(u) where the path goes on."""
+    u = -0.05
+
+    def load(u):
+        return EA * (RISE + u) * (1 / math.hypot(BASE, RISE + u) - 1 / math.hypot(BASE, RISE))
+    case = {**TRUSS, "solver": {"type": "static", "method": "arc_length", "until": {"load_factor": load(u)}},
+            "goal": {"probe": "top", "quantity": "uy"}}
+    row, = ancf2d.sensitivity(case, ["solver.until.load_factor"]).rows
+    assert row.method == "exact"
+    assert row.derivative == pytest.approx(1 / differences(load, u, 1e-3), rel=1e-8)
+
+
+def test_line_loads_within_elements_grow_with_the_factor_at_the_end_of_a_path():
+    """M between nodes contains the line load at its factor there, which a number changes: differences of whole paths.
+    """
+    case = ancf2d.load({
+        "bodies": {"arch": {"geometry": {"type": "arc", "center": [0, -1.0], "radius": 1.1, "from": 2.1, "to": 1.0},
+                            "section": {"EA": 1.5e4, "EI": 1.1}, "element": {"type": "cable", "count": 4}}},
+        "boundary_conditions": [{"type": "pin", "at": "arch@0"}, {"type": "pin", "at": "arch@1"}],
+        "loads": [{"name": "w", "type": "distributed", "on": "arch", "value": [0, -9.0]}],
+        "solver": {"type": "static", "method": "displacement", "tolerance": 1e-12,
+                   "until": {"probe": "top", "quantity": "uy", "reaches": -0.05}},
+        "goal": {"probe": "beside", "quantity": "M"}, "output": {"probes": {"top": "arch@0.5", "beside": "arch@0.3"}}})
+    row, = ancf2d.sensitivity(case, ["solver.until.reaches"]).rows
+    expected = differences(lambda x: ancf2d.solve(case, [f"{row.path}={x!r}"], states=False).value, row.value, 1e-4)
+    assert row.method == "exact"
+    assert row.derivative == pytest.approx(expected, rel=1e-6)
+
+
 k, c, m, F = 50.0, 3.0, 2.0, 4.0
 OSCILLATOR = {
     "bodies": {"mass": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},

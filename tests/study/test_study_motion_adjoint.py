@@ -97,6 +97,16 @@ def test_rates_that_supports_do_not_allow():
     assert values == pytest.approx(told.jacobian[0], rel=1e-7)
 
 
+def test_places_of_probes_change_what_is_read(tmp_path):
+    """u_y of a probe off the axis is that of the axis and y (cos(theta) - cos(theta_0)); along the body it varies."""
+    y = 0.004
+    loaded = scene(tmp_path, "radau5", CLAMP, "solver.t_end=0.004", f"output.probes.tip={{at: arm@0.7, y: {y}}}")
+    values, _ = found(loaded, ["output.probes.tip.y", "output.probes.tip.at"])
+    above, ahead, *behind = (ancf2d.solve(loaded, [f"output.probes.tip={{at: arm@{s}, y: {h}}}"], states=False).value
+                             for s, h in ((0.7, y + 1e-4), (0.701, y), (0.699, y), (0.7, y - 1e-4)))
+    assert values == pytest.approx([(above - behind[1]) / 2e-4, (ahead - behind[0]) / 2e-3], rel=1e-4)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MOTIONS)
 def test_the_motion_backwards(name, monkeypatch, tmp_path):

@@ -185,6 +185,10 @@ def test_what_is_not_differentiated_is_told(tmp_path):
     loaded = ancf2d.load(tmp_path / "scene.yaml", ["solver.t_end=0.006", "solver.method=radau5"])
     row, = ancf2d.sensitivity(loaded, ["loads.push.amplitude.t1"]).rows
     assert row.method == "differences of runs: the times of corners of signals depend on the number"
+    case = {**THROWN, "solver": {"type": "dynamic", "t_end": 0.1, "dt": 0.02}}
+    row, = ancf2d.sensitivity(ancf2d.load(case), ["solver.t_end"]).rows
+    assert row.method == "differences of runs: the times of steps and of stored states change with the number"
+    assert row.derivative == pytest.approx(1.0 - 9.81 * 0.1, rel=1e-6)
     case = {**THROWN, "solver": {"type": "dynamic", "t_end": 0.01, "dt": 0.005, "method": "energy_momentum"}}
     row, = ancf2d.sensitivity(ancf2d.load(case), ["initial.velocity.1"]).rows
     assert row.method == "differences of runs: the steps of energy_momentum are not differentiated"

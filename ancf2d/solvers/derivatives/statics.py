@@ -112,11 +112,16 @@ class Equilibrium(OneByOne):
 
     def residual(self, model: Model, change: Array | float = 0.0) -> Array:
         """Return R (n,) of a model at the unknowns of this equilibrium, or where they have changed."""
-        system, d = self.system_of(model), model.displacements(self.z + change, self.t)
+        t = self.factor(model)
+        system, d = self.system_of(model), model.displacements(self.z + change, t)
         if not self.linear:
-            return system.forces(d, self.t).R
+            return system.forces(d, t).R
         start = system.assemble(self.zero, self.t, load_stiffness=False)
         return start.R + model.numbering.reduce(system.action(self.zero, d, self.t, linear=True))
+
+    def factor(self, model: Model) -> float:
+        """Return the load factor of a model there."""
+        return self.t
 
     def slope(self, at: Varied, h: float) -> Quotient:
         """Return dz/dp (n,).
@@ -150,7 +155,7 @@ class Equilibrium(OneByOne):
 
     def states(self, model: Model, change: Array) -> list[State]:
         """Return the state of a model at the unknowns z + change."""
-        return [self.state_at(model, self.z + change)]
+        return [self.state_at(model, self.z + change, self.factor(model))]
 
     def state_at(self, model: Model, z: Array, t: float | None = None) -> State:
         """Return the state of a model at unknowns z (n,), and at another load factor where that is given."""
@@ -158,12 +163,24 @@ class Equilibrium(OneByOne):
         system, d = self.system_of(model), model.displacements(z, t)
         if not self.linear:
             found = system.forces(d, t)
-            return replace(self.state, t=t, d=d, Q=found.Q, F=found.F, energy=found.energy, turned=system.count(d, t))
+            return replace(self.state, t=t, side=t, d=d, Q=found.Q, F=found.F, energy=found.energy,
+                           turned=system.count(d, t))
         start = system.assemble(self.zero, t, load_stiffness=False)
         elastic, natural = system.action(self.zero, d, t, linear=True), np.zeros_like(d)
         energy = 0.5 * float(elastic[:model.n_q] @ d[:model.n_q])
         energy += system.add_natural(natural, self.zero, None, t) + float(natural @ d)
         return replace(self.state, d=d, Q=start.Q + elastic, F=start.F, energy=energy)
+
+
+class AtFactor(Equilibrium):
+    """The end of a path at a load factor that the case gives."""
+
+    def factor(self, model: Model) -> float:
+        """Return the load factor that the case of a model gives."""
+        spec = model.case.solver
+        assert isinstance(spec, Static)
+        assert isinstance(spec.until, LoadFactor)
+        return spec.until.value
 
 
 class PathEnd(OneByOne):
@@ -276,7 +293,7 @@ class Path(OneByOne):
         passed = [next(s for s in states if len(s.report["limit_points"]) >= k) for k in self.limits]
         self.parts: list[Equilibrium | PathEnd] = [PathEnd(model, s, limit=True) for s in passed]
         if isinstance(spec.until, LoadFactor):
-            self.parts.append(Equilibrium(model, self.last))
+            self.parts.append(AtFactor(model, self.last))
         else:
             self.parts.append(PathEnd(model, self.last, isinstance(spec.until, LimitPoints)))
 
