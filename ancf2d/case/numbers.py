@@ -25,10 +25,10 @@ BETWEEN = 0.3819
 
 
 def unused_parameters(case: Case) -> list[str]:
-    """Return what to say of parameters that no text of a case names."""
+    """Return the names of the parameters that no text of a case names."""
     texts = [value for _, value, _ in walk(case) if isinstance(value, str)] if case.parameters else []
     words = {word for text in texts for word in re.findall(r"\w+", text)}
-    return [f"parameters.{name}: nothing in the case uses it" for name in case.parameters if name not in words]
+    return [name for name in case.parameters if name not in words]
 
 
 @dataclass(frozen=True)

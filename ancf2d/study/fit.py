@@ -31,9 +31,8 @@ from .run import prepare, result_header, run_case, vocabulary
 STEP, STEP_ADAPTIVE = 1e-4, 2e-3
 # bounds whose ratio is more than this are gone through by equal ratios
 DECADE = 10.0
-TOLERANCE = 1e-8
-# the relative decrease of the squares that is none, where derivatives are differences of runs
-TOLERANCE_OF_RUNS = 1e-6
+# the relative decrease of the squares that is none, with exact derivatives and with differences of runs
+TOLERANCE, TOLERANCE_OF_RUNS = 1e-8, 1e-6
 # of the region of confidence: how far derivatives are carried that standard errors follow from; distances from the
 # minimum that are close to it, and where a search ends
 CARRIED, CLOSE, SETTLED = 10.0, 1.0, 0.1
@@ -109,8 +108,7 @@ def fit(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: Mapping
     scales = np.array([(sigma or {}).get(name, scale)
                        for name, scale in zip(data.names, data.scales(prepare(loaded).extent), strict=True)])
     problem = _Problem(comparable(loaded, data), data, variables, bounds, scales, progress or Progress(), done)
-    best, tried, failures = None, [], []
-    places = _starts(problem, starts)
+    best, tried, failures, places = None, [], [], _starts(problem, starts)
     for z0 in places:
         try:
             found = problem.minimise(z0)
@@ -122,10 +120,9 @@ def fit(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: Mapping
     if best is None:
         raise failures[0]
     tried.sort(key=lambda one: one[0])
-    told = [{"start": dict(zip([b.path for b in bounds], start, strict=True)),
-             "residual": float(np.sqrt(np.mean(one.fun**2))),
-             "values": dict(zip([b.path for b in bounds], problem.values(one.x), strict=True))}
-            for _, start, one in tried]
+    paths = [b.path for b in bounds]
+    told = [{"start": dict(zip(paths, start, strict=True)), "residual": float(np.sqrt(np.mean(one.fun**2))),
+             "values": dict(zip(paths, problem.values(one.x), strict=True))} for _, start, one in tried]
     warnings = moved_starts(variables, bounds, problem.values(places[0]))
     return _conclude(loaded, problem, best, tried[0][1], told, warnings + [f"a start failed: {e}" for e in failures])
 
@@ -232,38 +229,48 @@ class _Problem:
                                                            zip(self.variables, self.values(z), strict=True)])
             self.runs += 1 + sum(4 for method in found.methods if method != "exact")
             return found.jacobian * self.rates(z) / self.scale[:, None]
-        # exact ones of short motions cost more, and least squares need no such digits
         assert self.last is not None
+        # exact ones of short motions cost more, and least squares need no such digits
         return self._secants(z, self.last[1])
 
     def _secants(self, z: Array, f: Array) -> Array:
         """Return the derivatives of runs over time: by differences, with Broyden's update from step to step.
 
         They are made anew where the search comes close to its end far from where they were made, since standard errors
-        follow from them. Raises _SettledError at the end.
+        follow from them, and where the update misses most of a step. Raises _SettledError at the end.
         """
-        known, J, made = self.secant, None, z
+        known, J, made, step = self.secant, None, z, None
         if known is not None:
-            dz = z - known.z
-            off = f - known.f - known.J @ dz
-            if np.linalg.norm(off) < BENT * np.linalg.norm(f - known.f):
+            dz, df = step = z - known.z, f - known.f
+            off = df - known.J @ dz
+            if np.linalg.norm(off) < BENT * np.linalg.norm(df):
                 J, made = known.J + np.outer(off, dz) / float(dz @ dz), known.made
         if J is None or (_offset(z, f, J) < CLOSE and _distance(z, made, f, J) > CARRIED):
-            J, made = self._differences(z, f), z
+            J, made = self._differences(z, f, step), z
         self.secant = _Secant(z, f, J, made)
         if _offset(z, f, J) < SETTLED:
             raise _SettledError
         return J
 
-    def _differences(self, z: Array, f: Array) -> Array:
-        """Return the derivatives (m, n) of runs over time by one run for each number, to the inside of its bounds."""
+    def _differences(self, z: Array, f: Array, step: tuple[Array, Array] | None = None) -> Array:
+        """Return the derivatives (m, n) of runs over time by one run for each number, to the inside of its bounds.
+
+        A ``step`` (n,) to z, with its change (m,) of f, saves one run where bounds let the others go across it.
+        """
         h = STEP if getattr(self.loaded.case.solver, "dt", None) is not None else STEP_ADAPTIVE
-        columns = []
-        for k, place in enumerate(z.tolist()):
-            end = place + h if place + h <= 1.0 else place - h
-            there = (self.model(np.array([*z[:k], end, *z[k + 1:]])) - self.measured) / self.scale
-            columns.append((there - f) / (end - place))
-        return np.array(columns).T
+
+        def inside(way: Array) -> float:
+            return next((end for end in (h, -h) if np.all((z + end * way >= 0.0) & (z + end * way <= 1.0))), 0.0)
+        ways, columns = np.eye(len(z)), list[Array]()
+        if step is not None:
+            across = np.linalg.qr(step[0][:, None], mode="complete")[0][:, 1:].T
+            across /= np.abs(across).max(axis=1, keepdims=True)
+            if all(inside(way) for way in across):
+                ways, columns = np.vstack([step[0], across]), [step[1]]
+        for way in ways[len(columns):]:
+            there = (self.model(z + inside(way) * way) - self.measured) / self.scale
+            columns.append((there - f) / inside(way))
+        return np.asarray(np.linalg.solve(ways, np.array(columns)).T, dtype=float)
 
     def minimise(self, z0: Array) -> Any:
         """Return what SciPy finds from z0."""
@@ -275,8 +282,8 @@ class _Problem:
                                   ftol=TOLERANCE_OF_RUNS if self.timed else TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE)
         except _SettledError:
             assert self.secant is not None
-            z, f, J = self.secant.z, self.secant.f, self.secant.J
-            return OptimizeResult(x=z, fun=f, jac=J, cost=0.5 * float(f @ f), success=True, message="")
+            end, f = self.secant, self.secant.f
+            return OptimizeResult(x=end.z, fun=f, jac=end.J, cost=0.5 * float(f @ f), success=True, message="")
         if self.timed:
             found.jac = self._differences(found.x, found.fun)
         return found

@@ -47,8 +47,9 @@ STEP, STEP_OF_RUNS = 4e-4, 2e-3
 TIGHT = 1e-12
 
 # what is differentiated: numbers (m,) of the states that a model goes through. It may have ``goals``, those that it
-# reads of modes and load factors; ``whole``, which is False where it reads the last state alone; and ``places``, which
-# is True where it has what ``motion_adjoint.Goals`` has
+# reads of modes and load factors; ``whole``, which is False where it reads the last state alone; ``weights``, which
+# tells how much the derivatives of its values count; and ``places``, which is True where it has what
+# ``motion_adjoint.Goals`` has
 Watch = Callable[[Model, Sequence[Any]], Array]
 
 
@@ -255,7 +256,7 @@ class Study:
             # contact slide with what lifts off, and a peak is between the frequencies of a range
             apart = self.moves or self.model.contacts or isinstance(self.model.case.solver, FrequencyResponse)
             self.middle = watched(0.0) if apart else self.values
-        found = derivative(watched, min(slope.h for slope in slopes), middle=self.middle)
+        found = derivative(watched, min(slope.h for slope in slopes), self._weights(), middle=self.middle)
         # errors of the states count as far as what is watched changes with them, not with the number itself
         share = max(_share(slope) for slope in slopes)
         by_states = np.abs(watched(found.h, self.model) - self.middle) / found.h
@@ -272,7 +273,12 @@ class Study:
                 raise ComputationError(f"the mesh changes with {variable.path}: there is no derivative at "
                                        f"{variable.value:.9g}", advice="another value, or element: {nodes: regular}")
             return self.watch(model, states)
-        return derivative(run, h, middle=self.values)
+        return derivative(run, h, self._weights(), middle=self.values)
+
+    def _weights(self) -> Array | None:
+        """Return how much the derivatives of what is watched count for the steps of differences."""
+        weights = getattr(self.watch, "weights", None)
+        return None if weights is None else weights(self.values)
 
 
 def why_not(model: Model) -> str:

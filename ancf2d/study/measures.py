@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,13 +15,13 @@ from ..case.binder import TOLD
 from ..case.material_checks import refused_field
 from ..case.nodes import Mark, Origin
 from ..case.records import tag_of
-from ..case.series import series
-from ..case.syntax import Chain, Comparison, Constant, ExpressionError, Names, Time, Tree, named_in, renamed, syntax
+from ..case.syntax import Chain, Comparison, ExpressionError, Names, named_in, syntax
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem
 from ..model.model import Model
 from ..solvers.derivatives.motion_adjoint import Term
 from ..solvers.fields import FIELDS, FieldReader, field_problems
+from .extremes import MOST, Extreme, Measure, Met, Part, names_of, near, slopes_of, value_of
 from .run import describe_goal, quantity
 from .windows import Windows, window_of, window_weights
 
@@ -29,24 +29,6 @@ GOAL, MASS, ENERGY = "goal", "mass", "strain_energy"
 SECTION = ("N", "Q", "M")
 REACTIONS = ("fx", "fy", "m")
 _EXTREME = re.compile(r"(?<![\w.])(max|min)\s*\(")
-
-
-@dataclass(frozen=True)
-class Extreme:
-    """The largest or smallest of an expression over all states, or of a field over all bodies of the last one."""
-
-    largest: bool
-    tree: Tree | None
-    field: str = ""
-
-
-@dataclass(frozen=True)
-class Measure:
-    """One expression: its text, its tree, and the extremes that stand in the tree under names of their own."""
-
-    text: str
-    tree: Tree
-    extremes: dict[str, Extreme]
 
 
 class Vocabulary:
@@ -135,35 +117,74 @@ def bounded(measure: Measure, option: str) -> tuple[Measure, Measure, str]:
 
 
 class Measures:
-    """The values of expressions, as a function of a model and the states of its run."""
+    """The values of expressions, as a function of a model and the states of its run.
 
-    def __init__(self, measures: Sequence[Measure], goal: Goal | None) -> None:
-        self.measures = tuple(measures)
-        self.names = {name for m in measures for name in _names(m)}
+    An expression of an extreme has a kink where another value becomes the extreme. For the first ``apart`` expressions,
+    the values are followed by rows without such kinks: what the expression were with each of the values, in groups of
+    neighbours, of which the extreme is (``Met.chosen``). The largest row is the expression. ``parts``, one for each
+    extreme, are those of the first states; in motions the expressions are then as many as ``numbers`` at most.
+    """
+
+    def __init__(self, measures: Sequence[Measure], goal: Goal | None, apart: Sequence[bool] = (), numbers: int = 0
+                 ) -> None:
+        self.measures, self.apart, self.numbers = tuple(measures), tuple(apart), numbers
+        self.names = {name for m in measures for name in names_of(m)}
         self.parameters = {name for name in self.names if "." not in name} - {GOAL, MASS, ENERGY}
         self.goals = (goal,) if goal is not None and GOAL in self.names else ()
         self.along = any(e.tree is not None for m in measures for e in m.extremes.values())
         self.whole = self.along or any(window_of(g) is not None for g in self.goals)
         self.fields = tuple(dict.fromkeys(e.field for m in measures for e in m.extremes.values() if e.field))
         self.forces = any(name.rpartition(".")[2] in SECTION for name in self.names)
+        self.parts: list[Part] | None = None if any(self.apart) else []
 
     def __call__(self, model: Model, states: Sequence[Any]) -> Array:
-        """Return the values (measures,). Raises ComputationError where the solver does not compute one."""
-        course, found = self._course(model, states), []
-        of_fields = {name: self._field(model, states[-1], name) for name in self.fields}
-        for measure in self.measures:
-            meaning = dict(course[-1])
-            for name, extreme in measure.extremes.items():
-                if extreme.tree is None:
-                    values = of_fields[extreme.field]
-                    meaning[name] = float(values.max() if extreme.largest else values.min())
-                else:
-                    _, meaning[name] = _extreme_of(extreme, course)
-            found.append(_value(measure.tree, meaning))
-            if not np.isfinite(found[-1]):
-                raise ComputationError(f"'{measure.text}' has no value here", at={"value": found[-1]},
+        """Return the values (measures,), and the rows. Raises ComputationError where the solver does not compute one.
+        """
+        met = self._met(model, states, self._course(model, states))
+        found = [one.value() for one in met]
+        for one, value in zip(met, found, strict=True):
+            if not np.isfinite(value):
+                raise ComputationError(f"'{one.measure.text}' has no value here", at={"value": value},
                                        advice="names of what the solver computes, and functions within their range")
-        return np.array(found)
+        if self.parts is None:
+            self.parts = self._divided(met, model.case.solver.moves)
+        return np.concatenate([found, *(met[part.number].rows(part) for part in self.parts)])
+
+    def _divided(self, met: list[Met], moves: bool) -> list[Part]:
+        """Return the extremes that get rows."""
+        wanted = [one for one, apart in zip(met, self.apart, strict=False) if apart]
+        # more expressions than numbers would be differentiated forth, at the cost of many motions
+        most = (self.numbers - self.count) // sum(len(one.places) for one in wanted) if moves and self.places else MOST
+        return [part for k, apart in enumerate(self.apart) if apart for part in met[k].parts(k, most)]
+
+    def rows(self, number: int) -> slice | None:
+        """Return where the rows of an expression are among all values, None where it has none."""
+        of, first = [], len(self.measures)
+        for part in self.parts or ():
+            of += list(range(first, first + part.groups)) * (part.number == number)
+            first += part.groups
+        return slice(of[0], of[-1] + 1) if of else None
+
+    def weights(self, values: Array) -> Array:
+        """Return 1 for the values (m,) whose derivatives count, 0 for others: rows far from the extreme, and those
+        expressions that have rows, with their kinks.
+        """
+        out = np.ones(len(values))
+        for number in range(len(self.measures)):
+            if (rows := self.rows(number)) is not None:
+                out[number], out[rows] = 0.0, near(values[rows])
+        return out
+
+    def _met(self, model: Model, states: Sequence[Any], course: list[dict[str, float]]) -> list[Met]:
+        """Return the expressions at the states."""
+        of_fields, out = {name: self._field(model, states[-1], name) for name in self.fields}, list[Met]()
+        for measure in self.measures:
+            places = {name: of_fields[extreme.field] if extreme.tree is None else
+                      np.array([value_of(extreme.tree, told) for told in course])
+                      for name, extreme in measure.extremes.items()}
+            ends = {name: float(values[measure.extremes[name].at(values)]) for name, values in places.items()}
+            out.append(Met(measure, course[-1] | ends, places))
+        return out
 
     def _course(self, model: Model, states: Sequence[Any]) -> list[dict[str, float]]:
         """Return what the names mean at each state, or at the last alone where nothing is read along the way."""
@@ -179,7 +200,8 @@ class Measures:
     @property
     def count(self) -> int:
         """How many depend on states."""
-        return sum(bool(_names(measure) - self.parameters - {MASS}) for measure in self.measures)
+        return (sum(bool(names_of(measure) - self.parameters - {MASS}) for measure in self.measures)
+                + sum(part.groups for part in self.parts or ()))
 
     def alike(self, one: Model, other: Model) -> bool:
         """Return whether the values of the same states are those of both models."""
@@ -190,23 +212,36 @@ class Measures:
     def terms(self, model: Model, states: Sequence[Any]) -> list[Term]:
         """Return what quantities of probes do to the values, by the chain rule; an extreme is the value of one state.
         """
-        course, out = self._course(model, states), list[Term]()
-        first, goals = len(states) - len(course), GoalValues(self.goals)
-        for k, measure in enumerate(self.measures):
-            meaning, of = dict(course[-1]), dict[str, list[tuple[int, str, float]]]()
-            for name, extreme in measure.extremes.items():
-                assert extreme.tree is not None
-                at, meaning[name] = _extreme_of(extreme, course)
-                of[name] = [(first + at, own, by) for own, by in _slopes(extreme.tree, course[at])]
-            for name, outer in _slopes(measure.tree, meaning):
-                for number, own, by in of.get(name, [(len(states) - 1, name, 1.0)]):
-                    if own == GOAL:
-                        out += [(k, n, probe, quantity, outer * by * weight)
-                                for _, n, probe, quantity, weight in goals.terms(model, states[:number + 1])]
-                    elif "." in own:
-                        probe, _, quantity = own.rpartition(".")
-                        out.append((k, number, probe, quantity, outer * by))
+        course = self._course(model, states)
+        met, out = self._met(model, states, course), list[Term]()
+        chosen = [{name: one.measure.extremes[name].at(values) for name, values in one.places.items()} for one in met]
+        every = [(one, at) for one, at in zip(met, chosen, strict=True)]
+        for part in self.parts or ():
+            one = met[part.number]
+            every += [(one, chosen[part.number] | {part.name: at})
+                      for at in one.chosen(part.name, part.groups).tolist()]
+        for k, (one, at) in enumerate(every):
+            out += [(k, *term) for term in self._terms(model, states, course, one, at)]
         return out
+
+    def _terms(self, model: Model, states: Sequence[Any], course: list[dict[str, float]], one: Met,
+               at: dict[str, int]) -> Iterator[tuple[int, str, str, float]]:
+        """Yield what an expression changes by with quantities of probes, where its extremes are ``at`` places."""
+        meaning = one.meaning | {name: float(one.places[name][place]) for name, place in at.items()}
+        first, goals = len(states) - len(course), GoalValues(self.goals)
+        for name, outer in slopes_of(one.measure.tree, meaning):
+            inner = [(len(states) - 1, name, 1.0)]
+            if name in at:
+                tree = one.measure.extremes[name].tree
+                assert tree is not None
+                inner = [(first + at[name], own, by) for own, by in slopes_of(tree, course[at[name]])]
+            for number, own, by in inner:
+                if own == GOAL:
+                    yield from ((n, probe, quantity, outer * by * weight)
+                                for _, n, probe, quantity, weight in goals.terms(model, states[:number + 1]))
+                elif "." in own:
+                    probe, _, quantity = own.rpartition(".")
+                    yield number, probe, quantity, outer * by
 
     def _told(self, model: Model, states: Sequence[Any], ended: bool) -> dict[str, float]:
         """Return what the names mean at the last of some states; a goal over a window has a value once all ``ended``.
@@ -241,32 +276,6 @@ class Measures:
             values = [np.sqrt(np.maximum(v[..., 0]**2 - v[..., 0] * v[..., 1] + v[..., 1]**2 + 3 * v[..., 2]**2, 0.0))
                       for v in values]
         return np.concatenate([np.ravel(v) for v in values]) if values else np.zeros(1)
-
-
-def _names(measure: Measure) -> set[str]:
-    """Return the names in an expression, and in its extremes."""
-    trees = measure.tree, *(extreme.tree for extreme in measure.extremes.values() if extreme.tree)
-    return {name for tree in trees for name in named_in(tree)} - set(measure.extremes)
-
-
-def _extreme_of(extreme: Extreme, course: list[dict[str, float]]) -> tuple[int, float]:
-    """Return at which of some states an expression has its extreme value, and that."""
-    assert extreme.tree is not None
-    values = np.array([_value(extreme.tree, told) for told in course])
-    at = int(values.argmax() if extreme.largest else values.argmin())
-    return at, float(values[at])
-
-
-def _slopes(tree: Tree, meaning: dict[str, float]) -> list[tuple[str, float]]:
-    """Return the names in a tree with the derivative of its value by each."""
-    meant: dict[str, Tree] = {name: Constant(value) for name, value in meaning.items()}
-    moved = ((name, Chain(Constant(meaning[name]), (("+", Time()),))) for name in dict.fromkeys(named_in(tree)))
-    return [(name, float(series(renamed(tree, meant | {name: by}), np.zeros(1), 1)[1, 0])) for name, by in moved]
-
-
-def _value(tree: Tree, meaning: dict[str, float]) -> float:
-    meant: dict[str, Tree] = {name: Constant(value) for name, value in meaning.items()}
-    return float(series(renamed(tree, meant), np.zeros(1), 0)[0, 0])
 
 
 def mass_of(model: Model) -> float:

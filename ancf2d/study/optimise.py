@@ -26,6 +26,8 @@ METHODS = {"slsqp": "SLSQP", "trust-constr": "trust-constr"}
 TABLE = "optimisation"
 # relative change of the minimum at which it is found, and what a constraint may be missed by beside its size
 TOLERANCE, MET = 1e-9, 1e-6
+# the least half width of a box that a search is kept in, as a share of the ranges of the numbers
+SMALLEST = 0.01
 # shares of the range of a number within which it is called at its bound, and is put there
 AT_BOUND, EXACT = 1e-6, 1e-12
 
@@ -89,7 +91,9 @@ def problem_of(loaded: LoadedCase, bounds: Sequence[Bounds], minimise: str, cons
     measures = [read_measure(minimise, "--minimise", words, parameters), *(m for m, _, _ in read),
                 *(side for _, side, _ in read)]
     variables = numbers_between(loaded, bounds, vocabulary())
-    return Problem(loaded, variables, list(bounds), Measures(measures, loaded.case.goal), kinds, list(constraints))
+    apart = [bool(measure.extremes) and kind == "<=" for measure, kind in zip(measures, ["<=", *kinds], strict=False)]
+    return Problem(loaded, variables, list(bounds), Measures(measures, loaded.case.goal, apart, len(variables)), kinds,
+                   list(constraints))
 
 
 class _Search:
@@ -114,7 +118,7 @@ class _Search:
     def _sizes(self) -> Array:
         """Return what values are divided by: that at the start, of constraints the larger of their sides there."""
         n, found = len(self.problem.kinds), np.abs(self.values(self.start))
-        values = np.append(found[0], np.maximum(found[1:n + 1], found[n + 1:]))
+        values = np.append(found[0], np.maximum(found[1:n + 1], found[n + 1:2 * n + 1]))
         return np.where(values > 0.0, values, 1.0)
 
     def x(self, y: Array) -> Array:
@@ -169,6 +173,10 @@ class _Search:
         good = [(values[0], key) for key, values in self._known.items() if meets(values)]
         return np.frombuffer(min(good)[1]) if good else y
 
+    def rows(self, number: int) -> slice | None:
+        """Return where the rows of an expression are among the values, None where it has none."""
+        return self.problem.measures.rows(number)
+
     def slopes(self, y: Array) -> Array:
         """Return the derivatives (values, numbers) by y."""
         key = y.tobytes()
@@ -195,42 +203,96 @@ def optimise(problem: Problem, method: str = "slsqp", iterations: int = 100, pro
     are scaled to their ranges, values to their sizes at the start. Raises CaseError, and ComputationError where the
     case cannot be solved on the way.
     """
+    search = _Search(problem, progress or Progress(), tell)
+    y, success, nit, message = _minimised(search, method, iterations)
+    message = (f"no convergence within {iterations} iteration{'s' * (iterations != 1)}; allow more, or widen the bounds"
+               if nit >= iterations and not success else message)
+    return _concluded(problem, search, y, success, message)
+
+
+def _minimised(search: _Search, method: str, iterations: int) -> tuple[Array, bool, int, str]:
+    """Return where SciPy's optimiser ends, whether it converges, its iterations, and what it says.
+
+    Where slsqp does not, the search goes on from the best place within a box about it, a quarter as wide each time:
+    steps that go far beyond what the derivatives tell may end where no step leads back.
+    """
     from scipy.optimize import minimize
 
-    search = _Search(problem, progress or Progress(), tell)
-    sizes = search.sizes
     options: dict[str, Any] = {"maxiter": iterations}
     if method == "slsqp":
         options["ftol"] = TOLERANCE
     else:
         # its gradient is that of the Lagrangian, whose multipliers can make it 0 while constraints keep their distance
         options |= {"gtol": 0.0, "xtol": TOLERANCE}
-    with warnings.catch_warnings():
-        # what is linear in the numbers, such as a mass, is no mistake
-        warnings.filterwarnings("ignore", message="delta_grad == 0.0")
-        result = minimize(lambda y: search.values(y)[0] / sizes[0], search.start,
-                          jac=lambda y: search.slopes(y)[0] / sizes[0], method=METHODS[method],
-                          bounds=[(0.0, 1.0)] * len(search.start), constraints=_constraints(search, method, sizes),
-                          options=options)
-    y = np.clip(np.asarray(result.x), 0.0, 1.0)
-    message = (f"no convergence within {iterations} iteration{'s' * (iterations != 1)}; allow more, or widen the bounds"
-               if result.nit >= iterations and not result.success else " ".join(str(result.message).split()))
-    return _concluded(problem, search, y, bool(result.success), message)
+    goal, constraints, y, reach, done = _Goal(search), _constraints(search, method), search.start, 1.0, 0
+    while True:
+        low, high = np.maximum(y - reach, 0.0), np.minimum(y + reach, 1.0)
+        with warnings.catch_warnings():
+            # what is linear in the numbers, such as a mass, is no mistake
+            warnings.filterwarnings("ignore", message="delta_grad == 0.0")
+            result = minimize(goal.value, goal.start(y), jac=goal.slope, method=METHODS[method],
+                              bounds=goal.bounds(low, high), constraints=constraints,
+                              options=options | {"maxiter": iterations - done})
+        found, done = np.clip(np.asarray(result.x)[:len(y)], low, high), done + int(result.nit)
+        at_edge = bool(np.any(((found - low < EXACT) & (low > 0.0)) | ((high - found < EXACT) & (high < 1.0))))
+        success = bool(result.success) and not at_edge
+        if success or done >= iterations or method != "slsqp" or reach < SMALLEST:
+            return found, success, done, " ".join(str(result.message).split())
+        if result.success:
+            y = found
+        else:
+            y, reach = search.preferred(found), reach / 4.0
 
 
-def _constraints(search: _Search, method: str, sizes: Array) -> list[Any]:
+class _Goal:
+    """What the optimiser minimises over z: a function of the shares y, or a level above all rows of one, behind them.
+
+    The least level that the rows of an expression stay below is its minimum, and all of them are smooth (epigraph
+    form; Boyd & Vandenberghe, Convex Optimization, 2004, section 4.1).
+    """
+
+    def __init__(self, search: _Search) -> None:
+        self.search, self.n = search, len(search.start)
+        self.level = search.rows(0) is not None
+
+    def start(self, y: Array) -> Array:
+        """Return where a search from y begins."""
+        return np.append(y, self.search.values(y)[0] / self.search.sizes[0]) if self.level else y
+
+    def bounds(self, low: Array, high: Array) -> list[tuple[float | None, float | None]]:
+        """Return those of each unknown of the optimiser, of y within a box."""
+        return [*zip(low.tolist(), high.tolist(), strict=True), *[(None, None)] * self.level]
+
+    def value(self, z: Array) -> float:
+        """Return what is minimised."""
+        return float(z[-1]) if self.level else float(self.search.values(z)[0] / self.search.sizes[0])
+
+    def slope(self, z: Array) -> Array:
+        """Return its derivatives."""
+        return np.eye(self.n + 1)[-1] if self.level else self.search.slopes(z)[0] / self.search.sizes[0]
+
+
+def _constraints(search: _Search, method: str) -> list[Any]:
+    """Return the constraints as the optimiser takes them, and the level that rows of what is minimised stay below."""
     from scipy.optimize import NonlinearConstraint
 
-    out: list[Any] = []
-    for k, kind in enumerate(search.problem.kinds, start=1):
+    n, level, out = len(search.start), search.rows(0) is not None, list[Any]()
+    for k, kind in enumerate(("<=", *search.problem.kinds)):
+        rows = search.rows(k) or slice(k, k + 1)
+        if k == 0 and not level:
+            continue
+
+        def excess(z: Array, k: int = k, rows: slice = rows) -> Array:
+            return search.values(z[:n])[rows] / search.sizes[k] - (z[n] if k == 0 else 0.0)
+
+        def slopes(z: Array, k: int = k, rows: slice = rows) -> Array:
+            found = search.slopes(z[:n])[rows] / search.sizes[k]
+            return np.column_stack([found, np.full(len(found), -1.0 if k == 0 else 0.0)]) if level else found
         if method == "slsqp":
-            out.append({"type": "eq" if kind == "==" else "ineq",
-                        "fun": lambda y, k=k: -search.values(y)[k] / sizes[k],
-                        "jac": lambda y, k=k: -search.slopes(y)[k] / sizes[k]})
+            out.append({"type": "eq" if kind == "==" else "ineq", "fun": lambda z, f=excess: -f(z),
+                        "jac": lambda z, f=slopes: -f(z)})
         else:
-            low = 0.0 if kind == "==" else -np.inf
-            out.append(NonlinearConstraint(lambda y, k=k: search.values(y)[k] / sizes[k], low, 0.0,
-                                           jac=lambda y, k=k: search.slopes(y)[k] / sizes[k]))
+            out.append(NonlinearConstraint(excess, 0.0 if kind == "==" else -np.inf, 0.0, jac=slopes))
     return out
 
 

@@ -78,7 +78,7 @@ def prepare(loaded: LoadedCase, like: Model | None = None, beside: bool = False)
     if beside:
         return model
     model.warnings += [*left_out(loaded.case), *unit_warnings(loaded.case), *material_warnings(loaded.case),
-                       *unused_parameters(loaded.case)]
+                       *(f"parameters.{name}: nothing in the case uses it" for name in unused_parameters(loaded.case))]
     return model
 
 

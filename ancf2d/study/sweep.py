@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 from ..case import Case, CaseText, Dynamic
 from ..case.axes import Axis, combinations
 from ..case.compose import read_text
+from ..case.numbers import unused_parameters
 from ..case.overrides import OPTION as SET
 from ..errors import CaseError, Problem, ResultsError, verdict
 from .digests import content_name, files_of
@@ -30,14 +30,15 @@ def plan(case: str, axes: list[Axis], overrides: Sequence[str], folder: Path, wo
     """Return the sweep of a case file over some axes, nothing computed yet; results go to ``folder``.
 
     The axes are combined, or with ``paired``, and those of ``samples``, run through together. A variant that is no
-    valid case is a refused row. Raises CaseError where all are, with all their problems.
+    valid case is a refused row. Raises CaseError where all are, with all their problems, and where no row uses a
+    parameter that varies.
     """
     text, file, known = read_text(case), workers.file(case), vocabulary()
     axes = axes if samples is None else samples.axes
     origin = CaseText(text, file, os.path.dirname(file))
     sweep = Sweep(case, "", axes, folder, [], [], samples=samples, keep=keep, force=force, command=command)
-    _check_parameters((text, *overrides, *(str(axis.values) for axis in axes)), axes)
     problems: list[Problem] = []
+    unused = [axis for axis in axes if axis.path.startswith("parameters.")]
     for values in combinations(axes, paired or samples is not None):
         row = Row({axis.path: value for axis, value in zip(axes, values, strict=True)})
         options = (*overrides, *(axis.override(value) for axis, value in zip(axes, values, strict=True)))
@@ -49,6 +50,9 @@ def plan(case: str, axes: list[Axis], overrides: Sequence[str], folder: Path, wo
             problems += error.problems
             sweep.jobs.append(None)
             continue
+        if unused:
+            names = unused_parameters(loaded.case)
+            unused = [axis for axis in unused if axis.path.split(".")[1] in names]
         sweep.title, sweep.labels = loaded.case.title, loaded.case.units.labels
         sweep.header = sweep.header or {**result_header(loaded), "overrides": list(overrides)}
         name = content_name(loaded.completed, files_of(loaded))
@@ -59,16 +63,10 @@ def plan(case: str, axes: list[Axis], overrides: Sequence[str], folder: Path, wo
                               replace(loaded) if workers == ALONE else None))
     if not any(sweep.jobs):
         raise CaseError(_distinct(problems, axes))
-    return sweep
-
-
-def _check_parameters(texts: Sequence[str], axes: Sequence[Axis]) -> None:
-    """Raise CaseError for axes of parameters that stand nowhere in the texts of a case, so that nothing uses them."""
-    words = set(re.findall(r"\w+", " ".join(texts)))
-    unused = [axis for axis in axes if axis.path.startswith("parameters.") and axis.path.split(".")[1] not in words]
     if unused:
         raise CaseError([Problem(f"nothing in the case uses {axis.path}", f"{axis.option}{axis.text}",
-                                 expected="a parameter of the case") for axis in unused])
+                                 expected="a parameter that a formula of the case names") for axis in unused])
+    return sweep
 
 
 def _size(case: Case) -> float:

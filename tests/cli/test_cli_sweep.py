@@ -87,9 +87,11 @@ def test_failed_rows_exit_with_1_and_wrong_sweeps_with_2(call: Call, call_json: 
     assert result.exit_code == 2
     assert "did you mean 'element'?" in result.stderr
     assert "--over loads.5.value=[0,1]: error: 'loads' has 1 item" in result.stderr
-    unused = call("sweep", "beam.yaml", "--over", "parameters.k=1,2")
-    assert unused.exit_code == 2
-    assert "nothing in the case uses parameters.k" in unused.stderr
+    # one that the case has, or has not, and none of its formulas names
+    for more in ((), ("--set", "parameters={k: 3}")):
+        unused = call("sweep", "beam.yaml", "--over", "parameters.k=1,2", *more)
+        assert unused.exit_code == 2
+        assert "nothing in the case uses parameters.k" in unused.stderr
     assert call("sweep", "beam.yaml").exit_code == 2
     assert sorted(os.listdir(folder)) == before
     assert call_json("sweep", "beam.yaml", "--over", "a", "--json")["status"] == "failed"

@@ -14,6 +14,7 @@ from ancf2d.case.axes import read_bounds
 from ancf2d.errors import CaseError
 from ancf2d.results import open_results
 from ancf2d.study.fit import Fit, fit, write_case, write_fit
+from ancf2d.study.fit import _Problem as Problem
 from ancf2d.study.fit_data import data_of, read_data
 from ancf2d.study.run import load
 from scripts import measured_cantilever as strip
@@ -118,8 +119,27 @@ def test_five_numbers_of_a_motion_in_few_runs(tmp_path: Path) -> None:
     off = np.array([found.model[:, k] - data[name] for k, name in enumerate(found.data.names)])
     beside = np.sum((off / found.scales[:, None])**2) / np.sum((noise / found.scales[:, None])**2)
     assert 1.0 - 4.0 * 5.0 / noise.size < beside < 1.0
-    # one at the guess, five differences there and five near the minimum, seven steps
+    # one at the guess, five differences there and four near the minimum, some steps
     assert found.runs <= 20
+
+
+def test_a_step_takes_the_place_of_a_difference(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Derivatives of a linear model are exact, whether the runs go along the numbers or across the last step."""
+    A, z = np.random.default_rng(0).normal(size=(7, 3)), np.array([0.2, 0.5, 0.9])
+    places: list[np.ndarray] = []
+    one = Problem.__new__(Problem)
+    one.loaded, one.measured, one.scale = ancf2d.load(BENT), np.zeros(7), np.ones(7)
+    monkeypatch.setattr(one, "model", lambda at: places.append(at) or A @ at, raising=False)
+
+    def found(z: np.ndarray, *step: Any) -> np.ndarray:
+        places.clear()
+        return one._differences(z, A @ z, *step)
+    dz = np.array([0.1, -0.2, 0.05])
+    for at in (z, np.array([0.0, 1.0, 0.5])):
+        for step, runs in (((), 3), (((dz, A @ dz),), 2 if at is z else 3)):
+            np.testing.assert_allclose(found(at, *step), A, rtol=1e-9, atol=1e-10)
+            assert len(places) == runs
+            assert all(np.all((place >= 0.0) & (place <= 1.0)) for place in places)
 
 
 @pytest.mark.slow

@@ -155,6 +155,27 @@ def test_expressions_over_a_motion(tmp_path):
         assert back.differentiate(variable)[0].value == pytest.approx(column, rel=1e-6, abs=1e-9), variable.path
 
 
+def test_rows_of_extremes_over_a_motion(tmp_path):
+    """Largest values of parts of the motion, no more than there are numbers, both ways."""
+    loaded = scene(tmp_path, "newmark", PIN, "solver.t_end=0.003", "output.interval=0.0003")
+    texts = ["max(tip.uy - 2*knee.uy)", "tip.x - 3*min(tip.omega)", "max(knee.x)"]
+    paths = ["bodies.arm.material.rho", "springs.stay.stiffness", "bodies.fork.geometry.end.0", "masses.lump.mass",
+             "loads.pull.value.0", "loads.push.value.1", "bodies.arm.material.E", "bodies.arm.section.width"]
+    variables = numbers_at(loaded, paths)
+    read = Measures([read_measure(text, "--minimise", Vocabulary(loaded)) for text in texts], None,
+                    [True, True, False], len(variables))
+    back = Study(loaded, read, Progress(), numbers=len(variables))
+    assert [(part.number, part.groups) for part in read.parts] == [(0, 2), (1, 2)]
+    assert read.count == 7
+    assert back.values[read.rows(0)].max() == back.values[0]
+    back.expect(variables)
+    assert back.adjoint is not None
+    forth = derivatives(loaded, lambda model, states: read(model, states), variables)
+    assert set(forth.methods) == {"exact"}
+    for variable, column in zip(variables, forth.jacobian.T, strict=True):
+        assert back.differentiate(variable)[0].value == pytest.approx(column, rel=1e-6, abs=1e-9), variable.path
+
+
 def test_what_is_kept_of_a_motion_changes_nothing(monkeypatch, tmp_path):
     """Steps made again from checkpoints, few or many, and sparse matrices give the same derivatives."""
     loaded = scene(tmp_path, "radau5", CLAMP, SHORT)

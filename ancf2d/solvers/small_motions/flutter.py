@@ -227,20 +227,20 @@ class _Track:
         s = undamped_values(matrices, self.shift) if undamped else projected_values(matrices, self.shift)
         return s[np.argsort(np.abs(s), kind="stable")]
 
-    def sample(self, factor: float) -> _Sample:
-        """Return the eigenvalues at a load factor, in the lowest modes without loads."""
+    def sample(self, factor: float, rates: bool = True) -> _Sample:
+        """Return the eigenvalues at a load factor, in the lowest modes without loads, with ``rates`` or zeros."""
+        inverse = np.linalg.pinv if rates else np.zeros_like
         rate, square, gyration = self.small_changes
         K, C = self.small_K + factor * (rate + factor * square), self.small_C + factor * gyration
         K1, r = rate + 2.0 * factor * square, len(K)
         if self.undamped and not self.terms:
             squares, Z = np.linalg.eig(-K)
-            change = -np.einsum("ij,jk,ki->i", np.linalg.pinv(Z), K1, Z)
-            s = np.sqrt(squares.astype(complex))
+            s, change = np.sqrt(squares.astype(complex)), -np.einsum("ij,jk,ki->i", inverse(Z), K1, Z)
             rate = change / np.where(s == 0.0, 1.0, 2 * s)
             s, rate = np.concatenate([s, -s]), np.concatenate([rate, -rate])
         else:
             s, Z = np.linalg.eig(system_matrix(K, C, self.small_terms))
-            rate = -np.einsum("ij,ji->i", np.linalg.pinv(Z)[:, r:2 * r], K1 @ Z[:r] + gyration @ Z[r:2 * r])
+            rate = -np.einsum("ij,ji->i", inverse(Z)[:, r:2 * r], K1 @ Z[:r] + gyration @ Z[r:2 * r])
         grows = int(self._grows(s).sum())
         # of what only relaxes nothing is predicted: many rates, close to each other
         some = (s.imag > RELAXES * np.abs(s) if self.terms else s.imag >= 0) & (np.abs(s) <= self.radius)
@@ -377,10 +377,10 @@ class _Track:
         """Return the eigenvalues of lowest |s| over the factors as columns."""
         out: dict[str, list[float]] = {"factor": [], "growth": [], "omega": []}
         for factor in factors:
-            for one in self.sample(float(factor)).s:
-                out["factor"].append(float(factor))
-                out["growth"].append(float(one.real))
-                out["omega"].append(float(one.imag))
+            s = self.sample(float(factor), rates=False).s
+            out["factor"] += [float(factor)] * len(s)
+            out["growth"] += s.real.tolist()
+            out["omega"] += s.imag.tolist()
         return out
 
 
