@@ -203,8 +203,14 @@ class March:
         for spring in self.model.springs:
             spring.tighten(0.0)
         self._strain(0.0)
-        self.held = self.system.forces(self.d, 0.0).R
+        self._hold(0.0)
         return self._all(Load(0.0, 0.0), Load(0.0, 1.0))
+
+    def _hold(self, t: float) -> None:
+        """Hold what is not in balance at factor t, but for gaps of contact, which are closed or opened at once."""
+        self.held, num = self.system.forces(self.d, t).R, self.model.numbering
+        for table in self.model.contact_tables:
+            self.held[num.place[[p.multiplier for p in table.points]]] = 0.0
 
     def jump(self, before: float, t: float) -> tuple[int, list[str]]:
         """Go on to the equilibrium at t where loads or motions jump; return iterations and warnings.
@@ -215,7 +221,8 @@ class March:
         for strain in self.model.loads.natural:
             strain.before = strain.amplitude(before)
         self._strain(0.0)
-        self.held, self.tightens = self.system.forces(self.d, t).R, False
+        self.tightens = False
+        self._hold(t)
         return self._all(Load(t, 0.0), Load(t, 1.0))
 
     def _all(self, begin: Load, end: Load) -> tuple[int, list[str]]:
