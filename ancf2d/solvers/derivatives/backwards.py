@@ -271,14 +271,17 @@ class Backwards(Once):
         by_z, by_v = np.zeros((2, *lam.shape))
         if not self.damped:
             return by_z, by_v
-        # signals do not act on elements, which are evaluated at many states at once
+        # signals do not act on elements, which are evaluated at many states at once; else rates of natural strains add
+        # the same for any lam to viscous forces, and half of a difference is without it
         alone = Record(p.values._replace(groups=p.groups[:0].copy(), tau=np.zeros(0))) if many else p
+        signs = (1.0, -1.0) if not many else (1.0,) if len(p.points.forces) else ()
         none, room = np.zeros_like(w.amps), np.zeros((3, len(p.place)))
         one, two = np.zeros((2, *lam.shape[:2]))
         for q in range(lam.shape[2]):
-            if not many or len(p.points.forces):
-                along.left_out(alone, w, at, np.ascontiguousarray(lam[:, :, q]), none, room, one, two)
-                by_z[:, :, q], by_v[:, :, q] = one, two
+            for sign in signs:
+                along.left_out(alone, w, at, sign * lam[:, :, q], none, room, one, two)
+                by_z[:, :, q] += sign / len(signs) * one
+                by_v[:, :, q] += sign / len(signs) * two
             if many:
                 one, two = self._left_out_of_elements(at, lam[:, :, q])
                 by_z[:, :, q] += one
