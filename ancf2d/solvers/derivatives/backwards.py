@@ -98,6 +98,8 @@ class Backwards(Once):
         assert isinstance(spec, Dynamic)
         super().__init__(model, spec, tolerance, lengths)
         self.whole, self.rows, self.parts, self.off = whole, list[Row](), list[Part](), 0.0
+        # the times of signals in which each row was stored
+        self.windows: list[Array] = []
         if self.stepper.moving or self.stepper.events or len(self.stepper.p.facing.item):
             raise UnsuitedError("points move along bodies, or things begin to act")
 
@@ -123,6 +125,7 @@ class Backwards(Once):
         """Make the motion, which has begun; yield the states stored in each step."""
         stepper = self.stepper
         self.begun, self.window, self.rows = self.now(), stepper.p.programs.window.copy(), [stepper.last()]
+        self.windows = [self.window]
         part, room, columns = Part(self._checkpoint()), KEPT, 0
         for step in self.steps():
             if step is not None and self.unlike():
@@ -141,6 +144,7 @@ class Backwards(Once):
                     raise UnsuitedError("states within steps are put onto constraints")
                 part.rows += [(part.count, len(self.rows) + k) for k in range(len(step.rows))]
                 self.rows += step.rows
+                self.windows += [stepper.p.programs.window.copy()] * len(step.rows)
             room -= 3 * step.stages.z.size
             if room > 0 and part.steps is not None:
                 part.steps.append(step)
@@ -155,6 +159,7 @@ class Backwards(Once):
             yield step.rows
         self._add(part)
         self.rows.append(stepper.last())
+        self.windows.append(stepper.p.programs.window.copy())
 
     @cached_property
     def size(self) -> int:
