@@ -26,10 +26,11 @@ from ..model.model import Model
 from ..solvers.contact import stays_behind
 from ..solvers.derivatives.backwards import Backwards, UnlikeError
 from ..solvers.derivatives.differences import Quotient, UnsuitedError, derivative
+from ..solvers.derivatives.load_factors import Growth, Instability
 from ..solvers.derivatives.motion import Motion
 from ..solvers.derivatives.motion_adjoint import MotionAdjoint, made_again
 from ..solvers.derivatives.motion_states import NEWTON, lengths_of
-from ..solvers.derivatives.small_motions import Excited, Instability, Vibration
+from ..solvers.derivatives.small_motions import Excited, Vibration
 from ..solvers.derivatives.statics import Equilibrium, Path, Response
 from ..solvers.derivatives.varied_motions import unsuited
 from ..solvers.registry import solve
@@ -286,13 +287,11 @@ def why_not(model: Model) -> str:
     solver = model.case.solver
     if solver.moves:
         return unsuited(model)
-    if model.remembers:
+    if model.remembers and (not solver.scales or model.loads.flows):
         return "materials depend on the load history"
     if any(pair.item.friction for pair in model.contacts):
         return "friction depends on the way to a state"
-    if solver.scales and (model.loads.flows or not model.symmetric):
-        return "loads have no potential"
-    if solver.scales and next(unscaled(model), None) is not None:
+    if solver.scales and not model.loads.flows and next(unscaled(model), None) is not None:
         return "constant loads have moved the model before"
     if not isinstance(solver, LinearStatic | Static | Eigen | Buckling | FrequencyResponse):
         return "the solver has no states of equilibrium"
@@ -311,7 +310,8 @@ def responses(model: Model, states: Sequence[Any], whole: bool, goals: Sequence[
         modes = [(g.kind, g.number) for g in asked if g.kind is not None and g.number is not None]
         return [Vibration(model, state, modes) for state in kept]
     if isinstance(solver, Buckling):
-        return [Instability(model, state, [g.load_factor for g in asked if g.load_factor]) for state in kept]
+        kind = Growth if model.loads.flows or not model.symmetric else Instability
+        return [kind(model, state, [g.load_factor for g in asked if g.load_factor]) for state in kept]
     if isinstance(solver, FrequencyResponse):
         read = None if goals is None else [g for g in goals if g.input is not None]
         return [Excited(model, state, read) for state in kept]

@@ -26,6 +26,9 @@ METHODS = {"slsqp": "SLSQP", "trust-constr": "trust-constr"}
 TABLE = "optimisation"
 # relative change of the minimum at which it is found, and what a constraint may be missed by beside its size
 TOLERANCE, MET = 1e-9, 1e-6
+# share of what is minimised that derivatives may still promise over the ranges of all numbers where a search ends; how
+# close constraints and bounds are that count there; and the relative gain without which it is not begun anew
+PROMISED, CLOSE, GAIN = 1e-3, 1e-4, 1e-7
 # the least half width of a box that a search is kept in, as a share of the ranges of the numbers
 SMALLEST = 0.01
 # shares of the range of a number within which it is called at its bound, and is put there
@@ -190,6 +193,10 @@ class _Search:
             self._slopes[key] = np.array(columns).T * self.range
         return self._slopes[key]
 
+    def knows(self, y: Array) -> bool:
+        """Whether the derivatives at y are known."""
+        return y.tobytes() in self._slopes
+
     def known_slopes(self) -> list[Array]:
         """Return the derivatives at all places where they were asked for."""
         return list(self._slopes.values())
@@ -213,7 +220,8 @@ def optimise(problem: Problem, method: str = "slsqp", iterations: int = 100, pro
 def _minimised(search: _Search, method: str, iterations: int) -> tuple[Array, bool, int, str]:
     """Return where SciPy's optimiser ends, whether it converges, its iterations, and what it says.
 
-    Where slsqp does not, the search goes on from the best place within a box about it, a quarter as wide each time:
+    Where slsqp ends although derivatives promise more, as it may with ==, it begins anew there. Where it does not
+    converge, the search goes on from the best place within a box about it, a quarter as wide each time:
     steps that go far beyond what the derivatives tell may end where no step leads back.
     """
     from scipy.optimize import minimize
@@ -225,6 +233,7 @@ def _minimised(search: _Search, method: str, iterations: int) -> tuple[Array, bo
         # its gradient is that of the Lagrangian, whose multipliers can make it 0 while constraints keep their distance
         options |= {"gtol": 0.0, "xtol": TOLERANCE}
     goal, constraints, y, reach, done = _Goal(search), _constraints(search, method), search.start, 1.0, 0
+    last, ended = np.inf, None
     while True:
         low, high = np.maximum(y - reach, 0.0), np.minimum(y + reach, 1.0)
         with warnings.catch_warnings():
@@ -236,8 +245,15 @@ def _minimised(search: _Search, method: str, iterations: int) -> tuple[Array, bo
         found, done = np.clip(np.asarray(result.x)[:len(y)], low, high), done + int(result.nit)
         at_edge = bool(np.any(((found - low < EXACT) & (low > 0.0)) | ((high - found < EXACT) & (high < 1.0))))
         success = bool(result.success) and not at_edge
+        outcome = found, success, done, " ".join(str(result.message).split())
+        gains = last - result.fun > GAIN * abs(result.fun)
+        if success and method == "slsqp" and done < iterations and gains and _goes_on(search, goal, result.x):
+            y, last, ended = found, float(result.fun), outcome
+            continue
+        if ended is not None and not success:
+            return ended
         if success or done >= iterations or method != "slsqp" or reach < SMALLEST:
-            return found, success, done, " ".join(str(result.message).split())
+            return outcome
         if result.success:
             y = found
         else:
@@ -270,6 +286,27 @@ class _Goal:
     def slope(self, z: Array) -> Array:
         """Return its derivatives."""
         return np.eye(self.n + 1)[-1] if self.level else self.search.slopes(z)[0] / self.search.sizes[0]
+
+
+def _goes_on(search: _Search, goal: _Goal, z: Array) -> bool:
+    """Whether derivatives at z, where they are known, promise more over the ranges of all numbers than is left to find.
+
+    That is what is left of the conditions of Karush, Kuhn and Tucker, with the best multipliers of what is active.
+    """
+    from scipy.optimize import nnls
+
+    n, slopes, values = goal.n, list[Array](), list[Array]()
+    if not search.knows(z[:n]):
+        return False
+    for one in _constraints(search, "slsqp"):
+        for sign in (1.0, -1.0) if one["type"] == "eq" else (1.0,):
+            slopes.append(sign * one["jac"](z))
+            values.append(sign * one["fun"](z))
+    ends = np.eye(n, len(z))
+    rows, left = np.concatenate([*slopes, ends, -ends]), np.concatenate([*values, z[:n], 1.0 - z[:n]])
+    slope, active = goal.slope(z), rows[left <= CLOSE].T
+    rest = slope - active @ nnls(active, slope)[0] if active.size else slope
+    return float(np.abs(rest).sum()) > PROMISED * abs(goal.value(z))
 
 
 def _constraints(search: _Search, method: str) -> list[Any]:

@@ -97,6 +97,53 @@ def test_rates_that_supports_do_not_allow():
     assert values == pytest.approx(told.jacobian[0], rel=1e-7)
 
 
+def swept(goal=None, **more):
+    """A damped arm on a wall in motion."""
+    return {"bodies": {"arm": {"geometry": {"type": "line", "start": [0, 0], "end": [0.8, 0.3]},
+                               "section": {"height": 0.02, "width": 0.03},
+                               "material": {"E": 1e8, "nu": 0.3, "rho": 1100, "damping": {"kelvin_voigt": 1e-3}},
+                               "element": {"type": "cable", "count": 3}}},
+            "boundary_conditions": [{"type": "clamp", "at": "arm@0"}],
+            "solver": {"type": "dynamic", "method": "hht", "t_end": 0.2, "dt": 4e-3, "estimate": False},
+            "goal": goal or {"probe": "tip", "quantity": "uy"},
+            "output": {"probes": {"tip": "arm@1", "middle": "arm@0.8"}}, **more}
+
+
+def assert_runs(case, steps):
+    """Assert that the motion backwards tells differences of runs, by numbers and steps of these."""
+    case = ancf2d.load(case)
+    values, _ = found(case, list(steps))
+    for variable, value in zip(numbers_at(case, list(steps)), values, strict=True):
+        h = steps[variable.path]
+        at = [ancf2d.solve(case, [variable.override(variable.value + k * h)], states=False).value
+              for k in (1, -1, 2, -2)]
+        assert value == pytest.approx((8 * (at[0] - at[1]) - (at[2] - at[3])) / (12 * h), rel=1e-6), variable.path
+
+
+def test_natural_strains_whose_rates_make_viscous_forces(monkeypatch):
+    """Kelvin-Voigt stress is of strain rates beyond those of natural strains: what these push does not change with lam.
+    """
+    monkeypatch.setattr(methods, "TIGHT", 1e-13)
+    bend = {"name": "bend", "type": "eigenstrain", "on": "arm", "curvature": 0.3,
+            "amplitude": {"type": "sine", "frequency": 2}}
+    stay = {"name": "stay", "type": "translational", "between": ["arm@0.7", [0.5, -0.4]], "stiffness": 300,
+            "damping": 2}
+    assert_runs(swept(loads=[bend], springs=[stay]),
+                {"springs.stay.damping": 2e-3, "loads.bend.curvature": 1e-3, "bodies.arm.material.E": 1e5})
+
+
+@pytest.mark.parametrize("goal", [{}, pytest.param({"mean_over": [0.03, 0.2]}, marks=pytest.mark.slow)])
+def test_prescribed_motion_is_read_behind_a_corner_of_a_signal(goal, monkeypatch):
+    """The probe moves with the support at the end of its element, also where signals have a corner before."""
+    monkeypatch.setattr(methods, "TIGHT", 1e-13)
+    push = {"name": "push", "type": "force", "at": "arm@0.4", "value": [0, -3],
+            "amplitude": {"type": "table", "t": [0, 0.06, 0.2], "value": [0, 1, 0.3]}}
+    case = swept({"probe": "middle", "quantity": "uy", **goal}, loads=[push])
+    case["boundary_conditions"].append({"name": "drive", "type": "prescribed", "at": "arm@1",
+                                        "uy": {"type": "sine", "scale": 0.02, "frequency": 4}})
+    assert_runs(case, {"boundary_conditions.drive.uy.scale": 1e-4, "loads.push.value.1": 1e-2})
+
+
 def test_places_of_probes_change_what_is_read(tmp_path):
     """u_y of a probe off the axis is that of the axis and y (cos(theta) - cos(theta_0)); along the body it varies."""
     y = 0.004

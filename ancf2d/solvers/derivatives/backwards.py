@@ -98,6 +98,8 @@ class Backwards(Once):
         assert isinstance(spec, Dynamic)
         super().__init__(model, spec, tolerance, lengths)
         self.whole, self.rows, self.parts, self.off = whole, list[Row](), list[Part](), 0.0
+        # the times of signals in which each row was stored
+        self.windows: list[Array] = []
         if self.stepper.moving or self.stepper.events or len(self.stepper.p.facing.item):
             raise UnsuitedError("points move along bodies, or things begin to act")
 
@@ -123,6 +125,7 @@ class Backwards(Once):
         """Make the motion, which has begun; yield the states stored in each step."""
         stepper = self.stepper
         self.begun, self.window, self.rows = self.now(), stepper.p.programs.window.copy(), [stepper.last()]
+        self.windows = [self.window]
         part, room, columns = Part(self._checkpoint()), KEPT, 0
         for step in self.steps():
             if step is not None and self.unlike():
@@ -141,6 +144,7 @@ class Backwards(Once):
                     raise UnsuitedError("states within steps are put onto constraints")
                 part.rows += [(part.count, len(self.rows) + k) for k in range(len(step.rows))]
                 self.rows += step.rows
+                self.windows += [stepper.p.programs.window.copy()] * len(step.rows)
             room -= 3 * step.stages.z.size
             if room > 0 and part.steps is not None:
                 part.steps.append(step)
@@ -155,6 +159,7 @@ class Backwards(Once):
             yield step.rows
         self._add(part)
         self.rows.append(stepper.last())
+        self.windows.append(stepper.p.programs.window.copy())
 
     @cached_property
     def size(self) -> int:
@@ -271,14 +276,17 @@ class Backwards(Once):
         by_z, by_v = np.zeros((2, *lam.shape))
         if not self.damped:
             return by_z, by_v
-        # signals do not act on elements, which are evaluated at many states at once
+        # signals do not act on elements, which are evaluated at many states at once; else rates of natural strains add
+        # the same for any lam to viscous forces, and half of a difference is without it
         alone = Record(p.values._replace(groups=p.groups[:0].copy(), tau=np.zeros(0))) if many else p
+        signs = (1.0, -1.0) if not many else (1.0,) if len(p.points.forces) else ()
         none, room = np.zeros_like(w.amps), np.zeros((3, len(p.place)))
         one, two = np.zeros((2, *lam.shape[:2]))
         for q in range(lam.shape[2]):
-            if not many or len(p.points.forces):
-                along.left_out(alone, w, at, np.ascontiguousarray(lam[:, :, q]), none, room, one, two)
-                by_z[:, :, q], by_v[:, :, q] = one, two
+            for sign in signs:
+                along.left_out(alone, w, at, sign * lam[:, :, q], none, room, one, two)
+                by_z[:, :, q] += sign / len(signs) * one
+                by_v[:, :, q] += sign / len(signs) * two
             if many:
                 one, two = self._left_out_of_elements(at, lam[:, :, q])
                 by_z[:, :, q] += one

@@ -269,8 +269,9 @@ class MotionAdjoint(Together):
     def _beside(self, number: Beside, side: int) -> list[State]:
         """Return the states of a model beside the number at the same unknowns."""
         p, w, out = number.differing.problems[side], number.differing.w[side], list[State]()
-        for row, state in zip(self.motion.rows, self.states, strict=True):
+        for row, window, state in zip(self.motion.rows, self.motion.windows, self.states, strict=True):
             full = np.zeros((2, len(p.place)))
+            p.programs.window[:] = window
             evaluate(p.programs, row.side, w.amps)
             fill_full(p, row.z, w.amps, 0, full[0])
             fill_full(p, row.v, w.amps, 1, full[1])

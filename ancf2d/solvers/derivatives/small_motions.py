@@ -1,4 +1,4 @@
-"""How small motions change with a number of the case: frequencies, load factors of buckling, and responses.
+"""How small motions change with a number of the case: frequencies and responses.
 
 What is found satisfies A(p) x = f(p) or A(p) x = 0. Differences of models that are built beside the number, applied to
 the same x, give A' x; vectors of the left and factors of A turn these into changes of eigenvalues and of responses.
@@ -22,14 +22,11 @@ from ...model.model import Model
 from ..small_motions.factors import Factors
 from ..small_motions.frequency_response import refined_response, response_of
 from ..small_motions.inputs_and_outputs import Input, Inputs, Output, outputs
-from ..small_motions.linearised import Base, Linearised, stored
-from ..small_motions.lowest_modes import Pencil
+from ..small_motions.linearised import Base, Linearised
 from ..small_motions.projected import Complex, Quadratic
 from ..state import State
-from ..statics.buckling import STEP as STRETCH
-from ..statics.buckling import response_size, response_state, tangent_rate
 from .differences import Quotient, derivative
-from .statics import POLISH, Equilibrium, OneByOne
+from .statics import Equilibrium, OneByOne
 from .varied_motions import Varied
 
 if TYPE_CHECKING:
@@ -41,13 +38,11 @@ ITERATIONS = 3
 EQUAL, BESIDE = 1e-6, 1e-7
 # of y^T dT/ds x of equal eigenvalues, between vectors of size 1: below, they have no vectors of their own
 DEFECTIVE = 1e-6
-# half the difference in the load factor that rates are formed with
-SMALL = 1e-4
 # share of the distance of frequencies to which the peak between them is found
 PEAK = 1e-9
 
 
-class _SmallMotions(OneByOne):
+class SmallMotions(OneByOne):
     """Small motions about a state of a model, and how that state changes."""
 
     def __init__(self, model: Model, state: State, about: str, damped: bool) -> None:
@@ -97,7 +92,7 @@ class _Cluster:
     G: Complex
 
 
-class Vibration(_SmallMotions):
+class Vibration(SmallMotions):
     """Eigenvalues of small motions about a state, T(s) x = 0: s' = -y^T T'(s) x / y^T dT/ds x.
 
     Those of m equal ones are the m eigenvalues of the same with x, y (n, m) (Lancaster, Numerische Mathematik 6, 1964):
@@ -136,7 +131,7 @@ class Vibration(_SmallMotions):
         if "modes/quarter" in self.state.arrays:
             start = start + 1j * self.state.arrays["modes/quarter"][0][near]
         x = np.where(free < n_q, start[:, np.minimum(free, n_q - 1)], 0.0).T
-        x, y = _null(near_s, A, x), _null(near_s.T, A.T, x.conj())
+        x, y = null_vectors(near_s, A, x), null_vectors(near_s.T, A.T, x.conj())
         slopes = np.array([p.slope(s, one) for one in x.T]).T
         G = y.T @ slopes
         sizes = np.linalg.norm(y, axis=0)[:, None] * np.linalg.norm(slopes, axis=0)
@@ -154,16 +149,16 @@ class Vibration(_SmallMotions):
 
         def forms(step: float) -> Array:
             p = problem(step)
-            return np.concatenate([_parts(-(c.y.T @ np.array([p.action(c.s, x) for x in c.x.T]).T).ravel())
+            return np.concatenate([parts(-(c.y.T @ np.array([p.action(c.s, x) for x in c.x.T]).T).ravel())
                                    for c in self.clusters])
         found = derivative(forms, h)
         out, n = [replace(rest, kink=np.zeros_like(rest.value))], 0
         for c in self.clusters:
             m = len(c.entries)
             F, off = (x[n:n + 2 * m * m].reshape(m, m, 2) @ [1.0, 1j] for x in (found.value, found.error))
-            out.append(_parted(c.G, F, off, c.wanted))
+            out.append(parted(c.G, F, off, c.wanted))
             n += 2 * m * m
-        return _joined(out, found.h)
+        return joined(out, found.h)
 
     def states(self, model: Model, change: Array) -> list[State]:
         """Return the state of a model with its frequencies changed."""
@@ -178,7 +173,7 @@ class Vibration(_SmallMotions):
         return [replace(self.state_at(model, z), report=report)]
 
 
-class Excited(_SmallMotions):
+class Excited(SmallMotions):
     """Responses to oscillating inputs: Z(s) x = f gives x' = Z^-1 (f' - Z' x) at each frequency.
 
     ``goals`` are what is read of the responses, of which each names a frequency or wants the peak; without any, all
@@ -238,7 +233,7 @@ class Excited(_SmallMotions):
                 s = 2j * math.pi * hz
                 out += [refined_response(self.problem, factors, p.force(one, s) - p.action(s, x), s)
                         for x, one in zip(X, inputs, strict=True)]
-            return _parts(np.concatenate(out)) if out else np.zeros(0)
+            return parts(np.concatenate(out)) if out else np.zeros(0)
         found = derivative(changes, h, np.tile(np.repeat(self.problem.weights, 2), len(self.at) * len(self.inputs)))
         return Quotient(np.append(rest.value, found.value), np.append(rest.error, found.error), found.h)
 
@@ -263,7 +258,7 @@ class Excited(_SmallMotions):
         return [replace(p.small.base.state, report={**self.state.report, "response": response})]
 
 
-def _parted(G: NDArray[Any], F: NDArray[Any], off: NDArray[Any], wanted: Sequence[int]) -> Quotient:
+def parted(G: NDArray[Any], F: NDArray[Any], off: NDArray[Any], wanted: Sequence[int]) -> Quotient:
     """Return the derivatives of equal eigenvalues, those of G^-1 F: the mean of both sides, and how far each is away.
 
     ``wanted`` are their places in order; ``off`` (m, m) is the error of F. Complex ones become two numbers each.
@@ -272,21 +267,21 @@ def _parted(G: NDArray[Any], F: NDArray[Any], off: NDArray[Any], wanted: Sequenc
     slopes = slopes[np.argsort(slopes.imag if vibrate else slopes.real)]
     mean, kink = (0.5 * (slopes + sign * slopes[::-1])[list(wanted)] for sign in (1.0, -1.0))
     error = np.abs(np.linalg.solve(G, off)).max()
-    value, away = (_parts(x) if vibrate else x.real for x in (mean, kink))
+    value, away = (parts(x) if vibrate else x.real for x in (mean, kink))
     return Quotient(value, np.full(len(value), error), 0.0, away)
 
 
-def _joined(parts: Sequence[Quotient], h: float) -> Quotient:
+def joined(parts: Sequence[Quotient], h: float) -> Quotient:
     value, error = (np.concatenate([getattr(one, name) for one in parts]) for name in ("value", "error"))
     return Quotient(value, error, h, np.concatenate([np.atleast_1d(one.kink) for one in parts]))
 
 
-def _parts(z: NDArray[Any]) -> Array:
+def parts(z: NDArray[Any]) -> Array:
     """Return real and imaginary parts (2 m,) side by side."""
     return np.array([z.real, z.imag]).T.ravel()
 
 
-def _null(near: csc_array, A: csc_array, x: Complex) -> Complex:
+def null_vectors(near: csc_array, A: csc_array, x: Complex) -> Complex:
     """Return the vectors (n,) or (n, m) that A makes 0, from others, with the factors of a matrix ``near`` A.
 
     Inverse iteration finds those of the other matrix, residual inverse iteration (Neumaier, SIAM Journal on Numerical
@@ -297,97 +292,3 @@ def _null(near: csc_array, A: csc_array, x: Complex) -> Complex:
         x = factors.solve(x) if k < ITERATIONS else x - factors.solve(A @ x)
         x = np.linalg.qr(x)[0] if x.ndim > 1 else x / np.linalg.norm(x)
     return x
-
-
-class Instability(OneByOne):
-    """Linear buckling (K + mu dK/dt) phi = 0: mu' = -phi^T (K' + mu (dK/dt)') phi / phi^T dK/dt phi.
-
-    The linear response u and its rate of the tangent are those of ``statics.buckling``. ``wanted``: the numbers of the
-    load factors that are differentiated, from 1 on.
-    """
-
-    def __init__(self, model: Model, state: State, wanted: Sequence[int]) -> None:
-        self.model, self.state, self.wanted = model, state, list(wanted)
-        self.pencil = self._pencil(model)
-        self.pencil.system.factor({"solver": "buckling"})
-        self.u = (state.d - self.pencil.d)[model.numbering.free]
-        for _ in range(POLISH):
-            self.u = self.u - self.pencil.solve(self._unbalanced(self.pencil, self.u))
-        self.h = STRETCH / response_size(self.pencil, self._full(model, self.u))
-        self.shapes = [self._shapes(k - 1) for k in wanted]
-
-    def _pencil(self, model: Model) -> Pencil:
-        return Pencil(model, model.displacements(np.zeros(model.numbering.n_unknowns), 0.0), 0.0, True)
-
-    def _shapes(self, number: int) -> tuple[float, Array, int]:
-        """Return a load factor, the shapes (n, m) of all that are equal to it, and its place among them."""
-        from scipy.sparse import diags_array
-
-        factors = self.state.report["load_factors"]
-        near = [k for k, f in enumerate(factors) if abs(f - factors[number]) <= EQUAL * abs(factors[number])]
-        if len(near) > 1 and near[-1] == len(factors) - 1:
-            raise ComputationError(f"the load factor {factors[number]:.9g} is one of several equal ones, of which "
-                                   "there may be more than solver.modes",
-                                   advice=f"solver.modes: {len(factors) + 2}")
-        factor = float(np.mean([factors[k] for k in near]))
-        pencil, n_q, free = self.pencil, self.model.n_q, self.model.numbering.free
-        shapes = self.state.arrays["modes/shapes"][0][near]
-        rate = stored(self.model, pencil.matrix, tangent_rate(pencil, self._full(self.model, self.u), self.h))
-        moved = diags_array((free < n_q).astype(float))
-        K, rate = stored(self.model, pencil.matrix, pencil.K), factor * (moved @ rate @ moved)
-        start = np.where(free < n_q, shapes[:, np.minimum(free, n_q - 1)], 0.0).T
-        return factor, _null(K + (1.0 + BESIDE) * rate, K + rate, start).real, near.index(number)
-
-    @staticmethod
-    def _full(model: Model, u: Array) -> Array:
-        """Return dd/dt (n_full,) of its unknowns u (n,)."""
-        out = np.zeros(len(model.numbering.place))
-        model.numbering.expand(u, out)
-        if model.moves:
-            zero = np.zeros(len(u))
-            out += (model.displacements(zero, SMALL) - model.displacements(zero, -SMALL)) / (2 * SMALL)
-        return out
-
-    def _unbalanced(self, pencil: Pencil, u: Array) -> Array:
-        """Return dR/dt + K u (n,) at the reference."""
-        high, low = (pencil.system.forces(pencil.d, t) for t in (SMALL, -SMALL))
-        return np.asarray((high.R - low.R) / (2 * SMALL)
-                          + pencil.model.numbering.reduce(pencil.full_stiffness(self._full(pencil.model, u))))
-
-    def _rate(self, pencil: Pencil, u: Array, X: Array) -> Array:
-        """Return X^T dK/dt X (m, m) along the response u, by way of the strains, without the rows of constraints."""
-        num, way = pencil.model.numbering, self._full(pencil.model, u)
-        full, out = np.zeros((X.shape[1], len(num.place))), np.zeros((X.shape[1], X.shape[1]))
-        for x, one in zip(X.T, full, strict=True):
-            num.expand(np.where(num.free < num.n_q, x, 0.0), one)
-        for k, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
-            moved = [pencil.system.action(pencil.d + k * self.h * way, one, k * self.h, loads=True) for one in full]
-            out += weight / (12 * self.h) * (full @ np.array(moved).T)
-        return out
-
-    def slope(self, at: Varied, h: float) -> Quotient:
-        """Return du/dp (n,) of the response, then dmu/dp of the factors; ``kink`` is that of equal ones that part."""
-        first = derivative(lambda s: self._unbalanced(self._pencil(at(s)), self.u), h)
-        change = -self.pencil.solve(first.value)
-
-        def forms(step: float) -> Array:
-            pencil, u = self._pencil(at(step)), self.u + step * change
-            return np.concatenate([
-                (X.T @ np.array([pencil.stiffness(x) for x in X.T]).T + mu * self._rate(pencil, u, X)).ravel()
-                for mu, X, _ in self.shapes])
-        found = derivative(forms, h)
-        out, n = [Quotient(change, np.zeros_like(change), found.h, np.zeros_like(change))], 0
-        for _, X, place in self.shapes:
-            m = X.shape[1]
-            F, off = (-one[n:n + m * m].reshape(m, m) for one in (found.value, found.error))
-            out.append(_parted(self._rate(self.pencil, self.u, X), F, off, [place]))
-            n += m * m
-        return _joined(out, found.h)
-
-    def states(self, model: Model, change: Array) -> list[State]:
-        """Return the linear response of a model with its load factors changed."""
-        n, pencil = len(self.u), self._pencil(model)
-        factors = np.array(self.state.report["load_factors"])
-        factors[np.array(self.wanted, dtype=int) - 1] += change[n:]
-        return [response_state(pencil, pencil.d, self._full(model, self.u + change[:n]), factors,
-                               np.zeros((len(factors), n)), [], 0)]

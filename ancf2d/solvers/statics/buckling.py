@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 from ...case import Buckling
 from ...elements.shape import Array
 from ...errors import ComputationError
-from ...interactions.forces import LoadSet
 from ...model.model import Model
 from ..ldl import Symmetric
-from ..linear import scattered, unknowns_to_coordinates
 from ..resolution import Resolution
 from ..small_motions.classify import Classifier
 from ..small_motions.eigen import full_shapes
@@ -23,12 +21,11 @@ from ..small_motions.flutter import Change, Stability, critical_factors
 from ..small_motions.linearised import Base, Linearised, base_state, stored
 from ..small_motions.lowest_modes import Pencil, each, ritz
 from ..small_motions.projected import Quadratic
+from ..small_motions.speeds import PUSHED, about_without_flow, set_speed, speed_change
 from ..state import State
 from ..system import System
 from .static import unscaled
 
-# force and damping beside what they are differences of that are round-off
-PUSHED = 1e-9
 # half the difference in the load factor that rates are formed with
 SMALL = 1e-4
 # rotation or strain of the states between which the tangent is differentiated
@@ -135,27 +132,19 @@ def _critical_velocities(model: Model, spec: Buckling) -> State:
     """Return the state under the loads alone with the factors on the velocities of what moves along bodies at which
     small motions about it begin to grow.
     """
-    flows = model.loads.flows
-
-    def move(factor: float) -> None:
-        for patch in flows:
-            patch.velocity.factor = factor
-    T, rest = unknowns_to_coordinates(model), np.zeros(len(model.numbering.place))
-    blocks = [(batch.dofs, *batch.matrices(rest, 0.0)[2:]) for batch in model.interactions.flows]
-    square = (T.T @ scattered([(dofs, K) for dofs, K, _ in blocks], model.n_q) @ T).tocsc()
-    gyration = (T.T @ scattered([(dofs, C) for dofs, _, C in blocks], model.n_q) @ T).tocsc()
-    change = Change(None, square, gyration, bool(abs(gyration + gyration.T).max() > PUSHED * abs(gyration).max()))
-    move(0.0)
-    small = Linearised(base_state(model, "static" if model.loads != LoadSet(flows=flows) else "reference"))
+    change = speed_change(model)
+    assert change.square is not None
+    set_speed(model, 0.0)
+    small = Linearised(base_state(model, about_without_flow(model)))
     base, warnings = small.base, list(small.base.state.warnings)
     found = critical_factors(small, change, spec.modes)
     iterations = int(base.state.history["iterations"])
-    state = _grown(small, np.zeros_like(rest), found, spec.modes, warnings, iterations, 0.0, "factor")
-    move(1.0)
-    pushed = np.zeros_like(rest)
+    pushed = np.zeros(len(model.numbering.place))
+    state = _grown(small, np.zeros_like(pushed), found, spec.modes, warnings, iterations, 0.0, "factor")
+    set_speed(model, 1.0)
     for batch in base.model.interactions.flows:
         np.add.at(pushed, batch.dofs, batch.matrices(base.state.d, 0.0)[1])
-    if np.abs(model.numbering.reduce(pushed)).max(initial=0.0) > PUSHED * abs(square).max() * model.extent:
+    if np.abs(model.numbering.reduce(pushed)).max(initial=0.0) > PUSHED * abs(change.square).max() * model.extent:
         state.warnings.append("flow along a curved body changes the state about which it vibrates; the critical "
                               "factors are those about the state without flow")
     return state

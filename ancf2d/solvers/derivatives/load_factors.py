@@ -1,0 +1,275 @@
+"""How load factors at which a model buckles, or its small motions begin to grow, change with a number of the case."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...elements.shape import Array
+from ...errors import ComputationError
+from ...model.model import Model
+from ..small_motions.flutter import Change
+from ..small_motions.linearised import Base, Linearised, stored
+from ..small_motions.lowest_modes import Pencil
+from ..small_motions.projected import Quadratic
+from ..small_motions.speeds import about_without_flow, set_speed, speed_change
+from ..state import State
+from ..statics.buckling import STEP as STRETCH
+from ..statics.buckling import response_size, response_state, tangent_rate
+from .differences import Quotient, UnsuitedError, derivative
+from .onsets import Onset, Singular, times
+from .small_motions import BESIDE, EQUAL, SmallMotions, joined, null_vectors, parted, parts
+from .statics import POLISH, OneByOne
+from .varied_motions import Varied
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_array
+
+# half the difference in the load factor that rates are formed with
+SMALL = 1e-4
+
+
+class LinearResponse(OneByOne):
+    """The linear response u to the loads that the factor scales, and how the tangent changes along it.
+
+    Both are those of ``statics.buckling``.
+    """
+
+    def __init__(self, model: Model, state: State) -> None:
+        self.model, self.state = model, state
+        self.pencil = self.pencil_of(model)
+        self.pencil.system.factor({"solver": "buckling"})
+        self.u = (state.d - self.pencil.d)[model.numbering.free]
+        for _ in range(POLISH):
+            self.u = self.u - self.pencil.solve(self._unbalanced(self.pencil, self.u))
+        size = response_size(self.pencil, self.full(model, self.u))
+        self.h = STRETCH / size if size else 1.0
+
+    def pencil_of(self, model: Model) -> Pencil:
+        """Return the tangent of a model at the reference."""
+        return Pencil(model, model.displacements(np.zeros(model.numbering.n_unknowns), 0.0), 0.0, True)
+
+    @staticmethod
+    def full(model: Model, u: Array) -> Array:
+        """Return dd/dt (n_full,) of its unknowns u (n,)."""
+        out = np.zeros(len(model.numbering.place))
+        model.numbering.expand(u, out)
+        if model.moves:
+            zero = np.zeros(len(u))
+            out += (model.displacements(zero, SMALL) - model.displacements(zero, -SMALL)) / (2 * SMALL)
+        return out
+
+    def _unbalanced(self, pencil: Pencil, u: Array) -> Array:
+        """Return dR/dt + K u (n,) at the reference."""
+        high, low = (pencil.system.forces(pencil.d, t) for t in (SMALL, -SMALL))
+        return np.asarray((high.R - low.R) / (2 * SMALL)
+                          + pencil.model.numbering.reduce(pencil.full_stiffness(self.full(pencil.model, u))))
+
+    def change(self, at: Varied, h: float) -> Quotient:
+        """Return du/dp (n,)."""
+        first = derivative(lambda s: self._unbalanced(self.pencil_of(at(s)), self.u), h)
+        change = -self.pencil.solve(first.value)
+        return Quotient(change, np.zeros_like(change), first.h, np.zeros_like(change))
+
+    def rate(self) -> csc_array:
+        """Return dK/dt (n, n) along the response, as it is formed."""
+        from scipy.sparse import diags_array
+
+        free, pencil = self.model.numbering.free, self.pencil
+        values = tangent_rate(pencil, self.full(self.model, self.u), self.h)
+        moved = diags_array((free < self.model.n_q).astype(float))
+        return (moved @ stored(self.model, pencil.matrix, values) @ moved).tocsc()
+
+    def rates(self, pencil: Pencil, u: Array, Y: Array, X: Array) -> Array:
+        """Return Y^T dK/dt X (m, k) along a response u, by way of the strains, without the rows of constraints."""
+        num, way = pencil.model.numbering, self.full(pencil.model, u)
+        left, right = (np.array([self._moved(pencil.model, x) for x in Z.T]) for Z in (Y, X))
+        out = np.zeros((len(left), len(right)))
+        for k, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
+            moved = [pencil.system.action(pencil.d + k * self.h * way, one, k * self.h, loads=True) for one in right]
+            out += weight / (12 * self.h) * (left @ np.array(moved).reshape(-1, len(num.place)).T)
+        return out
+
+    @staticmethod
+    def _moved(model: Model, x: Array) -> Array:
+        """Return x (n,) in full coordinates (n_full,), without multipliers."""
+        num, out = model.numbering, np.zeros(len(model.numbering.place))
+        num.expand(np.where(num.free < num.n_q, x, 0.0), out)
+        return out
+
+    def state_with(self, model: Model, du: Array, numbers: Sequence[int], changes: Array) -> State:
+        """Return the linear response of a model with u changed, and so the load factors of some numbers, from 1 on."""
+        n, pencil = len(self.u), self.pencil_of(model)
+        factors = np.array(self.state.report["load_factors"])
+        factors[np.array(numbers, dtype=int) - 1] += changes
+        found = response_state(pencil, pencil.d, self.full(model, self.u + du), factors, np.zeros((len(factors), n)),
+                               [], 0)
+        return replace(found, report=_report(self.state, factors))
+
+
+def _report(state: State, factors: Array) -> dict[str, Any]:
+    """Return the report of a state with other load factors."""
+    critical = [{**one, "factor": f} for one, f in zip(state.report["critical"], factors.tolist(), strict=True)]
+    return {**state.report, "load_factors": factors.tolist(), "critical": critical}
+
+
+class Instability(LinearResponse):
+    """Linear buckling (K + mu dK/dt) phi = 0: mu' = -phi^T (K' + mu (dK/dt)') phi / phi^T dK/dt phi.
+
+    ``wanted``: the numbers of the load factors that are differentiated, from 1 on.
+    """
+
+    def __init__(self, model: Model, state: State, wanted: Sequence[int]) -> None:
+        super().__init__(model, state)
+        self.wanted = list(wanted)
+        self.shapes = [self._shapes(k - 1) for k in wanted]
+
+    def _shapes(self, number: int) -> tuple[float, Array, int]:
+        """Return a load factor, the shapes (n, m) of all that are equal to it, and its place among them."""
+        factors = self.state.report["load_factors"]
+        near = [k for k, f in enumerate(factors) if abs(f - factors[number]) <= EQUAL * abs(factors[number])]
+        if len(near) > 1 and near[-1] == len(factors) - 1:
+            raise ComputationError(f"the load factor {factors[number]:.9g} is one of several equal ones, of which "
+                                   "there may be more than solver.modes",
+                                   advice=f"solver.modes: {len(factors) + 2}")
+        factor = float(np.mean([factors[k] for k in near]))
+        pencil, n_q, free = self.pencil, self.model.n_q, self.model.numbering.free
+        shapes = self.state.arrays["modes/shapes"][0][near]
+        K, rate = stored(self.model, pencil.matrix, pencil.K), factor * self.rate()
+        start = np.where(free < n_q, shapes[:, np.minimum(free, n_q - 1)], 0.0).T
+        return factor, null_vectors(K + (1.0 + BESIDE) * rate, K + rate, start).real, near.index(number)
+
+    def slope(self, at: Varied, h: float) -> Quotient:
+        """Return du/dp (n,) of the response, then dmu/dp of the factors; ``kink`` is that of equal ones that part."""
+        first = self.change(at, h)
+
+        def forms(step: float) -> Array:
+            pencil, u = self.pencil_of(at(step)), self.u + step * first.value
+            return np.concatenate([
+                (X.T @ np.array([pencil.stiffness(x) for x in X.T]).T + mu * self.rates(pencil, u, X, X)).ravel()
+                for mu, X, _ in self.shapes])
+        found = derivative(forms, h)
+        out, n = [first], 0
+        for _, X, place in self.shapes:
+            m = X.shape[1]
+            F, off = (-one[n:n + m * m].reshape(m, m) for one in (found.value, found.error))
+            out.append(parted(self.rates(self.pencil, self.u, X, X), F, off, [place]))
+            n += m * m
+        return joined(out, found.h)
+
+    def states(self, model: Model, change: Array) -> list[State]:
+        """Return the linear response of a model with its load factors changed."""
+        n = len(self.u)
+        return [self.state_with(model, change[:n], self.wanted, change[n:])]
+
+
+class _Loads(LinearResponse):
+    """Loads without a potential that the factor scales: it adds mu dK/dt to K, along the linear response."""
+
+    def __init__(self, model: Model, state: State) -> None:
+        super().__init__(model, state)
+        self.adds, self.n = Change(self.rate()), len(self.u)
+
+    def matrices(self, model: Model, change: Array) -> Quadratic:
+        """Return the matrices of a model without what the factor adds."""
+        pencil = self.pencil_of(model)
+        zero = np.zeros(len(pencil.d))
+        about = State(0.0, pencil.d, zero, zero, 0.0, turned=pencil.system.turns()[1])
+        return Quadratic(Linearised(Base(model, about, True)), relaxes=True)
+
+    def added(self, problem: Quadratic, change: Array, one: Onset) -> complex:
+        """Return y^T T_added x of what the factor adds where the response has changed (n,)."""
+        Y, X = (np.array([v.real, v.imag]).T for v in (one.y, one.x))
+        found = self.rates(problem.small.pencil, self.u + change, Y, X)
+        return one.factor * complex(np.array([1.0, 1j]) @ found @ np.array([1.0, 1j]))
+
+
+class _Flows(SmallMotions):
+    """Flow along bodies whose velocity the factor scales: it adds mu^2 to K and mu to C, about the state without flow.
+    """
+
+    def __init__(self, model: Model, state: State) -> None:
+        self.adds = speed_change(model)
+        set_speed(model, 0.0)
+        super().__init__(model, state, about_without_flow(model), True)
+        set_speed(model, 1.0)
+
+    def matrices(self, model: Model, change: Array) -> Quadratic:
+        """Return the matrices of a model without what the factor adds, where the state has changed (n,)."""
+        set_speed(model, 0.0)
+        return self.problem_at(model, self.z + change if self.n else self.z)
+
+    def change(self, at: Varied, h: float) -> Quotient:
+        """Return dz/dp (n,) of the state, where it is an equilibrium."""
+        def still(step: float) -> Model:
+            model = at(step)
+            set_speed(model, 0.0)
+            return model
+        return self.moved(still, h)[1]
+
+    def added(self, problem: Quadratic, change: Array, one: Onset) -> complex:
+        """Return y^T T_added x of what the factor adds."""
+        model = problem.small.model
+        set_speed(model, 1.0)
+        adds = speed_change(model)
+        set_speed(model, 0.0)
+        return complex(one.y @ times(adds, one.s, one.factor, one.x))
+
+    def state_with(self, model: Model, dz: Array, numbers: Sequence[int], changes: Array) -> State:
+        """Return the state of a model with its unknowns changed, and so the factors of some numbers, from 1 on."""
+        factors = np.array(self.state.report["load_factors"])
+        factors[np.array(numbers, dtype=int) - 1] += changes
+        set_speed(model, 0.0)
+        found = self.state_at(model, self.z + dz if self.n else self.z)
+        set_speed(model, 1.0)
+        return replace(found, report=_report(self.state, factors))
+
+
+class Growth(OneByOne):
+    """Factors at which small motions begin to grow: with y^T T = T x = 0 there, 0 = y^T (T' + s' dT/ds + mu' dT/dmu) x.
+
+    In divergence s stays 0; flutter begins with an imaginary s where anything takes out or brings in energy, and else
+    where two frequencies meet, with y^T dT/ds x = 0. ``wanted``: the numbers of the factors that are differentiated.
+    """
+
+    def __init__(self, model: Model, state: State, wanted: Sequence[int]) -> None:
+        self.of = _Flows(model, state) if model.loads.flows else _Loads(model, state)
+        self.state, self.wanted, self.n, self.reason = state, list(wanted), self.of.n, ""
+        singular = Singular(self.of.matrices(model, np.zeros(self.n)), self.of.adds)
+        critical = [state.report["critical"][k - 1] for k in wanted]
+        try:
+            self.onsets = [singular.near(one["factor"], one["omega"]) for one in critical]
+        except UnsuitedError as error:
+            self.reason = str(error)
+
+    def slope(self, at: Varied, h: float) -> Quotient:
+        """Return the derivative (n,) of what the state is about, then dmu/dp of the factors.
+
+        Raises UnsuitedError where that is not known, ComputationError where there is none.
+        """
+        if self.reason:
+            raise UnsuitedError(self.reason)
+        first = self.of.change(at, h)
+
+        def forms(step: float) -> Array:
+            change = step * first.value
+            problem = self.of.matrices(at(step), change)
+            if problem.small.rates.damps and any(one.meets for one in self.onsets):
+                raise ComputationError("dampers let motions grow at another factor, however little they damp: there is "
+                                       "no derivative where there are none", advice="a small damping instead of 0")
+            return parts(np.array([one.y @ problem.action(one.s, one.x) + self.of.added(problem, change, one)
+                                   for one in self.onsets]))
+        scale = np.repeat([1.0 / (abs(one.by[1]) * abs(one.factor)) for one in self.onsets], 2)
+        found = derivative(forms, h, scale) if self.onsets else Quotient(np.zeros(0), np.zeros(0), h)
+        by_p, off = (x.reshape(-1, 2) @ [1.0, 1j] for x in (found.value, found.error))
+        rates = [[one.rate(by) for one, by in zip(self.onsets, some, strict=True)] for some in (by_p, off, off.conj())]
+        return joined([replace(first, kink=np.zeros_like(first.value)),
+                       Quotient(np.array(rates[0]), np.abs(rates[1:]).max(0), found.h, np.zeros(len(self.onsets)))],
+                      found.h)
+
+    def states(self, model: Model, change: Array) -> list[State]:
+        """Return the state of a model with its factors changed."""
+        return [self.of.state_with(model, change[:self.n], self.wanted, change[self.n:])]

@@ -1,0 +1,34 @@
+"""Material that moves along bodies, and what a factor on its velocity does to small motions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...interactions.forces import LoadSet
+from ...model.model import Model
+from ..linear import scattered, unknowns_to_coordinates
+from .flutter import Change
+
+# force and damping beside what they are differences of that are round-off
+PUSHED = 1e-9
+
+
+def set_speed(model: Model, factor: float) -> None:
+    """Set the factor on the velocities of what moves along bodies."""
+    for patch in model.loads.flows:
+        patch.velocity.factor = factor
+
+
+def about_without_flow(model: Model) -> str:
+    """Return what small motions of what carries a flow are about: ``static`` under other loads, or ``reference``."""
+    return "static" if model.loads != LoadSet(flows=model.loads.flows) else "reference"
+
+
+def speed_change(model: Model) -> Change:
+    """Return what the factor on the velocities of what moves along bodies adds to K and C, at the factor that is set.
+    """
+    T, rest = unknowns_to_coordinates(model), np.zeros(len(model.numbering.place))
+    blocks = [(batch.dofs, *batch.matrices(rest, 0.0)[2:]) for batch in model.interactions.flows]
+    square = (T.T @ scattered([(dofs, K) for dofs, K, _ in blocks], model.n_q) @ T).tocsc()
+    gyration = (T.T @ scattered([(dofs, C) for dofs, _, C in blocks], model.n_q) @ T).tocsc()
+    return Change(None, square, gyration, bool(abs(gyration + gyration.T).max() > PUSHED * abs(gyration).max()))
