@@ -11,7 +11,7 @@ from ..elements.shape import Array
 from ..errors import ComputationError
 from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
 from ..model.determinacy import rigid_motion
-from ..model.mesh import BodyMesh, Index
+from ..model.mesh import Index
 from ..model.model import Model
 from .active_set import PENETRATION
 
@@ -61,10 +61,6 @@ def recall_rows(model: Model, rows: Array) -> None:
             patch.mem[:size] = rows[at][0, :size]
 
 
-# of a body: places along it that are the same
-SAME = 1e-9
-
-
 class Touch(NamedTuple):
     """What one contact does in a state.
 
@@ -93,39 +89,6 @@ class Touch(NamedTuple):
 def touches(model: Model, state: State) -> list[Touch]:
     """Return what each contact of a model does in a state."""
     return [_touch(model, one, state) for one in model.contact_tables]
-
-
-def lying(model: Model, mesh: BodyMesh, state: State) -> Any:
-    """Return which elements (m,) of a body touch something without a law with both ends.
-
-    So does an end that has no point, as supports hold it next to an obstacle.
-    """
-    out: Any = np.zeros(len(mesh.dofs), dtype=bool)
-    for one in model.contact_tables:
-        own, other = one.pair.mesh is mesh, one.pair.other == mesh.plan.name
-        if not one.pair.hard or not (own or other):
-            continue
-        home, touching = ~one.free, _touch(model, one, state).touching
-        if own:
-            out |= _ends_on(mesh, one.places(mesh)[home], touching[home], SAME * mesh.plan.length, True)
-        if other and one.pair.whole:
-            # up to the middle between two points of the other body
-            reach = (0.5 + SAME) * float(one.pair.mesh.lengths.max())
-            out |= _ends_on(mesh, one.opposite()[home], touching[home], reach, False)
-    return out
-
-
-def _ends_on(mesh: BodyMesh, S: Array, touching: Any, reach: float, held: bool) -> Any:
-    """Return which elements (m,) have points that touch within reach [m] of both ends, from points at S (k,) of a body.
-
-    With ``held``, one end may have no point at all.
-    """
-    on, none = [], []
-    for ends in (mesh.starts, mesh.starts + mesh.lengths):
-        near = np.abs(ends[:, None] - S * mesh.plan.length) < reach
-        on.append((near & touching).any(axis=1))
-        none.append(held & ~near.any(axis=1))
-    return (on[0] | none[0]) & (on[1] | none[1]) & (on[0] | on[1])
 
 
 def nodal_forces_of_points(one: ContactTable, state: State, rub: bool = True) -> tuple[Index, Array]:

@@ -24,7 +24,7 @@ from ..kernels.elements import natural_power, natural_slope, viscous_force
 from ..model.element_limits import thickness_excess
 from ..model.mesh import BodyMesh, Index
 from ..model.model import Model
-from .contact import lying
+from .contact_fields import lying
 from .section_forces import SectionForces, has_section_forces, natural_rates, nodal_forces
 from .state import State
 from .system import System
