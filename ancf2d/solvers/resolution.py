@@ -93,8 +93,8 @@ class _Body:
     def but(self, which: Index) -> _Body:
         """Return the body without some of its elements (k,)."""
         out, keep = copy(self), ~np.isin(self.some, which)
-        out.some, out.lengths, out.ds, out.compliance = (
-            x[keep] for x in (self.some, self.lengths, self.ds, self.compliance))
+        out.some, out.lengths = self.some[keep], self.lengths[keep]
+        out.ds, out.compliance = self.ds[keep], self.compliance[keep]
         return out
 
     def energies(self, state: State) -> tuple[float, float]:

@@ -61,3 +61,28 @@ def test_what_nothing_holds_before_it_touches_is_told(method: str, law: dict[str
     depth = 9.81 / 1e6 if law else 0.0
     found = ancf2d.solve(case)
     assert np.abs(found.summary["probes"]["tip"]["uy"] + 1e-3 + depth) < 1e-7
+
+
+def test_a_soft_ring_sinks_to_the_floor_and_not_through_it() -> None:
+    """It collapses under its weight, far from any path of equilibria, and comes to lie on what is under it."""
+    R, height, width, rho = 0.234, 0.01, 0.05, 1000.0
+    piece = {"arc": R, "angle": np.pi}
+    case = {"format": 1, "bodies": {"ring": {
+                "geometry": {"type": "path", "start": [0, 0.147], "heading": 0, "closed": True,
+                             "pieces": [piece, dict(piece)]},
+                "section": {"height": height, "width": width}, "material": {"E": 3.3e5, "nu": 0.3, "rho": rho},
+                "element": {"type": "cable", "count": 8}}},
+            "boundary_conditions": [{"name": "wall", "type": "clamp", "at": "ring@0"}], "solver": {"type": "static"},
+            "loads": [{"type": "gravity", "value": [0, -9.81]}],
+            "obstacles": {"floor": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}},
+            "contacts": [{"between": ["ring", "floor"]}]}
+    found = ancf2d.solve(case)
+    pair = found.model.contacts[0]
+    home = [not spot.free for spot in pair.spots]
+    assert pair.gaps(found.d[-1], 1.0)[home].min() > -1e-8
+    floor, wall = found.reactions["floor"]["fy"], found.reactions["wall"]["fy"]
+    assert floor > 0.0
+    # the whole weight, of elements that are not quite arcs
+    weight = ancf2d.solve({**case, "obstacles": {}, "contacts": []}).reactions["wall"]["fy"]
+    assert weight == pytest.approx(rho * height * width * 2 * np.pi * R * 9.81, rel=1e-3)
+    assert floor + wall == pytest.approx(weight, rel=1e-6)
