@@ -27,7 +27,8 @@ HALF_PLANE, CIRCLE, POLYLINE, BODY = 0, 1, 2, 3
 (SECTION, TERMS, OFFSET, HOME, WEIGHT, STIFFNESS, DAMPING, FRICTION, STICK, TOUCH, POSE, POSE_X, POSE_Y, LENGTH, FACE,
  BENDS, SHEARS, SHAPE, ORIGIN) = range(19)
 # mem: where along the element; whether it moves there (0 it stands at home, 1 it slides about a corner, 2 it stands at
-# that place of the beam's curve and 3 of the element's own; -1 and -2 it is out of use, on either curve); what of a
+# that place of the beam's curve and 3 of the element's own; -1 and -2 it is out of use, on either curve; -3 supports
+# hold its gap); what of a
 # polyline it is opposite to; the place on the obstacle that friction holds it to; whether it is closed (1) or open (0),
 # which force and gap tell where it is -1; and whether it sticks (2) or slides, with friction of this sign along s (1 or
 # -1), which the forces tell where it is 0; with none in the step of a motion in which it closes, where that is the
@@ -35,7 +36,7 @@ HALF_PLANE, CIRCLE, POLYLINE, BODY = 0, 1, 2, 3
 # which gap on it presses (``pressed_from``)
 PLACE, FREE, FEATURE, ANCHOR, HELD, SLIDES, BEHIND, FROM = range(8)
 MEMORY = 8
-UNUSED_OWN, UNUSED, AT_HOME, SLIDING, STANDING, OWN = -2.0, -1.0, 0.0, 1.0, 2.0, 3.0
+SUPPORTED, UNUSED_OWN, UNUSED, AT_HOME, SLIDING, STANDING, OWN = -3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0
 STICKS, CLOSES, NONE = 2.0, 3.0, np.inf
 BY_CHOICE, OPEN, CLOSED = -1.0, 0.0, 1.0
 OUTSIDE, UNTOUCHED = np.inf, -np.inf

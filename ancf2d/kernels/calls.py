@@ -131,7 +131,9 @@ impact = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _f, _f, _f)
 make_consistent = _call(_b, None, _SCRATCH, _MOTION, _f)
 lost_in_impact = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _f, _f, _b)
 taken_in_step = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _MOTION, _f, _f)
-# friction of contacts without a law over a step: kernels.motion.contact_steps
+# points of contacts without a law over a step, and their friction: kernels.motion.contact_steps
+leave_supported, leave_dependent = _call(_nothing, None, _SCRATCH, _x), _call(_b, None, _SCRATCH)
+into_supports = _call(_b, None, _SCRATCH, _x)
 friction_forces = _call(_nothing, None, _SCRATCH, _x, _x, _f, _xx)
 # friction there: kernels.motion.friction
 point_slip = _call(_f, None, _i, _x, _x, _xx, _x)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import yaml
 from matplotlib.figure import Figure
 
 from ancf2d.errors import ResultsError
@@ -15,7 +16,9 @@ from ancf2d.plot.body import no_states
 from ancf2d.plot.picture import Kind, Source
 from ancf2d.results import Results
 
-FACES = ("lower face", "upper face")
+# names of both sides of a body, by what of it contacts name
+FACES = {"surface": ("lower face", "upper face"), "axis": ("axis, from below", "axis, from above"),
+         "both": ("lower face and axis", "upper face and axis")}
 COLOURS = "magma_r"
 # of more faces than this those with the highest pressure are drawn
 MOST = 6
@@ -86,6 +89,13 @@ def _records(results: Results) -> dict[str, Any]:
     return {body: found["pressure"] for body, found in results.fields.items() if "pressure" in found}
 
 
+def _faces(results: Results, body: str) -> tuple[str, str]:
+    """Return the names of the lower and the upper side of a body, as its contacts touch faces or the axis."""
+    contacts = yaml.safe_load(results.case_completed).get("contacts") or []
+    sides = {c.get("side", "surface") for c in contacts if body in (c.get("self"), *(c.get("between") or ()))}
+    return FACES[sides.pop() if len(sides) == 1 else "both" if sides else "surface"]
+
+
 def zones(sources: Sequence[Source], *, body: str | None = None) -> Zones:
     """Build the maps of one file: of one ``body``, or of all that touch something."""
     results = sources[0].results
@@ -98,7 +108,8 @@ def zones(sources: Sequence[Source], *, body: str | None = None) -> Zones:
             lengths = results.body(name).lengths[results.body(name).classes]
             s = ((np.cumsum(lengths) - lengths)[:, None] + lengths[:, None] * record.xi).ravel()
             every = np.array([results.field(name, "pressure", i)[..., 0] for i in range(results.nt)])
-            found += [Zone(f"{name}, {face}", s, every[..., k].reshape(results.nt, -1)) for k, face in enumerate(FACES)]
+            found += [Zone(f"{name}, {face}", s, every[..., k].reshape(results.nt, -1))
+                      for k, face in enumerate(_faces(results, name))]
     touched = sorted((z for z in found if z.pressure.max() > 0.0), key=lambda z: -float(z.pressure.max())) or found[:1]
     kept = [z for z in found if any(z is one for one in touched[:MOST])]
     over = ("t", results.units.time) if results.over_time else ("load factor", "1")

@@ -20,10 +20,14 @@ from ..interactions.contact_curves import Spot, levels_of, pieces_along
 from ..model.contact_tables import contact_table
 from ..model.mesh import BodyMesh
 from ..model.model import Model
+from .active_set import PENETRATION
 from .contact import forces_of_points
 
 if TYPE_CHECKING:
     from .state import State
+
+# of a body: places along it that are the same
+SAME = 1e-9
 
 
 class ContactFields:
@@ -111,3 +115,37 @@ class ContactFields:
         e = (self.model.e0 + state.d[:self.model.n_q])[mesh.dofs[ie]]
         t = np.array([slopes @ e[0::nc], slopes @ e[1::nc]])
         return t / float(np.hypot(*t))
+
+
+def lying(model: Model, mesh: BodyMesh, state: State) -> Any:
+    """Return which elements (m,) of a body touch something without a law with both ends.
+
+    So does an end that has no point, as supports hold it next to an obstacle.
+    """
+    out: Any = np.zeros(len(mesh.dofs), dtype=bool)
+    for one in model.contact_tables:
+        own, other = one.pair.mesh is mesh, one.pair.other == mesh.plan.name
+        if not one.pair.hard or not (own or other):
+            continue
+        gap, faces = one.gaps(state.d, state.side)
+        home, touching = ~one.free, faces & (gap <= 2.0 * PENETRATION * model.extent)
+        if own:
+            out |= _ends_on(mesh, one.places(mesh)[home], touching[home], SAME * mesh.plan.length, True)
+        if other and one.pair.whole:
+            # up to the middle between two points of the other body
+            reach = (0.5 + SAME) * float(one.pair.mesh.lengths.max())
+            out |= _ends_on(mesh, one.opposite()[home], touching[home], reach, False)
+    return out
+
+
+def _ends_on(mesh: BodyMesh, S: Array, touching: Any, reach: float, held: bool) -> Any:
+    """Return which elements (m,) have points that touch within reach [m] of both ends, from points at S (k,) of a body.
+
+    With ``held``, one end may have no point at all.
+    """
+    on, none = [], []
+    for ends in (mesh.starts, mesh.starts + mesh.lengths):
+        near = np.abs(ends[:, None] - S * mesh.plan.length) < reach
+        on.append((near & touching).any(axis=1))
+        none.append(held & ~near.any(axis=1))
+    return (on[0] | none[0]) & (on[1] | none[1]) & (on[0] | on[1])

@@ -10,6 +10,7 @@ move what is free of stress, as loads of the work int eps*^T D eps* do: the diff
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -23,6 +24,7 @@ from ..kernels.elements import natural_power, natural_slope, viscous_force
 from ..model.element_limits import thickness_excess
 from ..model.mesh import BodyMesh, Index
 from ..model.model import Model
+from .contact_fields import lying
 from .section_forces import SectionForces, has_section_forces, natural_rates, nodal_forces
 from .state import State
 from .system import System
@@ -88,8 +90,26 @@ class _Body:
         slender = length / math.sqrt(12.0 * section.EI / section.EA)
         self.faint = section.EA * length * (FAINT * slender) ** 2
 
+    def but(self, which: Index) -> _Body:
+        """Return the body without some of its elements (k,)."""
+        out, keep = copy(self), ~np.isin(self.some, which)
+        out.some, out.lengths = self.some[keep], self.lengths[keep]
+        out.ds, out.compliance = self.ds[keep], self.compliance[keep]
+        return out
+
     def energies(self, state: State) -> tuple[float, float]:
-        """Return U, and by how much the mesh fails to follow U*; both 0 where they are round-off."""
+        """Return U, and by how much the mesh fails to follow U*; both 0 where they are round-off.
+
+        Elements that lie on something are left out: forces at their ends stand for the pressure along them.
+        """
+        lies = lying(self.model, self.mesh, state)
+        if lies.any():
+            return self.but(np.flatnonzero(lies))._energies(state)
+        return self._energies(state)
+
+    def _energies(self, state: State) -> tuple[float, float]:
+        if not len(self.some):
+            return 0.0, 0.0
         forces = self.forces(state, self.some)
         asked, stored = self._asked(forces), self._stored(state, self.forces.energy)
         size = float(np.abs(self.model.weights * state.d[:self.model.n_q]).max()) / self.model.extent

@@ -313,6 +313,12 @@ class System:
     def singular(self, unknown: int, at: dict[str, Any]) -> SingularTangentError:
         """Return what to raise where an unknown has no stiffness."""
         full = int(self.model.numbering.free[unknown])
+        if full < self.model.n_q and self.model.contacts:
+            return SingularTangentError(
+                f"the tangent stiffness is singular: nothing holds {self.model.describe_coordinate(full)}; contacts "
+                "hold a body only while they press", at=at,
+                advice="a support or a weak spring that holds it until it touches; without a law, bodies that touch "
+                "with no gap at the start; or a motion (type: dynamic with damping) that comes to rest")
         if full < self.model.n_q:
             return SingularTangentError(
                 f"the tangent stiffness is singular: {self.model.describe_coordinate(full)} has no stiffness", at=at,

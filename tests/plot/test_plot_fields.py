@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 from synthetic import HEADER, bent_beam, coordinates, mechanism, tangent_body
@@ -342,6 +343,26 @@ def test_an_energy_density_is_never_drawn_negative(bent: Results) -> None:
     stored = bent.field("beam", "energy")
     assert picture.range() == pytest.approx((stored.min(), stored.max()))
     assert stored.min() >= 0.0
+
+
+@pytest.mark.parametrize(("sides", "names"), [
+    (["axis"], ["axis, from below"]), (["surface"], ["lower face"]), (["axis", "surface"], ["lower face and axis"])])
+def test_a_map_of_pressure_names_what_touches(sides: list[str], names: list[str], tmp_path: Path) -> None:
+    case = {"format": 1, "bodies": {"b": {
+                "geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
+                "section": {"height": 0.02, "width": 0.05}, "material": {"E": 1e7, "nu": 0.3, "rho": 1000},
+                "element": {"type": "reissner2", "count": 2}}},
+            "boundary_conditions": [{"type": "clamp", "at": "b@0"}],
+            "loads": [{"type": "gravity", "value": [0, -9.81]}],
+            "obstacles": {side: {"type": "half_plane", "through": [0, -0.01 * len(sides) if side == "surface" else 0],
+                                 "normal": [0, 1]} for side in sides},
+            "contacts": [{"between": ["b", side], "side": side} for side in sides],
+            "solver": {"type": "static", "steps": 2}, "output": {"fields": ["pressure"]}}
+    (tmp_path / "a.yaml").write_text(yaml.safe_dump(case))
+    run_case(load_case(tmp_path / "a.yaml", (), vocabulary()), str(tmp_path / "a.h5"))
+    with open_results(tmp_path / "a.h5") as results:
+        zones = build(results, "contact").zones
+    assert [zone.name for zone in zones] == [f"b, {name}" for name in names]
 
 
 def test_a_map_of_pressure_says_where_nothing_touches() -> None:

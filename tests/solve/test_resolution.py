@@ -231,3 +231,36 @@ def test_a_mild_change_of_temperature_does_not_hide_a_coarse_mesh() -> None:
     body = helpers.body(helpers.line(2.0), helpers.element("reissner2", 1), SECTION, {**helpers.STEEL, "alpha": 1e-5})
     case = helpers.load({"b": body}, "linear_static", bc=[{"type": "clamp", "at": "b@0"}], loads=[*TIP, warm])
     assert said(run_case(case))
+
+
+def strip(name: str, solver: dict[str, Any], count: int = 6, bodies: int = 1, lift: float = 0.0) -> LoadedCase:
+    """Return a heavy strip that lies on a floor, or on another one; a force may lift its end."""
+    section, k_of = {"height": 0.02, "width": 0.05}, range(bodies)
+    lies = [{"name": f"under {k}", "between": [f"b{k}", "floor" if k == 0 else f"b{k - 1}"]} for k in range(bodies)]
+    return helpers.load(
+        {f"b{k}": helpers.body({"type": "line", "start": [0, 0.02 * k], "end": [1, 0.02 * k]},
+                               helpers.element(name, count), section, {"E": 1e7, "nu": 0.3, "rho": 1000})
+         for k in k_of}, solver, bc=[{"type": "roller", "at": f"b{k}@0.5", "fixed": "x"} for k in k_of],
+        loads=[{"type": "gravity", "value": [0, -9.81]}, {"type": "force", "at": "b0@1", "value": [0, lift]}],
+        obstacles={"floor": {"type": "half_plane", "through": [0, -0.01], "normal": [0, 1]}}, contacts=lies,
+        output={"probes": {"tip": "b0@1"}})
+
+
+@pytest.mark.parametrize("bodies", [1, 2])
+@pytest.mark.parametrize("name", ["reissner2", "vallejo"])
+@pytest.mark.parametrize("solver", [{"type": "static"}, {"type": "dynamic", "t_end": 0.02, "dt": 1e-3}])
+def test_what_only_lies_is_not_said_to_be_too_coarse(solver: dict[str, Any], name: str, bodies: int) -> None:
+    """Nothing bends: forces at the nodes stand for the pressure between them, which is the weight there."""
+    assert said(run_case(strip(name, solver, bodies=bodies))) == []
+
+
+def test_what_is_lifted_from_where_it_lies_is_still_judged() -> None:
+    def tip(count: int) -> tuple[float, list[str]]:
+        outcome = run_case(strip("reissner2", {"type": "static"}, count, lift=2.0))
+        return outcome.summary["probes"]["tip"]["uy"], said(outcome)
+
+    (coarse, warnings), (fine, _) = tip(6), tip(48)
+    told = float(re.search(r"an error of about (\S+) %", warnings[0])[1]) / 100
+    # within the places of lift-off, which nodes tell on a coarse mesh
+    assert abs(1.0 - coarse / fine) == pytest.approx(told, abs=0.25)
+    assert abs(1.0 - coarse / fine) > 0.08

@@ -45,14 +45,19 @@ def places_in(p):  # type: ignore[no-untyped-def]
 
 @addressed
 def factor_band(p, A, scale):  # type: ignore[no-untyped-def]
-    """Factor A = L D L^T in place; return whether it could be. What is in ``scale`` (n,) is lost."""
-    return ldl_factor(band_of(p, A), TINY, scale)[0] < 0
+    """Factor A = L D L^T in place; return whether it could be.
+
+    What is in ``scale`` (n,) is lost; its first number is the row then at which the factors end, or -1.
+    """
+    scale[0] = ldl_factor(band_of(p, A), TINY, scale)[0]
+    return scale[0] < 0.0
 
 
 @addressed
 def factor_fronts(p, A, scale):  # type: ignore[no-untyped-def]
     """Do as ``factor_band`` does."""
-    return fronts_factor(p.fronts, A, TINY, scale)[0] < 0
+    scale[0] = fronts_factor(p.fronts, A, TINY, scale)[0]
+    return scale[0] < 0.0
 
 
 @addressed

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from .. import calls
+from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, kernel, kernel_with_memory, seldom
 from ..patches import face_bodies, patch_forces, rates_of_constraints
 from .dynamics import FORCES, add_mass, patches_tangent, residual, signals_at, to_full, twice_kinetic
@@ -20,6 +21,20 @@ def constraint_matrix(p, w):  # type: ignore[no-untyped-def]
         patches_tangent(p, w, 0.0)
         calls.keep_between(p.calls, (p, w.A, p.coordinate))
     add_mass(p, 1.0, w.A)
+
+
+@inner
+def factored_constraints(p, w, factors):  # type: ignore[no-untyped-def]
+    """Factor a copy of ``constraint_matrix``, or w.A itself, in place; return whether it is regular.
+
+    Points of contact that others hold are left out of use, in w.A, too, unless it is that.
+    """
+    while not calls.factor(p.calls, (p, factors, w.y)):
+        if not p.sided or not calls.leave_dependent(p.calls, (p, w)):
+            return False
+        constraint_matrix(p, w)
+        copy(w.A, factors)
+    return True
 
 
 @addressed_with_memory
@@ -63,7 +78,11 @@ def allowed_rates(p, w, z, v, impulse, rhs):  # type: ignore[no-untyped-def]
     motion = np.zeros(len(rhs))
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
+    if p.sided:
+        calls.leave_supported(p.calls, (p, w, z))
     constraint_matrix(p, w)
+    factors = w.A.copy()
+    regular = factored_constraints(p, w, factors)
     rhs[:] = 0.0
     if p.patched:
         rates_of_constraints(p, w.d, w.v, w.amps, velocity, acceleration)
@@ -74,8 +93,6 @@ def allowed_rates(p, w, z, v, impulse, rhs):  # type: ignore[no-untyped-def]
                 rhs[i] = -velocity[p.full[i]] - w.y[i] - motion[i]
     for i in range(len(rhs)):
         rhs[i] += impulse[i]
-    factors = w.A.copy()
-    regular = calls.factor(p.calls, (p, factors, w.y))
     if regular:
         calls.solve(p.calls, (p, factors, rhs))
     return regular, factors
@@ -128,6 +145,7 @@ def consistent(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
 def gap_rates(p, w, z, v, a, g, rate, second):  # type: ignore[no-untyped-def]
     """Fill the gaps, their rates and second rates (items,) of items that are held closed at z; w.amps as there."""
     velocity, acceleration, y = np.zeros(len(w.d)), np.zeros(len(w.d)), np.zeros(len(z))
+    calls.leave_supported(p.calls, (p, w, z))
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
     w.other[:] = 0.0

@@ -2,20 +2,34 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from ...elements.contact_geometry import BY_CHOICE, CLOSED, CLOSES, FRICTION, HELD, SLIDES
+from ...elements.contact_geometry import (
+    AT_HOME,
+    BY_CHOICE,
+    CLOSED,
+    CLOSES,
+    FREE,
+    FRICTION,
+    HELD,
+    SLIDES,
+    SUPPORTED,
+)
 from .. import calls
 from ..compiled_laws import call_forces
-from ..lowlevel.jit import addressed_with_memory, inner, seldom
+from ..lowlevel.jit import addressed, addressed_with_memory, inner, inner_with_memory, seldom
 from ..patches import face_bodies
-from ..points import amplitude_of, fields_of_item, rests
+from ..points import amplitude_of, coordinates_of_item, evaluate_at, fields_of_item, rests, weights_of_item, work_arrays
 from .dynamics import signals_at, to_full
 
 # of Coulomb's limit: points that bear more slide
 AT_LIMIT = 0.999
 # fields of a contact at most
 FIELDS = 100
+# of a displacement: gaps that change by less are held by supports; of the extent: what counts as no gap there
+MOVES, INTO = 1e-5, 1e-8
 
 
 @addressed_with_memory
@@ -37,6 +51,104 @@ def point_sides(points, d, v, amps, out):  # type: ignore[no-untyped-def]
                                            C))
             # of those that are open, the multiplier is 0
             out[points.multiplier[i]] = 1.0 if H[m - 1, m - 1] == 0.0 else 0.0
+
+
+@inner
+def _has_supports(p, i):  # type: ignore[no-untyped-def]
+    """Return whether supports and joints have coordinates of item i, a point of contact without a law."""
+    found = False
+    if p.points.mem[i, FREE] == AT_HOME:
+        dofs, _ = coordinates_of_item(p.points, i)
+        for c in range(len(dofs)):
+            found |= p.place[dofs[c]] < 0
+    return found
+
+
+@inner_with_memory
+def _moves(p, i, row):  # type: ignore[no-untyped-def]
+    """Return whether unknowns change a gap with the gradient ``row`` (fields,) by the fields of item i."""
+    dofs, _ = coordinates_of_item(p.points, i)
+    G, out = weights_of_item(p.points, i), np.zeros(len(p.weights))
+    for c in range(len(dofs)):
+        x, k = 0.0, p.place[dofs[c]]
+        for q in range(len(row)):
+            x += G[c, q] * row[q]
+        if k >= 0:
+            out[k] += x
+        elif k < -1:
+            for j in range(p.indptr[-2 - k], p.indptr[-1 - k]):
+                out[p.index[j]] += p.value[j] * x
+    moves = False
+    for k in range(len(out)):
+        moves |= abs(out[k]) > MOVES * p.weights[k]
+    return moves
+
+
+@inner
+def _closed_at(p, w, i, arrays):  # type: ignore[no-untyped-def]
+    """Fill the work ``arrays`` of ``points`` with what item i does at w.d where it is closed and nothing presses it."""
+    u, v, a, f, H, C = arrays
+    held, free, k = p.points.mem[i, HELD], p.points.mem[i, FREE], p.points.multiplier[i]
+    p.points.mem[i, HELD], p.points.mem[i, FREE] = CLOSED, AT_HOME
+    force, w.d[k] = w.d[k], 0.0
+    v[:] = 0.0
+    evaluate_at(p.points, i, w.d, w.amps, u, v, a, f, H, C)
+    p.points.mem[i, HELD], p.points.mem[i, FREE], w.d[k] = held, free, force
+
+
+@addressed_with_memory
+@seldom
+def leave_supported(p, w, z):  # type: ignore[no-untyped-def]
+    """Leave points out of use whose gap no unknown changes at z, with the signals in w.amps: supports bear them.
+
+    All others that were left out are in use again. Bodies are opposite to what they were in the last forces.
+    """
+    arrays, placed = work_arrays(p.points), False
+    for i in range(len(p.points.mem)):
+        if not p.points.restitution[i] >= 0.0:
+            continue
+        if p.points.mem[i, FREE] == SUPPORTED:
+            p.points.mem[i, FREE] = AT_HOME
+        if not _has_supports(p, i) or rests(p.points, i):
+            continue
+        if not placed:
+            to_full(p, z, w.amps, 0, w.d)
+            placed = True
+        _closed_at(p, w, i, arrays)
+        m = p.points.field[i + 1] - p.points.field[i]
+        if not _moves(p, i, arrays[4][(m - 1) * m:m * m - 1]):
+            p.points.mem[i, FREE] = SUPPORTED
+
+
+@addressed
+@seldom
+def leave_dependent(p, w):  # type: ignore[no-untyped-def]
+    """Leave a point out of use where the factors of a matrix end at its multiplier, as w.y tells; return whether so.
+
+    Its gap follows from what other points, supports and joints hold.
+    """
+    for i in range(len(p.points.mem)):
+        if p.points.restitution[i] >= 0.0 and p.place[p.points.multiplier[i]] == w.y[0]:
+            p.points.mem[i, FREE] = SUPPORTED
+            return True
+    return False
+
+
+@addressed_with_memory
+@seldom
+def into_supports(p, w, z):  # type: ignore[no-untyped-def]
+    """Return whether a point that was left out of use is in what it touches at z, with the signals in w.amps."""
+    arrays, faced = work_arrays(p.points), False
+    for i in range(len(p.points.mem)):
+        if p.points.restitution[i] >= 0.0 and p.points.mem[i, FREE] == SUPPORTED:
+            if not faced:
+                to_full(p, z, w.amps, 0, w.d)
+                face_bodies(p, w.d)
+                faced = True
+            _closed_at(p, w, i, arrays)
+            if arrays[3][p.points.field[i + 1] - p.points.field[i] - 1] < -INTO * p.extent:
+                return True
+    return False
 
 
 @inner
@@ -167,3 +279,10 @@ def turned_back(p, m, h):  # type: ignore[no-untyped-def]
             if rate0 * rate1 < 0.0:
                 largest = max(largest, 0.25 * h * min(abs(rate0), abs(rate1)))
     return largest
+
+
+def supported_functions(problem: Any) -> dict[Any, tuple[Any, ...]]:
+    """Return the functions of points that supports hold, as the table of a model with contacts without a law has them.
+    """
+    return {calls.leave_supported: (leave_supported, problem), calls.leave_dependent: (leave_dependent, problem),
+            calls.into_supports: (into_supports, problem)}

@@ -306,7 +306,8 @@ def _with_border(factor_inner: Any, solve_inner: Any, kind: str) -> tuple[Any, A
 
 
 def _factor_band(p, A, scale):  # type: ignore[no-untyped-def]
-    return ldl_factor(band_of(p, A), TINY, scale)[0] < 0
+    scale[0] = ldl_factor(band_of(p, A), TINY, scale)[0]
+    return scale[0].real < 0.0
 
 
 def _solve_band(p, A, x):  # type: ignore[no-untyped-def]
@@ -314,7 +315,8 @@ def _solve_band(p, A, x):  # type: ignore[no-untyped-def]
 
 
 def _factor_fronts(p, A, scale):  # type: ignore[no-untyped-def]
-    return fronts_factor(p.fronts, A, TINY, scale)[0] < 0
+    scale[0] = fronts_factor(p.fronts, A, TINY, scale)[0]
+    return scale[0].real < 0.0
 
 
 def _solve_fronts(p, A, x):  # type: ignore[no-untyped-def]

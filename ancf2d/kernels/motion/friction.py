@@ -21,7 +21,7 @@ from ..compiled_laws import call_accept, call_forces
 from ..lowlevel.arrays import copy, copy_rows
 from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, seldom
 from ..points import add_to, amplitude_of, fields_of_item, rates_of_item
-from .consistent import allowed_rates, constraint_matrix, gap_rates
+from .consistent import allowed_rates, constraint_matrix, factored_constraints, gap_rates
 from .dynamics import to_full, to_unknowns
 
 # of the largest rate: places that pass slower than this are at rest; of the extent: way that rates are compared along
@@ -204,7 +204,7 @@ def approach_freely(p, w, s, end, how, share, approach):  # type: ignore[no-unty
     constraint_matrix(p, w)
     for k in range(n):
         acts[k] *= share * p.coordinate[k]
-    if calls.factor(p.calls, (p, w.A, w.y)):
+    if factored_constraints(p, w, w.A):
         calls.solve(p.calls, (p, w.A, acts))
         for k in range(n):
             free[k] = (end.v[k] + acts[k]) * p.coordinate[k]
@@ -266,7 +266,7 @@ def drag(p, w, z, v, a, how):  # type: ignore[no-untyped-def]
     _second_rates(p, w, z, v, a, items, second)
     constraint_matrix(p, w)
     factors = w.A.copy()
-    if not calls.factor(p.calls, (p, factors, w.y)):
+    if not factored_constraints(p, w, factors):
         return
     _answer(p, w, factors, items, rate, slips, answers, W, P)
     fastest = 0.0

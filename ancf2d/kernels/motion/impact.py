@@ -30,8 +30,16 @@ from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, kernel_with_memory, seldom
 from ..passages import tunnels
 from ..patches import face_bodies, rates_of_constraints
-from .consistent import consistent, gap_rates
-from .contact_steps import closes, friction_forces, go_straight, let_choose, on_the_way, point_sides
+from .consistent import consistent, factored_constraints, gap_rates
+from .contact_steps import (
+    closes,
+    friction_forces,
+    go_straight,
+    let_choose,
+    on_the_way,
+    point_sides,
+    supported_functions,
+)
 from .dynamics import signals_at, to_full
 from .friction import approach_freely, drag, point_friction, point_slip, rub, rubs, take_hold
 from .state import BACKWARD, GIVEN, NEXT
@@ -280,7 +288,7 @@ def _given(p, w, end, t, touched, approach, pushed):  # type: ignore[no-untyped-
         if touched[i] == CLOSED:
             k = p.place[p.points.multiplier[i]]
             rhs[k] = rate[i] - approach[k]
-    if not calls.factor(p.calls, (p, w.A, w.y)):
+    if not factored_constraints(p, w, w.A):
         return np.inf
     calls.solve(p.calls, (p, w.A, rhs))
     for i in range(n):
@@ -377,6 +385,7 @@ def impact_functions(contacts: Any, sided: bool, problem: Any) -> dict[Any, tupl
     out: dict[Any, tuple[Any, ...]] = {calls.tunnels: (tunnels, problem)} if contacts else {}
     if sided:
         points = problem.place["points"][1]
+        out |= supported_functions(problem)
         out |= {calls.point_sides: (point_sides, points), calls.consistent: (consistent, problem),
                 calls.behind: (behind, problem), calls.impact: (impact, problem),
                 calls.make_consistent: (make_consistent, problem),

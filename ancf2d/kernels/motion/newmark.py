@@ -14,7 +14,7 @@ from .contact_steps import let_rub, lost_to_friction, to_limits, turned_back
 from .dynamics import add_mass, factor, norm, remember, residual, settled, signals_at, solve_with
 from .feedback import weigh_state
 from .friction import rubs
-from .state import BACKWARD, CONTRACTION, DONE, FRESH, NOT_CONVERGED, NOT_FINITE, RUBBED, SINGULAR
+from .state import BACKWARD, CONTRACTION, DONE, FRESH, INTO_SUPPORTS, NOT_CONVERGED, NOT_FINITE, RUBBED, SINGULAR
 from .step_control import enough
 
 # iterations that a tangent with its factors costs: where the last one would take more of them, there is a new one
@@ -184,6 +184,20 @@ def _go_to(m, p, s, h, share):  # type: ignore[no-untyped-def]
 
 
 @inner
+def _factored(p, w, end, ca, cv):  # type: ignore[no-untyped-def]
+    """Fill w.A with the factors of the tangent at the end of a step; return whether it has some."""
+    if p.sided:
+        calls.leave_supported(p.calls, (p, w, end.z))
+    while True:
+        calls.forces_tangent(p.calls, (p, w, end.z, end.v, cv))
+        add_mass(p, ca + p.alpha * cv, w.A)
+        if factor(p, w, w.A):
+            return True
+        if not p.sided or not calls.leave_dependent(p.calls, (p, w)):
+            return False
+
+
+@inner
 def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
     """Find the end of the step by Newton's method from what it is; return (outcome, iterations, contraction)."""
     n, end = len(m.alg), m.end
@@ -194,9 +208,7 @@ def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
     _move(m, p, s, h)
     while True:
         if iteration == 0 or m.full or p.sided or _left(last, rate, wanted) > MAKING:
-            calls.forces_tangent(p.calls, (p, w, end.z, end.v, cv))
-            add_mass(p, ca + p.alpha * cv, w.A)
-            if not factor(p, w, w.A):
+            if not _factored(p, w, end, ca, cv):
                 return SINGULAR, iteration + 1, rate
         else:
             calls.forces(p.calls, (p, w, end.z, end.v))
@@ -225,6 +237,8 @@ def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
         # which constraints are open is found on the way: the first increments need not shrink
         if iteration >= m.max_iterations or (rate > 2.0 and iteration > 2 and not p.sided):
             return NOT_CONVERGED, iteration, rate
+    if p.sided and calls.into_supports(p.calls, (p, w, end.z)):
+        return INTO_SUPPORTS, iteration, rate
     return DONE, iteration, rate
 
 

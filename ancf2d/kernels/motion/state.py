@@ -34,8 +34,9 @@ NUMBERS = 28
 _turn = inner(turn)
 # increments of Newton's method that are kept for messages
 HISTORY = 64
-# what a step answers; SWITCHES: that it has to be made anew, shorter or by another method, as NEXT tells
-DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SWITCHES, UNBOUNDED = range(6)
+# what a step answers; SWITCHES: that it has to be made anew, shorter or by another method, as NEXT tells;
+# INTO_SUPPORTS: that a point whose gap supports and other points hold would be in what it touches
+DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SWITCHES, UNBOUNDED, INTO_SUPPORTS = range(7)
 
 
 class Motion(NamedTuple):

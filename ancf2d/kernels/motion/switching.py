@@ -30,6 +30,7 @@ from .state import (
     EULER,
     FRESH,
     HELD_STEP,
+    INTO_SUPPORTS,
     LAST,
     NEXT,
     OLD_STEP,
@@ -223,6 +224,8 @@ def switched_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
         outcome, iterations, error, rate = calls.euler_step(own.calls, (p, w, s, own.euler, t, h))
         go_straight(own.end, s)
         return outcome, iterations, error, rate
+    signals_at(p, t, w.amps)
+    calls.leave_supported(p.calls, (p, w, s.z))
     closes = _hold(p, s, own.held)
     outcome, iterations, error, rate = calls.radau_step(own.calls, (p, w, s, own.radau, t, h))
     if outcome != DONE:
@@ -234,6 +237,8 @@ def switched_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
         fine = own.tolerance == 0.0 or error <= own.tolerance * max(s.numbers[SIZE], norm(p, own.end.z))
         if fine and _switches(p, w, s, own, t, h):
             outcome = SWITCHES
+        elif calls.into_supports(p.calls, (p, w, own.end.z)):
+            outcome = INTO_SUPPORTS
     let_choose(p)
     return outcome, iterations, error, rate
 

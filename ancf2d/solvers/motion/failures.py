@@ -6,9 +6,21 @@ from typing import Any
 
 import numpy as np
 
+from ...elements.contact_geometry import FREE, SUPPORTED
 from ...errors import ComputationError
+from ...interactions.contact import ContactPoint
 from ...interactions.prismatic import OnAxis
-from ...kernels.motion.state import COUNT, NOT_FINITE, OLD_STEP, SINGULAR, STEP_SIZE, UNBOUNDED, evaluate, fill_full
+from ...kernels.motion.state import (
+    COUNT,
+    INTO_SUPPORTS,
+    NOT_FINITE,
+    OLD_STEP,
+    SINGULAR,
+    STEP_SIZE,
+    UNBOUNDED,
+    evaluate,
+    fill_full,
+)
 from ...kernels.sliding import sliding_check
 from ...model.point_patch import check_facing
 from ..state import Row
@@ -64,12 +76,27 @@ def failure(motion: Any, outcome: int) -> ComputationError:
             f"the motion grows without bound: {how}", at=at,
             advice="look at what feeds it: a controller or a load that answers the motion and makes it unstable, or "
             "constants that are far too large")
+    if outcome == INTO_SUPPORTS:
+        return _blocked(motion, at)
     reason = {NOT_FINITE: "the forces are no longer finite",
               SINGULAR: "the matrix of a step is singular"}.get(outcome, "Newton's method did not converge")
     return ComputationError(
         f"{reason}, however small the step", at=at, history=[float(x) for x in motion.w.history if x != 0.0],
         advice="look at the last states: an element may be inverted, or the mechanism may be in a singular position. "
         "Smaller steps before it, or a smaller tolerance, may help")
+
+
+def _blocked(motion: Any, at: dict[str, Any]) -> ComputationError:
+    """Return what to say where supports or joints hold a body in what it touches."""
+    model, mem = motion.model, motion.p.points.mem
+    found = [p for p, rows in zip(model.interactions.points, model.interactions.rows, strict=True)
+             if isinstance(p, ContactPoint) and (mem[rows, FREE] == SUPPORTED).any()]
+    at.pop("coordinate", None)
+    into = [f"{p.pair.body} into {p.pair.other} at S = {p.pair.s[p.number]:.4g}" for p in found]
+    who = " or ".join(dict.fromkeys(into))
+    return ComputationError(
+        f"supports or joints press {who}, and nothing can give way", at=at,
+        advice="change what moves them, leave a gap, hold the body by springs, or give the contact a law")
 
 
 def stuck(motion: Any, message: str | None) -> ComputationError:

@@ -116,6 +116,9 @@ def _undamped(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refus
     if scheme.scipy is not None or scheme.conserves or not model.constraints:
         return
     why = f"makes the constraint forces of {_constrained(model)} grow from step to step"
+    if not scheme.damps and any(pair.hard for pair in model.contacts):
+        # contact refuses it, and tells what it can be had with
+        return
     if not scheme.damps:
         turns = all(c.holds in ("rotation", TURNED) for c in model.constraints)
         types = ", or elements with the coordinate theta, such as reissner3" if turns else ""

@@ -22,7 +22,7 @@ from ...model.points import PointRef
 from ...model.rotation import Rotation
 from ..linear import GeneralSparse
 from ..post import place
-from ..system import Balance, System
+from ..system import UNIT_ROUNDOFF, Balance, System
 from .newton import at_floor, balanced, check_divergence, check_sound, has_converged
 
 # where elements remember, iterations after which steps are shortened, and to what: where sections that yield meet, full
@@ -240,7 +240,9 @@ class Curve:
             if stalled and at_floor(balance.R, system.noise(d, t)):
                 return Found(d, t, iteration, increments[-1], min(increments[-2:]))
             d, t = self.model.displacements(d[num.free] + z, t + dt), t + dt
-            if (has_converged(increments, system.norm(d[num.free]), self.tolerance)
+            # what rests on obstacles may not move at all
+            rests = bool(self.model.contacts) and max(increments[-2:]) <= UNIT_ROUNDOFF * self.model.extent
+            if ((rests or has_converged(increments, system.norm(d[num.free]), self.tolerance))
                     and balanced(system, system.forces(d, t), d, t)):
                 return Found(d, t, iteration, increments[-1], 0.0)
         raise ComputationError(f"Newton's method did not converge in {self.max_iterations} iterations", at=at,

@@ -9,15 +9,19 @@ way of a step, the potential falls in it, and so the way ends in a minimum, whic
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 
 from ...elements.shape import Array
 from ...errors import ComputationError, SingularTangentError
 from ...model.model import Model
+from ..active_set import ROUNDS, begin, exchange
+from ..contact import check_crossed, memory, recall
 from ..linear import assemble_mass, make_matrix
 from ..state import State
-from ..system import STILL, System
+from ..system import STILL, Balance, System
 from ..threads import largest
 from .newton import NewtonResult, check_sound, negative_pivots, newton, state_of
 
@@ -72,6 +76,26 @@ def hanging(system: System, d: Array, factors: tuple[float, float], tolerance: f
     return state_of(system, result, t, relaxation.steps, relaxation.failures, warnings)
 
 
+class _Medium:
+    """A system in a thick medium, as it is seen in a step from z0 (n_unknowns,) with ``rate`` [1/s^2] the 1/h of it."""
+
+    def __init__(self, system: System, M: Array, z0: Array, rate: float) -> None:
+        self.system, self.M, self.z0, self.rate = system, M, z0, rate
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what the system itself has."""
+        return getattr(self.system, name)
+
+    def assemble(self, d: Array, t: float) -> Balance:
+        """Return the residual R(z) + M (z - z0)/h, and fill the tangent."""
+        system = self.system
+        balance = system.assemble(d, t)
+        z = d[system.model.numbering.where]
+        R = balance.R + self.rate * system.matrix.product(self.M, z - self.z0)
+        system.matrix.values[...] += self.rate * self.M
+        return replace(balance, R=R)
+
+
 class _Relaxation:
     """A model in a thick medium; ``d`` (n_full,) is where it is, ``h`` [s^2] the length of the next step."""
 
@@ -84,6 +108,8 @@ class _Relaxation:
         assemble_mass(self.model, mass)
         self.M: Array = mass.target.values
         self.start = self.d = d
+        self.hard = any(pair.hard for pair in self.model.contacts)
+        begin(system, d, factors[0])
         g = max((float(np.hypot(*load.acceleration)) for load in self.model.case.loads
                  if load.acceleration is not None), default=0.0)
         self.extent = self.model.extent
@@ -125,9 +151,10 @@ class _Relaxation:
                 self.pushed = result.negative_pivots
             self.left = result.d
             self._push()
+        touch = "contacts with a law, or a motion with damping (type: dynamic); " if self.hard else ""
         raise ComputationError("the model does not come to rest under its weight", at={"steps": self.steps},
-                               advice="supports or joints for all parts that can move without limit, or gravity on all "
-                               "parts that can move")
+                               advice=f"{touch}supports or joints for all parts that can move without limit, or "
+                               "gravity on all parts that can move")
 
     def _close(self, d: Array | None, share: float) -> bool:
         return d is not None and self.system.distance(self.d, d) <= share * self.extent
@@ -157,16 +184,33 @@ class _Relaxation:
             return moved
 
     def _step(self, t: float) -> tuple[Array, int]:
-        """Return the end of a step, R(z) + M (z - z0)/h = 0, and its iterations. Raises ComputationError."""
-        system, num, rate = self.system, self.model.numbering, 1.0 / self.h
-        at = {"factor": float(f"{t:.6g}")}
-        z0 = self.d[num.where].copy()
-        z, d = z0.copy(), self.model.displacements(z0, t)
+        """Return the end of a step, R(z) + M (z - z0)/h = 0, and its iterations, with no body in what it touches.
+
+        Raises ComputationError.
+        """
+        kept, iterations, left = memory(self.model), 0, set[Any]()
+        z0 = self.d[self.model.numbering.where].copy()
+        medium = _Medium(self.system, self.M, z0, 1.0 / self.h)
+        d = self.model.displacements(z0, t)
+        try:
+            for _ in range(ROUNDS if self.hard else 1):
+                d, count = self._balance(medium, d, t)
+                iterations = max(iterations, count)
+                if not self.hard or not exchange(cast(System, medium), d, t, left)[0]:
+                    check_crossed(self.model, d, self.d, t)
+                    return d, iterations
+            raise ComputationError("the contact points were not found", at={"factor": float(f"{t:.6g}")})
+        except ComputationError:
+            recall(self.model, kept)
+            raise
+
+    def _balance(self, medium: _Medium, d: Array, t: float) -> tuple[Array, int]:
+        """Return the balance in a medium next to d (n_full,), and the iterations to it. Raises ComputationError."""
+        system, num = self.system, self.model.numbering
+        at, z0, z = {"factor": float(f"{t:.6g}")}, medium.z0, d[num.where].copy()
         sizes: list[float] = []
         for iteration in range(1, MOST_ITERATIONS + 1):
-            balance = system.assemble(d, t)
-            R = balance.R + rate * system.matrix.product(self.M, z - z0)
-            system.matrix.values[...] += rate * self.M
+            R = medium.assemble(d, t).R
             pivots = system.factor(at)
             self.iterations += 1
             if self.checked and pivots.negative > num.n_multipliers and system.knows_inertia:

@@ -263,6 +263,8 @@ class Follower:
         f = error.failure
         advice = ("method: arc_length if the path snaps back, else another quantity"
                   if self.controlled else "more iterations, or a finer mesh")
+        if self.model.contacts:
+            advice = f"method: newton, whose load steps open and close contacts; {advice}"
         if self.model.hinges:
             advice = ("plastic hinges have no stiffness and must not rotate far within one element: hardening of 1e-4 "
                       f"E, more elements, or an earlier end of the path; {advice}")

@@ -22,6 +22,8 @@ FIRST_MOVE = 0.01
 FIRST_BLIND_MOVE = 1e-6
 # what is left of a way by round-off
 END = 1e-12
+# displacements beside the extent that are round-off, where bodies rest on what they touch
+REST = 1e-12
 
 Scale = Callable[[Array, Array], float]
 
@@ -66,6 +68,9 @@ class ArcSteps:
         forward = -1.0 if isinstance(goal, FactorGoal) and goal.value < start.t else 1.0
         self.start = curve.point(start, 0.0, lambda d, by_load: forward)
         curve.metric.load = curve.metric.dot((self.start.z, 0.0), (self.start.z, 0.0))
+        if curve.model.contacts and not self._moves(curve.metric.load):
+            # what rests on obstacles may move later on
+            curve.metric.load = curve.model.extent**2
         if curve.metric.load == 0.0:
             raise ComputationError("nothing moves as the load factor grows", at={"factor": float(f"{start.t:.6g}")},
                                    advice="a load or prescribed motion without an amplitude, which the load factor "
@@ -93,8 +98,13 @@ class ArcSteps:
         share = FIRST_MOVE if self.curve.model.symmetric else FIRST_BLIND_MOVE
         return min(largest, self._moving(self.start, share))
 
+    def _moves(self, square: float) -> bool:
+        """Return whether the square of a displacement is more than round-off."""
+        return square > (REST * self.curve.model.extent)**2
+
     def _moving(self, a: PathPoint, share: float) -> float:
-        return share * self.curve.model.extent / self.curve.system.norm(a.z)
+        size = self.curve.system.norm(a.z)
+        return share * self.curve.model.extent / size if size > 0.0 else np.inf
 
     def largest(self, a: PathPoint) -> float:
         """Return the largest step that moves no point too far and resolves the way to the goal."""
@@ -110,7 +120,7 @@ class ArcSteps:
         metric = self.curve.metric
         dz = a.d[self.curve.model.numbering.free] - self.origin
         self.moved, self.loaded = max(self.moved, metric.dot((dz, 0.0), (dz, 0.0))), max(self.loaded, a.t**2)
-        if self.moved > 0 and self.loaded > 0:
+        if self.moved > 0 and self.loaded > 0 and (self._moves(self.moved) or not self.curve.model.contacts):
             metric.load = self.moved / self.loaded
         unit = metric.norm(a.tangent)
         a.z, a.rate = a.z / unit, a.rate / unit

@@ -1,0 +1,88 @@
+"""Statics that begin with bodies that touch, or that nothing holds before they touch."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ancf2d
+from ancf2d.errors import ComputationError
+
+
+def scene(kind: str, method: str, gap: float = 0.0, force: float = 0.0, hold: str = "clamp",
+          **contact: Any) -> dict[str, Any]:
+    """Return a heavy strip over a floor, with a force at its end."""
+    supports = {"clamp": {"type": "clamp", "at": "strip@0"}, "x": {"type": "roller", "at": "strip@0.5", "fixed": "x"}}
+    return {"format": 1, "bodies": {"strip": {
+                "geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
+                "section": {"height": 0.02, "width": 0.05}, "material": {"E": 1e7, "nu": 0.3, "rho": 1000},
+                "element": {"type": kind, "count": 8}}},
+            "boundary_conditions": [supports[hold]], "solver": {"type": "static", "method": method},
+            "loads": [{"type": "gravity", "value": [0, -9.81]},
+                      {"type": "force", "at": "strip@1", "value": [0, force]}],
+            "obstacles": {"floor": {"type": "half_plane", "through": [0, -gap], "normal": [0, 1]}},
+            "contacts": [{"between": ["strip", "floor"], "side": "axis", **contact}],
+            "output": {"probes": {"tip": "strip@1"}}}
+
+
+def tip(case: dict[str, Any]) -> float:
+    return float(ancf2d.solve(case).summary["probes"]["tip"]["uy"])
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-6])
+@pytest.mark.parametrize("kind", ["cable", "reissner3"])
+def test_a_path_begins_where_nothing_moves_yet(kind: str, gap: float) -> None:
+    """The force lifts the end from the first step on, but all displacements may be round-off before."""
+    assert tip(scene(kind, "arc_length", gap)) == pytest.approx(-gap, abs=1e-12)
+    # points that stay where they are, as on paths: docs/contact.md
+    assert tip(scene(kind, "arc_length", gap, 2.0)) == pytest.approx(tip(scene(kind, "newton", gap, 2.0)), rel=3e-2)
+
+
+@pytest.mark.parametrize("kind", ["cable", "reissner3"])
+def test_a_path_goes_on_where_all_that_moved_is_pressed_down(kind: str) -> None:
+    """Nothing moves any more with the load factor, so no step would move a point too far."""
+    case = scene(kind, "arc_length", 1e-6, -1.0)
+    del case["loads"][0]
+    assert tip(case) == pytest.approx(-1e-6, rel=1e-9)
+
+
+@pytest.mark.parametrize("law", [{}, {"law": {"stiffness": 1e6}}])
+@pytest.mark.parametrize("method", ["newton", "arc_length"])
+def test_what_nothing_holds_before_it_touches_is_told(method: str, law: dict[str, Any]) -> None:
+    case = scene("reissner3", method, 1e-3, hold="x", **law)
+    with pytest.raises(ComputationError, match="contacts hold a body only while they press") as error:
+        ancf2d.solve(case)
+    assert "weak spring" in error.value.failure.advice
+    # what is advised helps
+    case["springs"] = [{"type": "translational", "between": [f"strip@{s}", [s, 1.0]], "stiffness": 1e-2}
+                       for s in (0, 1)]
+    depth = 9.81 / 1e6 if law else 0.0
+    found = ancf2d.solve(case)
+    assert np.abs(found.summary["probes"]["tip"]["uy"] + 1e-3 + depth) < 1e-7
+
+
+def test_a_soft_ring_sinks_to_the_floor_and_not_through_it() -> None:
+    """It collapses under its weight, far from any path of equilibria, and comes to lie on what is under it."""
+    R, height, width, rho = 0.234, 0.01, 0.05, 1000.0
+    piece = {"arc": R, "angle": np.pi}
+    case = {"format": 1, "bodies": {"ring": {
+                "geometry": {"type": "path", "start": [0, 0.147], "heading": 0, "closed": True,
+                             "pieces": [piece, dict(piece)]},
+                "section": {"height": height, "width": width}, "material": {"E": 3.3e5, "nu": 0.3, "rho": rho},
+                "element": {"type": "cable", "count": 8}}},
+            "boundary_conditions": [{"name": "wall", "type": "clamp", "at": "ring@0"}], "solver": {"type": "static"},
+            "loads": [{"type": "gravity", "value": [0, -9.81]}],
+            "obstacles": {"floor": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}},
+            "contacts": [{"between": ["ring", "floor"]}]}
+    found = ancf2d.solve(case)
+    pair = found.model.contacts[0]
+    home = [not spot.free for spot in pair.spots]
+    assert pair.gaps(found.d[-1], 1.0)[home].min() > -1e-8
+    floor, wall = found.reactions["floor"]["fy"], found.reactions["wall"]["fy"]
+    assert floor > 0.0
+    # the whole weight, of elements that are not quite arcs
+    weight = ancf2d.solve({**case, "obstacles": {}, "contacts": []}).reactions["wall"]["fy"]
+    assert weight == pytest.approx(rho * height * width * 2 * np.pi * R * 9.81, rel=1e-3)
+    assert floor + wall == pytest.approx(weight, rel=1e-6)

@@ -1,0 +1,124 @@
+"""Motions that begin or come to where supports, joints and other points hold the gap of a point already."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ancf2d
+from ancf2d.errors import ComputationError
+
+G, L, MASS, HEIGHT = 9.81, 1.0, 1.0, 0.02
+BEAM = {"section": {"height": HEIGHT, "width": 0.05}, "material": {"E": 1e7, "nu": 0.3, "rho": 1000}}
+METHODS = "generalized_alpha", "radau5"
+
+
+def body(kind: str, start: float = 0.0, y: float = 0.0, end: tuple[float, float] | None = None) -> dict[str, Any]:
+    """Return a body of the length L, from a place on."""
+    element = {"type": "rigid"} if kind == "rigid" else {"type": kind, "count": 4}
+    to = [start + L, y] if end is None else list(end)
+    return {"geometry": {"type": "line", "start": [start, y], "end": to}, "element": element, **BEAM}
+
+
+def scene(bodies: dict[str, Any], supports: list[dict[str, Any]], side: str, method: str,
+          **more: Any) -> dict[str, Any]:
+    """Return bodies under gravity that lie on a floor."""
+    return {"format": 1, "bodies": bodies, "boundary_conditions": supports,
+            "loads": [{"type": "gravity", "value": [0, -G]}],
+            "obstacles": {"floor": {"type": "half_plane", "normal": [0, 1],
+                                    "through": [0, 0 if side == "axis" else -HEIGHT / 2]}},
+            "contacts": [{"name": name, "between": [name, "floor"], "side": side} for name in bodies],
+            "solver": {"type": "dynamic", "t_end": 0.01, "dt": 0.002, "estimate": False, "method": method}, **more}
+
+
+def borne(solution: Any) -> float:
+    """Return the force along y of all supports and obstacles in the last state."""
+    return math.fsum(r["fy"] for r in solution.reactions.values())
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("side", ["axis", "surface"])
+@pytest.mark.parametrize("kind", ["cable", "reissner2", "rigid"])
+@pytest.mark.parametrize("support", [{"type": "pin", "at": "rod@0"}, {"type": "roller", "at": "rod@0", "fixed": "y"},
+                                     {"type": "pin", "at": "rod@0.5"}])
+def test_a_rod_lies_still_where_a_support_holds_it_on_the_floor(support, kind, side, method):
+    found = ancf2d.solve(scene({"rod": body(kind)}, [{"name": "held", **support}], side, method))
+    assert np.abs(found.d).max() < 1e-12 * L
+    assert borne(found) == pytest.approx(MASS * G, rel=1e-9)
+
+
+@pytest.mark.parametrize("joint", ["pin", "weld"])
+@pytest.mark.parametrize("kind", ["cable", "rigid"])
+@pytest.mark.parametrize("side", ["axis", "surface"])
+def test_bodies_lie_still_that_are_joined_where_both_touch(side, kind, joint):
+    found = ancf2d.solve(scene({"rod": body(kind), "other": body(kind, start=L)}, [], side, METHODS[0], joints=[
+        {"type": joint, "between": ["rod@1", "other@0"]}]))
+    assert np.abs(found.d).max() < 1e-12 * L
+    assert borne(found) == pytest.approx(2 * MASS * G, rel=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["reissner3", "rigid"])
+def test_a_body_lies_still_that_is_pinned_where_it_lies_on_another_one(kind):
+    case = scene({"rod": body(kind), "low": body("rigid", y=-HEIGHT)},
+                 [{"name": "held", "type": "pin", "at": "rod@0"}, {"name": "wall", "type": "clamp", "at": "low@0"}],
+                 "surface", METHODS[0])
+    found = ancf2d.solve({**case, "obstacles": {}, "contacts": [{"name": "lies", "between": ["rod", "low"]}]})
+    assert np.abs(found.d).max() < 1e-12 * L
+    # the clamp has the weight of its body and of what lies on it, the pin the rest
+    assert borne(found) == pytest.approx(2 * MASS * G, rel=1e-9)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("end", [0, 1])
+def test_either_end_of_a_rod_that_is_pinned_in_its_middle_bears_the_force_on_it(end, method):
+    """The gaps of both ends follow from one angle: while both touch, only one of them is a constraint."""
+    F = 7.0
+    case = scene({"rod": body("rigid")}, [{"name": "held", "type": "pin", "at": "rod@0.5"}], "surface", method)
+    case["loads"].append({"type": "force", "at": f"rod@{end}", "value": [0, -F]})
+    found = ancf2d.solve(case)
+    assert np.abs(found.d).max() < 1e-12 * L
+    assert found.reactions["floor"]["fy"] == pytest.approx(F, rel=1e-9)
+    assert found.reactions["held"]["fy"] == pytest.approx(MASS * G, rel=1e-9)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("side", ["axis", "surface"])
+def test_a_pinned_rod_that_falls_flat_onto_the_floor_lies_still(side, method):
+    """The lower corner at the pin comes down to the floor on a circle, with the whole of the lower face."""
+    angle = 0.05
+    case = scene({"rod": body("rigid", end=(L * math.cos(angle), L * math.sin(angle)))},
+                 [{"name": "held", "type": "pin", "at": "rod@0"}], side, method)
+    case["solver"]["t_end"] = 0.2
+    found = ancf2d.solve(case)
+    tip = found.e[-1] - found.e[0]
+    assert found.energies["potential"][-1] - found.energies["potential"][0] == pytest.approx(
+        -MASS * G * L / 2 * math.sin(angle), rel=1e-9)
+    assert np.abs(tip).max() == pytest.approx(L * math.sin(angle), rel=1e-9)
+    assert found.energies["kinetic"][-1] < 1e-12 * MASS * G * L
+    assert borne(found) == pytest.approx(MASS * G, rel=1e-6)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_rod_of_three_points_bounces_as_one_of_two(method):
+    """The gap of the middle follows from those of the ends."""
+    fall = 0.1
+    rod = {"geometry": {"type": "polyline", "points": [[0, fall], [L / 2, fall], [L, fall]]},
+           "element": {"type": "rigid"}, **BEAM}
+    case = scene({"rod": rod}, [], "axis", method)
+    case["contacts"][0]["restitution"] = 1.0
+    case["solver"] |= {"t_end": 1.5 * math.sqrt(2 * fall / G), "dt": 1e-3}
+    found = ancf2d.solve(case)
+    # up again for half of the time of the fall, from 0
+    assert found.d[-1].min() == pytest.approx(-0.25 * fall, abs=1e-2 * fall)
+    assert found.energies["dissipated"][-1] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_support_that_moves_into_the_floor_ends_the_motion_with_a_reason(method):
+    case = scene({"rod": body("rigid")}, [{"type": "prescribed", "at": "rod@0", "ux": 0, "uy": {
+        "type": "ramp", "scale": -0.05, "t0": 0, "t1": 0.2}}], "surface", method)
+    with pytest.raises(ComputationError, match="supports or joints press rod into floor at S = 0"):
+        ancf2d.solve(case)
