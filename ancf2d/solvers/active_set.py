@@ -40,6 +40,8 @@ SAME = 1e-9
 ROUNDS = 40
 # share of a gap's gradient that supports leave where it is more than round-off
 MOVES = 1e-9
+# squares of what is left of gradients beside others: that counts as nothing, and what stands for nothing
+DEPENDENT_ROWS, NO_PIVOT = 1e-8, 1e-14
 # times that points beside closed ones are closed, too, where a body would buckle between those
 GROWN = 3
 # compliance beside that of an element: what has no more is held by other points
@@ -50,27 +52,52 @@ def begin(system: System, d: Array, t: float) -> None:
     """Close the points of contact that touch in the first state d (n_full,), and open the others."""
     if system.accepted is None:
         system.accepted = d.copy(), t
+    new, rows = [], []
     for one in system.model.contact_tables:
         if one.pair.hard and any(p.mem[HELD] < 0.0 for p in one.points):
             gap, faces = one.gaps(d, t)
-            moves = _moves(system, *one.gradients(d, t)[:2])
+            reduced, moves = _reduced(system, *one.gradients(d, t)[:2])
             one.fixed = ~moves & ~one.free
             for k, (point, spot) in enumerate(zip(one.points, one.pair.spots, strict=True)):
                 touches = faces[k] and not spot.free and gap[k] <= point.par[TOUCH]
                 point.mem[HELD] = float(bool(touches and moves[k]))
-            if one.pair.item.friction:
-                hold(one, range(len(one.points)), d, (d, t), t)
+                if point.mem[HELD]:
+                    new.append(point)
+                    rows.append(reduced[k])
+    for point, needed in zip(new, _independent(rows), strict=True):
+        point.mem[HELD] = float(needed)
+    for one in system.model.contact_tables:
+        if new and one.pair.hard and one.pair.item.friction:
+            hold(one, range(len(one.points)), d, (d, t), t)
 
 
-def _moves(system: System, dofs: Any, rows: Array) -> Any:
-    """Return which gaps (m,) change with the unknowns at all, from gradients (m, n) by coordinates: supports may hold
-    what is next to an obstacle where it is."""
-    num, out = system.model.numbering, np.zeros(len(rows), dtype=bool)
+def _reduced(system: System, dofs: Any, rows: Array) -> tuple[Array, Any]:
+    """Return gradients of gaps (m, n_unknowns) from those (m, n) by coordinates, and which gaps (m,) change with the
+    unknowns at all: supports may hold what is next to an obstacle where it is."""
+    num = system.model.numbering
+    out, moves = np.zeros((len(rows), num.n_unknowns)), np.zeros(len(rows), dtype=bool)
     for k, (at, row) in enumerate(zip(dofs, rows, strict=True)):
         full = np.zeros(len(num.place))
         np.add.at(full, at, row)
-        out[k] = np.abs(num.reduce(full)).max(initial=0.0) > MOVES * np.abs(row).max(initial=0.0)
-    return out
+        out[k] = num.reduce(full)
+        moves[k] = np.abs(out[k]).max(initial=0.0) > MOVES * np.abs(row).max(initial=0.0)
+    return out, moves
+
+
+def _independent(rows: list[Array]) -> Any:
+    """Return which gaps (m,) do not follow from others, by their gradients (m, n_unknowns).
+
+    In the factors of a matrix that is positive semidefinite, pivots of rows that follow from those before are 0.
+    """
+    from scipy.sparse import csr_array, eye_array
+    from scipy.sparse.linalg import splu
+
+    if not rows:
+        return np.zeros(0, dtype=bool)
+    R = csr_array(np.array([row / np.linalg.norm(row) for row in rows]))
+    factors = splu((R @ R.T + NO_PIVOT * eye_array(len(rows))).tocsc(), permc_spec="MMD_AT_PLUS_A",
+                   diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    return np.abs(factors.U.diagonal())[factors.perm_c] > DEPENDENT_ROWS
 
 
 class _Spot(NamedTuple):

@@ -139,9 +139,11 @@ def _touch(model: Model, one: ContactTable, state: State) -> Touch:
 
 def check_pressed(model: Model, d: Array, at: dict[str, float]) -> None:
     """Raise ComputationError where bodies are pressed so deep into one another that contact may let them through."""
-    for told in filter(None, (pair.pressed_through(d) for pair in model.contacts)):
-        raise ComputationError(f"{told}, where contact may no longer hold it", at=at,
-                               advice="a stiffer law or none, smaller steps, or smaller loads")
+    for pair in model.contacts:
+        if told := pair.pressed_through(d):
+            law = "more elements where they touch" if pair.hard else "a stiffer law or none"
+            raise ComputationError(f"{told}, where contact may no longer hold it", at=at,
+                                   advice=f"{law}, smaller steps, or smaller loads")
 
 
 def check_crossed(model: Model, d: Array, last: Array, t: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 import numpy as np
@@ -86,3 +87,32 @@ def test_a_soft_ring_sinks_to_the_floor_and_not_through_it() -> None:
     weight = ancf2d.solve({**case, "obstacles": {}, "contacts": []}).reactions["wall"]["fy"]
     assert weight == pytest.approx(rho * height * width * 2 * np.pi * R * 9.81, rel=1e-3)
     assert floor + wall == pytest.approx(weight, rel=1e-6)
+
+
+LIFT, WEIGHT = 2.0, 9.81
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize("kind", ["cable", "reissner3", "vallejo"])
+def test_a_chain_lies_on_a_floor_that_its_joint_touches_twice(kind: str, friction: float) -> None:
+    """The ends that a pin joins have one gap between them. A lifted end rises by q a^4/(24 E I) where a = 2 F/q."""
+    case = scene(kind, "newton", force=LIFT, hold="x", friction=friction)
+    case["bodies"]["other"] = copy.deepcopy(case["bodies"]["strip"])
+    case["bodies"]["other"]["geometry"].update(start=[-1, 0], end=[0, 0])
+    case["contacts"].append({**case["contacts"][0], "between": ["other", "floor"]})
+    case["joints"] = [{"type": "pin", "between": ["strip@0", "other@1"]}]
+    solution = ancf2d.solve(case)
+    lifted, stiffness = 2.0 * LIFT / WEIGHT, 1e7 * 0.05 * 0.02**3 / 12.0
+    risen = WEIGHT * lifted**4 / (24.0 * stiffness)
+    assert solution.summary["probes"]["tip"]["uy"] == pytest.approx(risen, rel=0.03)
+    bears = sum(contact["force"][1] for contact in solution.summary["contacts"])
+    assert bears == pytest.approx(2.0 * WEIGHT - LIFT, rel=1e-9)
+
+
+def test_obstacles_at_one_place_bear_a_body_together() -> None:
+    case = scene("reissner3", "newton", force=LIFT)
+    case["obstacles"]["second"] = dict(case["obstacles"]["floor"])
+    case["contacts"].append({**case["contacts"][0], "between": ["strip", "second"]})
+    solution = ancf2d.solve(case)
+    bears = sum(contact["force"][1] for contact in solution.summary["contacts"])
+    assert bears + solution.summary["reactions"]["strip@0"]["fy"] == pytest.approx(WEIGHT - LIFT, rel=1e-9)
