@@ -24,7 +24,6 @@ from ..kernels.elements import natural_power, natural_slope, viscous_force
 from ..model.element_limits import thickness_excess
 from ..model.mesh import BodyMesh, Index
 from ..model.model import Model
-from .contact_fields import lying
 from .section_forces import SectionForces, has_section_forces, natural_rates, nodal_forces
 from .state import State
 from .system import System
@@ -102,10 +101,12 @@ class _Body:
 
         Elements that lie on something are left out: forces at their ends stand for the pressure along them.
         """
+        if not self.model.contacts:
+            return self._energies(state)
+        from .contact_fields import lying
+
         lies = lying(self.model, self.mesh, state)
-        if lies.any():
-            return self.but(np.flatnonzero(lies))._energies(state)
-        return self._energies(state)
+        return self.but(np.flatnonzero(lies))._energies(state) if lies.any() else self._energies(state)
 
     def _energies(self, state: State) -> tuple[float, float]:
         if not len(self.some):
