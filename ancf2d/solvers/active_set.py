@@ -40,8 +40,8 @@ SAME = 1e-9
 ROUNDS = 40
 # share of a gap's gradient that supports leave where it is more than round-off
 MOVES = 1e-9
-# squares of what is left of gradients beside others: that counts as nothing, and what stands for nothing
-DEPENDENT_ROWS, NO_PIVOT = 1e-8, 1e-14
+# of gradients of gaps: pivots up to which they depend on others, and what is added to pivots that may be 0
+DEPENDENT_GAPS, NO_PIVOT = 1e-8, 1e-14
 # times that points beside closed ones are closed, too, where a body would buckle between those
 GROWN = 3
 # compliance beside that of an element: what has no more is held by other points
@@ -52,52 +52,53 @@ def begin(system: System, d: Array, t: float) -> None:
     """Close the points of contact that touch in the first state d (n_full,), and open the others."""
     if system.accepted is None:
         system.accepted = d.copy(), t
-    new, rows = [], []
-    for one in system.model.contact_tables:
-        if one.pair.hard and any(p.mem[HELD] < 0.0 for p in one.points):
-            gap, faces = one.gaps(d, t)
-            reduced, moves = _reduced(system, *one.gradients(d, t)[:2])
-            one.fixed = ~moves & ~one.free
-            for k, (point, spot) in enumerate(zip(one.points, one.pair.spots, strict=True)):
-                touches = faces[k] and not spot.free and gap[k] <= point.par[TOUCH]
-                point.mem[HELD] = float(bool(touches and moves[k]))
-                if point.mem[HELD]:
-                    new.append(point)
-                    rows.append(reduced[k])
-    for point, needed in zip(new, _independent(rows), strict=True):
+    first = [one for one in system.model.contact_tables
+             if one.pair.hard and any(p.mem[HELD] < 0.0 for p in one.points)]
+    closed, rows = [], []
+    for one in first:
+        gap, faces = one.gaps(d, t)
+        dofs, gradients, _ = one.gradients(d, t)
+        moves = np.zeros(len(one.points), dtype=bool)
+        for k, (point, spot) in enumerate(zip(one.points, one.pair.spots, strict=True)):
+            row = _reduced(system, dofs[k], gradients[k])
+            # supports may hold what is next to an obstacle where it is
+            moves[k] = np.abs(row).max(initial=0.0) > MOVES * np.abs(gradients[k]).max(initial=0.0)
+            touches = faces[k] and not spot.free and gap[k] <= point.par[TOUCH]
+            point.mem[HELD] = float(bool(touches and moves[k]))
+            if point.mem[HELD]:
+                closed.append(point)
+                rows.append((row.nonzero()[0], row[row != 0.0] / np.linalg.norm(row)))
+        one.fixed = ~moves & ~one.free
+    for point, needed in zip(closed, _independent(rows), strict=True):
         point.mem[HELD] = float(needed)
-    for one in system.model.contact_tables:
-        if new and one.pair.hard and one.pair.item.friction:
+    for one in first:
+        if one.pair.item.friction:
             hold(one, range(len(one.points)), d, (d, t), t)
 
 
-def _reduced(system: System, dofs: Any, rows: Array) -> tuple[Array, Any]:
-    """Return gradients of gaps (m, n_unknowns) from those (m, n) by coordinates, and which gaps (m,) change with the
-    unknowns at all: supports may hold what is next to an obstacle where it is."""
+def _reduced(system: System, dofs: Any, gradient: Array) -> Array:
+    """Return the gradient (n_unknowns,) of a gap by the unknowns from that by its coordinates (n,)."""
     num = system.model.numbering
-    out, moves = np.zeros((len(rows), num.n_unknowns)), np.zeros(len(rows), dtype=bool)
-    for k, (at, row) in enumerate(zip(dofs, rows, strict=True)):
-        full = np.zeros(len(num.place))
-        np.add.at(full, at, row)
-        out[k] = num.reduce(full)
-        moves[k] = np.abs(out[k]).max(initial=0.0) > MOVES * np.abs(row).max(initial=0.0)
-    return out, moves
+    full = np.zeros(len(num.place))
+    np.add.at(full, dofs, gradient)
+    return num.reduce(full)
 
 
-def _independent(rows: list[Array]) -> Any:
-    """Return which gaps (m,) do not follow from others, by their gradients (m, n_unknowns).
+def _independent(rows: list[tuple[Any, Array]]) -> Any:
+    """Return which gaps (m,) do not follow from others, by the unknowns that change them and unit gradients.
 
-    In the factors of a matrix that is positive semidefinite, pivots of rows that follow from those before are 0.
+    The factors of R R^T + e I have pivots of about e for rows of R that depend on those before them.
     """
     from scipy.sparse import csr_array, eye_array
     from scipy.sparse.linalg import splu
 
     if not rows:
         return np.zeros(0, dtype=bool)
-    R = csr_array(np.array([row / np.linalg.norm(row) for row in rows]))
+    places, values = (np.concatenate(part) for part in zip(*rows, strict=True))
+    R = csr_array((values, places, np.cumsum([0, *(len(at) for at, _ in rows)])))
     factors = splu((R @ R.T + NO_PIVOT * eye_array(len(rows))).tocsc(), permc_spec="MMD_AT_PLUS_A",
                    diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    return np.abs(factors.U.diagonal())[factors.perm_c] > DEPENDENT_ROWS
+    return np.abs(factors.U.diagonal())[factors.perm_c] > DEPENDENT_GAPS
 
 
 class _Spot(NamedTuple):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
+from types import SimpleNamespace
 from typing import Any
 
 import helpers
@@ -13,7 +14,7 @@ from motions import ride, rigid
 import ancf2d
 from ancf2d.errors import CaseError, ComputationError
 from ancf2d.interactions.body_contact import BodyPair
-from ancf2d.solvers.contact import contact_report, touches
+from ancf2d.solvers.contact import check_pressed, contact_report, touches
 from ancf2d.solvers.fields import FieldReader
 from ancf2d.solvers.motion.schemes import method_problems
 
@@ -344,3 +345,12 @@ def test_bodies_do_not_pass_through_one_another_however_long_the_steps(velocity,
     _, rates, _ = found.full()
     assert helpers.dot(helpers.point_ref(found.model.meshes["two"], 0.5).position()[1], rates) < -1.0
     assert found.place("one@0.5")[1] > found.place("two@0.5")[1]
+
+
+@pytest.mark.parametrize(("hard", "advice"), [(True, "more elements"), (False, "a stiffer law or none")])
+def test_bodies_pressed_into_one_another_are_told_what_helps(hard: bool, advice: str) -> None:
+    """What has no law is not told to have none."""
+    pair = SimpleNamespace(hard=hard, pressed_through=lambda d: "a is 0.01 m deep in b")
+    with pytest.raises(ComputationError, match="where contact may no longer hold it") as found:
+        check_pressed(SimpleNamespace(contacts=[pair]), np.zeros(1), {"t": 0.1})
+    assert found.value.failure.advice.startswith(advice)

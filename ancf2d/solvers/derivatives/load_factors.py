@@ -17,8 +17,8 @@ from ..small_motions.lowest_modes import Pencil
 from ..small_motions.projected import Quadratic
 from ..small_motions.speeds import about_without_flow, set_speed, speed_change
 from ..state import State
+from ..statics.buckling import SMALL, response_size, response_state, tangent_rate
 from ..statics.buckling import STEP as STRETCH
-from ..statics.buckling import response_size, response_state, tangent_rate
 from .differences import Quotient, UnsuitedError, derivative
 from .onsets import Onset, Singular, times
 from .small_motions import BESIDE, EQUAL, SmallMotions, joined, null_vectors, parted, parts
@@ -27,9 +27,6 @@ from .varied_motions import Varied
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
-
-# half the difference in the load factor that rates are formed with
-SMALL = 1e-4
 
 
 class LinearResponse(OneByOne):
