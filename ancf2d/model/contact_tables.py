@@ -22,6 +22,7 @@ from ..elements.contact_geometry import (
     OWN,
     PLACE,
     SHEARS,
+    SLIDES,
     SLIDING,
     STANDING,
     UNUSED_OWN,
@@ -157,12 +158,14 @@ class ContactTable:
         gap, _, faces = self.stand(d, t)
         return gap, faces
 
-    def stand(self, d: Array, t: float) -> tuple[Array, Array, Any]:
+    def stand(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None = None) -> tuple[Array, Array, Any]:
         """Return the gap of each point (m,), where on the obstacle it is, and whether its face is the one that touches.
+
+        Points between others are where they stand, or ``at`` a place, as ``gradients``.
         """
         from ..kernels.contact import contact_gaps
 
-        table, amps = self.at(d, t)
+        table, amps = self._placed(d, t, at)
         n = len(table.forces)
         gap, along, faces = np.zeros(n), np.zeros(n), np.zeros(n, dtype=bool)
         contact_gaps(table, d, amps, gap, along, faces)
@@ -171,6 +174,10 @@ class ContactTable:
     def slip(self, k: int, now: Any, before: Any) -> float:
         """Return how far point k has slid on the obstacle from one place to another."""
         return float(slip(self.points[k].par, now, before))
+
+    def beside(self, place: Any, way: float) -> Any:
+        """Return the place on the obstacle this far from another one."""
+        return place + way
 
     def anchor(self, k: int, held: Any = None) -> Any:
         """Return the place that friction holds point k to; that it is ``held`` to from now on, if given."""
@@ -195,25 +202,44 @@ class ContactTable:
 
         Those between others are where they stand, or ``at`` a place z with the part of the obstacle opposite.
         """
-        from ..kernels.points import point_matrices
-
-        table, amps = self.at(d, t)
+        table, amps = self._placed(d, t, at)
         table.mem[:, HELD] = 1.0
+        dofs = table.dofs.reshape(len(table.forces), -1).copy()
+        # of gaps alone, without friction
+        Q = self._of_unit(table, d, amps, 1.0, 0.0)
+        return dofs[:, :-1], Q[:, :-1], Q[:, -1]
+
+    def slips(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None = None) -> Array:
+        """Return what the place on the obstacle changes by with the coordinates (m, n) of points, as ``gradients``."""
+        table, amps = self._placed(d, t, at)
+        table.mem[:, HELD], table.mem[:, SLIDES] = 1.0, 1.0
+        Q = self._of_unit(table, d, amps, -1.0, 0.0) - self._of_unit(table, d, amps, -1.0, 1.0)
+        return Q[:, :-1]
+
+    def _placed(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None) -> tuple[Record, Array]:
+        """Return the table and the amplitudes, with points ``at`` a place z of their element, as ``gradients``."""
+        table, amps = self.at(d, t)
         for k, (place, feature) in (at or {}).items():
             table.mem[k, PLACE], table.mem[k, FEATURE] = place, feature
             table.mem[k, FREE] = self.stands(k, feature)
-        self.turn_to(d)
-        dofs = table.dofs.reshape(len(table.forces), -1).copy()
-        unit = d.copy()
-        unit[dofs[:, -1]] = 1.0
-        m, n = dofs.shape
+        if at:
+            self.turn_to(d)
+        return table, amps
+
+    @staticmethod
+    def _of_unit(table: Record, d: Array, amps: Array, multiplier: float, friction: float) -> Array:
+        """Return the forces of elastic sign (m, n) of points with this multiplier, whose curves yield nothing."""
+        from ..kernels.points import point_matrices
+
+        m, unit = len(table.forces), d.copy()
+        unit[table.dofs.reshape(m, -1)[:, -1]] = multiplier
+        n = table.dofs.size // m
         energy, Q, K, C = np.zeros(m), np.zeros((m, n)), np.zeros((m, n, n)), np.zeros((m, n, n))
-        # of gaps alone, without friction and what the beam yields
         kept = table.par[:, [FRICTION, BENDS, SHEARS]]
-        table.par[:, [FRICTION, BENDS, SHEARS]] = 0.0
+        table.par[:, [FRICTION, BENDS, SHEARS]] = friction, 0.0, 0.0
         point_matrices(table, unit, np.zeros_like(d), amps, False, energy, Q, K, C)
         table.par[:, [FRICTION, BENDS, SHEARS]] = kept
-        return dofs[:, :-1], Q[:, :-1], Q[:, -1]
+        return Q
 
     def lean(self, d: Array, t: float) -> tuple[Array, Array]:
         """Return g_z and g_zz (m,) of points that stand between others."""
@@ -278,12 +304,12 @@ class BodyTable(ContactTable):
         joined, found = table.par[:, ORIGIN + JOINED], table.mem[:, FOUND]
         return np.array([beyond(*row) for row in zip(joined, found, strict=True)], dtype=bool)
 
-    def stand(self, d: Array, t: float) -> tuple[Array, Array, Any]:
+    def stand(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None = None) -> tuple[Array, Array, Any]:
         """Return the gap of each point (m,), infinite where nothing is opposite, the place there (``kernels.facing``:
         m, 3), and where something is that is not an end of the other body."""
         from ..kernels.facing import body_gaps
 
-        table, _ = self.at(d, t)
+        table, _ = self._placed(d, t, at)
         gap, places = np.zeros(len(table.forces)), np.zeros((len(table.forces), 3))
         body_gaps(self.facing, table, d, gap, places)
         return gap, places, np.isfinite(gap) & ~self._ended(table)
@@ -293,6 +319,10 @@ class BodyTable(ContactTable):
         if now[2] != before[2]:
             return 0.0
         return float(now[1] * way_between(self.points[k].par[ORIGIN + LOOP], now[0], before[0]))
+
+    def beside(self, place: Array, way: float) -> Array:
+        """Return the place (3,) on the other body this far from another one."""
+        return place + np.array([way / place[1], 0.0, 0.0])
 
     def anchor(self, k: int, held: Array | None = None) -> Array:
         """Return the place (3,) that friction holds point k to; that it is ``held`` to from now on, if given."""

@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..elements.contact_geometry import FEATURE, FREE, HELD, OWN, PLACE, SLIDING, STIFFNESS, TOUCH
-from ..elements.contact_sliding import yields
+from ..elements.contact_geometry import FEATURE, FREE, HELD, PLACE, SLIDING, TOUCH
 from ..elements.shape import Array
-from .complementarity import DEPENDENT, lemke
-from .friction import hold, rub
+from .contact_response import PULL, Response, Spot
+from .friction import hold, turn, wrong_way
+from .friction_response import RoughResponse
 from .lift_off import choose_curves, come_inside, let_go, open_point, slide, stand_at
 
 if TYPE_CHECKING:
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
 # penetration that counts as none, beside the extent of the scene
 PENETRATION = 5e-9
-# pulls beside the largest force that count as none
-PULL = 1e-9
 # places along an element (z from -1 to 1) that are the same
 SAME = 1e-9
 # equilibria on the way to one where nothing changes, before that is given up
@@ -44,8 +42,21 @@ MOVES = 1e-9
 DEPENDENT_GAPS, NO_PIVOT = 1e-8, 1e-14
 # times that points beside closed ones are closed, too, where a body would buckle between those
 GROWN = 3
-# compliance beside that of an element: what has no more is held by other points
-HELD_ALREADY = 1e-10
+
+
+class Way(NamedTuple):
+    """How to find from an equilibrium what opens and closes, sticks and slides next.
+
+    Friction changes at each equilibrium, or ``together`` with what opens and closes; the tangent is that of sliding
+    points that are ``stuck`` (``friction.sticking``), or that go on sliding.
+    """
+
+    stuck: bool = True
+    together: bool = False
+
+
+# the first one is fast; where it goes in circles, one of the others often does not. Without friction, all are the same
+WAYS = (Way(), Way(stuck=False), Way(together=True))
 
 
 def begin(system: System, d: Array, t: float) -> None:
@@ -101,34 +112,6 @@ def _independent(rows: list[tuple[Any, Array]]) -> Any:
     return np.abs(factors.U.diagonal())[factors.perm_c] > DEPENDENT_GAPS
 
 
-class _Spot(NamedTuple):
-    """A point that is closed, or may have to be.
-
-    ``row`` (n,) is the gradient of its gap by ``dofs`` (n,); one between the points at home stands at ``place``.
-    """
-
-    one: ContactTable
-    k: int
-    held: bool
-    dofs: Any
-    row: Array
-    gap: float
-    place: float = 0.0
-    feature: float = -1.0
-
-    @property
-    def soft(self) -> float:
-        """What an open point between others yields under a unit force beyond the polynomial of its element."""
-        if self.held or not self.one.pair.spots[self.k].free or self.one.stands(self.k, self.feature) == OWN:
-            return 0.0
-        return yields(self.point.par, self.place)[0]
-
-    @property
-    def point(self) -> ContactPoint:
-        """The point whose multiplier is its force, before a free one has been chosen for it."""
-        return self.one.points[self.k]
-
-
 def _depths(one: ContactTable, d: Array, t: float) -> tuple[Array, Array, Array]:
     """Return how deep the body is in its obstacle at open points, or between points (m,), where, and in what."""
     free = one.free
@@ -148,20 +131,38 @@ def overlap(model: Model, d: Array, t: float) -> float:
     return max((float(_depths(one, d, t)[0].max(initial=0.0)) for one in hard), default=0.0)
 
 
-def _look(one: ContactTable, d: Array, t: float, depths: tuple[Array, Array, Array], home: bool) -> list[_Spot]:
+def _look(one: ContactTable, d: Array, t: float, depths: tuple[Array, Array, Array], home: bool,
+          accepted: tuple[Array, float]) -> list[Spot]:
     """Return the points that are closed, those at home that may close and, unless ``home``, places between them."""
     depth, place, feature = depths
     free, held = one.free, np.array([p.mem[HELD] > 0.0 for p in one.points])
     _, faces = one.gaps(d, t)
     dofs, rows, gap = one.gradients(d, t)
-    out = [_Spot(one, k, bool(held[k]), dofs[k], rows[k], float(gap[k]))
+    slopes, ways = _rubs(one, d, t, accepted)
+    out = [Spot(one, k, bool(held[k]), dofs[k], rows[k], float(gap[k]), slope=slopes[k], way=ways[k])
            for k in np.flatnonzero(held | (~free & faces)).tolist()]
     if home:
         return out
     new = {k: (float(place[k]), float(feature[k])) for k in np.flatnonzero(free & (depth > 0.0)).tolist()
            if not _there(one, k, place[k], feature[k])}
     dofs, rows, gap = one.gradients(d, t, new)
-    return out + [_Spot(one, k, False, dofs[k], rows[k], float(gap[k]), *new[k]) for k in new]
+    slopes, ways = _rubs(one, d, t, accepted, new)
+    return out + [Spot(one, k, False, dofs[k], rows[k], float(gap[k]), *new[k], slopes[k], ways[k]) for k in new]
+
+
+def _rubs(one: ContactTable, d: Array, t: float, accepted: tuple[Array, float],
+          at: dict[int, tuple[float, float]] | None = None) -> tuple[Any, Any]:
+    """Return how the places of points on the obstacle move with coordinates, and how far they have come.
+
+    That is since the accepted state, or from where closed points stick to. Without friction, there is None of both.
+    """
+    m = len(one.points)
+    if not one.pair.item.friction:
+        return [None] * m, [0.0] * m
+    now, before = one.stand(d, t, at)[1], one.stand(*accepted, at)[1]
+    from_ = [one.anchor(k) if p.mem[HELD] > 0.0 else before[k] for k, p in enumerate(one.points)]
+    ways = [0.0 if np.isnan(since).any() else one.slip(k, now[k], since) for k, since in enumerate(from_)]
+    return one.slips(d, t, at), ways
 
 
 def _beside(one: ContactTable, k: int) -> list[int]:
@@ -177,12 +178,13 @@ def _there(one: ContactTable, k: int, place: float, feature: float) -> bool:
     return any(mem[FEATURE] == feature if mem[FREE] == SLIDING else abs(mem[PLACE] - place) < SAME for mem in mems)
 
 
-def exchange(system: System, d: Array, t: float, left: set[ContactPoint]) -> tuple[int, float]:
+def exchange(system: System, d: Array, t: float, left: set[ContactPoint], way: Way = WAYS[0]
+             ) -> tuple[int, float]:
     """Open and close points of contact at an equilibrium d (n_full,), and move d to where that leads by the tangent.
 
     Returns the number of changes, and the largest depth [m]; ``left`` gathers points that have come out of a contact
-    zone on the way to this equilibrium. An equilibrium without changes is one of bodies and
-    obstacles, whatever led there.
+    zone on the way to this equilibrium. An equilibrium without changes is one of bodies and obstacles, whatever led
+    there.
     """
     limit = PENETRATION * system.model.extent
     hard = [one for one in system.model.contact_tables if one.pair.hard]
@@ -195,13 +197,19 @@ def exchange(system: System, d: Array, t: float, left: set[ContactPoint]) -> tup
     depths = [_depths(one, d, t) for one in hard]
     worst = max((float(depth.max(initial=0.0)) for depth, _, _ in depths), default=0.0)
     pulls = np.array([d[p.multiplier] for one in hard for p in one.points if p.mem[HELD] > 0.0])
-    turned += sum(rub(one, d, t, system.accepted or (d, t)) for one in hard if one.pair.item.friction)
-    if not off and worst <= limit and not (pulls > PULL * np.abs(pulls).max(initial=0.0)).any():
+    rubs = [(one, wrong) for one in hard if one.pair.item.friction and (wrong := wrong_way(one, d, t))]
+    if not way.together:
+        turned += sum(turn(*rub) for rub in rubs)
+    pulled = (pulls > PULL * np.abs(pulls).max(initial=0.0)).any()
+    if not off and not (way.together and rubs) and worst <= limit and not pulled:
         return turned or slide(system, sliding, d, t, left) or sum(come_inside(one, left) for one in sliding), worst
     # first the points at home, as those between follow from them
     home = any((depth[~one.free] > limit).any() for one, (depth, _, _) in zip(hard, depths, strict=True))
-    spots = [s for one, depth in zip(hard, depths, strict=True) for s in _look(one, d, t, depth, home)]
-    return turned + off + _settle(system, d, t, spots, limit), worst
+    accepted = system.accepted or (d, t)
+    spots = [s for one, depth in zip(hard, depths, strict=True) for s in _look(one, d, t, depth, home, accepted)]
+    changed = turned + off + _settle(system, d, t, spots, limit, way)
+    # where the tangent leads to the same again
+    return changed or sum(turn(*rub) for rub in rubs), worst
 
 
 def _let_off(one: ContactTable, d: Array, t: float) -> int:
@@ -212,122 +220,66 @@ def _let_off(one: ContactTable, d: Array, t: float) -> int:
     return len(off)
 
 
-class _Response:
-    """How forces of closed points and gaps of open ones answer to each other at a state, by its tangent.
-
-    ``base`` (n_unknowns,) leads to balance where nothing opens or closes; forces and gaps are then ``b`` (m,).
-    """
-
-    def __init__(self, system: System, d: Array, t: float, spots: list[_Spot]) -> None:
-        self.num, self.matrix = system.model.numbering, system.matrix
-        balance = system.assemble(d, t)
-        pivots = system.factor({"factor": float(f"{t:.6g}")})
-        self.unstable = system.knows_inertia and pivots.negative > self.num.n_multipliers
-        self.base: Array = -self.matrix.solve(balance.R.copy())
-        self.held = np.array([s.held for s in spots])
-        self.rows = np.zeros((len(spots), len(self.num.place)))
-        for row, s in zip(self.rows, spots, strict=True):
-            np.add.at(row, s.dofs, s.row)
-        self.at = self.num.place[[s.point.multiplier for s in spots]]
-        self.force = np.array([-d[s.point.multiplier] if s.held else 0.0 for s in spots])
-        self.soft = [s.soft for s in spots]
-        self.stiff = np.array([s.point.par[STIFFNESS] for s in spots])
-        self.b = np.where(self.held, self.force, [s.gap for s in spots]) + self.told(self.base)
-        self.steps: dict[int, Array] = {}
-
-    def told(self, z: Array) -> Array:
-        """Return what forces of closed points and gaps of open ones (m,) change by with the unknowns."""
-        full = np.zeros(len(self.num.place))
-        self.num.expand(z, full)
-        return np.where(self.held, -z[self.at], self.rows @ full)
-
-    def answer(self, k: int) -> Array:
-        """Return what they change by where closed point k opens by 1, or a force of 1 acts at the open one."""
-        rhs = np.zeros(len(self.base))
-        if self.held[k]:
-            rhs[self.at[k]] = 1.0
-        else:
-            rhs = self.num.reduce(self.rows[k], np.zeros(len(self.num.place)))
-        self.steps[k] = self.matrix.solve(rhs).copy()
-        out = self.told(self.steps[k])
-        out[k] += self.soft[k]
-        return out
-
-    def settled(self, limit: float) -> dict[int, float] | None:
-        """Return how far closed points open, and the forces on open ones, so that both are complementary.
-
-        Begins with the points that pull or are deeper than ``limit``, and adds what is wrong then. None where there
-        is no such state nearby.
-        """
-        size = np.where(self.held, PULL * np.abs(self.force).max(initial=0.0), limit)
-        working: list[int] = []
-        passed: list[int] = []
-        answers = np.zeros((len(self.b), 0))
-        w, z = self.b, np.zeros(0)
-        while new := [k for k in np.flatnonzero(w < -size).tolist() if k not in working + passed]:
-            for k in new:
-                answer = self.answer(k)
-                if not self.held[k] and answer[k] * self.stiff[k] < HELD_ALREADY:
-                    passed.append(k)
-                    continue
-                answers = np.column_stack([answers, answer])
-                working.append(k)
-            if working:
-                solved = self._complementary(answers[working], np.array(working))
-                if solved is None:
-                    return None
-                z = solved
-                w = self.b + answers @ z
-        return {k: float(a) for k, a in zip(working, z, strict=True) if a > 0.0}
-
-    def _complementary(self, M: Array, working: Any) -> Array | None:
-        # stiffnesses and compliances, each beside the largest of its kind
-        own, closed = np.abs(np.diag(M)), self.held[working]
-        most = np.where(closed, own[closed].max(initial=0.0), own[~closed].max(initial=0.0))
-        scale: Array = 1.0 / np.sqrt(np.maximum(own, DEPENDENT * most))
-        z = lemke(M * np.outer(scale, scale), self.b[working] * scale)
-        return None if z is None else scale * z
-
-    def step(self, found: dict[int, float]) -> Array:
-        """Return how that moves the unknowns (n_unknowns,)."""
-        return self.base + sum((a * self.steps[k] for k, a in found.items()), np.zeros(len(self.base)))
-
-
-def _settle(system: System, d: Array, t: float, spots: list[_Spot], limit: float) -> int:
+def _settle(system: System, d: Array, t: float, spots: list[Spot], limit: float, way: Way) -> int:
     """Open and close points so that gaps and forces of the linearised state are complementary; return how many.
 
-    Where a body would buckle between its closed points, those beside them are closed first. Where nothing helps, the
-    point that pulls most opens, or else the deepest one closes.
+    Where nothing helps, the point that pulls most opens, or else the deepest one closes.
     """
-    tried, found = spots, None
     # what closes has slid since then
     accepted = system.accepted or (d.copy(), t)
-    for more in range(GROWN + 1):
-        response = _Response(system, d, t, tried)
-        found = None if response.unstable and more < GROWN else response.settled(limit)
-        if found is not None:
-            system.model.displacements(d[system.model.numbering.where] + response.step(found), t, out=d)
-            break
-        tried = _grown(tried)
-    if found is None:
-        for s, grown in zip(spots, tried, strict=True):
-            s.point.mem[HELD] = s.point.mem[HELD] if s.held == grown.held else 0.0
-        tried = spots
-        found = {min(range(len(spots)), key=lambda k: (-d[spots[k].point.multiplier] if spots[k].held else 0.0,
-                                                       0.0 if spots[k].held else spots[k].gap)): 0.0}
+    changed = 0
+    slides: dict[int, float] = {}
+    answer = _answer(system, d, t, spots, limit, way, accepted)
+    if answer:
+        tried, found, slides = answer
+    else:
+        tried, worst = spots, min(range(len(spots)), key=lambda k: (
+            -d[spots[k].point.multiplier] if spots[k].held else 0.0, 0.0 if spots[k].held else spots[k].gap))
+        found = {worst: 0.0}
+        for one in system.model.contact_tables if way.together else ():
+            if one.pair.hard and one.pair.item.friction:
+                changed += turn(one, wrong_way(one, d, t))
     closed = [s.held != (k in found) for k, s in enumerate(tried)]
     for s, now in zip(tried, closed, strict=True):
         if s.held and not now:
             open_point(s.point, d)
     for k, s in enumerate(tried):
+        at = s.k
         if closed[k] and not s.held:
-            j = _close(s, found[k], d)
+            at = _close(s, found[k], d)
             if s.one.pair.item.friction:
-                hold(s.one, [j], d, accepted, t)
-    return sum(now != s.held for now, s in zip(closed, spots, strict=True))
+                hold(s.one, [at], d, accepted, t)
+        if closed[k] and k in slides:
+            changed += turn(s.one, {at: slides[k]})
+    return changed + sum(now != s.held for now, s in zip(closed, spots, strict=True))
 
 
-def _grown(spots: list[_Spot]) -> list[_Spot]:
+def _answer(system: System, d: Array, t: float, spots: list[Spot], limit: float, way: Way,
+            accepted: tuple[Array, float]) -> tuple[list[Spot], dict[int, float], dict[int, float]] | None:
+    """Return spots, which of them open or close by which amount, and how others slide; move d (n_full,) there.
+
+    Where a body would buckle between its closed points, those beside them are closed first. None where the tangent
+    leads nowhere.
+    """
+    kind, most = (RoughResponse, 0) if way.together else (Response, GROWN)
+    tried = spots
+    grown: set[int] = set()
+    for more in range(most + 1):
+        response = kind(system, d, t, tried, way.stuck)
+        found = None if response.unstable and more < most else response.settled(limit)
+        # not where what has been closed opens again, and nothing else changes
+        if found is not None and (not more or set(found) != grown):
+            system.model.displacements(d[system.model.numbering.where] + response.step(found), t, out=d)
+            return tried, found, response.slides
+        if more < most:
+            tried = _grown(tried, d, accepted, t)
+            grown = {k for k, (s, now) in enumerate(zip(spots, tried, strict=True)) if s.held != now.held}
+    for k in grown:
+        spots[k].point.mem[HELD] = 0.0
+    return None
+
+
+def _grown(spots: list[Spot], d: Array, accepted: tuple[Array, float], t: float) -> list[Spot]:
     """Return the points with those at home beside closed ones closed, too."""
     curves: dict[tuple[int, float], list[tuple[float, int]]] = {}
     for k, s in enumerate(spots):
@@ -342,10 +294,12 @@ def _grown(spots: list[_Spot]) -> list[_Spot]:
             if spots[beside].held and not spots[k].held:
                 out[k] = spots[k]._replace(held=True)
                 spots[k].point.mem[HELD] = 1.0
+                if spots[k].one.pair.item.friction:
+                    hold(spots[k].one, [spots[k].k], d, accepted, t)
     return out
 
 
-def _close(s: _Spot, force: float, d: Array) -> int:
+def _close(s: Spot, force: float, d: Array) -> int:
     """Close a point with its force, and return its number; between those at home any of its element not in use does.
 
     Where all are, that with the least force moves.

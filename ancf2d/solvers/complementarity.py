@@ -32,8 +32,9 @@ def lemke(M: Array, q: Array) -> Array | None:
     row, entering = int(np.argmin(q)), 2 * n
     for _ in range(PIVOTS * (n + 1)):
         T[row] /= T[row, entering]
-        others = np.arange(n) != row
-        T[others] -= np.outer(T[others, entering], T[row])
+        column = T[:, entering].copy()
+        column[row] = 0.0
+        T -= np.multiply.outer(column, T[row])
         left, basis[row] = int(basis[row]), entering
         if left == 2 * n:
             break
@@ -44,8 +45,33 @@ def lemke(M: Array, q: Array) -> Array | None:
     else:
         return None
     z = np.zeros(n)
-    closed = basis[(basis >= n) & (basis < 2 * n)] - n
-    z[closed] = np.maximum(np.linalg.solve(M[np.ix_(closed, closed)], -q[closed]), 0.0)
+    at = np.flatnonzero((basis >= n) & (basis < 2 * n))
+    closed = basis[at] - n
+    try:
+        z[closed] = np.linalg.solve(M[np.ix_(closed, closed)], -q[closed])
+    except np.linalg.LinAlgError:
+        # rows that depend on each other: any of the solutions
+        z[closed] = T[at, -1]
+    return np.maximum(z, 0.0)
+
+
+def lemke_from(M: Array, q: Array, start: Any) -> Array | None:
+    """Return z as ``lemke`` does, on a way that begins where z of ``start`` (n,) and w of the others are not 0."""
+    on, off = np.flatnonzero(start), np.flatnonzero(~start)
+    try:
+        to = np.linalg.inv(M[np.ix_(on, on)])
+    except np.linalg.LinAlgError:
+        return None
+    turned, begin = np.empty_like(M), np.empty_like(q)
+    turned[np.ix_(on, on)], turned[np.ix_(on, off)] = to, -to @ M[np.ix_(on, off)]
+    turned[np.ix_(off, on)] = M[np.ix_(off, on)] @ to
+    turned[np.ix_(off, off)] = M[np.ix_(off, off)] - turned[np.ix_(off, on)] @ M[np.ix_(on, off)]
+    begin[on], begin[off] = -to @ q[on], q[off] - turned[np.ix_(off, on)] @ q[on]
+    other = lemke(turned, begin)
+    if other is None:
+        return None
+    z = other.copy()
+    z[on] = np.maximum(begin[on] + turned[on] @ other, 0.0)
     return z
 
 

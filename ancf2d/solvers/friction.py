@@ -8,7 +8,8 @@ of plasticity; Wriggers, Computational Contact Mechanics, 2006, section 5.2).
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -47,21 +48,75 @@ def _limit(point: Any, d: Array) -> float:
     return float(point.par[FRICTION] * max(-d[point.multiplier], 0.0))
 
 
-def rub(one: ContactTable, d: Array, t: float, accepted: tuple[Array, float]) -> int:
-    """Let points that stick beyond their limit at an equilibrium d (n_full,) slide, and those stick that slide along
-    their friction; return how many."""
-    before, now = one.stand(*accepted)[1], one.stand(d, t)[1]
+def wrong_way(one: ContactTable, d: Array, t: float) -> dict[int, float]:
+    """Return which closed points stick beyond their limit at an equilibrium d (n_full,), or slide along their friction,
+    and how they should slide or stick."""
+    now = one.stand(d, t)[1]
     closed = [k for k, p in enumerate(one.points) if p.mem[HELD] > 0.0]
     largest = max((_limit(one.points[k], d) for k in closed), default=0.0)
-    changed = 0
+    out: dict[int, float] = {}
     for k in closed:
-        point = one.points[k]
+        point, way = one.points[k], one.slip(k, now[k], one.anchor(k))
         if point.mem[SLIDES] == STICKS:
-            way = one.slip(k, now[k], one.anchor(k))
             if point.par[STICK] * abs(way) > _limit(point, d) + EXCESS * largest:
-                point.mem[SLIDES] = -np.sign(way)
-                changed += 1
-        elif one.slip(k, now[k], before[k]) * point.mem[SLIDES] > NO_SLIP * point.scale:
-            point.mem[SLIDES] = STICKS
-            changed += 1
+                out[k] = -float(np.sign(way))
+        elif way * point.mem[SLIDES] + _limit(point, d) / point.par[STICK] > NO_SLIP * point.scale:
+            out[k] = STICKS
+    return out
+
+
+def turn(one: ContactTable, to: dict[int, float]) -> int:
+    """Let points slide with friction of a sign, or stick; return how many do otherwise than before."""
+    changed = sum(one.points[k].mem[SLIDES] != how for k, how in to.items())
+    for k, how in to.items():
+        one.points[k].mem[SLIDES] = how
     return changed
+
+
+def _sliding(one: ContactTable) -> list[int]:
+    return [k for k, p in enumerate(one.points) if p.mem[HELD] > 0.0 and p.mem[SLIDES] != STICKS]
+
+
+def _stick(one: ContactTable, k: int, now: Any, d: Array) -> None:
+    """Let a point that slides at a place stick there by the friction that it has."""
+    point = one.points[k]
+    one.anchor(k, one.beside(now, point.mem[SLIDES] * _limit(point, d) / point.par[STICK]))
+    point.mem[SLIDES] = STICKS
+
+
+def stick_one(tables: Iterable[ContactTable], d: Array, t: float, accepted: tuple[Array, float]) -> bool:
+    """Let the point stick that has slid least to d (n_full,), if any slides; return whether one does.
+
+    Where all that touches slides and nothing else holds a body, no force resists its rigid motion. Friction of two
+    points may hold it between them in many places; in this one it has moved least.
+    """
+    slid = []
+    for one in tables:
+        if one.pair.hard and one.pair.item.friction:
+            before, now = one.stand(*accepted)[1], one.stand(d, t)[1]
+            slid += [(abs(one.slip(k, now[k], before[k])), one, k, now[k]) for k in _sliding(one)]
+    if not slid:
+        return False
+    *_, one, k, place = min(slid, key=lambda found: found[0])
+    _stick(one, k, place, d)
+    return True
+
+
+@contextmanager
+def sticking(tables: Iterable[ContactTable], d: Array, t: float) -> Iterator[None]:
+    """Let points that slide at d (n_full,) stick by the friction that they have there, for as long as this lasts.
+
+    The tangent is then that of a stable state: friction that goes on in one direction pushes a body on.
+    """
+    kept = []
+    for one in tables:
+        if one.pair.hard and one.pair.item.friction and (sliding := _sliding(one)):
+            now = one.stand(d, t)[1]
+            for k in sliding:
+                kept.append((one.points[k].mem, one.points[k].mem.copy()))
+                _stick(one, k, now[k], d)
+    try:
+        yield
+    finally:
+        for mem, before in kept:
+            mem[:] = before

@@ -18,7 +18,7 @@ from ancf2d.elements.contact_geometry import HELD
 from ancf2d.errors import CaseError, ComputationError
 from ancf2d.results import open_results
 from ancf2d.results.obstacles import obstacles_of
-from ancf2d.solvers.complementarity import lemke
+from ancf2d.solvers.complementarity import lemke, lemke_from
 from ancf2d.solvers.contact import contact_report, obstacle_reactions, touches
 from ancf2d.solvers.fields import FieldReader
 from ancf2d.solvers.post import reactions
@@ -173,7 +173,10 @@ def test_a_belt_without_a_law_slips_at_the_same_ratio() -> None:
 
 
 def test_what_is_closed_solves_problems_of_linear_complementarity() -> None:
-    """Also where M is singular, as points are that hold the same, or skew, as closed and open ones answer."""
+    """Also where M is singular, as points are that hold the same, or skew, as closed and open ones answer.
+
+    From a guess of what is closed, right or wrong, a regular problem has its solution, too.
+    """
     rng = np.random.default_rng(3)
     for n in (1, 3, 8, 20):
         for rank in {1, max(n // 2, 1), n}:
@@ -183,13 +186,15 @@ def test_what_is_closed_solves_problems_of_linear_complementarity() -> None:
             # a solution is known to exist
             z0, w0 = rng.random(n) * (rng.random(n) < 0.5), rng.random(n)
             q = np.where(z0 > 0.0, 0.0, w0) - M @ z0
-            z = lemke(M, q)
-            assert z is not None
-            w = q + M @ z
-            assert z.min() >= 0.0
-            assert w.min() > -1e-9
-            assert np.abs(w * z).max() < 1e-9
+            for z in (lemke(M, q), *((lemke_from(M, q, z0 > 0.0), lemke_from(M, q, rng.random(n) < 0.3))
+                                     if rank == n else ())):
+                assert z is not None
+                w = q + M @ z
+                assert z.min() >= 0.0
+                assert w.min() > -1e-9
+                assert np.abs(w * z).max() < 1e-9
     assert lemke(np.array([[-1.0]]), np.array([-1.0])) is None
+    assert lemke_from(np.zeros((1, 1)), np.array([-1.0]), np.array([True])) is None
 
 
 @pytest.mark.parametrize("gap", [1e-5, 1e-4])

@@ -11,7 +11,9 @@ from helpers import section_forces
 from test_contact_statics import CLAMP, STIFF, fields_of, strip
 
 from ancf2d.case import Point
+from ancf2d.elements.contact_geometry import FRICTION, HELD, SLIDES, STICK, STICKS
 from ancf2d.errors import CaseError
+from ancf2d.solvers.active_set import PENETRATION, overlap
 from ancf2d.solvers.contact import contact_report
 from ancf2d.solvers.registry import solve
 from ancf2d.solvers.statics.quasi_static import Course
@@ -167,3 +169,52 @@ def test_a_belt_that_begins_in_its_drum_comes_out_and_slips_as_euler_and_eytelwe
     solution = helpers.Solution(model)
     (report,) = contact_report(solution.model, solution.state)
     assert report["force"][1] == pytest.approx(10.0 * (1.0 + math.exp(0.3 * math.pi)), rel=1e-2)
+
+
+def _obeys_coulomb(model, before, state) -> None:
+    """Points without a law press, no body is in an obstacle, and friction is below its limit, or against slip."""
+    assert overlap(model, state.d, state.t) <= 2.0 * PENETRATION * model.extent
+    for one in model.contact_tables:
+        held = [k for k, point in enumerate(one.points) if point.mem[HELD] > 0.0]
+        was, now = one.stand(before.d, before.t)[1], one.stand(state.d, state.t)[1]
+        force = np.array([-state.d[one.points[k].multiplier] for k in held])
+        assert np.all(force >= -1e-8 * np.abs(force).max(initial=0.0))
+        for k, N in zip(held, force, strict=True):
+            point = one.points[k]
+            if point.mem[SLIDES] == STICKS:
+                T = point.par[STICK] * one.slip(k, now[k], one.anchor(k))
+                assert abs(T) <= point.par[FRICTION] * N + 1e-8 * force.max()
+            else:
+                assert one.slip(k, now[k], was[k]) * point.mem[SLIDES] <= 1e-12 * model.extent
+
+
+@pytest.mark.parametrize(("kind", "friction", "ends"), [
+    ("cable", 0.3, "held"), *(pytest.param(*case, marks=pytest.mark.slow) for case in (
+        ("reissner3", 0.3, "held"), ("vallejo", 0.05, "held"), ("cable", 1.0, "welded"),
+        ("reissner3", 0.3, "welded"), ("reissner3", 0.3, "free")))])
+def test_a_ring_that_is_pressed_flat_between_rough_plates_obeys_coulomb(kind: str, friction: float, ends: str) -> None:
+    """With one end held, both welded, or by friction alone: it rolls out on plates, and slides on them here and there.
+
+    A force on an open point pulls it into a plate where friction goes on in one direction.
+    """
+    R = 0.1
+    between = {"friction": friction, "side": "axis"}
+    model = helpers.build(
+        {"ring": helpers.body(
+            {"type": "arc", "center": [0, R], "radius": R, "from": -0.5 * math.pi, "to": 1.5 * math.pi},
+            helpers.element(kind, 24), {"height": 0.002, "width": 0.02}, {"E": 2e9, "nu": 0.3})},
+        {"type": "static", "steps": 3},
+        contacts=[{"between": ["ring", "floor"], **between}, {"between": ["ring", "plate"], **between}],
+        obstacles={"floor": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]},
+                   "plate": {"type": "half_plane", "through": [0, 2 * R], "normal": [0, -1],
+                             "motion": {"y": {"type": "ramp", "scale": -0.21 * R}}}},
+        boundary_conditions=[{"at": "ring@0", "type": "fix", "coordinates": ["x"]}] if ends == "held" else [],
+        joints=[{"type": "weld", "between": ["ring@0", "ring@1"]}] if ends == "welded" else [])
+    before = None
+    for state in solve(model):
+        if before is not None:
+            _obeys_coulomb(model, before, state)
+        before = state
+    (below, above) = contact_report(model, state)
+    assert below["force"][1] == pytest.approx(-above["force"][1], rel=1e-6)
+    assert below["force"][1] > 0.1

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 
 from ...elements.shape import Array
-from ...errors import ComputationError
+from ...errors import ComputationError, SingularTangentError
 from ...interactions.prismatic import check_ends
 from ...model.element_limits import check_inverted
 from ...model.model import Model
 from ...model.point_patch import check_facing
-from ..active_set import PENETRATION, ROUNDS, begin, exchange
+from ..active_set import PENETRATION, ROUNDS, WAYS, Way, begin, exchange
 from ..contact import check_crossed, check_pressed, memory, recall
+from ..friction import stick_one
 from ..state import Graded, State
 from ..system import STILL, UNIT_ROUNDOFF, Balance, System
 from ..threads import largest, pieces
@@ -65,23 +66,37 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
         result = _newton(system, d, t_old, t, tolerance, max_iterations)
         check_pressed(system.model, result.d, {"factor": float(f"{t:.6g}")})
         return result
-    kept, iterations = memory(system.model), 0
+    kept, begun = memory(system.model), d.copy()
+    rough = any(pair.hard and pair.item.friction for pair in system.model.contacts)
+    for way in WAYS if rough else WAYS[:1]:
+        try:
+            return _touching(system, d, t_old, t, tolerance, max_iterations, way)
+        except ComputationError as error:
+            recall(system.model, kept)
+            d[:], failed = begun, error
+    raise failed
+
+
+def _touching(system: System, d: Array, t_old: float, t: float, tolerance: float, max_iterations: int,
+              way: Way) -> NewtonResult:
+    """Return the equilibrium as ``newton`` does, by one way to find what touches and slides."""
     left: set[Any] = set()
+    iterations = 0
     begin(system, d, t_old)
-    try:
-        for _ in range(ROUNDS):
+    for _ in range(ROUNDS):
+        try:
             result = _newton(system, d, t_old, t, tolerance, max_iterations)
-            iterations += result.iterations
-            changed, worst = exchange(system, result.d, t, left)
-            if not changed:
-                result.iterations, result.overlap = iterations, worst
-                check_pressed(system.model, result.d, {"factor": float(f"{t:.6g}")})
-                return result
-            d, t_old = result.d, t
-    except ComputationError:
-        recall(system.model, kept)
-        raise
-    recall(system.model, kept)
+        except SingularTangentError:
+            if not stick_one(system.model.contact_tables, d, t, system.accepted or (d, t)):
+                raise
+            continue
+        iterations += result.iterations
+        changed, worst = exchange(system, result.d, t, left, way)
+        if not changed:
+            result.iterations, result.overlap = iterations, worst
+            check_pressed(system.model, result.d, {"factor": float(f"{t:.6g}")})
+            return result
+        d, t_old = result.d, t
     found = f"a body is {worst:.3g} deep in an obstacle" if worst > 0.0 else "those that press change again and again"
     raise ComputationError(f"the contact points were not found: {found}",
                            at={"factor": float(f"{t:.6g}")},

@@ -1,0 +1,146 @@
+"""How contact forces and gaps answer to each other at an equilibrium, by its tangent, and what is closed then."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ..elements.contact_geometry import OWN, STIFFNESS
+from ..elements.contact_sliding import yields
+from ..elements.shape import Array
+from .complementarity import DEPENDENT, lemke
+from .friction import sticking
+
+if TYPE_CHECKING:
+    from ..interactions.contact import ContactPoint
+    from ..model.contact_tables import ContactTable
+    from .system import System
+
+# pulls beside the largest force that count as none
+PULL = 1e-9
+# compliance beside that of an element: what has no more is held by other points
+HELD_ALREADY = 1e-10
+
+
+class Spot(NamedTuple):
+    """A point that is closed, or may have to be.
+
+    ``row`` (n,) is the gradient of its gap by ``dofs`` (n,); one between the points at home stands at ``place``.
+    Where there is friction, ``slope`` (n,) is how its place on the obstacle moves with them, ``way`` how far it is from
+    where it sticks to.
+    """
+
+    one: ContactTable
+    k: int
+    held: bool
+    dofs: Any
+    row: Array
+    gap: float
+    place: float = 0.0
+    feature: float = -1.0
+    slope: Array | None = None
+    way: float = 0.0
+
+    @property
+    def soft(self) -> float:
+        """What an open point between others yields under a unit force beyond the polynomial of its element."""
+        if self.held or not self.one.pair.spots[self.k].free or self.one.stands(self.k, self.feature) == OWN:
+            return 0.0
+        return yields(self.point.par, self.place)[0]
+
+    @property
+    def point(self) -> ContactPoint:
+        """The point whose multiplier is its force, before a free one has been chosen for it."""
+        return self.one.points[self.k]
+
+
+class Response:
+    """How forces of closed points and gaps of open ones answer to each other at a state, by its tangent.
+
+    Points that slide stick in that tangent where they are ``stuck``. ``base`` (n_unknowns,) leads to balance where
+    nothing opens or closes; forces and gaps are then ``b`` (m,).
+    """
+
+    def __init__(self, system: System, d: Array, t: float, spots: list[Spot], stuck: bool) -> None:
+        self.num, self.matrix = system.model.numbering, system.matrix
+        with sticking(system.model.contact_tables if stuck else (), d, t):
+            balance = system.assemble(d, t)
+            pivots = system.factor({"factor": float(f"{t:.6g}")})
+        self.unstable = system.knows_inertia and pivots.negative > self.num.n_multipliers
+        self.base: Array = -self.matrix.solve(balance.R.copy())
+        self.held = np.array([s.held for s in spots])
+        self.rows = np.zeros((len(spots), len(self.num.place)))
+        for row, s in zip(self.rows, spots, strict=True):
+            np.add.at(row, s.dofs, s.row)
+        self.at = self.num.place[[s.point.multiplier for s in spots]]
+        self.force = np.array([-d[s.point.multiplier] if s.held else 0.0 for s in spots])
+        self.soft = [s.soft for s in spots]
+        self.stiff = np.array([s.point.par[STIFFNESS] for s in spots])
+        self.b = np.where(self.held, self.force, [s.gap for s in spots]) + self.told(self.base)
+        self.steps: dict[int, Array] = {}
+        # how spots with friction slide or stick then
+        self.slides: dict[int, float] = {}
+
+    def told(self, z: Array) -> Array:
+        """Return what forces of closed points and gaps of open ones (m,) change by with the unknowns."""
+        full = np.zeros(len(self.num.place))
+        self.num.expand(z, full)
+        return np.where(self.held, -z[self.at], self.rows @ full)
+
+    def answer(self, k: int) -> Array:
+        """Return what they change by where closed point k opens by 1, or a force of 1 acts at the open one."""
+        rhs = np.zeros(len(self.base))
+        if self.held[k]:
+            rhs[self.at[k]] = 1.0
+        else:
+            rhs = self._reduced(self.rows[k])
+        self.steps[k] = self.matrix.solve(rhs).copy()
+        out = self.told(self.steps[k])
+        out[k] += self.soft[k]
+        return out
+
+    def _reduced(self, full: Array) -> Array:
+        return self.num.reduce(full, np.zeros(len(self.num.place)))
+
+    def settled(self, limit: float) -> dict[int, float] | None:
+        """Return how far closed points open, and the forces on open ones, so that both are complementary.
+
+        Begins with the points that pull or are deeper than ``limit``, and adds what is wrong then. None where there
+        is no such state nearby.
+        """
+        size = np.where(self.held, PULL * np.abs(self.force).max(initial=0.0), limit)
+        working: list[int] = []
+        passed: list[int] = []
+        answers = np.zeros((len(self.b), 0))
+        w, z = self.b, np.zeros(0)
+        while new := [k for k in np.flatnonzero(w < -size).tolist() if k not in working + passed]:
+            for k in new:
+                answer = self.answer(k)
+                if not self.held[k] and answer[k] * self.stiff[k] < HELD_ALREADY:
+                    passed.append(k)
+                    continue
+                answers = np.column_stack([answers, answer])
+                working.append(k)
+            if working:
+                solved = self._complementary(answers[working], np.array(working))
+                if solved is None:
+                    return None
+                z = solved
+                w = self.b + answers @ z
+        found = {k: float(a) for k, a in zip(working, z, strict=True) if a > 0.0}
+        # a force on an open point pulls it into the obstacle: nothing holds that point
+        pulled_in = any(self.told(self.steps[k])[k] * self.stiff[k] < -HELD_ALREADY for k in passed)
+        return None if pulled_in and not found else found
+
+    def _complementary(self, M: Array, working: Any) -> Array | None:
+        # stiffnesses and compliances, each beside the largest of its kind
+        own, closed = np.abs(np.diag(M)), self.held[working]
+        most = np.where(closed, own[closed].max(initial=0.0), own[~closed].max(initial=0.0))
+        scale: Array = 1.0 / np.sqrt(np.maximum(own, DEPENDENT * most))
+        z = lemke(M * np.outer(scale, scale), self.b[working] * scale)
+        return None if z is None else scale * z
+
+    def step(self, found: dict[int, float]) -> Array:
+        """Return how that moves the unknowns (n_unknowns,)."""
+        return self.base + sum((a * self.steps[k] for k, a in found.items()), np.zeros(len(self.base)))
