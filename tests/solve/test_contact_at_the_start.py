@@ -49,19 +49,66 @@ def test_a_path_goes_on_where_all_that_moved_is_pressed_down(kind: str) -> None:
     assert tip(case) == pytest.approx(-1e-6, rel=1e-9)
 
 
-@pytest.mark.parametrize("law", [{}, {"law": {"stiffness": 1e6}}])
+LAWS = [{}, {"law": {"stiffness": 1e6}}]
+
+
+@pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("method", ["newton", "arc_length"])
 def test_what_nothing_holds_before_it_touches_is_told(method: str, law: dict[str, Any]) -> None:
+    """Where a force, or a path of loads, would have to press a body down; no force does so sideways either."""
     case = scene("reissner3", method, 1e-3, hold="x", **law)
-    with pytest.raises(ComputationError, match="contacts hold a body only while they press") as error:
-        ancf2d.solve(case)
-    assert "weak spring" in error.value.failure.advice
+    free = {**case, "boundary_conditions": [], "solver": {"type": "static"}}
+    pressed = {**case, "loads": [{"type": "force", "at": "strip@0.5", "value": [0, -9.81]}]}
+    for told in (pressed, free if method == "newton" else case):
+        with pytest.raises(ComputationError, match="contacts hold a body only while they press") as error:
+            ancf2d.solve(told)
+        assert "weak spring" in error.value.failure.advice
     # what is advised helps
     case["springs"] = [{"type": "translational", "between": [f"strip@{s}", [s, 1.0]], "stiffness": 1e-2}
                        for s in (0, 1)]
     depth = 9.81 / 1e6 if law else 0.0
     found = ancf2d.solve(case)
     assert np.abs(found.summary["probes"]["tip"]["uy"] + 1e-3 + depth) < 1e-7
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("kind", ["rigid", "cable", "reissner3", "vallejo"])
+def test_a_lever_falls_onto_the_floor(kind: str, law: dict[str, Any]) -> None:
+    """A straight bar, pinned at one end, leans on the lower corner of its other end: moments about the pin."""
+    rise, gap, height = 0.1, 0.3, 0.02
+    case = scene("cable", "newton", gap, friction=0.0, **law)
+    body = case["bodies"]["strip"]
+    body["element"] = {"type": "rigid"} if kind == "rigid" else {"type": kind, "count": 4}
+    body["geometry"]["end"] = [1.0, rise]
+    body["material"]["E"] = 1e11
+    case["boundary_conditions"] = [{"type": "pin", "at": "strip@0"}]
+    del case["contacts"][0]["side"]
+    found = ancf2d.solve(case)
+    assert [w for w in found.warnings if "sinks under its weight" in w]
+    length, weight = np.hypot(1.0, rise), 9.81 * np.hypot(1.0, rise)
+    ux, uy = (found.summary["probes"]["tip"][u] for u in ("ux", "uy"))
+    angle = -np.arctan2(rise + uy, 1.0 + ux)
+    assert np.hypot(1.0 + ux, rise + uy) == pytest.approx(length, rel=1e-5)
+    # into a layer its corner sinks as a wedge does, by sqrt(F tan(a)/k) or so
+    depth = length * np.sin(angle) + 0.5 * height * np.cos(angle) - gap
+    assert abs(depth) < 2e-5 if not law else 1e-3 < depth < 4e-3
+    lever = length * np.cos(angle) - 0.5 * height * np.sin(angle)
+    assert found.reactions["floor"]["fy"] == pytest.approx(weight * length / 2.0 * np.cos(angle) / lever, rel=3e-3)
+
+
+def test_a_rod_falls_to_rest_on_a_rough_floor() -> None:
+    """Nothing holds it but the floor; one that falls beside what it could touch is told of at once."""
+    case = scene("cable", "newton", 0.3, friction=0.3)
+    case["boundary_conditions"] = []
+    case["bodies"]["strip"]["geometry"]["end"] = [1.0, 0.1]
+    found = ancf2d.solve(case)
+    tip = found.summary["probes"]["tip"]
+    assert tip["uy"] == pytest.approx(-0.4, abs=1e-7)
+    assert found.reactions["floor"]["fy"] == pytest.approx(9.81 * np.hypot(1.0, 0.1), rel=1e-8)
+    case["obstacles"] = {"disc": {"type": "circle", "center": [5.0, -1.0], "radius": 0.1}}
+    case["contacts"][0]["between"] = ["strip", "disc"]
+    with pytest.raises(ComputationError, match="nothing holds"):
+        ancf2d.solve(case)
 
 
 def test_a_soft_ring_sinks_to_the_floor_and_not_through_it() -> None:

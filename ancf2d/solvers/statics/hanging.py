@@ -36,6 +36,8 @@ MOST_ITERATIONS = 12
 EASY, GROW, SHRINK = 4, 3.0, 0.3
 # of the first step: one that is not found even that short will not be
 SHORTEST = 1e-15
+# shares of the extent that what falls that far will fall for ever
+LOST = 100.0
 # steps of a motion of supports, and how what is stretched out between them is made to sag: by a share of the extent,
 # evenly (0) or as a parabola (1)
 LEVELS = 40
@@ -43,6 +45,8 @@ SAGS = (0.02, 0), (0.05, 1), (0.07, 1), (0.05, 0), (0.03, 1), (0.1, 1)
 
 FELL = ("no path of stable equilibria leads from the reference to the full load: the reported equilibrium is the one "
         "to which the model sinks from the end of the path")
+FALLS = ("supports leave a mechanism until bodies touch: the reported equilibrium is the one to which the model sinks "
+         "under its weight from the reference")
 
 
 def slack(model: Model) -> bool:
@@ -53,11 +57,11 @@ def slack(model: Model) -> bool:
 
 
 def hanging(system: System, d: Array, factors: tuple[float, float], tolerance: float, max_iterations: int,
-            fell: bool = False) -> State:
+            why: list[str]) -> State:
     """Return a stable equilibrium that is found from the state d (n_full,).
 
-    ``factors``: the load factor of the supports there, and that of the equilibrium. ``fell``: a path that began
-    at the reference ended at d. Raises ComputationError where none is found.
+    ``factors``: the load factor of the supports there, and that of the equilibrium. ``why`` are warnings that it has.
+    Raises ComputationError where none is found.
     """
     t = factors[1]
     relaxation = _Relaxation(system, d, factors, tolerance, max_iterations)
@@ -65,7 +69,7 @@ def hanging(system: System, d: Array, factors: tuple[float, float], tolerance: f
     if not system.model.winds:
         # loops that a rope pulls tight vanish, and chance decides which of its sections turn over then
         system.count_from(relaxation.turns)
-    warnings = [FELL] if fell else []
+    warnings = list(why)
     if relaxation.pushed:
         warnings.append(f"the start is next to an unstable equilibrium (negative pivots: {relaxation.pushed}); a "
                         f"displacement of {PUSH:g} of the extent leads to the reported equilibrium, which is stable")
@@ -135,7 +139,7 @@ class _Relaxation:
                 self._go(factor)
             self.checked = True
             self.turns = self.system.turns()
-        while self.steps < MOST_STEPS:
+        while self.steps < MOST_STEPS and self.system.distance(self.d, self.start) < LOST * self.extent:
             moved = self._go(self.t)
             # where a step of any length hardly moves, there is nothing left to get away from
             if moved > NEAR * self.extent or (moved > LEFT * self.extent and self._close(self.left, AWAY)):

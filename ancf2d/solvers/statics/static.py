@@ -10,6 +10,7 @@ import numpy as np
 from ...elements.shape import Array
 from ...errors import ComputationError, SingularTangentError
 from ...model.breakpoints import case_stops
+from ...model.build import weighs
 from ...model.model import Model
 from ...model.timing import PathTiming
 from ..contact import memory, recall
@@ -17,7 +18,7 @@ from ..refine import refined
 from ..state import State
 from ..system import System, Turned
 from ..threads import largest
-from .hanging import hanging, slack
+from .hanging import FALLS, FELL, hanging, slack
 from .newton import (
     MAX_ITERATIONS,
     POOR,
@@ -119,6 +120,7 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
     march = March(system, 1.0 / (steps or STEPS), tolerance, max_iterations)
     stops = _stops(model, end) if model.remembers and end > 0.0 else []
     soft = end != 0.0 and slack(model)
+    failed: ComputationError | None = None
     try:
         if model.hangs:
             raise ComputationError("only gravity holds the model", at={"factor": 0.0})
@@ -132,11 +134,19 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
             yield state
         else:
             return
-    except ComputationError:
-        if not (model.hangs or soft):
+    except ComputationError as error:
+        # what contacts hold once it has fallen on them
+        if march.load.factor == 0.0 != end and model.contacts and weighs(model.case):
+            failed = error
+        elif not (model.hangs or soft):
             raise
     march.take(Load(end, 1.0))
-    yield hanging(system, march.d, (march.load.factor, end), tolerance, max_iterations, not model.hangs)
+    why = [FALLS] if failed else [] if model.hangs else [FELL]
+    try:
+        yield hanging(system, march.d, (march.load.factor, end), tolerance, max_iterations, why)
+    except ComputationError as error:
+        # it does not come to rest on them
+        raise failed or error from None
 
 
 def _stops(model: Model, end: float) -> list[float]:
