@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -66,37 +66,48 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
         result = _newton(system, d, t_old, t, tolerance, max_iterations)
         check_pressed(system.model, result.d, {"factor": float(f"{t:.6g}")})
         return result
-    kept, begun = memory(system.model), d.copy()
+    kept = memory(system.model)
     rough = any(pair.hard and pair.item.friction for pair in system.model.contacts)
-    for way in WAYS if rough else WAYS[:1]:
-        try:
-            return _touching(system, d, t_old, t, tolerance, max_iterations, way)
-        except ComputationError as error:
-            recall(system.model, kept)
-            d[:], failed = begun, error
-    raise failed
-
-
-def _touching(system: System, d: Array, t_old: float, t: float, tolerance: float, max_iterations: int,
-              way: Way) -> NewtonResult:
-    """Return the equilibrium as ``newton`` does, by one way to find what touches and slides."""
-    left: set[Any] = set()
-    iterations = 0
     begin(system, d, t_old)
-    for _ in range(ROUNDS):
+    try:
+        first = _held(system, d, t_old, t, tolerance, max_iterations)
+        touching = memory(system.model)
+        for way in WAYS if rough else WAYS[:1]:
+            try:
+                return _settled(system, replace(first, d=first.d.copy()), t, tolerance, max_iterations, way)
+            except ComputationError:
+                if not rough or way is WAYS[-1]:
+                    raise
+                recall(system.model, touching)
+    except ComputationError:
+        recall(system.model, kept)
+        raise
+    raise AssertionError
+
+
+def _held(system: System, d: Array, t_old: float, t: float, tolerance: float, max_iterations: int) -> NewtonResult:
+    """Return the equilibrium as ``_newton`` does, of what sliding contacts alone hold where one of them sticks."""
+    while True:
         try:
-            result = _newton(system, d, t_old, t, tolerance, max_iterations)
+            return _newton(system, d, t_old, t, tolerance, max_iterations)
         except SingularTangentError:
             if not stick_one(system.model.contact_tables, d, t, system.accepted or (d, t)):
                 raise
-            continue
+
+
+def _settled(system: System, result: NewtonResult, t: float, tolerance: float, max_iterations: int, way: Way
+             ) -> NewtonResult:
+    """Return the equilibrium at which nothing opens, closes, sticks or slides any more, from one with what touched."""
+    left: set[Any] = set()
+    iterations, worst = 0, 0.0
+    for _ in range(ROUNDS):
         iterations += result.iterations
         changed, worst = exchange(system, result.d, t, left, way)
         if not changed:
             result.iterations, result.overlap = iterations, worst
             check_pressed(system.model, result.d, {"factor": float(f"{t:.6g}")})
             return result
-        d, t_old = result.d, t
+        result = _held(system, result.d, t, t, tolerance, max_iterations)
     found = f"a body is {worst:.3g} deep in an obstacle" if worst > 0.0 else "those that press change again and again"
     raise ComputationError(f"the contact points were not found: {found}",
                            at={"factor": float(f"{t:.6g}")},
