@@ -69,7 +69,7 @@ def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PATH", os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")]))
     monkeypatch.setenv("MPLBACKEND", "agg")
-    # pictures are composed, laid out and written, but stay white: tests/plot has every kind drawn
+    # pictures are composed and written, but stay white: tests/plot has every kind drawn
     monkeypatch.setattr(Figure, "draw", lambda figure, renderer: None)
     monkeypatch.setattr("ancf2d.plot.style.STYLE", [style.STYLE, {"savefig.dpi": 55}])
     # studies in this process, which has its imports
