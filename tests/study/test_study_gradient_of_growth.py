@@ -103,7 +103,7 @@ def column(**more: Any) -> dict[str, Any]:
     """A slender column, or a pipe, of EI = L = 1."""
     return {"bodies": {"c": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
                              "section": {"EA": 1e4, "kGA": 1e4, "EI": 1.0, "rhoA": 0.8, "rhoI": 1e-6},
-                             "element": {"type": "cable", "count": 4}, **more.pop("body", {})}},
+                             "element": {"type": "cable", "count": 2}, **more.pop("body", {})}},
             "boundary_conditions": [{"type": "clamp", "at": "c@0"}],
             "solver": {"type": "buckling", "modes": 1}, "goal": {"load_factor": 1}, **more}
 
