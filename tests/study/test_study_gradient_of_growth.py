@@ -95,8 +95,8 @@ def test_two_equal_pendulums_are_left_to_runs() -> None:
     for key in ("boundary_conditions", "joints", "masses", "springs", "loads"):
         case[key] += other[key]
     case["bodies"] |= other["bodies"]
-    rows = {row.path: row for row in ancf2d.sensitivity(case, ["springs.s1.stiffness", "springs.s2.stiffness"]).rows}
-    assert all(row.method.startswith("differences of runs: several motions") for row in rows.values())
+    row, = ancf2d.sensitivity(case, ["springs.s1.stiffness"]).rows
+    assert row.method.startswith("differences of runs: several motions")
 
 
 def column(**more: Any) -> dict[str, Any]:
