@@ -51,7 +51,7 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         (folder / "mine.yaml").write_text(MINE)
         invoke("ancf2d new swing --kind pendulum")
         swing = (folder / "swing.yaml").read_text()
-        (folder / "swing.yaml").write_text(swing.replace("t_end: 1.5", "t_end: 0.04").replace("count: 8", "count: 2"))
+        (folder / "swing.yaml").write_text(swing.replace("t_end: 1.5", "t_end: 0.02").replace("count: 8", "count: 2"))
         for line in ("run beam.yaml", "run beam.yaml -o stored.h5", "run swing.yaml", "export beam.h5 tip.csv"):
             invoke(f"ancf2d {line}")
         yield folder

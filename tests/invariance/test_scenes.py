@@ -105,12 +105,12 @@ def test_bodies_vary_along_and_close_and_tendons_are_elastic() -> None:
 def test_scenes_are_valid_or_refused_for_what_they_ask() -> None:
     """What is refused without solving: mechanisms, supports that contradict each other, an unfit integrator."""
     refused = []
-    for case in many()[:150]:
+    for case in many()[:75]:
         try:
             prepare(ancf2d.load(case))
         except ancf2d.CaseError as error:
             refused.append(error.problems[0].message)
-    assert len(refused) < 15
+    assert 0 < len(refused) < 8
     known = ("no static solution", "contradicts other supports", "solver.method")
     assert [m for m in refused if not any(words in m for words in known)] == []
 

@@ -67,7 +67,7 @@ def test_tangent_is_the_derivative_of_the_force_and_symmetric(name, formulation,
 
 
 @helpers.every_variant
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(angle=st.floats(-20, 20), x=st.floats(-3, 3), y=st.floats(-3, 3))
 def test_rigid_motion_costs_nothing(name, formulation, angle, x, y):
     for geometry in helpers.GEOMETRIES:

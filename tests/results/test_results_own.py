@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 
 import pytest
@@ -12,7 +11,8 @@ from matplotlib.figure import Figure
 from synthetic import bent_beam
 
 from ancf2d.errors import ResultsError
-from ancf2d.plot import animate, data_csv, draw, save
+from ancf2d.plot import animate, data_csv, save
+from ancf2d.plot.style import Look
 from ancf2d.results import check_output, open_results
 from ancf2d.results.export import export
 from ancf2d.results.target import is_own
@@ -25,20 +25,14 @@ t,tip.uy
 CASE = "# drawn by ancf2d-output\nformat: 1\nbodies: {}\n"
 
 
-@cache
-def drawn(file: Path) -> Figure:
-    """Return the figure of a file, which is drawn once."""
-    with open_results(file) as results:
-        return draw(results)
-
-
 def figure(folder: Path, path: Path, force: bool) -> None:
-    save(drawn(folder / "a.h5"), path, force=force)
+    # a file is marked whatever is drawn in it
+    save(Figure(figsize=(1, 1)), path, force=force)
 
 
 def moving(folder: Path, path: Path, force: bool) -> None:
     with open_results(folder / "a.h5") as results:
-        animate(results, path, length=2, force=force)
+        animate(results, path, length=2, look=Look(dpi=20), force=force)
 
 
 def data(folder: Path, path: Path, force: bool) -> None:

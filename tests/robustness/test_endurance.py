@@ -33,8 +33,9 @@ def test_very_many_events_neither_drift_nor_leak() -> None:
     assert conserved.left < 300
 
 
-@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL], ids=["SIGTERM", "SIGKILL"])
-@pytest.mark.parametrize(("command", "after"), [("run", 2.0), ("sweep", 2.0), ("plot", 1.0)])
+# runs that are killed: tests/results/test_results_kills.py
+@pytest.mark.parametrize(("command", "after", "how"), [("run", 2.0, signal.SIGTERM), ("sweep", 2.0, signal.SIGKILL),
+                                                       ("plot", 1.0, signal.SIGTERM)])
 def test_a_command_that_is_stopped_leaves_what_is_whole_or_nothing(command: str, after: float, how: signal.Signals,
                                                                  workshop: Path) -> None:
     _, _, faults = stops.stop(workshop, command, how, after)

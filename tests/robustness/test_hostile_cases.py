@@ -86,10 +86,10 @@ def test_reading_ends_after_many_refusals(tmp_path: Path, content: str) -> None:
     assert found[-1] == "too many problems; the rest of the file was not read"
 
 
-def test_names_near_to_a_hundred_thousand_unknown_ones_are_not_looked_for(tmp_path: Path) -> None:
-    found = problems(tmp_path, json.dumps({**BEAM, **{f"lods{i}": 1 for i in range(100_000)}}))
+def test_names_near_to_very_many_unknown_ones_are_not_looked_for(tmp_path: Path) -> None:
+    found = problems(tmp_path, json.dumps({**BEAM, **{f"lods{i}": 1 for i in range(20_000)}}))
     assert len(found) == 101
-    assert "99900 more problems, not shown after the first 100" in found
+    assert "19900 more problems, not shown after the first 100" in found
 
 
 def test_ten_thousand_references_to_ten_thousand_bodies(tmp_path: Path) -> None:

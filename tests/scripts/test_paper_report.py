@@ -102,6 +102,23 @@ def test_the_page_holds_every_table_and_figure_and_needs_nothing_else(quick: Non
     outside = [a for a in re.findall(r'(?:src|href)="([^"]+)"', text) if not a.startswith(("data:", "#"))]
     assert outside == []
     assert "not as documented" not in text
+    check_static_figures(tmp_path)
+
+
+def check_static_figures(folder: Path) -> None:
+    """Figures 3 to 5 are drawn from the paper's cases, with the meshes that were asked for."""
+    from ancf2d.results import open_results
+
+    for name in ("figure3_ux", "figure3_uy", "figure4", "figure5_linear", "figure5_nonlinear"):
+        assert (folder / f"{name}.svg").read_bytes().startswith(b"<?xml")
+    for name, solver in (("linear", "linear_static"), ("nonlinear", "static")):
+        with open_results(folder / f"{name}_2d2n.h5") as results:
+            assert results.solver == solver
+            assert (results.body("beam").element_type, len(results.body("beam").dofs)) == ("2d2n", 4)
+    with open_results(folder / "figure3_ux_beam189.h5") as results:
+        table = results.tables["convergence"]
+        assert (list(table["elements"]), set(table["element"])) == ([2, 4], {"reissner3"})
+        assert table.attrs["goal"] == "tip ux"
 
 
 def test_a_wrong_frequency_is_not_as_documented(monkeypatch: pytest.MonkeyPatch) -> None:

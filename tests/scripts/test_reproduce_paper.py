@@ -71,24 +71,6 @@ def test_command_line() -> None:
     assert tables["2"]["entries"][3]["same"]
 
 
-def test_figures_are_drawn_from_the_papers_cases(reproduce, tmp_path: Path) -> None:
-    from ancf2d.results import open_results
-    from scripts.paper_figures import Workshop, static_figures
-
-    pictures = [d.file for d in static_figures(Workshop(tmp_path, meshes=(2, 4), elements=4))]
-    assert [p.name for p in pictures] == ["figure3_ux.png", "figure3_uy.png", "figure4.png", "figure5_linear.png",
-                                          "figure5_nonlinear.png"]
-    assert all(p.read_bytes().startswith(b"\x89PNG") for p in pictures)
-    for name, types in (("linear", "2d2n"), ("nonlinear", "2d2n")):
-        with open_results(tmp_path / f"{name}_{types}.h5") as results:
-            assert results.solver == {"linear": "linear_static", "nonlinear": "static"}[name]
-            assert (results.body("beam").element_type, len(results.body("beam").dofs)) == (types, 4)
-    with open_results(tmp_path / "figure3_ux_beam189.h5") as results:
-        table = results.tables["convergence"]
-        assert (list(table["elements"]), set(table["element"])) == ([2, 4], {"reissner3"})
-        assert table.attrs["goal"] == "tip ux"
-
-
 def test_figures_from_the_command_line(reproduce, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     monkeypatch.setattr(reproduce, "draw_figures", lambda folder: [folder / "figure4.png"])
     assert reproduce.main(["--figures", str(tmp_path)]) == 0

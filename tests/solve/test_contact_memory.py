@@ -44,9 +44,7 @@ def balance(found: ancf2d.Solution) -> tuple[Array, Array]:
     return there / size, (there + e["dissipated"]) / size
 
 
-@pytest.mark.parametrize("material", ["relaxes", "yields"])
-@pytest.mark.parametrize("restitution", [0.0, 1.0])
-@pytest.mark.parametrize("method", ["generalized_alpha", "radau5"])
+@h.covering(method=["generalized_alpha", "radau5"], restitution=[0.0, 1.0], material=["relaxes", "yields"])
 def test_what_is_lost_is_dissipated_and_no_bounce_gives_energy(method, restitution, material):
     there, whole = balance(fallen(method, restitution, material, 5e-3, tolerance=1e-6))
     assert (there - np.minimum.accumulate(there)).max() < 1e-6

@@ -74,7 +74,7 @@ def test_cantilever_pipes_flutter(beta: float, about: float) -> None:
 def test_element_types_agree(element: str) -> None:
     slender = {"EA": 1.2e5, "kGA": 4e4, "EI": 1, "rhoA": 0.8} if element != "reissner3" else {
         "EA": 1.2e5, "kGA": 4e4, "EI": 1, "rhoA": 0.8, "rhoI": 0.8 / 1.2e5}
-    case = pipe(0.2, element, 24, boundary_conditions=CLAMPED)
+    case = pipe(0.2, element, 24 if element == "omar" else 12, boundary_conditions=CLAMPED)
     case["bodies"]["pipe"]["section"] = slender
     assert velocities(case)[0]["factor"] == pytest.approx(critical(0.2, 5, 6)[0] / math.sqrt(0.2), rel=5e-3)
 

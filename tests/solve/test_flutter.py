@@ -78,7 +78,7 @@ ZENER, TWO = ((0.5, 1.0),), ((0.3, 0.02), (0.2, 0.3))
 @pytest.mark.parametrize(("element", "count", "terms", "rel"), [
     ("cable", 24, ZENER, 1e-5),
     *(pytest.param(*one, marks=pytest.mark.slow) for one in (
-        ("cable", 16, TWO, 1e-5), ("reissner3", 12, ZENER, 1e-4), ("reissner3", 24, ZENER, 1e-5)))], ids=str)
+        ("cable", 16, TWO, 1e-5), ("reissner3", 24, ZENER, 1e-5)))], ids=str)
 def test_becks_column_of_a_material_that_relaxes(element: str, count: int, terms: Any, rel: float) -> None:
     """Flutter begins at P and omega where w'''' + P/e w'' = omega^2/e w with e = E(i omega)/E: two real equations."""
     found = first(column(element=element, count=count, body=relaxing(*terms)))
@@ -156,7 +156,7 @@ def test_a_column_that_creeps_diverges_at_the_load_of_its_long_time_modulus() ->
 def pflueger(mass: float) -> float:
     """The critical load of Beck's column with a mass at its tip, where the two lowest frequencies meet."""
     def roots(P: float) -> int:
-        values = follower_column(P, np.linspace(1e-3, 600, 400001), mass)
+        values = follower_column(P, np.linspace(1e-3, 600, 20001), mass)
         return int((np.diff(np.sign(values)) != 0).sum())
     low, high = 5.0, 25.0
     while high - low > 1e-5:

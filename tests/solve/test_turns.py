@@ -155,7 +155,8 @@ def at_end(body, solver, start=None, **scene):
     return model, state
 
 
-@pytest.mark.parametrize(("kind", "steps"), h.chosen([(k, n) for k in KINDS for n in (1, 3, 10)],
+# all at once in one step, which is the hardest, each kind of body
+@pytest.mark.parametrize(("kind", "steps"), h.chosen([("cable", 3), ("vallejo", 10), *((k, 1) for k in KINDS)],
                                                      [("cable", 3), ("vallejo", 10)]))
 def test_a_spring_is_wound_up_in_any_number_of_load_steps(kind, steps):
     """40 N m on 2 N m/rad: 20 rad."""

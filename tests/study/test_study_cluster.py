@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -19,9 +20,8 @@ from ancf2d.errors import ComputationError
 from ancf2d.study import pool
 from ancf2d.study.pool import Workers, run_jobs
 
-pytestmark = pytest.mark.slow
-
-pytest.importorskip("distributed")
+# every process that collects tests would import it
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(find_spec("distributed") is None, reason="without distributed")]
 HERE = Path(__file__).parent
 
 

@@ -95,15 +95,15 @@ def test_two_equal_pendulums_are_left_to_runs() -> None:
     for key in ("boundary_conditions", "joints", "masses", "springs", "loads"):
         case[key] += other[key]
     case["bodies"] |= other["bodies"]
-    rows = {row.path: row for row in ancf2d.sensitivity(case, ["springs.s1.stiffness", "springs.s2.stiffness"]).rows}
-    assert all(row.method.startswith("differences of runs: several motions") for row in rows.values())
+    row, = ancf2d.sensitivity(case, ["springs.s1.stiffness"]).rows
+    assert row.method.startswith("differences of runs: several motions")
 
 
 def column(**more: Any) -> dict[str, Any]:
     """A slender column, or a pipe, of EI = L = 1."""
     return {"bodies": {"c": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
                              "section": {"EA": 1e4, "kGA": 1e4, "EI": 1.0, "rhoA": 0.8, "rhoI": 1e-6},
-                             "element": {"type": "cable", "count": 4}, **more.pop("body", {})}},
+                             "element": {"type": "cable", "count": 2}, **more.pop("body", {})}},
             "boundary_conditions": [{"type": "clamp", "at": "c@0"}],
             "solver": {"type": "buckling", "modes": 1}, "goal": {"load_factor": 1}, **more}
 

@@ -64,7 +64,8 @@ output:
 NUMBERS = {
     "generalized_alpha": ("bodies.arm.material.E", "springs.stay.damping", "loads.push.value.1",
                           "bodies.fork.geometry.end.0"),
-    "hht": ("bodies.fork.section.EI", "masses.lump.mass", "initial.bodies.fork.rotation_rate.omega"),
+    "hht": ("bodies.fork.section.EI", "bodies.fork.section.rhoA", "masses.lump.mass", "springs.stay.between.1.0",
+            "springs.coil.angle", "initial.bodies.fork.rotation_rate.omega"),
     "newmark": ("springs.stay.stiffness", "loads.pull.amplitude.frequency", "damping.rayleigh.alpha"),
     "radau5": ("bodies.arm.material.rho", "springs.coil.damping", "boundary_conditions.base.uy.scale",
                "bodies.arm.material.damping.kelvin_voigt"),
