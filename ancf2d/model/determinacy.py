@@ -40,6 +40,14 @@ def rigid_motion(mesh: BodyMesh, coords: Index, e: Array, centre: Array) -> Arra
     return out
 
 
+def own_motions(mesh: BodyMesh, e0: Array) -> Array:
+    """Return the rates (n_dofs, 3) of a body's coordinates in rigid motions about its middle, in the reference."""
+    if mesh.motions is None:
+        coords = np.arange(mesh.first_dof, mesh.first_dof + mesh.n_dofs)
+        mesh.motions = rigid_motion(mesh, coords, e0, np.asarray(mesh.plan.position(0.5)[0]))
+    return mesh.motions
+
+
 def _held(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint], springs: list[Spring],
           e0: Array, centres: list[Array], sizes: list[float]) -> Array:
     """Return what each equation and spring sees of the rigid motions (equations, 3 bodies), rotations by length."""

@@ -27,7 +27,7 @@ Index = NDArray[np.int64]
 STATIONS = np.array([0.0, 0.5, 1.0])
 # what meshes share whose nodes are in the same places, and stand for the same coordinates
 LAID_OUT = ("dofs", "nodes", "turn", "e0", "n_dofs", "n_nodes", "piece_first", "kinds", "coordinate_names", "starts",
-            "lengths", "angles", "shares_start", "_references", "_located")
+            "lengths", "angles", "shares_start", "motions", "at_nodes", "_references", "_located")
 
 
 def straight(shape: ShapeFunctions, section: Section) -> Sampler:
@@ -86,6 +86,10 @@ class BodyMesh:
         self._samplers: dict[tuple[Any, ...], list[Sampler]] = {}
         # what users should know of it, once it was asked for
         self.told: list[list[str]] | None = None
+        # what positions and directions at nodes are made of, once it was asked for (``points.PointRef``)
+        self.at_nodes: dict[tuple[Any, ...], Any] = {}
+        # what ``determinacy.own_motions`` returns, once it was asked for
+        self.motions: Array | None = None
         self._known = {} if like is None or (exactly and like.plan.section != plan.section) else like.classes_in(plan)
         # reference coordinates of elements, each in its own frame
         self._references: dict[tuple[Any, ...], Array] = {}
@@ -311,6 +315,8 @@ class BodyMesh:
     def angles_at(self, elements: Index, xi: Array) -> Array:
         """Return the angles of the reference tangent (m, stations) at xi (m, stations) of elements (m,)."""
         if len(self.plan.pieces) == 1:
+            if self.plan.pieces[0].kappa == 0.0:
+                return np.full(xi.shape, self.angles[0])
             return self.plan.pieces[0].position(self.plan.pieces[0].l * (elements[:, None] + xi))[1]
         piece = np.searchsorted(self.piece_first, elements, side="right") - 1
         out = np.empty(xi.shape)

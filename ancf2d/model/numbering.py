@@ -87,7 +87,8 @@ class Numbering:
             out[:] = full[self.where]
         else:
             np.subtract(full[self.where], less[self.where], out=out)
-        if len(self.dependent):
+        # coordinates that are held follow no unknown
+        if len(self.index):
             dependent = full[self.dependent] if less is None else full[self.dependent] - less[self.dependent]
             np.add.at(out, self.index, self.value * dependent[self.owner])
         return out
@@ -98,7 +99,7 @@ class Numbering:
         They are written to, where unknowns stand one behind the other.
         """
         out = full[self.where]
-        if len(self.dependent):
+        if len(self.index):
             np.add.at(out, self.index, np.abs(self.value) * full[self.dependent[self.owner]])
         return out
 
@@ -107,7 +108,8 @@ class Numbering:
         out[self.where] = z
         if len(self.dependent):
             sums = np.zeros(len(self.dependent))
-            np.add.at(sums, self.owner, self.value * z[self.index])
+            if len(self.index):
+                np.add.at(sums, self.owner, self.value * z[self.index])
             out[self.dependent] = sums
 
 

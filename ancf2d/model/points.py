@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 
+from ..elements.definition import derivative_order
 from ..elements.shape import Array, gauss
 from .mesh import BodyMesh, Index
 
@@ -45,6 +48,10 @@ class PointRef:
         return {}
 
     def _shape_row(self, i: int, j: int, spread: str | None) -> Array:
+        if self._on_node and spread is None:
+            own = _own(self.mesh.plan.element.functionals, self.node, i, j)
+            if own is not None:
+                return own.copy()
         sampler = self.mesh.classes[self.mesh.cls[self.ie]].sampler
         if spread is None:
             row = sampler.shape(np.array([self.xi]), np.array([self.eta]), i, j)[0]
@@ -58,6 +65,19 @@ class PointRef:
         row[moves < 1e-14 * moves.max()] = 0.0
         return row
 
+    @property
+    def _on_node(self) -> bool:
+        return self.node is not None and self.eta == 0.0
+
+    def _of_places(self, what: str, found: Callable[[], Any]) -> Any:
+        """Return what is found here; at nodes it follows from places alone, and meshes with the same ones share it."""
+        if not self._on_node:
+            return found()
+        known, key = self.mesh.at_nodes, (what, self.ie, self.node, self.s)
+        if key not in known:
+            known[key] = found()
+        return known[key]
+
     def columns(self, row: Array, component: int) -> tuple[Index, Array]:
         """Return (coordinates, weights) of one component of what a row of shape functions gives."""
         nc = self.mesh.plan.element.components
@@ -68,14 +88,16 @@ class PointRef:
         """Return (coordinates, weights) of x and of y."""
         if spread is None:
             return list(self._at_point)
-        row = self.shape_row(spread=spread)
-        return [self.columns(row, 0), self.columns(row, 1)]
+        return self._both(self.shape_row(spread=spread))
 
     @cached_property
-    def _at_point(self) -> tuple[tuple[Index, Array], tuple[Index, Array]]:
+    def _at_point(self) -> list[tuple[Index, Array]]:
         """The position without spread, which every stored state asks for anew."""
-        row = self.shape_row()
-        return self.columns(row, 0), self.columns(row, 1)
+        found: list[tuple[Index, Array]] = self._of_places("position", lambda: self._both(self.shape_row()))
+        return found
+
+    def _both(self, row: Array) -> list[tuple[Index, Array]]:
+        return [self.columns(row, 0), self.columns(row, 1)]
 
     @property
     def turns_by_theta(self) -> bool:
@@ -92,9 +114,13 @@ class PointRef:
         r_y where there is one, r_x for the cable. Between the nodes of an arc the interpolated vector is a little off
         the curve's own direction; the angle is the vector's, so that the reference meets what is asked of it.
         """
+        columns, angle = self._of_places("director", self._director)
+        return list(columns), angle
+
+    def _director(self) -> tuple[list[tuple[Index, Array]], float]:
         across = self.mesh.plan.element.section_kind == "interpolated"
         row = self.shape_row(0, 1) if across else self.shape_row(1, 0)
-        columns = [self.columns(row, 0), self.columns(row, 1)]
+        columns = self._both(row)
         angle = self.angle + (0.5 * math.pi if across else 0.0)
         c, s = math.cos(angle), math.sin(angle)
         x, y = (float(w @ self.mesh.e0[i - self.mesh.first_dof]) for i, w in columns)
@@ -112,6 +138,13 @@ class PointRef:
         if self.node is not None:
             return self.mesh.node_dofs(self.ie, self.node)
         return self.mesh.dofs[self.ie]
+
+
+@lru_cache
+def _own(functionals: tuple[tuple[int, str], ...], node: int, i: int, j: int) -> Array | None:
+    """Return derivatives of shape functions (n_shape,) at a node where one of its coordinates is these; else None."""
+    found = [k for k, (at, name) in enumerate(functionals) if at == node and derivative_order(name) == (i, j)]
+    return np.eye(len(functionals))[found[0]] if found else None
 
 
 def point_ref(mesh: BodyMesh, s: float, y: float = 0.0) -> PointRef:

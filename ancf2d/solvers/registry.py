@@ -48,7 +48,7 @@ def _static(model: Model, spec: Static, start: Start | None = None) -> Iterator[
 
     # newton ends at nothing but a load factor: the schema refuses the rest
     end = spec.until.value if isinstance(spec.until, LoadFactor) else 1.0
-    return solve_static(model, spec.steps, spec.tolerance, spec.max_iterations, end, start)
+    return solve_static(model, spec.steps, spec.tolerance, spec.max_iterations, end, start, spec.factors or ())
 
 
 def _quasi_static(model: Model, spec: QuasiStatic, kept: Checkpoint | None = None) -> Iterator[State]:

@@ -45,10 +45,12 @@ def apart(model: Model, mesh: BodyMesh, chosen: Index) -> Any:
     """Return the group of chosen elements (m,) in which each has coordinates of its own, so that nothing is summed."""
     pool, first = place_of(model.pools, mesh)
     group, dofs, some = model.groups[pool], mesh.dofs[chosen], first + np.asarray(chosen)
+    own = np.arange(dofs.size).reshape(dofs.shape)
+    if np.array_equal(some, np.arange(len(group.dofs))):
+        return group.replaced(dofs=own)
     turn = group.turn[some] if len(group.turn) > 1 else group.turn
     return group.replaced(cls=group.cls[some], turn=turn, natural=of_some(group.values.natural, some),
-                          memory=memory_of_some(group.values.memory, some),
-                          dofs=np.arange(dofs.size).reshape(dofs.shape))
+                          memory=memory_of_some(group.values.memory, some), dofs=own)
 
 
 def nodal_forces(model: Model, mesh: BodyMesh, state: State, chosen: Index, alone: Any = None
@@ -294,6 +296,13 @@ class _Part:
         at = self.body.is_r & chosen
         return np.concatenate([forces[:, at, :2].sum(axis=1), moment[:, None]], axis=1)
 
+    def _loads_before(self) -> tuple[Array, Array]:
+        """Return the wrenches of the loads on the elements (m, 3), and on their parts before each station (m, k, 3)."""
+        xi = self.body.xi
+        if not self.lines and not len(self.within) and self.rates is None:
+            return np.zeros((len(self.dofs), 3)), np.zeros((len(self.dofs), len(xi), 3))
+        return self._load_wrench(-1, 1.0), np.stack([self._load_wrench(k, x) for k, x in enumerate(xi)], axis=1)
+
     @cached_property
     def _wrenches(self) -> Array:
         """The wrench (m, 3) of each of what acts within elements."""
@@ -302,8 +311,6 @@ class _Part:
     def _load_wrench(self, station: int, upto: float) -> Array:
         """Return the wrench (m, 3) of the loads on the elements' parts before a station."""
         total = np.zeros((len(self.dofs), 3))
-        if not self.lines and not len(self.within) and self.rates is None:
-            return total
         for xi, force in self._line_samples(upto):
             arm = self._rows(xi) @ self.local
             total[:, :2] += force.sum(axis=1)
@@ -326,12 +333,11 @@ class _Part:
         body = self.body
         own = self._nodal() + self._pulled() - self._consistent()
         start, end = (self._node_wrench(own, node) for node in (body.first_node, body.last_node))
-        whole = self._load_wrench(-1, 1.0)
+        whole, before = self._loads_before()
         stations = np.broadcast_to(body.xi, (len(self.dofs), len(body.xi)))
         place = self._rows(body.xi) @ self.local
         c, s = self._axes(stations)
         borne = self._borne(stations)
-        before = np.stack([self._load_wrench(k, xi) for k, xi in enumerate(body.xi)], axis=1)
         off = start + end + whole
         total = body.xi[:, None] * off[:, None] - start[:, None] - before
         fx, fy = total[..., 0], total[..., 1]
@@ -386,8 +392,8 @@ class _Part:
     def _borne(self, xi: Array) -> Iterator[tuple[Array, Array, Array]]:
         """Yield the force (m, g) along x and y and the moment about the axis that each tendon bears at xi."""
         mesh = self.body.mesh
-        s = (mesh.starts[self.chosen, None] + xi * mesh.lengths[self.chosen, None]) / mesh.plan.length
         for guide, T in self.guides:
+            s = (mesh.starts[self.chosen, None] + xi * mesh.lengths[self.chosen, None]) / mesh.plan.length
             _, way, arm = self._run(guide, xi)
             force = T * way / np.linalg.norm(way, axis=-1, keepdims=True)
             force *= ((s >= guide.first - SAME) & (s <= guide.last + SAME))[..., None]

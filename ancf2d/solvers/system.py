@@ -13,7 +13,7 @@ from ..elements.shape import Array
 from ..errors import SingularTangentError
 from ..kernels.elements import commit, force, force_noise, force_tangent, natural_slope, tangent_action
 from ..kernels.matrices.matrix import scatter_patches
-from ..model.determinacy import rigid_motion
+from ..model.determinacy import own_motions
 from ..model.groups import with_trials
 from ..model.mesh import Index
 from ..model.model import Model
@@ -199,8 +199,7 @@ class System:
         n_q = self.model.n_q
         motions = np.zeros((n_q, 3))
         for mesh in self.model.meshes.values():
-            coords = np.arange(mesh.first_dof, mesh.first_dof + mesh.n_dofs)
-            motions[coords] = rigid_motion(mesh, coords, self.model.e0, np.asarray(mesh.plan.position(0.5)[0]))
+            motions[mesh.first_dof:mesh.first_dof + mesh.n_dofs] = own_motions(mesh, self.model.e0)
         out, zero = np.zeros((3, self.model.numbering.n_unknowns)), np.zeros(len(self.model.numbering.place))
         self.model.set_natural(None)
         for k in range(3):

@@ -7,7 +7,6 @@ import io
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -24,8 +23,6 @@ from .run import vocabulary
 ABSCISSAE = {"t": "dynamic or quasi_static", "factor": "static or linear_static", "hz": "frequency_response"}
 RATES = {"x": "vx", "y": "vy", "ux": "vx", "uy": "vy", "theta": "omega"}
 FORCES = ("N", "Q", "M")
-# load steps of a path whose factors are no simple fractions, and the largest denominator that is one
-STEPS, DENOMINATOR = 100, 400
 # share of the last time or load factor within which two are one
 NEAR = 1e-9
 PARTS = ("re", "im")
@@ -192,21 +189,13 @@ def comparable(loaded: LoadedCase, data: Data) -> LoadedCase:
         end = float(min(solver.t_end, data.x[-1])) or solver.t_end
         more += [f"solver.t_end={end!r}", f"solver.times={np.minimum(data.x, end).tolist()}"]
     elif isinstance(solver, Static):
-        more.append(f"solver.steps={_steps(data.x / solver.end, solver.steps or 1)}")
+        low, high = solver.course
+        more.append(f"solver.factors={np.clip(data.x, low, high).tolist()}")
     elif isinstance(solver, FrequencyResponse):
         keys = {"from": solver.from_, "to": solver.to, "tolerance": solver.tolerance}
         more += [f"solver.{name}=null" for name, value in keys.items() if value is not None]
         more.append(f"solver.frequencies={data.x.tolist()}")
     return with_overrides(loaded, more, vocabulary())
-
-
-def _steps(shares: Array, least: int) -> int:
-    """Return a number of load steps that end at shares of the whole, or that a smooth curve goes through well."""
-    found = [Fraction(float(s)).limit_denominator(DENOMINATOR) for s in shares]
-    exact = all(abs(float(f) - s) < 1e-9 for f, s in zip(found, shares, strict=True))
-    steps = int(np.lcm.reduce([f.denominator for f in found])) if exact else STEPS
-    steps = steps if steps <= DENOMINATOR else STEPS
-    return steps * -(-least // steps)
 
 
 class Watch:

@@ -94,7 +94,7 @@ Solve = Callable[[Model], "Iterator[State]"]
 def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False, command: str = "",
              progress: Progress | None = None, resume: bool = False, conclude: Conclude | None = None,
              solve: Solve | None = None, checkpoints: Path | None = None, like: Model | None = None,
-             kernels: str = "") -> Outcome:
+             kernels: str = "", brief: bool = False) -> Outcome:
     """Solve a case; write its result file where ``out`` names one; return the outcome.
 
     With ``resume``, a run over time that was interrupted goes on from its last checkpoint, to the same result bit for
@@ -102,6 +102,7 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
     that has succeeded, before it is written. ``solve`` yields the states in place of the solver. ``checkpoints``: a
     file that a run over time without result file is resumed from, while it lasts. ``like``: a model of the case with
     other values, of which the run takes what is the same. ``kernels``: the name of those that it needs, if it is known.
+    ``brief``: reactions, contacts and energies are left out of the summary where no goal may be one.
 
     Raises CaseError for a wrong case and ResultsError for a file that cannot be written or resumed; a failed
     computation is returned, with the states found so far.
@@ -120,7 +121,7 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
         writer = _keeper(loaded, model, checkpoints)
     try:
         warm_up(model, progress.compiling, kernels)
-        return _solve(loaded, model, writer, progress, warnings, conclude, solve)
+        return _solve(loaded, model, writer, progress, warnings, conclude, solve, brief)
     except BaseException as error:
         if writer is not None:
             writer.__exit__(type(error), error, error.__traceback__)
@@ -128,7 +129,7 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
 
 
 def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, warnings: list[str],
-           conclude: Conclude | None, solve: Solve | None) -> Outcome:
+           conclude: Conclude | None, solve: Solve | None, brief: bool) -> Outcome:
     recorder, failure = Recorder(model, writer, progress, warnings), None
     recorder.clock.states = _checked(loaded, model, _states(model, writer, solve))
     if writer is not None and writer.resumed is not None:
@@ -139,7 +140,7 @@ def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, wa
     except ComputationError as error:
         failure = error
     recorder.conclude()
-    summary = summarise(loaded, model, recorder, failure)
+    summary = summarise(loaded, model, recorder, failure, brief)
     if conclude is not None and failure is None:
         conclude(summary, model)
     if writer is not None:
@@ -170,11 +171,14 @@ def _checked(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Itera
 
 
 def summarise(loaded: LoadedCase, model: Model, recorder: Recorder, failure: ComputationError | None,
-              ) -> dict[str, Any]:
-    """Return the object that ``--json`` prints, from what was recorded of a run."""
+              brief: bool = False) -> dict[str, Any]:
+    """Return the object that ``--json`` prints, from what was recorded of a run; ``brief`` as in ``run_case``."""
     from ..solvers.post import energies, reactions
 
     state = recorder.state
+    asked = [goal for goal in (loaded.case.goal, *loaded.case.expected) if goal is not None]
+    # a goal that is no value of a probe is a reaction or an energy, or is found elsewhere
+    brief = brief and all(goal.probe is not None for goal in asked)
     out: dict[str, Any] = {
         "case": loaded.source.file, "title": loaded.case.title, "status": "failed" if failure else "converged",
         "solver": solver_name(loaded.case), "elements": model.n_elements, "dofs": model.n_q}
@@ -185,12 +189,16 @@ def summarise(loaded: LoadedCase, model: Model, recorder: Recorder, failure: Com
     if state is not None and state.controllers:
         out["controllers"] = state.controllers
     if state is not None:
-        out["reactions"] = reactions(model, state)
-        if model.contacts:
+        if not brief:
+            out["reactions"] = reactions(model, state)
+        if model.contacts and not brief:
             from ..solvers.contact import contact_report
 
             out["contacts"] = contact_report(model, state)
-        out["energy"] = dict(state.history) if recorder.moves else energies(model, state)
+        if recorder.moves:
+            out["energy"] = dict(state.history)
+        elif not brief:
+            out["energy"] = energies(model, state)
         out["t" if recorder.case.solver.timed else "load_factor"] = state.t
         if "negative_pivots" in state.history and model.symmetric:
             out["negative_pivots"] = int(state.history["negative_pivots"])

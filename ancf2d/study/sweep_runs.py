@@ -140,7 +140,7 @@ def _solve(job: Job, progress: Progress | None) -> dict[str, Any]:
         checkpoints = _checkpoints(job) if loaded.case.solver.timed else None
         if is_pursued(loaded):
             return _judged(solve_to_accuracy(loaded).outcome.summary)
-        return _last.run(job, loaded, progress=progress, checkpoints=checkpoints)
+        return _last.run(job, loaded, progress=progress, checkpoints=checkpoints, brief=True)
     folder = Path(job.output).parent
     if not folder.is_dir():
         raise ResultsError(f"there is no folder '{folder}' on this worker; several machines need a shared folder")

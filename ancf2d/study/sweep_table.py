@@ -30,6 +30,8 @@ from .run import describe_goal, quantity
 from .samples import Design, statistics
 from .sweep_runs import Job, fell_short
 
+# made once: it takes longer than to write a row
+_JSON = json.JSONEncoder(default=plain)
 # what all rows of a sweep are in, and the folder of the result files that are kept
 NAME, RUNS = "sweep.h5", "runs"
 # modes and buckling loads that a row tells where the case has no goal
@@ -246,7 +248,7 @@ class Ledger:
             return {}
 
     def _add(self, line: dict[str, Any]) -> None:
-        self._stream.write(json.dumps(line, default=plain).encode() + b"\n")
+        self._stream.write(_JSON.encode(line).encode() + b"\n")
 
     def take(self, name: str, row: dict[str, Any]) -> None:
         """Note what came of a case; it survives the end of this process."""
@@ -286,8 +288,7 @@ def _write(sweep: Sweep, known: dict[str, Any]) -> None:
     table |= {"error": [row.estimate for row in rows], "output": [row.output or "" for row in rows],
               "reason": [row.reason for row in rows]}
     computed = {"name": list(known), "wall_s": [row["wall_s"] for row in known.values()],
-                "row": [json.dumps({k: v for k, v in row.items() if k != "wall_s"}, default=plain)
-                        for row in known.values()]}
+                "row": [_JSON.encode({k: v for k, v in row.items() if k != "wall_s"}) for row in known.values()]}
     # what an interrupted writer left is nobody's: the folder is held
     part_path(sweep.file).unlink(missing_ok=True)
     attrs = {"paths": json.dumps([axis.path for axis in sweep.axes]), "values": json.dumps(names),

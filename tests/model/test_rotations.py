@@ -6,6 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ancf2d.elements.definition import derivative_order
+from ancf2d.elements.registry import ELEMENTS
 from ancf2d.model.determinacy import rigid_motion
 from ancf2d.model.points import point_ref
 from ancf2d.model.rotation import Rotation
@@ -72,3 +74,18 @@ def test_the_angle_is_conjugate_to_a_moment(name, geometry, s):
     e = model.e0 + helpers.random_state(model, 0.05)[: model.n_q]
     rates = rigid_motion(model.meshes["b"], rotation.dofs, e, np.array([0.3, 0.4]))
     np.testing.assert_allclose(rotation.gradient(e) @ rates, [0, 0, 1], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ELEMENTS)
+def test_what_a_node_has_for_a_coordinate_is_that_of_its_shape_functions(name):
+    """At a node, the derivative that is one of its coordinates is that of one shape function alone."""
+    mesh = rotation_at(name, "line", 0.0)[0].meshes["b"]
+    element, shape = mesh.plan.element, mesh.classes[0].sampler.shape
+    for node, coordinate in element.functionals:
+        # of the first of three elements
+        point = point_ref(mesh, element.nodes[node].at / 3.0)
+        assert point.node is not None
+        order = derivative_order(coordinate)
+        values = shape(np.array([point.xi]), np.zeros(1), *order)[0]
+        assert point.shape_row(*order) / mesh.shape_weights == pytest.approx(values / mesh.shape_weights, rel=1e-12,
+                                                                             abs=1e-12 / mesh.shape_weights.max())

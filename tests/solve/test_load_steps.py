@@ -122,3 +122,17 @@ def test_a_perfect_column_that_is_shortened_is_called_unstable_once_from_its_buc
     first = next(s for s in out.states if s.history["negative_pivots"] > 0)
     assert first.t == pytest.approx(critical, rel=5e-4)
     assert first.warnings == told
+
+
+def test_steps_end_at_the_factors_that_are_asked_for_however_they_are_cut():
+    """States there are the equilibria that solutions end at; factor 0 is what acts before any load."""
+    spring = {"type": "translational", "between": ["rope@1", [1.0, -2.0]], "stiffness": 3.0, "length": 0.5}
+    scene = {"bc": CLAMP, "springs": [spring], "loads": [{"type": "force", "at": "rope@1", "value": [0.0, -4e3]}]}
+    factors = [0.0, 0.1234, 0.5, 0.777]
+    solver = {"type": "static", "steps": 3, "max_iterations": 5}
+    out = helpers.solved(rope("reissner3", 8, 1.0, 0.02), solver | {"factors": factors}, **scene)
+    assert sum(s.history["cutbacks"] for s in out.states) > 0
+    for factor in factors:
+        (found,) = (s for s in out.states if abs(s.t - factor) < 1e-12)
+        alone = helpers.solved(rope("reissner3", 8, 1.0, 0.02), solver | {"until": {"load_factor": factor}}, **scene)
+        np.testing.assert_allclose(found.d, alone.d, atol=1e-9)

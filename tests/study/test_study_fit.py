@@ -15,8 +15,9 @@ from ancf2d.errors import CaseError
 from ancf2d.results import open_results
 from ancf2d.study.fit import Fit, fit, write_case, write_fit
 from ancf2d.study.fit import _Problem as Problem
-from ancf2d.study.fit_data import data_of, read_data
-from ancf2d.study.run import load
+from ancf2d.study.fit_data import Watch, comparable, data_of, read_data
+from ancf2d.study.record import Progress
+from ancf2d.study.run import load, run_case
 from scripts import measured_cantilever as strip
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -149,6 +150,20 @@ def test_standard_errors_are_those_of_many_measurements() -> None:
     assert (np.sum(np.abs(found) < 2.0, axis=0) >= 12).all()
     assert np.std(found, axis=0) == pytest.approx([1.0, 1.0], abs=0.5)
     assert (abs(found.mean(axis=0)) < 5.0 / 4.0).all()
+
+
+def test_measured_load_factors_are_ends_of_steps_where_contact_begins() -> None:
+    """The path has a kink where the beam meets the floor, which no curve through other states follows."""
+    case = ancf2d.load(BENT + "obstacles: {floor: {type: half_plane, through: [0, -0.2], normal: [0, 1]}}\n"
+                       "contacts: [{between: [beam, floor], side: axis}]\n")
+    factors = [0.137, 0.2513, 0.2641, 0.8314]
+    data = data_of({"factor": factors, "tip.theta": [0.0] * 4, "tip.ux": [0.0] * 4})
+    states: list[Any] = []
+    ready = comparable(case, data)
+    model = run_case(ready, progress=Progress(state=states.append)).model
+    ends = [ancf2d.solve(case, {"solver.until": {"load_factor": f}}, states=False).summary["probes"]["tip"]
+            for f in factors]
+    assert Watch(data)(model, states) == pytest.approx([end[q] for end in ends for q in ("theta", "ux")], rel=1e-7)
 
 
 def path_of(EI: float, pull: float, factors: list[float]) -> dict[str, Any]:

@@ -97,6 +97,16 @@ def test_without_a_goal_a_row_tells_probes_modes_or_load_factors(folder: Path) -
         "load factor 1"]
 
 
+@pytest.mark.parametrize(("goal", "value"), [
+    ("{probe: tip, quantity: theta}", -6e-3), ("{reaction: root, quantity: m}", 6.0),
+    ("{quantity: strain_energy}", 0.012)])
+def test_rows_tell_whatever_is_the_goal(folder: Path, goal: str, value: float) -> None:
+    """Rows of other goals do without reactions and energies: F L^2/(2 EI), F L and F^2 L^3/(6 EI)."""
+    (folder / "beam.yaml").write_text(f"{BEAM}goal: {goal}\n")
+    rows = swept("bodies.beam.element.count=1,2").rows
+    assert [row.goal for row in rows] == pytest.approx([value] * 2, rel=1e-9)
+
+
 def test_what_is_refused_or_fails_is_a_row() -> None:
     found = swept("bodies.beam.section.EI=1e3,-1", "solver={type: linear_static},{type: static, max_iterations: 1}",
                   overrides=("loads.tip.value=[0, -1e5]",))

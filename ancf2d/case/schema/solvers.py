@@ -110,6 +110,9 @@ class Static(Kind):
                                   "correction", default=None, example=1e-10)
     max_iterations: int | None = key(Integer(), "Maximum number of Newton iterations per step",
                                      default=None)
+    factors: tuple[float, ...] | None = key(ListOf(Number(), "load factors", 1), "Load factors at which steps end, "
+                                            "beside those that ``steps`` gives (method newton)", default=None,
+                                            example=[0.25, 0.6])
     method: str = key(Choice("newton", "arc_length", "displacement"), "Path-following method",
                       default="newton")
     until: LoadFactor | LimitPoints | ProbeReaches = key(
@@ -147,6 +150,12 @@ class Static(Kind):
         if self.verify and self.on_path:
             yield Issue(("verify",), f"{{}}.verify compares states at equal load factors, which method {self.method} "
                         "does not have", "method: newton")
+        if self.factors is not None and self.on_path:
+            yield Issue(("factors",), f"{{}}.factors: method {self.method} finds the load factors", "method: newton")
+        elif (beyond := next((f for f in self.factors or () if not min(self.end, 0.0) <= f <= max(self.end, 0.0)),
+                             None)) is not None:
+            yield Issue(("factors",), f"{{}}: the solution does not reach the factor {beyond:g}",
+                        f"factors from 0 to {self.end:g}")
         if isinstance(self.until, LimitPoints) and self.method != "arc_length":
             yield Issue(("until",), f"{{}}: limit points cannot be passed with method "
                         f"{self.method}", "method: arc_length")

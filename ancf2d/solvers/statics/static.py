@@ -102,10 +102,12 @@ def _pretensioned(model: Model, d: Array) -> list[str]:
 
 
 def solve_static(model: Model, steps: int | None = None, tolerance: float | None = None,
-                 max_iterations: int | None = None, end: float = 1.0, start: Start | None = None) -> Iterator[State]:
+                 max_iterations: int | None = None, end: float = 1.0, start: Start | None = None,
+                 factors: Sequence[float] = ()) -> Iterator[State]:
     """Yield a state per load step, from the reference (factor 0) to the factor ``end``, which may be negative or 0.
 
     The factor changes by at most ``end/steps`` at a time; a step in trouble is cut, and grows again after easy ones.
+    Steps end at ``factors``.
     What acts at factor 0 already (springs that pull, amplitudes that do not begin at 0) is raised first; that yields no
     state unless ``end`` is 0. Only the last state where that is found from ``start`` at once. Raises ComputationError
     where the path cannot be followed.
@@ -113,19 +115,23 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
     system = System(model)
     tolerance, max_iterations = tolerance or TOLERANCE, max_iterations or MAX_ITERATIONS
     # the way to a state counts where elements remember it
-    near = None if start is None or model.remembers else equilibrium_near(system, start, end, tolerance, max_iterations)
+    whole = start is None or model.remembers or len(factors) > 0
+    near = None if start is None or whole else equilibrium_near(system, start, end, tolerance, max_iterations)
     if near is not None:
         yield state_of(system, near, end, 1, 0, [])
         return
     march = March(system, 1.0 / (steps or STEPS), tolerance, max_iterations)
-    stops = _stops(model, end) if model.remembers and end > 0.0 else []
+    corners = _stops(model, end) if model.remembers and end > 0.0 else []
+    stops = sorted(f / end for f in factors if f != 0.0)
     soft = end != 0.0 and slack(model)
     failed: ComputationError | None = None
     try:
         if model.hangs:
             raise ComputationError("only gravity holds the model", at={"factor": 0.0})
         iterations, warnings = march.settle()
-        for state in march.go(Load(0.0, 1.0), Load(end, 1.0), stops) if end != 0.0 else [march.resting()]:
+        if end != 0.0 and 0.0 in factors:
+            yield march.resting()
+        for state in march.go(Load(0.0, 1.0), Load(end, 1.0), corners, stops) if end != 0.0 else [march.resting()]:
             if soft and state.history["negative_pivots"] > 0 and system.knows_inertia:
                 break
             state.history["iterations"] += iterations
@@ -270,9 +276,12 @@ class March:
         for strain in self.model.loads.natural:
             strain.share = share
 
-    def go(self, begin: Load, end: Load, stops: Sequence[float] = ()) -> Iterator[State]:
-        """Yield a state per step while one load becomes another; steps end at shares ``stops`` of the way."""
-        path, stride, number, old = Path([0.0], [self.d]), Stride(self.longest, stops), 0, begin
+    def go(self, begin: Load, end: Load, corners: Sequence[float] = (), stops: Sequence[float] = ()) -> Iterator[State]:
+        """Yield a state per step while one load becomes another; steps end at shares ``stops`` of the way.
+
+        So they do at ``corners``, behind which nothing follows from what was before.
+        """
+        path, stride, number, old = Path([0.0], [self.d]), Stride(self.longest, [*corners, *stops]), 0, begin
         while stride.s < 1.0:
             target = stride.target()
             new = end if target == 1.0 else begin.towards(end, target)
@@ -299,8 +308,7 @@ class March:
             self.turns = self.system.turns()
             yield state
             self.d, self.negative, self.load, old = result.d, result.negative_pivots, new, new
-            # behind a stop nothing follows from what was before
-            if target in stops:
+            if target in corners:
                 path = Path([], [])
             path.push(target, result.d)
             stride.accept(target)
