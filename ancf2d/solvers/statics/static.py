@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,10 +107,9 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
     """Yield a state per load step, from the reference (factor 0) to the factor ``end``, which may be negative or 0.
 
     The factor changes by at most ``end/steps`` at a time; a step in trouble is cut, and grows again after easy ones.
-    Steps end at ``factors``.
-    What acts at factor 0 already (springs that pull, amplitudes that do not begin at 0) is raised first; that yields no
-    state unless ``end`` is 0. Only the last state where that is found from ``start`` at once. Raises ComputationError
-    where the path cannot be followed.
+    Steps end at ``factors``, too. What acts at factor 0 already (springs that pull, amplitudes that do not begin at 0)
+    is raised first; that yields no state unless ``end`` is 0. Only the last state where that is found from ``start`` at
+    once. Raises ComputationError where the path cannot be followed.
     """
     system = System(model)
     tolerance, max_iterations = tolerance or TOLERANCE, max_iterations or MAX_ITERATIONS
@@ -121,24 +120,12 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
         yield state_of(system, near, end, 1, 0, [])
         return
     march = March(system, 1.0 / (steps or STEPS), tolerance, max_iterations)
-    corners = _stops(model, end) if model.remembers and end > 0.0 else []
-    stops = sorted(f / end for f in factors if f != 0.0)
     soft = end != 0.0 and slack(model)
     failed: ComputationError | None = None
     try:
         if model.hangs:
             raise ComputationError("only gravity holds the model", at={"factor": 0.0})
-        iterations, warnings = march.settle()
-        if end != 0.0 and 0.0 in factors:
-            yield march.resting()
-        for state in march.go(Load(0.0, 1.0), Load(end, 1.0), corners, stops) if end != 0.0 else [march.resting()]:
-            if soft and state.history["negative_pivots"] > 0 and system.knows_inertia:
-                break
-            state.history["iterations"] += iterations
-            state.warnings = warnings + state.warnings
-            iterations, warnings = 0, []
-            yield state
-        else:
+        if (yield from _steps(march, end, factors, soft)):
             return
     except ComputationError as error:
         # what contacts hold once it has fallen on them
@@ -153,6 +140,24 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
     except ComputationError as error:
         # it does not come to rest on them
         raise failed or error from None
+
+
+def _steps(march: March, end: float, factors: Sequence[float], soft: bool) -> Generator[State, None, bool]:
+    """Yield a state per step; return whether they end at ``end``, not where what is ``soft`` is no longer stable."""
+    model = march.model
+    corners = _stops(model, end) if model.remembers and end > 0.0 else []
+    stops = sorted(f / end for f in factors if f != 0.0)
+    iterations, warnings = march.settle()
+    if end != 0.0 and 0.0 in factors:
+        yield march.resting()
+    for state in march.go(Load(0.0, 1.0), Load(end, 1.0), corners, stops) if end != 0.0 else [march.resting()]:
+        if soft and state.history["negative_pivots"] > 0 and march.system.knows_inertia:
+            return False
+        state.history["iterations"] += iterations
+        state.warnings = warnings + state.warnings
+        iterations, warnings = 0, []
+        yield state
+    return True
 
 
 def _stops(model: Model, end: float) -> list[float]:
