@@ -154,6 +154,7 @@ class BodyPair:
     still = False
     # what each is opposite to changes
     runs = None
+    driven = None
 
     def __init__(self, item: Contact, name: str, mesh: BodyMesh, other: BodyMesh, extent: float, chosen: list[Spot],
                  whole: bool = True, rapid: float = 0.0, follows: Mapping[int, Any] | None = None,

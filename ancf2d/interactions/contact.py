@@ -97,6 +97,8 @@ class ContactPair:
     on_bodies = False
     # see ``draw_back``
     back = 0.0
+    # of spots that supports alone move, in statics without a law: they have no points; their gaps (m,) in the reference
+    driven: tuple[ContactPair, Array] | None = None
 
     @cached_property
     def runs(self) -> Index:

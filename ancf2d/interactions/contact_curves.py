@@ -96,8 +96,18 @@ def spots(mesh: BodyMesh, side: str, compliant: bool, still: bool) -> list[Spot]
 
 def movable(mesh: BodyMesh, side: str, compliant: bool, follows: Mapping[int, Any], still: bool) -> list[Spot]:
     """Return where a body may touch but for what supports hold where it is: see ``moves``."""
+    return _chosen(mesh, spots(mesh, side, compliant, still), follows, True)
+
+
+def driven(mesh: BodyMesh, side: str, follows: Mapping[int, Any]) -> list[Spot]:
+    """Return where supports alone say where a body without a contact law is, in statics."""
+    home = [p for p in spots(mesh, side, False, True) if not p.free]
+    return _chosen(mesh, home, follows, False)
+
+
+def _chosen(mesh: BodyMesh, some: list[Spot], follows: Mapping[int, Any], moved: bool) -> list[Spot]:
     concerned: Any = np.isin(mesh.dofs, list(follows)).any(axis=1)
-    return [p for p in spots(mesh, side, compliant, still) if not concerned[p.ie] or moves(mesh, p, follows)]
+    return [p for p in some if (not concerned[p.ie] or moves(mesh, p, follows)) == moved]
 
 
 def moves(mesh: BodyMesh, spot: Spot, follows: Mapping[int, Any]) -> bool:

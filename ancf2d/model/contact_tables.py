@@ -62,6 +62,8 @@ class ContactTable:
         self.size = pair.size
         self.curves = BeamCurves(self.patches)
         self.fixed, self.supported = (np.zeros((len(self.points), *n), dtype=bool) for n in ((), (2,)))
+        # the gaps that supports leave fixed points from which motion starts, where these are negative
+        self.within = np.zeros(len(self.points))
 
     def at(self, d: Array, t: float) -> tuple[Record, Array]:
         """Return the table and the amplitudes at t, at d (n_full,)."""

@@ -13,7 +13,7 @@ from ..case.schema.points import named_points
 from ..elements.shape import Array
 from ..interactions.body_contact import BodyPair, body_pairs
 from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
-from ..interactions.contact_curves import movable
+from ..interactions.contact_curves import driven, movable
 from ..interactions.obstacles import Frame
 from .mesh import BodyMesh
 
@@ -88,6 +88,11 @@ class Contacts:
             pair = ContactPair(item, name, self.meshes[body], self.case.obstacles[other], self.frames[other],
                                self.extent, self.follows, rapid_rate(self.case), still=still)
             pair.other = other
+            held = driven(self.meshes[body], item.side, self.follows)
+            if held and pair.hard and not isinstance(self.case.solver, Dynamic):
+                own = ContactPair(item, name, self.meshes[body], self.case.obstacles[other], self.frames[other],
+                                  self.extent, chosen=held)
+                own.other, pair.driven = other, (own, own.gaps(np.zeros(len(self.e0)), self.begin))
             self._look(i, pair)
             return [pair]
         pairs = body_pairs(item, name, self.meshes[body], self.meshes[other], self.extent, rapid_rate(self.case),

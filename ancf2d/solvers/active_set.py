@@ -12,6 +12,7 @@ Problem, 2009, section 4.4). No combination of open and closed points comes twic
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -19,6 +20,7 @@ import numpy as np
 
 from ..elements.contact_geometry import FEATURE, FREE, HELD, PLACE, SLIDING, TOUCH
 from ..elements.shape import Array
+from ..errors import ComputationError
 from .contact_response import PULL, Response, Spot
 from .friction import hold, turn, wrong_way
 from .friction_response import RoughResponse
@@ -71,15 +73,14 @@ def begin(system: System, d: Array, t: float) -> None:
         dofs, gradients, _ = one.gradients(d, t)
         moves = np.zeros(len(one.points), dtype=bool)
         for k, (point, spot) in enumerate(zip(one.points, one.pair.spots, strict=True)):
-            row = _reduced(system, dofs[k], gradients[k])
-            # supports may hold what is next to an obstacle where it is
-            moves[k] = np.abs(row).max(initial=0.0) > MOVES * np.abs(gradients[k]).max(initial=0.0)
+            row, moves[k] = _reduced(system, dofs[k], gradients[k])
             touches = faces[k] and not spot.free and gap[k] <= point.par[TOUCH]
             point.mem[HELD] = float(bool(touches and moves[k]))
             if point.mem[HELD]:
                 closed.append(point)
                 rows.append((row.nonzero()[0], row[row != 0.0] / np.linalg.norm(row)))
         one.fixed = ~moves & ~one.free
+        one.within = np.where(one.fixed, np.minimum(gap, 0.0), 0.0)
     for point, needed in zip(closed, _independent(rows), strict=True):
         point.mem[HELD] = float(needed)
     for one in first:
@@ -87,12 +88,40 @@ def begin(system: System, d: Array, t: float) -> None:
             hold(one, range(len(one.points)), d, (d, t), t)
 
 
-def _reduced(system: System, dofs: Any, gradient: Array) -> Array:
-    """Return the gradient (n_unknowns,) of a gap by the unknowns from that by its coordinates (n,)."""
+def _reduced(system: System, dofs: Any, gradient: Array) -> tuple[Array, bool]:
+    """Return the gradient (n_unknowns,) of a gap by the unknowns from that by its coordinates (n,), and whether it
+    moves: supports may hold what is next to an obstacle where it is."""
     num = system.model.numbering
     full = np.zeros(len(num.place))
     np.add.at(full, dofs, gradient)
-    return num.reduce(full)
+    row = num.reduce(full)
+    return row, bool(np.abs(row).max(initial=0.0) > MOVES * np.abs(gradient).max(initial=0.0))
+
+
+def check_supports(system: System, d: Array, t: float) -> None:
+    """Raise ComputationError where supports have moved a point into an obstacle without a law, or that into the point.
+    """
+    limit, into = PENETRATION * system.model.extent, list[tuple[Any, int]]()
+    for one in system.model.contact_tables:
+        if one.pair.hard and one.fixed.any():
+            gap, faces = one.gaps(d, t)
+            deep = np.flatnonzero(one.fixed & faces & (gap < one.within - limit)).tolist()
+            dofs, gradients, _ = one.gradients(d, t) if deep else (gap, gap, gap)
+            into += [(one.pair, k) for k in deep if not _reduced(system, dofs[k], gradients[k])[1]]
+        if one.pair.driven is not None:
+            pair, start = one.pair.driven
+            # what is inside from the beginning on is on the other side of it
+            into += [(pair, k) for k in np.flatnonzero((start >= -limit) & (pair.gaps(d, t) < -limit)).tolist()]
+    if into:
+        raise blocked(into, {"factor": float(f"{t:.6g}")})
+
+
+def blocked(into: Iterable[tuple[Any, int]], at: dict[str, Any]) -> ComputationError:
+    """Return what to say where supports or joints hold points, of pairs and by number, in what these touch."""
+    found = [f"{pair.body} into {pair.other} at S = {pair.s[k]:.4g}" for pair, k in into]
+    return ComputationError(
+        f"supports or joints press {' or '.join(dict.fromkeys(found))}, and nothing can give way", at=at,
+        advice="change what moves them, leave a gap, hold the body by springs, or give the contact a law")
 
 
 def _independent(rows: list[tuple[Any, Array]]) -> Any:

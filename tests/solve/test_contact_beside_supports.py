@@ -122,3 +122,20 @@ def test_a_support_that_moves_into_the_floor_ends_the_motion_with_a_reason(metho
         "type": "ramp", "scale": -0.05, "t0": 0, "t1": 0.2}}], "surface", method)
     with pytest.raises(ComputationError, match="supports or joints press rod into floor at S = 0"):
         ancf2d.solve(case)
+
+
+@pytest.mark.parametrize("moved", ["support", "floor"])
+@pytest.mark.parametrize("kind", ["cable", "reissner2", "reissner3", "vallejo"])
+def test_a_support_that_moves_into_the_floor_ends_statics_with_a_reason(kind, moved):
+    """Just where it meets the floor; up to there, the path is found."""
+    gap, way = 0.05, {"type": "ramp", "scale": 0.08}
+    down = {"type": "prescribed", "at": "rod@1", "ux": 0, "uy": {**way, "scale": -0.08}}
+    supports = [{"type": "clamp", "at": "rod@0"}, down if moved == "support" else {"type": "pin", "at": "rod@1"}]
+    case = scene({"rod": body(kind)}, supports, "axis", "", solver={"type": "static"})
+    case["obstacles"]["floor"].update(through=[0, -gap], **({"motion": {"y": way}} if moved == "floor" else {}))
+    with pytest.raises(ComputationError, match="supports or joints press rod into floor at S = ") as error:
+        ancf2d.solve(case)
+    assert float(error.value.failure.at["factor"]) == pytest.approx(gap / 0.08, rel=1e-4)
+    for part in (down["uy"], way):
+        part["scale"] *= 0.99 * gap / 0.08
+    ancf2d.solve(case)

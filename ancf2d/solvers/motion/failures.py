@@ -23,6 +23,7 @@ from ...kernels.motion.state import (
 )
 from ...kernels.sliding import sliding_check
 from ...model.point_patch import check_facing
+from ..active_set import blocked
 from ..state import Row
 
 # of the size of a model: further away, strains are lost in round-off of positions
@@ -89,14 +90,11 @@ def failure(motion: Any, outcome: int) -> ComputationError:
 def _blocked(motion: Any, at: dict[str, Any]) -> ComputationError:
     """Return what to say where supports or joints hold a body in what it touches."""
     model, mem = motion.model, motion.p.points.mem
-    found = [p for p, rows in zip(model.interactions.points, model.interactions.rows, strict=True)
-             if isinstance(p, ContactPoint) and (mem[rows, FREE] == SUPPORTED).any()]
+    into = [(p.pair, p.number)
+            for p, rows in zip(model.interactions.points, model.interactions.rows, strict=True)
+            if isinstance(p, ContactPoint) and (mem[rows, FREE] == SUPPORTED).any()]
     at.pop("coordinate", None)
-    into = [f"{p.pair.body} into {p.pair.other} at S = {p.pair.s[p.number]:.4g}" for p in found]
-    who = " or ".join(dict.fromkeys(into))
-    return ComputationError(
-        f"supports or joints press {who}, and nothing can give way", at=at,
-        advice="change what moves them, leave a gap, hold the body by springs, or give the contact a law")
+    return blocked(into, at)
 
 
 def stuck(motion: Any, message: str | None) -> ComputationError:

@@ -13,7 +13,7 @@ from ...interactions.prismatic import check_ends
 from ...model.element_limits import check_inverted
 from ...model.model import Model
 from ...model.point_patch import check_facing
-from ..active_set import PENETRATION, ROUNDS, WAYS, Way, begin, exchange
+from ..active_set import PENETRATION, ROUNDS, WAYS, Way, begin, check_supports, exchange
 from ..contact import check_crossed, check_pressed, memory, recall
 from ..friction import stick_one
 from ..state import Graded, State
@@ -71,6 +71,7 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
     begin(system, d, t_old)
     try:
         first = _held(system, d, t_old, t, tolerance, max_iterations)
+        check_supports(system, first.d, t)
         touching = memory(system.model)
         for way in WAYS if rough else WAYS[:1]:
             try:
