@@ -154,6 +154,7 @@ class BodyPair:
     still = False
     # what each is opposite to changes
     runs = None
+    # supports leave out none of its spots
     driven = None
 
     def __init__(self, item: Contact, name: str, mesh: BodyMesh, other: BodyMesh, extent: float, chosen: list[Spot],

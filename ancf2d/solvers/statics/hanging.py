@@ -36,7 +36,7 @@ MOST_ITERATIONS = 12
 EASY, GROW, SHRINK = 4, 3.0, 0.3
 # of the first step: one that is not found even that short will not be
 SHORTEST = 1e-15
-# shares of the extent that what falls that far will fall for ever
+# what has come this many times the extent from the start falls for ever
 LOST = 100.0
 # steps of a motion of supports, and how what is stretched out between them is made to sag: by a share of the extent,
 # evenly (0) or as a parabola (1)

@@ -73,17 +73,16 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
         first = _held(system, d, t_old, t, tolerance, max_iterations)
         check_supports(system, first.d, t)
         touching = memory(system.model)
-        for way in WAYS if rough else WAYS[:1]:
+        *others, last = WAYS if rough else WAYS[:1]
+        for way in others:
             try:
                 return _settled(system, replace(first, d=first.d.copy()), t, tolerance, max_iterations, way)
             except ComputationError:
-                if not rough or way is WAYS[-1]:
-                    raise
                 recall(system.model, touching)
+        return _settled(system, first, t, tolerance, max_iterations, last)
     except ComputationError:
         recall(system.model, kept)
         raise
-    raise AssertionError
 
 
 def _held(system: System, d: Array, t_old: float, t: float, tolerance: float, max_iterations: int) -> NewtonResult:
