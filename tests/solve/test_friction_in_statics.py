@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import helpers
 import numpy as np
 import pytest
 from helpers import section_forces
+from scipy.integrate import quad
+from scipy.optimize import brentq
 from test_contact_statics import CLAMP, STIFF, fields_of, strip
 
 from ancf2d.case import Point
@@ -188,6 +191,23 @@ def _obeys_coulomb(model, before, state) -> None:
                 assert one.slip(k, now[k], was[k]) * point.mem[SLIDES] <= 1e-12 * model.extent
 
 
+def ring(kind: str, friction: float, ends: str, pressed: float, count: int = 24, steps: int = 3):
+    """Return a ring between plates, of which the upper one comes down by a share of its radius."""
+    R = 0.1
+    between = {"friction": friction, "side": "axis"}
+    return helpers.build(
+        {"ring": helpers.body(
+            {"type": "arc", "center": [0, R], "radius": R, "from": -0.5 * math.pi, "to": 1.5 * math.pi},
+            helpers.element(kind, count), {"height": 0.002, "width": 0.02}, {"E": 2e9, "nu": 0.3})},
+        {"type": "static", "steps": steps},
+        contacts=[{"between": ["ring", "floor"], **between}, {"between": ["ring", "plate"], **between}],
+        obstacles={"floor": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]},
+                   "plate": {"type": "half_plane", "through": [0, 2 * R], "normal": [0, -1],
+                             "motion": {"y": {"type": "ramp", "scale": -pressed * R}}}},
+        boundary_conditions=[{"at": "ring@0", "type": "fix", "coordinates": ["x"]}] if ends == "held" else [],
+        joints=[{"type": "weld", "between": ["ring@0", "ring@1"]}] if ends == "welded" else [])
+
+
 @pytest.mark.parametrize(("kind", "friction", "ends"), [
     ("cable", 0.3, "held"), *(pytest.param(*case, marks=pytest.mark.slow) for case in (
         ("reissner3", 0.3, "held"), ("vallejo", 0.05, "held"), ("cable", 1.0, "welded"),
@@ -197,19 +217,7 @@ def test_a_ring_that_is_pressed_flat_between_rough_plates_obeys_coulomb(kind: st
 
     A force on an open point pulls it into a plate where friction goes on in one direction.
     """
-    R = 0.1
-    between = {"friction": friction, "side": "axis"}
-    model = helpers.build(
-        {"ring": helpers.body(
-            {"type": "arc", "center": [0, R], "radius": R, "from": -0.5 * math.pi, "to": 1.5 * math.pi},
-            helpers.element(kind, 24), {"height": 0.002, "width": 0.02}, {"E": 2e9, "nu": 0.3})},
-        {"type": "static", "steps": 3},
-        contacts=[{"between": ["ring", "floor"], **between}, {"between": ["ring", "plate"], **between}],
-        obstacles={"floor": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]},
-                   "plate": {"type": "half_plane", "through": [0, 2 * R], "normal": [0, -1],
-                             "motion": {"y": {"type": "ramp", "scale": -0.21 * R}}}},
-        boundary_conditions=[{"at": "ring@0", "type": "fix", "coordinates": ["x"]}] if ends == "held" else [],
-        joints=[{"type": "weld", "between": ["ring@0", "ring@1"]}] if ends == "welded" else [])
+    model = ring(kind, friction, ends, 0.21)
     before = None
     for state in solve(model):
         if before is not None:
@@ -218,3 +226,24 @@ def test_a_ring_that_is_pressed_flat_between_rough_plates_obeys_coulomb(kind: st
     (below, above) = contact_report(model, state)
     assert below["force"][1] == pytest.approx(-above["force"][1], rel=1e-6)
     assert below["force"][1] > 0.1
+
+
+@pytest.mark.slow
+def test_a_rough_ring_pressed_to_half_its_height_bears_the_force_of_an_elastica() -> None:
+    """Of an inextensible quarter that lies flat up to a = pi R/2 - l and is free beyond: EI k^2/2 = V sin(theta)."""
+    EI, half, R = 2e9 * 0.02 * 0.002**3 / 12.0, 0.05, 0.1
+
+    def along(V: float, share: Callable[[float], float]) -> float:
+        """Return the integral of share(theta)/k dtheta up to the vertical, by theta = q^2."""
+        return float(quad(lambda q: 2.0 * q * share(q * q) / math.sqrt(2.0 * V / EI * math.sin(q * q)), 1e-12,
+                          math.sqrt(0.5 * math.pi))[0])
+
+    V = float(brentq(lambda V: along(V, math.sin) - half, 1e-2, 1e2))
+    wide = 0.5 * math.pi * R - along(V, lambda theta: 1.0) + along(V, math.cos)
+    model = ring("cable", 0.3, "welded", 1.0, count=48, steps=20)
+    *_, state = solve(model)
+    below, above = contact_report(model, state)
+    assert below["force"][1] == pytest.approx(2.0 * V, rel=1e-3)
+    assert above["force"][1] == pytest.approx(-2.0 * V, rel=1e-3)
+    coords, weights = helpers.point_ref(model.meshes["ring"], 0.25).position()[0]
+    assert R + float(weights @ state.d[coords]) == pytest.approx(wide, rel=3e-4)
