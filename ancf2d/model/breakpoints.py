@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable, Iterable
+from bisect import bisect_left
+from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -51,6 +52,11 @@ class Piece(NamedTuple):
     first: float
     last: float
     stop: float
+
+
+def piece_at(all_pieces: Sequence[Piece], t: float) -> Piece:
+    """Return the piece that a time is in: at a break the one before it."""
+    return all_pieces[bisect_left(all_pieces, t, key=lambda piece: piece.last)]
 
 
 def pieces(signals: Iterable[Signal], t_end: float, more: Iterable[Break] = ()) -> list[Piece]:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..case import LoadedCase, with_overrides
+from ..case import LoadedCase
 from ..case.axes import Bounds
 from ..case.numbers import Variable, moved_starts, numbers_between, text_with, variable_at
 from ..case.units import QUANTITY_UNITS, unit_label
@@ -20,28 +20,10 @@ from ..errors import CaseError, ComputationError, Problem
 from ..results import Column, write_tables
 from ..results.target import MARK, replacing
 from .digests import inputs_of
-from .fit_data import Data, Watch, check_data, comparable
-from .goal import for_study
-from .gradient import derivatives
+from .fit_data import Data, check_data, comparable
+from .fit_search import AT_BOUND, SINGULAR, Search
 from .record import Progress
-from .run import prepare, result_header, run_case, vocabulary
-
-# steps of the differences of motions, as shares of the way between the bounds: where time steps are fixed, and where
-# they adapt, so that runs side by side differ by their errors too
-STEP, STEP_ADAPTIVE = 1e-4, 2e-3
-# bounds whose ratio is more than this are gone through by equal ratios
-DECADE = 10.0
-# the relative decrease of the squares that is none, with exact derivatives and with differences of runs
-TOLERANCE, TOLERANCE_OF_RUNS = 1e-8, 1e-6
-# of the region of confidence: how far derivatives are carried that standard errors follow from; distances from the
-# minimum that are close to it, and where a search ends
-CARRIED, CLOSE, SETTLED = 10.0, 1.0, 0.1
-# of a step's change of the residuals, what derivatives may miss and still be mended
-BENT = 0.8
-# shares of the way between the bounds within which a number is at one
-AT_BOUND = 1e-6
-# of the singular values of the Jacobian: parameters below are not told by the data
-SINGULAR = 1e-7
+from .run import prepare, result_header, vocabulary
 
 
 @dataclass
@@ -107,7 +89,7 @@ def fit(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: Mapping
     variables = _variables(loaded, data, bounds, sigma or {})
     scales = np.array([(sigma or {}).get(name, scale)
                        for name, scale in zip(data.names, data.scales(prepare(loaded).extent), strict=True)])
-    problem = _Problem(comparable(loaded, data), data, variables, bounds, scales, progress or Progress(), done)
+    problem = Search(comparable(loaded, data), data, variables, bounds, scales, progress or Progress(), done)
     best, tried, failures, places = None, [], [], _starts(problem, starts)
     for z0 in places:
         try:
@@ -151,168 +133,7 @@ def _variables(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: 
     return variables
 
 
-class _SettledError(Exception):
-    """A search has come to its end."""
-
-
-@dataclass(frozen=True)
-class _Secant:
-    """A place z (n,) with residuals f (m,) and derivatives J (m, n), which differences gave at ``made`` (n,) last."""
-
-    z: Array
-    f: Array
-    J: Array
-    made: Array
-
-
-class _Problem:
-    """Differences between a case and data as a function of z (n,) in [0, 1], the places between the bounds."""
-
-    def __init__(self, loaded: LoadedCase, data: Data, variables: list[Variable], bounds: Sequence[Bounds],
-                 scales: Array, progress: Progress, done: Callable[[int, float], None]) -> None:
-        self.loaded, self.data, self.variables, self.bounds = loaded, data, variables, bounds
-        self.watch, self.progress, self.done, self.runs = Watch(data), progress, done, 0
-        self.ratios = [b.low > 0.0 and b.high > DECADE * b.low for b in bounds]
-        self.scale = np.broadcast_to(scales, data.values.shape)[data.known]
-        self.scales, self.measured = scales, data.values[data.known]
-        # runs over time have no exact derivatives that are worth their cost
-        self.timed = loaded.case.solver.timed
-        self.last: tuple[Any, Array] | None = None
-        self.secant: _Secant | None = None
-
-    def values(self, z: Array) -> list[float]:
-        """Return the parameters at z."""
-        return [float(b.low * (b.high / b.low) ** s if ratio else b.low + (b.high - b.low) * s)
-                for b, s, ratio in zip(self.bounds, z.tolist(), self.ratios, strict=True)]
-
-    def place(self, values: Sequence[float]) -> Array:
-        """Return where parameters are between their bounds."""
-        return np.array([math.log(v / b.low) / math.log(b.high / b.low) if ratio and v > 0.0
-                         else (v - b.low) / (b.high - b.low)
-                         for b, v, ratio in zip(self.bounds, values, self.ratios, strict=True)])
-
-    def rates(self, z: Array) -> Array:
-        """Return the derivatives (n,) of the parameters to z."""
-        return np.array([v * math.log(b.high / b.low) if ratio else b.high - b.low
-                         for b, v, ratio in zip(self.bounds, self.values(z), self.ratios, strict=True)])
-
-    def case(self, z: Array) -> LoadedCase:
-        """Return the case at z. Raises CaseError."""
-        options = [v.override(x) for v, x in zip(self.variables, self.values(z), strict=True)]
-        return with_overrides(self.loaded, options, vocabulary())
-
-    def model(self, z: Array) -> Array:
-        """Return what the case has at z in place of the data. Raises CaseError and ComputationError."""
-        states: list[Any] = []
-        self.runs += 1
-        outcome = run_case(for_study(self.case(z)), progress=replace(self.progress, state=states.append, judges=False))
-        if outcome.failure is not None:
-            raise outcome.failure
-        return self.watch(outcome.model, states)
-
-    def residuals(self, z: Array) -> Array:
-        """Return the differences (m,) beside their scales, infinite ones where the case cannot be solved."""
-        try:
-            found = (self.model(z) - self.measured) / self.scale
-        except ComputationError:
-            if self.last is None:
-                raise
-            return np.full(len(self.measured), np.inf)
-        self.last = z.tobytes(), found
-        self.done(self.runs, float(np.sqrt(np.mean(found**2))))
-        return found
-
-    def jacobian(self, z: Array) -> Array:
-        """Return the derivatives (m, n) of the differences to z. Raises ComputationError."""
-        if not self.timed:
-            found = derivatives(self.case(z), self.watch, [replace(v, value=x) for v, x in
-                                                           zip(self.variables, self.values(z), strict=True)])
-            self.runs += 1 + sum(4 for method in found.methods if method != "exact")
-            return found.jacobian * self.rates(z) / self.scale[:, None]
-        assert self.last is not None
-        # exact ones of short motions cost more, and least squares need no such digits
-        return self._secants(z, self.last[1])
-
-    def _secants(self, z: Array, f: Array) -> Array:
-        """Return the derivatives of runs over time: by differences, with Broyden's update from step to step.
-
-        They are made anew where the search comes close to its end far from where they were made, since standard errors
-        follow from them, and where the update misses most of a step. Raises _SettledError at the end.
-        """
-        known, J, made, step = self.secant, None, z, None
-        if known is not None:
-            dz, df = step = z - known.z, f - known.f
-            off = df - known.J @ dz
-            if np.linalg.norm(off) < BENT * np.linalg.norm(df):
-                J, made = known.J + np.outer(off, dz) / float(dz @ dz), known.made
-        if J is None or (_offset(z, f, J) < CLOSE and _distance(z, made, f, J) > CARRIED):
-            J, made = self._differences(z, f, step), z
-        self.secant = _Secant(z, f, J, made)
-        if _offset(z, f, J) < SETTLED:
-            raise _SettledError
-        return J
-
-    def _differences(self, z: Array, f: Array, step: tuple[Array, Array] | None = None) -> Array:
-        """Return the derivatives (m, n) of runs over time by one run for each number, to the inside of its bounds.
-
-        A ``step`` (n,) to z, with its change (m,) of f, saves one run where bounds let the others go across it.
-        """
-        h = STEP if getattr(self.loaded.case.solver, "dt", None) is not None else STEP_ADAPTIVE
-
-        def inside(way: Array) -> float:
-            return next((end for end in (h, -h) if np.all((z + end * way >= 0.0) & (z + end * way <= 1.0))), 0.0)
-        ways, columns = np.eye(len(z)), list[Array]()
-        if step is not None:
-            across = np.linalg.qr(step[0][:, None], mode="complete")[0][:, 1:].T
-            across /= np.abs(across).max(axis=1, keepdims=True)
-            if all(inside(way) for way in across):
-                ways, columns = np.vstack([step[0], across]), [step[1]]
-        for way in ways[len(columns):]:
-            there = (self.model(z + inside(way) * way) - self.measured) / self.scale
-            columns.append((there - f) / inside(way))
-        return np.asarray(np.linalg.solve(ways, np.array(columns)).T, dtype=float)
-
-    def minimise(self, z0: Array) -> Any:
-        """Return what SciPy finds from z0."""
-        from scipy.optimize import OptimizeResult, least_squares
-
-        self.last = self.secant = None
-        try:
-            found = least_squares(self.residuals, z0, self.jacobian, (0.0, 1.0), method="trf", x_scale="jac",
-                                  ftol=TOLERANCE_OF_RUNS if self.timed else TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE)
-        except _SettledError:
-            assert self.secant is not None
-            end, f = self.secant, self.secant.f
-            return OptimizeResult(x=end.z, fun=f, jac=end.J, cost=0.5 * float(f @ f), success=True, message="")
-        if self.timed:
-            found.jac = self._differences(found.x, found.fun)
-        return found
-
-
-def _offset(z: Array, f: Array, J: Array) -> float:
-    """Return how far a place is from the minimum, beside the size of the region of confidence about it.
-
-    The relative offset of Bates & Watts (Technometrics 23, 1981). Numbers that are held by a bound are left out.
-    """
-    slope = J.T @ f
-    free = ~(((z < AT_BOUND) & (slope > 0.0)) | ((z > 1.0 - AT_BOUND) & (slope < 0.0)))
-    U, s, _ = np.linalg.svd(J[:, free], full_matrices=False)
-    within = U[:, s > SINGULAR * s.max(initial=0.0)].T @ f
-    return float(np.linalg.norm(within)) / _confidence(f, within)
-
-
-def _distance(z: Array, other: Array, f: Array, J: Array) -> float:
-    """Return how far two places are from each other beside the size of the region of confidence."""
-    return float(np.linalg.norm(J @ (z - other))) / _confidence(f, np.linalg.qr(J)[0].T @ f)
-
-
-def _confidence(f: Array, within: Array) -> float:
-    """Return the size of residuals along n directions that noise explains; ``within`` (n,) is there of f (m,)."""
-    across, n = max(float(f @ f) - float(within @ within), 0.0), max(len(within), 1)
-    return max(math.sqrt(across * n / (len(f) - n)), 1e-300)
-
-
-def _starts(problem: _Problem, count: int) -> list[Array]:
+def _starts(problem: Search, count: int) -> list[Array]:
     """Return the places that the search begins at: the case's own numbers, then Sobol's points."""
     from scipy.stats import qmc
 
@@ -322,7 +143,7 @@ def _starts(problem: _Problem, count: int) -> list[Array]:
     return [inside, *(0.05 + 0.9 * more[:count - 1])]
 
 
-def _conclude(loaded: LoadedCase, problem: _Problem, found: Any, start: Sequence[float], tried: list[dict[str, Any]],
+def _conclude(loaded: LoadedCase, problem: Search, found: Any, start: Sequence[float], tried: list[dict[str, Any]],
               warnings: list[str]) -> Fit:
     """Return the fit with its standard errors, those of a linear model in the neighbourhood of the minimum.
 

@@ -12,11 +12,13 @@ from typing import Any
 import numpy as np
 
 from ..case import Dynamic, FrequencyResponse, LinearStatic, LoadedCase, QuasiStatic, Static, with_overrides
-from ..case.binder import nearest
+from ..case.binder import TOLD, nearest
 from ..case.compose import read_text
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem
 from ..model.model import Model
+from ..solvers.derivatives.readings import Term
+from .measures import probes_alike
 from .run import vocabulary
 
 # what stands in the first column, by solver; and the rates of quantities, with which states are joined by cubics
@@ -48,6 +50,12 @@ class Data:
     def known(self) -> Any:
         """Where something was measured (n, columns)."""
         return np.isfinite(self.values)
+
+    @property
+    def interval(self) -> float:
+        """The gap of which all x are multiples, 0 where there is none."""
+        gap = _gap(self.x)
+        return gap if gap > 0.0 and bool(np.all(np.abs(self.x / gap - np.round(self.x / gap)) < 1e-6)) else 0.0
 
     def scales(self, extent: float) -> Array:
         """Return what differences in each column count beside (columns,): its range, or its size where it is constant.
@@ -98,6 +106,10 @@ def read_data(path: str) -> Data:
     if problems:
         raise CaseError(problems)
     return data_of(dict(zip(names, values.T, strict=True)), path)
+
+
+def _gap(x: Array) -> float:
+    return float(np.median(np.diff(x))) if len(x) > 1 else 0.0
 
 
 def _misnamed(names: Sequence[str], file: str) -> Problem:
@@ -177,14 +189,12 @@ def comparable(loaded: LoadedCase, data: Data) -> LoadedCase:
         # they are computed where a field asks for them
         more.append(f"output.fields=[{', '.join(dict.fromkeys((*output.fields, *FORCES)))}]")
     if isinstance(solver, Dynamic):
-        gaps = np.diff(data.x)
-        step = float(np.median(gaps)) if len(gaps) else 0.0
-        even = step > 0.0 and bool(np.all(np.abs(data.x / step - np.round(data.x / step)) < 1e-6))
-        taken, left = ("interval", "every") if even else ("every", "interval")
+        step = data.interval
+        taken, left = ("interval", "every") if step else ("every", "interval")
         if getattr(output, left) is not None:
             more.append(f"output.{left}=null")
-        more.append(f"output.{taken}={step!r}" if even else "output.every=1")
-        more.append(f"solver.t_end={float(min(solver.t_end, max(data.x[-1], step)))!r}")
+        more.append(f"output.{taken}={step!r}" if step else "output.every=1")
+        more.append(f"solver.t_end={float(min(solver.t_end, max(data.x[-1], _gap(data.x))))!r}")
     elif isinstance(solver, QuasiStatic):
         end = float(min(solver.t_end, data.x[-1])) or solver.t_end
         more += [f"solver.t_end={end!r}", f"solver.times={np.minimum(data.x, end).tolist()}"]
@@ -199,15 +209,52 @@ def comparable(loaded: LoadedCase, data: Data) -> LoadedCase:
 
 
 class Watch:
-    """What states have where something was measured: (measured values,), as a function of a model and its states."""
+    """What states have where something was measured: (measured values,), as a function of a model and its states.
+
+    For a motion, it tells derivatives what they follow from (``readings.Goals``).
+    """
+
+    whole = True
 
     def __init__(self, data: Data) -> None:
-        self.data = data
+        self.data, self.count = data, int(data.known.sum())
 
     def __call__(self, model: Model, states: Sequence[Any]) -> Array:
         """Return the values in the order of ``data.values[data.known]``. Raises ComputationError."""
         found = self._responses(states) if self.data.axis == "hz" else self._courses(model, states)
         return found[self.data.known]
+
+    @property
+    def places(self) -> bool:
+        """Whether they follow from positions, and rates at stored states, of probes."""
+        told = [name.rpartition(".")[2] for name in self.data.names]
+        return self.data.axis == "t" and all(q in RATES or (q in TOLD and self.data.interval > 0.0) for q in told)
+
+    def alike(self, one: Model, other: Model) -> bool:
+        """Return whether the values of the same states are those of both models."""
+        return probes_alike(one, other, {name.rpartition(".")[0] for name in self.data.names})
+
+    def terms(self, model: Model, states: Sequence[Any]) -> list[Term]:
+        """Return what quantities of probes do to the values."""
+        t, first = np.unique([state.t for state in states], return_index=True)
+        at, x, out = np.argwhere(self.data.known).tolist(), self.data.x, list[Term]()
+        near = np.abs(t[:, None] - x).argmin(axis=0)
+        between = np.clip(np.searchsorted(t, x, side="right") - 1, 0, max(len(t) - 2, 0))
+        exact = not np.abs(t[near] - x).max() > NEAR * t[-1]
+        for value, (row, column) in enumerate(at):
+            probe, _, quantity = self.data.names[column].rpartition(".")
+            if exact:
+                out.append((value, int(first[near[row]]), probe, quantity, 1.0))
+                continue
+            # the weights of Hermite's cubic between two states
+            k = int(between[row])
+            h = float(t[k + 1] - t[k])
+            s = float(x[row] - t[k]) / h
+            ends = ((1 - s)**2 * (1 + 2 * s), h * s * (1 - s)**2), (s * s * (3 - 2 * s), h * s * s * (s - 1))
+            for state, (by_place, by_rate) in enumerate(ends, k):
+                out += [(value, int(first[state]), probe, quantity, by_place),
+                        (value, int(first[state]), probe, RATES[quantity], by_rate)]
+        return out
 
     def _responses(self, states: Sequence[Any]) -> Array:
         response: dict[str, Any] = {}

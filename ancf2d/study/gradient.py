@@ -83,7 +83,11 @@ def derivatives(loaded: LoadedCase, goals: Iterable[Goal] | Watch, variables: Se
                 progress: Progress | None = None) -> Derivatives:
     """Return what ``gradient`` does with what is known of it."""
     watch = goals if callable(goals) else GoalValues(tuple(goals))
-    study = Study(loaded, watch, progress or Progress(), numbers=len(variables))
+    return derivatives_of(Study(loaded, watch, progress or Progress(), numbers=len(variables)), variables)
+
+
+def derivatives_of(study: Study, variables: Sequence[Variable]) -> Derivatives:
+    """Return what ``derivatives`` does of a case that was solved."""
     study.expect(variables)
     found = [study.differentiate(variable) for variable in variables]
     shape = len(variables), len(study.values)
@@ -197,6 +201,9 @@ class Study:
             reason = "states along the path have no derivative of their own"
         if reason:
             return [], reason
+        if self.moves:
+            watch: Any = self.watch
+            return [Motion(self.model, states, whole, watch if getattr(watch, "places", False) else None)], ""
         return responses(self.model, states, whole, goals), ""
 
     def expect(self, variables: Sequence[Variable]) -> None:
@@ -224,6 +231,16 @@ class Study:
                 self.models.pop(variable.path, None)
         return self._differences(variable, STEP_OF_RUNS * size), f"differences of runs: {reason}"
 
+    def exact(self, variables: Sequence[Variable]) -> Array | None:
+        """Return the derivatives (m, n) to numbers if all are known without runs beside, else None."""
+        self.expect(variables)
+        if self.adjoint is None and not self.responses:
+            return None
+        try:
+            return np.array([self._responded(v, STEP * size_of(v, self.model.extent)).value for v in variables]).T
+        except UnsuitedError:
+            return None
+
     def _beside(self, variable: Variable) -> Callable[[float], Model]:
         """Return what makes models with a number changed, each once."""
         if variable.path not in self.models:
@@ -246,6 +263,8 @@ class Study:
         if self.adjoint is not None:
             return self.adjoint.slope(at, h)
         slopes = [one.slope(at, h) for one in self.responses or ()]
+        if any(getattr(one, "readings", None) for one in self.responses or ()):
+            return slopes[0]
 
         def watched(step: float, model: Model | None = None) -> Array:
             model = model or (at(step) if step else self.model)
@@ -304,8 +323,6 @@ def responses(model: Model, states: Sequence[Any], whole: bool, goals: Sequence[
     Without goals these are the responses at all frequencies.
     """
     solver, kept, asked = model.case.solver, states if whole else states[-1:], goals or ()
-    if solver.moves:
-        return [Motion(model, states, whole)]
     if isinstance(solver, Eigen):
         modes = [(g.kind, g.number) for g in asked if g.kind is not None and g.number is not None]
         return [Vibration(model, state, modes) for state in kept]

@@ -19,7 +19,7 @@ from ..case.syntax import Chain, Comparison, ExpressionError, Names, named_in, s
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem
 from ..model.model import Model
-from ..solvers.derivatives.motion_adjoint import Term
+from ..solvers.derivatives.readings import Term
 from ..solvers.fields import FIELDS, FieldReader, field_problems
 from .extremes import MOST, Extreme, Measure, Met, Part, names_of, near, slopes_of, value_of
 from .run import describe_goal, quantity

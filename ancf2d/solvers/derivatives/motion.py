@@ -10,11 +10,13 @@ import numpy as np
 from ...case import Dynamic
 from ...elements.shape import Array
 from ...errors import CaseError, ComputationError
+from ...model.breakpoints import piece_at
 from ...model.model import Model
 from ..motion.dynamic import Run
 from ..state import Row, State
 from .differences import SHORTER, SMOOTH, TRIES, Quotient, UnsuitedError
 from .motion_states import NEWTON, OF_FORCES, Pass, lengths_of, unlike
+from .readings import Goals, Readings
 from .varied_motions import Beside, Together, Varied
 
 # differences of lower order, beside the largest change, for which a motion is not made again: the square is left
@@ -24,9 +26,13 @@ FIRST_STEPS = 16
 
 
 class Motion(Together):
-    """The change of the ``states`` of a motion with numbers of its case, of the last alone unless ``whole``."""
+    """The change of the ``states`` of a motion with numbers of its case, of the last alone unless ``whole``.
 
-    def __init__(self, model: Model, states: Sequence[State], whole: bool) -> None:
+    Of ``goals``, where it is theirs that is asked for and follows from that of the states: there are ``readings`` then,
+    and ``slope`` is that of their values.
+    """
+
+    def __init__(self, model: Model, states: Sequence[State], whole: bool, goals: Goals | None = None) -> None:
         spec = model.case.solver
         assert isinstance(spec, Dynamic)
         # no coarser motions beside
@@ -40,6 +46,10 @@ class Motion(Together):
         # what is made once, whatever is tried with it: tolerances that are left, and numbers with their steps
         self.tolerances, self.beside = list(NEWTON), dict[tuple[Varied, float], Beside | Exception]()
         self.run = Run(model, self.spec)
+        self.readings: Readings | None = None
+        if goals is not None:
+            self.readings = Readings(model, goals, states if whole else states[-1:],
+                                     np.array(self.run.problem.coordinate))
 
     def find(self, beside: Sequence[tuple[Varied, float]]) -> None:
         """Find the derivatives to several numbers at once, with shorter steps of those where they are too long.
@@ -107,6 +117,8 @@ class Motion(Together):
         for k, why in refused.items():
             self.found.setdefault(todo[k][0], why)
         self.rows = motion.rows or self.rows
+        if self.readings is not None and not self.readings.of(self.rows):
+            self.readings = None
         weights, one, of_forces = motion.stepper.p.weights, np.ones(len(motion.free)), 1.0 / OF_FORCES
         for column, (k, number) in enumerate(numbers.items()):
             if k in refused:
@@ -118,10 +130,16 @@ class Motion(Together):
             off = motion.off[column] * np.array([np.where(motion.free, 1.0, of_forces), one, of_forces * one])
             error = gap * min(shares[k], 1.0) + off * np.abs(value)
             best = self.found.get(number.at)
-            if not isinstance(best, Quotient) or error.max(initial=0.0) < best.error.max(initial=0.0):
-                self.found[number.at] = Quotient(value.ravel(), error.ravel(), number.h)
+            found = Quotient(value.ravel(), error.ravel(), number.h) if self.readings is None else (
+                self.readings.change(number, motion.rows, self._windows(motion.rows), value, error))
+            if not isinstance(best, Quotient) or found.error.max(initial=0.0) < best.error.max(initial=0.0):
+                self.found[number.at] = found
                 self.runs |= {id(run.model): run for run in number.__dict__.get("runs", ())}
         return shares
+
+    def _windows(self, rows: Sequence[Row]) -> list[Array]:
+        """Return the times between breaks that states are in."""
+        return [np.array(piece_at(self.run.stepper.pieces, row.side)[:2]) for row in rows]
 
     def states(self, model: Model, change: Array) -> list[State]:
         """Return the states of a model beside the first one, where everything has changed by so much."""

@@ -7,8 +7,7 @@ it needs two models, and of these what the number changes alone.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Protocol
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,18 +15,17 @@ from ...case import Initial
 from ...elements.shape import Array
 from ...errors import CaseError, ComputationError
 from ...kernels.lowlevel.records import Record
-from ...kernels.motion.state import evaluate, fill_full
 from ...model.model import Model
 from ..linear import unknowns_to_coordinates
 from ..motion.dynamic import Run
 from ..motion.initial import asked_rates, initial_rates
 from ..motion.stepping import Stepper
-from ..post import Observer
 from ..state import State
 from .backwards import PARTS, Backwards, UnlikeError
 from .differences import Quotient, UnsuitedError
 from .linear_steps import Change
 from .motion_states import NEWTON
+from .readings import Goals, Readings
 from .varied_motions import Beside, Together, Varied, rests
 
 # of the step of differences of fourth order: that of two models. Their second difference, beside the first, is to be
@@ -57,34 +55,6 @@ def made_again(model: Model, whole: bool, lengths: list[float]) -> tuple[Backwar
             if last:
                 raise UnsuitedError(f"its steps cannot be repeated: {found.failure.reason}") from None
     raise AssertionError
-
-
-# a value, a state, a probe and its quantity, and what a change of this does to the value
-Term = tuple[int, int, str, str, float]
-
-
-class Goals(Protocol):
-    """Numbers that follow from what probes read of states, of the last alone unless ``whole``."""
-
-    @property
-    def whole(self) -> bool: ...
-
-    @property
-    def count(self) -> int:
-        """How many depend on states."""
-        ...
-
-    def __call__(self, model: Model, states: Sequence[State]) -> Array:
-        """Return the values (k,)."""
-        ...
-
-    def terms(self, model: Model, states: Sequence[State]) -> list[Term]:
-        """Return what quantities of probes do to the values."""
-        ...
-
-    def alike(self, one: Model, other: Model) -> bool:
-        """Return whether the values of the same states are those of both models."""
-        ...
 
 
 class Sums:
@@ -154,12 +124,12 @@ class MotionAdjoint(Together):
     """What numbers do to goals of a motion that has been made, with its states. Raises UnsuitedError."""
 
     def __init__(self, motion: Backwards, states: Sequence[State], goals: Goals) -> None:
-        self.motion, self.model, self.goals = motion, motion.run.model, goals
+        self.motion, self.model = motion, motion.run.model
         self.found: dict[Varied, Quotient | Exception] = {}
         self.base, self.first = Run(self.model, motion.run.spec), dict[Varied, float]()
         self.states = states if motion.whole else [states[0], states[-1]]
-        self.values = goals(self.model, self.states)
-        self.bars = self._bars()
+        self.readings = Readings(self.model, goals, self.states, motion.free)
+        self.values, self.bars = self.readings.values, self.readings.bars()
         # what the start does, and by its residuals; once virtual displacements are kept, numbers come one by one
         self.start: Start | None = None
         if self.motion.keeps(self.bars[-1].z.shape[1]):
@@ -198,7 +168,7 @@ class MotionAdjoint(Together):
             number = one.number
             try:
                 self._begin(one, start)
-                one.take(self._read(number))
+                one.take(self.readings.directly(number, self.motion.rows, self.motion.windows)[:, None])
             except (CaseError, ComputationError, UnsuitedError) as found:
                 self.found[number.at] = found
                 continue
@@ -213,20 +183,6 @@ class MotionAdjoint(Together):
             error = one.sizes[0] * (bent**2 + self.motion.off + noise) + of_reading
             self.found[number.at] = Quotient(one.value, error, number.h)
         return again
-
-    def _bars(self) -> list[Change]:
-        """Return what changes of each stored state do to the goals (n, k)."""
-        n, num, free = self.motion.entries.n, self.model.numbering, self.motion.free
-        out, observer = [Change.none(n, len(self.values)) for _ in self.states], Observer(self.model, forces=False)
-        for goal, state, probe, quantity, weight in self.goals.terms(self.model, self.states):
-            coords, by_d, by_v = observer.slopes(probe, quantity, self.states[state])
-            if by_v.any() and not free.all():
-                raise UnsuitedError("rates of states are put onto the constraints")
-            for name, by in (("z", by_d), ("v", by_v)):
-                full = np.zeros(len(num.place))
-                np.add.at(full, coords, weight * by)
-                getattr(out[state], name)[:, goal] += num.reduce(full) * (free if name == "v" else 1.0)
-        return out
 
     def _started(self, start: Change) -> Start:
         """Return what changes of the start do, given that they are ``start``."""
@@ -256,24 +212,3 @@ class MotionAdjoint(Together):
             sides = zip(one.number.weights[0].tolist(), differing.models, strict=True)
             by_rates = sum(weight * initial_rates(model) for weight, model in sides if weight) @ start.rates
         one.take(np.array([by_rates, np.zeros_like(by_rates)])[:, None])
-
-    def _read(self, number: Beside) -> Array:
-        """Return differences (2, 1, k) of what is read where unknowns stay as they are."""
-        found = number.differing
-        if not found.moves and all(self.goals.alike(self.model, model) for model in found.models):
-            return np.zeros((2, 1, len(self.values)))
-        read = [self.goals(model, self._beside(number, side) if found.moves else self.states)
-                for side, model in enumerate(found.models)]
-        return np.asarray(number.weights @ np.array(read))[:, None]
-
-    def _beside(self, number: Beside, side: int) -> list[State]:
-        """Return the states of a model beside the number at the same unknowns."""
-        p, w, out = number.differing.problems[side], number.differing.w[side], list[State]()
-        for row, window, state in zip(self.motion.rows, self.motion.windows, self.states, strict=True):
-            full = np.zeros((2, len(p.place)))
-            p.programs.window[:] = window
-            evaluate(p.programs, row.side, w.amps)
-            fill_full(p, row.z, w.amps, 0, full[0])
-            fill_full(p, row.v, w.amps, 1, full[1])
-            out.append(replace(state, d=full[0], v=full[1]))
-        return out

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from bisect import bisect_left
 from functools import cached_property
 
 import numpy as np
@@ -30,7 +29,7 @@ from ...kernels.motion.state import (
     scratch,
     turn_on,
 )
-from ...model.breakpoints import Piece, pieces
+from ...model.breakpoints import Piece, piece_at, pieces
 from ...model.model import Model
 from ...model.point_patch import PointConstraint
 from ...model.timing import Signal
@@ -371,7 +370,7 @@ class Stepper:
         self.past.sliding.memory[:] = row.feet
         self.past.states[:] = row.states
         if self.moving or self.events:
-            self._let_act(self.past, self.pieces[bisect_left(self.pieces, row.side, key=lambda piece: piece.last)])
+            self._let_act(self.past, piece_at(self.pieces, row.side))
         self.answers.recall(self.past, row)
         return self.past
 
