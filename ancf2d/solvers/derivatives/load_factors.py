@@ -11,11 +11,10 @@ import numpy as np
 from ...elements.shape import Array
 from ...errors import ComputationError
 from ...model.model import Model
-from ..small_motions.flutter import Change
 from ..small_motions.linearised import Base, Linearised, stored
 from ..small_motions.lowest_modes import Pencil
 from ..small_motions.projected import Quadratic
-from ..small_motions.speeds import about_without_flow, set_speed, speed_change
+from ..small_motions.speeds import about_without_flow, load_change, set_speed, speed_change
 from ..state import State
 from ..statics.buckling import SMALL, response_size, response_state, tangent_rate
 from ..statics.buckling import STEP as STRETCH
@@ -168,7 +167,8 @@ class _Loads(LinearResponse):
 
     def __init__(self, model: Model, state: State) -> None:
         super().__init__(model, state)
-        self.adds, self.n = Change(self.rate()), len(self.u)
+        self.adds = load_change(model, self.pencil.d, self.full(model, self.u), self.rate(), self.h)
+        self.n = len(self.u)
 
     def matrices(self, model: Model, change: Array) -> Quadratic:
         """Return the matrices of a model without what the factor adds."""
@@ -180,8 +180,10 @@ class _Loads(LinearResponse):
     def added(self, problem: Quadratic, change: Array, one: Onset) -> complex:
         """Return y^T T_added x of what the factor adds where the response has changed (n,)."""
         Y, X = (np.array([v.real, v.imag]).T for v in (one.y, one.x))
-        found = self.rates(problem.small.pencil, self.u + change, Y, X)
-        return one.factor * complex(np.array([1.0, 1j]) @ found @ np.array([1.0, 1j]))
+        pencil, u = problem.small.pencil, self.u + change
+        found = np.array([1.0, 1j]) @ self.rates(pencil, u, Y, X) @ np.array([1.0, 1j])
+        drag = load_change(pencil.model, pencil.d, self.full(pencil.model, u), None, self.h)
+        return complex(one.factor * found + one.y @ times(drag, one.s, one.factor, one.x))
 
 
 class _Flows(SmallMotions):

@@ -21,6 +21,7 @@ from .lowest_modes import Modes, characteristic, first_shift, lowest
 from .projected import Complex, Quadratic
 from .quadratic import AT_REST, Pairs, lowest_pairs, shift_of
 from .relaxing import relaxing_pairs
+from .told import told
 
 # relative uncertainty of an eigenvalue that is worth a word
 POOR = 1e-6
@@ -55,16 +56,7 @@ def solve_eigen(model: Model, spec: Eigen) -> Iterator[State]:
         state.arrays["modes/quarter"] = (full_shapes(model, found.quarter, signs), "1",
                                          "mode shapes a quarter of a period later")
     state.tables = {"modes": table(entries, verdicts)}
-    state.warnings = [*state.warnings, *found.warnings]
-    if spec.damped:
-        state.warnings += [f"springs.{k}: its damping force is of higher order in the rates, so it has no effect on "
-                           "small motions" for k in small.rates.of_higher_order()]
-    if not base.loaded and np.any(small.pencil.balance.R):
-        layers = any(contact.law is not None for contact in model.case.contacts)
-        acts = [*["springs are loaded"] * bool(model.case.springs), *["contact layers press"] * layers,
-                *["material flows"] * bool(model.loads.flows)]
-        state.warnings.append(f"the reference is not an equilibrium, because {' or '.join(acts)} there. Use about: "
-                              "static")
+    state.warnings = [*state.warnings, *found.warnings, *told(small, spec.damped)]
     yield state
 
 

@@ -17,11 +17,11 @@ from ..ldl import Symmetric
 from ..resolution import Resolution
 from ..small_motions.classify import Classifier
 from ..small_motions.eigen import full_shapes
-from ..small_motions.flutter import Change, Stability, critical_factors
+from ..small_motions.flutter import Stability, critical_factors
 from ..small_motions.linearised import Base, Linearised, base_state, stored
 from ..small_motions.lowest_modes import Pencil, each, ritz
 from ..small_motions.projected import Quadratic
-from ..small_motions.speeds import PUSHED, about_without_flow, set_speed, speed_change
+from ..small_motions.speeds import PUSHED, about_without_flow, load_change, set_speed, speed_change
 from ..state import State
 from ..system import System
 from .static import unscaled
@@ -112,14 +112,16 @@ def _begins_to_grow(pencil: Pencil, spec: Buckling, warnings: list[str], iterati
     pencil.system.factor({"solver": "buckling"})
     u = _response(pencil)
     size = response_size(pencil, u)
-    values = tangent_rate(pencil, u, STEP / size if size > 0.0 else 1.0)
+    h = STEP / size if size > 0.0 else 1.0
+    values = tangent_rate(pencil, u, h)
     pencil.B, rate = -values, stored(model, pencil.matrix, values)
     zero = np.zeros(len(d))
     small = Linearised(Base(model, State(0.0, d, zero, zero, 0.0, turned=pencil.system.turns()[1]), True))
     from scipy.sparse import diags_array
 
     moved = diags_array((model.numbering.free < model.n_q).astype(float))
-    found = critical_factors(small, Change((moved @ rate @ moved).tocsc()), spec.modes)
+    change = load_change(model, d, u, (moved @ rate @ moved).tocsc(), h)
+    found = critical_factors(small, change, spec.modes)
     share = _missed(pencil, u, [(c.factor, c.vector) for c in found.critical])
     warnings += _doubts(np.array([c.factor for c in found.critical]), size, share, np.zeros(len(share), dtype=bool),
                         "static to go to a load, and eigen with about: static to see whether motions grow there")
