@@ -63,7 +63,7 @@ def solve_frequency_response(model: Model, spec: FrequencyResponse) -> Iterator[
     else:
         hz = list(spec.frequencies)
         found, error = responses(problem, inputs, probes, hz)
-    state.warnings = [*state.warnings, *told(small)]
+    state.warnings = [*state.warnings, *told(small, inputs=inputs)]
     state.report = {"response": _report(hz, inputs, probes, found), "response_error": error}
     state.tables = {"response": _table(hz, inputs, probes, found)}
     yield state

@@ -72,7 +72,7 @@ def solve_state_space(model: Model, spec: StateSpace) -> Iterator[State]:
     state.tables = {"inputs": {"input": names}, "outputs": {"output": list(spec.outputs)},
                     "states": {"state": found.states},
                     "poles": {k: [p[k] for p in entries] for k in ("omega", "hz", "growth", "damping")}}
-    state.warnings = [*state.warnings, *warnings, *told(small)]
+    state.warnings = [*state.warnings, *warnings, *told(small, inputs=inputs)]
     yield state
 
 

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from ...model.interactions import Batch
+from .inputs_and_outputs import Input
 from .linearised import Linearised
 
 
-def told(small: Linearised, damped: bool = True) -> list[str]:
-    """Return warnings of dampers that have no effect, unless none is to have one, and of forces left in the reference.
+def told(small: Linearised, damped: bool = True, inputs: Sequence[Input] = ()) -> list[str]:
+    """Return warnings of inputs and dampers that have no effect, and of forces that are left in the reference.
+
+    No damper is to have one unless ``damped``.
     """
     model, base = small.model, small.base
     out = [f"{what}: its damping force is of higher order in the rates, so it has no effect on small motions"
            for what in _of_higher_order(small)] if damped else []
+    out += [f"the input {one.name} exerts no force and moves nothing in this state, so nothing responds to it"
+            for one in inputs if not one.f.any() and not one.p.any()]
     if not base.loaded and np.any(small.pencil.balance.R):
         layers = any(contact.law is not None for contact in model.case.contacts)
         acts = [*["springs are loaded"] * bool(model.case.springs), *["contact layers press"] * layers,

@@ -1,4 +1,4 @@
-"""Line loads that depend on velocities, in small motions and in the equations of ``ancf2d.system``.
+"""What acts on small motions and is told to have no effect; line loads that depend on velocities, in motion too.
 
 A drag of c v per length on a body of mass rhoA per length is Rayleigh damping with alpha = c/rhoA, where the body has
 no other mass.
@@ -120,3 +120,14 @@ def test_the_equations_of_a_case_hold_drag_and_what_damps_at_a_time() -> None:
     tip = equations.probe("tip", y[:n], y[n:], 0.3)
     due = ancf2d.solve(case, states=False).probes["tip"]
     assert [tip[q] for q in ("ux", "uy", "vy")] == pytest.approx([due[q] for q in ("ux", "uy", "vy")], rel=1e-6)
+
+
+def test_an_input_that_does_nothing_is_told() -> None:
+    """A tendon that hangs loose in the state exerts nothing, and its slack may change."""
+    tendon = {"name": "line", "type": "tendon", "through": ["b@1", [1, 0.5]], "stiffness": 1, "slack": -0.1}
+    lifted = {"type": "force", "at": "b@1", "value": [0, 0.5]}
+    spec = {"type": "frequency_response", "frequencies": [1], "inputs": ["line"], "about": "static"}
+    lowered = {**lifted, "value": [0, -0.5]}
+    said = "the input line exerts no force and moves nothing in this state, so nothing responds to it"
+    for load, told in ((lifted, [said]), (lowered, [])):
+        assert ancf2d.solve(cantilever(spec, [tendon, load], parameters={}), states=False).warnings == told
