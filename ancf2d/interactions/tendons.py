@@ -51,6 +51,12 @@ class ElasticTendon(PointPatch):
         self.rest = sum(float(np.hypot(*piece(self.p0, zero, zero, at, size))) for at in range(0, len(zero), size))
         self.par[1] = self.slack = self.rest
 
+    @property
+    def winds(self) -> float:
+        """The strain that its winding up by the load factor would be, were the model rigid."""
+        amount = 0.0 if self.signal is None else self.signal(1.0) - self.signal(0.0)
+        return float(abs(amount * self.par[2]) / self.rest)
+
     def tension(self, d: Array, t: float) -> float:
         """Return the tension [N] at displacements d (n_q,)."""
         length = 1.0 if self.signal is None else self.signal(t)

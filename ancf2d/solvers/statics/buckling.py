@@ -13,7 +13,6 @@ from ...case import Buckling
 from ...elements.shape import Array
 from ...errors import ComputationError
 from ...model.model import Model
-from ..ldl import Symmetric
 from ..resolution import Resolution
 from ..small_motions.classify import Classifier
 from ..small_motions.eigen import full_shapes
@@ -23,13 +22,9 @@ from ..small_motions.lowest_modes import Pencil, each, ritz
 from ..small_motions.projected import Quadratic
 from ..small_motions.speeds import PUSHED, about_without_flow, load_change, set_speed, speed_change
 from ..state import State
-from ..system import System
+from .load_rates import SMALL, check_edges, residual_rate, response_size, step_of, tangent_rate
 from .static import unscaled
 
-# half the difference in the load factor that rates are formed with
-SMALL = 1e-4
-# rotation or strain of the states between which the tangent is differentiated
-STEP = 1e-3
 # rotation or strain of the linear response beyond which a load factor is no statement
 LARGEST = 1e3
 # unknowns up to which an unsymmetric problem is solved at once
@@ -70,7 +65,9 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     size = response_size(pencil, u)
     moves = size * model.extent > pencil.system.still(pencil.d, 1.0)
     # where nothing moves, the tangent is linear in the multipliers
-    pencil.B = -tangent_rate(pencil, u, STEP / size if moves else 1.0)
+    h = step_of(model, size if moves else 0.0)
+    check_edges(pencil, u, h)
+    pencil.B = -tangent_rate(pencil, u, h)
     # the differences have used the factors' place
     pencil.factor(0.0)
     if not moves and not _stressed(pencil):
@@ -91,7 +88,7 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
                  for k in np.flatnonzero(meshed)]
     start = State(0.0, base, pencil.balance.Q, model.external(0.0), 0.0, turned=turned)
     good = ~meshed & (factors * size <= FAR)
-    warnings += Resolution(model).of_buckling(start, u, STEP / size if moves else 1.0, factors[good],
+    warnings += Resolution(model).of_buckling(start, u, h, factors[good],
                                               full_shapes(model, V[good]))
     if len(factors) < spec.modes:
         warnings.append(f"{len(factors)} positive load factors were found instead of {spec.modes}"
@@ -112,7 +109,8 @@ def _begins_to_grow(pencil: Pencil, spec: Buckling, warnings: list[str], iterati
     pencil.system.factor({"solver": "buckling"})
     u = _response(pencil)
     size = response_size(pencil, u)
-    h = STEP / size if size > 0.0 else 1.0
+    h = step_of(model, size)
+    check_edges(pencil, u, h)
     values = tangent_rate(pencil, u, h)
     pencil.B, rate = -values, stored(model, pencil.matrix, values)
     zero = np.zeros(len(d))
@@ -252,8 +250,7 @@ def _response(pencil: Pencil) -> Array:
     if not moved.any() and np.array_equal(high.F, low.F) and np.array_equal(high.Q, low.Q):
         raise ComputationError("no load scales with the load factor", at={"solver": "buckling"},
                                advice="a load without an amplitude (an amplitude makes it constant)")
-    R = (high.R - low.R) / (2 * SMALL)
-    u = moved
+    R, u = residual_rate(pencil), moved
     for _ in range(4):
         change = -pencil.solve(R + num.reduce(pencil.full_stiffness(u)))
         new = moved.copy()
@@ -281,32 +278,6 @@ def _stressed(pencil: Pencil) -> bool:
     forces = np.where(num.free < num.n_q, np.random.default_rng(0).normal(size=num.n_unknowns), 0.0)
     x = pencil.solve(forces)
     return pencil.system.norm(pencil.solve(pencil.other(x))) > UNSTRESSED * pencil.system.norm(x)
-
-
-def response_size(pencil: Pencil, u: Array) -> float:
-    """Return the rotation or strain that a response u (n_full,) is."""
-    model = pencil.model
-    turned = np.concatenate([mesh.gradients for mesh in model.meshes.values()])
-    moved = pencil.system.norm(u[model.numbering.free]) / model.extent
-    return max(moved, float((turned * np.abs(u[:model.n_q])).max(initial=0.0)))
-
-
-def tangent_rate(pencil: Pencil, u: Array, h: float) -> Array:
-    """Return dK/dt along the response u, as values in the tangent's storage, by differences of fourth order.
-
-    At a distance h that is a small rotation and strain: the truncation is its fourth power, round-off 1e-13 of K.
-    The rows of constraints have no part in it: K is reduced to what constraints leave free along vectors that are
-    K-orthogonal to what they hold, and in these their turning is of second order.
-    """
-    system = System(pencil.model)
-    system.count_from(pencil.system.turns())
-    out = np.zeros_like(pencil.K)
-    for k, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
-        system.assemble(pencil.d + k * h * u, k * h)
-        out += weight / (12 * h) * system.matrix.target.values
-    if isinstance(system.matrix, Symmetric):
-        system.matrix.drop_multipliers(out)
-    return out
 
 
 def _positive(pencil: Pencil, m: int) -> tuple[Array, Array]:
