@@ -22,7 +22,8 @@ from ..small_motions.lowest_modes import Pencil, each, ritz
 from ..small_motions.projected import Quadratic
 from ..small_motions.speeds import PUSHED, about_without_flow, load_change, set_speed, speed_change
 from ..state import State
-from .load_rates import SMALL, check_edges, residual_rate, response_size, step_of, tangent_rate
+from .load_rates import SMALL, residual_rate, response_size, step_of, tangent_rate
+from .one_sided import check_edges
 from .static import unscaled
 
 # rotation or strain of the linear response beyond which a load factor is no statement

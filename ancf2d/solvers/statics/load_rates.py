@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
 from ...elements.shape import Array
-from ...errors import ComputationError
 from ...model.model import Model
 from ..ldl import Symmetric
 from ..small_motions.lowest_modes import Pencil
@@ -18,8 +16,6 @@ from ..system import System
 SMALL = 1e-4
 # rotation or strain of the states between which the tangent is differentiated
 STEP = 1e-3
-# share of a step at which one-sided springs are seen to act, and of what they would bear if all motion strained them
-NEAR, EDGE = 1e-2, 1e-3
 # points and weights (over 12 steps) of derivatives by the load factor; forward from where tendons begin to pull
 CENTRAL = ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0))
 FORWARD = ((0, -25.0), (1, 48.0), (2, -36.0), (3, 16.0), (4, -3.0))
@@ -40,32 +36,6 @@ def step_of(model: Model, size: float) -> float:
     """
     whole = max([size, *(getattr(spring, "winds", 0.0) for spring in model.springs)])
     return STEP / whole if whole else 1.0
-
-
-def check_edges(pencil: Pencil, u: Array, h: float) -> None:
-    """Raise ComputationError where the response u (n_full,) does not take a one-sided spring from its edge to where it
-    acts: the tangent takes it to act, and what buckles would move it either way. ``h`` is a step of the load factor.
-    """
-    model, d, step = pencil.model, pencil.d, NEAR * h
-    for what, spring in _one_sided(model):
-        moved = step * (spring.G @ u[spring.dofs[0]])
-        at = spring.G @ d[spring.dofs[0]]
-        f, H, _ = spring.forces(at.copy(), 0.0)
-        due = EDGE * np.abs(H).max() * max(np.abs(moved).max(), step * getattr(spring, "winds", 0.0) * spring.rest)
-        if H.any() and not f.any() and np.abs(spring.forces(at + moved, step)[0]).max() <= due:
-            raise ComputationError(f"{what} acts on one side alone, and the loads do not make it act: its stiffness "
-                                   "jumps where the model would buckle", at={"solver": "buckling"},
-                                   advice="the model without it where it hangs loose; static with method: arc_length "
-                                   "and a small imperfection where the model may buckle either way")
-
-
-def _one_sided(model: Model) -> Iterator[tuple[str, Any]]:
-    """Yield springs and elastic tendons that act on one side alone, with where they stand in the case."""
-    for (k, item), spring in zip(model.case.resting_springs.items(), model.springs, strict=False):
-        if item.breaks:
-            yield f"springs.{k}", spring
-    tendons = [k for k, item in enumerate(model.case.loads) if getattr(item, "stiffness", None) is not None]
-    yield from ((f"loads.{k}", tendon) for k, tendon in zip(tendons, model.loads.springs, strict=True))
 
 
 def points_of(model: Model) -> Sequence[tuple[int, float]]:
