@@ -29,7 +29,7 @@ from ..linear import (
     unknowns_to_coordinates,
 )
 from ..state import State
-from .lowest_modes import Pencil
+from .lowest_modes import Pencil, degrees_of_freedom
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
@@ -166,10 +166,7 @@ def small_motions(model: Model, about: str, solver: str) -> Linearised:
 
     Raises ComputationError where nothing can move, or there is no such equilibrium.
     """
-    num = model.numbering
-    # open contacts have multipliers that hold nothing
-    holding = num.n_multipliers - sum(len(table.points) for table in model.contact_tables)
-    if num.n_unknowns - num.n_multipliers <= holding:
+    if degrees_of_freedom(model) <= 0:
         raise ComputationError("supports and joints hold all coordinates, so nothing can vibrate",
                                at={"solver": solver},
                                advice="fewer supports or joints")
