@@ -348,7 +348,10 @@ def _beyond(item: Any, holds: bool) -> Iterator[str]:
     for value in fields:
         if isinstance(value, MovingPoint):
             yield "it moves along a body"
-        elif not isinstance(value, PointExpression) and getattr(value, "quantities", ()):
+        elif isinstance(value, PointExpression):
+            # quantities of the point that the load acts on
+            continue
+        elif getattr(value, "quantities", ()):
             yield f"it depends on {', '.join(value.quantities)}"
 
 

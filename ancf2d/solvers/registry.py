@@ -97,7 +97,7 @@ SOLVERS: dict[type, Callable[..., Iterator[State]]] = {
 def left_out(case: Case) -> list[str]:
     """Return what a case says that its solver leaves out of the computation, in words."""
     if isinstance(case.solver, FrequencyResponse | StateSpace):
-        out = _idle(case, "motions", " other than inputs")
+        out = _idle(case, case.solver.about, "motions", " other than inputs")
         fields = [name for name in case.output.fields if name not in ("N", "Q", "M")]
         if isinstance(case.solver, FrequencyResponse) and fields:
             out.append(f"the response is that of probes; {', '.join(fields)} are those of the state about which the "
@@ -122,12 +122,12 @@ def left_out(case: Case) -> list[str]:
     if dampers and not case.solver.damped:
         out.append(f"these modes are undamped (damped: false), so {', '.join(dampers)} "
                    f"{'has' if len(dampers) == 1 else 'have'} no effect")
-    return [*out, *_idle(case, "modes", "")]
+    return [*out, *_idle(case, case.solver.about, "modes", "")]
 
 
-def _idle(case: Case, what: str, but: str) -> list[str]:
-    """Return what of a case does not act where motions (``what``) are about the reference; inputs do (``but``)."""
-    if case.solver.about != "reference" or case.steady_rotation is not None:
+def _idle(case: Case, about: str, what: str, but: str) -> list[str]:
+    """Return what of a case does not act where motions (``what``) are ``about`` the reference; inputs do (``but``)."""
+    if about != "reference" or case.steady_rotation is not None:
         return []
     loads = any(load.name not in case.inputs for load in case.loads)
     moved = any(one.motions and one.name not in case.inputs for one in case.boundary_conditions)

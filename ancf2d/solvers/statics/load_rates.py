@@ -45,8 +45,10 @@ def points_of(model: Model) -> Sequence[tuple[int, float]]:
 
 def residual_rate(pencil: Pencil) -> Array:
     """Return dR/dt (n,) at fixed unknowns."""
-    return sum(weight * pencil.system.forces(pencil.d, k * SMALL).R
-               for k, weight in points_of(pencil.model)) / (12 * SMALL)
+    out = np.zeros(pencil.n)
+    for k, weight in points_of(pencil.model):
+        out += weight / (12 * SMALL) * pencil.system.forces(pencil.d, k * SMALL).R
+    return out
 
 
 def tangent_rate(pencil: Pencil, u: Array, h: float) -> Array:
