@@ -20,7 +20,7 @@ from ..small_motions.flutter import Stability, critical_factors
 from ..small_motions.linearised import Base, Linearised, base_state, stored
 from ..small_motions.lowest_modes import Pencil, each, ritz
 from ..small_motions.projected import Quadratic
-from ..small_motions.speeds import PUSHED, about_without_flow, load_change, set_speed, speed_change
+from ..small_motions.speeds import about_without_flow, load_change, set_speed, speed_change
 from ..state import State
 from .load_rates import SMALL, residual_rate, response_size, step_of, tangent_rate
 from .one_sided import check_edges
@@ -39,6 +39,8 @@ UNSTRESSED = 1e-12
 RESTARTS = 200
 # share of a shape in gaps between neighbours beyond which it is the mesh's: beams have 1e-8
 GAPS = 1e-3
+# rotation or strain of the state by a flow, beyond which the flow counts as changing it
+MOVED = 1e-3
 # rotation or strain of the linear response beyond which critical factors are estimates
 FAR = 0.1
 # share of the stiffness that the linearisation misses, from which a load factor is an estimate, and none at all
@@ -140,12 +142,15 @@ def _critical_velocities(model: Model, spec: Buckling) -> State:
     base, warnings = small.base, list(small.base.state.warnings)
     found = critical_factors(small, change, spec.modes)
     iterations = int(base.state.history["iterations"])
-    pushed = np.zeros(len(model.numbering.place))
+    pushed, moved = np.zeros((2, len(model.numbering.place)))
     state = _grown(small, np.zeros_like(pushed), found, spec.modes, warnings, iterations, 0.0, "factor")
     set_speed(model, 1.0)
     for batch in base.model.interactions.flows:
         np.add.at(pushed, batch.dofs, batch.matrices(base.state.d, 0.0)[1])
-    if np.abs(model.numbering.reduce(pushed)).max(initial=0.0) > PUSHED * abs(change.square).max() * model.extent:
+    small.pencil.factor(0.0)
+    model.numbering.expand(small.pencil.solve(model.numbering.reduce(pushed)), moved)
+    fastest = max((c.factor for c in found.critical), default=1.0)
+    if response_size(small.pencil, moved) * fastest**2 > MOVED:
         state.warnings.append("flow along a curved body changes the state about which it vibrates; the critical "
                               "factors are those about the state without flow")
     return state
