@@ -101,8 +101,8 @@ def _relaxing(small: Linearised, spec: Eigen, real: bool) -> Found:
     vectors, quarter = (np.array([p[k] for p in phases]).reshape(len(order), small.n) for k in (0, 1))
     warnings = start.warnings if real else []
     if pairs.lost:
-        warnings = [*warnings, f"{pairs.lost} eigenvalues of viscoelastic materials were not found. Increase "
-                    "solver.modes"]
+        warnings = [*warnings, f"{pairs.lost} eigenvalue{'s' * (pairs.lost > 1)} of viscoelastic materials "
+                    f"{'were' if pairs.lost > 1 else 'was'} not found. Increase solver.modes"]
     return Found(s[order], vectors, quarter, (np.arange(len(s)) < len(still))[order],
                  np.concatenate([start.residual[still], pairs.gaps])[order], warnings)
 
