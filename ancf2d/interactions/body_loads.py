@@ -16,7 +16,7 @@ from ..case.kinds import Flag, Name, Number, Vector
 from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active
 from ..case.schema.amplitudes import Amplitude
 from ..case.schema.points import MovingPoint
-from ..case.schema.profiles import Profile, ProfileOf, ProfileTable
+from ..case.schema.profiles import PointExpression, Profile, ProfileOf, ProfileTable
 from ..elements.formulations import FORMULATIONS
 from ..elements.point_laws import DIRECTION, GROUND, MAX_MEM, THETA
 from ..elements.shape import Array, gauss
@@ -36,7 +36,7 @@ from .forces import (
     NaturalStrain,
     load,
 )
-from .formulas import ALONG_BODY, LOCAL, density_formula, is_formula, weights_of
+from .formulas import ALONG_BODY, LOCAL, RATES, density_formula, is_formula, weights_of
 
 Density = tuple[float | Profile, float | Profile]
 # points along, beside those for a constant, that integrate a load that varies
@@ -145,7 +145,7 @@ class FormulaLine:
     def __init__(self, mesh: BodyMesh, cover: list[tuple[Index, Array, Array]], value: Density,
                  amplitude: Callable[[float], float]) -> None:
         self.mesh, self.cover = mesh, cover
-        self.formula, self.turns = density_formula(value)
+        self.formula, self.turns, self.damped = density_formula(value)
         self.amplitude = (Clocked(amplitude.amplitude, amplitude.factor, amplitude.offset)
                           if isinstance(amplitude, Signal) else amplitude)
         self.dofs = np.concatenate([mesh.dofs[elements] for elements, _, _ in cover])
@@ -259,6 +259,11 @@ class Distributed:
     def line(self) -> Line | None:
         """Where it acts and how much, times the amplitude; none where that depends on the motion."""
         return None if is_formula(self.value) else Line(self.on, self.from_, self.to, self.value, self.follower)
+
+    @property
+    def damped(self) -> bool:
+        """Whether it depends on rates."""
+        return any(not RATES.isdisjoint(value.quantities) for value in self.value if isinstance(value, PointExpression))
 
     @property
     def places(self) -> tuple[str, tuple[float, ...]] | None:

@@ -87,10 +87,10 @@ class Velocity:
 class FlowPatch:
     """One law of what moves along a body, at points of it with masses (``parts``).
 
-    ``dofs`` (elements, n) are its coordinates, ``velocity`` is that along the body.
+    ``dofs`` (elements, n) are its coordinates, ``velocity`` is that along the body, whose rate is part of the forces.
     """
 
-    symmetric = False
+    symmetric, by_rate = False, True
 
     def __init__(self, mesh: BodyMesh, law: PointLaw, parts: Iterable[tuple[Index, Array, Array, Array]],
                  velocity: Callable[[float], float]) -> None:

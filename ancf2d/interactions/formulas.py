@@ -14,6 +14,7 @@ from ..model.point_patch import formula_record
 
 # what a load along a body may depend on at each of its points, beside s
 LOCAL = ("t", "x", "y", "vx", "vy", "theta")
+RATES = frozenset(("vx", "vy"))
 # Gauss points and weights of [0, 1], for the energy of a spring
 _GAUSS = ((0.01985507175123188, 0.05061426814518813), (0.10166676129318664, 0.11119051722668724),
           (0.2372337950418355, 0.15685332293894363), (0.4082826787521751, 0.18134189168918100),
@@ -107,14 +108,15 @@ def uses_rate(text: str) -> bool:
     return "v" in quantities_of(text)
 
 
-def density_formula(density: tuple[float | Profile, float | Profile]) -> tuple[Any, bool]:
-    """Return the record of the two components of a load along a body, and whether they depend on theta."""
+def density_formula(density: tuple[float | Profile, float | Profile]) -> tuple[Any, bool, bool]:
+    """Return the record of the two components of a load along a body, and whether they depend on theta and on rates."""
     trees: list[Tree] = []
     for value in density:
         assert not isinstance(value, ProfileTable)
         trees.append(Constant(value) if isinstance(value, float) else value.tree)
     texts = [str(getattr(value, "value_", value)) for value in density]
-    return formula_record(trees, LOCAL, texts), any("theta" in named_in(tree) for tree in trees)
+    names = {name for tree in trees for name in named_in(tree)}
+    return formula_record(trees, LOCAL, texts), "theta" in names, not RATES.isdisjoint(names)
 
 
 def is_formula(density: Any) -> bool:

@@ -51,6 +51,12 @@ class ElasticTendon(PointPatch):
         self.rest = sum(float(np.hypot(*piece(self.p0, zero, zero, at, size))) for at in range(0, len(zero), size))
         self.par[1] = self.slack = self.rest
 
+    @property
+    def winds(self) -> float:
+        """The strain that its winding up by the load factor would be, were the model rigid."""
+        amount = 0.0 if self.signal is None else self.signal(1.0) - self.signal(0.0)
+        return float(abs(amount * self.par[2]) / self.rest)
+
     def tension(self, d: Array, t: float) -> float:
         """Return the tension [N] at displacements d (n_q,)."""
         length = 1.0 if self.signal is None else self.signal(t)
@@ -61,14 +67,24 @@ class ElasticTendon(PointPatch):
         _, T, k, _ = taut(self.p0, self.G @ d[self.dofs[0]], 0.0, self.par, int(self.par[3]))
         return float(-k * self.par[2] * (1.0 + T / self.par[0]))
 
+    def linear_tension(self, d: Array, t: float) -> float:
+        """Return the tension [N] to first order in displacements d (n_q,) about the reference; negative: it pushes."""
+        length, zero = 1.0 if self.signal is None else self.signal(t), np.zeros_like(d)
+        _, T, k, _ = taut(self.p0, np.zeros(len(self.p0)), length, self.par, int(self.par[3]))
+        return float(T + k * (self._slopes(zero) @ d[self.dofs[0]]))
+
     def winding(self, d: Array) -> Array:
         """Return the forces (n,) along its coordinates per unit of the amplitude at displacements d, where it rests."""
+        return np.asarray(-self.wound(d) * self._slopes(d))
+
+    def _slopes(self, d: Array) -> Array:
+        """Return the derivatives (n,) of its length by its coordinates at displacements d."""
         u, f, size = self.G @ d[self.dofs[0]], np.zeros(len(self.p0)), int(self.par[3])
         for at in range(0, len(f), size):
             x, y = piece(self.p0, u, u, at, size)
             if L := float(np.hypot(x, y)):
                 slopes(self.p0, u, u, at, size, x / L, y / L, f)
-        return np.asarray(-self.wound(d) * (self.G.T @ f))
+        return np.asarray(self.G.T @ f)
 
     def rests(self) -> None:
         """Let the amplitude be 0: what winds it up is an input of small motions."""

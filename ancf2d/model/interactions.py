@@ -171,6 +171,7 @@ class Batch:
     def __init__(self, patches: Sequence[HasItems]) -> None:
         self.signals: list[Any] = []
         self.patches = patches
+        self.by_rate = any(getattr(patch, "by_rate", False) for patch in patches)
         self.table = Record(point_table(patches, self.signals))
         self.facing, self.curves = Record(facing_table(patches)), BeamCurves(patches)
         m = len(self.table.forces)
@@ -225,7 +226,7 @@ class Batch:
         for k, active in self.timed:
             self.table.on[k] = active.at(t)
         self.turn_to(d)
-        point_matrices(self.table, d, v, self.amplitudes(t), linear, self._energy, Q, K, C)
+        point_matrices(self.table, d, v, self.amplitudes(t, self.by_rate), linear, self._energy, Q, K, C)
 
     def energy(self, d: Array, t: float, worked: bool = False) -> float:
         """Return the energy at rest at d (n_full,); see ``Interactions.energy``."""
@@ -249,6 +250,11 @@ def batches(patches: Iterable[Any]) -> list[Any]:
         else:
             others.append(p)
     return [*map(Batch, alike.values()), *others]
+
+
+def _damped(parts: Iterable[Any]) -> list[Batch]:
+    return [part for part in parts
+            if isinstance(part, Batch) and any(getattr(patch, "damped", False) for patch in part.patches)]
 
 
 class Interactions:
@@ -334,14 +340,24 @@ class Interactions:
         """
         return sum(batch.energy(d, t, worked) for batch in self.springs)
 
-    def rate_forces(self, d: Array, v: Array, linear: bool = False) -> Iterator[tuple[Array, Index]]:
-        """Yield the forces (m, n) that rates v (n_full,) of springs and dampers cause at d, and coordinates (m, n).
+    @cached_property
+    def drags(self) -> list[Batch]:
+        """Loads that depend on rates, with others that are evaluated together with them."""
+        return _damped(self.loads)
+
+    @cached_property
+    def dampers(self) -> list[Batch]:
+        """Springs and loads that depend on rates, with others that are evaluated together with them."""
+        return [*_damped(self.springs), *self.drags]
+
+    def rate_forces(self, d: Array, v: Array, t: float, linear: bool = False) -> Iterator[tuple[Array, Index]]:
+        """Yield the forces (m, n) that rates v (n_full,) cause at d and t, and coordinates (m, n).
 
         ``linear``: to first order in v.
         """
         for batch in self.flows:
-            yield np.einsum("mij,mj->mi", batch.matrices(d, 0.0)[3], v[batch.dofs]), batch.dofs
-        for batch in self.springs:
-            _, still, _, C = batch.matrices(d, 0.0)
+            yield np.einsum("mij,mj->mi", batch.matrices(d, t)[3], v[batch.dofs]), batch.dofs
+        for batch in self.dampers:
+            _, still, _, C = batch.matrices(d, t)
             yield (np.einsum("mij,mj->mi", C, v[batch.dofs]) if linear
-                   else batch.matrices(d, 0.0, v=v)[1] - still), batch.dofs
+                   else batch.matrices(d, t, v=v)[1] - still), batch.dofs

@@ -151,7 +151,7 @@ class DiscreteModel:
         num, driven = self._model.numbering, self._moving and self._model.moves
         R = self._rest(d, t)
         if rates.any() or driven:
-            R = R + num.reduce(self._rate_forces(d, self._full(rates, t, 1)))
+            R = R + num.reduce(self._rate_forces(d, self._full(rates, t, 1), t))
         if driven:
             R = R + num.reduce(self._inertia(self._full(np.zeros(self.n), t, 2)))
         return R[self._order]
@@ -164,10 +164,10 @@ class DiscreteModel:
         start = system.assemble(zero, t, load_stiffness=False)
         return start.R + self._model.numbering.reduce(system.action(zero, d, t, linear=True))
 
-    def _rate_forces(self, d: Array, v: Array) -> Array:
-        """Return the forces (n_full,) that rates v (n_full,) cause at d."""
+    def _rate_forces(self, d: Array, v: Array, t: float) -> Array:
+        """Return the forces (n_full,) that rates v (n_full,) cause at d and t."""
         d = self._reference if self._linear else d
-        return self._rates(d, v, lambda: self._M, self._linear)
+        return self._rates(d, v, t, lambda: self._M, self._linear)
 
     def _inertia(self, a: Array) -> Array:
         """Return the forces of inertia (n_full,) that second rates a (n_full,) cause."""
@@ -189,7 +189,7 @@ class DiscreteModel:
         """Return C = dR/dv (n, n) at rest: springs' and materials' damping, Coriolis forces."""
         full = self._reference if self._linear else self._full(self._unknowns(d, "d", t), t)
         viscous = self._rates.viscous_matrix(full)
-        C = self._rates.plain_damping(full, self._mass if self._rates.alpha else None) + self._rates.turning()
+        C = self._rates.plain_damping(full, t, self._mass if self._rates.alpha else None) + self._rates.turning(t)
         return self._ordered(C if viscous is None else C + viscous)
 
     def _ordered(self, A: csc_array) -> csc_array:
@@ -349,8 +349,8 @@ def _beyond(item: Any, holds: bool) -> Iterator[str]:
         if isinstance(value, MovingPoint):
             yield "it moves along a body"
         elif isinstance(value, PointExpression):
-            if {"vx", "vy"} & set(value.quantities):
-                yield "it depends on velocities"
+            # quantities of the point that the load acts on
+            continue
         elif getattr(value, "quantities", ()):
             yield f"it depends on {', '.join(value.quantities)}"
 

@@ -97,9 +97,7 @@ SOLVERS: dict[type, Callable[..., Iterator[State]]] = {
 def left_out(case: Case) -> list[str]:
     """Return what a case says that its solver leaves out of the computation, in words."""
     if isinstance(case.solver, FrequencyResponse | StateSpace):
-        idle = case.steady_rotation is None and any(load.name not in case.inputs for load in case.loads)
-        out = ["these motions are about the reference, so loads other than inputs have no effect. Use about: static to "
-               "include them"] if idle and case.solver.about == "reference" else []
+        out = _idle(case, case.solver.about, "motions", " other than inputs")
         fields = [name for name in case.output.fields if name not in ("N", "Q", "M")]
         if isinstance(case.solver, FrequencyResponse) and fields:
             out.append(f"the response is that of probes; {', '.join(fields)} are those of the state about which the "
@@ -117,17 +115,26 @@ def left_out(case: Case) -> list[str]:
     dampers += [f"springs.{i}.damping" if hasattr(spring, "damping") else f"springs.{i}"
                 for i, spring in enumerate(case.springs) if spring.damped]
     dampers += ["damping"] if case.damping is not None else []
+    loaded = case.solver.about == "static" or case.steady_rotation is not None
+    dampers += [f"the damping of loads.{i}" for i, load in enumerate(case.loads)
+                if loaded and getattr(load, "damped", False)]
     out = []
     if dampers and not case.solver.damped:
         out.append(f"these modes are undamped (damped: false), so {', '.join(dampers)} "
                    f"{'has' if len(dampers) == 1 else 'have'} no effect")
-    if case.solver.about == "reference" and case.steady_rotation is None:
-        what = ["loads"] if case.loads else []
-        what += ["prescribed motions"] if any(s.motions for s in case.boundary_conditions) else []
-        if what:
-            out.append(f"these modes are about the reference, so {' and '.join(what)} have no effect, except that "
-                       "prescribed points are held. Use about: static to include them")
-    return out
+    return [*out, *_idle(case, case.solver.about, "modes", "")]
+
+
+def _idle(case: Case, about: str, what: str, but: str) -> list[str]:
+    """Return what of a case does not act where motions (``what``) are ``about`` the reference; inputs do (``but``)."""
+    if about != "reference" or case.steady_rotation is not None:
+        return []
+    loads = any(load.name not in case.inputs for load in case.loads)
+    moved = any(one.motions and one.name not in case.inputs for one in case.boundary_conditions)
+    idle = ["loads"] * loads + ["prescribed motions"] * moved
+    held = ", except that prescribed points are held" if moved else ""
+    return [f"these {what} are about the reference, so {' and '.join(idle)}{but} have no effect{held}. Use about: "
+            "static to include them"] if idle else []
 
 
 def initial_state(model: Model) -> State:

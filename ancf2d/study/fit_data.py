@@ -14,6 +14,7 @@ import numpy as np
 from ..case import Dynamic, FrequencyResponse, LinearStatic, LoadedCase, QuasiStatic, Static, with_overrides
 from ..case.binder import TOLD, nearest
 from ..case.compose import read_text
+from ..case.schema.controllers import equations
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem
 from ..model.model import Model
@@ -77,7 +78,8 @@ class Data:
         """Return the kind of a column, of each input apart, and its power of a length."""
         source, rest = name.split(".", 1) if self.axis == "hz" else ("", name)
         quantity = (rest.rpartition(".")[0] if self.axis == "hz" else rest).rpartition(".")[2]
-        kind, power = KINDS[quantity]
+        # controllers have units of their own
+        kind, power = KINDS.get(quantity, (rest, 0))
         return f"{source} {kind}", power
 
 
@@ -161,6 +163,11 @@ def check_data(loaded: LoadedCase, data: Data) -> list[Problem]:
         elif solver.linear and not np.all(data.x == 1.0):
             say("linear statics has one state, of factor 1", "data at factor 1, or solver static")
     probes = [*loaded.case.output.probes]
+    # what is recorded over time beside them
+    others = {name: ["s"] for name in loaded.case.moving_points}
+    for name, one in loaded.case.controllers.items():
+        states = [state.partition(":")[2] for state in equations(name, one).initial]
+        others[name] = [*dict.fromkeys(["output", *states])]
     for name in data.names:
         base, part = ([*name.rsplit(".", 1), ""])[:2] if data.axis == "hz" else (name, PARTS[0])
         first, _, rest = base.partition(".") if data.axis == "hz" else ("", "", base)
@@ -168,6 +175,10 @@ def check_data(loaded: LoadedCase, data: Data) -> list[Problem]:
         if data.axis == "hz" and (part not in PARTS or first not in getattr(solver, "inputs", ())):
             say(f"column '{name}' is no INPUT.PROBE.QUANTITY.re or .im", f"inputs {', '.join(solver.inputs)}"
                 if isinstance(solver, FrequencyResponse) else "")
+        elif probe in others and probe not in probes:
+            if quantity not in others[probe]:
+                say(f"column '{name}': {probe} has no {quantity}", ", ".join(others[probe]),
+                    nearest(quantity, others[probe]) or "")
         elif probe not in probes:
             say(f"column '{name}': the case has no probe '{probe}'", "" if nearest(probe, probes) else
                 f"one of {', '.join(probes)}" if probes else "output.probes", nearest(probe, probes) or "")
@@ -274,7 +285,8 @@ class Watch:
         from ..solvers.post import Observer
 
         observer = Observer(model)
-        told = [observer.observe(state) for state in states]
+        places = model.case.places_over_time
+        told = [observer.observe(state) | places(state.side) | state.controllers for state in states]
         t = np.array([state.t for state in states])
         t, first = np.unique(t, return_index=True)
         near = np.abs(t[:, None] - self.data.x).argmin(axis=0)

@@ -137,7 +137,7 @@ class Recorder:
         if self.writer is None:
             return probes
         # no probe has a name with dots
-        places = {name: {"s": point.s.value(state.side)} for name, point in self.case.moving_points.items()}
+        places = self.case.places_over_time(state.side)
         probes = {**probes, **places}
         if self.model.frames:
             from ..solvers.contact import obstacle_motions

@@ -277,8 +277,6 @@ HINTED = {"type": "expression", "value": "-tip.uy"}
      "loads.0: it depends on tip.uy"),
     ({"loads": [{"type": "force", "at": {"on": "beam", "s": {"type": "ramp"}}, "value": [0, 1]}]},
      "loads.0: it moves along a body"),
-    ({"loads": [{"type": "distributed", "on": "beam", "value": [0, "-vy*abs(vy)"]}]},
-     "loads.0: it depends on velocities"),
     ({"masses": [{"at": {"on": "beam", "s": {"type": "ramp"}}, "mass": 1}]}, "masses.0: it moves along a body"),
     ({"boundary_conditions": [{"type": "clamp", "at": "beam@0"},
                               {"type": "pin", "at": "beam@1", "active": {"to": 1}}]},
@@ -290,7 +288,7 @@ HINTED = {"type": "expression", "value": "-tip.uy"}
     ({"obstacles": FLOOR, "contacts": [{"between": ["beam", "floor"]}]}, "contacts.0: impacts without a law"),
     ({"obstacles": FLOOR, "contacts": [{"between": ["beam", "floor"], "friction": 0.1, "law": {"stiffness": 1}}],
       "solver": STATIC}, "contacts.0.friction: friction depends on the load path")],
-    ids=["feedback", "moving force", "drag", "moving mass", "let go", "condition", "memory", "impacts", "friction"])
+    ids=["feedback", "moving force", "moving mass", "let go", "condition", "memory", "impacts", "friction"])
 def test_what_the_residual_leaves_out_is_refused(scene: dict[str, Any], words: str) -> None:
     with pytest.raises(ancf2d.CaseError, match=words):
         ancf2d.system(cantilever(**{"solver": DYNAMIC, **scene}))

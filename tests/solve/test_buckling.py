@@ -7,6 +7,7 @@ import helpers as h
 import numpy as np
 import pytest
 
+import ancf2d
 from ancf2d.elements.section import timoshenko
 from ancf2d.errors import ComputationError
 from ancf2d.solvers.small_motions.lowest_modes import Pencil
@@ -231,3 +232,35 @@ def test_a_load_that_a_support_takes_buckles_nothing(angle: float) -> None:
                      bc=[{"type": "clamp", "at": "c@0"}], loads=[{"type": "force", "at": "c@0", "value": [3.0, 4.0]}])
     assert factors(found) == []
     assert any("do not buckle the model" in w for w in found.state.warnings)
+
+
+@pytest.mark.parametrize("stiffness", [1e4, 100.0])
+def test_a_tendon_to_its_base_buckles_a_column_as_it_is_wound_up(stiffness: float) -> None:
+    """By 1e-3 of its own stiffness and the column's together, which bears pi^2 EI/L^2 of what points to its base.
+
+    The elasticity of the factor is the tendon's share of the compliance. The tendon hangs loose below the factor 0.
+    """
+    body = {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]}, "element": {"type": "cable", "count": 8},
+            "section": {"EA": 2e5, "EI": 5 / 3}}
+    slack = 10.0 / stiffness
+    case = {"bodies": {"c": body}, "boundary_conditions": [{"type": "clamp", "at": "c@0"}],
+            "loads": [{"type": "tendon", "through": ["c@1", [0, 0]], "stiffness": stiffness, "slack": -slack}],
+            "solver": {"type": "buckling", "modes": 1}, "goal": {"load_factor": 1}}
+    tension = slack / (1 / stiffness + 1 / 2e5)
+    found = ancf2d.sensitivity(case, ["loads.0.stiffness"])
+    assert found.goal == pytest.approx(math.pi**2 * 5 / 3 / tension, rel=3e-4)
+    assert found.rows[0].elasticity == pytest.approx(-tension / slack / stiffness, rel=1e-3)
+
+
+def test_one_sided_springs_at_their_edge_act_where_the_load_strains_them_and_are_refused_elsewhere() -> None:
+    def pushed(between: list[Any], **only: Any) -> float:
+        spring = {"type": "translational", "between": between, "stiffness": 0.5 * E / L, **only}
+        support = ends("reissner3")["pinned"][1]
+        return factors(h.solved({"c": h.body(h.line(L), h.element("reissner3", 6), SECTION, MATERIAL)},
+                                {"type": "buckling", "modes": 1}, bc=support, springs=[spring],
+                                loads=[{"type": "force", "at": "c@1", "value": [-EULER, 0]}]))[0]
+    end, beside = ["c@1", [2 * L, 0]], ["c@0.5", [0.5 * L, L]]
+    assert pushed(end, only="tension") == pytest.approx(pushed(end), rel=1e-12)
+    for between, only in ((end, "compression"), (beside, "tension"), (beside, "compression")):
+        with pytest.raises(ComputationError, match=r"springs\.0 acts on one side alone"):
+            pushed(between, only=only)

@@ -163,3 +163,15 @@ def test_the_fluid_has_weight_and_is_checked() -> None:
     moving = {**case["fluid"], "velocity": {"type": "ramp"}}
     with pytest.raises(ancf2d.CaseError, match="needs solver dynamic"):
         ancf2d.load({**case, "fluid": moving, "solver": {"type": "eigen"}})
+
+
+@pytest.mark.parametrize(("curved", "told"), [(False, False), (True, True)])
+def test_flow_that_changes_the_state_is_told(curved: bool, told: bool) -> None:
+    """A pipe that hangs straight, which its weight stretches a little, and one that is an arc of 1 rad."""
+    case = pipe(0.5, solver={"type": "buckling", "modes": 1}, boundary_conditions=CLAMPED,
+                loads=[{"type": "gravity", "value": [0, -1]}])
+    line = {"type": "line", "start": [0, 0], "end": [0, -1]}
+    arc = {"type": "arc", "center": [1, 0], "radius": 1, "from": math.pi, "to": math.pi + 1}
+    case["bodies"]["pipe"]["geometry"] = arc if curved else line
+    warnings = ancf2d.solve(case, states=False).warnings
+    assert any("flow along a curved body changes the state" in w for w in warnings) == told

@@ -287,7 +287,7 @@ def test_loads_that_are_no_inputs_are_told_to_have_no_effect() -> None:
     case = cantilever(["shaker"], count=2)
     case["loads"].append({"name": "other", "type": "force", "at": "beam@0.5", "value": [0, 1]})
     told = ancf2d.solve(case, states=False).warnings
-    assert any("loads other than inputs have no effect" in w for w in told)
+    assert any("loads and prescribed motions other than inputs have no effect" in w for w in told)
 
 
 def test_an_undamped_free_body_has_no_response_at_frequency_0() -> None:

@@ -269,3 +269,21 @@ def test_inertia_of_a_point_mass_does_not_hold_what_stretches(name: str) -> None
     axial = np.sqrt(E * height**2 / L / m)
     # the section's shear is (h/L)^2 of bending
     assert [f["omega"] for f in found] == pytest.approx(sorted([*wanted, axial]), rel=2 * (height / L) ** 2)
+
+
+@pytest.mark.parametrize("links", [2, 4])
+def test_all_modes_of_a_chain_are_those_of_what_its_constraints_leave_free(links: int) -> None:
+    """Rigid links and a strip that hang in a row: one frequency for each coordinate left free, all of them stable."""
+    def body(k: int, **element: Any) -> dict[str, Any]:
+        return {"geometry": h.line(1.0, -math.pi / 2, (0.0, -float(k))), "element": element,
+                "section": {"EA": 1e4, "EI": 1, "rhoA": 1}}
+    bodies = {**{f"r{k}": body(k, type="rigid") for k in range(links)}, "c": body(links, type="cable", count=2)}
+    joints = [{"type": "pin", "between": [f"r{k}@1", f"r{k + 1}@0"]} for k in range(links - 1)]
+    joints.append({"type": "weld", "between": [f"r{links - 1}@1", "c@0"]})
+    scene = {"bc": [{"type": "pin", "at": "r0@0"}], "joints": joints, "about": "static",
+             "loads": [{"type": "gravity", "value": [0, -9.81]}]}
+    found, few = (frequencies(bodies, modes, **scene) for modes in (60, 3))
+    # the links' angles, two nodes of the strip, and how it stretches at the last link
+    assert len(found) == links + 2 * 4 + 1
+    assert all(f["growth"] == 0.0 < f["omega"] for f in found)
+    assert [f["omega"] for f in found[:3]] == pytest.approx([f["omega"] for f in few], rel=1e-9)

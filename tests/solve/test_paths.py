@@ -182,7 +182,11 @@ MIXED = [{"type": "force", "at": "beam@1", "value": [0.4 * EI, -0.8 * EI]},
          {"type": "moment", "at": "beam@1", "value": 0.4 * EI}, *FOLLOWING]
 
 
-@helpers.covering(name=helpers.KINDS.values(), loads=[helpers.tip(0, -EI), FOLLOWING, MIXED])
+# a tendon that the load factor winds up
+WOUND = [{"type": "tendon", "through": ["beam@1", [0.9, 1]], "stiffness": EI, "slack": -0.3}]
+
+
+@helpers.covering(name=helpers.KINDS.values(), loads=[helpers.tip(0, -EI), FOLLOWING, MIXED, WOUND])
 def test_arc_length_and_displacement_control_give_the_states_of_load_control(name, loads):
     newton = cantilever(name, "static", loads)
     arc = cantilever(name, path({"load_factor": 1}), loads)
@@ -223,7 +227,7 @@ def test_prescribed_numbers_are_scaled_and_prescribed_amplitudes_are_constant(na
 @pytest.mark.parametrize("name", helpers.KINDS.values())
 def test_rate_of_loading_is_the_derivative_of_the_residual(name):
     move = {"type": "prescribed", "at": "beam@0.5", "ux": -0.05, "angle": 0.3}
-    out = cantilever(name, path({"load_factor": 0.3}), MIXED, [move])
+    out = cantilever(name, path({"load_factor": 0.3}), MIXED + WOUND, [move])
     model, z = out.model, out.d[out.model.numbering.free]
     curve, h = Curve(System(model), 1e-9, 30), 1e-4
 

@@ -289,7 +289,7 @@ def test_rayleighs_alpha_brakes_a_body_by_alpha_times_its_momentum() -> None:
         # along the two components of each position; slopes stay
         moves[k, k:model.n_q:4] = 1.0
     d = np.zeros(len(moves[0]))
-    force = moves @ rates(d, v @ moves, lambda: M)
+    force = moves @ rates(d, v @ moves, 0.0, lambda: M)
     assert force == pytest.approx(alpha * 3.5 * v, rel=1e-12)
-    C, q = rates.plain_damping(d, T.T @ M @ T), moves[:, model.numbering.free]
+    C, q = rates.plain_damping(d, 0.0, T.T @ M @ T), moves[:, model.numbering.free]
     assert q @ (C @ (v @ q)) == pytest.approx(alpha * 3.5 * v, rel=1e-12)

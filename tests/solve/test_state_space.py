@@ -166,10 +166,11 @@ def test_static_gain_is_that_of_linear_statics(tmp_path: Path, modes: int) -> No
         np.testing.assert_allclose(gain[:, k], wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
 
 
-def test_loads_that_are_no_inputs_are_told_about_the_reference(tmp_path: Path) -> None:
-    said = "loads other than inputs have no effect"
+def test_what_is_no_input_is_told_about_the_reference(tmp_path: Path) -> None:
+    said = "other than inputs have no effect"
     for names, about, told in ((["push"], "reference", True), (["push"], "static", False),
-                               (["push", "turn"], "reference", False)):
+                               (["push", "base"], "reference", True), (["push", "turn"], "reference", True),
+                               (["push", "turn", "base"], "reference", False)):
         summary, _ = solved(scene(inputs=names, about=about), tmp_path / "a.h5")
         assert any(said in text for text in summary["warnings"]) == told
 

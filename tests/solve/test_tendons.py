@@ -10,7 +10,7 @@ import pytest
 
 import ancf2d
 from ancf2d.elements.point_laws import DIRECTION, THETA, PointLaw
-from ancf2d.errors import CaseError
+from ancf2d.errors import CaseError, ComputationError
 from ancf2d.interactions.tendon_laws import ELASTIC, TENSION, piece, taut
 from ancf2d.model.points import point_ref
 from ancf2d.solvers.section_forces import SectionForces
@@ -181,6 +181,24 @@ def test_an_elastic_tendon_never_pushes() -> None:
     np.testing.assert_allclose(solve(body, [force, tendon]).d, alone.d, atol=1e-10)
     held = solve(body, [{**force, "value": [0, -50]}, tendon])
     assert abs(held.u("a@1")[1]) < 0.01 * abs(alone.u("a@1")[1])
+
+
+@pytest.mark.parametrize(("up", "slack", "said"), [
+    (-1.0, 0.0, None), (1.0, 0.0, "loads.1 would push"), (0.1, -1e-2, None),
+    (-1.0, 1e-6, "loads.1 hangs loose in the reference and then pulls"), (1.0, 1e-6, None)])
+def test_linear_statics_refuse_tendons_that_go_loose_or_taut(up: float, slack: float, said: str | None) -> None:
+    """A tendon from the tip straight up, beside a spring of the same stiffness, which may push."""
+    loads = [{"type": "force", "at": "a@1", "value": [0, up]},
+             {"type": "tendon", "through": ["a@1", [L, L]], "stiffness": 1e3, "slack": slack}]
+    if said is not None:
+        with pytest.raises(ComputationError, match=said):
+            solve(beam(count=4), loads, "linear_static")
+        return
+    lift = (-1e3 * slack / (L + slack) if slack < 0.0 else 0.0) + up
+    springs = [{"type": "translational", "between": ["a@1", [L, L]], "stiffness": 1e3 / (L + slack)}]
+    other = solve(beam(count=4), [{"type": "force", "at": "a@1", "value": [0, lift]}], "linear_static",
+                  springs=springs if slack <= 0.0 else [])
+    assert solve(beam(count=4), loads, "linear_static").u("a@1")[1] == pytest.approx(other.u("a@1")[1], rel=1e-9)
 
 
 @pytest.mark.parametrize(("slack", "said"), [(-1e-4, True), (0.0, False)])

@@ -398,3 +398,26 @@ def test_columns_of_round_off_count_as_the_largest_of_their_kind() -> None:
     still = data_of({"factor": [1], "a.x": [1.0], "a.uy": [-1e-7]}).scales(4.0)
     moving = data_of({"t": [0, 1], "a.x": [1000.0, 1000.0], "a.uy": [0, 1e-5]}).scales(4.0)
     np.testing.assert_allclose([still, moving], [[1.0, 1e-7], [1000.0, 1e-5]])
+
+
+def test_files_of_motions_with_controllers_and_moving_points_can_be_fitted(tmp_path: Path) -> None:
+    """What ``export`` writes of a motion is data of the same motion, with what a controller puts out."""
+    case = {"parameters": {"target": 0.3, "speed": 5.0},
+            "bodies": {"b": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
+                             "section": {"EA": 1e5, "EI": 10, "rhoA": 1}, "element": {"type": "cable", "count": 2}}},
+            "boundary_conditions": [{"type": "clamp", "at": "b@0"}],
+            "controllers": {"motor": {"type": "pid", "input": "target - tip.theta", "kp": 3, "ki": 2, "sample": 0.01}},
+            "loads": [{"type": "moment", "at": "b@1", "value": 1,
+                       "amplitude": {"type": "expression", "value": "motor"}},
+                      {"type": "force", "at": {"on": "b", "s": {"type": "expression", "value": "speed*t"}},
+                       "value": [0, -1]}],
+            "solver": {"type": "dynamic", "t_end": 0.1, "dt": 2e-3}, "output": {"probes": {"tip": "b@1"}}}
+    ancf2d.solve(case, output=tmp_path / "motion.h5")
+    with open_results(tmp_path / "motion.h5") as results:
+        probes = {f"{name}.{q}": y for name, p in results.probes.items() for q, y in p.items()}
+        data = {"t": results.t, **{k: probes[k] for k in ("tip.uy", "motor.output", "motor.integral", "loads.1.at.s")}}
+    vary = {"parameters.target": (0.1, 1), "parameters.speed": (3, 8)}
+    found = ancf2d.fit({**case, "parameters": {"target": 0.4, "speed": 4.0}}, data, vary)
+    assert [row.value for row in found.rows] == pytest.approx([0.3, 5.0], rel=1e-6)
+    with pytest.raises(CaseError, match=r"column 'motor\.outptu': motor has no outptu"):
+        ancf2d.fit(case, {"t": data["t"], "motor.outptu": data["motor.output"]}, vary)

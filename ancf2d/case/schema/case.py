@@ -196,6 +196,10 @@ class Case:
         """The springs by number, but for those with an end that moves along a body."""
         return {k: s for k, s in enumerate(self.springs) if not any(isinstance(p, MovingPoint) for p in s.between)}
 
+    def places_over_time(self, t: float) -> dict[str, dict[str, float]]:
+        """Return S at t of the points that move along bodies, as probes are recorded."""
+        return {name: {"s": point.s.value(t)} for name, point in self.moving_points.items()}
+
     @property
     def moving_points(self) -> dict[str, MovingPoint]:
         """The points that move along bodies, by where they stand in the case: ``loads.0.at``."""

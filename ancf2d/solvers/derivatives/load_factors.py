@@ -11,14 +11,13 @@ import numpy as np
 from ...elements.shape import Array
 from ...errors import ComputationError
 from ...model.model import Model
-from ..small_motions.flutter import Change
 from ..small_motions.linearised import Base, Linearised, stored
 from ..small_motions.lowest_modes import Pencil
 from ..small_motions.projected import Quadratic
-from ..small_motions.speeds import about_without_flow, set_speed, speed_change
+from ..small_motions.speeds import about_without_flow, load_change, set_speed, speed_change
 from ..state import State
-from ..statics.buckling import SMALL, response_size, response_state, tangent_rate
-from ..statics.buckling import STEP as STRETCH
+from ..statics.buckling import response_state
+from ..statics.load_rates import SMALL, points_of, residual_rate, response_size, step_of, tangent_rate
 from .differences import Quotient, UnsuitedError, derivative
 from .onsets import Onset, Singular, times
 from .small_motions import BESIDE, EQUAL, SmallMotions, joined, null_vectors, parted, parts
@@ -42,8 +41,7 @@ class LinearResponse(OneByOne):
         self.u = (state.d - self.pencil.d)[model.numbering.free]
         for _ in range(POLISH):
             self.u = self.u - self.pencil.solve(self._unbalanced(self.pencil, self.u))
-        size = response_size(self.pencil, self.full(model, self.u))
-        self.h = STRETCH / size if size else 1.0
+        self.h = step_of(model, response_size(self.pencil, self.full(model, self.u)))
 
     def pencil_of(self, model: Model) -> Pencil:
         """Return the tangent of a model at the reference."""
@@ -61,9 +59,8 @@ class LinearResponse(OneByOne):
 
     def _unbalanced(self, pencil: Pencil, u: Array) -> Array:
         """Return dR/dt + K u (n,) at the reference."""
-        high, low = (pencil.system.forces(pencil.d, t) for t in (SMALL, -SMALL))
-        return np.asarray((high.R - low.R) / (2 * SMALL)
-                          + pencil.model.numbering.reduce(pencil.full_stiffness(self.full(pencil.model, u))))
+        return np.asarray(residual_rate(pencil) + pencil.model.numbering.reduce(
+            pencil.full_stiffness(self.full(pencil.model, u))))
 
     def change(self, at: Varied, h: float) -> Quotient:
         """Return du/dp (n,)."""
@@ -85,7 +82,7 @@ class LinearResponse(OneByOne):
         num, way = pencil.model.numbering, self.full(pencil.model, u)
         left, right = (np.array([self._moved(pencil.model, x) for x in Z.T]) for Z in (Y, X))
         out = np.zeros((len(left), len(right)))
-        for k, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
+        for k, weight in points_of(pencil.model):
             moved = [pencil.system.action(pencil.d + k * self.h * way, one, k * self.h, loads=True) for one in right]
             out += weight / (12 * self.h) * (left @ np.array(moved).reshape(-1, len(num.place)).T)
         return out
@@ -168,7 +165,8 @@ class _Loads(LinearResponse):
 
     def __init__(self, model: Model, state: State) -> None:
         super().__init__(model, state)
-        self.adds, self.n = Change(self.rate()), len(self.u)
+        self.adds = load_change(model, self.pencil.d, self.full(model, self.u), self.rate(), self.h)
+        self.n = len(self.u)
 
     def matrices(self, model: Model, change: Array) -> Quadratic:
         """Return the matrices of a model without what the factor adds."""
@@ -180,8 +178,10 @@ class _Loads(LinearResponse):
     def added(self, problem: Quadratic, change: Array, one: Onset) -> complex:
         """Return y^T T_added x of what the factor adds where the response has changed (n,)."""
         Y, X = (np.array([v.real, v.imag]).T for v in (one.y, one.x))
-        found = self.rates(problem.small.pencil, self.u + change, Y, X)
-        return one.factor * complex(np.array([1.0, 1j]) @ found @ np.array([1.0, 1j]))
+        pencil, u = problem.small.pencil, self.u + change
+        found = np.array([1.0, 1j]) @ self.rates(pencil, u, Y, X) @ np.array([1.0, 1j])
+        drag = load_change(pencil.model, pencil.d, self.full(pencil.model, u), None, self.h)
+        return complex(one.factor * found + one.y @ times(drag, one.s, one.factor, one.x))
 
 
 class _Flows(SmallMotions):

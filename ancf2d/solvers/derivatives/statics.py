@@ -26,7 +26,7 @@ from ..state import State
 from ..statics.continuation import Curve
 from ..statics.path_events import goal_of
 from ..system import System
-from .differences import Quotient, derivative
+from .differences import Quotient, UnsuitedError, derivative
 from .varied_motions import Varied
 
 # corrections of a solution before it is differentiated
@@ -222,8 +222,10 @@ class PathEnd(OneByOne):
         last = np.append(np.zeros(len(K.indptr) - 1), 1.0)
         self.factors = Factors(A)
         self.tangent, psi = self.factors.solve(last), Factors(A.T.tocsc()).solve(last)[:-1]
-        self.tangent = self.tangent / system.norm(self.tangent[:-1])
-        self.phi, self.psi = self.tangent[:-1], psi / float(psi @ self.by_t)
+        # not finite where the load factor changes nothing
+        with np.errstate(divide="ignore", invalid="ignore"):
+            self.tangent = self.tangent / system.norm(self.tangent[:-1])
+            self.phi, self.psi = self.tangent[:-1], psi / float(psi @ self.by_t)
         self.met = self._rate(self.tangent)
 
     def _within(self, b: Array) -> Array:
@@ -268,7 +270,9 @@ class PathEnd(OneByOne):
         return np.append(self.rest.residual(model), self._goal(model, self.rest.z, self.rest.t))
 
     def slope(self, at: Varied, h: float) -> Quotient:
-        """Return dz/dp and dt/dp (n + 1,)."""
+        """Return dz/dp and dt/dp (n + 1,). Raises UnsuitedError where no load changes with the load factor."""
+        if not np.isfinite(self.met):
+            raise UnsuitedError("no load changes with the load factor there, as where a tendon hangs loose")
         weights = np.append(self.system.weights, [self.model.extent / self.t_size, 1.0 / abs(self.met)])
 
         def changes(step: float) -> Array:

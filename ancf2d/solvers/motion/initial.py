@@ -160,7 +160,7 @@ def _from_file(model: Model, name: str) -> tuple[Array, Array, Array | None]:
             if results.nt == 0:
                 raise fail(f"'{path}' holds no state", "a result file with states")
             if model.remembers:
-                raise fail(f"'{path}' does not contain the internal state of formulation {', '.join(model.remembers)}",
+                raise fail(f"'{path}' does not contain what the material of {', '.join(model.remembers)} remembers",
                            "rest or static")
             _check_mesh(model, results, path, fail)
             dofs = [body.dofs for body in results.bodies.values()]

@@ -21,6 +21,7 @@ from .lowest_modes import Modes, characteristic, first_shift, lowest
 from .projected import Complex, Quadratic
 from .quadratic import AT_REST, Pairs, lowest_pairs, shift_of
 from .relaxing import relaxing_pairs
+from .told import told
 
 # relative uncertainty of an eigenvalue that is worth a word
 POOR = 1e-6
@@ -55,16 +56,7 @@ def solve_eigen(model: Model, spec: Eigen) -> Iterator[State]:
         state.arrays["modes/quarter"] = (full_shapes(model, found.quarter, signs), "1",
                                          "mode shapes a quarter of a period later")
     state.tables = {"modes": table(entries, verdicts)}
-    state.warnings = [*state.warnings, *found.warnings]
-    if spec.damped:
-        state.warnings += [f"springs.{k}: its damping force is of higher order in the rates, so it has no effect on "
-                           "small motions" for k in small.rates.of_higher_order()]
-    if not base.loaded and np.any(small.pencil.balance.R):
-        layers = any(contact.law is not None for contact in model.case.contacts)
-        acts = [*["springs are loaded"] * bool(model.case.springs), *["contact layers press"] * layers,
-                *["material flows"] * bool(model.loads.flows)]
-        state.warnings.append(f"the reference is not an equilibrium, because {' or '.join(acts)} there. Use about: "
-                              "static")
+    state.warnings = [*state.warnings, *found.warnings, *told(small, spec.damped)]
     yield state
 
 
@@ -109,8 +101,8 @@ def _relaxing(small: Linearised, spec: Eigen, real: bool) -> Found:
     vectors, quarter = (np.array([p[k] for p in phases]).reshape(len(order), small.n) for k in (0, 1))
     warnings = start.warnings if real else []
     if pairs.lost:
-        warnings = [*warnings, f"{pairs.lost} eigenvalues of viscoelastic materials were not found. Increase "
-                    "solver.modes"]
+        warnings = [*warnings, f"{pairs.lost} eigenvalue{'s' * (pairs.lost > 1)} of viscoelastic materials "
+                    f"{'were' if pairs.lost > 1 else 'was'} not found. Increase solver.modes"]
     return Found(s[order], vectors, quarter, (np.arange(len(s)) < len(still))[order],
                  np.concatenate([start.residual[still], pairs.gaps])[order], warnings)
 

@@ -221,7 +221,7 @@ class Inputs:
                 self._add_driven(constraint, constraint.signal.amplitude, force)
         inertia = np.zeros(len(p))
         inertia[:n_q] = self._mass @ p[:n_q]
-        rates = self.small.rates(self.d, p, lambda: self._mass, linear=True)
+        rates = self.small.rates(self.d, p, self.small.base.state.t, lambda: self._mass, linear=True)
         full = (force - self.small.pencil.full_stiffness(p), -rates, -inertia)
         strained = [-one.forces(p) for one in self.small.relaxing]
         return Input(name, np.array([num.reduce(part) for part in full]), p, self._reduced(strained))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import count
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from ..linear import (
     unknowns_to_coordinates,
 )
 from ..state import State
-from .lowest_modes import Pencil
+from .lowest_modes import Pencil, degrees_of_freedom
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
@@ -139,7 +139,7 @@ class Linearised:
     @cached_property
     def plain(self) -> csc_array:
         """What else takes out energy (n, n): dashpots, linearised at rest, and Rayleigh's alpha."""
-        return self.rates.plain_damping(self.base.state.d, self.M if self.rates.alpha else None)
+        return self.rates.plain_damping(self.base.state.d, self.base.state.t, self.M if self.rates.alpha else None)
 
     @property
     def dampers(self) -> csc_array:
@@ -149,7 +149,7 @@ class Linearised:
     @cached_property
     def coriolis(self) -> csc_array:
         """The Coriolis forces of a turning frame (n, n), skew."""
-        return self.rates.turning()
+        return self.rates.turning(self.base.state.t)
 
     @property
     def C(self) -> csc_array:
@@ -166,10 +166,7 @@ def small_motions(model: Model, about: str, solver: str) -> Linearised:
 
     Raises ComputationError where nothing can move, or there is no such equilibrium.
     """
-    num = model.numbering
-    # open contacts have multipliers that hold nothing
-    holding = num.n_multipliers - sum(len(table.points) for table in model.contact_tables)
-    if num.n_unknowns - num.n_multipliers <= holding:
+    if degrees_of_freedom(model) <= 0:
         raise ComputationError("supports and joints hold all coordinates, so nothing can vibrate",
                                at={"solver": solver},
                                advice="fewer supports or joints")
@@ -220,27 +217,20 @@ class RateForces:
         damping, spin = model.case.damping, model.case.steady_rotation
         self.alpha = damping.rayleigh.alpha if damping else 0.0
         self.viscous = [(pool.tau, group) for pool, group in zip(model.pools, model.groups, strict=True) if pool.tau]
-        self.dashpots = any(spring.damped for spring in model.springs)
+        self.drags = any(getattr(load, "damped", False) for load in model.loads.patches)
+        self.dashpots = self.drags or any(spring.damped for spring in model.springs)
         self.omega = spin.omega if spin else 0.0
         self.flows = bool(model.loads.flows)
 
     @property
     def gyrates(self) -> bool:
-        """Whether rates cause forces across them: in a turning frame, and of material that moves along bodies."""
-        return bool(self.omega or self.flows)
+        """Whether rates cause forces across them: in a turning frame, of material that moves along bodies, of loads."""
+        return bool(self.omega or self.flows or self.drags)
 
     @property
     def damps(self) -> bool:
         """Whether anything takes out energy."""
         return bool(self.alpha or self.viscous or self.dashpots)
-
-    def of_higher_order(self) -> list[int]:
-        """Return the springs that damp, but not to first order in the rates."""
-        out = []
-        for k, spring in enumerate(self.model.springs):
-            if spring.damped and not spring.forces(np.zeros(len(spring.p0)), 0.0)[2].any():
-                out.append(k)
-        return out
 
     @cached_property
     def _T(self) -> csc_array:
@@ -250,13 +240,13 @@ class RateForces:
     def _coriolis(self) -> csc_array:
         return coriolis_matrix(self.model, self.omega)
 
-    def __call__(self, d: Array, v: Array, mass: Callable[[], csc_array], linear: bool = False) -> Array:
-        """Return the forces (n_full,) that rates v (n_full,) cause at d; with ``linear`` to first order in v.
+    def __call__(self, d: Array, v: Array, t: float, mass: Callable[[], csc_array], linear: bool = False) -> Array:
+        """Return the forces (n_full,) that rates v (n_full,) cause at d and t; with ``linear`` to first order in v.
 
-        Only dampers of plugins are of higher order. ``mass`` gives M (n_q, n_q), where it is asked for.
+        ``mass`` gives M (n_q, n_q), where it is asked for.
         """
         out, n_q = self.viscous_forces(d, v), self.model.n_q
-        for forces, dofs in self.model.interactions.rate_forces(d, v, linear) if self.dashpots or self.flows else ():
+        for forces, dofs in self.model.interactions.rate_forces(d, v, t, linear):
             np.add.at(out, dofs, forces)
         if self.omega:
             out[:n_q] += self._coriolis @ v[:n_q]
@@ -264,16 +254,24 @@ class RateForces:
             out[:n_q] += self.alpha * (mass() @ v[:n_q])
         return out
 
-    def plain_damping(self, d: Array, M: csc_array | None) -> csc_array:
-        """Return dashpots, linearised at d (n_full,) at rest, and alpha M; M (n, n) is needed where there is alpha."""
+    def plain_damping(self, d: Array, t: float, M: csc_array | None) -> csc_array:
+        """Return dashpots and drag of loads, linearised at d (n_full,) at rest at t, and alpha M (n, n).
+
+        M (n, n) is needed where there is alpha.
+        """
         from scipy.sparse import csc_array
 
-        n, n_q = self.model.numbering.n_unknowns, self.model.n_q
+        n = self.model.numbering.n_unknowns
         out = csc_array((n, n)) if M is None else self.alpha * M
-        if self.dashpots:
-            blocks = [(batch.dofs, batch.matrices(d, 0.0)[3]) for batch in self.model.interactions.springs]
-            out = out + self._T.T @ scattered(blocks, n_q) @ self._T
-        return csc_array(out)
+        return csc_array(out + self._damping_of(self.model.interactions.dampers, d, t) if self.dashpots else out)
+
+    def drag(self, d: Array, t: float) -> csc_array:
+        """Return the part (n, n) of ``plain_damping`` that loads have."""
+        return self._damping_of(self.model.interactions.drags, d, t)
+
+    def _damping_of(self, batches: Sequence[Any], d: Array, t: float) -> csc_array:
+        blocks = [(batch.dofs, batch.matrices(d, t)[3]) for batch in batches]
+        return (self._T.T @ scattered(blocks, self.model.n_q) @ self._T).tocsc()
 
     def viscous_matrix(self, d: Array) -> csc_array | None:
         """Return Kelvin-Voigt damping at d (n_full,), Rayleigh's beta included (n, n); None where there is none."""
@@ -287,15 +285,15 @@ class RateForces:
             viscous_force(group, tau, d, v, out)
         return out
 
-    def turning(self) -> csc_array:
-        """Return the Coriolis forces of the turning frame and of what moves along bodies (n, n)."""
+    def turning(self, t: float) -> csc_array:
+        """Return the Coriolis forces of the turning frame and of what moves along bodies at t (n, n)."""
         from scipy.sparse import csc_array
 
         n = self.model.numbering.n_unknowns
         out = csc_array(self._T.T @ self._coriolis @ self._T) if self.omega else csc_array((n, n))
         if self.flows:
             rest = np.zeros(len(self.model.numbering.place))
-            blocks = [(b.dofs, b.matrices(rest, 0.0)[3]) for b in self.model.interactions.flows]
+            blocks = [(b.dofs, b.matrices(rest, t)[3]) for b in self.model.interactions.flows]
             out = out + csc_array(self._T.T @ scattered(blocks, self.model.n_q) @ self._T)
         return out
 

@@ -151,6 +151,14 @@ class Modes:
     counted: bool | None
 
 
+def degrees_of_freedom(model: Model) -> int:
+    """Return how many coordinates constraints leave free; those of points that touch may hold fewer of them."""
+    num = model.numbering
+    # open contacts have multipliers that hold nothing
+    holding = num.n_multipliers - sum(len(table.points) for table in model.contact_tables)
+    return num.n_unknowns - num.n_multipliers - holding
+
+
 def characteristic(pencil: Pencil) -> float:
     """Return a number below the elastic modes of a model [1/s^2].
 
@@ -203,7 +211,8 @@ def _all(pencil: Pencil, shift: float) -> tuple[Array, Array]:
     C = X @ L.T
     theta, Y = np.linalg.eigh(0.5 * (C + C.T))
     theta, Y = theta[::-1], Y[:, ::-1]
-    real = theta > 1e-15 * theta[0]
+    # what constraints hold has theta = 0, but for round-off
+    real = np.flatnonzero(theta > 1e-15 * theta[0])[:degrees_of_freedom(pencil.model)]
     theta, Y = theta[real], Y[:, real]
     return shift + 1.0 / theta, (Y / theta).T @ X
 

@@ -1,16 +1,35 @@
-"""Material that moves along bodies, and what a factor on its velocity does to small motions."""
+"""What a factor on loads, or on the velocity of what moves along bodies, does to small motions."""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
+from ...elements.shape import Array
 from ...interactions.forces import LoadSet
 from ...model.model import Model
 from ..linear import scattered, unknowns_to_coordinates
 from .flutter import Change
+from .linearised import RateForces
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_array
 
 # force and damping beside what they are differences of that are round-off
 PUSHED = 1e-9
+
+
+def load_change(model: Model, d: Array, u: Array, rate: csc_array | None, h: float) -> Change:
+    """Return what a factor on loads adds to K, which is ``rate`` (n, n), and to C, where they depend on rates.
+
+    At d (n_full,) and along the response u (n_full,) to them, by a difference over ``h`` of the factor.
+    """
+    rates = RateForces(model)
+    if not rates.drags:
+        return Change(rate)
+    drag = (rates.drag(d + h * u, h) - rates.drag(d - h * u, -h)) / (2.0 * h)
+    return Change(rate, None, drag.tocsc(), bool(abs(drag).max()))
 
 
 def set_speed(model: Model, factor: float) -> None:

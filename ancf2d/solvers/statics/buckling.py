@@ -13,23 +13,19 @@ from ...case import Buckling
 from ...elements.shape import Array
 from ...errors import ComputationError
 from ...model.model import Model
-from ..ldl import Symmetric
 from ..resolution import Resolution
 from ..small_motions.classify import Classifier
 from ..small_motions.eigen import full_shapes
-from ..small_motions.flutter import Change, Stability, critical_factors
+from ..small_motions.flutter import Stability, critical_factors
 from ..small_motions.linearised import Base, Linearised, base_state, stored
 from ..small_motions.lowest_modes import Pencil, each, ritz
 from ..small_motions.projected import Quadratic
-from ..small_motions.speeds import PUSHED, about_without_flow, set_speed, speed_change
+from ..small_motions.speeds import about_without_flow, load_change, set_speed, speed_change
 from ..state import State
-from ..system import System
+from .load_rates import SMALL, residual_rate, response_size, step_of, tangent_rate
+from .one_sided import check_edges
 from .static import unscaled
 
-# half the difference in the load factor that rates are formed with
-SMALL = 1e-4
-# rotation or strain of the states between which the tangent is differentiated
-STEP = 1e-3
 # rotation or strain of the linear response beyond which a load factor is no statement
 LARGEST = 1e3
 # unknowns up to which an unsymmetric problem is solved at once
@@ -43,6 +39,8 @@ UNSTRESSED = 1e-12
 RESTARTS = 200
 # share of a shape in gaps between neighbours beyond which it is the mesh's: beams have 1e-8
 GAPS = 1e-3
+# rotation or strain of the state by a flow, beyond which the flow counts as changing it
+MOVED = 1e-3
 # rotation or strain of the linear response beyond which critical factors are estimates
 FAR = 0.1
 # share of the stiffness that the linearisation misses, from which a load factor is an estimate, and none at all
@@ -70,7 +68,9 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     size = response_size(pencil, u)
     moves = size * model.extent > pencil.system.still(pencil.d, 1.0)
     # where nothing moves, the tangent is linear in the multipliers
-    pencil.B = -tangent_rate(pencil, u, STEP / size if moves else 1.0)
+    h = step_of(model, size if moves else 0.0)
+    check_edges(pencil, u, h)
+    pencil.B = -tangent_rate(pencil, u, h)
     # the differences have used the factors' place
     pencil.factor(0.0)
     if not moves and not _stressed(pencil):
@@ -91,7 +91,7 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
                  for k in np.flatnonzero(meshed)]
     start = State(0.0, base, pencil.balance.Q, model.external(0.0), 0.0, turned=turned)
     good = ~meshed & (factors * size <= FAR)
-    warnings += Resolution(model).of_buckling(start, u, STEP / size if moves else 1.0, factors[good],
+    warnings += Resolution(model).of_buckling(start, u, h, factors[good],
                                               full_shapes(model, V[good]))
     if len(factors) < spec.modes:
         warnings.append(f"{len(factors)} positive load factors were found instead of {spec.modes}"
@@ -112,14 +112,17 @@ def _begins_to_grow(pencil: Pencil, spec: Buckling, warnings: list[str], iterati
     pencil.system.factor({"solver": "buckling"})
     u = _response(pencil)
     size = response_size(pencil, u)
-    values = tangent_rate(pencil, u, STEP / size if size > 0.0 else 1.0)
+    h = step_of(model, size)
+    check_edges(pencil, u, h)
+    values = tangent_rate(pencil, u, h)
     pencil.B, rate = -values, stored(model, pencil.matrix, values)
     zero = np.zeros(len(d))
     small = Linearised(Base(model, State(0.0, d, zero, zero, 0.0, turned=pencil.system.turns()[1]), True))
     from scipy.sparse import diags_array
 
     moved = diags_array((model.numbering.free < model.n_q).astype(float))
-    found = critical_factors(small, Change((moved @ rate @ moved).tocsc()), spec.modes)
+    change = load_change(model, d, u, (moved @ rate @ moved).tocsc(), h)
+    found = critical_factors(small, change, spec.modes)
     share = _missed(pencil, u, [(c.factor, c.vector) for c in found.critical])
     warnings += _doubts(np.array([c.factor for c in found.critical]), size, share, np.zeros(len(share), dtype=bool),
                         "static to go to a load, and eigen with about: static to see whether motions grow there")
@@ -139,12 +142,15 @@ def _critical_velocities(model: Model, spec: Buckling) -> State:
     base, warnings = small.base, list(small.base.state.warnings)
     found = critical_factors(small, change, spec.modes)
     iterations = int(base.state.history["iterations"])
-    pushed = np.zeros(len(model.numbering.place))
+    pushed, moved = np.zeros((2, len(model.numbering.place)))
     state = _grown(small, np.zeros_like(pushed), found, spec.modes, warnings, iterations, 0.0, "factor")
     set_speed(model, 1.0)
     for batch in base.model.interactions.flows:
         np.add.at(pushed, batch.dofs, batch.matrices(base.state.d, 0.0)[1])
-    if np.abs(model.numbering.reduce(pushed)).max(initial=0.0) > PUSHED * abs(change.square).max() * model.extent:
+    small.pencil.factor(0.0)
+    model.numbering.expand(small.pencil.solve(model.numbering.reduce(pushed)), moved)
+    fastest = max((c.factor for c in found.critical), default=1.0)
+    if response_size(small.pencil, moved) * fastest**2 > MOVED:
         state.warnings.append("flow along a curved body changes the state about which it vibrates; the critical "
                               "factors are those about the state without flow")
     return state
@@ -250,8 +256,7 @@ def _response(pencil: Pencil) -> Array:
     if not moved.any() and np.array_equal(high.F, low.F) and np.array_equal(high.Q, low.Q):
         raise ComputationError("no load scales with the load factor", at={"solver": "buckling"},
                                advice="a load without an amplitude (an amplitude makes it constant)")
-    R = (high.R - low.R) / (2 * SMALL)
-    u = moved
+    R, u = residual_rate(pencil), moved
     for _ in range(4):
         change = -pencil.solve(R + num.reduce(pencil.full_stiffness(u)))
         new = moved.copy()
@@ -279,32 +284,6 @@ def _stressed(pencil: Pencil) -> bool:
     forces = np.where(num.free < num.n_q, np.random.default_rng(0).normal(size=num.n_unknowns), 0.0)
     x = pencil.solve(forces)
     return pencil.system.norm(pencil.solve(pencil.other(x))) > UNSTRESSED * pencil.system.norm(x)
-
-
-def response_size(pencil: Pencil, u: Array) -> float:
-    """Return the rotation or strain that a response u (n_full,) is."""
-    model = pencil.model
-    turned = np.concatenate([mesh.gradients for mesh in model.meshes.values()])
-    moved = pencil.system.norm(u[model.numbering.free]) / model.extent
-    return max(moved, float((turned * np.abs(u[:model.n_q])).max(initial=0.0)))
-
-
-def tangent_rate(pencil: Pencil, u: Array, h: float) -> Array:
-    """Return dK/dt along the response u, as values in the tangent's storage, by differences of fourth order.
-
-    At a distance h that is a small rotation and strain: the truncation is its fourth power, round-off 1e-13 of K.
-    The rows of constraints have no part in it: K is reduced to what constraints leave free along vectors that are
-    K-orthogonal to what they hold, and in these their turning is of second order.
-    """
-    system = System(pencil.model)
-    system.count_from(pencil.system.turns())
-    out = np.zeros_like(pencil.K)
-    for k, weight in ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)):
-        system.assemble(pencil.d + k * h * u, k * h)
-        out += weight / (12 * h) * system.matrix.target.values
-    if isinstance(system.matrix, Symmetric):
-        system.matrix.drop_multipliers(out)
-    return out
 
 
 def _positive(pencil: Pencil, m: int) -> tuple[Array, Array]:

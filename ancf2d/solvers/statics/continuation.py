@@ -28,7 +28,7 @@ from .newton import at_floor, balanced, check_divergence, check_sound, has_conve
 # where elements remember, iterations after which steps are shortened, and to what: where sections that yield meet, full
 # ones may lead from fibres that yield to some that unload and back
 FULL_STEPS, SHORTENED = 8, 0.75
-# half the difference in t that a nonlinear constraint's motion is differentiated with
+# half the difference in t that a nonlinear constraint's motion, and a spring's, is differentiated with
 SMALL = 1e-5
 
 
@@ -207,6 +207,10 @@ class Curve:
             if model.moves:
                 K = load.evaluate(e, d, t)[2]
                 np.add.at(out, load.dofs, np.einsum("mij,mj->mi", K, self.motion[load.dofs]))
+        for batch in (one for one in model.interactions.springs if one.signals):
+            # what winds a tendon up, which begins to pull at a kink; forward from there
+            now, then, later = (batch.evaluate(e, d, t + k * SMALL)[1] for k in range(3))
+            np.add.at(out, batch.dofs, (4.0 * then - 3.0 * now - later) / (2 * SMALL))
         for side in (1.0, -1.0):
             for _, Q, _, dofs in model.interactions.constraints(d, t + side * SMALL):
                 np.add.at(out, dofs, side * Q / (2 * SMALL))

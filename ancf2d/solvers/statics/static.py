@@ -33,6 +33,7 @@ from .newton import (
     newton,
     state_of,
 )
+from .one_sided import check_taut
 from .step_control import Path, Stride
 
 STEPS = 10
@@ -79,6 +80,7 @@ def solve_linear(model: Model) -> Iterator[State]:
             "the stiffness is too ill-conditioned: no digit of the displacements is significant",
             at={"solver": "linear_static"}, advice="fewer or longer elements, another element type, or solver static")
     d = model.displacements(z, 1.0)
+    check_taut(model, d)
     elastic = system.action(zero, d, 1.0, linear=True)
     energy = 0.5 * float(elastic[:model.n_q] @ d[:model.n_q])
     natural = np.zeros_like(d)

@@ -1,0 +1,47 @@
+"""What is to be told of the state that small motions are about."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...model.interactions import Batch
+from .inputs_and_outputs import Input
+from .linearised import Linearised
+
+
+def told(small: Linearised, damped: bool = True, inputs: Sequence[Input] = ()) -> list[str]:
+    """Return warnings of inputs and dampers that have no effect, and of forces that are left in the reference.
+
+    No damper is to have one unless ``damped``.
+    """
+    model, base = small.model, small.base
+    out = [f"{what}: its damping force is of higher order in the rates, so it has no effect on small motions"
+           for what in _of_higher_order(small)] if damped else []
+    out += [f"the input {one.name} exerts no force and moves nothing in this state, so nothing responds to it"
+            for one in inputs if not one.f.any() and not one.p.any()]
+    if not base.loaded and np.any(small.pencil.balance.R):
+        layers = any(contact.law is not None for contact in model.case.contacts)
+        acts = [*["springs are loaded"] * bool(model.case.springs), *["contact layers press"] * layers,
+                *["material flows"] * bool(model.loads.flows)]
+        out.append(f"the reference is not an equilibrium, because {' or '.join(acts)} there. Use about: static")
+    return out
+
+
+def _of_higher_order(small: Linearised) -> Iterator[str]:
+    """Yield the springs and loads that damp, but not to first order in the rates."""
+    model, state = small.model, small.base.state
+    loads = [(f"loads.{k}", item) for k, item in enumerate(model.case.loads)
+             if getattr(item, "damped", False) and item.name not in model.inputs]
+    drags = [patch for patch in model.loads.patches if getattr(patch, "damped", False)]
+    # behind the springs of the case stand elastic tendons and contacts
+    springs = zip([f"springs.{k}" for k in model.case.resting_springs], model.springs, strict=False)
+    parts: list[tuple[str, Any]] = [*((what, patch) for what, patch in springs if patch.damped),
+                                    *((what, patch) for (what, _), patch in zip(loads, drags, strict=False))]
+    for what, patch in parts:
+        batch = Batch([patch])
+        *_, C = batch.matrices(state.d, state.t)
+        if not C.any():
+            yield what

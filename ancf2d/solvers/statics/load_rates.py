@@ -1,0 +1,69 @@
+"""Derivatives by the load factor at 0 along the linear response, and how large a step they are formed with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...elements.shape import Array
+from ...model.model import Model
+from ..ldl import Symmetric
+from ..small_motions.lowest_modes import Pencil
+from ..system import System
+
+# half the difference in the load factor that rates are formed with
+SMALL = 1e-4
+# rotation or strain of the states between which the tangent is differentiated
+STEP = 1e-3
+# points and weights (over 12 steps) of derivatives by the load factor; forward from where tendons begin to pull
+CENTRAL = ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0))
+FORWARD = ((0, -25.0), (1, 48.0), (2, -36.0), (3, 16.0), (4, -3.0))
+
+
+def response_size(pencil: Pencil, u: Array) -> float:
+    """Return the rotation or strain that a response u (n_full,) is."""
+    model = pencil.model
+    turned = np.concatenate([mesh.gradients for mesh in model.meshes.values()])
+    moved = pencil.system.norm(u[model.numbering.free]) / model.extent
+    return max(moved, float((turned * np.abs(u[:model.n_q])).max(initial=0.0)))
+
+
+def step_of(model: Model, size: float) -> float:
+    """Return the step of the load factor that rotates or strains the model, or what winds tendons up, by ``STEP``.
+
+    ``size`` is that of the linear response.
+    """
+    whole = max([size, *(getattr(spring, "winds", 0.0) for spring in model.springs)])
+    return STEP / whole if whole else 1.0
+
+
+def points_of(model: Model) -> Sequence[tuple[int, float]]:
+    """Return points and weights of derivatives by the load factor at 0, where tendons that it winds up have a kink."""
+    return FORWARD if any(batch.signals for batch in model.interactions.springs) else CENTRAL
+
+
+def residual_rate(pencil: Pencil) -> Array:
+    """Return dR/dt (n,) at fixed unknowns."""
+    out = np.zeros(pencil.n)
+    for k, weight in points_of(pencil.model):
+        out += weight / (12 * SMALL) * pencil.system.forces(pencil.d, k * SMALL).R
+    return out
+
+
+def tangent_rate(pencil: Pencil, u: Array, h: float) -> Array:
+    """Return dK/dt along the response u, as values in the tangent's storage, by differences of fourth order.
+
+    At a distance h that is a small rotation and strain: the truncation is its fourth power, round-off 1e-13 of K.
+    The rows of constraints have no part in it: K is reduced to what constraints leave free along vectors that are
+    K-orthogonal to what they hold, and in these their turning is of second order.
+    """
+    system = System(pencil.model)
+    system.count_from(pencil.system.turns())
+    out = np.zeros_like(pencil.K)
+    for k, weight in points_of(pencil.model):
+        system.assemble(pencil.d + k * h * u, k * h)
+        out += weight / (12 * h) * system.matrix.target.values
+    if isinstance(system.matrix, Symmetric):
+        system.matrix.drop_multipliers(out)
+    return out
