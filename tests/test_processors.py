@@ -4,14 +4,12 @@ import os
 import sys
 import threading
 import time
-from contextlib import suppress
-from functools import partial
 from pathlib import Path
 
 import pytest
 
 from ancf2d import processors as module
-from ancf2d.processors import aside, done, first_to, spread
+from ancf2d.processors import aside
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="copies are made on Linux alone")
 
@@ -70,55 +68,3 @@ def test_one_processor_is_not_shared(monkeypatch, tmp_path):
     with aside(lambda: (tmp_path / "done").touch()):
         time.sleep(0.2)
     assert not (tmp_path / "done").exists()
-
-
-def wait_for(path: Path) -> None:
-    end = time.monotonic() + 60.0
-    while not path.exists():
-        assert time.monotonic() < end, f"{path.name} has not been done"
-        time.sleep(0.005)
-
-
-def test_a_piece_that_two_tasks_need_is_done_once_while_another_task_is_taken(tmp_path):
-    """The second task waits for the piece of the first, which ends after the third: a further copy has taken it."""
-    def needs_the_piece(name):
-        if first_to("piece"):
-            (tmp_path / f"piece by {name}").touch()
-            wait_for(tmp_path / "third")
-            done("piece")
-        else:
-            assert (tmp_path / "third").exists()
-        (tmp_path / name).touch()
-
-    before = children()
-    spread([partial(needs_the_piece, "first"), partial(needs_the_piece, "second"), (tmp_path / "third").touch])
-    for name in ("first", "second"):
-        wait_for(tmp_path / name)
-    assert len(list(tmp_path.glob("piece by *"))) == 1
-    assert children() == before
-
-
-def test_who_fails_in_a_piece_leaves_it_to_those_who_wait(tmp_path):
-    """The first to come ends without it; the other, which has waited, does it."""
-    def only_the_second(name):
-        while not first_to("piece"):
-            pass
-        if not (tmp_path / "failed").exists():
-            (tmp_path / "failed").write_text(name)
-            raise ValueError(name)
-        (tmp_path / "piece").write_text(name)
-        done("piece")
-
-    with suppress(ValueError):  # where this process came first: its copies are ended then
-        spread([partial(only_the_second, "first"), partial(only_the_second, "second")])
-        wait_for(tmp_path / "piece")
-        assert (tmp_path / "piece").read_text() != (tmp_path / "failed").read_text()
-    assert (tmp_path / "failed").exists()
-
-
-def test_tasks_of_one_processor_are_done_in_order(monkeypatch):
-    monkeypatch.setenv("OMP_NUM_THREADS", "1")
-    seen = []
-    spread([partial(seen.append, k) for k in range(5)])
-    assert seen == [0, 1, 2, 3, 4]
-    assert first_to("piece")

@@ -20,7 +20,6 @@ from numba import _dynfunc, types
 from numba.core import compiler
 from numba.core.runtime import rtsys
 
-from ...processors import done, first_to
 from .cache import SUFFIX, cache_folder, file_of, read, write
 
 _REFUSE = ctypes.cast(ctypes.pythonapi.PyErr_BadArgument, ctypes.c_void_p).value
@@ -142,27 +141,22 @@ class Kept:
 
         Its machine code is complete: of numba it needs the memory management, and nothing of what compiling needs
         (all that a kernel may call, numba's and scipy's linear algebra among it), which takes longer to import than
-        a small case to solve. What cannot be read is compiled anew, in its place: once, where processes share tasks.
+        a small case to solve. What cannot be read is compiled anew, in its place.
         """
         rtsys.initialize(target)
-        path = self._file(sig, target)
-        while True:
-            with suppress(Exception):
-                return self._kind.rebuilt(target, read(path))
-            _MISSED[0] = 1
-            if first_to(path.name):
-                return None
+        with suppress(Exception):
+            return self._kind.rebuilt(target, read(self._file(sig, target)))
+        _MISSED[0] = 1
+        return None
 
     def save_overload(self, sig: Any, result: Any) -> None:
         """Keep what was compiled where there is room; else it is compiled for this process alone."""
-        path = self._file(sig, result.target_context)
         if result.library.has_dynamic_globals:
             warnings.warn(f"'{self.function.__qualname__}' refers to large arrays or addresses: every run compiles it",
                           numba.errors.NumbaWarning, stacklevel=2)
-        else:
-            with suppress(OSError, ValueError):
-                write(path, self._kind.reduced(result))
-        done(path.name)
+            return
+        with suppress(OSError, ValueError):
+            write(self._file(sig, result.target_context), self._kind.reduced(result))
 
     def _file(self, sig: Any, target: Any) -> Any:
         return file_of(self.cache_path, self.function, f"{sig} {target.codegen().magic_tuple()}")
