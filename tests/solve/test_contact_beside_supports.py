@@ -60,6 +60,26 @@ def test_bodies_lie_still_that_are_joined_where_both_touch(side, kind, joint):
     assert borne(found) == pytest.approx(2 * MASS * G, rel=1e-9)
 
 
+@pytest.mark.parametrize(("kind", "method", "at"), [
+    ("reissner3", "generalized_alpha", 0), ("reissner3", "radau5", 0.5), ("cable", "generalized_alpha", 1),
+    ("cable", "radau5", 0.5)])
+def test_a_beam_falls_flat_about_a_pin_on_one_that_lies_on_the_floor(kind, method, at):
+    """Once it lies there, both have nearly one gap at the pin: h/4 theta^2 apart, and one of two forces would pull."""
+    angle = 0.05
+    end = at + L * math.cos(angle), L * math.sin(angle)
+    case = scene({"low": body(kind), "rod": body(kind, start=at, end=end)}, [], "surface", method,
+                 joints=[{"type": "pin", "between": [f"low@{at}", "rod@0"]}])
+    case["solver"] |= {"t_end": 0.2, "dt": 1e-3}
+    found = ancf2d.solve({**case, "output": {"every": 1}})
+    energies, fall = found.energies, MASS * G * L / 2 * math.sin(angle)
+    total = energies["kinetic"] + energies["strain"] + energies["potential"]
+    assert energies["potential"][-1] - energies["potential"][0] == pytest.approx(-fall, rel=1e-2)
+    assert np.diff(total).max() < 1e-3 * fall
+    for pair in found.model.contacts:
+        nodes = [not spot.free for spot in pair.spots]
+        assert min(pair.gaps(d, t)[nodes].min() for d, t in zip(found.d, found.t, strict=True)) > -1e-8 * L
+
+
 @pytest.mark.parametrize("kind", ["reissner3", "rigid"])
 def test_a_body_lies_still_that_is_pinned_where_it_lies_on_another_one(kind):
     case = scene({"rod": body(kind), "low": body("rigid", y=-HEIGHT)},
