@@ -159,3 +159,16 @@ def test_a_support_that_moves_into_the_floor_ends_statics_with_a_reason(kind, mo
     for part in (down["uy"], way):
         part["scale"] *= 0.99 * gap / 0.08
     ancf2d.solve(case)
+
+
+@pytest.mark.parametrize("kind", ["cable", "reissner3", "vallejo"])
+def test_statics_end_where_the_place_about_which_a_section_turns_comes_into_the_floor(kind):
+    """The face there meets the floor before, and turns about the point that a support moves."""
+    gap, way = 0.05, 0.08
+    down = {"type": "prescribed", "at": "rod@1", "ux": 0, "uy": {"type": "ramp", "scale": -way}}
+    case = scene({"rod": body(kind)}, [{"type": "clamp", "at": "rod@0"}, down], "surface", "",
+                 solver={"type": "static"})
+    case["obstacles"]["floor"]["through"] = [0, -gap]
+    with pytest.raises(ComputationError, match="supports or joints press rod into floor at S = 1,") as error:
+        ancf2d.solve(case)
+    assert float(error.value.failure.at["factor"]) == pytest.approx(gap / way, rel=1e-4)
