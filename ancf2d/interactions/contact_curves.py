@@ -100,7 +100,7 @@ def movable(mesh: BodyMesh, side: str, compliant: bool, follows: Mapping[int, An
 
 
 def driven(mesh: BodyMesh, side: str, follows: Mapping[int, Any]) -> list[Spot]:
-    """Return where supports alone say where a body without a contact law is, in statics.
+    """Return where supports alone say where a body without a contact law is.
 
     Of a body whose faces touch also where they say that of its axis, about which a section may turn.
     """

@@ -144,6 +144,18 @@ def test_a_support_that_moves_into_the_floor_ends_the_motion_with_a_reason(metho
         ancf2d.solve(case)
 
 
+@pytest.mark.parametrize(("kind", "method"), [("cable", METHODS[0]), ("cable", METHODS[1]), ("reissner3", METHODS[0])])
+def test_a_motion_ends_where_the_place_about_which_a_section_turns_comes_into_the_floor(kind, method):
+    """The floor rises to the axis of a pinned beam, whose face it meets before."""
+    case = scene({"rod": body(kind)}, [{"type": "pin", "at": "rod@0"}], "surface", method)
+    rises = {"type": "ramp", "scale": HEIGHT, "t0": 0, "t1": 0.1}
+    case["obstacles"]["floor"].update(through=[0, -0.75 * HEIGHT], motion={"y": rises})
+    case["solver"] |= {"t_end": 0.1, "dt": 2e-3}
+    with pytest.raises(ComputationError, match="supports or joints press rod into floor at S = 0,") as error:
+        ancf2d.solve(case)
+    assert float(error.value.failure.at["t"]) == pytest.approx(0.075, rel=1e-3)
+
+
 @pytest.mark.parametrize("moved", ["support", "floor"])
 @pytest.mark.parametrize("kind", ["cable", "reissner2", "reissner3", "vallejo"])
 def test_a_support_that_moves_into_the_floor_ends_statics_with_a_reason(kind, moved):
