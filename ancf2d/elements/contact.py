@@ -46,6 +46,7 @@ from .contact_geometry import (
     count_of,
     gap_at,
     is_back,
+    opens_by_choice,
     pressed_from,
     spread,
     spread_both,
@@ -146,7 +147,7 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
         g, nx, ny, k, s, ds = gap_at(par, work[RHO], work[RHO + 1], feature)
     outside = mem[FROM] == OUTSIDE
     g -= 0.0 if outside else mem[FROM]
-    if mem[HELD] == BY_CHOICE and (force - c * g < -c * par[TOUCH] or (outside and is_back(par, nx, ny, work))):
+    if opens_by_choice(par, mem, force, g) or (mem[HELD] < OPEN and outside and is_back(par, nx, ny, work)):
         return 0.0, 0.0
     soft, slope = 0.0, 0.0
     if mem[FREE] == SLIDING or mem[FREE] == STANDING:

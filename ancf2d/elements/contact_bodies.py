@@ -51,9 +51,9 @@ from .contact_geometry import (
     SLIDES,
     STICK,
     STIFFNESS,
-    TOUCH,
     WEIGHT,
     WORK,
+    opens_by_choice,
 )
 from .point_laws import PointLaw, work_matrix, work_vector
 
@@ -164,7 +164,7 @@ def press(p0, u, par, mem, f, H, own, work, across, rows):  # type: ignore[no-un
     if mem[HELD] == CLOSED and beyond(par[ORIGIN + JOINED], mem[FOUND]):
         mem[FOUND] = WITHIN
     g, nx, ny, z = gap_between(par, p0, u, mem, own, work, across)
-    if np.isnan(g) or (mem[HELD] == BY_CHOICE and force - c * g < -c * par[TOUCH]):
+    if np.isnan(g) or opens_by_choice(par, mem, force, g):
         return np.nan, 0.0, 0.0, 0.0
     H[m, m] = 0.0
     bent_between(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, H)

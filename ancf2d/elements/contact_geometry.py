@@ -28,17 +28,17 @@ HALF_PLANE, CIRCLE, POLYLINE, BODY = 0, 1, 2, 3
  BENDS, SHEARS, SHAPE, ORIGIN) = range(19)
 # mem: where along the element; whether it moves there (0 it stands at home, 1 it slides about a corner, 2 it stands at
 # that place of the beam's curve and 3 of the element's own; -1 and -2 it is out of use, on either curve; -3 supports
-# hold its gap); what of a
-# polyline it is opposite to; the place on the obstacle that friction holds it to; whether it is closed (1) or open (0),
-# which force and gap tell where it is -1; and whether it sticks (2) or slides, with friction of this sign along s (1 or
-# -1), which the forces tell where it is 0; with none in the step of a motion in which it closes, where that is the
-# impact's (3); the force of friction along s that it begins with behind an impact, inf where there was none; and from
-# which gap on it presses (``pressed_from``)
+# hold its gap); what of a polyline it is opposite to; the place on the obstacle that friction holds it to; whether it
+# is closed (1) or open (0), which force and gap tell where it is -1, and where it is -2, as it has pulled, only once it
+# is inside; and whether it sticks (2) or slides, with friction of this sign along s (1 or -1), which the forces tell
+# where it is 0; with none in the step of a motion in which it closes, where that is the impact's (3); the force of
+# friction along s that it begins with behind an impact, inf where there was none; and from which gap on it presses
+# (``pressed_from``)
 PLACE, FREE, FEATURE, ANCHOR, HELD, SLIDES, BEHIND, FROM = range(8)
 MEMORY = 8
 SUPPORTED, UNUSED_OWN, UNUSED, AT_HOME, SLIDING, STANDING, OWN = -3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0
 STICKS, CLOSES, NONE = 2.0, 3.0, np.inf
-BY_CHOICE, OPEN, CLOSED = -1.0, 0.0, 1.0
+PULLED, BY_CHOICE, OPEN, CLOSED = -2.0, -1.0, 0.0, 1.0
 OUTSIDE, UNTOUCHED = np.inf, -np.inf
 # numbers of work: X, X', X'' (8 each), rho (2), its derivatives by X (2, 8) and (2, 8, 8), small vectors and matrices
 AT, AT_1, AT_2, RHO, BY, BY_BY, VECTOR, MATRIX, ROW, OTHER = 0, 8, 16, 24, 26, 42, 170, 226, 290, 330
@@ -333,6 +333,16 @@ def spread_both(par, z, work, H, first, share):  # type: ignore[no-untyped-def]
                 for q in range(fields):
                     H[first + c * terms + j, first + q] += m * work[OTHER + q]
             m0, m1 = m0 * z, m1 * z + m0
+
+
+def opens_by_choice(par, mem, force, g):  # type: ignore[no-untyped-def]
+    """Return whether a point without a law that may choose is open, by a force on it and its gap.
+
+    Closed is what has force - c g >= -c TOUCH. What has pulled is open at any gap that is none but for round-off: the
+    force there would close it and pull again.
+    """
+    touch = -par[TOUCH] if mem[HELD] == PULLED else par[TOUCH]
+    return mem[HELD] < OPEN and force < par[STIFFNESS] * (g - touch)
 
 
 def is_back(par, nx, ny, work):  # type: ignore[no-untyped-def]

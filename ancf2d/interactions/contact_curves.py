@@ -100,8 +100,12 @@ def movable(mesh: BodyMesh, side: str, compliant: bool, follows: Mapping[int, An
 
 
 def driven(mesh: BodyMesh, side: str, follows: Mapping[int, Any]) -> list[Spot]:
-    """Return where supports alone say where a body without a contact law is, in statics."""
-    home = [p for p in spots(mesh, side, False, True) if not p.free]
+    """Return where supports alone say where a body without a contact law is.
+
+    Of a body whose faces touch also where they say that of its axis, about which a section may turn.
+    """
+    sides = dict.fromkeys((side, "axis"))
+    home = [p for each in sides for p in spots(mesh, each, False, True) if not p.free]
     return _chosen(mesh, home, follows, False)
 
 
@@ -123,6 +127,9 @@ def moves(mesh: BodyMesh, spot: Spot, follows: Mapping[int, Any]) -> bool:
         slope = (np.arange(terms) * spot.z ** np.maximum(np.arange(terms) - 1, 0)) @ parts
         tangent = slope @ mesh.e0[dofs - mesh.first_dof]
         ways = np.vstack([ways, (tangent[0] * slope[1] - tangent[1] * slope[0]) / np.hypot(*tangent)])
+    if kind == geometry.OF_THETA and eta == 0.0:
+        # what turns moves nothing there
+        ways = ways[:2]
     least, total = 1e-12 * np.abs(ways).max(), dict[int, Array]()
     for c, way in zip(dofs.tolist(), ways.T, strict=True):
         for k, factor in (follows[c].terms if c in follows else {c: 1.0}).items():

@@ -89,7 +89,7 @@ class Contacts:
                                self.extent, self.follows, rapid_rate(self.case), still=still)
             pair.other = other
             held = driven(self.meshes[body], item.side, self.follows)
-            if held and pair.hard and not isinstance(self.case.solver, Dynamic):
+            if held and pair.hard:
                 own = ContactPair(item, name, self.meshes[body], self.case.obstacles[other], self.frames[other],
                                   self.extent, chosen=held)
                 own.other, pair.driven = other, (own, own.gaps(np.zeros(len(self.e0)), self.begin))

@@ -108,12 +108,19 @@ def check_supports(system: System, d: Array, t: float) -> None:
             deep = np.flatnonzero(one.fixed & faces & (gap < one.within - limit)).tolist()
             dofs, gradients, _ = one.gradients(d, t) if deep else (gap, gap, gap)
             into += [(one.pair, k) for k in deep if not _reduced(system, dofs[k], gradients[k])[1]]
-        if one.pair.driven is not None:
-            pair, start = one.pair.driven
-            # what is inside from the beginning on is on the other side of it
-            into += [(pair, k) for k in np.flatnonzero((start >= -limit) & (pair.gaps(d, t) < -limit)).tolist()]
+    into += driven_into(system.model, d, t, limit)
     if into:
         raise blocked(into, {"factor": float(f"{t:.6g}")})
+
+
+def driven_into(model: Model, d: Array, t: float, depth: float) -> list[tuple[Any, int]]:
+    """Return pairs and numbers of points that supports alone move and that are deeper than ``depth`` in an obstacle.
+
+    What is inside from the beginning on is on the other side of it.
+    """
+    driven = [one.pair.driven for one in model.contact_tables if one.pair.driven is not None]
+    return [(pair, k) for pair, start in driven
+            for k in np.flatnonzero((start >= -depth) & (pair.gaps(d, t) < -depth)).tolist()]
 
 
 def blocked(into: Iterable[tuple[Any, int]], at: dict[str, Any]) -> ComputationError:

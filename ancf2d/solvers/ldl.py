@@ -44,7 +44,8 @@ class Multipliers:
 
     ``multiplier`` (m,) are their positions, ``index`` (k,) those of the unknowns in their rows of G, ``owner`` (k,) the
     multiplier that each belongs to; ``weights`` (n,) the displacement that a unit of an unknown stands for, 0 for
-    multipliers. ``open``: whether some rows of G may vanish, those of contacts that are open.
+    multipliers. ``open``: whether some rows of G may vanish, those of contacts that are open; ``loads``: all of the
+    model over its extent [N/m].
     """
 
     multiplier: Index
@@ -52,6 +53,7 @@ class Multipliers:
     owner: Index
     weights: Array
     open: bool = False
+    loads: float = 0.0
 
     @cached_property
     def moved(self) -> NDArray[np.bool_]:
@@ -73,7 +75,9 @@ class Multipliers:
         moves = self.weights > 0.0
         sizes = np.abs(diagonal)
         sizes[moves] /= self.weights[moves] ** 2
-        largest = float(sizes[moves].max(initial=0.0)) or RIGID
+        largest = float(sizes[moves].max(initial=0.0))
+        # what would not bear the loads before anything has gone far out of sight is round-off of their directions
+        largest = largest if largest > NO_STIFFNESS * self.loads else RIGID
         weights, sizes = self.weights[self.index], np.where(sizes > NO_STIFFNESS * largest, sizes, 0.0)
         scaled, m = (g / weights) ** 2, len(self.multiplier)
         gamma: Array = np.zeros(m)

@@ -233,8 +233,11 @@ def _multipliers(model: Model) -> Multipliers | None:
     weights: Array = np.zeros(num.n_unknowns)
     coordinates = num.free < num.n_q
     weights[coordinates] = model.weights[num.free[coordinates]]
+    # all of its dead loads at the last factor or time
+    dead = model.external(getattr(model.case.solver, "t_end", 1.0))[:model.n_q]
     return Multipliers(num.place[num.n_q:], np.concatenate(reached),
-                       np.repeat(np.arange(len(reached)), [len(r) for r in reached]), weights, bool(model.contacts))
+                       np.repeat(np.arange(len(reached)), [len(r) for r in reached]), weights, bool(model.contacts),
+                       float(np.abs(dead / model.weights).sum()) / model.extent)
 
 
 def make_matrix(model: Model) -> TangentMatrix:

@@ -60,6 +60,26 @@ def test_bodies_lie_still_that_are_joined_where_both_touch(side, kind, joint):
     assert borne(found) == pytest.approx(2 * MASS * G, rel=1e-9)
 
 
+@pytest.mark.parametrize(("kind", "method", "at"), [
+    ("reissner3", "generalized_alpha", 0), ("reissner3", "radau5", 0.5), ("cable", "generalized_alpha", 1),
+    ("cable", "radau5", 0.5)])
+def test_a_beam_falls_flat_about_a_pin_on_one_that_lies_on_the_floor(kind, method, at):
+    """Once it lies there, both have nearly one gap at the pin: h/4 theta^2 apart, and one of two forces would pull."""
+    angle = 0.05
+    end = at + L * math.cos(angle), L * math.sin(angle)
+    case = scene({"low": body(kind), "rod": body(kind, start=at, end=end)}, [], "surface", method,
+                 joints=[{"type": "pin", "between": [f"low@{at}", "rod@0"]}])
+    case["solver"] |= {"t_end": 0.2, "dt": 1e-3}
+    found = ancf2d.solve({**case, "output": {"every": 1}})
+    energies, fall = found.energies, MASS * G * L / 2 * math.sin(angle)
+    total = energies["kinetic"] + energies["strain"] + energies["potential"]
+    assert energies["potential"][-1] - energies["potential"][0] == pytest.approx(-fall, rel=1e-2)
+    assert np.diff(total).max() < 1e-3 * fall
+    for pair in found.model.contacts:
+        nodes = [not spot.free for spot in pair.spots]
+        assert min(pair.gaps(d, t)[nodes].min() for d, t in zip(found.d, found.t, strict=True)) > -1e-8 * L
+
+
 @pytest.mark.parametrize("kind", ["reissner3", "rigid"])
 def test_a_body_lies_still_that_is_pinned_where_it_lies_on_another_one(kind):
     case = scene({"rod": body(kind), "low": body("rigid", y=-HEIGHT)},
@@ -124,6 +144,18 @@ def test_a_support_that_moves_into_the_floor_ends_the_motion_with_a_reason(metho
         ancf2d.solve(case)
 
 
+@pytest.mark.parametrize(("kind", "method"), [("cable", METHODS[0]), ("cable", METHODS[1]), ("reissner3", METHODS[0])])
+def test_a_motion_ends_where_the_place_about_which_a_section_turns_comes_into_the_floor(kind, method):
+    """The floor rises to the axis of a pinned beam, whose face it meets before."""
+    case = scene({"rod": body(kind)}, [{"type": "pin", "at": "rod@0"}], "surface", method)
+    rises = {"type": "ramp", "scale": HEIGHT, "t0": 0, "t1": 0.1}
+    case["obstacles"]["floor"].update(through=[0, -0.75 * HEIGHT], motion={"y": rises})
+    case["solver"] |= {"t_end": 0.1, "dt": 2e-3}
+    with pytest.raises(ComputationError, match="supports or joints press rod into floor at S = 0,") as error:
+        ancf2d.solve(case)
+    assert float(error.value.failure.at["t"]) == pytest.approx(0.075, rel=1e-3)
+
+
 @pytest.mark.parametrize("moved", ["support", "floor"])
 @pytest.mark.parametrize("kind", ["cable", "reissner2", "reissner3", "vallejo"])
 def test_a_support_that_moves_into_the_floor_ends_statics_with_a_reason(kind, moved):
@@ -139,3 +171,16 @@ def test_a_support_that_moves_into_the_floor_ends_statics_with_a_reason(kind, mo
     for part in (down["uy"], way):
         part["scale"] *= 0.99 * gap / 0.08
     ancf2d.solve(case)
+
+
+@pytest.mark.parametrize("kind", ["cable", "reissner3", "vallejo"])
+def test_statics_end_where_the_place_about_which_a_section_turns_comes_into_the_floor(kind):
+    """The face there meets the floor before, and turns about the point that a support moves."""
+    gap, way = 0.05, 0.08
+    down = {"type": "prescribed", "at": "rod@1", "ux": 0, "uy": {"type": "ramp", "scale": -way}}
+    case = scene({"rod": body(kind)}, [{"type": "clamp", "at": "rod@0"}, down], "surface", "",
+                 solver={"type": "static"})
+    case["obstacles"]["floor"]["through"] = [0, -gap]
+    with pytest.raises(ComputationError, match="supports or joints press rod into floor at S = 1,") as error:
+        ancf2d.solve(case)
+    assert float(error.value.failure.at["factor"]) == pytest.approx(gap / way, rel=1e-4)

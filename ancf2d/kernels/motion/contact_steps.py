@@ -14,6 +14,7 @@ from ...elements.contact_geometry import (
     FREE,
     FRICTION,
     HELD,
+    PULLED,
     SLIDES,
     SUPPORTED,
 )
@@ -176,6 +177,21 @@ def let_choose(p):  # type: ignore[no-untyped-def]
     for i in range(len(p.points.mem)):
         if p.points.restitution[i] >= 0.0:
             p.points.mem[i, HELD] = BY_CHOICE
+
+
+@inner
+def let_go(p, z):  # type: ignore[no-untyped-def]
+    """Let points that pull at z go, and none of them close again unless it is inside; return whether any did.
+
+    Two points may have nearly one gap, as corners of bodies that lie on a floor with their joint: one of them pulls.
+    """
+    pulls = False
+    for i in range(len(p.points.mem)):
+        if p.points.restitution[i] >= 0.0:
+            k = p.place[p.points.multiplier[i]]
+            if z[k] > 0.0:
+                z[k], p.points.mem[i, HELD], pulls = 0.0, PULLED, True
+    return pulls
 
 
 @inner

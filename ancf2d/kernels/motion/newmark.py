@@ -10,7 +10,7 @@ from .. import calls
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed, inner, seldom
 from ..moving import add_moving_product
-from .contact_steps import let_rub, lost_to_friction, to_limits, turned_back
+from .contact_steps import let_choose, let_go, let_rub, lost_to_friction, to_limits, turned_back
 from .dynamics import add_mass, factor, norm, remember, residual, settled, signals_at, solve_with
 from .feedback import weigh_state
 from .friction import rubs
@@ -63,21 +63,12 @@ def _move(m, p, s, h):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _pulls(p, z):  # type: ignore[no-untyped-def]
-    """Return whether a contact without a law pulls."""
-    for i in range(len(p.points.restitution)):
-        if p.points.restitution[i] >= 0.0 and z[p.place[p.points.multiplier[i]]] > 0.0:
-            return True
-    return False
-
-
-@inner
 def _stands(p, w, end, iteration, step):  # type: ignore[no-untyped-def]
     """Return whether increments that do not shrink are round-off."""
     if calls.at_floor(p.calls, (p, w, end.v, end.a)):
         return True
-    # what touches but would be pulled on is open again in the next iteration, and closed in the one after it
-    return p.sided and iteration > 2 and step <= TOUCHES * p.extent and not _pulls(p, end.z)
+    # what touches may be open again in the next iteration, and closed in the one after it
+    return p.sided and iteration > 2 and step <= TOUCHES * p.extent
 
 
 @inner
@@ -202,7 +193,7 @@ def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
     """Find the end of the step by Newton's method from what it is; return (outcome, iterations, contraction)."""
     n, end = len(m.alg), m.end
     cv = m.gamma / (m.beta * h)
-    last, rate = 0.0, s.numbers[CONTRACTION]
+    last, rate, pulls = 0.0, s.numbers[CONTRACTION], False
     wanted = enough(p, s, h, m.tolerance)
     iteration = 0
     _move(m, p, s, h)
@@ -222,7 +213,7 @@ def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
             return NOT_FINITE, iteration + 1, rate
         if iteration > 0:
             rate = step / last
-            if rate > 0.5 and _stands(p, w, end, iteration, step):
+            if rate > 0.5 and not pulls and _stands(p, w, end, iteration, step):
                 break
         for i in range(n):
             if p.coordinate[i] != 0.0:
@@ -230,9 +221,10 @@ def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
             else:
                 end.z[i] += w.x[i]
         _move(m, p, s, h)
+        pulls = p.sided and let_go(p, end.z)
         last, iteration = step, iteration + 1
         expected = rate if iteration > 1 else min(max(rate, 1e-2), 0.5)
-        if iteration >= p.sure and settled(step, expected, wanted, p, w, end.z, w.amps):
+        if iteration >= p.sure and not pulls and settled(step, expected, wanted, p, w, end.z, w.amps):
             break
         # which constraints are open is found on the way: the first increments need not shrink
         if iteration >= m.max_iterations or (rate > 2.0 and iteration > 2 and not p.sided):
@@ -275,9 +267,12 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
     outcome, iterations, rate = _iterate(m, p, w, s, h, ca)
     if outcome == NOT_CONVERGED and p.sided:
         # what sticks may have been predicted to slide, from where Newton's method goes from one way to the other
+        let_choose(p)
         _go_to(m, p, s, h, 0.0)
         outcome, more, rate = _iterate(m, p, w, s, h, ca)
         iterations += more
+    if p.sided:
+        let_choose(p)
     if outcome != DONE:
         return outcome, iterations, 0.0, rate
     error = _error(m, p, w, s, h, ca)

@@ -23,11 +23,13 @@ from ...kernels.motion.state import (
 )
 from ...kernels.sliding import sliding_check
 from ...model.point_patch import check_facing
-from ..active_set import blocked
+from ..active_set import blocked, driven_into
 from ..state import Row
 
 # of the size of a model: further away, strains are lost in round-off of positions
 FAR = 1e9
+# the same: what touches, where a motion cannot go on
+NEAR = 1e-6
 
 
 def check_signals(motion: Any, t: float) -> None:
@@ -77,8 +79,9 @@ def failure(motion: Any, outcome: int) -> ComputationError:
             f"the motion grows without bound: {how}", at=at,
             advice="look at what feeds it: a controller or a load that answers the motion and makes it unstable, or "
             "constants that are far too large")
-    if outcome == INTO_SUPPORTS:
-        return _blocked(motion, at)
+    near = _driven_near(motion)
+    if outcome == INTO_SUPPORTS or near:
+        return _blocked(motion, at, near)
     reason = {NOT_FINITE: "the forces are no longer finite",
               SINGULAR: "the matrix of a step is singular"}.get(outcome, "Newton's method did not converge")
     return ComputationError(
@@ -87,14 +90,25 @@ def failure(motion: Any, outcome: int) -> ComputationError:
         "Smaller steps before it, or a smaller tolerance, may help")
 
 
-def _blocked(motion: Any, at: dict[str, Any]) -> ComputationError:
+def _driven_near(motion: Any) -> list[tuple[Any, int]]:
+    """Return the points that supports alone move, by pair and number, that have come to an obstacle without a law.
+
+    Sections that turned about such points can give way no more.
+    """
+    p, d = motion.p, np.zeros(len(motion.p.place))
+    evaluate(p.programs, motion.t, motion.w.amps)
+    fill_full(p, motion.s.z, motion.w.amps, 0, d)
+    return driven_into(motion.model, d, motion.t, -NEAR * float(p.extent))
+
+
+def _blocked(motion: Any, at: dict[str, Any], near: list[tuple[Any, int]]) -> ComputationError:
     """Return what to say where supports or joints hold a body in what it touches."""
     model, mem = motion.model, motion.p.points.mem
     into = [(p.pair, p.number)
             for p, rows in zip(model.interactions.points, model.interactions.rows, strict=True)
             if isinstance(p, ContactPoint) and (mem[rows, FREE] == SUPPORTED).any()]
     at.pop("coordinate", None)
-    return blocked(into, at)
+    return blocked(into or near, at)
 
 
 def stuck(motion: Any, message: str | None) -> ComputationError:
