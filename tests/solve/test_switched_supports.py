@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import helpers
@@ -12,6 +13,9 @@ from motions import resumed_behind_events
 
 import ancf2d
 from ancf2d.errors import ComputationError
+from ancf2d.results import writer
+from ancf2d.solvers.motion import stepping
+from ancf2d.study.run import run_case
 
 ROD = {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
        "section": {"EA": 1e4, "kGA": 4e3, "EI": 1e2, "rhoA": 1, "rhoI": 0}, "element": {"type": "rigid"}}
@@ -305,6 +309,23 @@ def test_a_bead_that_is_off_its_bar_cannot_begin_to_slide() -> None:
     with pytest.raises(ComputationError, match="rail begins while its points are apart"):
         solve(bodies={"bar": {**ROD, "geometry": {"type": "line", "start": [0, 0], "end": [4, 0]}}, "rod": rod},
               joints=[{**slides, "active": {"from": 0.1}}])
+
+
+def test_a_motion_that_failed_at_an_event_fails_there_again_when_resumed(tmp_path: Path,
+                                                                         monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is kept of an event that was only half made."""
+    monkeypatch.setattr(stepping, "CHUNK_SECONDS", 1e3)  # the states and the failure come at once
+    monkeypatch.setattr(writer, "FLUSH_SECONDS", 0.0)
+    case = ancf2d.load({
+        "bodies": {"rod": ROD, "other": {**ROD, "geometry": {"type": "line", "start": [1.5, 0], "end": [2.5, 0]}}},
+        "joints": [{"name": "tie", "type": "pin", "between": ["rod@1", "other@0"], "active": {"after": "t > 0.3"}}],
+        "initial": {"bodies": {"rod": {"velocity": [1, 0]}}},
+        "solver": {"type": "dynamic", "t_end": 1, "dt": 0.01, "estimate": False},
+        "output": {"interval": 0.05, "probes": {"right": "rod@1"}}})
+    found = [run_case(case, str(tmp_path / "a.h5"), resume=again).summary for again in (False, True)]
+    assert "tie begins while its points are apart" in found[0]["reason"]
+    for key in ("reason", "at", "probes", "t"):
+        assert found[1][key] == found[0][key]
 
 
 def test_what_is_held_twice_is_held_once() -> None:

@@ -184,7 +184,8 @@ class Run:
                 self.intact = not any_inverted(self.model, np.array([self.stepper.full(row, 1)[0] for row in rows]))
             for k, row in enumerate(rows):
                 began, beside = time.monotonic(), self._beside()
-                last = k == len(rows) - 1 and not ends
+                # one that has failed may be amid an event: it is repeated from where it was before
+                last = k == len(rows) - 1 and not ends and self.stepper.failed is None
                 if not ends or row.t < self.stepper.t:
                     yield self.state(row, keep=last)
                 self._took(row.t, time.monotonic() - began - self._beside() + beside)
