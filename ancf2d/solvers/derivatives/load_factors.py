@@ -59,7 +59,7 @@ class LinearResponse(OneByOne):
 
     def _unbalanced(self, pencil: Pencil, u: Array) -> Array:
         """Return dR/dt + K u (n,) at the reference."""
-        return np.asarray(residual_rate(pencil) + pencil.model.numbering.reduce(
+        return np.asarray(residual_rate(pencil)[0] + pencil.model.numbering.reduce(
             pencil.full_stiffness(self.full(pencil.model, u))))
 
     def change(self, at: Varied, h: float) -> Quotient:
