@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-import weakref
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
@@ -73,7 +72,7 @@ Array = np.ndarray
 
 
 class Temporary:
-    """A folder for a result file that nobody asked for; it is removed with the solution that reads it."""
+    """A folder for a result file that nobody asked for; it is removed with the results that are read of it."""
 
     def __init__(self) -> None:
         self.folder = tempfile.mkdtemp(prefix="ancf2d-")
@@ -82,13 +81,6 @@ class Temporary:
     def remove(self) -> None:
         """Remove the folder with all that is in it."""
         shutil.rmtree(self.folder, ignore_errors=True)
-
-
-def _release(results: Results | None, temporary: Temporary | None) -> None:
-    if results is not None:
-        results.close()
-    if temporary is not None:
-        temporary.remove()
 
 
 class Solution:
@@ -106,7 +98,12 @@ class Solution:
         self._results = None if place is None else open_results(place)
         # what nobody asked for is not told of
         self.summary: dict[str, Any] = {**outcome.summary, "output": None} if temporary is not None else outcome.summary
-        self._finalizer = weakref.finalize(self, _release, self._results, temporary)
+        if temporary is not None:
+            if self._results is None:
+                temporary.remove()
+            else:
+                # these may be kept without the solution
+                self._results.release(temporary.remove)
 
     # ------------------------------------------------------------------ what was found
 

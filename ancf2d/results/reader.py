@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+import weakref
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -17,10 +19,15 @@ from ancf2d.results.checkpoint import Checkpoint, checkpoint_of
 from ancf2d.results.geometry import axis_values, body_faces, body_levels, body_nodes
 from ancf2d.results.notebooks import as_html, one_line, to_xarray
 from ancf2d.results.records import OVER_TIME, BodyRecord, FieldRecord, Units
-from ancf2d.results.series import StateRows, Table, read_columns
+from ancf2d.results.series import StateRows, Table, read_columns, read_tables
 
 
-class Results:
+def _close(file: h5py.File, then: Callable[[], None]) -> None:
+    file.close()
+    then()
+
+
+class Results(AbstractContextManager["Results"]):
     """One open result file, whose states are read on demand: one by one, in blocks or all at once.
 
     If a run is still writing the file, this shows what it held when it was opened.
@@ -358,14 +365,7 @@ class Results:
     def tables(self) -> dict[str, Table]:
         """The tables by name, such as ``convergence``."""
         with safe.damage(self.path):
-            tables = {}
-            found = safe.groups(safe.child(self._file, "tables", h5py.Group))
-            for name, group in found.items():
-                tables[name] = read_columns(group, None)
-                tables[name].attrs = safe.attributes(group)
-                if len({len(v) for v in tables[name].values()}) > 1:
-                    raise ValueError(f"table '{name}' has columns of different lengths")
-            return tables
+            return read_tables(safe.groups(safe.child(self._file, "tables", h5py.Group)))
 
     @cached_property
     def arrays(self) -> dict[str, h5py.Dataset]:
@@ -376,20 +376,20 @@ class Results:
     def array(self, path: str) -> np.ndarray:
         """Return one of ``arrays`` as a NumPy array. Raises ResultsError if there is none of this path."""
         if path not in self.arrays:
-            raise ResultsError(f"'{self.path}' has no array '{path}' "
-                               f"(arrays: {', '.join(self.arrays) or 'none'})")
+            raise ResultsError(f"'{self.path}' has no array '{path}' (arrays: {', '.join(self.arrays) or 'none'})")
         with safe.damage(self.path):
             dataset = self.arrays[path]
             return safe.values(dataset, dataset.ndim)
 
     __repr__, _repr_html_, to_xarray = one_line, as_html, to_xarray
 
+    def release(self, then: Callable[[], None]) -> None:
+        """Close the file as soon as nobody has these results any more, and do ``then``."""
+        weakref.finalize(self, _close, self._file, then)
+
     def close(self) -> None:
         """Close the file, after which nothing more can be read from it."""
         self._file.close()
-
-    def __enter__(self) -> Results:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

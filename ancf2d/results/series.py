@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -274,6 +274,17 @@ def read_columns(group: h5py.Group | None, rows: int | None) -> Table:
             table[name] = values if rows is None else enough(values, rows)
         table.units[name] = str(safe.attribute(dataset, "units", ""))
     return table
+
+
+def read_tables(groups: Mapping[str, h5py.Group]) -> dict[str, Table]:
+    """Return tables by name; ValueError where columns of one have different lengths."""
+    tables = {}
+    for name, group in groups.items():
+        tables[name] = read_columns(group, None)
+        tables[name].attrs = safe.attributes(group)
+        if len({len(v) for v in tables[name].values()}) > 1:
+            raise ValueError(f"table '{name}' has columns of different lengths")
+    return tables
 
 
 def enough(values: np.ndarray, rows: int) -> np.ndarray:

@@ -193,6 +193,15 @@ def test_nothing_is_left_when_a_solution_is_forgotten(monkeypatch: pytest.Monkey
     assert list(tmp_path.iterdir()) == []
 
 
+def test_results_are_read_without_the_solution_that_they_came_with() -> None:
+    """What was solved without a file is in one that lasts as long as its results."""
+    results, whole = ancf2d.solve(TEXT).results, ancf2d.solve(TEXT)
+    gc.collect()
+    for name, probe in whole.results.probes.items():
+        np.testing.assert_array_equal(results.probes[name]["uy"], probe["uy"])
+    np.testing.assert_array_equal(results.d(-1), whole.d[-1])
+
+
 def test_without_states_there_is_the_summary_alone(solution: ancf2d.Solution) -> None:
     found = ancf2d.solve(TEXT, states=False)
     assert found.value == solution.value
