@@ -18,6 +18,7 @@ from ..case.schema.controllers import equations
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem
 from ..model.model import Model
+from ..solvers.derivatives.differences import UnsuitedError
 from ..solvers.derivatives.readings import Term
 from .measures import probes_alike
 from .run import vocabulary
@@ -246,7 +247,7 @@ class Watch:
         return probes_alike(one, other, {name.rpartition(".")[0] for name in self.data.names})
 
     def terms(self, model: Model, states: Sequence[Any]) -> list[Term]:
-        """Return what quantities of probes do to the values."""
+        """Return what quantities of probes do to the values. Raises UnsuitedError for rates between states."""
         t, first = np.unique([state.t for state in states], return_index=True)
         at, x, out = np.argwhere(self.data.known).tolist(), self.data.x, list[Term]()
         near = np.abs(t[:, None] - x).argmin(axis=0)
@@ -257,6 +258,8 @@ class Watch:
             if exact:
                 out.append((value, int(first[near[row]]), probe, quantity, 1.0))
                 continue
+            if quantity not in RATES:
+                raise UnsuitedError("rates between states follow from all of these")
             # the weights of Hermite's cubic between two states
             k = int(between[row])
             h = float(t[k + 1] - t[k])

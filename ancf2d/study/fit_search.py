@@ -43,7 +43,7 @@ class _SettledError(Exception):
 
 @dataclass(frozen=True)
 class _Secant:
-    """A place z (n,) with residuals f (m,) and derivatives J (m, n), which differences gave at ``made`` (n,) last."""
+    """A place z (n,) with residuals f (m,) and derivatives J (m, n), last computed anew at ``made`` (n,)."""
 
     z: Array
     f: Array
@@ -61,7 +61,7 @@ class Search:
         self.ratios = [b.low > 0.0 and b.high > DECADE * b.low for b in bounds]
         self.scale = np.broadcast_to(scales, data.values.shape)[data.known]
         self.scales, self.measured = scales, data.values[data.known]
-        # runs over time take many times as long with exact derivatives, if they have any
+        # derivatives of what is solved over time take several runs: they are carried from step to step
         self.timed = loaded.case.solver.timed
         self.exact = self.watch.places and loaded.case.solver.moves
         self.solved: tuple[bytes, Study] | None = None

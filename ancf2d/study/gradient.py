@@ -50,7 +50,7 @@ TIGHT = 1e-12
 # what is differentiated: numbers (m,) of the states that a model goes through. It may have ``goals``, those that it
 # reads of modes and load factors; ``whole``, which is False where it reads the last state alone; ``weights``, which
 # tells how much the derivatives of its values count; and ``places``, which is True where it has what
-# ``motion_adjoint.Goals`` has
+# ``readings.Goals`` has
 Watch = Callable[[Model, Sequence[Any]], Array]
 
 
@@ -232,9 +232,12 @@ class Study:
         return self._differences(variable, STEP_OF_RUNS * size), f"differences of runs: {reason}"
 
     def exact(self, variables: Sequence[Variable]) -> Array | None:
-        """Return the derivatives (m, n) to numbers if all are known without runs beside, else None."""
+        """Return the derivatives (m, n) of a motion's values to numbers where all are sums of changes, else None.
+
+        What takes runs beside, or changed states to read, is left to those who know of cheaper ways.
+        """
         self.expect(variables)
-        if self.adjoint is None and not self.responses:
+        if self.adjoint is None and not any(one.readings for one in self.responses or ()):
             return None
         try:
             return np.array([self._responded(v, STEP * size_of(v, self.model.extent)).value for v in variables]).T

@@ -102,7 +102,7 @@ def central(above: list[Array], below: list[Array], h: float) -> Quotient:
     value = near + (near - far) / 3.0
     size = np.maximum(np.abs(above[1]), np.abs(below[1]))
     noise = NOISE * size / abs(h)
-    return Quotient(value, distance(value, near) + noise, abs(h), noise=noise)
+    return Quotient(value, error_of(value, near) + noise, abs(h), noise=noise)
 
 
 def _one_sided(f: Callable[[float], Array], h: float, known: list[Array] | None = None) -> Quotient:
@@ -113,7 +113,7 @@ def _one_sided(f: Callable[[float], Array], h: float, known: list[Array] | None 
     return Quotient(value, np.abs(value - other) * 0.1 + noise, abs(h), noise=noise)
 
 
-def distance(value: Array, near: Array) -> Array:
+def error_of(value: Array, near: Array) -> Array:
     """Return the error of differences, of which those of lower order are ``near``, as ``central`` has it."""
     gap = np.abs(value - near)
     share = np.divide(gap, np.abs(value), out=np.ones_like(gap), where=value != 0.0)

@@ -16,7 +16,7 @@ from ...model.model import Model
 from ..linear import unknowns_to_coordinates
 from ..post import Observer
 from ..state import Row, State
-from .differences import Quotient, UnsuitedError, distance
+from .differences import Quotient, UnsuitedError, error_of
 from .linear_steps import Change
 from .varied_motions import Beside
 
@@ -43,7 +43,7 @@ class Goals(Protocol):
         ...
 
     def terms(self, model: Model, states: Sequence[State]) -> list[Term]:
-        """Return what quantities of probes do to the values."""
+        """Return what quantities of probes do to the values. Raises UnsuitedError where these do not tell."""
         ...
 
     def alike(self, one: Model, other: Model) -> bool:
@@ -60,20 +60,19 @@ class Readings:
     def __init__(self, model: Model, goals: Goals, states: Sequence[State], free: Array) -> None:
         self.model, self.goals, self.states, self.free = model, goals, states, free
         self.values = goals(model, states)
-        self.terms = goals.terms(model, states)
 
     @cached_property
     def by(self) -> tuple[csc_matrix, csc_matrix]:
         """What changes of the unknowns, and of their rates, of all states do to the goals: (k, states n) each.
 
-        Raises UnsuitedError where rates are read that are put onto the constraints.
+        Raises UnsuitedError where rates are read that are put onto the constraints, and what ``Goals.terms`` raises.
         """
         from scipy.sparse import csc_matrix, csr_matrix, identity, kron
 
         observer, n_q = Observer(self.model, forces=False), self.model.n_q
         slopes: dict[tuple[int, str, str], Any] = {}
         parts: list[list[Array]] = []
-        for goal, state, probe, quantity, weight in self.terms:
+        for goal, state, probe, quantity, weight in self.goals.terms(self.model, self.states):
             asked = state, probe, quantity
             if asked not in slopes:
                 slopes[asked] = observer.slopes(probe, quantity, self.states[state])
@@ -113,7 +112,7 @@ class Readings:
         parts = [(by @ value[:, k].ravel(), abs(by) @ error[:, k].ravel()) for k, by in enumerate(self.by)]
         direct, near = self.directly(number, rows, windows)
         return Quotient(sum(found for found, _ in parts) + direct,
-                        sum(off for _, off in parts) + distance(direct, near), number.h)
+                        sum(off for _, off in parts) + error_of(direct, near), number.h)
 
     def directly(self, number: Beside, rows: Sequence[Row], windows: Sequence[Array]) -> Array:
         """Return differences (2, k), by the weights of a number, of what is read where unknowns stay as they are.

@@ -21,7 +21,7 @@ from .lowest_modes import Modes, characteristic, first_shift, lowest
 from .projected import Complex, Quadratic
 from .quadratic import AT_REST, Pairs, lowest_pairs, shift_of
 from .relaxing import relaxing_pairs
-from .told import told
+from .without_effect import warnings_of
 
 # relative uncertainty of an eigenvalue that is worth a word
 POOR = 1e-6
@@ -56,7 +56,7 @@ def solve_eigen(model: Model, spec: Eigen) -> Iterator[State]:
         state.arrays["modes/quarter"] = (full_shapes(model, found.quarter, signs), "1",
                                          "mode shapes a quarter of a period later")
     state.tables = {"modes": table(entries, verdicts)}
-    state.warnings = [*state.warnings, *found.warnings, *told(small, spec.damped)]
+    state.warnings = [*state.warnings, *found.warnings, *warnings_of(small, spec.damped)]
     yield state
 
 

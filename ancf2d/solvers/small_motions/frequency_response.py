@@ -21,7 +21,7 @@ from .factors import Factors
 from .inputs_and_outputs import Input, Inputs, Output, outputs
 from .linearised import small_motions
 from .projected import Complex, Quadratic, Space, projected_values, within_constraints
-from .told import told
+from .without_effect import warnings_of
 
 # from so many unknowns and frequencies on, responses at given frequencies are computed in a space of few vectors
 LARGE, MANY = 400, 40
@@ -63,7 +63,7 @@ def solve_frequency_response(model: Model, spec: FrequencyResponse) -> Iterator[
     else:
         hz = list(spec.frequencies)
         found, error = responses(problem, inputs, probes, hz)
-    state.warnings = [*state.warnings, *told(small, inputs=inputs)]
+    state.warnings = [*state.warnings, *warnings_of(small, inputs=inputs)]
     state.report = {"response": _report(hz, inputs, probes, found), "response_error": error}
     state.tables = {"response": _table(hz, inputs, probes, found)}
     yield state

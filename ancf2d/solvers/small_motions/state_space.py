@@ -22,7 +22,7 @@ from .linearised import Linearised, small_motions
 from .lowest_modes import each, find_shift, lowest
 from .projected import Complex, Quadratic
 from .relaxing import Projected
-from .told import told
+from .without_effect import warnings_of
 
 # rounds of a solve with a shifted stiffness, and the relative correction that ends them
 ROUNDS, SETTLED = 200, 1e-13
@@ -72,7 +72,7 @@ def solve_state_space(model: Model, spec: StateSpace) -> Iterator[State]:
     state.tables = {"inputs": {"input": names}, "outputs": {"output": list(spec.outputs)},
                     "states": {"state": found.states},
                     "poles": {k: [p[k] for p in entries] for k in ("omega", "hz", "growth", "damping")}}
-    state.warnings = [*state.warnings, *warnings, *told(small, inputs=inputs)]
+    state.warnings = [*state.warnings, *warnings, *warnings_of(small, inputs=inputs)]
     yield state
 
 

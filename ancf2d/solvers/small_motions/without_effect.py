@@ -1,4 +1,4 @@
-"""What is to be told of the state that small motions are about."""
+"""Warnings of what has no effect on small motions, and of forces that are left in the state that they are about."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .inputs_and_outputs import Input
 from .linearised import Linearised
 
 
-def told(small: Linearised, damped: bool = True, inputs: Sequence[Input] = ()) -> list[str]:
+def warnings_of(small: Linearised, damped: bool = True, inputs: Sequence[Input] = ()) -> list[str]:
     """Return warnings of inputs and dampers that have no effect, and of forces that are left in the reference.
 
     No damper is to have one unless ``damped``.
