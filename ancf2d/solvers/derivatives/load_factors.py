@@ -11,10 +11,10 @@ import numpy as np
 from ...elements.shape import Array
 from ...errors import ComputationError
 from ...model.model import Model
+from ..small_motions.changes import about_without_flow, load_change, set_speed, speed_change
 from ..small_motions.linearised import Base, Linearised, stored
 from ..small_motions.lowest_modes import Pencil
 from ..small_motions.projected import Quadratic
-from ..small_motions.speeds import about_without_flow, load_change, set_speed, speed_change
 from ..state import State
 from ..statics.buckling import response_state
 from ..statics.load_rates import SMALL, points_of, residual_rate, response_size, step_of, tangent_rate

@@ -14,13 +14,13 @@ from ...elements.shape import Array
 from ...errors import ComputationError
 from ...model.model import Model
 from ..resolution import Resolution
+from ..small_motions.changes import about_without_flow, load_change, set_speed, speed_change
 from ..small_motions.classify import Classifier
 from ..small_motions.eigen import full_shapes
 from ..small_motions.flutter import Stability, critical_factors
 from ..small_motions.linearised import Base, Linearised, base_state, stored
 from ..small_motions.lowest_modes import Pencil, each, ritz
 from ..small_motions.projected import Quadratic
-from ..small_motions.speeds import about_without_flow, load_change, set_speed, speed_change
 from ..state import State
 from .load_rates import SMALL, residual_rate, response_size, step_of, tangent_rate
 from .one_sided import check_edges
