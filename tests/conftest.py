@@ -23,6 +23,7 @@ from scripts.pages import one_thread
 
 # files of few slow tests that take longest: begun last, they would leave one of two processes without work at the end
 FIRST = ("docs/test_documents", "study/test_study_fit", "cli/test_cli_first_run", "cli/test_cli_examples",
+         "study/test_study_optimise", "solve/test_friction_between_bodies",
          "study/test_study_gradient", "robustness/test_beside_own_equations", "robustness/test_endurance",
          "scripts/test_paper_report",
          "view/test_view_browser", "solve/test_contact_of_mirrored_bodies", "verification/test_verification_cases",
@@ -107,15 +108,33 @@ def pytest_pycollect_makeitem(collector: Any, name: str, obj: Any) -> list[pytes
     left_out = "pages" in names and not option("pages")
     if option("markexpr") == "not slow":
         left_out |= "slow" in names
-    elif option("markexpr") == "slow" and "slow" not in names:
+    elif option("markexpr") == "slow" and not {"slow", "slow_rows"} & names:
         rows = [row for mark in marks if mark.name in ("parametrize", "trials") for row in mark.args[-1]]
         left_out |= not any(mark.name == "slow" for row in rows for mark in getattr(row, "marks", ()))
     return [] if left_out and name.startswith("test_") else None
 
 
+def pytest_itemcollected(item: pytest.Item) -> None:
+    """Mark the rows as slow that a mark ``slow_rows`` names."""
+    if any(item.callspec.id in mark.args for mark in item.iter_markers("slow_rows")):
+        item.add_marker("slow")
+
+
+def check_slow_rows(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Raise UsageError where a mark ``slow_rows`` names a row that its test does not have."""
+    if any("::" in path for path in config.args):
+        return
+    lacking = {(item.nodeid.split("[")[0], row) for item in items for mark in item.iter_markers("slow_rows")
+               for row in mark.args} - {(item.nodeid.split("[")[0], item.callspec.id) for item in items
+                                        if hasattr(item, "callspec")}
+    if lacking:
+        raise pytest.UsageError(f"slow_rows names rows that are not there: {sorted(lacking)}")
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Begin with the files that take longest; before them in the quick tier, with those that need no kernels."""
     tables.wanted(config, items)
+    check_slow_rows(config, items)
     place = {f"{name}.py": k for k, name in enumerate(FIRST)}
     quick = config.getoption("markexpr") == "not slow"
 

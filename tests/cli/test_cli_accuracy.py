@@ -99,6 +99,7 @@ def test_an_accuracy_needs_a_goal(call: Call, folder: Path) -> None:
     assert "1 problem" in result.stderr
 
 
+@pytest.mark.slow
 def test_rows_of_a_sweep_reach_the_accuracy_that_they_ask_for(call: Call, call_json: CallJson, folder: Path) -> None:
     """One row for each accuracy; what cannot be reached fails, with the value that was found."""
     (folder / "open.yaml").write_text(CASE.replace("{type: reissner3, count: 3}", "auto"))

@@ -194,6 +194,7 @@ def test_several_files_are_overlaid(solved: Call, folder: Path) -> None:
     assert "other: tip uy" in text
 
 
+@pytest.mark.slow
 def test_the_difference_of_two_meshes(solved: Call, folder: Path) -> None:
     for count in (1, 3):
         solved("run", "beam.yaml", "-o", f"{count}.h5", "-q", "--set", f"bodies.beam.element={{type: reissner2, "
@@ -357,6 +358,7 @@ WRITING = {
 SUFFIXES = {"figure": ".png", "animation": ".gif", "export": ".csv", "reference": ".md"}
 
 
+@pytest.mark.slow_rows("figure")
 @pytest.mark.parametrize("command", chosen(WRITING, ["run", "figure", "export"]))
 def test_what_ancf2d_did_not_make_is_replaced_by_force_only(solved: Call, folder: Path, command: str) -> None:
     mine = folder / f"mine{SUFFIXES.get(command, '.yaml')}"

@@ -96,6 +96,7 @@ def test_completion_names_commands_kinds_and_options() -> None:
     assert complete("ancf2d plot beam.h5 sn", 3) == ["snapshots"]
 
 
+@pytest.mark.slow_rows("words3-expected3")
 @pytest.mark.skipif(shutil.which("bash") is None, reason="no bash is installed")
 @pytest.mark.parametrize(("words", "expected"), [
     pytest.param(["ancf2d", "conv"], ["convergence"], marks=pytest.mark.slow),

@@ -72,6 +72,8 @@ class Point:
         return energy, f, H, C, power
 
 
+@pytest.mark.slow_rows("compliant-curve-curve-within", "compliant-tangent-tangent-end", "compliant-theta-theta-kink",
+                       "damped-curve-theta-end")
 @helpers.pairwise(kind=KINDS, one=SECTIONS, two=SECTIONS, place=PLACES)
 def test_stiffness_and_damping_are_the_derivatives_of_the_forces(kind, one, two, place):
     law, damping = KINDS[kind]
@@ -107,6 +109,9 @@ def rubbing(one, two, place, slides, depth, law=laws.COMPLIANT_BODIES):
     return point
 
 
+@pytest.mark.slow_rows("curve-curve-within-False-layer", "curve-theta-end-True-hard",
+                       "tangent-curve-within-True-hard", "tangent-tangent-end-True-layer",
+                       "tangent-theta-within-False-layer", "theta-theta-within-False-layer")
 @helpers.pairwise(one=SECTIONS, two=SECTIONS, place=["within", "end"], slides=[False, True],
                   kind=ROUGH)
 def test_friction_has_its_derivatives_but_for_the_depth_and_takes_its_power(one, two, place, slides, kind):

@@ -243,6 +243,7 @@ def test_a_face_looks_where_its_section_does_also_where_the_axis_is_sheared(law,
     assert found == [False, True]
 
 
+@pytest.mark.slow_rows("tangent-angle-pipe--0.86")
 @pairwise(section=SECTIONS, pose=POSES, shape=SHAPES, home=[-0.86, 0.3])
 def test_points_of_a_curve_together_are_the_sum_of_each(section, pose, shape, home):
     """The first one tells whether the curve is apart from the obstacle: none of the others acts then."""

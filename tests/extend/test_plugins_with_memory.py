@@ -89,6 +89,7 @@ def motion_with_friction(t_end, v):
     return x, heat
 
 
+@pytest.mark.slow_rows("radau5")
 @pytest.mark.usefixtures("registries")
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha"])
 def test_a_formulation_remembers_the_steps_that_a_motion_has_accepted(monkeypatch, method) -> None:

@@ -126,6 +126,7 @@ def test_a_weak_excess_is_left_to_the_documents() -> None:
     assert not ancf2d.solve(case, states=False).warnings
 
 
+@pytest.mark.slow_rows("128-0.11-omar")
 @pytest.mark.parametrize("label", chosen(["omar", "patel"], ["omar"]))
 @pytest.mark.parametrize(("count", "error"), [(64, 0.58), (128, 0.11)])
 def test_elements_that_lock_where_they_bend_far_say_so(label: str, count: int, error: float) -> None:
@@ -135,6 +136,7 @@ def test_elements_that_lock_where_they_bend_far_say_so(label: str, count: int, e
     assert any("too stiff for elements bent as far as this" in w for w in found.warnings)
 
 
+@pytest.mark.slow_rows("patel")
 @pytest.mark.parametrize("label", chosen(["omar", "patel", "li", "vallejo", "reissner3"], ["patel", "reissner3"]))
 def test_elements_that_follow_how_far_they_bend_say_nothing(label: str) -> None:
     found = statics.pushed(label, 1e3, 256)

@@ -36,11 +36,13 @@ def test_a_moved_cable_does_not_depend_on_where_it_is() -> None:
     assert violations("moved_cable", "forces and moments balance", *MOVED) == {}
 
 
+@pytest.mark.slow_rows("in other units")
 @pytest.mark.parametrize("check", MOVED)
 def test_buckling_of_welded_unlike_bodies_does_not_depend_on_how_they_stand(check: str) -> None:
     assert violations("unlike_column", check) == {}
 
 
+@pytest.mark.slow_rows("pinned_bar")
 @pytest.mark.parametrize("name", ["pinned_bar", "turned_bar", "held_bar"])
 def test_reactions_of_a_single_rigid_bar_balance_its_loads(name: str) -> None:
     assert violations(name, "forces and moments balance", *MOVED) == {}
@@ -52,6 +54,7 @@ def test_bodies_that_vary_are_the_same_elsewhere_and_in_other_words(name: str) -
     assert violations(name, *MOVED, "a body reversed", "a body split and welded") == {}
 
 
+@pytest.mark.slow
 def test_what_no_load_reaches_stands_still() -> None:
     assert violations("still_beam", "forces and moments balance", *MOVED) == {}
     assert violations("unstressed_beam", *MOVED) == {}

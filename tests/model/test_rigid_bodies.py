@@ -296,6 +296,7 @@ def test_the_points_of_a_rigid_curve_keep_their_places_in_the_body(geometry):
             np.testing.assert_allclose([dot(c, turned) for c in columns], moved, atol=1e-13)
 
 
+@pytest.mark.slow_rows("geometry1")
 @pytest.mark.parametrize("geometry", [RING, SPLINE, PATH])
 def test_a_spring_turns_a_rigid_curve_against_its_inertia_alone(geometry):
     body = rigid(geometry, section=BAR, mass=3.0, inertia=0.7)

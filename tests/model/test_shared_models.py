@@ -52,11 +52,19 @@ def forces(model):
     return [*out, full_mass(model).toarray().ravel(), model.numbering.value, model.e0]
 
 
+@pytest.fixture(scope="module")
+def case():
+    return ancf2d.load(SCENE)
+
+
+@pytest.fixture(scope="module")
+def base(case):
+    return prepare(case)
+
+
 @pytest.mark.parametrize("path", SHARED)
-def test_a_model_that_shares_is_one_built_afresh(path):
+def test_a_model_that_shares_is_one_built_afresh(case, base, path):
     """Tables are the same to round-off: shape functions are scaled by the mean height. What differs is not shared."""
-    case = ancf2d.load(SCENE)
-    base = prepare(case)
     assert base.groups
     variable = variable_at(case, path)
     other = varied(case, variable, 1e-3 * abs(variable.value))
@@ -99,6 +107,7 @@ def outcome(loaded, like=None):
     return {k: v for k, v in found.summary.items() if k != "wall_s"}, found.model
 
 
+@pytest.mark.slow
 def test_runs_like_others_find_the_same_bit_for_bit():
     """Each variant takes what it has in common from the model of the one before, whatever differs between them."""
     case = ancf2d.load(SCENE, {"solver.type": "linear_static", "bodies.post.element.count": 4})

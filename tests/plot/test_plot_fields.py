@@ -218,6 +218,7 @@ def test_a_file_without_fields_says_how_to_store_them(tmp_path: Path) -> None:
                 build(results, kind)
 
 
+@pytest.mark.slow_rows("static")
 @pytest.mark.parametrize("solver", ["linear_static", "static"])
 def test_fields_that_are_not_stored_are_computed_from_the_states(tmp_path: Path, solver: str) -> None:
     """They are what the run would have stored, in every state."""
@@ -257,9 +258,9 @@ MOVING = "solver: {type: dynamic, t_end: 0.04, tolerance: 1e-9, estimate: false}
 FALLING = HINGED.replace("  - {type: roller, at: a@0.7, normal: [1, 2]}\n", "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("text", "rtol"), [
-    pytest.param(HINGED + "solver: {type: static, steps: 4}", 1e-7, marks=pytest.mark.slow),
-    pytest.param(HINGED + "solver: {type: linear_static}", 1e-9, marks=pytest.mark.slow),
+    (HINGED + "solver: {type: static, steps: 4}", 1e-7), (HINGED + "solver: {type: linear_static}", 1e-9),
     (FALLING + MOVING, 1e-5)], ids=["static", "linear_static", "dynamic"])
 def test_section_forces_of_motions_and_with_multipliers_are_computed_from_the_states(
         tmp_path: Path, text: str, rtol: float) -> None:

@@ -21,6 +21,7 @@ from ancf2d.results import open_results
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.mark.slow_rows(".pdf-%PDF", ".svg-<?xml")
 @pytest.mark.parametrize(("suffix", "magic"), [(".png", b"\x89PNG"), (".pdf", b"%PDF"),
                                                (".svg", b"<?xml"),
                                                pytest.param(".PNG", b"\x89PNG", marks=pytest.mark.slow)])
@@ -61,6 +62,7 @@ def test_dollar_signs_in_units_and_titles_are_no_formulas(tmp_path: Path, kind: 
     save(draw(open_results(bent_beam(tmp_path / "a.h5", header=header)), kind), tmp_path / "a.png")
 
 
+@pytest.mark.slow
 def test_names_of_files_that_are_no_utf_8_can_be_drawn(tmp_path: Path) -> None:
     one, other = (bent_beam(tmp_path / f"{name}\udcff.h5", header={"title": ""}) for name in "ab")
     with open_results(one) as a, open_results(other) as b:

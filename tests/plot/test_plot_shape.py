@@ -24,6 +24,7 @@ def bodies(figure: Figure) -> dict[str, np.ndarray]:
     return {p.get_label(): p.get_xy() for p in patches if isinstance(p, Polygon)}
 
 
+@pytest.mark.slow_rows("theta")
 @pytest.mark.parametrize("kind", ["tangent", "interpolated", "theta"])
 def test_the_section_is_drawn_to_scale(tmp_path: Path, kind: str) -> None:
     results = opened(bent_beam(tmp_path / "a.h5", kind, ne=6, height=0.2, angle=1.0))

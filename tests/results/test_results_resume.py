@@ -41,6 +41,7 @@ def whole(path: Path, until: int = 30) -> Path:
     return w.finish({})
 
 
+@pytest.mark.slow_rows("0.0-1")
 @covering(flush=[0.0, 1e9], every=[1, 4])
 def test_resumed_run_ends_with_the_file_of_an_uninterrupted_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                                                                 flush: float, every: int) -> None:

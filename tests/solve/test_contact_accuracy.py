@@ -124,6 +124,7 @@ def off_a_floor(floor: Callable[[float], float], rate: Callable[[float], float],
         t, y, v = hit, floor(hit), 2.0 * rate(hit) - (v - G * (hit - t))
 
 
+@pytest.mark.slow_rows("0.1*sin(9*t)-radau5-how3-1e-06", "1.0*t-radau5-how3-1e-06")
 @pytest.mark.parametrize(("method", "how", "within"), [
     ("generalized_alpha", {"tolerance": 1e-4}, 1e-4), ("generalized_alpha", {"tolerance": 1e-6}, 3e-6),
     ("radau5", {"tolerance": 1e-4}, 2e-5), ("radau5", {"dt": 1e-3}, 1e-6)])

@@ -27,6 +27,7 @@ def rope(element: dict[str, Any], solver: dict[str, Any], friction: float = 0.0)
             "loads": [{"type": "force", "at": "rope@1", "value": [0, -PULL]}]}
 
 
+@pytest.mark.slow_rows("vallejo")
 @pytest.mark.parametrize("kind", ["cable", "reissner3", "vallejo"])
 def test_a_rope_on_a_drum_without_friction_bears_the_same_force_at_both_ends(kind: str) -> None:
     solution = ancf2d.solve(rope({"type": kind, "count": 20}, {"type": "static", "steps": 4}), states=False)
@@ -34,11 +35,13 @@ def test_a_rope_on_a_drum_without_friction_bears_the_same_force_at_both_ends(kin
     assert solution.reactions["drum"]["fy"] == pytest.approx(2 * PULL, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_rope_on_a_drum_slips_at_the_ratio_of_euler_and_eytelwein() -> None:
     solution = ancf2d.solve(rope({"type": "vallejo", "count": 40}, {"type": "static", "steps": 4}, 0.3), states=False)
     assert -solution.reactions["rope@0"]["fy"] == pytest.approx(PULL / math.exp(0.3 * math.pi), rel=2e-2)
 
 
+@pytest.mark.slow
 def test_in_motion_the_drum_is_smaller_by_what_the_elements_overlap() -> None:
     motion = {"type": "dynamic", "t_end": 1e-4, "tolerance": 1e-3, "estimate": False}
     case = rope({"type": "vallejo", "count": 20}, motion)
@@ -51,6 +54,7 @@ def test_in_motion_the_drum_is_smaller_by_what_the_elements_overlap() -> None:
     assert 0.0 < energies["kinetic"] + energies["strain"] + energies["dissipated"] <= 1.01 * energies["work"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["generalized_alpha", "hht"])
 def test_points_that_open_and_close_by_turns_within_round_off_end_no_motion(method: str) -> None:
     """All of the rope lies on the drum, as it is pulled tight; each point that opens lets its neighbours close."""

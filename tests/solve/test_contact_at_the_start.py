@@ -32,6 +32,7 @@ def tip(case: dict[str, Any]) -> float:
     return float(ancf2d.solve(case).summary["probes"]["tip"]["uy"])
 
 
+@pytest.mark.slow_rows("cable-1e-06", "reissner3-0.0", "reissner3-1e-06")
 @pytest.mark.parametrize("gap", [0.0, 1e-6])
 @pytest.mark.parametrize("kind", ["cable", "reissner3"])
 def test_a_path_begins_where_nothing_moves_yet(kind: str, gap: float) -> None:
@@ -52,6 +53,7 @@ def test_a_path_goes_on_where_all_that_moved_is_pressed_down(kind: str) -> None:
 LAWS = [{}, {"law": {"stiffness": 1e6}}]
 
 
+@pytest.mark.slow_rows("newton-law0")
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("method", ["newton", "arc_length"])
 def test_what_nothing_holds_before_it_touches_is_told(method: str, law: dict[str, Any]) -> None:
@@ -97,6 +99,7 @@ def test_a_lever_falls_onto_the_floor(kind: str, law: dict[str, Any]) -> None:
                                                          rel=3e-3 if law else 2e-4)
 
 
+@pytest.mark.slow
 def test_a_rod_falls_to_rest_on_a_rough_floor() -> None:
     """Nothing holds it but the floor; one that falls beside what it could touch is told of at once."""
     case = scene("cable", "newton", 0.3, friction=0.3)
@@ -112,6 +115,7 @@ def test_a_rod_falls_to_rest_on_a_rough_floor() -> None:
         ancf2d.solve(case)
 
 
+@pytest.mark.slow
 def test_a_soft_ring_sinks_to_the_floor_and_not_through_it() -> None:
     """It collapses under its weight, far from any path of equilibria, and comes to lie on what is under it."""
     R, height, width, rho = 0.234, 0.01, 0.05, 1000.0
@@ -141,6 +145,7 @@ def test_a_soft_ring_sinks_to_the_floor_and_not_through_it() -> None:
 LIFT, WEIGHT = 2.0, 9.81
 
 
+@pytest.mark.slow_rows("cable-0.0", "reissner3-0.0", "vallejo-0.0")
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 @pytest.mark.parametrize("kind", ["cable", "reissner3", "vallejo", "rigid"])
 def test_a_chain_lies_on_a_floor_that_its_joint_touches_twice(kind: str, friction: float) -> None:

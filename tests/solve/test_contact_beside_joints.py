@@ -42,6 +42,7 @@ def balance(found: ancf2d.Solution) -> tuple[float, float]:
     return float(total.min()) / size, float(total.max()) / size
 
 
+@pytest.mark.slow
 def test_links_that_fold_onto_each_other_keep_their_energy():
     """A layer pushes from where faces begin to overlap, not from where they pass a distance from the joint."""
     free, layer = folded(), folded(law={"stiffness": 1e6})
@@ -60,6 +61,7 @@ def test_links_that_fold_onto_each_other_without_a_law_gain_nothing():
     assert -5e-3 < low <= high < 5e-3
 
 
+@pytest.mark.slow_rows("order1")
 @pytest.mark.parametrize("order", [("one", "two"), ("two", "one")])
 def test_tongs_touch_at_their_ends_alone(order):
     """A bent arm, pinned to the end of a bar that it overlaps there, is pressed down until its other end bears on it.
@@ -83,6 +85,7 @@ def test_tongs_touch_at_their_ends_alone(order):
     assert report["to"] == pytest.approx(place, abs=0.03)
 
 
+@pytest.mark.slow_rows("None-15.0", "None-45.0", "None-80.0")
 @pytest.mark.parametrize("angle", [15.0, 45.0, 80.0])
 @pytest.mark.parametrize("law", [{"stiffness": 1e6}, None])
 def test_a_sharp_corner_of_a_body_does_not_push_its_arms_apart(angle, law):
@@ -99,6 +102,7 @@ def test_a_sharp_corner_of_a_body_does_not_push_its_arms_apart(angle, law):
     np.testing.assert_allclose(touching, tip(), rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow_rows("None")
 @pytest.mark.parametrize("law", [{"stiffness": 1e6}, None])
 def test_a_loop_that_a_pin_closes_touches_nothing_there(law):
     """Ends of one body that a joint holds together overlap, too."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import helpers
 import numpy as np
 import pytest
 
@@ -39,11 +40,9 @@ def borne(solution: Any) -> float:
     return math.fsum(r["fy"] for r in solution.reactions.values())
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("side", ["axis", "surface"])
-@pytest.mark.parametrize("kind", ["cable", "reissner2", "rigid"])
-@pytest.mark.parametrize("support", [{"type": "pin", "at": "rod@0"}, {"type": "roller", "at": "rod@0", "fixed": "y"},
-                                     {"type": "pin", "at": "rod@0.5"}])
+@helpers.pairwise(support=[{"type": "pin", "at": "rod@0"}, {"type": "roller", "at": "rod@0", "fixed": "y"},
+                           {"type": "pin", "at": "rod@0.5"}],
+                  kind=["cable", "reissner2", "rigid"], side=["axis", "surface"], method=METHODS)
 def test_a_rod_lies_still_where_a_support_holds_it_on_the_floor(support, kind, side, method):
     found = ancf2d.solve(scene({"rod": body(kind)}, [{"name": "held", **support}], side, method))
     assert np.abs(found.d).max() < 1e-12 * L
@@ -60,6 +59,7 @@ def test_bodies_lie_still_that_are_joined_where_both_touch(side, kind, joint):
     assert borne(found) == pytest.approx(2 * MASS * G, rel=1e-9)
 
 
+@pytest.mark.slow_rows("cable-generalized_alpha-1", "cable-radau5-0.5", "reissner3-radau5-0.5")
 @pytest.mark.parametrize(("kind", "method", "at"), [
     ("reissner3", "generalized_alpha", 0), ("reissner3", "radau5", 0.5), ("cable", "generalized_alpha", 1),
     ("cable", "radau5", 0.5)])
@@ -144,6 +144,7 @@ def test_a_support_that_moves_into_the_floor_ends_the_motion_with_a_reason(metho
         ancf2d.solve(case)
 
 
+@pytest.mark.slow_rows("cable-radau5")
 @pytest.mark.parametrize(("kind", "method"), [("cable", METHODS[0]), ("cable", METHODS[1]), ("reissner3", METHODS[0])])
 def test_a_motion_ends_where_the_place_about_which_a_section_turns_comes_into_the_floor(kind, method):
     """The floor rises to the axis of a pinned beam, whose face it meets before."""
@@ -156,6 +157,7 @@ def test_a_motion_ends_where_the_place_about_which_a_section_turns_comes_into_th
     assert float(error.value.failure.at["t"]) == pytest.approx(0.075, rel=1e-3)
 
 
+@pytest.mark.slow_rows("cable-floor", "reissner3-floor", "reissner3-support", "vallejo-floor", "vallejo-support")
 @pytest.mark.parametrize("moved", ["support", "floor"])
 @pytest.mark.parametrize("kind", ["cable", "reissner2", "reissner3", "vallejo"])
 def test_a_support_that_moves_into_the_floor_ends_statics_with_a_reason(kind, moved):
@@ -173,6 +175,7 @@ def test_a_support_that_moves_into_the_floor_ends_statics_with_a_reason(kind, mo
     ancf2d.solve(case)
 
 
+@pytest.mark.slow_rows("cable", "reissner3")
 @pytest.mark.parametrize("kind", ["cable", "reissner3", "vallejo"])
 def test_statics_end_where_the_place_about_which_a_section_turns_comes_into_the_floor(kind):
     """The face there meets the floor before, and turns about the point that a support moves."""

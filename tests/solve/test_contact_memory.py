@@ -44,6 +44,7 @@ def balance(found: ancf2d.Solution) -> tuple[Array, Array]:
     return there / size, (there + e["dissipated"]) / size
 
 
+@pytest.mark.slow_rows("radau5-1.0-yields")
 @h.covering(method=["generalized_alpha", "radau5"], restitution=[0.0, 1.0], material=["relaxes", "yields"])
 def test_what_is_lost_is_dissipated_and_no_bounce_gives_energy(method, restitution, material):
     there, whole = balance(fallen(method, restitution, material, 5e-3, tolerance=1e-6))
@@ -53,6 +54,7 @@ def test_what_is_lost_is_dissipated_and_no_bounce_gives_energy(method, restituti
     assert whole[0] - whole.min() < 6e-3
 
 
+@pytest.mark.slow
 def test_energy_inside_steps_of_radau5_is_that_of_what_relaxes_there():
     found = fallen("radau5", 0.0, "relaxes", 0.5 / 777, dt=1e-2)
     before = found.t < 0.2

@@ -268,6 +268,7 @@ def test_steps_of_what_slides_take_few_iterations(mu):
     assert lost(found) > 0.1
 
 
+@pytest.mark.slow_rows("0.5-steps1")
 @pytest.mark.parametrize(("share", "steps"), [(0.5, {"dt": 1e-3}), (0.5, {"tolerance": 1e-6}), (0.96, {"dt": 1e-3}),
                                               (0.96, {"tolerance": 1e-4})])
 def test_a_block_at_rest_takes_few_steps_and_no_warnings(share, steps):
@@ -355,6 +356,7 @@ def test_methods_that_cannot_step_an_impact_are_refused():
         assert not any("energy_momentum" in p.expected for p in found)
 
 
+@pytest.mark.slow_rows("cable-None")
 @pytest.mark.parametrize(("element", "every"), [("cable", None), ("reissner3", 1)])
 def test_a_flexible_block_thrown_along_a_floor_is_slowed_by_friction_alone(element, every):
     """Waves of the impact open and close the contact; m g t presses in all, of which friction takes its share.

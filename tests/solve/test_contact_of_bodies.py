@@ -63,6 +63,7 @@ def check_balance(solution: Any) -> None:
         assert np.abs(total).max() < 1e-8 * max(np.abs(Q).max(), 1.0)
 
 
+@pytest.mark.slow_rows("cable-none")
 @pytest.mark.parametrize(("name", "law"), helpers.chosen(product(("cable", "reissner2", "vallejo"), LAWS),
                                                            [("cable", "none"), ("vallejo", "law")]))
 def test_two_cantilevers_share_a_force_by_their_stiffness(name, law):
@@ -205,7 +206,8 @@ def test_what_cannot_touch_is_told():
                       contacts=[{"between": ["block", "far"], "side": "axis"}])
 
 
-@pytest.mark.parametrize("law", helpers.chosen(LAWS, ["none"]))
+@pytest.mark.slow
+@pytest.mark.parametrize("law", LAWS)
 def test_bodies_that_are_turned_and_shifted_do_the_same(law):
     angle, shift = 0.731, np.array([13.37, -4.21])
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
@@ -273,6 +275,7 @@ def test_methods_for_differential_equations_keep_momentum_and_account_for_energy
     assert max(abs(row.work) for row in found.rows) < 1e-9
 
 
+@pytest.mark.slow
 def test_a_block_that_slides_and_chatters_on_a_plank_gets_no_energy():
     """A force that generalized-alpha carried on into the step in which it ends would do work on what parts: 0.5 %."""
     alu = {"E": 7e10, "nu": 0.3, "rho": 2700.0}

@@ -124,6 +124,7 @@ def test_no_bounce_adds_energy(method, how, t_end):
     assert total[0] - 1e-4 * size <= total.min() <= total.max() <= total[0] + 1e-7 * size
 
 
+@pytest.mark.slow_rows("how0")
 @pytest.mark.parametrize("how", [{"tolerance": 1e-4}, {"dt": 5e-3}])
 def test_what_opens_and_closes_all_the_time_gains_no_energy_and_penetrates_nothing(how):
     found = fallen_strip(**how)
@@ -183,6 +184,7 @@ def test_the_estimate_of_fixed_steps_is_no_smaller_than_the_error(method, dt):
     assert error <= found.accuracy["estimate"] < 1e-3
 
 
+@pytest.mark.slow_rows("how0")
 @pytest.mark.parametrize("how", [{"tolerance": 1e-4}, {"dt": 5e-3}])
 def test_a_motion_is_the_same_however_it_is_cut_into_calls_and_goes_on_from_a_checkpoint(how):
     def begin() -> Ride:
@@ -214,6 +216,7 @@ def test_friction_without_a_law_is_refused():
         assert "generalized_alpha" in problem.expected
 
 
+@pytest.mark.slow
 def test_a_chain_whose_links_come_nowhere_near_moves_as_without_contact():
     """Where Newton's method fails and nothing is closed, steps become shorter, and remain those of Radau's method."""
     square, material = {"height": 0.05, "width": 0.05}, {"E": 1e9, "nu": 0.3, "rho": 1000.0}

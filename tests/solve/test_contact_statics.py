@@ -76,7 +76,8 @@ def test_a_strip_wraps_around_a_drum() -> None:
     assert fy == pytest.approx(0.9, rel=1e-2)
 
 
-@pytest.mark.parametrize("friction", [pytest.param(0.0, marks=pytest.mark.slow), 0.3])
+@pytest.mark.slow
+@pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_a_strip_whose_face_just_touches_the_drum_where_it_is_clamped_wraps_around_it(friction: float) -> None:
     """The corner at the clamp touches and cannot move; the axis goes around a drum that is larger by half a height."""
     exact = reference.strip_on_drum(2e9 * 0.05 * 0.01**3 / 12.0, 1.0, 0.505, 60.0)
@@ -103,6 +104,7 @@ def test_a_strip_touches_a_drum_at_a_point() -> None:
     assert np.hypot(*report["force"]) == pytest.approx(pressed, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_ring_is_pressed_flat_between_plates() -> None:
     """From point contact through flattening, by an elastica; half a ring, between its lines of symmetry."""
     half = {"type": "arc", "center": [0, 1], "radius": 1.0, "from": -math.pi / 2, "to": math.pi / 2}
@@ -148,6 +150,7 @@ def test_a_cam_lifts_a_leaf_spring_and_lets_it_go_again() -> None:
     assert lifted >= 4
 
 
+@pytest.mark.slow_rows("-0.4-0.3")
 @pytest.mark.parametrize(("turn", "mu"), [(-0.4, 0.3), (0.4, 0.3), pytest.param(-0.4, 0.0, marks=pytest.mark.slow)])
 def test_a_belt_slips_on_a_drum_at_the_ratio_of_euler_and_eytelwein(turn: float, mu: float) -> None:
     """T2/T1 = exp(mu phi) over half a turn, either way; the template, whose drum turns until all of the belt slips."""

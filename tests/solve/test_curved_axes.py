@@ -84,6 +84,7 @@ CANTILEVERS = {"curve": ({"type": "curve", "x": "2*sin(pi*s/2)", "y": "cos(pi*s/
                "spline": ({"type": "spline", "points": POINTS}, through_points)}
 
 
+@pytest.mark.slow_rows("curve-cable-4")
 @pytest.mark.parametrize(("kind", "order"), [("reissner2", 2), ("reissner3", 4), ("cable", 4)])
 @pytest.mark.parametrize("geometry", CANTILEVERS)
 def test_elements_keep_their_order_on_curved_axes(geometry: str, kind: str, order: int) -> None:
@@ -124,6 +125,7 @@ def closed_axis(name: str, kGA: float | None) -> tuple[dict[str, Any], Axis, flo
     return RACETRACK, Axis(z, rate, [0, 1, 1 + a, 2 + a, 2 + 2 * a], kGA), 1 + a, [0.0, 0.5]
 
 
+@pytest.mark.slow_rows("ellipse-cable")
 @pytest.mark.parametrize("kind", ["reissner3", "cable"])
 @pytest.mark.parametrize("name", ["ring", "ellipse", "racetrack"])
 def test_closed_axes_under_two_opposite_forces(name: str, kind: str) -> None:
@@ -246,6 +248,7 @@ def scene(turn: complex = 1.0, shift: complex = 0.0, size: float = 1.0, mirror: 
                        "stiffness": 4e3 * size**2, "slack": -0.3 * size}]}
 
 
+@pytest.mark.slow_rows("change0")
 @pytest.mark.parametrize("change", [
     {"size": 1e-3}, {"turn": np.exp(-1j), "shift": 2 + 1j, "size": 10.0, "mirror": True},
     *(pytest.param(one, marks=pytest.mark.slow) for one in (

@@ -28,6 +28,7 @@ def run(t_end: float = 2.0, method: str = "radau5", element: Any = None, **more:
         "output": {"interval": 0.1, "probes": {"end": "bar@1"}}, **more})
 
 
+@pytest.mark.slow_rows("DOP853")
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha", "DOP853"])
 def test_a_force_acts_for_a_while(method: str) -> None:
     solved = run(method=method, loads=[{"name": "push", "type": "force", "at": "bar@0", "value": [3, 0],
@@ -111,6 +112,7 @@ def test_what_begins_is_checked() -> None:
 SPRING = {"type": "translational", "between": [[-1, 0], "bar@0"], "stiffness": 9, "length": 1}
 
 
+@pytest.mark.slow_rows("DOP853")
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha", "energy_momentum", "DOP853"])
 def test_a_latch_lets_go_where_a_probe_has_come(method: str) -> None:
     """x = 0.2/3 sin(3 t) up to x = 0.05, then straight on."""
@@ -236,6 +238,7 @@ output: {interval: 0.05, probes: {end: bar@1}}
 """
 
 
+@pytest.mark.slow
 def test_a_motion_goes_on_across_events_bit_for_bit(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(resumed_behind_events(CASE, monkeypatch)[-1].report["events"]) == 3
 

@@ -68,6 +68,7 @@ def limited(t: float, y: np.ndarray) -> list[float]:
     return [omega, min(max(u, -LIMIT), LIMIT) / J, gain, rate]
 
 
+@pytest.mark.slow_rows("DOP853")
 @pytest.mark.parametrize("method", ["radau5", "DOP853"])
 def test_a_pid_controller_with_limits_agrees_with_scipy(method):
     motion = ride(arm("motor", controllers={"motor": PID}), 1.0, tolerance=1e-10, method=method, estimate=False)

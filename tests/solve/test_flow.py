@@ -165,6 +165,7 @@ def test_the_fluid_has_weight_and_is_checked() -> None:
         ancf2d.load({**case, "fluid": moving, "solver": {"type": "eigen"}})
 
 
+@pytest.mark.slow_rows("True-True")
 @pytest.mark.parametrize(("curved", "told"), [(False, False), (True, True)])
 def test_flow_that_changes_the_state_is_told(curved: bool, told: bool) -> None:
     """A pipe that hangs straight, which its weight stretches a little, and one that is an arc of 1 rad."""

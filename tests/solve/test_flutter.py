@@ -75,10 +75,9 @@ ZENER, TWO = ((0.5, 1.0),), ((0.3, 0.02), (0.2, 0.3))
 
 # few and many unknowns; reissner3 is a million times as stiff across a section as it is in bending, and its meshes are
 # coarser for their order
+@pytest.mark.slow
 @pytest.mark.parametrize(("element", "count", "terms", "rel"), [
-    ("cable", 24, ZENER, 1e-5),
-    *(pytest.param(*one, marks=pytest.mark.slow) for one in (
-        ("cable", 16, TWO, 1e-5), ("reissner3", 24, ZENER, 1e-5)))], ids=str)
+    ("cable", 24, ZENER, 1e-5), ("cable", 16, TWO, 1e-5), ("reissner3", 24, ZENER, 1e-5)], ids=str)
 def test_becks_column_of_a_material_that_relaxes(element: str, count: int, terms: Any, rel: float) -> None:
     """Flutter begins at P and omega where w'''' + P/e w'' = omega^2/e w with e = E(i omega)/E: two real equations."""
     found = first(column(element=element, count=count, body=relaxing(*terms)))
@@ -98,6 +97,7 @@ def test_a_motion_that_only_seems_to_grow_is_told(monkeypatch: pytest.MonkeyPatc
     assert any(one and 20.0 < float(one[1]) < 30.0 for one in told)
 
 
+@pytest.mark.slow_rows("32")
 @pytest.mark.parametrize("count", [8, 32])
 def test_factors_of_a_column_that_bends_before_it_flutters_are_no_critical_loads(count: int) -> None:
     """EA theta^2 is as much as EI/L^2 long before Beck's load, where the tip turns by 0.5 P_y/EI: on any mesh."""
@@ -130,6 +130,7 @@ def relaxing(*terms: tuple[float, float]) -> dict[str, Any]:
     return {"material": {"viscoelastic": [{"modulus": g, "time": tau} for g, tau in terms]}}
 
 
+@pytest.mark.slow
 def test_a_column_of_two_materials_flutters_where_an_eigenvalue_comes_to_the_axis() -> None:
     """The eigenvalues under the critical load, about its equilibrium, are those of the complex modulus of each body."""
     case = column({**TIP, "at": "d@1"}, body=relaxing((0.5, 1.0)), count=4)
@@ -146,6 +147,7 @@ def test_a_column_of_two_materials_flutters_where_an_eigenvalue_comes_to_the_axi
     assert least["omega"] == pytest.approx(found["omega"], rel=1e-5)
 
 
+@pytest.mark.slow
 def test_a_column_that_creeps_diverges_at_the_load_of_its_long_time_modulus() -> None:
     dead = {"type": "force", "at": "c@1", "value": [-1, 0]}
     still = {"type": "follower_force", "at": "c@0", "value": [-1, 0]}

@@ -84,6 +84,7 @@ def test_section_forces_at_frequency_zero_are_derivatives_of_statics(element: st
         assert np.abs(sum(parts) - wanted).max() < 1e-6 * max(np.abs(part).max() for part in parts), q
 
 
+@pytest.mark.slow
 def test_section_forces_in_a_turning_frame_balance_inertia_and_coriolis_forces() -> None:
     """At the root of an undamped cantilever that turns, beside the forces on all of its coordinates together."""
     spin, s = 6.0, 2j * np.pi * 1.3

@@ -120,6 +120,7 @@ def over_a_range(tau: float, points: int, **more: Any) -> dict[str, Any]:
     return case
 
 
+@pytest.mark.slow_rows("0.003-400")
 @pytest.mark.parametrize(("tau", "points"), [(3e-3, 400), (1e-5, 5)])
 def test_points_are_placed_where_responses_bend(tau: float, points: int) -> None:
     """The sharpest of the four resonances have a width of 2e-5 of their frequency: five points alone miss them."""
@@ -217,6 +218,7 @@ def test_line_loads_and_gravity_are_inputs() -> None:
     assert error(parts, amplitude(found, "line")) < 1e-9
 
 
+@pytest.mark.slow_rows("cable")
 @pytest.mark.parametrize("element", ["cable", "reissner3"])
 def test_a_prescribed_angle_is_an_input(element: str) -> None:
     """With a multiplier (cable) and without (reissner3), about an equilibrium with a moment in the support."""
@@ -225,6 +227,7 @@ def test_a_prescribed_angle_is_an_input(element: str) -> None:
     assert error(amplitude(ancf2d.solve(case), "base"), exact(turn=2)[0]) < 1e-4
 
 
+@pytest.mark.slow
 def test_at_frequency_0_the_response_is_the_derivative_of_the_equilibrium() -> None:
     """About a large static deflection, of a load that follows, of a moving and of a turning support."""
     still = {"type": "static", "tolerance": 1e-12}

@@ -44,6 +44,7 @@ def test_friction_holds_a_strip_on_the_floor_up_to_its_limit() -> None:
     assert pytest.approx(-3.0, abs=0.5 * 3.0 * 0.25) == N
 
 
+@pytest.mark.slow_rows("solver1")
 @pytest.mark.parametrize("solver", ["static", {"type": "quasi_static", "t_end": 1, "tolerance": 1e-3}])
 def test_friction_without_a_law_holds_up_to_its_limit_and_along_the_path(solver) -> None:
     """A heavy strip is pushed over the floor and back: a spring bears what Coulomb's friction does not, either way."""

@@ -63,6 +63,7 @@ def test_chains_hang_below_their_pin_from_any_angle(tmp_path: Path, element: dic
     assert (found["warnings"], found["negative_pivots"]) == ([], 0)
 
 
+@pytest.mark.slow_rows("rope")
 @pytest.mark.parametrize("case", [chain(1, math.pi / 2, {"type": "rigid"}), chain(3, math.pi / 2, {"type": "rigid"}),
                                   rope(line(math.pi / 2), count=8, EI=1e-4)], ids=["pendulum", "chain", "rope"])
 def test_an_upright_start_is_called_unstable_and_left(tmp_path: Path, case: dict[str, Any]) -> None:

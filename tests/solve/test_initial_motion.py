@@ -332,6 +332,7 @@ def test_flexible_rods_keep_a_rotation_about_their_joint_and_support(name):
     np.testing.assert_allclose(v[:model.n_q], asked[:model.n_q], rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.slow_rows("changes0")
 @pytest.mark.parametrize("changes", [{}, {"joints": [{"type": "pin", "between": ["a@1", "b@0"], "name": "other"}]}])
 def test_energy_momentum_goes_on_from_a_file_as_if_it_had_not_stopped(tmp_path, changes):
     """Its rates meet constraints in the mean of steps alone; under other joints they are put onto the constraints."""

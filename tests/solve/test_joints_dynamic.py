@@ -71,6 +71,7 @@ def test_the_bead_passes_from_element_to_element():
     np.testing.assert_allclose(solution.r("bead@0.5"), [r * np.cos(turn), r * np.sin(turn)], atol=2e-5)
 
 
+@pytest.mark.slow_rows("cable")
 @pytest.mark.parametrize("kind", ["rigid", "cable"])
 def test_a_bead_that_flies_off_the_end_ends_the_run(kind, monkeypatch):
     """Before the first stored state behind the end of the rail, however many steps a call of the kernels makes."""
@@ -150,6 +151,7 @@ def kinetic(t, h=1e-4):
     return 0.5 * ROD_MASS * v @ v + 0.5 * ROD_INERTIA * turning**2
 
 
+@pytest.mark.slow_rows("prismatic-radau5")
 @pytest.mark.parametrize(("guide", "method"), [
     ("slider", "radau5"), ("slider", "generalized_alpha"), ("slider", "energy_momentum"), ("prismatic", "radau5")])
 def test_a_slider_crank_of_rigid_bars_moves_as_its_geometry_says(guide, method):

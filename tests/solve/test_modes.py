@@ -226,6 +226,7 @@ def test_modes_scale_with_units():
     assert [f["omega"] for f in millimetres] == pytest.approx([f["omega"] for f in metres], rel=1e-9)
 
 
+@pytest.mark.slow_rows("20000")
 @pytest.mark.parametrize("count", [5000, 20000])
 def test_fine_meshes_keep_their_digits(count):
     """K of a slender beam's cubic elements loses eight digits with 5000 of them, and all with 20000; strains do not."""

@@ -152,6 +152,8 @@ def references():
     return {}
 
 
+@pytest.mark.slow_rows("force-generalized_alpha-(160, 320)-2", "gravity-generalized_alpha-(160, 320)-2",
+                       "moment-energy_momentum-(160, 320)-2")
 @h.covering(what=BROKEN, scheme=[("generalized_alpha", (160, 320), 2), ("radau5", (10, 40), 3),
                                  ("energy_momentum", (160, 320), 2)])
 def test_ten_breaks_leave_the_order_what_it_is(references, what, scheme):

@@ -47,6 +47,7 @@ BAR = {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
        "section": {"EA": 1, "kGA": 1, "EI": 1, "rhoA": 3, "rhoI": 0}, "element": {"type": "rigid"}}
 
 
+@pytest.mark.slow_rows("DOP853", "generalized_alpha", "radau9")
 @pytest.mark.parametrize("method", ["radau5", "radau9", "generalized_alpha", "DOP853"])
 def test_mass_on_a_turning_bar_keeps_the_angular_momentum(method: str) -> None:
     # inertia of the bar 1, of the mass r^2: omega (1 + r^2) stays, by the Coriolis force alone
@@ -65,6 +66,7 @@ def test_mass_on_a_turning_bar_keeps_the_angular_momentum(method: str) -> None:
     assert found["energy_drift"] < 3e-5
 
 
+@pytest.mark.slow_rows("generalized_alpha")
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha"])
 def test_a_mass_moves_along_a_body_that_a_controller_drives(method: str) -> None:
     # omega (1 + r^2) = 2 t under a moment of 2 that a controller puts out; its state rests, the latch at the end holds
@@ -117,6 +119,7 @@ def test_mass_falls_off_the_end() -> None:
     assert run(3.0) == pytest.approx(off)
 
 
+@pytest.mark.slow
 def test_spring_with_an_end_that_moves() -> None:
     # a car of mass 1 on a spring of stiffness 4 over a level rigid bar: it bounces as on the ground
     solved = ancf2d.solve({

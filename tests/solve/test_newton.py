@@ -143,6 +143,7 @@ def shallow_arch(name: str, P: float):
     return helpers.solved(arch, bc=bc, loads=[{"type": "force", "at": "a@0.5", "value": [0.0, -P]}])
 
 
+@pytest.mark.slow_rows("vallejo")
 @pytest.mark.parametrize("name", ["vallejo", "cable", "reissner3"])
 def test_snap_through_is_refused_with_the_load_that_was_reached_and_advice(name):
     below = shallow_arch(name, 0.5e5)

@@ -57,6 +57,7 @@ def creep(t: np.ndarray, terms: tuple[tuple[float, float], ...]) -> np.ndarray:
     return np.real(1.0 - np.exp(np.outer(t, w)) @ ((g @ V) * first))
 
 
+@pytest.mark.slow_rows("2d3n-nu")
 @pytest.mark.parametrize("kind", [pytest.param(kind, id=kind[0], marks=() if k % 2 else pytest.mark.slow)
                                   for k, kind in enumerate(TYPES)])
 def test_a_beam_creeps(kind: tuple[str, str | None]) -> None:
@@ -112,6 +113,7 @@ def test_steps_are_told_in_time() -> None:
     assert sum(dt for _, dt in steps) == pytest.approx(0.5)
 
 
+@pytest.mark.slow
 def test_five_terms_creep_over_decades_as_accurately_as_asked_for() -> None:
     load = [{"type": "force", "at": "beam@1", "value": [0, FORCE]}]
     whole = ancf2d.solve(beam(TYPES[0], (), 1.0, loads=load)).course["tip"]["uy"][-1]
@@ -193,6 +195,7 @@ def exact_motion(t: float, terms: tuple[tuple[float, float], ...], omega: np.nda
     return total
 
 
+@pytest.mark.slow_rows("generalized_alpha-(150, 300)-2")
 @pytest.mark.parametrize(("method", "steps", "order"), h.chosen(
     [("generalized_alpha", (150, 300), 2), ("newmark", (150, 300), 2), ("radau5", (30, 60), 5), ("radau9", (5, 8), 9)],
     ["generalized_alpha", "radau9"]))
@@ -239,6 +242,7 @@ def swing(dt: float, interval: float) -> Any:
         loads=[{"type": "gravity", "value": [0, -9.81], "name": "weight"}], output={"interval": interval}))
 
 
+@pytest.mark.slow
 def test_a_swing_of_rubber_balances_its_energy_to_the_order_of_the_stages() -> None:
     """What internal strains take is summed over the stages; states between them are those of their polynomials."""
     between, ends, fine = swing(2.5e-3, 6.25e-4), swing(2.5e-3, 0.01), swing(6.25e-4, 6.25e-4)
@@ -264,6 +268,7 @@ def test_springs_of_a_stretched_bar_give_their_energy_to_their_dashpots() -> Non
     assert swung["dissipated"][-1] > 0.0
 
 
+@pytest.mark.slow_rows("steel on an obstacle")
 @pytest.mark.parametrize("law", ["rubber", "steel on an obstacle"])
 def test_resumed_equilibria_over_time_are_the_same_to_the_last_bit(law: str) -> None:
     """From before and behind a jump of the load, and from within a stretch of steps."""
@@ -329,6 +334,7 @@ def test_a_cycle_of_equilibria_loses_the_energy_of_the_loss_modulus() -> None:
     assert found == pytest.approx([exact.real, exact.imag], rel=1e-4)
 
 
+@pytest.mark.slow_rows("2d3n-nu")
 @pytest.mark.parametrize("kind", TYPES[:4:3], ids=lambda k: k[0])
 def test_a_cycle_of_motion_loses_the_energy_of_the_loss_modulus(kind: tuple[str, str | None]) -> None:
     """Waves along the bar make it A E k cot(k L) with k^2 = rho omega^2/E(i omega): pi e^2 times its imaginary part.
@@ -369,6 +375,7 @@ def test_the_balance_of_energy_of_a_beam_that_bends_is_of_second_order() -> None
     assert 3.5 < coarse / fine < 4.5
 
 
+@pytest.mark.slow
 def test_time_goes_on_where_nothing_moves_but_by_round_off() -> None:
     """A triangle of rigid links is held, and loaded; a beam beside it, which relaxes, is not."""
     body = {"geometry": h.line(0.1), "element": h.element("reissner3", 1), "material": material(ZENER),

@@ -95,6 +95,7 @@ JET = {"type": "follower_force", "at": "b0@1", "value": [-0.002, 0.001], "name":
 DASHPOT = {"type": "translational", "between": ["b0@1", [1, 1]], "stiffness": 0.5, "damping": 0.02}
 
 
+@pytest.mark.slow_rows("two-True")
 @h.covering(kind=RUBBERS, jet=[False, True])
 def test_a_linear_model_has_the_dashpots_among_its_states(kind: str, jet: bool) -> None:
     """Beside the responses of all unknowns: what is left out shrinks with the modes, and nothing at rest."""
@@ -122,6 +123,7 @@ def test_what_nothing_holds_relaxes_beside_its_rigid_motions() -> None:
         assert (np.abs(transfer(system, 2j * np.pi * f)[0] - row) < 5e-3 * np.abs(row)).all()
 
 
+@pytest.mark.slow_rows("one of two-jet")
 @h.covering(kind=RUBBERS, with_=["nothing", "dashpot", "jet", "spin"])
 def test_eigenvalues_solve_the_problem_of_all_unknowns(kind: str, with_: str) -> None:
     """det T(s) = 0: the smallest singular value of T(s) at each s beside that at 1.001 s."""
@@ -145,8 +147,8 @@ def test_eigenvalues_solve_the_problem_of_all_unknowns(kind: str, with_: str) ->
         assert least[0] < 1e-5 * least[1]
 
 
-@pytest.mark.parametrize("kind", [k if k[0] == "reissner3" else pytest.param(k, marks=pytest.mark.slow)
-                                  for k in TYPES], ids=lambda k: k[0])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", TYPES, ids=lambda k: k[0])
 def test_section_forces_are_those_of_the_complex_modulus(kind: tuple[str, str | None]) -> None:
     """At one frequency, E(i omega) is that of a Kelvin-Voigt material of modulus Re E and time Im E/(omega Re E).
 

@@ -37,6 +37,7 @@ def pulled(material: str) -> Any:
                           else ["N"]})
 
 
+@pytest.mark.slow_rows("relaxes")
 @pytest.mark.parametrize("material", MATERIALS)
 def test_section_forces_of_all_states_balance_the_reaction_there(material: str) -> None:
     states: list[Any] = []
@@ -66,6 +67,7 @@ def test_a_file_begins_with_the_reference_which_remembers_nothing(tmp_path: Path
         assert np.abs(found.field("bar", "stress", 1)).max() > 0.5 * YIELD
 
 
+@pytest.mark.slow_rows("relaxes-generalized_alpha", "yields-generalized_alpha", "yields-radau5")
 @pytest.mark.parametrize("method", ["radau5", "generalized_alpha"])
 @pytest.mark.parametrize("material", MATERIALS)
 def test_energy_is_in_balance_within_steps_too(material: str, method: str) -> None:

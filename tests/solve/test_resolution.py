@@ -246,6 +246,7 @@ def strip(name: str, solver: dict[str, Any], count: int = 6, bodies: int = 1, li
         output={"probes": {"tip": "b0@1"}})
 
 
+@pytest.mark.slow_rows("solver0-vallejo-2", "solver1-reissner2-2", "solver1-vallejo-2")
 @pytest.mark.parametrize("bodies", [1, 2])
 @pytest.mark.parametrize("name", ["reissner2", "vallejo"])
 @pytest.mark.parametrize("solver", [{"type": "static"}, {"type": "dynamic", "t_end": 0.02, "dt": 1e-3}])

@@ -102,6 +102,7 @@ def test_a_beam_on_an_inclined_slider_is_pushed_along_the_line_only(name):
     assert u[1] == pytest.approx(-100.0 / (2.07e11 * 0.0025 + 3 * EI), rel=1e-3)
 
 
+@pytest.mark.slow_rows("follower_force")
 @pytest.mark.parametrize("kind", ["force", "follower_force"])
 def test_a_wide_net_of_rigid_bars_is_solved_too(kind):
     """Bars that join far nodes make the band wide; a follower load asks for sparse factors with row exchanges."""

@@ -72,6 +72,7 @@ def test_the_error_follows_the_tolerance(method):
     assert errors[1] < 1e-2 * errors[0]
 
 
+@pytest.mark.slow_rows("RK45", "Radau")
 @pytest.mark.parametrize("method", ONE_STEP)
 def test_multipliers_are_met_at_every_step(method):
     model, own, rows = moved(ARM, method, tolerance=1e-6)
@@ -91,7 +92,8 @@ def test_multipliers_are_met_at_every_step(method):
     assert turning == pytest.approx(alpha, rel=1e-8)
 
 
-@pytest.mark.parametrize("method", h.chosen(["RK45", "Radau"], ["RK45"]))
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["RK45", "Radau"])
 def test_what_is_gained_and_lost_is_the_work_of_drive_and_dampers(method):
     model, own, rows = moved(ARM, method, tolerance=1e-8)
     balance = Balance(model, own)
@@ -147,6 +149,7 @@ def test_methods_that_keep_more_than_can_be_stored_have_no_checkpoint():
     assert stepper(PENDULUM, "Radau", tolerance=1e-4)[1].checkpoint() is None
 
 
+@pytest.mark.slow_rows("BDF", "Radau")
 @pytest.mark.parametrize("method", SCHEMES)
 def test_dt_is_the_longest_step_and_errors_are_kept_all_the_same(method):
     model, own, rows = moved(PENDULUM, method, dt=0.004)
@@ -164,6 +167,7 @@ def test_every_so_many_steps_a_state():
     assert all(r.t == r.log[-1, 1] for r in rows)
 
 
+@pytest.mark.slow_rows("BDF", "LSODA")
 @pytest.mark.parametrize("method", ["RK45", "BDF", "LSODA"])
 def test_steps_end_where_a_load_breaks(method):
     load = {"type": "force", "at": "a@1", "value": [0, 40], "amplitude": {"type": "table", "t": [0, 0.07, 0.0700001, 1],
@@ -209,6 +213,7 @@ def test_methods_are_accepted_where_nothing_needs_a_multiplier(method):
     assert method_problems(model) == []
 
 
+@pytest.mark.slow_rows("BDF", "Radau")
 @pytest.mark.parametrize("method", SCHEMES)
 def test_an_expression_without_a_value_is_named(method):
     load = {"type": "force", "at": "a@1", "value": [0, 1], "amplitude": {"type": "expression", "value": "sqrt(0.1-t)"}}

@@ -231,6 +231,7 @@ def frame(load: str, table: str) -> dict[str, Any]:
             "solver": {"type": "eigen", "modes": 6, "about": "static"}}
 
 
+@pytest.mark.slow_rows("force-vallejo")
 @pytest.mark.parametrize(("load", "table"), chosen(product(("force", "follower_force"), ("vallejo", "rigid")),
                                                    [("force", "vallejo"), ("follower_force", "rigid")]))
 def test_pairs_of_frames_are_those_of_all_eigenvalues_at_once(load: str, table: str) -> None:

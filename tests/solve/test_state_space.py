@@ -85,6 +85,7 @@ KINDS = {"loads": scene(), "motion": scene(inputs=["base", "push"]), "follower":
          "follower as input": scene(loads=[JET], inputs=["jet"])}
 
 
+@pytest.mark.slow_rows("rotating frame")
 @pytest.mark.parametrize("kind", KINDS)
 def test_transfer_functions_are_those_of_all_unknowns(tmp_path: Path, kind: str) -> None:
     """What is left out shrinks with the square of frequency over that of the first mode that is left out."""

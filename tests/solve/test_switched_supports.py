@@ -30,6 +30,7 @@ def solve(method: str = "radau5", t_end: float = 1.0, bodies: Any = None, **more
         "output": {"interval": 0.05, "probes": {"left": "rod@0", "right": "rod@1"}}, **more})
 
 
+@pytest.mark.slow_rows("energy_momentum-{'to': 0.4}")
 @helpers.covering(method=METHODS, active=[{"to": 0.4}, {"until": "right.theta > 0.8"}])
 def test_a_rod_flies_on_from_the_pin_that_lets_it_go(method: str, active: Any) -> None:
     """It turns about its end with omega = 2 to t = 0.4; then its centre moves on with the velocity it has there."""
@@ -94,6 +95,7 @@ def test_what_strong_damping_takes_after_a_catch_is_counted(method: str, toleran
     assert energy["kinetic"] + energy["strain"] + energy["dissipated"] == pytest.approx(0.5 * 0.4 * 4, rel=share)
 
 
+@pytest.mark.slow_rows("2d2n-None", "patel-breathe", "reissner3-None")
 @pytest.mark.parametrize(("element", "hold"), helpers.chosen(
     [*((element, None) for element in ("rigid", "reissner3", "vallejo", "cable", "2d2n", "patel")),
      ("2d2n", "breathe"), ("patel", "breathe")], ["rigid", "reissner3", ("2d2n", None), ("patel", "breathe")]))
@@ -215,6 +217,7 @@ def test_a_joint_that_begins_is_a_plastic_impact(kind: str) -> None:
         solve(bodies={"rod": ROD, "other": other}, joints=[apart], initial={"bodies": {"rod": {"velocity": [-1, 0]}}})
 
 
+@pytest.mark.slow_rows("weld-types3")
 @pytest.mark.parametrize(("kind", "types"), [("pin", ("rigid", "rigid")), ("weld", ("rigid", "rigid")),
                                              ("weld", ("cable", "rigid")), ("weld", ("reissner3", "cable"))])
 def test_a_joint_begins_where_points_meet(kind: str, types: tuple[str, str]) -> None:

@@ -39,6 +39,7 @@ def joint_angle() -> float:
     return float(brentq(lambda t: STIFFNESS * t - TENSION * rho * np.sin(beta + t / 2), 0.0, 3.0))
 
 
+@pytest.mark.slow
 def test_every_joint_of_the_arm_turns_alike() -> None:
     assert turned(arm({"type": "static"})) == pytest.approx([joint_angle()] * (N - 1), rel=1e-10)
 

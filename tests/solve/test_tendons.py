@@ -293,9 +293,8 @@ INPUTS: dict[str, dict[str, Any]] = {
     "laced": {"through": [[0.0, -0.3], {"at": "a@0.5", "y": -0.06}, "a@1"], "stiffness": 3e4, "slack": 0.01}}
 
 
-@pytest.mark.parametrize(("name", "kind"), [("wound", "reissner3"), *(
-    pytest.param(name, kind, marks=pytest.mark.slow) for name, kind in (
-        ("laced", "reissner3"), ("given", "vallejo")))])
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "kind"), [("wound", "reissner3"), ("laced", "reissner3"), ("given", "vallejo")])
 def test_tendons_as_inputs_are_derivatives_of_statics(name: str, kind: str) -> None:
     """At frequency 0, about a loaded state: motions, N, Q and M beside differences of equilibria; tension or slack."""
     load = {"type": "tendon", "name": "t", **INPUTS[name]}

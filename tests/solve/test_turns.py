@@ -156,6 +156,7 @@ def at_end(body, solver, start=None, **scene):
 
 
 # all at once in one step, which is the hardest, each kind of body
+@pytest.mark.slow_rows("vallejo-10")
 @pytest.mark.parametrize(("kind", "steps"), h.chosen([("cable", 3), ("vallejo", 10), *((k, 1) for k in KINDS)],
                                                      [("cable", 3), ("vallejo", 10)]))
 def test_a_spring_is_wound_up_in_any_number_of_load_steps(kind, steps):

@@ -99,6 +99,7 @@ def test_a_corner_keeps_the_axial_strain_of_each_piece():
 UNLIKE = [("cable", "kerkkanen"), ("vallejo", "vallejo"), ("reissner3", "omar")]
 
 
+@pytest.mark.slow_rows("cable-kerkkanen-buckling")
 @helpers.covering(pair=UNLIKE, solver=["linear_static", "static", "eigen", "buckling"])
 def test_a_weld_of_unlike_bodies_does_not_feel_orientation_units_or_order(pair, solver):
     """The factors of a tangent with multipliers have the digits of one without."""

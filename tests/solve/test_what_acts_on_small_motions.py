@@ -57,6 +57,7 @@ def test_drag_damps_responses(solver: dict[str, Any]) -> None:
     assert np.abs(other).min() > 1e-4
 
 
+@pytest.mark.slow
 def test_drag_moves_the_load_at_which_a_follower_load_makes_a_column_flutter() -> None:
     """A drag that does not scale is Rayleigh's alpha; one that does grows with the factor."""
     follower = {"type": "follower_force", "at": "b@1", "value": [-1, 0]}
@@ -101,6 +102,7 @@ def test_undamped_modes_tell_of_drag_that_they_leave_out() -> None:
         "these modes are undamped (damped: false), so the damping of loads.1 has no effect"]
 
 
+@pytest.mark.slow
 def test_the_equations_of_a_case_hold_drag_and_what_damps_at_a_time() -> None:
     """Compared by SciPy's integrator with ``ancf2d.solve``: drag, a damper that begins, a fluid that speeds up."""
     case = cantilever({"type": "dynamic", "t_end": 0.3, "tolerance": 1e-9, "method": "radau5"},

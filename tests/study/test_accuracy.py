@@ -37,6 +37,7 @@ def test_one_mesh_and_its_neighbours_do():
     assert max(beside) < 0.4 * of_steps
 
 
+@pytest.mark.slow
 def test_steps_in_time_and_meshes_together_reach_it():
     loaded = case(SWING)
     reached = solve_to_accuracy(loaded)

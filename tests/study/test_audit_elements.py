@@ -13,6 +13,7 @@ CUBIC = ["1", "x", "y", "x*y", "x^2", "x^3"]
 BASES_LOCK = {"poisson_locking_of_basis": "fail"}
 
 
+@pytest.mark.slow_rows("reissner2-others1", "vallejo-others0")
 @pytest.mark.parametrize(("name", "others"), [
     ("vallejo", {"slope_continuity": "note", **BASES_LOCK}),
     ("reissner2", dict.fromkeys(("patch_transverse", "slope_continuity", "poisson_locking_of_basis"), "note")),
@@ -26,6 +27,7 @@ def test_sound_elements_pass_but_for_what_they_have_not(name, others):
     assert {k: v for k, v in found.items() if v != "pass"} == others
 
 
+@pytest.mark.slow
 def test_an_element_of_twelve_coordinates_described_in_a_file(tmp_path):
     """vallejo's basis with the nodes elsewhere: the same element."""
     file = audits.written(tmp_path, ["1", "x", "y", "x*y", "x^2", "x^2*y"], "r", "r_y", places=(0.0, 0.4, 1.0),

@@ -35,6 +35,7 @@ def test_others_are_symmetric_under_reversal(kind):
     assert audits.find(kind, "reversal_symmetry")["reversal_symmetry"].verdict == "pass"
 
 
+@pytest.mark.slow_rows("described-2d2n", "described-2d3n", "listed-2d2n")
 @pytest.mark.parametrize("kind", ["2d2n", "2d3n"])
 def test_common_coefficients_are_nonconforming_with_a_spurious_branch(named, kind):
     found = audits.find(named(kind), "position_continuity", "spurious_branch", "patch_axial")
@@ -79,6 +80,7 @@ def test_a_shear_factor_is_found_whatever_it_is_called(tmp_path):
     assert audits.find(file, "shear_factor")["shear_factor"].value == pytest.approx(0.7, rel=1e-9)
 
 
+@pytest.mark.slow_rows("ancf[3,3]")
 @pytest.mark.parametrize("order", ["ancf[3,3]", "ancf[2,4]"])
 def test_sections_that_warp_have_five_sixths_in_bending(order):
     found = audits.find(order, "shear_factor", "shear_in_bending")

@@ -144,6 +144,8 @@ output:
     assert [row.value for row in found.rows] == pytest.approx([1.3e9, 0.6, 2.5], rel=1e-4)
 
 
+@pytest.mark.slow_rows("100-10000.0-None", "100-950-is 1000 in the case, beyond the bound 950",
+                       "1100-1500-is 1000 in the case, beyond the bound 1100: the search starts at 1300")
 @pytest.mark.parametrize(("low", "high", "told"), [
     (100, 1e4, None), (1100, 1500, "is 1000 in the case, beyond the bound 1100: the search starts at 1300"),
     (100, 950, "is 1000 in the case, beyond the bound 950"), (1000, 1500, "is 1000 in the case, at the bound 1000")])
@@ -279,6 +281,7 @@ def test_fits_from_python_solve_on() -> None:
     assert solved.summary["probes"]["tip"]["uy"] == pytest.approx(data["tip.uy"][-1], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_columns_of_round_off_count_as_the_largest_of_their_kind() -> None:
     """A strip slides along x: what it does across is round-off, and so is its rotation; friction follows from the rest.
 
@@ -301,6 +304,7 @@ def test_columns_of_round_off_count_as_the_largest_of_their_kind() -> None:
     np.testing.assert_allclose([still, moving], [[1.0, 1e-7], [1000.0, 1e-5]])
 
 
+@pytest.mark.slow
 def test_files_of_motions_with_controllers_and_moving_points_can_be_fitted(tmp_path: Path) -> None:
     """What ``export`` writes of a motion is data of the same motion, with what a controller puts out."""
     case = {"parameters": {"target": 0.3, "speed": 5.0},

@@ -318,6 +318,7 @@ BENT_OVER = {"bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "
              "output": {"probes": {"tip": "beam@1"}}}
 
 
+@pytest.mark.slow_rows("more0-11", "more2-11")
 @pytest.mark.parametrize(("more", "count"), [
     ({}, 11), ({"contacts": [{"between": ["beam", "disc"], "side": "axis", "law": {"stiffness": 1e5}}]}, 5),
     ({"solver": {"type": "eigen", "about": "static", "modes": 1}, "goal": {"kind": "bending", "number": 1}}, 11)])
@@ -346,7 +347,8 @@ TOUCHED = {"polyline": ({"floor": {"type": "polyline", "points": [[-1, -0.02], [
            "body": ({}, {"floor": LEDGE}, [{"type": "clamp", "at": "floor@0"}, {"type": "clamp", "at": "floor@1"}])}
 
 
-@pytest.mark.parametrize("what", ["polyline", pytest.param("body", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("what", ["polyline", "body"])
 def test_places_between_nodes_that_a_run_chooses_are_left_to_runs(what):
     """The place that touches moves with a number, and the force with it, which no equation of the state tells."""
     obstacles, bodies, held = TOUCHED[what]

@@ -51,6 +51,7 @@ def critical(numbers: list[float], kind: str, near: float) -> float:
     return float(brentq(margin, 0.98 * near, 1.02 * near, xtol=1e-14, rtol=1e-14))
 
 
+@pytest.mark.slow_rows("axis-more1", "diverges-more2")
 @pytest.mark.parametrize(("kind", "more"), [
     ("meets", {}), ("axis", {"springs.s1.damping": 0.05, "springs.s2.damping": 0.02}),
     ("diverges", {"loads.stays.value.0": -1.5, "springs.s2.damping": 0.02})])
@@ -76,6 +77,7 @@ def test_without_dampers_there_is_no_derivative_to_them() -> None:
         ancf2d.sensitivity(copy.deepcopy(PENDULUM), ["springs.s1.damping"])
 
 
+@pytest.mark.slow
 def test_roots_that_meet_on_the_real_axis_are_left_to_runs() -> None:
     """Beyond flutter two growing motions no longer vibrate (Ziegler 1952): s is not 0 there, and has no derivative."""
     case = ancf2d.load({**copy.deepcopy(PENDULUM), "solver": {"type": "buckling", "modes": 2},
@@ -85,6 +87,7 @@ def test_roots_that_meet_on_the_real_axis_are_left_to_runs() -> None:
     assert row.elasticity == pytest.approx(-1.0, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_two_equal_pendulums_are_left_to_runs() -> None:
     """Both begin to flutter at once, and a spring of one lets them part: the other one holds the factor back."""
     case = copy.deepcopy(PENDULUM)

@@ -33,6 +33,7 @@ def truss_at_limit(base, rise):
     return high * (1 / math.hypot(base, high) - 1 / L), high - rise
 
 
+@pytest.mark.slow
 def test_limit_points_of_a_truss():
     """lambda' = -psi^T dR/dp / psi^T dR/dt, and where the limit points are: the closed solution, differentiated."""
     solver = {"type": "static", "method": "arc_length", "until": {"limit_points": 2}}
@@ -116,6 +117,7 @@ def slopes_of(f):
     return [differences(lambda x, i=i: f(*at[:i], x, *at[i + 1:]), at[i], 1e-3 * at[i]) for i in range(4)]
 
 
+@pytest.mark.slow_rows("phase")
 @pytest.mark.parametrize("part", ["abs", "phase"])
 def test_response_of_an_oscillator(part):
     """H = F/(k - m w^2 + i c w) at 0.7 Hz."""
@@ -219,6 +221,7 @@ def test_equal_ones_that_stay_equal():
         ancf2d.sensitivity(case | {"solver": {"type": "eigen", "modes": 2}}, ["parameters.thick"])
 
 
+@pytest.mark.slow
 def test_section_forces_of_responses_about_a_bent_state():
     """M of a response of a bent cantilever is the same where E, rho and what bends it are all scaled; its width scales
     E and rho alike.

@@ -78,6 +78,7 @@ def test_both_ways_are_those_of_the_same_steps(name, monkeypatch, tmp_path):
     assert (apart <= 1e-9 * np.abs(values) + 1e-11 * abs(told.values[0]) / sizes).all(), apart / np.abs(values)
 
 
+@pytest.mark.slow
 def test_rates_that_supports_do_not_allow():
     """A clamped bar is asked to turn about its middle: what its mass makes of that depends on how it is spread.
 
@@ -124,6 +125,7 @@ def assert_runs(case, steps):
         assert value == pytest.approx((8 * (at[0] - at[1]) - (at[2] - at[3])) / (12 * h), rel=1e-6), variable.path
 
 
+@pytest.mark.slow
 def test_natural_strains_whose_rates_make_viscous_forces(monkeypatch):
     """Kelvin-Voigt stress is of strain rates beyond those of natural strains: what these push does not change with lam.
     """
@@ -136,7 +138,8 @@ def test_natural_strains_whose_rates_make_viscous_forces(monkeypatch):
                 {"springs.stay.damping": 2e-3, "loads.bend.curvature": 1e-3, "bodies.arm.material.E": 1e5})
 
 
-@pytest.mark.parametrize("goal", [{}, pytest.param({"mean_over": [0.03, 0.2]}, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("goal", [{}, {"mean_over": [0.03, 0.2]}])
 def test_prescribed_motion_is_read_behind_a_corner_of_a_signal(goal, monkeypatch):
     """The probe moves with the support at the end of its element, also where signals have a corner before."""
     monkeypatch.setattr(methods, "TIGHT", 1e-13)
@@ -158,6 +161,7 @@ def test_places_of_probes_change_what_is_read(tmp_path):
     assert values == pytest.approx([(above - behind[1]) / 2e-4, (ahead - behind[0]) / 2e-3], rel=1e-4)
 
 
+@pytest.mark.slow_rows("radau5-mean_over: [0.002, 0.009]")
 @pytest.mark.parametrize(("method", "goal"), [
     ("radau5", "mean_over: [0.002, 0.009]"), ("generalized_alpha", "mean_over: [0.002, 0.009]"),
     pytest.param("radau5", "peak_over: [0.0033, 0.0071]", marks=pytest.mark.slow)])
@@ -171,6 +175,7 @@ def test_goals_over_windows(method, goal, monkeypatch, tmp_path):
         assert value == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_expressions_over_a_motion(tmp_path):
     """The chain rule over products, powers, extremes, goals over windows, masses and parameters, both ways."""
     loaded = scene(tmp_path, "newmark", PIN, "solver.t_end=0.003", "output.interval=0.0005", "parameters={far: 0.3}",
@@ -192,6 +197,7 @@ def test_expressions_over_a_motion(tmp_path):
         assert back.differentiate(variable)[0].value == pytest.approx(column, rel=1e-6, abs=1e-9), variable.path
 
 
+@pytest.mark.slow
 def test_rows_of_extremes_over_a_motion(tmp_path):
     """Largest values of parts of the motion, no more than there are numbers, both ways."""
     loaded = scene(tmp_path, "newmark", PIN, "solver.t_end=0.003", "output.interval=0.0003")
@@ -310,6 +316,7 @@ def test_one_way_is_chosen_by_goals_and_numbers(tmp_path):
         assert (study.adjoint is not None) == back
 
 
+@pytest.mark.slow
 def test_a_number_that_turns_a_phase_far(tmp_path):
     """u = F (1 - cos(w t))/(m w^2) - ... of a free mass under F sin(w t), after 400 turns of the signal: steps shorten.
 

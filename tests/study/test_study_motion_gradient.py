@@ -101,6 +101,7 @@ def test_steps_are_differentiated(method, monkeypatch, tmp_path):
         assert error <= 1e-6 * abs(value)
 
 
+@pytest.mark.slow_rows("driven")
 @pytest.mark.parametrize("shaft", [{"type": "pin"}, {"type": "prescribed", "ux": 0, "uy": 0, "angle": {
     "type": "expression", "value": "1 - cos(6*t)"}}], ids=["free", "driven"])
 def test_reactions_of_a_mechanism(shaft, monkeypatch):
@@ -125,6 +126,7 @@ def test_reactions_of_a_mechanism(shaft, monkeypatch):
         assert told[path].derivative == pytest.approx((8 * near - far) / (12 * h * value), rel=1e-6)
 
 
+@pytest.mark.slow_rows("solver1")
 @pytest.mark.parametrize("solver", [pytest.param({"dt": 0.02}, marks=pytest.mark.slow), {"tolerance": 1e-6},
                                     {"dt": 0.02, "method": "generalized_alpha"}])
 def test_a_thrown_body_is_known_in_closed_form(solver):
@@ -180,6 +182,7 @@ def test_residuals_are_those_of_elements_where_a_number_acts(tmp_path):
         assert some == pytest.approx(whole, rel=0.0, abs=1e-8 * np.abs(whole).max() + 1e-11 / h), path
 
 
+@pytest.mark.slow
 def test_what_is_not_differentiated_is_told(tmp_path):
     """Corners of signals that move with a number, and integrators of others, take differences of runs."""
     (tmp_path / "scene.yaml").write_text(SCENE)
@@ -223,6 +226,7 @@ def test_natural_strains_that_follow_amplitudes_of_their_own():
     assert abs(two[0, 1]) > 0.01 * abs(one[0, 0])
 
 
+@pytest.mark.slow
 def test_a_spring_that_begins():
     """A mass moves at v until t1, and then on a spring: x = v t1 cos(w s) + v/w sin(w s), s = t - t1, w = sqrt(k/m)."""
     m, k, v, t1, t = 2.0, 50.0, 0.3, 0.4, 1.0
@@ -247,6 +251,7 @@ def test_a_spring_that_begins():
     assert found["from"].derivative == pytest.approx(v * t1 * w * np.sin(w * s), rel=1e-6)
 
 
+@pytest.mark.slow_rows("mid.M--150.0")
 @pytest.mark.parametrize(("name", "force"), [("tip.uy", -90.0), ("mid.M", -150.0)])
 def test_steps_are_shortened_where_a_run_shortens_them(name, force):
     """Newton's method does not converge in steps that it makes when it is to come closer, by either way."""
@@ -285,6 +290,7 @@ def test_a_force_that_moves_over_a_bridge():
     assert study.rows[0].derivative == pytest.approx(study.goal / -0.01, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_support_that_catches_a_motion_is_differentiated_by_runs():
     """It holds its point where that has come to, which the steps do not tell."""
     catch = {"type": "pin", "at": "deck@0.25", "active": {"from": 0.3}}

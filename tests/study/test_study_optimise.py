@@ -70,6 +70,7 @@ def test_the_slowest_throw():
     assert found.minimum == pytest.approx(9.0, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_constraints_that_cannot_be_met_are_told():
     """The largest height has 7800*0.03*0.1*2 + 3 = 49.8 kg; as mass is linear, the search ends where it begins."""
     found = ancf2d.optimise(TEXT, {HEIGHT: (0.02, 0.03)}, "mass", ["mass >= 60", "wall.fy >= 0"])
@@ -206,7 +207,8 @@ def strong(n, load, stress):
     return found.fun, found.x
 
 
-@pytest.mark.parametrize("n", [2, pytest.param(5, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [2, 5])
 def test_the_lightest_taper_of_given_strength(n):
     """At the optimum several places have the largest stress, where max(stress) has a kink, so that none is above it."""
     found = ancf2d.optimise(leaf(n, 100.0), heights(n), "mass", "max(stress) <= 60e6")
@@ -217,6 +219,7 @@ def test_the_lightest_taper_of_given_strength(n):
     assert [row["value"] for row in found.rows] == pytest.approx(h, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_the_strongest_taper_of_given_mass():
     """The least of the largest stresses: with it the lightest taper has the mass that is given."""
     found = ancf2d.optimise(leaf(2, 100.0), heights(2), "max(stress)", "mass <= 5")

@@ -187,6 +187,7 @@ def test_a_checkpoint_of_other_values_is_refused_by_name(monkeypatch: pytest.Mon
     assert not Path("kept").exists()
 
 
+@pytest.mark.slow_rows("dynamic, t_end: 3, dt: 0.01, method: hht")
 @pytest.mark.parametrize("solver", ["dynamic, t_end: 3, dt: 0.01, method: hht", "quasi_static, t_end: 3"])
 def test_every_array_of_a_checkpoint_has_to_fit(solver: str) -> None:
     """Rows that numpy would broadcast, and rows too many, are refused; what had no rows at the start may have grown."""
@@ -219,7 +220,8 @@ HELD = {"element.yaml": ("element: {type: cable, count: 2}", "element: {definiti
         "start.h5": ("output:", "initial: {from: start.h5}\noutput:")}
 
 
-@pytest.mark.parametrize("file", ["element.yaml", pytest.param("start.h5", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("file", ["element.yaml", "start.h5"])
 def test_a_case_that_reads_a_changed_file_is_not_resumed(monkeypatch: pytest.MonkeyPatch, loaded: LoadedCase,
                                                          tmp_path: Path, file: str) -> None:
     """States before and after would be those of two models."""

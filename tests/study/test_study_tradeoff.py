@@ -164,6 +164,7 @@ def test_refused_type_is_a_row_with_the_reason() -> None:
         tradeoff(load(), Choice(variants=(wrong,)))
 
 
+@pytest.mark.slow
 def test_json_is_the_contracts_object_and_its_overrides_give_what_they_promise() -> None:
     study = tradeoff(load(), chosen("reissner2,cable,2d2n", meshes=(2, 4, 8), accuracies=(1e-2, 1e-30)))
     found = study.as_json()
@@ -239,6 +240,7 @@ def test_there_is_no_continuum_behind_stiffnesses() -> None:
         tradeoff(load(), chosen(meshes=(2, 4), continuum=True))
 
 
+@pytest.mark.slow
 def test_motion_is_judged_over_integrators_steps_and_meshes() -> None:
     choice = chosen("cable", meshes=(2, 4), methods=("generalized_alpha", "radau5"), key="dt", steps=(2e-3, 1e-3))
     study = tradeoff(load(SWING), choice)

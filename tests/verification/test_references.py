@@ -39,6 +39,7 @@ def test_elastica_by_elliptic_integrals_agrees_with_shooting() -> None:
     assert 1 + ux == pytest.approx(math.sqrt(2 * math.sin(angle) / 2), rel=1e-11)
 
 
+@pytest.mark.slow_rows("five-5", "ten-10")
 @pytest.mark.parametrize(("probe", "P"), [("half", 0.5), ("one", 1), ("two", 2), ("five", 5), ("ten", 10)])
 def test_elastica(probe: str, P: float) -> None:
     np.testing.assert_allclose(references.cantilever(SLIM, 1, [0, -P]), expected("elastica", probe), rtol=2e-11)
@@ -51,6 +52,7 @@ def test_elastica_with_shear(probe: str, kGA: float) -> None:
     np.testing.assert_allclose(exact, expected("elastica_shear", probe), rtol=2e-11)
 
 
+@pytest.mark.slow_rows("slender_cantilever_cable-beam2-1293750", "slender_cantilever_shear-beam1-1293750")
 @pytest.mark.parametrize(("case", "beam", "P"), [
     ("thick_cantilever_exact", references.rectangle(2.07e11, 0.3, 0.5, 0.1), 62.5e6),
     ("slender_cantilever_shear", SLENDER, 1293750),

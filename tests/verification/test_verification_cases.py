@@ -28,11 +28,11 @@ HEADING = re.compile(r"^###? .*$", re.M)
 # of meshes and element types of the same motion the quick tests take one
 QUICK = ("double_pendulum", "four_bar", "free_rod", "pendulum1_2d3n_4", "pendulum2_2d2n_4", "slider_crank_rigid",
          "caught_rod", "pid_arm")
-# what takes long, of which a quick test in tests/solve has the closed form: belts (test_contact_statics), ropes
+# what takes long, of which a quick test has the closed form or the published value: belts (test_contact_statics), ropes
 # (test_hanging), strips, shared forces (test_contact_of_bodies), pipes (test_flow), leaves that rub
-# (test_friction_between_bodies)
+# (test_friction_between_bodies), columns (test_flutter), Lee's frame (of the other element here)
 DEAR = ("leaf_spring", "two_pulleys", "hanging_catenary", "sliding_strip", "lifted_strip", "shared_force",
-        "cantilever_pipe_heavy", "cantilever_pipe_light")
+        "cantilever_pipe_heavy", "cantilever_pipe_light", "cantilever_pipe", "beck_kelvin_voigt", "lee_frame_vallejo")
 
 
 def named(case: Path, quick: bool) -> Any:
