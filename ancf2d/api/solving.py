@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 from ..case import LoadedCase, load_case_text, with_overrides
-from ..case.axes import Axis, read_bounds
 from ..errors import CaseError
 from ..results import check_output
 from ..study.accuracy.control import is_pursued, solve_to_accuracy
@@ -24,14 +22,12 @@ from ..study.run import load as load_file
 from ..study.sensitivity import Sensitivity
 from ..study.sensitivity import sensitivity as differentiate
 from ..study.variants import Variant, parse_variants
+from .arguments import CaseLike, Overrides, as_text, bounds_of, numbers_of, options_of, texts_of, wrong
 from .solution import Convergence, Solution, Temporary
 
 if TYPE_CHECKING:
     from ..solvers.discrete import DiscreteModel
     from ..study.fit import Fit
-
-CaseLike: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | LoadedCase"
-Overrides: TypeAlias = "Mapping[str, Any] | Sequence[str]"
 
 
 def load(case: CaseLike, overrides: Overrides = ()) -> LoadedCase:
@@ -41,13 +37,15 @@ def load(case: CaseLike, overrides: Overrides = ()) -> LoadedCase:
     ``["bodies.beam.element.count=32"]``. File names in a string or mapping are relative to the working directory.
     Raises CaseError, which lists all problems.
     """
-    options = _options(overrides)
+    options = options_of(overrides)
     if isinstance(case, LoadedCase):
         return with_overrides(case, options, vocabulary())
     if isinstance(case, Mapping):
-        return load_case_text(_as_text(case), "<mapping>", options, vocabulary())
+        return load_case_text(as_text(case), "<mapping>", options, vocabulary())
     if isinstance(case, str) and "\n" in case:
         return load_case_text(case, "<text>", options, vocabulary())
+    if not isinstance(case, str | os.PathLike):
+        wrong("case", "a file, a text, a mapping or a loaded case", case)
     return load_file(case, options)
 
 
@@ -64,8 +62,9 @@ def solve(case: CaseLike, overrides: Overrides = (), *, accuracy: float | None =
     Raises CaseError, which lists all problems of the case, ComputationError if it cannot be solved, and ResultsError
     if the file cannot be written.
     """
-    extra = () if accuracy is None else (f"accuracy={float(accuracy)!r}",)
-    loaded = load(case, (*_options(overrides), *extra))
+    loaded = load(case, (*options_of(overrides), *options_of({} if accuracy is None else {"accuracy": accuracy})))
+    if not isinstance(output, str | os.PathLike | None):
+        wrong("output", "the name of a file", output)
     place = None if output is None else os.fspath(output)
     check_output(place, force, *inputs_of(loaded))
     temporary = Temporary() if place is None and states else None
@@ -96,16 +95,21 @@ def convergence(case: CaseLike, overrides: Overrides = (), *, elements: Sequence
 
     Raises CaseError if the case has no goal, if no type can solve it, or if ``dt`` and ``tolerance`` are both given.
     """
-    if dt and tolerance:
+    several = "positive numbers, such as [4e-3, 2e-3, 1e-3]"
+    steps = [Steps(name, tuple(numbers_of(given, name, several, lambda x: x > 0.0)))
+             for name, given in (("dt", dt), ("tolerance", tolerance))]
+    steps = [one for one in steps if one.values]
+    if len(steps) > 1:
         raise CaseError("dt and tolerance are both given; give only one")
-    steps = Steps("dt", tuple(dt)) if dt else Steps("tolerance", tuple(tolerance)) if tolerance else None
-    variants = [Variant()]
-    if types:
+    meshes = numbers_of(elements, "elements", "whole numbers, such as [2, 4, 8]", lambda x: x >= 1.0 and x == int(x))
+    names, variants = texts_of(types, "types", "element types, such as ['vallejo', 'reissner3']"), [Variant()]
+    if names:
         try:
-            variants = parse_variants(types if isinstance(types, str) else ",".join(types))
+            variants = parse_variants(",".join(names))
         except ValueError as error:
             raise CaseError(str(error)) from None
-    found = refine(load(case, overrides), variants, elements, reference, Workers(jobs), steps=steps)
+    found = refine(load(case, overrides), variants, [int(n) for n in meshes] or None, reference, Workers(jobs),
+                   steps=steps[0] if steps else None)
     return Convergence(**vars(found))
 
 
@@ -120,7 +124,8 @@ def sensitivity(case: CaseLike, to: str | Sequence[str] = (), overrides: Overrid
     Raises CaseError if the case has no goal or a path leads to no number that can vary, ComputationError if the case
     cannot be solved.
     """
-    return differentiate(load(case, overrides), (to,) if isinstance(to, str) else to)
+    paths = texts_of(to, "to", "paths, such as ['bodies.beam.section.height']")
+    return differentiate(load(case, overrides), paths)
 
 
 def optimise(case: CaseLike, vary: Mapping[str, tuple[float, float]], minimise: str,
@@ -137,9 +142,10 @@ def optimise(case: CaseLike, vary: Mapping[str, tuple[float, float]], minimise: 
     """
     if method not in METHODS:
         raise CaseError(f"there is no method '{method}'; there are {', '.join(METHODS)}")
-    bounds = read_bounds([f"{path}={float(low)!r}:{float(high)!r}" for path, (low, high) in vary.items()])
-    wanted = [subject_to] if isinstance(subject_to, str) else list(subject_to)
-    return improve(problem_of(load(case, overrides), bounds, minimise, wanted), method, iterations)
+    if not isinstance(minimise, str):
+        wrong("minimise", "an expression, such as 'mass'", minimise)
+    wanted = texts_of(subject_to, "subject_to", "constraints, such as ['max(stress) <= 200e6']")
+    return improve(problem_of(load(case, overrides), bounds_of(vary), minimise, wanted), method, iterations)
 
 
 def fit(case: CaseLike, data: str | os.PathLike[str] | Mapping[str, Any], vary: Mapping[str, tuple[float, float]],
@@ -157,9 +163,12 @@ def fit(case: CaseLike, data: str | os.PathLike[str] | Mapping[str, Any], vary: 
     from ..study.fit import fit as fit_to
     from ..study.fit_data import data_of, read_data
 
+    if not isinstance(data, str | os.PathLike | Mapping):
+        wrong("data", "a CSV file or columns by name, such as {'t': [...], 'tip.uy': [...]}", data)
+    if starts < 1:
+        raise CaseError(f"starts is {starts}; expected at least 1")
     columns = data_of(data) if isinstance(data, Mapping) else read_data(os.fspath(data))
-    bounds = read_bounds([f"{path}={float(low)!r}:{float(high)!r}" for path, (low, high) in vary.items()])
-    return fit_to(load(case, overrides), columns, bounds, sigma, starts)
+    return fit_to(load(case, overrides), columns, bounds_of(vary), sigma, starts)
 
 
 def system(case: CaseLike, overrides: Overrides = ()) -> DiscreteModel:
@@ -177,32 +186,6 @@ def system(case: CaseLike, overrides: Overrides = ()) -> DiscreteModel:
     from ..solvers.discrete import DiscreteModel
 
     return DiscreteModel(model)
-
-
-def _options(overrides: Overrides) -> tuple[str, ...]:
-    """Return overrides as the command line has them."""
-    if isinstance(overrides, str):
-        raise TypeError("overrides are a mapping {path: value} or a list of 'path=value' strings, not a single string")
-    if not isinstance(overrides, Mapping):
-        return tuple(overrides)
-    plain = json.loads(json.dumps(dict(overrides), default=_plain))
-    return tuple(Axis(path, (value,), "").override(value) for path, value in plain.items())
-
-
-def _as_text(case: Mapping[str, Any]) -> str:
-    # JSON is YAML; a line for each value, so that problems name the place
-    return json.dumps(case, default=_plain, indent=1, ensure_ascii=False)
-
-
-def _plain(value: Any) -> Any:
-    """Return what arrays and numbers of NumPy, paths and other mappings hold as JSON has it."""
-    if isinstance(value, Mapping):
-        return dict(value)
-    if isinstance(value, os.PathLike):
-        return os.fspath(value)
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    raise TypeError(f"a case holds numbers, strings, lists and mappings, not {type(value).__name__}")
 
 
 def _outcome(loaded: LoadedCase, target: str | None, force: bool) -> Outcome:

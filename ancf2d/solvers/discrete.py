@@ -106,6 +106,8 @@ class DiscreteModel:
         ``e0 + expand(z, t)`` are the nodal coordinates. With ``order`` 1 or 2, ``z`` are rates or second rates of the
         unknowns, and so is what is returned.
         """
+        if order not in (0, 1, 2):
+            raise ValueError(f"order is {order!r}; expected 0, 1 or 2")
         return self._full(self._unknowns(z, "z", t, order), t, order)[:self._model.n_q]
 
     def _unknowns(self, given: ArrayLike, what: str, t: float, order: int = 0) -> Array:

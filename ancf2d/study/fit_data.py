@@ -126,7 +126,14 @@ def data_of(columns: Mapping[str, Any], file: str = "") -> Data:
     problems: list[Problem] = []
     if not names or names[0] not in ABSCISSAE:
         raise CaseError(_misnamed(names, file))
-    table = [np.asarray(columns[name], float).ravel() for name in names]
+    table = []
+    for name in names:
+        try:
+            table.append(np.asarray(columns[name], float).ravel())
+        except (TypeError, ValueError):
+            problems.append(Problem(f"column {name} holds something other than numbers", file=file))
+    if problems:
+        raise CaseError(problems)
     if len({len(column) for column in table}) > 1:
         raise CaseError(Problem("the columns are of different lengths", file=file))
     x, values = table[0], np.array(table[1:]).T.reshape(len(table[0]), len(names) - 1)

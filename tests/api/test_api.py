@@ -106,11 +106,6 @@ def test_all_problems_of_a_case_are_told_with_their_lines() -> None:
     assert [(p.line, p.near) for p in found.value.problems if p.near or "nu" in p.path] == [(7, ""), (8, "vallejo")]
 
 
-def test_overrides_that_are_one_text_are_refused() -> None:
-    with pytest.raises(TypeError, match="not a single string"):
-        ancf2d.load(TEXT, "title=a")
-
-
 # ---------------------------------------------------------------------------- solutions
 
 def test_solving_gives_the_numbers_of_the_command(solution: ancf2d.Solution) -> None:

@@ -13,8 +13,10 @@ from scipy.integrate import solve_ivp
 
 import ancf2d
 from ancf2d.errors import CaseError, ComputationError
+from ancf2d.kernels.motion.feedback import tail_size
 from ancf2d.kernels.motion.ode import tangents
 from ancf2d.solvers.linear import dense
+from ancf2d.solvers.motion.problem import make_problem
 
 J, KP, KD, KI, LIMIT, FILTER = 0.2 + 1.5 / 4, 20.0, 1.0, 30.0, 8.0, 0.01
 PID = {"type": "pid", "input": "1 - hub.theta", "kp": KP, "kd": KD, "ki": KI, "filter": FILTER,
@@ -111,6 +113,23 @@ def test_a_controller_that_nothing_uses_watches_the_motion():
     motion = ride(scene, 1.0, tolerance=1e-9, estimate=False)
     found = motion.stepper.answers.look(motion.rows[-1])
     assert found["watch"]["output"] == pytest.approx(10.0, abs=1e-8)
+
+
+@pytest.mark.parametrize("method", ["radau5", "generalized_alpha", "DOP853"])
+def test_controllers_of_a_model_in_which_nothing_moves_go_on(method: str) -> None:
+    """A held body, as accuracy control tries it: no unknowns but the controller's: the integral of 1, and 1.
+
+    The first assertion keeps a matrix without room for what controllers add from being written to.
+    """
+    scene = arm("ctl", controllers={"ctl": {**PID, "limit": [-100, 100]}})
+    scene["bc"] = [{"type": "clamp", "at": "arm@0"}]
+    p, _ = make_problem(h.build(solver={"type": "dynamic", "t_end": 0.3, "method": method}, **scene))
+    assert p.inner == 0
+    assert len(p.mass) == tail_size(len(p.coordinate), p.rank, p.feedback.states)
+    steps = {"tolerance": 1e-9} if method == "DOP853" else {"dt": 0.01}
+    motion = ride(scene, 0.3, method=method, estimate=False, **steps)
+    assert told(motion)["hub.theta"] == 0.0
+    assert sum(motion.rows[-1].z) == pytest.approx(KI * 0.3 + 1.0, rel=1e-9)
 
 
 def test_tangents_are_derivatives():

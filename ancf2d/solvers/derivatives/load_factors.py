@@ -41,7 +41,8 @@ class LinearResponse(OneByOne):
         self.u = (state.d - self.pencil.d)[model.numbering.free]
         for _ in range(POLISH):
             self.u = self.u - self.pencil.solve(self._unbalanced(self.pencil, self.u))
-        self.h = step_of(model, response_size(self.pencil, self.full(model, self.u)))
+        way = self.full(model, self.u)
+        self.h = step_of(self.pencil, way, response_size(self.pencil, way))
 
     def pencil_of(self, model: Model) -> Pencil:
         """Return the tangent of a model at the reference."""

@@ -160,7 +160,9 @@ def _feedback(model: Model, data: dict[str, Any], signals: Signals) -> dict[str,
         return np.ascontiguousarray(np.pad(x, [(0, 0)] * (x.ndim - 1) + [(0, m)], constant_values=value))
     tail, own = tail_size(n + m, found.rank, m), len(found.answers) + m
     moving = data["moving"]
-    mass, fixed = (np.concatenate([x, np.zeros(tail if len(x) else 0)]) for x in (data["mass"], moving.fixed))
+    # where nothing is free to move, the mass matrix is empty, too
+    mass, fixed = (np.concatenate([x, np.zeros(k)])
+                   for x, k in ((data["mass"], tail), (moving.fixed, tail if len(moving.fixed) else 0)))
     return {"feedback": feedback, "moving": moving._replace(fixed=fixed), "mass": mass, "inner": n,
             "rank": found.rank, "sure": 2 if switches(feedback.programs, own) else 1,
             "place": np.concatenate([num.place, n + np.arange(m)]),

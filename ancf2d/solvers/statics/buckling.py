@@ -23,7 +23,7 @@ from ..small_motions.lowest_modes import Pencil, each, ritz
 from ..small_motions.projected import Quadratic
 from ..state import State
 from .load_rates import SMALL, residual_rate, response_size, step_of, tangent_rate
-from .one_sided import check_edges
+from .one_sided import changed, neglected
 from .static import unscaled
 
 # rotation or strain of the linear response beyond which a load factor is no statement
@@ -68,8 +68,7 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     size = response_size(pencil, u)
     moves = size * model.extent > pencil.system.still(pencil.d, 1.0)
     # where nothing moves, the tangent is linear in the multipliers
-    h = step_of(model, size if moves else 0.0)
-    check_edges(pencil, u, h)
+    h = step_of(pencil, u, size if moves else 0.0)
     pencil.B = -tangent_rate(pencil, u, h)
     # the differences have used the factors' place
     pencil.factor(0.0)
@@ -82,7 +81,7 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     # a linear response this large says nothing of the beam
     known = factors * size <= LARGEST
     factors, V = factors[known], V[known]
-    factors, V, meshed, doubts = _trusted(pencil, u, factors, V, size, _meshed(model, base, V))
+    factors, V, meshed, doubts = _trusted(pencil, u, h, factors, V, size, _meshed(model, base, V))
     if unstable:
         warnings.append("the state without the scaled loads is already unstable")
     warnings += doubts
@@ -112,8 +111,7 @@ def _begins_to_grow(pencil: Pencil, spec: Buckling, warnings: list[str], iterati
     pencil.system.factor({"solver": "buckling"})
     u = _response(pencil)
     size = response_size(pencil, u)
-    h = step_of(model, size)
-    check_edges(pencil, u, h)
+    h = step_of(pencil, u, size)
     values = tangent_rate(pencil, u, h)
     pencil.B, rate = -values, stored(model, pencil.matrix, values)
     zero = np.zeros(len(d))
@@ -123,8 +121,9 @@ def _begins_to_grow(pencil: Pencil, spec: Buckling, warnings: list[str], iterati
     moved = diags_array((model.numbering.free < model.n_q).astype(float))
     change = load_change(model, d, u, (moved @ rate @ moved).tocsc(), h)
     found = critical_factors(small, change, spec.modes)
-    share = _missed(pencil, u, [(c.factor, c.vector) for c in found.critical])
-    warnings += _doubts(np.array([c.factor for c in found.critical]), size, share, np.zeros(len(share), dtype=bool),
+    share = _missed(pencil, u, h, [(c.factor, c.vector) for c in found.critical])
+    warnings += _doubts(pencil, u, np.array([c.factor for c in found.critical]), size, share,
+                        np.zeros(len(share), dtype=bool),
                         "static to go to a load, and eigen with about: static to see whether motions grow there")
     found = replace(found, critical=[c for c, one in zip(found.critical, share, strict=True) if one <= MISSED])
     wanted = spec.modes if (share <= MISSED).all() else 0
@@ -183,24 +182,25 @@ def _grown(small: Linearised, u: Array, found: Stability, modes: int, warnings: 
     return state
 
 
-def _trusted(pencil: Pencil, u: Array, factors: Array, V: Array, size: float, meshed: NDArray[np.bool_]
+def _trusted(pencil: Pencil, u: Array, h: float, factors: Array, V: Array, size: float, meshed: NDArray[np.bool_]
              ) -> tuple[Array, Array, NDArray[np.bool_], list[str]]:
     """Return the factors at which the linearised tangent stands for the tangent, their shapes, and warnings.
 
     Shapes that are the mesh's (``meshed``, returned too) stay, whatever is missed: a warning of their own names them.
     """
-    share = _missed(pencil, u, list(zip(factors, V, strict=True)))
+    share = _missed(pencil, u, h, list(zip(factors, V, strict=True)))
     good = meshed | (share <= MISSED)
-    doubts = _doubts(factors, size, share, meshed, "static with method: arc_length to find critical points")
+    doubts = _doubts(pencil, u, factors, size, share, meshed, "static with method: arc_length to find critical points")
     return factors[good], V[good], meshed[good], doubts
 
 
-def _missed(pencil: Pencil, u: Array, found: Sequence[tuple[float, NDArray[Any]]]) -> Array:
+def _missed(pencil: Pencil, u: Array, h: float, found: Sequence[tuple[float, NDArray[Any]]]) -> Array:
     """Return the share of the stiffness that the linearisation misses at each factor with its vector (n,).
 
     K + mu dK/dt stands for the tangent at mu u: what the two differ by along the vector, beside K. Axial stiffness
     times the square of a rotation is as much as the bending stiffness long before the rotation is large: structures
-    that bend before they buckle.
+    that bend before they buckle. Or it is what one-sided springs that begin or cease to act before, which need not act
+    on the vector, bear of the loads. ``h`` is a step before that.
     """
     share = []
     for factor, v in found:
@@ -211,11 +211,12 @@ def _missed(pencil: Pencil, u: Array, found: Sequence[tuple[float, NDArray[Any]]
             Kx = pencil.formed(x)
             stiffness += part * np.vdot(v, Kx)
             rest += part * np.vdot(v, pencil.matrix.product(tangent, x) - Kx + factor * pencil.other(x))
-        share.append(abs(rest) / abs(stiffness))
+        share.append(max(abs(rest) / abs(stiffness), neglected(pencil, u, factor, h)))
     return np.array(share)
 
 
-def _doubts(factors: Array, size: float, share: Array, meshed: NDArray[np.bool_], use: str) -> list[str]:
+def _doubts(pencil: Pencil, u: Array, factors: Array, size: float, share: Array, meshed: NDArray[np.bool_],
+            use: str) -> list[str]:
     """Return warnings of factors at which a linear response of ``size`` does not stand for the equilibrium."""
     out = []
     for some, says in ((~meshed & (share > MISSED), "does not apply at"),
@@ -223,9 +224,12 @@ def _doubts(factors: Array, size: float, share: Array, meshed: NDArray[np.bool_]
         if some.any():
             k = int(np.flatnonzero(some)[-1])
             named = ", ".join(f"{f:.6g}" for f in factors[some])
-            out.append(f"linear buckling {says} the load factor{'s' if some.sum() > 1 else ''} {named}. The structure "
-                       f"bends or strains before it buckles, by {factors[k] * size:.2g} (rad) at {factors[k]:.6g}, "
-                       f"where the linearisation neglects {share[k]:.2g} of the stiffness. Use solver {use}")
+            names = ", ".join(changed(pencil, u, factors[k]))
+            before = (f"{names} begins or ceases to act before the structure buckles" if names else
+                      f"The structure bends or strains before it buckles, by {factors[k] * size:.2g} (rad)")
+            out.append(f"linear buckling {says} the load factor{'s' if some.sum() > 1 else ''} {named}. {before} at "
+                       f"{factors[k]:.6g}, where the linearisation neglects {share[k]:.2g} of the stiffness. Use "
+                       f"solver {use}")
     return out
 
 

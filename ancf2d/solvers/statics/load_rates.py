@@ -11,12 +11,13 @@ from ...model.model import Model
 from ..ldl import Symmetric
 from ..small_motions.lowest_modes import Pencil
 from ..system import System
+from .one_sided import check_edges, one_sided, step_before
 
 # half the difference in the load factor that rates are formed with
 SMALL = 1e-4
 # rotation or strain of the states between which the tangent is differentiated
 STEP = 1e-3
-# points and weights (over 12 steps) of derivatives by the load factor; forward from where tendons begin to pull
+# points and weights (over 12 steps) of derivatives by the load factor; forward from where something begins to act
 CENTRAL = ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0))
 FORWARD = ((0, -25.0), (1, 48.0), (2, -36.0), (3, 16.0), (4, -3.0))
 
@@ -29,18 +30,24 @@ def response_size(pencil: Pencil, u: Array) -> float:
     return max(moved, float((turned * np.abs(u[:model.n_q])).max(initial=0.0)))
 
 
-def step_of(model: Model, size: float) -> float:
+def step_of(pencil: Pencil, u: Array, size: float) -> float:
     """Return the step of the load factor that rotates or strains the model, or what winds tendons up, by ``STEP``.
 
-    ``size`` is that of the linear response.
+    It is shorter where one-sided springs would begin or cease to act within the steps of a difference. ``size`` is that
+    of the linear response u (n_full,). Raises ComputationError where a spring is at its edge, and u keeps it there.
     """
-    whole = max([size, *(getattr(spring, "winds", 0.0) for spring in model.springs)])
-    return STEP / whole if whole else 1.0
+    whole = max([size, *(getattr(spring, "winds", 0.0) for spring in pencil.model.springs)])
+    h = STEP / whole if whole else 1.0
+    check_edges(pencil, u, h)
+    return step_before(pencil, u, h, max(k for k, _ in points_of(pencil.model)))
 
 
 def points_of(model: Model) -> Sequence[tuple[int, float]]:
-    """Return points and weights of derivatives by the load factor at 0, where tendons that it winds up have a kink."""
-    return FORWARD if any(batch.signals for batch in model.interactions.springs) else CENTRAL
+    """Return points and weights of derivatives by the load factor at 0, forward where springs or tendons may have a
+    kink there.
+    """
+    kinks = any(batch.signals for batch in model.interactions.springs) or any(one_sided(model))
+    return FORWARD if kinks else CENTRAL
 
 
 def residual_rate(pencil: Pencil) -> tuple[Array, bool]:

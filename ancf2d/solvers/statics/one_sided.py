@@ -16,6 +16,8 @@ from ..small_motions.lowest_modes import Pencil
 NEAR, EDGE = 1e-2, 1e-3
 # of a tension, the push that is round-off
 SLACK = 1e-9
+# share of a step below which it is not shortened for what begins or ceases to act within it
+SHORTEST = 1e-6
 
 
 def check_edges(pencil: Pencil, u: Array, h: float) -> None:
@@ -23,7 +25,7 @@ def check_edges(pencil: Pencil, u: Array, h: float) -> None:
     acts: the tangent takes it to act, and what buckles would move it either way. ``h`` is a step of the load factor.
     """
     model, d, step = pencil.model, pencil.d, NEAR * h
-    for what, spring in _one_sided(model):
+    for what, spring in one_sided(model):
         moved = step * (spring.G @ u[spring.dofs[0]])
         at = spring.G @ d[spring.dofs[0]]
         f, H, _ = spring.forces(at.copy(), 0.0)
@@ -33,6 +35,43 @@ def check_edges(pencil: Pencil, u: Array, h: float) -> None:
                                    "jumps where the model would buckle", at={"solver": "buckling"},
                                    advice="the model without it where it hangs loose; static with method: arc_length "
                                    "and a small imperfection where the model may buckle either way")
+
+
+def step_before(pencil: Pencil, u: Array, h: float, steps: int) -> float:
+    """Return a step of the load factor, at most h, so many of which make no one-sided spring begin or cease to act.
+
+    ``u`` (n_full,) is the linear response.
+    """
+    least = SHORTEST * h
+    while h > least and any(changed(pencil, u, k * h) for k in range(1, steps + 1)):
+        h *= 0.5
+    return h
+
+
+def changed(pencil: Pencil, u: Array, factor: float) -> list[str]:
+    """Return the one-sided springs that act at a load factor along the response u (n_full,) but not at 0, or not any
+    more.
+    """
+    return [what for what, spring in one_sided(pencil.model)
+            if _forces(spring, pencil.d, u, factor)[1].any() != _forces(spring, pencil.d, u, 0.0)[1].any()]
+
+
+def neglected(pencil: Pencil, u: Array, factor: float, h: float) -> float:
+    """Return the work on the response u (n_full,) of what one-sided springs bear at a load factor beside their linear
+    forces, over that of the stiffness. ``h`` is a step in which none begins or ceases to act.
+    """
+    work = 0.0
+    for _, spring in one_sided(pencil.model):
+        (at, *_), (step, *_), (rest, *_) = (_forces(spring, pencil.d, u, x) for x in (factor, h, 0.0))
+        more = at - rest - factor / h * (step - rest)
+        work += abs(float(more @ (spring.G @ u[spring.dofs[0]])))
+    return work / abs(factor * float(u @ pencil.full_stiffness(u))) if work else 0.0
+
+
+def _forces(spring: Any, d: Array, u: Array, factor: float) -> tuple[Array, Array]:
+    """Return the forces of a spring and their derivatives at d + factor u (n_full,)."""
+    f, H, _ = spring.forces(spring.G @ (d + factor * u)[spring.dofs[0]], factor)
+    return f, H
 
 
 def check_taut(model: Model, d: Array) -> None:
@@ -53,7 +92,7 @@ def _tendons(model: Model) -> Iterator[tuple[str, Any]]:
     yield from ((f"loads.{k}", tendon) for k, tendon in zip(numbers, model.loads.springs, strict=True))
 
 
-def _one_sided(model: Model) -> Iterator[tuple[str, Any]]:
+def one_sided(model: Model) -> Iterator[tuple[str, Any]]:
     """Yield springs and elastic tendons that act on one side alone, with where they stand in the case."""
     for (k, item), spring in zip(model.case.resting_springs.items(), model.springs, strict=False):
         if item.breaks:

@@ -1,0 +1,64 @@
+"""Arguments of the Python functions: what is said of those that are none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import ancf2d
+
+TEXT = """format: 1
+title: A cantilever <of steel>
+bodies:
+  beam:
+    geometry: {type: line, start: [0, 0], end: [2, 0]}
+    section: {height: 0.1, width: 0.1}
+    material: {E: 2.07e11, nu: 0.3, rho: 7850}
+    element: {type: vallejo, count: 4}
+boundary_conditions:
+  - {name: wall, type: clamp, at: beam@0}
+loads:
+  - {type: force, at: beam@1, value: [0, -500e3]}
+solver: {type: static}
+goal: {probe: tip, quantity: uy}
+output:
+  probes:
+    tip: beam@1
+"""
+
+E = "bodies.beam.material.E"
+WRONG = {
+    "no case": (lambda: ancf2d.solve(None), TypeError, "case: expected a file, a text, a mapping .* got None"),
+    "one override": (lambda: ancf2d.load(TEXT, "title=a"), TypeError, "overrides: .* 'path=value' .* 'title=a'"),
+    "number as overrides": (lambda: ancf2d.load(TEXT, 5), TypeError, "overrides: expected a mapping"),
+    "numbers as overrides": (lambda: ancf2d.load(TEXT, [5]), TypeError, "overrides: expected a mapping"),
+    "accuracy": (lambda: ancf2d.solve(TEXT, accuracy="fine"), ancf2d.CaseError, r"accuracy .* got the text 'fine'"),
+    "output": (lambda: ancf2d.solve(TEXT, output=5), TypeError, "output: expected the name of a file, got 5"),
+    "elements": (lambda: ancf2d.convergence(TEXT, elements=4), TypeError, r"elements: .* \[2, 4, 8\], got 4"),
+    "no elements": (lambda: ancf2d.convergence(TEXT, elements=[0, 1]), ancf2d.CaseError, "elements: .* got 0"),
+    "half elements": (lambda: ancf2d.convergence(TEXT, elements=[2.5]), ancf2d.CaseError, "elements: .* got 2.5"),
+    "steps": (lambda: ancf2d.convergence(TEXT, dt=[0.1, -0.1]), ancf2d.CaseError, "dt: .* got -0.1"),
+    "step of text": (lambda: ancf2d.convergence(TEXT, tolerance=["a"]), TypeError, "tolerance: expected positive"),
+    "path": (lambda: ancf2d.sensitivity(TEXT, [3]), TypeError, "to: expected paths"),
+    "no numbers": (lambda: ancf2d.optimise(TEXT, {}, "mass"), TypeError, "vary: expected bounds by path"),
+    "paths alone": (lambda: ancf2d.optimise(TEXT, [E], "mass"), TypeError, "vary: expected bounds by path"),
+    "one bound": (lambda: ancf2d.optimise(TEXT, {E: 1e9}, "mass"), TypeError, "vary: .* got {'bodies.beam.material.E"),
+    "nothing to minimise": (lambda: ancf2d.optimise(TEXT, {E: (1e9, 1e10)}, None), TypeError, "minimise: expected an"),
+    "no data": (lambda: ancf2d.fit(TEXT, None, {E: (1e9, 1e10)}), TypeError, "data: expected a CSV file"),
+    "data of text": (lambda: ancf2d.fit(TEXT, {"factor": [1], "tip.uy": ["a"]}, {E: (1e9, 1e10)}), ancf2d.CaseError,
+                     "tip.uy holds something other than numbers"),
+    "no starts": (lambda: ancf2d.fit(TEXT, {"factor": [1], "tip.uy": [0]}, {E: (1e9, 1e10)}, starts=0),
+                  ancf2d.CaseError, "starts is 0; expected at least 1"),
+    "derivative": (lambda: (s := ancf2d.system(TEXT)).expand(np.zeros(s.n), order=3), ValueError, "order is 3"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_arguments_of_another_kind_are_named_with_what_is_expected(name: str) -> None:
+    call, kind, words = WRONG[name]
+    with pytest.raises(kind, match=words):
+        call()
+
+
+def test_none_is_no_override() -> None:
+    assert ancf2d.load(TEXT, None).completed == ancf2d.load(TEXT).completed
