@@ -45,6 +45,13 @@ def call(folder: Path) -> Callable[..., Result]:
 
 
 @pytest.fixture
+def solved(call: Callable[..., Result]) -> Callable[..., Result]:
+    """As ``call``, in a folder with the result file ``beam.h5`` of the case, of three steps."""
+    assert call("run", "beam.yaml", "--set", "solver={type: static, steps: 3}", "-q").exit_code == 0
+    return call
+
+
+@pytest.fixture
 def call_json(call: Callable[..., Result]) -> Callable[..., dict[str, Any]]:
     """As ``call``, returning the one JSON object that stdout must be."""
     def invoke(*arguments: str) -> dict[str, Any]:

@@ -1,0 +1,49 @@
+"""validate, as a user calls it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import Result
+from commandline import BEAM
+
+Call = Callable[..., Result]
+CallJson = Callable[..., dict[str, Any]]
+
+
+def test_validate_prints_problems_to_stderr_and_ok_per_valid_case_to_stdout(call: Call, folder: Path) -> None:
+    (folder / "wrong.yaml").write_text(BEAM.replace("EI: 1.0e3", "EI: -1"))
+    (folder / "loose.yaml").write_text(BEAM.replace("type: clamp", "type: pin"))
+    result = call("validate", "beam.yaml", "wrong.yaml", "loose.yaml")
+    assert result.exit_code == 2
+    assert result.stdout == "beam.yaml: ok\n"
+    assert "wrong.yaml:6:" in result.stderr
+    # a pinned beam can turn: seen without solving
+    assert "free to turn" in result.stderr
+    assert result.stderr.rstrip().endswith("2 problems in 2 cases")
+    assert call("validate", "beam.yaml").exit_code == 0
+    assert call("validate", "beam.yaml", "-q").output == ""
+    assert sorted(os.listdir(folder)) == ["beam.yaml", "loose.yaml", "wrong.yaml"]
+
+
+def test_validate_json_lists_the_problems_of_every_case(call_json: CallJson, folder: Path) -> None:
+    (folder / "wrong.yaml").write_text(BEAM.replace("EI: 1.0e3", "EI: -1"))
+    found = call_json("validate", "beam.yaml", "wrong.yaml", "none.yaml", "--json")
+    assert found["status"] == "failed"
+    assert [c["status"] for c in found["cases"]] == ["ok", "failed", "failed"]
+    problem = found["cases"][1]["problems"][0]
+    assert (problem["file"], problem["line"], problem["path"]) == ("wrong.yaml", 6, "bodies.beam.section.EI")
+    assert call_json("validate", "beam.yaml", "--json")["status"] == "ok"
+
+
+def test_validate_reports_solver_and_model_problems_together(call: Call, folder: Path) -> None:
+    """What no solver offers does not hide a mechanism."""
+    result = call("validate", "beam.yaml", "--set", "solver={type: static, method: arc_length}", "--set",
+                  "boundary_conditions.root={type: pin, at: beam@0}")
+    if "arc_length" not in result.stderr:
+        pytest.skip("arc length is available")
+    assert "free to turn" in result.stderr
