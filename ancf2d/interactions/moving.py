@@ -60,8 +60,10 @@ class MovingPatch:
     """
 
     multiplier, fed, scale, symmetric = -1, -1, 1.0, False
-    # when it acts, None for always; whether it is the weight of a mass
+    # when it acts, None for always; whether it acts on one side alone, or from a gap on
     active: Active | Latch | None = None
+    breaks = False
+    # whether it is the weight of a mass
     gravity = False
 
     def __init__(self, mesh: BodyMesh, course: Course, law: PointLaw, par: Sequence[float], signal: Course | None,

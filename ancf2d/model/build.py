@@ -186,14 +186,15 @@ class _Builder:
 
     def add_springs(self) -> None:
         for k, spring in enumerate(self.case.springs):
+            placed: Any
             if k in self.case.resting_springs:
-                ends = [p if isinstance(p, GroundPoint) else self.point(p) for p in spring.between]
-                self.springs.append(spring.place(ends))
-                self.springs[-1].active = self.timing.window(getattr(spring, "active", None))
+                placed = spring.place([p if isinstance(p, GroundPoint) else self.point(p) for p in spring.between])
+                self.springs.append(placed)
             else:
-                moving = moving_spring(spring, self.meshes, self.point, self.timing)
-                moving.active = self.timing.window(getattr(spring, "active", None))
-                self.loads.patches.append(moving)
+                placed = moving_spring(spring, self.meshes, self.point, self.timing)
+                self.loads.patches.append(placed)
+            placed.active = self.timing.window(getattr(spring, "active", None))
+            placed.breaks = getattr(spring, "breaks", False)
 
     def add_flows(self) -> None:
         for what in self.case.flows:

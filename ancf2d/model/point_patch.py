@@ -126,8 +126,9 @@ class PointPatch:
 
     multiplier = -1
     scale = 1.0
-    # when it acts, None for always
+    # when it acts, None for always; whether it acts on one side of its fields alone, or from a gap on
     active: Active | Latch | None = None
+    breaks = False
     # points of bodies that it acts at, with what each has of the fields, where they are told apart
     ends: Sequence[tuple[PointRef, Sequence[Field]]] = ()
 

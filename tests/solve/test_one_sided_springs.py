@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import helpers as h
 import numpy as np
@@ -94,3 +95,49 @@ def test_small_motions_on_the_verge_of_a_spring_are_those_with_it():
     assert pair[1].tables["modes"]["omega"] == pytest.approx(pair[0].tables["modes"]["omega"], rel=1e-12)
     assert pair[0].warnings == []
     assert "is one-sided" in pair[1].warnings[0]
+
+
+# a bar of 0.4 kg that flies 0.1931 m to each side, at 1 m/s, and is in a stop for 13.7 ms
+FREE, WITHIN = 0.1931, 13.7e-3
+HARD, FLIES = 0.4 * (math.pi / WITHIN)**2, {
+    "bodies": {"b": rigid([0, 0], [0.1, 0], 0.4, 1e-3)},
+    "bc": [{"type": "roller", "at": f"b@{s}", "fixed": "y"} for s in (0, 1)],
+    "initial": {"velocity": [1.0, 0]}}
+
+
+def bouncing(t: float) -> float:
+    """Return where it is at t: straight to a stop and back, and half a sine in it."""
+    bounces, x = divmod(t + FREE, 2 * FREE + WITHIN)
+    place = x - FREE if x < 2 * FREE else FREE + WITHIN / math.pi * math.sin(math.pi * (x - 2 * FREE) / WITHIN)
+    return (-1.0)**bounces * place
+
+
+def off(kind: str, **solver: Any) -> float:
+    """Return the largest error of a motion through three bounces, relative to its size."""
+    stop = {"type": "translational", "between": [[-1, 0], "b@0"]}
+    springs = {"gap": [{**stop, "stiffness": HARD, "gap": FREE}],
+               "only": [{**stop, "stiffness": HARD, "length": 1 + FREE, "only": "tension"},
+                        {**stop, "stiffness": HARD, "length": 1 - FREE, "only": "compression"}],
+               "formula": [{**stop, "force": f"{HARD:.17g}*u", "length": 1 + FREE, "only": "tension"},
+                           {**stop, "force": f"{HARD:.17g}*u", "length": 1 - FREE, "only": "compression"}]}[kind]
+    motion = ride({**FLIES, "springs": springs}, 1.5, states=6, **solver)
+    return max(abs(motion.place("b@0", k)[0] - bouncing(0.25 * k)) for k in range(7)) / FREE
+
+
+@pytest.mark.parametrize(("method", "limit"), [
+    ("radau5", 1e-3), ("radau9", 1e-4), ("DOP853", 1e-4), ("RK45", 2e-3), ("Radau", 3e-5)])
+def test_no_step_passes_over_a_stop(method, limit):
+    """In free flight steps have no error, and grow until they are longer than it is in the stop."""
+    assert off("gap", method=method, tolerance=1e-5) < limit
+
+
+@pytest.mark.parametrize("kind", ["only", "formula"])
+def test_every_kind_of_stop_is_found(kind):
+    assert off(kind, method="radau9", tolerance=1e-5) < 1e-4
+
+
+@pytest.mark.parametrize(("method", "order"), [("radau5", 5), ("generalized_alpha", 2), ("energy_momentum", 2)])
+def test_the_order_is_kept_through_stops(method, order):
+    """Steps end where a stop begins and ceases to act."""
+    coarse, fine = (off("gap", method=method, dt=dt) for dt in (2e-3, 1e-3))
+    assert math.log2(coarse / fine) > order - 0.6

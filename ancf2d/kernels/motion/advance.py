@@ -39,6 +39,7 @@ from .state import (
 )
 from .step_control import late, length, next_size, passed, set_length, set_size, shorten, targets, usual
 from .step_energy import count_impact, gains
+from .stops import SOFT, land
 from .work import recall, taken_inside
 
 # rotation in a step [rad] beyond which stages may be on another turn than the end of the step before
@@ -247,6 +248,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
     """
     stored, logged, next_wanted = 0, 0, wanted_from
     outcome, iterations, aims, aimed, event, sooner = DONE, 0, 0, 0.0, False, 0.0
+    lands, landing, begins = 0, 0.0, False
     while True:
         t = s.numbers[TIME]
         if event or (aims == 0 and len(p.feedback.watched) > 0
@@ -257,19 +259,25 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         if logged >= min(steps, len(rows.log)) or (rows.every > 0 and stored >= len(rows.t)):
             return FULL, stored, logged, outcome, iterations
         last, target = targets(s, plan, rows, next_wanted)
-        h = aimed if aims > 0 else length(s, last, target, sooner > 0.0)
+        h = aimed if aims > 0 else landing if lands > 0 else length(s, last, target, sooner > 0.0)
         outcome, iterations, error, contraction = _tried(m, p, w, s, at, t, h, plan.dt == 0.0)
         size = max(s.numbers[SIZE], _moved(p, m.end.z))
         relative = error / size if size > 0.0 else 0.0
         fine = outcome == DONE and (plan.dt > 0.0 or relative <= plan.tolerance)
         if not fine:
-            aims = 0
+            aims, lands = 0, 0
             shorten(m, s, plan, outcome, h, relative)
             if outcome != SWITCHES and not usual(s) >= plan.smallest:
                 return FAILED, stored, logged, outcome, iterations
             continue
         if not _moved(p, m.end.v) <= plan.fastest:
             return FAILED, stored, logged, UNBOUNDED, iterations
+        if len(p.stops) > 0:
+            good, landing, begins = land(m, p, w, s, at, t, h, target - t, lands)
+            lands = 0 if good else lands + 1
+            if not good:
+                aims = 0
+                continue
         if len(p.feedback.watched) > 0:
             good, aimed, event = aim(m, p, w, s, at, t, h, target - t, aims)
             aims = 0 if good else aims + 1
@@ -308,6 +316,8 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         if plan.dt == 0.0:
             cut = event or (target < last and h < s.numbers[STEP_SIZE])
             following = next_size(m, p, s, h, relative / plan.tolerance, contraction, lost, cut)
+            if begins:
+                following = min(following, SOFT * h)
         if end >= last and plan.dt > 0.0 and last < plan.t_stop:
             s.numbers[GRID] += 1.0
         worst = _keep(p, w, m, s, end, h, plan.tracks, work - lost, sooner)

@@ -27,6 +27,7 @@ class Problem(NamedTuple):
     groups : addresses of those of elements; states : all that their laws with memory remember, one group after another,
     with the time since then at places clocks; calls : addresses (``kernels.calls``); tau : (groups,) Kelvin-Voigt times
     [s]; points, sliding, moving, facing : tables of point laws, joints, points that move along bodies or touch them;
+    stops : point laws that act on one side alone, or from a gap on;
     patched : whether there are any; touches, sided : whether there are contacts, and one-sided ones; turning :
     directions whose turns are counted; winds : whether forces depend on the turns; programs : signals; place, indptr,
     index, value, full, dependents : numbering; fronts : of matrices, empty for bands of ``width`` entries a row; mass :
@@ -48,6 +49,7 @@ class Problem(NamedTuple):
     sliding: Any
     moving: Any
     facing: Any
+    stops: Any
     patched: bool
     touches: bool
     sided: bool

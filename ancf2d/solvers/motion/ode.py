@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ from ...kernels.motion.advance import CHECK, END, INSIDE, NEAR
 from ...kernels.motion.events import BEYOND, FLOAT, FLOATS, LOOKS, NO_VALUE, NONE, TRIES, holding
 from ...kernels.motion.ode import accelerations, mass_factors, place, powers, rates, settle, tangents
 from ...kernels.motion.state import COUNT, LOST, OLD_STEP, SIZE, STEP_SIZE, TIME, WORK, motion
+from ...kernels.motion.stops import BEGINS, ENDS, SOFT, SURE, acting
+from ...kernels.motion.stops import TRIES as STOP_TRIES
 from ...model.model import Model
 from ..linear import dense
 from . import stepping
@@ -24,6 +27,18 @@ from .stepping import LOG, Row, Stepper
 
 # Lobatto points and weights on [0, 1], for work along a step
 LOBATTO = ((0.0, 1 / 12), (0.5 - 0.1 * 5**0.5, 5 / 12), (0.5 + 0.1 * 5**0.5, 5 / 12), (1.0, 1 / 12))
+
+
+def cubic(t0: float, y0: Array, t1: float, y1: Array) -> Callable[[float], Array]:
+    """Return y = (z, v) over time between two states, with the cubic z that has their positions and rates."""
+    h, (z0, v0), (z1, v1) = t1 - t0, np.split(y0, 2), np.split(y1, 2)
+    a, b = z1 - z0 - h * v0, h * (v1 - v0)
+
+    def at(t: float) -> Array:
+        x = (t - t0) / h
+        z = z0 + x * h * v0 + x * x * ((3.0 - 2.0 * x) * a - (1.0 - x) * b)
+        return np.concatenate([z, v0 + (x * (6.0 * (1.0 - x) * a - (2.0 - 3.0 * x) * b)) / h])
+    return at
 
 
 class OdeStepper(Stepper):
@@ -146,12 +161,15 @@ class OdeStepper(Stepper):
         message = solver.step()
         if solver.status == "failed" or not np.isfinite(solver.y).all():
             raise stuck(self, message)
-        path: Any = None
+        path, lands = self._stop_at_spring(t) if len(self.p.stops) else (None, False)
         if self.events.conditions:
             path = self._stop_at_event(t)
             if path is None:
                 self.solver = None
                 return False
+        if self.solver is not solver:
+            # the step has been made anew
+            evaluations = evaluations - solver.nfev
         solver = self.solver
         h, evaluations = solver.t - t, solver.nfev - evaluations
         inside = self._inside(t, solver.t)
@@ -163,6 +181,9 @@ class OdeStepper(Stepper):
                   for x in inside[:len(inside) - at_end]]
         self.s.numbers[[WORK, LOST]] = self._work(path, t, solver.t)
         worst = self._keep(h)
+        if lands:
+            self._restart()
+            self.s.numbers[STEP_SIZE] = SOFT * h
         tries = evaluations // self.scheme.stages if self.scheme.stages else 1
         self.log.append([self.s.numbers[COUNT], solver.t, h, evaluations, tries - 1, error, worst])
         for x, y, work, turned in states:
@@ -196,6 +217,53 @@ class OdeStepper(Stepper):
             if self.solver.status == "failed":
                 raise stuck(self, message)
         return self.solver.dense_output()
+
+    def _stop_at_spring(self, t: float) -> tuple[Any, bool]:
+        """Let a step from t that has just been made end where a spring that acts on one side alone begins or ceases to.
+
+        Returns its interpolation, and whether it ends at such a place.
+        """
+        for k in range(STOP_TRIES):
+            solver = self.solver
+            # stages that do not count may have forces, with which interpolations of high order go anywhere
+            path = cubic(solver.t_old, solver.y_old, solver.t, solver.y) if self.scheme.one_step else (
+                solver.dense_output())
+            found = self._first_change(path, t, solver.t)
+            if found is None or solver.t - found <= ENDS * (solver.t - t):
+                return solver.dense_output(), found is not None
+            if not self.scheme.one_step:
+                solver.t, solver.y, solver.status = found, path(found), "running"
+                return path, True
+            found = min(found, t + SURE * (solver.t - t)) if k == 0 else found
+            self.solver = self._begin(min(found, self.pieces[self.piece].stop), found - t)
+            message = self.solver.step()
+            if self.solver.status == "failed":
+                raise stuck(self, message)
+        return self.solver.dense_output(), True
+
+    def _first_change(self, path: Any, t: float, end: float) -> float | None:
+        """Return when between t and ``end`` a spring begins or ceases to act, but not where the step before has ended.
+        """
+        def acts(x: float) -> Array:
+            out = np.zeros(len(self.p.stops))
+            place(self.inner, self.free, path(x))
+            acting(self.p, self.w, self.inner.z, self.inner.v, x, out)
+            return out
+
+        before, begun, near = acts(t), t, BEGINS * max(end - t, self.s.numbers[OLD_STEP])
+        for x in (t + (end - t) * k / LOOKS for k in range(1, LOOKS + 1)):
+            now, times = acts(x), []
+            for k in np.flatnonzero(now != before):
+                low, high = begun, x
+                while low < (middle := 0.5 * (low + high)) < high:
+                    low, high = (middle, high) if acts(middle)[k] == before[k] else (low, middle)
+                if high - t > near:
+                    times.append(high)
+                before[k] = now[k]
+            if times:
+                return min(times)
+            begun = x
+        return None
 
     def _crossing(self, path: Any, t: float, end: float, beyond: float) -> float | None:
         """Return when a condition comes to hold between t and the end of a step, or so much behind; None where none.

@@ -23,6 +23,7 @@ from ...kernels.motion.events import event_functions, holding
 from ...kernels.motion.feedback import Feedback, feedback_accept, feedback_functions, no_feedback, tail_size
 from ...kernels.motion.impact import begin, impact_functions
 from ...kernels.motion.ode import ode_functions
+from ...kernels.motion.stops import acting, stop_functions
 from ...kernels.moving import moving_functions
 from ...kernels.patches import patch_functions
 from ...model.feedback import POSITION
@@ -33,7 +34,7 @@ from ...model.timing import Signal
 from ..energy import is_constant
 from ..linear import full_mass, unknowns_to_coordinates
 from .schemes import INTEGRATORS, Integrator, default_method
-from .tables import Signals, dead_loads, mass_tables, motions, natural_signals, sewn_laws, vectors, with_own
+from .tables import Signals, dead_loads, mass_tables, motions, natural_signals, sewn_laws, stops_of, vectors, with_own
 
 if TYPE_CHECKING:
     pass
@@ -84,6 +85,7 @@ def functions(model: Model) -> dict[Any, tuple[Any, ...]]:
             **({calls.consistent: (consistent, layout)} if method.conserves else {}),
             **(ode_functions(layout) if method.scipy is not None else {}),
             **(event_functions(layout, (feedback_accept, layout)) if model.feedback.conditions else {}),
+            **(stop_functions(layout) if len(stops_of(model)) and method.scipy is None else {}),
             **(feedback_functions(fronts, layout) if model.feedback.rank else {})}
 
 
@@ -94,7 +96,7 @@ def nothing() -> Record:
     turning = Turning(n, n, x, x, x)
     return Record(Problem(
         groups=n, states=x, clocks=n, calls=n, tau=x, points=point_table([]), sliding=sliding_table([], x),
-        moving=moving_table([], int, x), facing=facing_table([]), patched=False, touches=False, sided=False,
+        moving=moving_table([], int, x), facing=facing_table([]), stops=n, patched=False, touches=False, sided=False,
         turning=turning, winds=False, programs=programs([]), place=n, indptr=n, index=n, value=x, full=n, dependents=n,
         fronts=no_fronts(), width=1, mass=x, diagonals=n, along=table2, load_coord=n, load_value=x, load_signal=n,
         load_varies=np.zeros(0, dtype=bool), motion_coord=n, motion_factor=x, motion_signal=n, motion_mass=table2,
@@ -117,7 +119,7 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
         "groups": addresses(model.groups), "states": model.states, "clocks": model.clocks, "tau": tau,
         "calls": table(functions(model)), "points": sewn_laws(model, T, signals, _method(model).conserves),
         "turning": turning_table(model.turns), "winds": model.winds,
-        "facing": facing_table(model.interactions.points),
+        "facing": facing_table(model.interactions.points), "stops": stops_of(model),
         "sliding": sliding_table(model.constraints, model.e0), "place": num.place,
         "indptr": num.indptr, "index": num.index, "value": num.value, "full": num.free, "dependents": num.dependent,
         **mass_tables((T.T @ M @ T).tocsr(), num), "alpha": float(damping.rayleigh.alpha) if damping else 0.0,
@@ -258,6 +260,8 @@ def of_motion(model: Model, spec: Dynamic) -> list[Compilation]:
     slides = calls.sliding_forces in called
     return [*of_elements(model), *own, *_called_from_python(p.layout, name in MAKERS, slides, model.sided),
             *([partial(holding.compile, _holding(p.layout))] if model.feedback.conditions else []),
+            *([partial(acting.compile, (*_holding(p.layout), _x))]
+              if len(stops_of(model)) and name not in MAKERS else []),
             *calls.compilations(called)]
 
 

@@ -162,6 +162,12 @@ def sewn_laws(model: Model, T: csr_matrix, signals: Signals, steps: bool) -> Any
     return sew(point_laws(model, signals, steps), vstack([T, rest]).tocsr(), _slots(num))
 
 
+def stops_of(model: Model) -> Index:
+    """Return the items of the table of all point laws that act on one side alone, or from a gap on."""
+    acts = [np.full(len(p.items().p0), getattr(p, "breaks", False)) for p in model.interactions.points]
+    return np.flatnonzero(np.concatenate([np.zeros(0, dtype=bool), *acts]))
+
+
 def point_laws(model: Model, signals: Signals, steps: bool = False) -> Any:
     """Return the table of all point laws; with ``steps`` it also knows their forces over a step."""
     own: list[Any] = []
