@@ -139,3 +139,19 @@ def test_bounces_off_a_floor_that_moves_keep_the_speed_relative_to_it(moves, met
     assert found.place("rod@0.5")[1] == pytest.approx(off_a_floor(floor, rate, 0.5, 2.0), abs=within)
     total, _ = found.totals()
     assert total[-1] - total[0] == pytest.approx(found.rows[-1].work, rel=1e-4)
+
+
+@pytest.mark.parametrize(("element", "x", "missed"), [
+    ({"type": "rigid"}, 0.4, True), ({"type": "rigid"}, 0.0, False), ({"type": "reissner3", "count": 4}, 0.69, True),
+    ({"type": "reissner3", "count": 4}, 0.5, False)], ids=["rigid", "end", "flexible", "node"])
+def test_motions_tell_of_an_obstacle_that_comes_between_the_contact_points(element: dict[str, Any], x: float,
+                                                                           missed: bool) -> None:
+    """A falling rod, with points at its nodes and in the middle of flexible elements, and a small disc below."""
+    rod = {"geometry": {"type": "line", "start": [0, 0.05], "end": [1, 0.05]}, "element": element,
+           "section": {"height": 0.02, "width": 0.03}, "material": {"E": 7e9, "nu": 0.3, "rho": 2700}}
+    solved = ancf2d.solve({
+        "bodies": {"rod": rod}, "obstacles": {"disc": {"type": "circle", "center": [x, -0.03], "radius": 0.05}},
+        "contacts": [{"between": ["rod", "disc"]}], "loads": [{"type": "gravity", "value": [0, -9.81]}],
+        "solver": {"type": "dynamic", "t_end": 0.08, "dt": 1e-3, "estimate": False}}, states=False)
+    told = [w for w in solved.warnings if "deep in an obstacle between its contact points" in w]
+    assert len(told) == missed
