@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from itertools import product
 from typing import Any
 
 import helpers as h
@@ -40,3 +42,25 @@ def test_a_tip_that_is_squeezed_over_the_end_of_the_other_leaf_rests_on_its_corn
     down = -float(found.course["tip"]["uy"][-1])
     assert gap < down < 0.05 * HEIGHT
     assert found.reactions["low"]["fy"] == pytest.approx(force, abs=2.0 * STIFF * down)
+
+
+@pytest.mark.parametrize(("count", "gap"), h.chosen(product((4, 6, 8, 10), (0.0, 1e-4)), [(4, 1e-4), (8, 0.0)]))
+def test_leaves_that_touch_all_along_bend_alike_however_few_their_elements(count: int, gap: float) -> None:
+    """Where one cubic lies in another, more places touch than an element has points: these stand for the others.
+
+    Without friction each leaf bears half of the force, and bends as it does alone.
+    """
+    force = 5.0
+    spec = h.element("cable", count)
+    found = ancf2d.solve(stack(spec, force, gap, False))
+    alone = stack(spec, 0.5 * force, 0.0, False)
+    alone["bodies"].pop("low")
+    alone["boundary_conditions"] = alone["boundary_conditions"][1:]
+    alone.pop("contacts")
+    tip = ancf2d.solve(alone).course["tip"]["uy"][-1]
+    assert tip < -0.7
+    # the faces that touch are half a height from the axes
+    assert found.course["tip"]["uy"][-1] == pytest.approx(tip, abs=0.5 * HEIGHT)
+    # what is left between points is what a warning may tell (docs/contact.md)
+    depths = [float(m[1]) for w in found.warnings if (m := re.search(r"(\S+) deep in an obstacle", w))]
+    assert max(depths, default=0.0) < 1e-7 * found.model.extent
