@@ -74,9 +74,9 @@ SAMPLES, SECTIONS, GOLDEN = 9, 40, 0.6180339887498949
 # entries of a branch that wait, at most: two for each level of a tree
 _DEEP = 128
 
-_curve_at, _foot_on, _gap_between, _place_opposite, _size_of = (part(f) for f in (
-    contact_gaps.curve_at, contact_gaps.foot_on, contact_gaps.gap_between, contact_gaps.place_opposite,
-    contact_gaps.size_of))
+_beyond, _curve_at, _foot_on, _gap_between, _place_opposite, _size_of = (part(f) for f in (
+    contact_gaps.beyond, contact_gaps.curve_at, contact_gaps.foot_on, contact_gaps.gap_between,
+    contact_gaps.place_opposite, contact_gaps.size_of))
 _along, _stand = part(contact_geometry.along), part(contact_geometry.stand)
 
 
@@ -159,8 +159,8 @@ def _try(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: i
         z, found = -1.0, AT_FIRST
     elif z > BESIDE:
         z, found = 1.0, AT_LAST
-    if other[YIELDS] > 0.0:
-        # places that have points of their own, from one end of the curve to the other
+    if other[YIELDS] > 0.0 and best[4] != CLOSED:
+        # places that have points of their own, from one end of the curve to the other; what is closed slides past them
         place = 0.5 * (z + 1.0) * (other[YIELDS] if other[GOES] > 0.0 else 1.0)
         if abs(place - round(place)) < SAME:
             return False
@@ -307,11 +307,13 @@ def body_gaps(table, points, d, gaps, places):  # type: ignore[no-untyped-def]
 
 @inner
 def _gap_from(table, points, k, d, z, u, best, room, none, own, work, across, waiting):  # type: ignore[no-untyped-def]
-    """Return the gap of point k at place z of its element, infinite where nothing is opposite."""
+    """Return the gap of point k at place z of its element, infinite where nothing is opposite but an end."""
     i = table.item[k]
     points.mem[i, PLACE] = z
     fields_of_item(points, i, d, u)
     _find(table, points, k, u, z, np.inf, best, room, none, own, across, waiting)
+    if _beyond(points.par[i, ORIGIN + JOINED], points.mem[i, FOUND]):
+        return np.inf
     fields_of_item(points, i, d, u)
     b, e = points.field[i], points.field[i + 1]
     g = _gap_between(points.par[i], points.p0[b:e], u, points.mem[i], own, work, across)[0]

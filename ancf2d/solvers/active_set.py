@@ -341,13 +341,19 @@ def _grown(spots: list[Spot], d: Array, accepted: tuple[Array, float], t: float)
 def _close(s: Spot, force: float, d: Array) -> int:
     """Close a point with its force, and return its number; between those at home any of its element not in use does.
 
-    Where all are, that with the least force moves.
+    Where all are, the nearest moves to where the resultant of both forces acts: one point in place of two, which have
+    come from either side of where the body touches.
     """
-    k, points = s.k, s.one.points
+    k, points, place = s.k, s.one.points, s.place
     if s.one.pair.spots[k].free:
-        k = min(_beside(s.one, k), key=lambda j: 0.0 if points[j].mem[HELD] <= 0.0 else -d[points[j].multiplier])
+        beside = _beside(s.one, k)
+        unused = [j for j in beside if points[j].mem[HELD] <= 0.0]
+        k = unused[0] if unused else min(beside, key=lambda j: abs(points[j].mem[PLACE] - place))
+        mem, more = points[k].mem, -d[points[k].multiplier]
+        # what turns about a corner of the obstacle has one place
+        if not unused and force > 0.0 < more and SLIDING not in (mem[FREE], s.one.stands(k, s.feature)):
+            force, place = force + more, (force * place + more * float(mem[PLACE])) / (force + more)
+        stand_at(s.one, k, place, s.feature)
     point = points[k]
-    if s.one.pair.spots[k].free:
-        stand_at(s.one, k, s.place, s.feature)
     point.mem[HELD], d[point.multiplier] = 1.0, -force
     return k
