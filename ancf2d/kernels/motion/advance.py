@@ -239,6 +239,24 @@ def _keep(p, w, m, s, t, h, tracks, given, happened):  # type: ignore[no-untyped
     return violation(p, w.d, w.amps)
 
 
+@inner
+def _end(m, p, w, s, at, t, h, room, aims):  # type: ignore[no-untyped-def]
+    """Return whether a step may end where it does, and else how long it has to be, at most ``room``.
+
+    It ends at events, and where stops begin or cease to act: (whether it may, length, whether that is an event, whether
+    a stop begins there, how often that was tried: above 0 for an event, below for a stop).
+    """
+    begins = False
+    if len(p.stops) > 0:
+        good, aimed, begins = land(m, p, w, s, at, t, h, room, max(-aims, 0))
+        if not good:
+            return False, aimed, False, False, min(aims, 0) - 1
+    if len(p.feedback.watched) > 0:
+        good, aimed, event = aim(m, p, w, s, at, t, h, room, max(aims, 0))
+        return good, aimed, event, begins, 0 if good else max(aims, 0) + 1
+    return True, h, False, begins, 0
+
+
 @kernel
 @seldom
 def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-untyped-def]
@@ -248,7 +266,6 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
     """
     stored, logged, next_wanted = 0, 0, wanted_from
     outcome, iterations, aims, aimed, event, sooner = DONE, 0, 0, 0.0, False, 0.0
-    lands, landing, begins = 0, 0.0, False
     while True:
         t = s.numbers[TIME]
         if event or (aims == 0 and len(p.feedback.watched) > 0
@@ -259,33 +276,25 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         if logged >= min(steps, len(rows.log)) or (rows.every > 0 and stored >= len(rows.t)):
             return FULL, stored, logged, outcome, iterations
         last, target = targets(s, plan, rows, next_wanted)
-        h = aimed if aims > 0 else landing if lands > 0 else length(s, last, target, sooner > 0.0)
+        h = aimed if aims != 0 else length(s, last, target, sooner > 0.0)
         outcome, iterations, error, contraction = _tried(m, p, w, s, at, t, h, plan.dt == 0.0)
         size = max(s.numbers[SIZE], _moved(p, m.end.z))
         relative = error / size if size > 0.0 else 0.0
         fine = outcome == DONE and (plan.dt > 0.0 or relative <= plan.tolerance)
         if not fine:
-            aims, lands = 0, 0
+            aims = 0
             shorten(m, s, plan, outcome, h, relative)
             if outcome != SWITCHES and not usual(s) >= plan.smallest:
                 return FAILED, stored, logged, outcome, iterations
             continue
         if not _moved(p, m.end.v) <= plan.fastest:
             return FAILED, stored, logged, UNBOUNDED, iterations
-        if len(p.stops) > 0:
-            good, landing, begins = land(m, p, w, s, at, t, h, target - t, lands)
-            lands = 0 if good else lands + 1
-            if not good:
-                aims = 0
-                continue
-        if len(p.feedback.watched) > 0:
-            good, aimed, event = aim(m, p, w, s, at, t, h, target - t, aims)
-            aims = 0 if good else aims + 1
-            if aimed < 0.0:
-                return FAILED, stored, logged, NOT_FINITE, iterations
-            if not good:
-                event = aimed == 0.0
-                continue
+        good, aimed, event, begins, aims = _end(m, p, w, s, at, t, h, target - t, aims)
+        if aimed < 0.0:
+            return FAILED, stored, logged, NOT_FINITE, iterations
+        if not good:
+            event = aimed == 0.0
+            continue
         end = target if h >= target - t else t + h
         if p.sided and len(p.states) > 0:
             s.numbers[TAKEN] = calls.taken_in_step(p.calls, (p, w, s, m, at, t, h))
@@ -315,9 +324,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         following = h
         if plan.dt == 0.0:
             cut = event or (target < last and h < s.numbers[STEP_SIZE])
-            following = next_size(m, p, s, h, relative / plan.tolerance, contraction, lost, cut)
-            if begins:
-                following = min(following, SOFT * h)
+            following = SOFT * h if begins else next_size(m, p, s, h, relative / plan.tolerance, contraction, lost, cut)
         if end >= last and plan.dt > 0.0 and last < plan.t_stop:
             s.numbers[GRID] += 1.0
         worst = _keep(p, w, m, s, end, h, plan.tracks, work - lost, sooner)

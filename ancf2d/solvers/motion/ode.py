@@ -161,7 +161,10 @@ class OdeStepper(Stepper):
         message = solver.step()
         if solver.status == "failed" or not np.isfinite(solver.y).all():
             raise stuck(self, message)
-        path, lands = self._stop_at_spring(t) if len(self.p.stops) else (None, False)
+        path: Any = None
+        lands = False
+        if len(self.p.stops):
+            path, lands = self._stop_at_spring(t)
         if self.events.conditions:
             path = self._stop_at_event(t)
             if path is None:
@@ -221,7 +224,7 @@ class OdeStepper(Stepper):
     def _stop_at_spring(self, t: float) -> tuple[Any, bool]:
         """Let a step from t that has just been made end where a spring that acts on one side alone begins or ceases to.
 
-        Returns its interpolation, and whether it ends at such a place.
+        Returns its interpolation, None where it stays as it was, and whether it ends at such a place.
         """
         for k in range(STOP_TRIES):
             solver = self.solver
@@ -230,7 +233,7 @@ class OdeStepper(Stepper):
                 solver.dense_output())
             found = self._first_change(path, t, solver.t)
             if found is None or solver.t - found <= ENDS * (solver.t - t):
-                return solver.dense_output(), found is not None
+                return solver.dense_output() if k > 0 or found is not None else None, found is not None
             if not self.scheme.one_step:
                 solver.t, solver.y, solver.status = found, path(found), "running"
                 return path, True
