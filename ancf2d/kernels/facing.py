@@ -48,6 +48,7 @@ from ..elements.contact_geometry import (
     DAMPING,
     FACE,
     FREE,
+    FRICTION,
     HELD,
     HOME,
     OFFSET,
@@ -159,8 +160,9 @@ def _try(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: i
         z, found = -1.0, AT_FIRST
     elif z > BESIDE:
         z, found = 1.0, AT_LAST
-    if other[YIELDS] > 0.0 and best[4] != CLOSED:
-        # places that have points of their own, from one end of the curve to the other; what is closed slides past them
+    if other[YIELDS] > 0.0 and (best[4] != CLOSED or par[FRICTION] > 0.0):
+        # places that have points of their own, from one end of the curve to the other; what is closed without friction
+        # slides past them
         place = 0.5 * (z + 1.0) * (other[YIELDS] if other[GOES] > 0.0 else 1.0)
         if abs(place - round(place)) < SAME:
             return False

@@ -342,16 +342,18 @@ def _close(s: Spot, force: float, d: Array) -> int:
     """Close a point with its force, and return its number; between those at home any of its element not in use does.
 
     Where all are, the nearest moves to where the resultant of both forces acts: one point in place of two, which have
-    come from either side of where the body touches.
+    come from either side of where the body touches; with friction that with the least force moves.
     """
     k, points, place = s.k, s.one.points, s.place
     if s.one.pair.spots[k].free:
         beside = _beside(s.one, k)
         unused = [j for j in beside if points[j].mem[HELD] <= 0.0]
-        k = unused[0] if unused else min(beside, key=lambda j: abs(points[j].mem[PLACE] - place))
+        rubs = s.one.pair.item.friction > 0.0
+        k = unused[0] if unused else min(
+            beside, key=lambda j: -d[points[j].multiplier] if rubs else abs(points[j].mem[PLACE] - place))
         mem, more = points[k].mem, -d[points[k].multiplier]
-        # what turns about a corner of the obstacle has one place
-        if not unused and force > 0.0 < more and SLIDING not in (mem[FREE], s.one.stands(k, s.feature)):
+        # what turns about a corner of the obstacle has one place, and what rubs has come to its own from somewhere
+        if not (unused or rubs) and force > 0.0 < more and SLIDING not in (mem[FREE], s.one.stands(k, s.feature)):
             force, place = force + more, (force * place + more * float(mem[PLACE])) / (force + more)
         stand_at(s.one, k, place, s.feature)
     point = points[k]
