@@ -4,27 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from test_api import TEXT
 
 import ancf2d
-
-TEXT = """format: 1
-title: A cantilever <of steel>
-bodies:
-  beam:
-    geometry: {type: line, start: [0, 0], end: [2, 0]}
-    section: {height: 0.1, width: 0.1}
-    material: {E: 2.07e11, nu: 0.3, rho: 7850}
-    element: {type: vallejo, count: 4}
-boundary_conditions:
-  - {name: wall, type: clamp, at: beam@0}
-loads:
-  - {type: force, at: beam@1, value: [0, -500e3]}
-solver: {type: static}
-goal: {probe: tip, quantity: uy}
-output:
-  probes:
-    tip: beam@1
-"""
 
 E = "bodies.beam.material.E"
 WRONG = {
