@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, cached_property
 from typing import Any
 
@@ -228,6 +228,8 @@ class CompliantContact:
         self.pair, self.law, self.dofs, self.signal = pair, pair.law, pair.meetings, pair.signal
         self.symmetric = pair.item.friction == 0.0
         self.damped = bool(pair.item.law and pair.item.law.damping) or not self.symmetric
+        # all points of an elastic body together: see ``point_patch.PointPatch``
+        self.breaks: Sequence[int] = range(len(pair.spots)) if pair.mesh.plan.rigid else (0,)
 
     def items(self) -> Items:
         """Return the law as tables have it."""

@@ -60,9 +60,9 @@ class MovingPatch:
     """
 
     multiplier, fed, scale, symmetric = -1, -1, 1.0, False
-    # when it acts, None for always; whether it acts on one side alone, or from a gap on
+    # when it acts, None for always; see ``PointPatch``
     active: Active | Latch | None = None
-    breaks = False
+    breaks: Sequence[int] = ()
     # whether it is the weight of a mass
     gravity = False
 

@@ -118,8 +118,8 @@ feedback_tangent = _call(_nothing, None, _SCRATCH, _f)
 # conditions that something waits for: kernels.motion.events
 holding = _call(_i, None, _SCRATCH, _x, _x, _f)
 crossing = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _MOTION, _f, _f, _f)
-# springs that act on one side alone: kernels.motion.stops
-stop_crossing = _call(types.Tuple((_f, _b)), None, _SCRATCH, _MOTION, _METHOD, _MOTION, _f, _f, _f)
+# what acts on one side alone: kernels.motion.stops
+stop_crossing = _call(types.Tuple((_f, _i)), None, _SCRATCH, _MOTION, _METHOD, _MOTION, _f, _f, _f, _f)
 # states that belong to constraints: kernels.motion.consistent
 consistent = _call(_b, None, _SCRATCH, _x, _x, _x, _f, _x)
 by_motion = _call(_nothing, None, _SCRATCH, _i, _x)

@@ -194,7 +194,7 @@ class _Builder:
                 placed = moving_spring(spring, self.meshes, self.point, self.timing)
                 self.loads.patches.append(placed)
             placed.active = self.timing.window(getattr(spring, "active", None))
-            placed.breaks = getattr(spring, "breaks", False)
+            placed.breaks = (0,) if getattr(spring, "breaks", False) else ()
 
     def add_flows(self) -> None:
         for what in self.case.flows:

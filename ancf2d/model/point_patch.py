@@ -126,9 +126,10 @@ class PointPatch:
 
     multiplier = -1
     scale = 1.0
-    # when it acts, None for always; whether it acts on one side of its fields alone, or from a gap on
+    # when it acts, None for always; the first of its items that act on one side alone, or from a gap on, each with
+    # those behind it (0: all of them)
     active: Active | Latch | None = None
-    breaks = False
+    breaks: Sequence[int] = ()
     # points of bodies that it acts at, with what each has of the fields, where they are told apart
     ends: Sequence[tuple[PointRef, Sequence[Field]]] = ()
 

@@ -19,6 +19,7 @@ from .state import (
     CONTRACTION,
     COUNT,
     DONE,
+    FASTEST,
     FRESH,
     GRID,
     LOST,
@@ -39,7 +40,7 @@ from .state import (
 )
 from .step_control import late, length, next_size, passed, set_length, set_size, shorten, targets, usual
 from .step_energy import count_impact, gains
-from .stops import SOFT, land
+from .stops import STAYS, land, leave, scale_of, soften
 from .work import recall, taken_inside
 
 # rotation in a step [rad] beyond which stages may be on another turn than the end of the step before
@@ -240,21 +241,21 @@ def _keep(p, w, m, s, t, h, tracks, given, happened):  # type: ignore[no-untyped
 
 
 @inner
-def _end(m, p, w, s, at, t, h, room, aims):  # type: ignore[no-untyped-def]
+def _end(m, p, w, s, at, plan, t, h, room, aims):  # type: ignore[no-untyped-def]
     """Return whether a step may end where it does, and else how long it has to be, at most ``room``.
 
-    It ends at events, and where stops begin or cease to act: (whether it may, length, whether that is an event, whether
-    a stop begins there, how often that was tried: above 0 for an event, below for a stop).
+    It ends at events, and where stops begin or cease to act: (whether it may, length, whether that is an event, what
+    stops do there, how often that was tried: above 0 for an event, below for a stop).
     """
-    begins = False
+    stops = STAYS
     if len(p.stops) > 0:
-        good, aimed, begins = land(m, p, w, s, at, t, h, room, max(-aims, 0))
+        good, aimed, stops = land(m, p, w, s, at, plan, t, h, room, max(-aims, 0))
         if not good:
-            return False, aimed, False, False, min(aims, 0) - 1
+            return False, aimed, False, stops, min(aims, 0) - 1
     if len(p.feedback.watched) > 0:
         good, aimed, event = aim(m, p, w, s, at, t, h, room, max(aims, 0))
-        return good, aimed, event, begins, 0 if good else max(aims, 0) + 1
-    return True, h, False, begins, 0
+        return good, aimed, event, stops, 0 if good else max(aims, 0) + 1
+    return True, h, False, stops, 0
 
 
 @kernel
@@ -279,7 +280,9 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         h = aimed if aims != 0 else length(s, last, target, sooner > 0.0)
         outcome, iterations, error, contraction = _tried(m, p, w, s, at, t, h, plan.dt == 0.0)
         size = max(s.numbers[SIZE], _moved(p, m.end.z))
-        relative = error / size if size > 0.0 else 0.0
+        fastest = _moved(p, m.end.v)
+        scale = scale_of(s, size, fastest, h)
+        relative = error / scale if scale > 0.0 else 0.0
         fine = outcome == DONE and (plan.dt > 0.0 or relative <= plan.tolerance)
         if not fine:
             aims = 0
@@ -287,9 +290,9 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             if outcome != SWITCHES and not usual(s) >= plan.smallest:
                 return FAILED, stored, logged, outcome, iterations
             continue
-        if not _moved(p, m.end.v) <= plan.fastest:
+        if not fastest <= plan.fastest:
             return FAILED, stored, logged, UNBOUNDED, iterations
-        good, aimed, event, begins, aims = _end(m, p, w, s, at, t, h, target - t, aims)
+        good, aimed, event, stops, aims = _end(m, p, w, s, at, plan, t, h, target - t, aims)
         if aimed < 0.0:
             return FAILED, stored, logged, NOT_FINITE, iterations
         if not good:
@@ -319,15 +322,19 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         if needed > left:
             # more states than there is room for: done again for those that follow
             return FULL, stored, logged, outcome, iterations
+        s.numbers[FASTEST] = max(s.numbers[FASTEST], fastest)
         s.numbers[WORK] += work
         s.numbers[LOST] += lost
         following = h
         if plan.dt == 0.0:
             cut = event or (target < last and h < s.numbers[STEP_SIZE])
-            following = SOFT * h if begins else next_size(m, p, s, h, relative / plan.tolerance, contraction, lost, cut)
+            following = next_size(m, p, s, h, relative / plan.tolerance, contraction, lost, cut)
+            following = soften(s, plan, h, stops, following)
         if end >= last and plan.dt > 0.0 and last < plan.t_stop:
             s.numbers[GRID] += 1.0
         worst = _keep(p, w, m, s, end, h, plan.tracks, work - lost, sooner)
+        if stops != STAYS:
+            leave(m, p, w, s, end, stops)
         s.numbers[CONTRACTION] = contraction
         set_size(s, plan, h, relative, following)
         _log(s, rows.log[logged], end, h, iterations, relative, worst)

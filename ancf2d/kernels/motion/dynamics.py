@@ -27,7 +27,7 @@ class Problem(NamedTuple):
     groups : addresses of those of elements; states : all that their laws with memory remember, one group after another,
     with the time since then at places clocks; calls : addresses (``kernels.calls``); tau : (groups,) Kelvin-Voigt times
     [s]; points, sliding, moving, facing : tables of point laws, joints, points that move along bodies or touch them;
-    patched : whether there are any; stops : point laws that act on one side alone, or from a gap on; touches,
+    patched : whether there are any; stops : what acts on one side alone, or from a gap on (items from, to); touches,
     sided : whether there are contacts, and one-sided ones; turning :
     directions whose turns are counted; winds : whether forces depend on the turns; programs : signals; place, indptr,
     index, value, full, dependents : numbering; fronts : of matrices, empty for bands of ``width`` entries a row; mass :

@@ -9,7 +9,7 @@ from numba.extending import register_jitable
 
 from ...case import jets
 from ...elements.point_laws import turn
-from ..lowlevel.jit import inner, kernel
+from ..lowlevel.jit import addressed, inner, kernel
 
 # numbers that go from step to step; LIMIT: of adaptive steps since Newton's method failed at a longer one, 0 for none
 TIME, STEP_SIZE, CONTRACTION, SIZE, OLD_ERROR, OLD_STEP, WORK, LOST, COUNT, GRID, REJECTED, TRIES, LIMIT = range(13)
@@ -29,7 +29,10 @@ BACKWARD = 21
 NEXT, EULER, LAST, UNCUT, SWITCHED = range(22, 27)
 # what materials with memory take of the strain energy in a step, where contacts without a law ask for it
 TAKEN = 27
-NUMBERS = 28
+# length of the step to come, behind one that ends where a stop begins to act, 0 behind others; whether one acts that
+# has begun to; the largest rate so far
+SOFT_STEP, STRUCK, FASTEST = range(28, 31)
+NUMBERS = 31
 
 _turn = inner(turn)
 # increments of Newton's method that are kept for messages
@@ -188,3 +191,8 @@ def turn_on(turning, d, v, h, angle, rate):  # type: ignore[no-untyped-def]
         new = (x * vy - uy * vx) / (x * x + uy * uy)
         angle[i] = _turn(turning.length[i], ux, uy, angle[i] + 0.5 * h * (rate[i] + new))
         rate[i] = new
+
+
+@addressed
+def keep_all(s, m):  # type: ignore[no-untyped-def]
+    """Keep what a method m knows of earlier steps, behind an impact or a stop: it does no harm."""

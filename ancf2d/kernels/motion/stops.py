@@ -1,26 +1,51 @@
-"""Where in a step springs that act on one side alone, or from a gap on, begin or cease to act: steps end there."""
+"""Where in a step what acts on one side alone, or from a gap on, begins or ceases to act: steps end there.
+
+These are springs, tendons and contacts with a law. Points of an elastic body that may touch count as one: what matters
+is when the first of them begins to act, and when the last of them ceases to. After that errors of steps tell.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
 from .. import calls
+from ..curves import is_apart
 from ..lowlevel.arrays import vector
 from ..lowlevel.jit import addressed, inner, kernel, seldom
 from ..moving import place_moving
-from ..points import evaluate_item, work_arrays
+from ..patches import face_bodies
+from ..points import amplitude_of, fields_of_item, law_of_item, rates_of_item, work_arrays
 from .dynamics import signals_at, to_full
-from .events import BEYOND, LOOKS, NOWHERE, interpolate
-from .state import OLD_STEP
+from .events import LOOKS, NOWHERE, interpolate
+from .state import FASTEST, OLD_STEP, SOFT_STEP, STRUCK
 
 # of a step: how near to its end a spring begins to act for the step to end there, and how near to its start where the
 # step before has ended there; how often it is aimed at; how often an interval is halved
-ENDS, BEGINS, TRIES, HALVINGS = 1e-6, 3e-6, 5, 40
-# of a step: where a spring begins to act behind this, only half of it is made at first, as the path of a step that does
-# not see the spring is wrong
-SURE = 0.5
+ENDS, BEHIND, TRIES, HALVINGS = 1e-6, 3e-6, 5, 40
+# of a step that ends in a stop, or behind one that has not been seen: its path is wrong, so what is made at first ends
+# before the place where the stop begins, and is half of the step at most; how far behind a step that place is aimed at
+BEFORE, SURE, AHEAD = 0.8, 0.5, 1.0
 # of a step that ends where a spring begins to act: the next one, as nothing is known yet of how stiff it is
 SOFT = 1e-2
+# of the longest step: no shorter one is made for this, and what acts within so little is not found. Many points that
+# touch shortly after one another would shorten steps until round-off tells whether they act
+LEAST = 1e-7
+# what stops do where a step ends
+STAYS, BEGINS, CEASES, PARTS = range(4)
+
+
+@inner
+def _item_acts(points, i, w, room):  # type: ignore[no-untyped-def]
+    """Return whether item i has a force or energy at w.d with rates w.v."""
+    u, rates, a, f, H, C = room
+    m = points.field[i + 1] - points.field[i]
+    rates_of_item(points, i, w.v, rates)
+    fields_of_item(points, i, w.d, u)
+    amplitude_of(points, i, w.amps, u, rates, a)
+    acts = law_of_item(points, i, u, rates, a, f, H, C, m if points.along[i] == 0 else 0)[0] != 0.0
+    for j in range(m):
+        acts |= f[j] != 0.0
+    return acts
 
 
 @inner
@@ -30,13 +55,15 @@ def _tell(p, w, z, v, t, room, out):  # type: ignore[no-untyped-def]
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
     place_moving(p, w.d, w.amps)
-    u, rates, a, f, H, C = room
+    face_bodies(p, w.d)
     for k in range(len(p.stops)):
-        i = p.stops[k]
-        acts = evaluate_item(p.points, i, w.d, w.v, w.amps, u, rates, a, f, H, C)[0] != 0.0
-        for j in range(p.points.field[i + 1] - p.points.field[i]):
-            acts |= f[j] != 0.0
-        out[k] = 1.0 if acts else 0.0
+        i, out[k] = p.stops[k, 0], 0.0
+        while i < p.stops[k, 1] and out[k] == 0.0:
+            if p.points.along[i] != 0 and p.points.apart[i] > 0.0 and is_apart(p.points, i, w.d):
+                i += p.points.run[i]
+                continue
+            out[k] = 1.0 if _item_acts(p.points, i, w, room) else 0.0
+            i += 1
 
 
 @kernel
@@ -55,19 +82,20 @@ def _acts(p, w, s, m, at, t, h, x, room, out):  # type: ignore[no-untyped-def]
 
 @addressed
 @seldom
-def stop_crossing(p, w, s, m, at, t, h, beyond):  # type: ignore[no-untyped-def]
-    """Return (fraction, begins): up to 1 + ``beyond`` of the step from s at t, where a spring begins or ceases to act.
+def stop_crossing(p, w, s, m, at, t, h, near, beyond):  # type: ignore[no-untyped-def]
+    """Return (fraction, what): up to 1 + ``beyond`` of the step from s at t, where a stop BEGINS or CEASES to act.
 
-    NOWHERE where none does. Where the step before has ended there, it is not found again.
+    PARTS where the last one ceases to.
+
+    NOWHERE where none does. What is ``near`` its start is where the step before has ended, and is not found again.
     """
     n = len(p.stops)
     room = work_arrays(p.points)
     before, now, middle = vector(n), vector(n), vector(n)
     _acts(p, w, s, m, at, t, h, 0.0, room, before)
-    first, begins, low = NOWHERE, False, 0.0
-    near = BEGINS * max(1.0, s.numbers[OLD_STEP] / h)
+    first, what, low = NOWHERE, STAYS, 0.0
     for place in range(1, LOOKS + (2 if beyond > 0.0 else 1)):
-        x = min(place / LOOKS, 1.0 + beyond)
+        x = place / LOOKS if place <= LOOKS else 1.0 + beyond
         _acts(p, w, s, m, at, t, h, x, room, now)
         for k in range(n):
             if now[k] == before[k]:
@@ -83,26 +111,69 @@ def stop_crossing(p, w, s, m, at, t, h, beyond):  # type: ignore[no-untyped-def]
             if right <= near:
                 before[k] = now[k]
             elif right < first:
-                first, begins = right, now[k] > 0.0
+                first, what = right, BEGINS if now[k] > 0.0 else CEASES
         if first != NOWHERE:
             break
         low = x
-    return first, begins
+    if what == CEASES:
+        _acts(p, w, s, m, at, t, h, first + near, room, now)
+        what = PARTS
+        for k in range(n):
+            if now[k] > 0.0:
+                what = CEASES
+    return first, what
 
 
 @inner
-def land(m, p, w, s, at, t, h, room, tries):  # type: ignore[no-untyped-def]
+def land(m, p, w, s, at, plan, t, h, room, tries):  # type: ignore[no-untyped-def]
     """Return whether a step from t ends where a stop begins or ceases to act or has no such place in it, and else how
-    long it has to be; and whether one begins to act where it ends.
+    long it has to be; and what happens where it ends, see ``stop_crossing``: STAYS where nothing does.
 
     ``room`` is how long it may be, ``tries`` how often that was tried.
     """
-    x, begins = calls.stop_crossing(p.calls, (p, w, s, m, at, t, h, BEYOND if tries > 0 else 0.0))
+    near = max(BEHIND * max(h, s.numbers[OLD_STEP]), LEAST * plan.largest) / h
+    x, what = calls.stop_crossing(p.calls, (p, w, s, m, at, t, h, near, AHEAD if tries > 0 else 0.0))
     if x == NOWHERE or (x > 1.0 and (h >= room or tries >= TRIES)):
-        return True, h, False
-    if abs(x - 1.0) <= ENDS or tries >= TRIES:
-        return True, h, begins
-    return False, min(x if tries > 0 else min(x, SURE), room / h) * h, begins
+        return True, h, STAYS
+    if abs(x - 1.0) <= ENDS:
+        return True, h, what
+    if tries >= TRIES and what != BEGINS:
+        return True, h, what
+    if x < 1.0 and (tries == 0 or tries >= TRIES):
+        return False, min(BEFORE * x, SURE) * h, STAYS
+    return False, min(x, room / h) * h, STAYS
+
+
+@inner
+def leave(m, p, w, s, t, stops):  # type: ignore[no-untyped-def]
+    """Let the next step from s at t know nothing of the forces before what ``stops`` do there.
+
+    Rates that are off the constraints by some h^2, as steps leave them, would be forces in one that is much shorter.
+    """
+    if stops != CEASES:
+        s.numbers[STRUCK] = 1.0 if stops == BEGINS else 0.0
+    if not m.exact:
+        calls.onto_constraints(p.calls, (p, w, s.z, s.v, s.a, t, False))
+    calls.restart(m.calls, (s, m.own))
+
+
+@inner
+def scale_of(s, size, fastest, h):  # type: ignore[no-untyped-def]
+    """Return what errors of displacements in a step of length h are relative to: the size of the motion.
+
+    Where a stop acts that has begun to, they are rates, times h, with which the motion goes on behind it.
+    """
+    return min(size, max(s.numbers[FASTEST], fastest) * h) if s.numbers[STRUCK] > 0.0 else size
+
+
+@inner
+def soften(s, plan, h, stops, usual):  # type: ignore[no-untyped-def]
+    """Return how long the step behind one of length h is, at whose end ``stops`` tells what happens, else ``usual``.
+
+    It is short where one begins to act. Of several that begin one after another, the first tells how short.
+    """
+    s.numbers[SOFT_STEP] = max(SOFT * h, s.numbers[SOFT_STEP], LEAST * plan.largest) if stops == BEGINS else 0.0
+    return usual if s.numbers[SOFT_STEP] == 0.0 else s.numbers[SOFT_STEP]
 
 
 def stop_functions(problem: Any) -> dict[Any, tuple[Any, ...]]:

@@ -31,7 +31,7 @@ from ...kernels.motion.newmark import (
 )
 from ...kernels.motion.radau import TILE, Radau, radau_accept, radau_restart, radau_step
 from ...kernels.motion.stages import radau_inside, radau_taken, relaxing
-from ...kernels.motion.state import Step, method_of
+from ...kernels.motion.state import Step, keep_all, method_of
 from ...kernels.motion.switching import (
     Switched,
     switched_accept,
@@ -61,7 +61,7 @@ class Kernels(NamedTuple):
     """The functions of a family of integrators.
 
     ``inside`` of those that step materials that relax, ``taken`` of those that solve them at stages, ``work`` of those
-    that know the work of a step themselves, ``go_on`` of those that go on behind an impact.
+    that know the work of a step themselves; ``go_on`` goes on behind an impact or a stop.
     """
 
     step: Any
@@ -69,7 +69,7 @@ class Kernels(NamedTuple):
     restart: Callable[[Any, Any], None]
     inside: Any = None
     work: Any = None
-    go_on: Any = None
+    go_on: Any = keep_all
     taken: Any = None
 
 
@@ -230,7 +230,7 @@ class Method:
             own, parts = _switched(own, basis, spec, p, relaxes)
         self.own = Record(own, parts)
         self.order, self._kernels = order, KERNELS[type(self.own.values)]
-        self.functions = self._functions(p.layout, p.sided, len(relaxes[0]) > 0)
+        self.functions = self._functions(p.layout, len(relaxes[0]) > 0)
         if parts:
             radau, euler = parts
             self.functions |= _functions_of_both(p.layout, radau.layout, euler.layout, len(relaxes[0]) > 0)
@@ -238,18 +238,16 @@ class Method:
         self._unfinished = method._replace(own=self.own.address, exact=self._kernels.work is not None, impulse=impulse,
                                              switches=isinstance(own, Switched))
 
-    def _functions(self, problem: Any, sided: bool, relaxes: bool) -> dict[Any, tuple[Any, ...]]:
+    def _functions(self, problem: Any, relaxes: bool) -> dict[Any, tuple[Any, ...]]:
         kernels, own = self._kernels, self.own.layout
         out = {calls.step: (kernels.step, problem, own), calls.accept: (kernels.accept, own),
-               calls.work: (work, problem)}
+               calls.restart: (kernels.go_on, own), calls.work: (work, problem)}
         if kernels.work is not None:
             out[calls.work_of_step] = kernels.work, problem, own
         if relaxes:
             out[calls.inside] = kernels.inside, problem, own
             if kernels.taken is not None:
                 out[calls.taken] = kernels.taken, problem, own
-        if sided:
-            out[calls.restart] = kernels.go_on, own
         return out
 
     @cached_property

@@ -15,7 +15,7 @@ from ...kernels.motion.advance import CHECK, END, INSIDE, NEAR
 from ...kernels.motion.events import BEYOND, FLOAT, FLOATS, LOOKS, NO_VALUE, NONE, TRIES, holding
 from ...kernels.motion.ode import accelerations, mass_factors, place, powers, rates, settle, tangents
 from ...kernels.motion.state import COUNT, LOST, OLD_STEP, SIZE, STEP_SIZE, TIME, WORK, motion
-from ...kernels.motion.stops import BEGINS, ENDS, SOFT, SURE, acting
+from ...kernels.motion.stops import BEHIND, ENDS, LEAST, SOFT, SURE, acting
 from ...kernels.motion.stops import TRIES as STOP_TRIES
 from ...model.model import Model
 from ..linear import dense
@@ -253,7 +253,8 @@ class OdeStepper(Stepper):
             acting(self.p, self.w, self.inner.z, self.inner.v, x, out)
             return out
 
-        before, begun, near = acts(t), t, BEGINS * max(end - t, self.s.numbers[OLD_STEP])
+        before, begun = acts(t), t
+        near = max(BEHIND * max(end - t, self.s.numbers[OLD_STEP]), LEAST * self._largest())
         for x in (t + (end - t) * k / LOOKS for k in range(1, LOOKS + 1)):
             now, times = acts(x), []
             for k in np.flatnonzero(now != before):

@@ -96,12 +96,13 @@ def nothing() -> Record:
     turning = Turning(n, n, x, x, x)
     return Record(Problem(
         groups=n, states=x, clocks=n, calls=n, tau=x, points=point_table([]), sliding=sliding_table([], x),
-        moving=moving_table([], int, x), facing=facing_table([]), stops=n, patched=False, touches=False, sided=False,
-        turning=turning, winds=False, programs=programs([]), place=n, indptr=n, index=n, value=x, full=n, dependents=n,
-        fronts=no_fronts(), width=1, mass=x, diagonals=n, along=table2, load_coord=n, load_value=x, load_signal=n,
-        load_varies=np.zeros(0, dtype=bool), motion_coord=n, motion_factor=x, motion_signal=n, motion_mass=table2,
-        motion_mass_signal=n, motion_mutual=table2, alpha=0.0, pairs=n.reshape(0, 2), turns=n.reshape(0, 4), e0=x,
-        weights=x, straining=x, coordinate=x, extent=0.0, feedback=no_feedback(programs([])), inner=0, rank=0, sure=1))
+        moving=moving_table([], int, x), facing=facing_table([]), stops=n.reshape(0, 2), patched=False, touches=False,
+        sided=False, turning=turning, winds=False, programs=programs([]), place=n, indptr=n, index=n, value=x, full=n,
+        dependents=n, fronts=no_fronts(), width=1, mass=x, diagonals=n, along=table2, load_coord=n, load_value=x,
+        load_signal=n, load_varies=np.zeros(0, dtype=bool), motion_coord=n, motion_factor=x, motion_signal=n,
+        motion_mass=table2, motion_mass_signal=n, motion_mutual=table2, alpha=0.0, pairs=n.reshape(0, 2),
+        turns=n.reshape(0, 4), e0=x, weights=x, straining=x, coordinate=x, extent=0.0,
+        feedback=no_feedback(programs([])), inner=0, rank=0, sure=1))
 
 
 def make_problem(model: Model) -> tuple[Record, list[Signal]]:

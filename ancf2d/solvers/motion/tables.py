@@ -163,9 +163,13 @@ def sewn_laws(model: Model, T: csr_matrix, signals: Signals, steps: bool) -> Any
 
 
 def stops_of(model: Model) -> Index:
-    """Return the items of the table of all point laws that act on one side alone, or from a gap on."""
-    acts = [np.full(len(p.items().p0), getattr(p, "breaks", False)) for p in model.interactions.points]
-    return np.flatnonzero(np.concatenate([np.zeros(0, dtype=bool), *acts]))
+    """Return the items of the table of all point laws, from and to (k, 2), that act on one side or from a gap on."""
+    first, found = 0, []
+    for p in model.interactions.points:
+        last, begin = first + len(p.items().p0), first + np.array(getattr(p, "breaks", ()), dtype=np.int64)
+        found.append(np.column_stack([begin, np.append(begin, last)[1:]]))
+        first = last
+    return np.concatenate([np.zeros((0, 2), dtype=np.int64), *found])
 
 
 def point_laws(model: Model, signals: Signals, steps: bool = False) -> Any:
