@@ -43,7 +43,7 @@ DRAWN = 40
 class ElasticTendon(PointPatch):
     """A tendon with a stiffness: a spring to the rest of the model; ``slack`` is the length where it does not pull."""
 
-    damped, angle, breaks = False, False, True
+    damped, angle, breaks = False, False, (0,)
 
     def __init__(self, fields: Sequence[Field], size: int, stiffness: float, slack: float, signal: Any) -> None:
         super().__init__(ELASTIC, fields, [stiffness, 1.0, slack, size], signal)

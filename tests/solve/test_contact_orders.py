@@ -1,8 +1,8 @@
 """Orders of fixed steps through a landing: 2 with a layer, 1 without one.
 
-A rod falls flat on a floor and flies on. With a layer its force begins within a step: that step is wrong by O(dt) in
-the force and so by O(dt^2) in the velocity, once, which leaves the order 2 of generalized alpha. Without a layer the
-rebound begins at the end of the step in which the rod lands, up to dt late, which is an error of order 1.
+A rod falls flat on a floor and flies on. With a layer steps end where its force begins and ceases, which leaves the
+order 2 of generalized alpha. Without a layer the rebound begins at the end of the step in which the rod lands, up to dt
+late, which is an error of order 1.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ from .state import (
 )
 from .step_control import late, length, next_size, passed, set_length, set_size, shorten, targets, usual
 from .step_energy import count_impact, gains
-from .stops import STAYS, land, leave, scale_of, soften
+from .stops import STAYS, error_beside, land, leave, soften
 from .work import recall, taken_inside
 
 # rotation in a step [rad] beyond which stages may be on another turn than the end of the step before
@@ -220,6 +220,7 @@ def _keep(p, w, m, s, t, h, tracks, given, happened):  # type: ignore[no-untyped
         calls.restart(m.calls, (s, m.own))
     s.numbers[COUNT] += 1.0
     s.numbers[SIZE] = max(s.numbers[SIZE], _moved(p, s.z))
+    s.numbers[FASTEST] = max(s.numbers[FASTEST], _moved(p, s.v))
     if not p.patched and len(p.turning.length) == 0 and len(p.states) == 0 and len(p.feedback.kind) == 0:
         return 0.0
     _turn(p, w, s, s.z, s.v, t, h, s.turned)
@@ -279,10 +280,8 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         last, target = targets(s, plan, rows, next_wanted)
         h = aimed if aims != 0 else length(s, last, target, sooner > 0.0)
         outcome, iterations, error, contraction = _tried(m, p, w, s, at, t, h, plan.dt == 0.0)
-        size = max(s.numbers[SIZE], _moved(p, m.end.z))
-        fastest = _moved(p, m.end.v)
-        scale = scale_of(s, size, fastest, h)
-        relative = error / scale if scale > 0.0 else 0.0
+        size, fastest = max(s.numbers[SIZE], _moved(p, m.end.z)), _moved(p, m.end.v)
+        relative = error_beside(s, error, size, fastest, h)
         fine = outcome == DONE and (plan.dt > 0.0 or relative <= plan.tolerance)
         if not fine:
             aims = 0
@@ -322,7 +321,6 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         if needed > left:
             # more states than there is room for: done again for those that follow
             return FULL, stored, logged, outcome, iterations
-        s.numbers[FASTEST] = max(s.numbers[FASTEST], fastest)
         s.numbers[WORK] += work
         s.numbers[LOST] += lost
         following = h
@@ -333,8 +331,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         if end >= last and plan.dt > 0.0 and last < plan.t_stop:
             s.numbers[GRID] += 1.0
         worst = _keep(p, w, m, s, end, h, plan.tracks, work - lost, sooner)
-        if stops != STAYS:
-            leave(m, p, w, s, end, stops)
+        leave(m, p, w, s, end, stops)
         s.numbers[CONTRACTION] = contraction
         set_size(s, plan, h, relative, following)
         _log(s, rows.log[logged], end, h, iterations, relative, worst)

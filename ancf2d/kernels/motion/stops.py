@@ -146,10 +146,12 @@ def land(m, p, w, s, at, plan, t, h, room, tries):  # type: ignore[no-untyped-de
 
 @inner
 def leave(m, p, w, s, t, stops):  # type: ignore[no-untyped-def]
-    """Let the next step from s at t know nothing of the forces before what ``stops`` do there.
+    """Let the next step from s at t know nothing of the forces before what ``stops`` do there, if anything.
 
     Rates that are off the constraints by some h^2, as steps leave them, would be forces in one that is much shorter.
     """
+    if stops == STAYS:
+        return
     if stops != CEASES:
         s.numbers[STRUCK] = 1.0 if stops == BEGINS else 0.0
     if not m.exact:
@@ -158,12 +160,14 @@ def leave(m, p, w, s, t, stops):  # type: ignore[no-untyped-def]
 
 
 @inner
-def scale_of(s, size, fastest, h):  # type: ignore[no-untyped-def]
-    """Return what errors of displacements in a step of length h are relative to: the size of the motion.
+def error_beside(s, error, size, fastest, h):  # type: ignore[no-untyped-def]
+    """Return the error of displacements in a step of length h relative to the size of the motion.
 
-    Where a stop acts that has begun to, they are rates, times h, with which the motion goes on behind it.
+    Where a stop acts that has begun to, it is one of the rates with which the motion goes on behind the stop, times h.
     """
-    return min(size, max(s.numbers[FASTEST], fastest) * h) if s.numbers[STRUCK] > 0.0 else size
+    if s.numbers[STRUCK] > 0.0:
+        size = min(size, max(s.numbers[FASTEST], fastest) * h)
+    return error / size if size > 0.0 else 0.0
 
 
 @inner

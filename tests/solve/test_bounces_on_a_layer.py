@@ -1,0 +1,73 @@
+"""Bodies that bounce off a contact with a law, against free flights and half swings in closed form."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from motions import ride, rigid
+
+MASS, HEIGHT, G, LASTS = 1.0, 0.2, 9.81, 2.0
+FLOOR = {"floor": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}}
+
+
+def dropped(stiffness: float, tilt: float = 0.0) -> dict[str, Any]:
+    """Return a rigid bar of 1 m that falls on a floor, all of it at once without ``tilt`` [m]."""
+    touch = {"between": ["bar", "floor"], "side": "axis", "law": {"stiffness": stiffness}}
+    return {"bodies": {"bar": rigid([0, HEIGHT], [1, HEIGHT + tilt], MASS, 0.1)}, "obstacles": FLOOR,
+            "contacts": [touch], "loads": [{"type": "gravity", "value": [0, -G]}]}
+
+
+def bouncing(t: float, stiffness: float) -> float:
+    """Return its height at t: it falls from rest, swings about where it would lie, and rises as far."""
+    omega, speed = math.sqrt(stiffness / MASS), math.sqrt(2 * G * HEIGHT)
+    # in the layer y = G/omega^2 (cos(omega t) - 1) - speed/omega sin(omega t)
+    phase = math.atan2(speed / omega, G / omega**2)
+    within, flight = (2 * math.pi - 2 * phase) / omega, 2 * speed / G
+    t = (t + flight / 2) % (flight + within)
+    if t < flight:
+        return speed * t - G * t * t / 2
+    s = t - flight
+    return G / omega**2 * (math.cos(omega * s) - 1) - speed / omega * math.sin(omega * s)
+
+
+def off(stiffness: float, **solver: Any) -> float:
+    """Return the largest error of a motion through five bounces, relative to its size."""
+    found = ride(dropped(stiffness), LASTS, states=20, **solver)
+    return max(abs(found.place("bar@0.5", k)[1] - bouncing(0.1 * k, stiffness)) for k in range(21)) / HEIGHT
+
+
+@pytest.mark.parametrize(("method", "times"), [
+    ("radau5", 1.0), ("radau9", 1.0), ("generalized_alpha", 5.0), ("DOP853", 20.0)])
+@pytest.mark.parametrize("stiffness", [1e4, 1e7])
+def test_errors_follow_the_tolerance_through_bounces(method, times, stiffness):
+    """Errors of the rate with which it leaves the layer grow with time: those of short steps there count as rates."""
+    assert off(stiffness, method=method, tolerance=1e-4) < times * 1e-4
+
+
+@pytest.mark.parametrize(("method", "order"), [("radau5", 5), ("generalized_alpha", 2)])
+def test_the_order_is_kept_through_bounces(method, order):
+    coarse, fine = (off(1e4, method=method, dt=dt) for dt in (2e-3, 1e-3))
+    assert math.log2(coarse / fine) > order - 0.6
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-9, 1e-3])
+def test_a_bar_that_comes_to_rest_in_the_layer_gains_no_energy(tilt):
+    """At a loose tolerance its last bounces are smaller than errors may be, and its points touch one after another."""
+    found = ride(dropped(1e7, tilt), LASTS, states=200, method="generalized_alpha", tolerance=1e-2)
+    energy, _ = found.totals()
+    assert energy.max() - energy[0] < 2e-2 * MASS * G * HEIGHT
+    assert max(abs(found.place("bar@0.5", k)[0] - 0.5) for k in range(len(found.rows))) < 1e-9
+
+
+def test_an_elastic_bar_that_falls_flat_bounces_to_the_tolerance():
+    """Compared with steps a thousand times more accurate; all of its points touch at once."""
+    bar = {"geometry": {"type": "line", "start": [0, HEIGHT], "end": [1, HEIGHT]},
+           "section": {"EA": 6e4, "EI": 2.0, "kGA": 2e4, "rhoA": 1.0, "rhoI": 1e-3},
+           "element": {"type": "reissner3", "count": 2}}
+    scene = {**dropped(1e5), "bodies": {"bar": bar}}
+    found = [np.array([run.place("bar@0.3", k)[1] for k in range(11)]) for run in (
+        ride(scene, 1.0, states=10, method="radau9", tolerance=tolerance) for tolerance in (1e-8, 1e-4))]
+    assert np.abs(found[1] - found[0]).max() < 1e-4 * HEIGHT
