@@ -13,7 +13,7 @@ from ...elements.shape import Array
 from ...errors import ComputationError
 from .linearised import Linearised
 from .lowest_modes import characteristic, first_shift
-from .projected import Complex, Quadratic, Space, projected_pairs, projected_values, undamped_values
+from .projected import Complex, Quadratic, Space, projected_pairs, projected_values, symmetric_modes, undamped_values
 from .quadratic import AT_REST, Search, shift_of
 from .relaxing import Term, corrected, system_matrix, terms_of, with_dashpots
 
@@ -199,10 +199,7 @@ class _Track:
         With them goes how the body gives way to what the loads do along the lowest: bending stretches a bent beam.
         """
         K, C, M = self.matrices
-        w, U = np.linalg.eigh(0.5 * (M + M.T))
-        T = U[:, w > 1e-12 * w[-1]] / np.sqrt(w[w > 1e-12 * w[-1]])
-        self.values, Y = np.linalg.eigh(0.5 * T.T @ (K + K.T) @ T)
-        T = T @ Y
+        self.values, T = symmetric_modes(0.5 * (K + K.T), 0.5 * (M + M.T), self.shift**2)
         self.followed = min(FOLLOWED * self.pairs + MORE, T.shape[1])
         low, high = T[:, :self.followed], T[:, self.followed:]
         stiff = np.abs(self.values[self.followed:, None]) + self.shift**2
