@@ -244,12 +244,15 @@ def spline(geometry: Spline) -> tuple[list[Smooth], list[float]]:
     if geometry.closed:
         points.append(points[0])
     z = np.array(points)
-    u = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(z)))])
+    with np.errstate(over="ignore"):
+        u = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(z)))])
     if not np.isfinite(u[-1]):
-        raise AxisError(("points",), "the curve is longer than floating-point numbers can tell", "points closer together")
+        raise AxisError(("points",), "the curve is longer than floating-point numbers can tell",
+                        "points closer together")
     for k in np.flatnonzero(np.diff(u) <= 0.0).tolist():
-        raise AxisError(("points", (k + 1) % len(geometry.points)), f"points {k} and {(k + 1) % len(geometry.points)} "
-                        f"are as good as one, beside a curve of length {u[-1]:.3g}", "points farther apart")
+        other = (k + 1) % len(geometry.points)
+        raise AxisError(("points", other), f"points {k} and {other} are as good as one, beside a curve of length "
+                        f"{u[-1]:.3g}", "points farther apart")
     coefficients: Any = CubicSpline(u, z, bc_type="periodic" if geometry.closed else "not-a-knot").c[::-1]
 
     def taylor(at: Array, n: int) -> Series:
