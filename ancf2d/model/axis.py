@@ -35,7 +35,7 @@ CLOSED = 1e-6
 class AxisError(ValueError):
     """A geometry that is no smooth curve; ``key`` names what is wrong below the geometry."""
 
-    def __init__(self, key: tuple[str, ...], message: str, expected: str = "") -> None:
+    def __init__(self, key: tuple[str | int, ...], message: str, expected: str = "") -> None:
         super().__init__(message)
         self.key, self.expected = key, expected
 
