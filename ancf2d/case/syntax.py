@@ -328,8 +328,8 @@ class _Parser:
         if own:
             known = ", ".join(name.partition(".")[2] for name in own)
             why = "section forces follow from the motion and cannot act back on it" if quantity in "NQM" else ""
-            return ExpressionError(f"'{text}' is unknown{': ' + why if why else ''}; quantities of a probe that an "
-                                   f"expression can use are {known}", column,
+            return ExpressionError(f"'{text}' is unknown{': ' + why if why else ''}; an expression can use {known} of "
+                                   f"'{probe}'", column,
                                    _nearest(text, own) if not why else "")
         if dot and (self.names.probes or self.names.quantities):
             return ExpressionError(f"'{text}' is unknown: there is no probe '{probe}' in output.probes", column,
