@@ -195,7 +195,8 @@ class _Parser:
             match = _TOKEN.match(text, at)
             if match is None:
                 column = at + len(text[at:]) - len(text[at:].lstrip())
-                raise ExpressionError(f"'{text[column]}' is not allowed", column)
+                hint = "; equality is written ==" if text[column] == "=" else ""
+                raise ExpressionError(f"'{text[column]}' is not allowed{hint}", column)
             kind = str(match.lastgroup)
             yield kind, match[kind], match.start(kind)
             at = match.end()
