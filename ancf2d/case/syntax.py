@@ -195,7 +195,8 @@ class _Parser:
             match = _TOKEN.match(text, at)
             if match is None:
                 column = at + len(text[at:]) - len(text[at:].lstrip())
-                raise ExpressionError(f"'{text[column]}' is not allowed", column)
+                hint = "; equality is written ==" if text[column] == "=" else ""
+                raise ExpressionError(f"'{text[column]}' is not allowed{hint}", column)
             kind = str(match.lastgroup)
             yield kind, match[kind], match.start(kind)
             at = match.end()
@@ -328,8 +329,8 @@ class _Parser:
         if own:
             known = ", ".join(name.partition(".")[2] for name in own)
             why = "section forces follow from the motion and cannot act back on it" if quantity in "NQM" else ""
-            return ExpressionError(f"'{text}' is unknown{': ' + why if why else ''}; quantities of a probe that an "
-                                   f"expression can use are {known}", column,
+            return ExpressionError(f"'{text}' is unknown{': ' + why if why else ''}; an expression can use {known} of "
+                                   f"'{probe}'", column,
                                    _nearest(text, own) if not why else "")
         if dot and (self.names.probes or self.names.quantities):
             return ExpressionError(f"'{text}' is unknown: there is no probe '{probe}' in output.probes", column,

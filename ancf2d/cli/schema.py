@@ -205,7 +205,8 @@ def _elements() -> Schema:
                     "note": TEXT}
     found = _object("an element type", **keys)
     return {"type": "object", "description": "all element types, or the one that is named",
-            "properties": {"elements": _list(found), "families": _list(_is("object")), **keys, **_FAILED}}
+            "properties": {"elements": _list(found), "families": _list(_is("object")), **keys, **_FAILED},
+            "anyOf": [{"required": ["elements", "families"]}, {"required": list(keys)}]}
 
 
 def _audit() -> Schema:

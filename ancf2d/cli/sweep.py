@@ -34,6 +34,14 @@ SAMPLES = 128
 SHOWN = 10
 
 
+def folder_name(ctx: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
+    """Return a name for a folder; that of a result file, as other commands take it, is a mistake."""
+    if value is not None and value.lower().endswith(".h5") and not Path(value).is_dir():
+        raise click.BadParameter(f"'{value}' is the name of a file, but a sweep writes sweep.h5 into a folder; "
+                                 f"expected for example '{value[:-3] or 'sweep'}'")
+    return value
+
+
 @click.command(epilog=examples("ancf2d sweep beam.yaml --over bodies.beam.element.count=4,8,16",
                                'ancf2d sweep beam.yaml --over "loads.tip.value=[0,-1e3],[0,-2e3]" --csv table.csv',
                                "ancf2d sweep beam.yaml --over bodies.beam.section.height=0.1:0.5:20 "
@@ -58,7 +66,7 @@ SHOWN = 10
 @set_option
 @jobs_option("Number of processes that solve cases at the same time.", "one per core")
 @scheduler_option
-@click.option("--out", "-o", type=click.Path(), metavar="DIR",
+@click.option("--out", "-o", type=click.Path(), metavar="DIR", callback=folder_name,
               help="Folder of sweep.h5; default: the case's name with -sweep, in the working directory.")
 @click.option("--keep", is_flag=True,
               help="Also keep the result file of each row, in DIR/runs, named by a digest of its case.")

@@ -13,7 +13,7 @@ from ..case.binder import Issue
 from ..case.declare import key, record
 from ..case.kinds import Choice, Name, Number, Vector
 from ..case.records import OneOf, tag_of
-from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active
+from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active, Latch
 from ..case.schema.amplitudes import Amplitude
 from ..case.schema.case import register
 from ..case.schema.points import ENDS, PLACE, POINT, GroundPoint, MovingPoint, Point, check_ends
@@ -131,7 +131,10 @@ class LoadSet:
 
 @dataclass(frozen=True)
 class LoadContext:
-    """What a load needs to find its place: meshes, points, its amplitude, the point masses and flows of the scene."""
+    """What a load needs to find its place: meshes, points, its amplitude, the point masses and flows of the scene.
+
+    ``active`` tells when it acts, for what its amplitude does not switch.
+    """
 
     meshes: dict[str, BodyMesh]
     point: Callable[[Any], PointRef]
@@ -140,6 +143,7 @@ class LoadContext:
     flows: Sequence[Any] = ()
     # what follows another amplitude
     follow: Callable[[Amplitude], Callable[[float], float]] | None = None
+    active: Active | Latch | None = None
 
     def moving(self, at: MovingPoint, value: Sequence[float], gravity: bool = False) -> MovingPatch:
         """Return a force of fixed direction that moves along a body and follows the amplitude."""

@@ -59,6 +59,8 @@ class ElasticTendon(PointPatch):
 
     def tension(self, d: Array, t: float) -> float:
         """Return the tension [N] at displacements d (n_q,)."""
+        if self.active is not None and not self.active.at(t):
+            return 0.0
         length = 1.0 if self.signal is None else self.signal(t)
         return float(taut(self.p0, self.G @ d[self.dofs[0]], length, self.par, int(self.par[3]))[1])
 
@@ -270,6 +272,11 @@ class Tendon:
         return None if self.on is None else (self.on, [s for s, _ in _breaks(self.y) if self.from_ < s < self.to])
 
     @property
+    def switches(self) -> bool:
+        """Whether it begins and ends as a spring does: the amplitude of an elastic one winds it up, and 0 is no end."""
+        return self.stiffness is not None
+
+    @property
     def drawn(self) -> Array | None:
         """S and y (n, 2) of points of a guide whose distance from the axis varies; both sides of a jump."""
         if self.on is None or isinstance(self.y, float):
@@ -290,9 +297,6 @@ class Tendon:
         elif self.tension is not None and self.slack:
             yield Issue(("slack",), "{}.slack: a tendon of given tension has no unstretched length",
                         "stiffness in place of tension, or no slack")
-        if self.stiffness is not None and self.active is not None:
-            yield Issue(("active",), "{}.active: an elastic tendon cannot begin or end",
-                        "a tendon of given tension, or no active")
         if not self.from_ < self.to:
             yield Issue(("to",), f"{{}}: from must be less than to, got from {self.from_:g} to {self.to:g}")
         if self.friction:
@@ -354,7 +358,7 @@ class Tendon:
             pieces = [p.among(k * size, size, whole - (k + 1) * size) for k, p in enumerate(pieces)]
             fields = [f for p in pieces for f in p.fields]
             tendon = ElasticTendon(fields, size, self.stiffness, self.slack, context.amplitude)
-            tendon.ends = [end for p in pieces for end in p.ends]
+            tendon.ends, tendon.active = [end for p in pieces for end in p.ends], context.active
             out.springs.append(tendon)
             return tendon
         given = self.tension

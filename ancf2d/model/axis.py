@@ -35,7 +35,7 @@ CLOSED = 1e-6
 class AxisError(ValueError):
     """A geometry that is no smooth curve; ``key`` names what is wrong below the geometry."""
 
-    def __init__(self, key: tuple[str, ...], message: str, expected: str = "") -> None:
+    def __init__(self, key: tuple[str | int, ...], message: str, expected: str = "") -> None:
         super().__init__(message)
         self.key, self.expected = key, expected
 
@@ -244,7 +244,15 @@ def spline(geometry: Spline) -> tuple[list[Smooth], list[float]]:
     if geometry.closed:
         points.append(points[0])
     z = np.array(points)
-    u = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(z)))])
+    with np.errstate(over="ignore"):
+        u = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(z)))])
+    if not np.isfinite(u[-1]):
+        raise AxisError(("points",), "the curve is longer than floating-point numbers can tell",
+                        "points closer together")
+    for k in np.flatnonzero(np.diff(u) <= 0.0).tolist():
+        other = (k + 1) % len(geometry.points)
+        raise AxisError(("points", other), f"points {k} and {other} are as good as one, beside a curve of length "
+                        f"{u[-1]:.3g}", "points farther apart")
     coefficients: Any = CubicSpline(u, z, bc_type="periodic" if geometry.closed else "not-a-knot").c[::-1]
 
     def taylor(at: Array, n: int) -> Series:

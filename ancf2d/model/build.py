@@ -213,7 +213,8 @@ class _Builder:
     def add_loads(self) -> None:
         for i, load in enumerate(self.case.loads):
             context = LoadContext(self.meshes, self.point, self.timing.factor(load), self.case.masses,
-                                  self.case.flows, self.timing.follow)
+                                  self.case.flows, self.timing.follow,
+                                  self.timing.window(getattr(load, "active", None)))
             out = self.loads
             if load.name in self.case.inputs:
                 out, context = self.inputs.setdefault(load.name, LoadSet()), replace(context, amplitude=lambda t: 1.0)

@@ -10,6 +10,7 @@ from ..elements.contact_geometry import FREE, FRICTION, HELD, OWN, SLIDING, STAN
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
+from ..interactions.contact_curves import levels_of
 from ..model.determinacy import rigid_motion
 from ..model.mesh import Index
 from ..model.model import Model
@@ -164,12 +165,35 @@ def contact_report(model: Model, state: State) -> list[dict[str, Any]]:
 
 def _row(parts: list[Touch]) -> dict[str, Any]:
     """Return the entry of one contact, of which either body may have points."""
-    s = np.concatenate([touch.s[touch.touching] for touch in parts])
+    first, last = (np.concatenate(ends) for ends in zip(*map(_stretches, parts), strict=True))
     fx, fy = sum(touch.pair.sign * touch.force.sum(axis=0) for touch in parts)
     return {"name": parts[0].pair.name, "force": [float(fx), float(fy)],
             "moment": float(sum(touch.pair.sign * touch.moment.sum() for touch in parts)),
             "length": max(_length(touch.pair, touch) for touch in parts if touch.pair.sign >= 0.0 or touch.pair.hard),
-            "from": float(s.min()) if len(s) else None, "to": float(s.max()) if len(s) else None}
+            "from": float(first.min()) if len(first) else None, "to": float(last.max()) if len(last) else None}
+
+
+def _stretches(touch: Touch) -> tuple[Array, Array]:
+    """Return where along the body that is named first the stretches (k,) begin and end for which touching points stand.
+
+    Without a law, and on the end of a body, these are the points themselves. Others of a law stand for lengths, one
+    after another in an element.
+    """
+    pair, first, last = touch.pair, touch.s.copy(), touch.s.copy()
+    if not pair.hard and pair.sign >= 0.0:
+        lengths, length = _lengths(pair), pair.mesh.plan.length
+        for ie, eta in {(p.ie, p.eta) for p in pair.spots}:
+            here = np.flatnonzero([(p.ie, p.eta) == (ie, eta) for p in pair.spots] & (lengths > 0.0))
+            here = here[np.argsort(touch.s[here], kind="stable")]
+            last[here] = (pair.mesh.starts[ie] + np.cumsum(lengths[here])) / length
+        first = last - lengths / length
+    return first[touch.touching], last[touch.touching]
+
+
+def _lengths(pair: ContactPair) -> Array:
+    """Return the lengths of the axis (m,) for which the points of a law stand: none for those on an end."""
+    along = levels_of(pair.mesh, pair.item.side)
+    return np.array([p.weight if p.eta in along else 0.0 for p in pair.spots])
 
 
 def _length(pair: ContactPair, touch: Touch) -> float:
@@ -178,8 +202,7 @@ def _length(pair: ContactPair, touch: Touch) -> float:
     Of points that nothing is between, it is the length from one to the next; a compliant contact has lengths.
     """
     if not pair.hard:
-        weights = np.array([p.weight for p in pair.spots])
-        return float(weights[touch.touching].sum())
+        return float(_lengths(pair)[touch.touching].sum())
     total = 0.0
     for eta in {p.eta for p in pair.spots}:
         here = np.array([p.eta == eta for p in pair.spots]) & np.isfinite(touch.gap)

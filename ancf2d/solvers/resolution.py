@@ -166,7 +166,7 @@ class _Body:
 
     def _large(self, stored: float) -> float:
         """Return the share of the energy that is off by the size of the strains which store U, in the mean."""
-        if self.mesh.plan.formulation.stress is None:
+        if not self.mesh.plan.formulation.green:
             return 0.0
         rigidity = self.stands_for * self.mesh.plan.section.EA * self.mesh.plan.length
         return LARGE_STRAIN * math.sqrt(2.0 * stored / rigidity)

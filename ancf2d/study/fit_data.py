@@ -181,8 +181,8 @@ def check_data(loaded: LoadedCase, data: Data) -> list[Problem]:
         first, _, rest = base.partition(".") if data.axis == "hz" else ("", "", base)
         probe, _, quantity = rest.rpartition(".")
         if data.axis == "hz" and (part not in PARTS or first not in getattr(solver, "inputs", ())):
-            say(f"column '{name}' is no INPUT.PROBE.QUANTITY.re or .im", f"inputs {', '.join(solver.inputs)}"
-                if isinstance(solver, FrequencyResponse) else "")
+            say(f"column '{name}' is no INPUT.PROBE.QUANTITY.re or .im, the real or imaginary part of a response",
+                " or ".join(f"{one}.PROBE.QUANTITY.re" for one in getattr(solver, "inputs", ())))
         elif probe in others and probe not in probes:
             if quantity not in others[probe]:
                 say(f"column '{name}': {probe} has no {quantity}", ", ".join(others[probe]),

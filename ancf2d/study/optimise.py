@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,10 @@ from ..case import LoadedCase, with_overrides
 from ..case.axes import Bounds
 from ..case.numbers import Variable, moved_starts, numbers_between
 from ..elements.shape import Array
-from ..errors import ComputationError
+from ..errors import ComputationError, all_of
 from ..results import Column, write_tables
 from .gradient import Study
-from .measures import MASS, Measures, Vocabulary, bounded, read_measure
+from .measures import MASS, Measure, Measures, Vocabulary, bounded, read_measure
 from .record import Progress
 from .run import result_header, vocabulary
 from .sensitivity import on_its_mesh
@@ -86,14 +87,18 @@ class Problem:
 
 
 def problem_of(loaded: LoadedCase, bounds: Sequence[Bounds], minimise: str, constraints: Sequence[str]) -> Problem:
-    """Return the problem that options of the command line describe. Raises CaseError."""
+    """Return the problem that options of the command line describe. Raises CaseError with the problems of all."""
     words, parameters = Vocabulary(loaded), list(loaded.case.parameters)
-    read = [bounded(read_measure(text, "--subject-to", words, parameters), "--subject-to") for text in constraints]
+
+    def constraint(text: str) -> tuple[Measure, Measure, str]:
+        return bounded(read_measure(text, "--subject-to", words, parameters), "--subject-to")
+
+    variables, objective, *read = all_of(
+        lambda: numbers_between(loaded, bounds, vocabulary()),
+        lambda: read_measure(minimise, "--minimise", words, parameters), *(partial(constraint, t) for t in constraints))
     kinds = [kind for _, _, kind in read]
     # the sides that constraints compare with tell what is large
-    measures = [read_measure(minimise, "--minimise", words, parameters), *(m for m, _, _ in read),
-                *(side for _, side, _ in read)]
-    variables = numbers_between(loaded, bounds, vocabulary())
+    measures = [objective, *(m for m, _, _ in read), *(side for _, side, _ in read)]
     apart = [bool(measure.extremes) and kind == "<=" for measure, kind in zip(measures, ["<=", *kinds], strict=False)]
     return Problem(loaded, variables, list(bounds), Measures(measures, loaded.case.goal, apart, len(variables)), kinds,
                    list(constraints))

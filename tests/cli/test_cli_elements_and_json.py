@@ -79,6 +79,8 @@ def test_json_follows_its_schema(call: Call, call_json: CallJson, arguments: lis
     failed = found.get("status") == "failed" and arguments[0] == "run"
     form = schema["anyOf"][1 if failed else 0]
     jsonschema.validate(found, form)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate({}, schema)
     if not failed:
         assert set(found) <= set(form["properties"])
         jsonschema.validate({"status": "failed", "reason": "r", "at": {}}, schema)

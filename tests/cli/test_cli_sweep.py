@@ -38,6 +38,13 @@ def test_rows_hold_what_the_contract_says(call_json: CallJson) -> None:
                for row in found["rows"])
 
 
+def test_the_name_of_a_result_file_is_none_for_the_folder_of_a_sweep(call: Call, folder: Path) -> None:
+    found = call(*COUNTS, "-o", "mine.h5")
+    assert found.exit_code == 2
+    assert "sweep writes sweep.h5 into a folder; expected for example 'mine'" in found.stderr
+    assert not (folder / "mine.h5").exists()
+
+
 def test_table_says_what_was_used_again(call: Call, folder: Path) -> None:
     first = call(*COUNTS, "--out", "mine", "--csv", "t.csv", "--keep")
     assert first.exit_code == 0, first.output

@@ -78,7 +78,8 @@ def test_two_cantilevers_share_a_force_by_their_stiffness(name, law):
     stiff = np.array([1.0, 0.6**-3])
     (report,), (turned,) = (contact_report(s.model, s.state) for s in found)
     assert report["force"][1] == pytest.approx(10.0 * stiff[1] / stiff.sum(), rel=2e-3)
-    assert report["from"] == pytest.approx(1.0, abs=0.02)
+    # where it touches, or one stretch between points of a law there
+    assert 0.95 <= report["from"] <= 1.0 == pytest.approx(report["to"], abs=0.02)
     check_balance(solution)
     # both bear the same, on the faces that look at one another
     pressed = FieldReader(solution.model, ("pressure",)).read(solution.state)

@@ -91,6 +91,24 @@ def test_a_strip_whose_face_just_touches_the_drum_where_it_is_clamped_wraps_arou
     check_balance(solution, [0, -60])
 
 
+def test_the_zone_of_a_law_is_as_long_as_what_touches() -> None:
+    """A rod pressed flat on a floor touches from end to end; one that stands there touches at its end alone."""
+    law = {"stiffness": 1e5}
+    for end, zone in (([1, 0], (0.0, 1.0)), ([0, 1], (0.0, 0.0))):
+        rod = {"geometry": {"type": "line", "start": [0, 0.05], "end": [end[0], end[1] + 0.05]},
+               "section": {"height": 0.1, "width": 0.1}, "material": {"E": 1e7, "nu": 0.3, "rho": 1000},
+               "element": {"type": "reissner3", "count": 4}}
+        solution = helpers.Solution(helpers.build(
+            {"rod": rod}, {"type": "static"}, loads=[{"type": "gravity", "value": [0, -10]}],
+            bc=[{"type": "roller", "at": f"rod@{s}", "fixed": "x"} for s in ([0.5] if end[0] else [0.5, 1])],
+            obstacles={"floor": {"type": "half_plane", "through": [0, 0 if end[0] else 0.049], "normal": [0, 1]}},
+            contacts=[{"between": ["rod", "floor"], "law": law}]))
+        (report,) = contact_report(solution.model, solution.state)
+        assert (report["from"], report["to"]) == pytest.approx(zone, abs=1e-12)
+        assert report["length"] == pytest.approx(zone[1] - zone[0], abs=1e-12)
+        assert report["force"] == pytest.approx([0.0, 100.0], abs=1e-6)
+
+
 def test_a_strip_touches_a_drum_at_a_point() -> None:
     """A point that is no node, by shooting."""
     center, radius, force = (0.6, -0.3), 0.28, 6.0

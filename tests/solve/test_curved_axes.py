@@ -205,6 +205,8 @@ def test_what_a_curved_body_weighs(name: str) -> None:
 
 
 @pytest.mark.parametrize(("geometry", "said"), [
+    ({"type": "spline", "points": [[-1e30, 2], [1, 3], [2, 2]]}, "points 1 and 2 are as good as one"),
+    ({"type": "spline", "points": [[1e308, 0], [-1e308, 3]]}, "longer than floating-point numbers can tell"),
     ({"type": "curve", "x": "abs(s - 0.5)", "y": "s"}, "jumps, has a corner or has zero velocity near s = 0.5"),
     ({"type": "curve", "x": "(s - 0.25)^2", "y": "(s - 0.25)^3"}, "zero velocity near s = 0.25"),
     ({"type": "curve", "x": "0 if s < 0.4 else 1", "y": "s"}, "jumps, has a corner or has zero velocity near s = 0.4"),

@@ -76,6 +76,32 @@ def test_a_spring_that_begins_and_a_start_from_equilibrium() -> None:
     assert solved.course["end"]["ux"] == pytest.approx(0.5 - 0.25 * np.cos(2 * t), abs=1e-6)
 
 
+ROPE = {"name": "rope", "type": "tendon", "through": [[-1, 0], "bar@0"], "stiffness": 6, "slack": -0.1}
+
+
+def test_an_elastic_tendon_begins_and_ends_as_a_spring_does() -> None:
+    """Wound up by 0.1, it pulls with 6/0.9 (x + 0.1) for a while; its winder's amplitude does not end with it."""
+    solved = run(loads=[{**ROPE, "amplitude": {"type": "constant"}, "active": {"from": 0.3, "to": 0.6}}],
+                 initial={"velocity": [0.2, 0]})
+    w = math.sqrt(6 / 0.9)
+    during, after = np.clip(solved.course_t - 0.3, 0, 0.3), np.clip(solved.course_t - 0.6, 0, None)
+    pulled = 0.16 * np.cos(w * during) + 0.2 / w * np.sin(w * during) - 0.1
+    v = -0.16 * w * math.sin(0.3 * w) + 0.2 * math.cos(0.3 * w)
+    expected = np.where(solved.course_t < 0.3, 0.2 * solved.course_t, pulled + v * after)
+    assert solved.course["end"]["ux"] == pytest.approx(expected, abs=1e-6)
+    assert solved.summary["events"] == [{"t": 0.3, "what": "rope begins"}, {"t": 0.6, "what": "rope ends"}]
+    assert solved.summary["energy_drift"] < 1e-6
+
+
+@pytest.mark.parametrize(("active", "start"), [({"to": 0.5}, -2 / 3 / (4 + 6 / 0.9)), ({"from": 9}, 0.0)])
+def test_a_start_from_equilibrium_has_an_elastic_tendon_only_where_it_acts(active: Any, start: float) -> None:
+    """6/0.9 (x + 0.1) + 4 x = 0, then a swing on the spring alone."""
+    spring = {"type": "translational", "between": [[-1, 0], "bar@0"], "stiffness": 4}
+    solved = run(springs=[spring], loads=[{**ROPE, "active": active}], initial={"from": "static"})
+    expected = start * np.cos(2 * np.clip(solved.course_t - 0.5, 0, None))
+    assert solved.course["end"]["ux"] == pytest.approx(expected, abs=1e-6)
+
+
 @pytest.mark.parametrize(("method", "dt", "stiffness", "order"), [
     ("radau5", 0.05, 30, 5), ("radau9", 0.05, 300, 9), ("generalized_alpha", 0.015, 30, 2), ("hht", 0.015, 30, 2),
     ("energy_momentum", 0.015, 30, 2)])

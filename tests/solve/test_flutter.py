@@ -42,6 +42,15 @@ def test_becks_column(element: str, count: int) -> None:
     assert found["omega"] == pytest.approx(11.0156, rel=1e-4)
 
 
+def test_sections_without_rotary_inertia_flutter_all_the_same() -> None:
+    """Their rotations have stiffness and no mass: the lowest modes keep their digits beside a huge K/M."""
+    section = {"EA": 2e5, "kGA": 2e5, "EI": 1, "rhoA": 1, "rhoI": 0}
+    found = first(column(element="reissner3", count=16, body={"section": section}))
+    assert found["kind"] == "flutter"
+    assert found["factor"] == pytest.approx(20.0509, rel=1e-3)
+    assert found["omega"] == pytest.approx(11.0156, rel=1e-3)
+
+
 def test_leipholz_column() -> None:
     """Leipholz 1962: 40.0537 under a uniform tangential load."""
     load = {"type": "distributed", "on": "c", "value": [-1, 0], "follower": True}

@@ -209,6 +209,20 @@ def test_a_short_body_whose_sections_stay_straight_is_judged() -> None:
     assert not warnings(8)
 
 
+@pytest.mark.parametrize(("element", "material"), [
+    ({"type": "ancf", "order": [3, 1], "formulation": "continuum"}, {"law": "neo_hooke"}),
+    ({"type": "vallejo"}, {"viscoelastic": [{"modulus": 0.5, "time": 0.1}]}),
+    ({"type": "cable", "formulation": "green"}, {})], ids=["hyperelastic", "relaxing", "green"])
+def test_a_bar_whose_uniform_strain_is_large_is_not_judged_by_a_linear_law(element: Any, material: Any) -> None:
+    """Its energy is that of a linear law to the order of the strain alone, on a mesh that is fine enough."""
+    body = helpers.body(helpers.line(1.0), {**element, "count": 4}, SECTION, {"E": 1e6, "nu": 0.3, **material})
+    case = helpers.load({"b": body}, {"type": "quasi_static", "t_end": 1.0}, bc=[{"type": "clamp", "at": "b@0"}],
+                        loads=[{"type": "force", "at": "b@1", "value": [3000, 0]}], output={"probes": {"tip": "b@1"}})
+    outcome = run_case(case)
+    assert outcome.summary["probes"]["tip"]["ux"] > 0.15
+    assert not said(outcome)
+
+
 @pytest.mark.parametrize("solver", ["linear_static", "static"])
 def test_natural_strains_that_bodies_follow_freely_are_not_judged_by_the_stress_they_leave(solver: str) -> None:
     """A bar whose temperature changes bends without section forces, to 3 % of where a fine mesh has it."""

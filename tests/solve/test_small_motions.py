@@ -170,6 +170,15 @@ def bar(**more: Any) -> dict[str, Any]:
             "solver": {"type": "eigen", "modes": 3}, **more}
 
 
+def test_one_overdamped_mode_has_two_real_eigenvalues() -> None:
+    """A pinned bar of inertia I = 1 + 3 with a spring k = 3 and a dashpot c = 8: I s^2 + c s + k = 0."""
+    case = bar(boundary_conditions=[{"type": "pin", "at": "bar@0"}],
+               springs=[{"type": "rotational", "between": ["bar@0", [0, 0]], "stiffness": 3, "damping": 8}])
+    case["solver"]["modes"] = 1
+    s = eigenvalues(ancf2d.solve(case, states=False).summary)
+    np.testing.assert_allclose(np.sort(s), np.sort(np.roots([4.0, 8.0, 3.0])), rtol=1e-12)
+
+
 @pytest.mark.parametrize("mixed", [[1, 2], [1j, 2], [1 + 1j, 1 - 1j], [1 + 2j, 3 - 1j]])
 def test_motions_at_rest_are_found_whatever_combinations_of_them_the_modes_are(mixed: list[complex]) -> None:
     """Round-off decides which combinations of two motions with s = 0 the eigenvectors are, and repeats them."""

@@ -306,10 +306,12 @@ def test_a_bead_comes_onto_a_bar_or_leaves_it(method: str, active: Any) -> None:
     assert solved.summary["energy_drift"] < 1e-7
 
 
-def test_a_bead_that_is_off_its_bar_cannot_begin_to_slide() -> None:
-    rod = {**ROD, "geometry": {"type": "line", "start": [1.5, 1], "end": [1.5, 2]}}
+@pytest.mark.parametrize(("start", "said"), [([1.5, 1], "distance from the axis of bar is violated by"),
+                                             ([6, 0], "one is beyond the end of its axis")])
+def test_a_bead_that_is_off_its_bar_cannot_begin_to_slide(start: list[float], said: str) -> None:
+    rod = {**ROD, "geometry": {"type": "line", "start": start, "end": [start[0], start[1] + 1]}}
     slides = {"type": "prismatic", "point": "rod@0", "on": "bar", "name": "rail"}
-    with pytest.raises(ComputationError, match="rail begins while its points are apart"):
+    with pytest.raises(ComputationError, match=f"rail begins while its points are apart: {said}"):
         solve(bodies={"bar": {**ROD, "geometry": {"type": "line", "start": [0, 0], "end": [4, 0]}}, "rod": rod},
               joints=[{**slides, "active": {"from": 0.1}}])
 

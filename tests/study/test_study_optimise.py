@@ -126,6 +126,14 @@ def test_a_constraint_compares_two_expressions():
         ancf2d.optimise(TEXT, {HEIGHT: (0.02, 0.2)}, "mass", "tip.uy")
 
 
+def test_all_that_is_wrong_with_a_problem_is_told_at_once():
+    with pytest.raises(CaseError) as caught:
+        ancf2d.optimise(TEXT, {"bodies.beam.section.heigth": (0.02, 0.2)}, "mas", ["tip.uy", "max(stress <= 1"])
+    said = [problem.message for problem in caught.value.problems]
+    for part in ("heigth", "'mas' is unknown", "no constraint", "is missing"):
+        assert sum(part in one for one in said) == 1
+
+
 def test_what_cannot_be_met_and_what_takes_longer_are_told_apart():
     never = ancf2d.optimise(TEXT, {HEIGHT: (0.02, 0.2)}, "mass", "mass <= -1")
     assert never.message == "no values within the bounds were found that meet all constraints"

@@ -186,10 +186,10 @@ def _put_where(inner: Any, out: Assembler) -> None:
 def amplitude_of(load: Any, window: Active | Latch | None = None) -> Any:
     """Return the amplitude that a load follows, zero while it does not act; None where it always acts and has none.
 
-    ``window`` tells when it acts where the load alone does not.
+    ``window`` tells when it acts where the load alone does not. What ``switches`` begins and ends as springs do.
     """
     active = getattr(load, "active", None)
-    if active is None:
+    if active is None or getattr(load, "switches", False):
         return load.amplitude
     inner = load.amplitude or Always()
     return Gated(inner, window) if isinstance(window, Latch) else Windowed(inner, *active.times)

@@ -170,7 +170,7 @@ class Formulation:
     axial strain and the curvature of sections that fibres make, with what ``sample`` returns of them; None where it has
     no such strains.
     ``points`` tells whether stations, under one rule and without layers, are its points, each in plane stress and with
-    Green's strain.
+    Green's strain. ``green`` tells whether the strains are Green's in any way.
     ``stress`` gives stress and energy density where a formulation has them at every point; without one, stress is
     recovered from the section forces. ``natural(sampler, rule, free)`` returns the strains (stations, strains), in the
     order of ``sample``, that an element would have if it were free, linear in what strains it; without one, nothing but
@@ -191,6 +191,7 @@ class Formulation:
     natural: Callable[[Sampler, Rule, Free], Array] | None = None
     fibres: Callable[[Sampler, Rule], tuple[Array, tuple[Array, Array, Array]]] | None = None
     points: bool = False
+    green: bool = False
 
 
 def strains_at(formulation: Formulation, ref: Array, u: Array) -> tuple[Array, Array]:

@@ -199,5 +199,5 @@ FORMULATIONS = (
                 selective=False, lobatto=True, natural=natural, fibres=fibres),
     Formulation("green", GREEN, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample, "Berzeri & Shabana 2000",
                 "Green axial strain (r_x.r_x - 1)/2 and spatial curvature, no shear", selective=False,
-                lobatto=True, natural=green_natural),
+                lobatto=True, natural=green_natural, green=True),
 )

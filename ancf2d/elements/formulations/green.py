@@ -385,7 +385,8 @@ GREEN = PointLaw(4, 3, 4, strain, geometric, mean, (0, 1))
 
 FORMULATIONS = tuple(
     Formulation(name, GREEN, refuse, _default_rule, _exact_no_split, sample, source, doc,
-                selective=name != "strain_split", stress=stress, natural=natural, points=sample is sample_continuum)
+                selective=name != "strain_split", stress=stress, natural=natural, points=sample is sample_continuum,
+                green=True)
     for name, refuse, sample, natural, stress, source, doc in (
         ("continuum", _needs_body, sample_continuum, natural_continuum, _stress, "Omar & Shabana 2001",
          "Green-Lagrange strain, plane stress over the whole section"),

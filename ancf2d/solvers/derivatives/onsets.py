@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..small_motions.changes import Change
 from ..small_motions.factors import Factors
-from ..small_motions.flutter import Change
 from ..small_motions.projected import Complex, Quadratic
 from .differences import UnsuitedError
 from .small_motions import BESIDE, ITERATIONS

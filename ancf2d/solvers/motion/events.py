@@ -179,10 +179,10 @@ class Events:
             foot, gap = self.model.interactions.joints[-1 - k].caught(d) if k < 0 else (None, 0.0)
             off = abs(gap) / self.model.extent if k < 0 else 0.0 if c.owner in supports else is_off(c, d)
             if off > CLOSED:
-                raise ComputationError(
-                    f"{c.owner} begins while its points are apart: {c.holds} is violated by {off:.3g}",
-                    at={"t": motion.t}, advice="a condition that becomes true where the points meet, or a spring "
-                    "instead")
+                apart = f"{c.holds} is violated by {off:.3g}" if off < math.inf else "one is beyond the end of its axis"
+                raise ComputationError(f"{c.owner} begins while its points are apart: {apart}", at={"t": motion.t},
+                                       advice="a condition that becomes true where the points meet, or a "
+                                       "spring instead")
             if k < 0:
                 self._slide(-1 - k, foot, gap)
                 continue

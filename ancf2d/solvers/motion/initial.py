@@ -96,7 +96,7 @@ def static_case(case: Case) -> Case:
         amplitude = amplitude_of(load)
         if amplitude is None:
             return load
-        windowed = {} if getattr(load, "active", None) is None else {"active": None}
+        windowed = {} if getattr(load, "active", None) is None or getattr(load, "switches", False) else {"active": None}
         return replace(load, amplitude=Ramp(scale=float(amplitude.value(0.0))), **windowed)
 
     def held(support: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,7 +11,6 @@ from ...elements.shape import Array
 from ...interactions.forces import LoadSet
 from ...model.model import Model
 from ..linear import scattered, unknowns_to_coordinates
-from .flutter import Change
 from .linearised import RateForces
 
 if TYPE_CHECKING:
@@ -18,6 +18,24 @@ if TYPE_CHECKING:
 
 # force and damping beside what they are differences of that are round-off
 PUSHED = 1e-9
+
+
+@dataclass(frozen=True)
+class Change:
+    """What a factor mu adds to K, mu ``rate`` + mu^2 ``square``, and to C, mu ``gyration`` (n, n); None for nothing.
+
+    ``damps`` tells whether ``gyration`` takes out or brings in energy.
+    """
+
+    rate: csc_array | None = None
+    square: csc_array | None = None
+    gyration: csc_array | None = None
+    damps: bool = False
+
+    def stiffness(self, factor: float) -> csc_array | None:
+        """Return what is added to K."""
+        parts = [f * A for f, A in ((factor, self.rate), (factor * factor, self.square)) if A is not None]
+        return sum(parts[1:], parts[0]) if parts else None
 
 
 def load_change(model: Model, d: Array, u: Array, rate: csc_array | None, h: float) -> Change:

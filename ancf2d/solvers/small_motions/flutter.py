@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...elements.shape import Array
 from ...errors import ComputationError
+from .changes import Change
 from .linearised import Linearised
 from .lowest_modes import characteristic, first_shift
-from .projected import Complex, Quadratic, Space, projected_pairs, projected_values, undamped_values
+from .projected import (
+    Complex,
+    Quadratic,
+    Space,
+    projected_pairs,
+    projected_values,
+    symmetric_modes,
+    undamped_values,
+    within_constraints,
+)
 from .quadratic import AT_REST, Search, shift_of
 from .relaxing import Term, corrected, system_matrix, terms_of, with_dashpots
-
-if TYPE_CHECKING:
-    from scipy.sparse import csc_array
 
 # pairs that are followed beyond the factors asked for
 EXTRA = 6
@@ -66,24 +72,6 @@ class Stability:
     doubtful: list[float]
     last: float
     locus: dict[str, list[float]]
-
-
-@dataclass(frozen=True)
-class Change:
-    """What a factor mu adds to K, mu ``rate`` + mu^2 ``square``, and to C, mu ``gyration`` (n, n); None for nothing.
-
-    ``damps`` tells whether ``gyration`` takes out or brings in energy.
-    """
-
-    rate: csc_array | None = None
-    square: csc_array | None = None
-    gyration: csc_array | None = None
-    damps: bool = False
-
-    def stiffness(self, factor: float) -> csc_array | None:
-        """Return what is added to K."""
-        parts = [f * A for f, A in ((factor, self.rate), (factor * factor, self.square)) if A is not None]
-        return sum(parts[1:], parts[0]) if parts else None
 
 
 def critical_factors(small: Linearised, change: Change, modes: int) -> Stability:
@@ -136,7 +124,8 @@ class _Track:
         pencil = small.pencil.with_mass(small.model.e0 + small.base.state.d[:small.model.n_q])
         self.first = math.sqrt(first_shift(pencil))
         self.still = AT_REST * math.sqrt(characteristic(pencil))
-        self.space, self.terms = Space(self._problem(0.0)), list[Term]()
+        problem, self.terms = self._problem(0.0), list[Term]()
+        self.space = Space(problem, within_constraints(problem))
         self._project(0.0)
         # the rates at which materials relax are none of what vibrates
         s = np.abs(self._values(0.0, relaxes=False))
@@ -199,10 +188,7 @@ class _Track:
         With them goes how the body gives way to what the loads do along the lowest: bending stretches a bent beam.
         """
         K, C, M = self.matrices
-        w, U = np.linalg.eigh(0.5 * (M + M.T))
-        T = U[:, w > 1e-12 * w[-1]] / np.sqrt(w[w > 1e-12 * w[-1]])
-        self.values, Y = np.linalg.eigh(0.5 * T.T @ (K + K.T) @ T)
-        T = T @ Y
+        self.values, T = symmetric_modes(0.5 * (K + K.T), 0.5 * (M + M.T), self.shift**2)
         self.followed = min(FOLLOWED * self.pairs + MORE, T.shape[1])
         low, high = T[:, :self.followed], T[:, self.followed:]
         stiff = np.abs(self.values[self.followed:, None]) + self.shift**2

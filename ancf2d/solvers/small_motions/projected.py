@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...elements.shape import Array
+from ...errors import ComputationError
 from ...model.mesh import Index
 from ..linear import make_matrix
 from .factors import Factors, SymmetricFactors
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 Complex = NDArray[np.complex128]
 # vectors that are projected at a time
 BLOCK = 16
+# inverse K/M beside the largest that belongs to no mass, and most shifts that are tried
+MASSLESS, MOST_SHIFTS = 1e-12, 60
 
 
 class Quadratic:
@@ -245,3 +248,25 @@ def _finite(mu: Complex) -> Index:
     """Return which eigenvalues belong to finite s, the largest first."""
     order = np.argsort(-np.abs(mu), kind="stable")
     return order[np.abs(mu[order]) > 1e-13 * np.abs(mu).max(initial=0.0)]
+
+
+def symmetric_modes(K: Array, M: Array, shift: float) -> tuple[Array, Array]:
+    """Return the values K/M (r,), ascending, and modes of unit mass (k, r) of symmetric K and M (k, k).
+
+    Of the inverse about -``shift``: what has next to no mass, such as sections without rotary inertia, has a huge K/M,
+    whose round-off would drown the lowest modes. What has none is no mode.
+    """
+    from scipy.linalg import LinAlgError, eigh
+
+    for _ in range(MOST_SHIFTS):
+        try:
+            theta, X = eigh(M, K + shift * M)
+            break
+        except LinAlgError:
+            # some K/M is below -shift
+            shift *= 4.0
+    else:
+        raise ComputationError("something without mass has no stiffness either",
+                               advice="a mass or a stiffness for everything that can move")
+    some = np.flatnonzero(theta > MASSLESS * theta[-1])[::-1]
+    return 1.0 / theta[some] - shift, X[:, some] / np.sqrt(theta[some])

@@ -202,8 +202,8 @@ def _both(act: Callable[[Array], Array], x: Complex) -> Complex:
 def lowest_pairs(problem: Quadratic, number: int, s0: float, still: float) -> Pairs:
     """Return the ``number`` pairs of lowest |s|, and the real eigenvalues that are not beyond the last of them.
 
-    Of real eigenvalues there are at most ``number`` too; of pairs, fewer where there are no more. ``still`` [1/s] is
-    far below the lowest elastic frequency: what is slower and strains nothing is at rest.
+    Of real eigenvalues there are at most two for each pair asked for; of pairs, fewer where there are no more.
+    ``still`` [1/s] is far below the lowest elastic frequency: what is slower and strains nothing is at rest.
     """
     search = Search(problem, s0, still)
     search.fill(number)
@@ -213,7 +213,7 @@ def lowest_pairs(problem: Quadratic, number: int, s0: float, still: float) -> Pa
     for seed in range(TRIES):
         s, Y = _settled(search, number, seed)
         found = _chosen(search, s, Y, number, complete=False)
-        crowded = int((~_upper(found.s)).sum()) >= number
+        crowded = int((~_upper(found.s)).sum()) >= 2 * number
         if not found.missing or crowded or seed == TRIES - 1:
             break
     return found
@@ -259,7 +259,7 @@ def _chosen(search: Search, s: Complex, Y: Complex, number: int, complete: bool)
             break
         x, is_pair = search.space.combined(Y[k]), bool(_upper(s[k:k + 1])[0])
         rest = abs(s[k]) <= search.still and search.strains_nothing(x)
-        if not rest and not is_pair and real == number:
+        if not rest and not is_pair and real == 2 * number:
             continue
         residual = search.residual(s[k], x)
         if residual > TRUSTED:

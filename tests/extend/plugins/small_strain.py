@@ -23,4 +23,5 @@ def geometric(ref, u, sigma, J, H, lanes):
 
 
 formulation(replace(FORMULATIONS["continuum"], name="small_strain", law=StrainLaw(4, 3, 4, strain, geometric),
-                    stress=None, source="textbooks", doc="strain of small displacements, plane stress"))
+                    stress=None, green=False, source="textbooks",
+                    doc="strain of small displacements, plane stress"))
