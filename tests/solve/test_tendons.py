@@ -77,6 +77,25 @@ def test_sections_bear_what_a_guided_tendon_does_not(kind: str, more: dict[str, 
     np.testing.assert_allclose(forces, np.stack(expected, axis=-1), atol=(1e-3 if elastic else 1e-8) * T)
 
 
+def test_sections_of_a_bent_beam_bear_what_a_guide_that_rises_does_not() -> None:
+    """As above, with the way of the tendon that differences of r + y n along the bent beam give."""
+    T, xi, h = 1500.0, np.array([0.3, 0.5, 0.8]), 1e-5
+    found = solve(beam(), [{"type": "tendon", "on": "a", "y": "0.04*(1 - s)", "tension": T}])
+    forces = SectionForces(found.model, found.model.meshes["a"], xi)(found.state)
+
+    def axes(s: float) -> np.ndarray:
+        c, sn = np.cos(found.theta(f"a@{s!r}")), np.sin(found.theta(f"a@{s!r}"))
+        return np.array([[c, sn], [-sn, c]])
+
+    def guide(s: float) -> np.ndarray:
+        return found.r(f"a@{s!r}") + 0.04 * (1 - s) * axes(s)[1]
+    for e, k in np.ndindex(16, 3):
+        s = float((e + xi[k]) / 16)
+        way = axes(s) @ (guide(s + h) - guide(s - h))
+        N, Q = -T * way / np.linalg.norm(way)
+        assert forces[e, k] == pytest.approx([N, Q, -0.04 * (1 - s) * N], rel=1e-6, abs=1e-7 * T)
+
+
 EYELETS = [{"at": "a@0.2", "y": 0.05}, {"at": "a@0.5", "y": 0.03}, {"at": "a@0.9", "y": 0.06}]
 
 
