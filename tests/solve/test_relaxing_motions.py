@@ -107,7 +107,9 @@ def test_a_linear_model_has_the_dashpots_among_its_states(kind: str, jet: bool) 
     about = "static" if jet else "reference"
     wanted = responses(case, hz, inputs, about)
     system, done = linear_model(case, inputs, about)
-    assert done.summary["state_space"]["states"][-1].startswith("d")
+    states = done.summary["state_space"]["states"]
+    assert len(states) == len(set(states)) == len(system[0])
+    assert states[-1].startswith("d")
     for f, row, allowed in zip(hz, wanted, (1e-6, 1e-5, 1e-3, 1e-2), strict=True):
         found = transfer(system, 2j * np.pi * f)[0]
         assert (np.abs(found - row) < allowed * np.abs(row)).all(), (f, found, row)
