@@ -81,6 +81,14 @@ def test_a_shaken_and_heated_beam_responds_with_the_complex_modulus(terms: tuple
         assert (np.abs(row / exact - 1.0) < 1e-7).all()
 
 
+def test_a_range_of_frequencies_has_the_responses_of_each() -> None:
+    case = scene(material(PRONY))
+    found = solved(case, type="frequency_response", inputs=["push"], **{"from": 0.5, "to": 30.0}).summary["response"]
+    hz, (re, im) = found["hz"], (np.array(found["push"]["tip"]["uy"][part]) for part in ("re", "im"))
+    assert (hz[0], hz[-1], len(hz)) == (0.5, 30.0, len(set(hz)))
+    np.testing.assert_allclose(re + 1j * im, responses(case, hz, ["push"])[:, 0], rtol=1e-9)
+
+
 def expanded(model: Any, z: np.ndarray) -> np.ndarray:
     """Return the complex motion of all coordinates that unknowns z (n,) make."""
     parts = np.zeros((2, len(model.numbering.place)))
