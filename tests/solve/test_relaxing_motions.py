@@ -124,6 +124,19 @@ def test_a_linear_model_has_the_dashpots_among_its_states(kind: str, jet: bool) 
     assert (np.linalg.eigvals(system[0]).real < 0).all()
 
 
+@pytest.mark.parametrize("kind", ["cable", "vallejo"])
+def test_a_linear_model_follows_an_angle_that_a_multiplier_keeps(kind: str) -> None:
+    turned = {"type": "prescribed", "at": "b0@0", "name": "base", "ux": 0, "uy": 0, "angle": 0.3}
+    spring = {"type": "translational", "between": ["b0@1", [1, 1]], "stiffness": 3 * E * SIZE**4 / 12}
+    case = scene(material(PRONY), boundary_conditions=[turned], springs=[spring])
+    case["bodies"]["b0"]["element"]["type"] = kind
+    system, done = linear_model(case, ["base", "push"], "reference")
+    assert done.model.numbering.n_multipliers == 1
+    hz = [0.05, 2.5]
+    for f, row in zip(hz, responses(case, hz, ["base", "push"]), strict=True):
+        np.testing.assert_allclose(transfer(system, 2j * np.pi * f)[0], row, rtol=1e-4)
+
+
 def test_what_nothing_holds_relaxes_beside_its_rigid_motions() -> None:
     case = scene(material(ZENER), boundary_conditions=[])
     system, done = linear_model(case, ["push", "heat"], "reference")
