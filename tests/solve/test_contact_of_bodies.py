@@ -94,6 +94,20 @@ def test_two_cantilevers_share_a_force_by_their_stiffness(name, law):
     assert turned["to"] == pytest.approx(0.25, abs=0.03)
 
 
+@pytest.mark.parametrize("above", [1, -1])
+@pytest.mark.parametrize("law", LAWS)
+def test_axes_that_touch_stay_on_their_sides(law, above):
+    """They share a force as above: each pushes the other to where that is, above it or below."""
+    bodies = {"upper": beam([0, above * 1e-6], [1, above * 1e-6]), "lower": beam([0.8, 0], [1.6, 0], count=5)}
+    solution = helpers.Solution(helpers.build(
+        bodies, bc=clamps("upper@0", "lower@1"), loads=[push("upper@1", 0, -10.0 * above)],
+        contacts=[{**ON, "side": "axis", **LAWS[law]}]))
+    (report,) = contact_report(solution.model, solution.state)
+    assert report["force"][1] == pytest.approx(above * 10.0 / (1.0 + 0.6**3), rel=3e-3)
+    assert report["from"] == report["to"] == pytest.approx(1.0, abs=0.02)
+    check_balance(solution)
+
+
 @pytest.mark.parametrize("law", helpers.chosen(LAWS, ["law"]))
 def test_two_mirrored_beams_do_as_one_on_their_plane_of_symmetry(law):
     gap, force, n = 0.01, 40000.0, 6
