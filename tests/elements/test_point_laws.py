@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from ancf2d.case.syntax import Names, syntax
 from ancf2d.elements.point_laws import DIRECTION, GROUND, MAX_MEM, THETA, half_sine
 from ancf2d.interactions import RotationalSpring, TranslationalSpring
-from ancf2d.interactions.forces import FOLLOWER, MOMENT
+from ancf2d.interactions.forces import FOLLOWER, MOMENT, position_law
 from ancf2d.interactions.formulas import ALONG_BODY, LOCAL
 from ancf2d.interactions.spring_laws import count_turns, over_sine, spring_law
 from ancf2d.model.constraints import ALIGNED, AT_ANGLE, FIXED_LENGTH
@@ -285,6 +285,27 @@ def test_a_load_by_formula_has_its_derivatives_and_in_a_step_the_force_of_its_mi
     u1, later, middle = u + 0.1 * w, np.array([0.3, 0.8, 0.0]), np.zeros(len(p0))
     ALONG_BODY.mean(p0, u, u1, w, par, A, later, np.zeros(MAX_MEM), middle)
     np.testing.assert_allclose(middle, state(0.5 * (u + u1), w, 0.5 * (A + later))[0], atol=1e-14)
+
+
+def test_a_force_by_position_has_its_derivatives_and_in_a_step_that_of_its_middle():
+    """F = A k (x y, y^2 - x), which has no potential."""
+    law = position_law("swirl", lambda x, y, par: (par[0] * x * y, par[0] * (y * y - x), par[0] * y, par[0] * x,
+                                                   -par[0], 2 * par[0] * y), False)
+    p0, par, k = np.array([0.5, -0.4]), np.array([0.7]), 0.7
+    u, u1, later = np.array([0.2, 0.3]), np.array([-0.1, 0.15]), np.array([0.3, 0.8, 0.0])
+
+    def state(u, a):
+        f, H, C = np.zeros(2), *np.zeros((2, 2, 2))
+        assert law.forces(p0, u, np.ones(2), par, a, np.zeros(MAX_MEM), f, H, C) == (0.0, 0.0)
+        assert not C.any()
+        return f, H
+    f, H = state(u, A)
+    x, y = p0 + u
+    np.testing.assert_allclose(f, -A[0] * k * np.array([x * y, y * y - x]), atol=1e-14)
+    np.testing.assert_allclose(H, differences(lambda u: state(u, A)[0], u), atol=1e-9)
+    middle = np.zeros(2)
+    law.mean(p0, u, u1, np.ones(2), par, A, later, np.zeros(MAX_MEM), middle)
+    np.testing.assert_allclose(middle, state(0.5 * (u + u1), 0.5 * (A + later))[0], atol=1e-14)
 
 
 def turned(item, u, angle):
