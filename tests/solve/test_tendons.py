@@ -272,6 +272,35 @@ def test_elements_along_an_elastic_tendon_are_not_too_many() -> None:
     assert error.value.problems[0].expected == "at most 42"
 
 
+@pytest.mark.parametrize(("start", "end"), [(0.3, 0.5), (-0.4, 0.5), (0.5, -0.4)], ids=["taut", "taken up", "let go"])
+def test_the_force_of_an_elastic_tendon_over_a_step_does_the_difference_of_energy_as_work(start: float, end: float
+                                                                                          ) -> None:
+    """Two pieces between points: f . (u1 - u0) = U1 - U0. Winding up takes the power -dU/da da/dt."""
+    rng, size = np.random.default_rng(1), 12
+    p0 = np.zeros(2 * size)
+    p0[[0, 1, size, size + 1]] = 1.0, 0.5, -0.6, 0.8
+    length = np.hypot(1.0, 0.5) + 1.0
+    par, zero = np.array([3.0, length, 0.5, size]), np.zeros(2 * size)
+
+    def energy(u: Any, a: float) -> tuple[float, float]:
+        f, H = np.zeros(len(p0)), np.zeros((len(p0),) * 2)
+        return ELASTIC.forces(p0, u, zero, par, np.array([a, 0.3, 0.0]), np.zeros(2), f, H, 0 * H)
+    u = []
+    for share in (start, end):
+        one = np.zeros(len(p0))
+        one[[0, 1, size, size + 1]] = share * p0[[0, 1, size, size + 1]] + rng.uniform(-0.05, 0.05, 4)
+        u.append(one)
+    f, a = np.zeros(len(p0)), np.array([0.2, 0.0, 0.0])
+    after, lost = ELASTIC.mean(p0, *u, zero, par, a, a, np.zeros(2), f)
+    assert np.abs(f).max() > 0.1
+    assert after == pytest.approx(energy(u[1], 0.2)[0], abs=1e-14)
+    assert lost == 0.0
+    assert f @ (u[1] - u[0]) == pytest.approx(energy(u[1], 0.2)[0] - energy(u[0], 0.2)[0], abs=1e-12)
+    _, wound = ELASTIC.mean(p0, u[1], u[1], zero, par, a, a + [0.0, 0.3, 0.0], np.zeros(2), f)
+    slope = (energy(u[1], 0.2 + 1e-6)[0] - energy(u[1], 0.2 - 1e-6)[0]) / 2e-6
+    assert wound == pytest.approx(-slope * 0.15, abs=1e-8)
+
+
 @pytest.mark.parametrize("kinds", [(0, 0), (THETA, 0), (DIRECTION, THETA), (DIRECTION, DIRECTION), "u", "u, v"])
 @pytest.mark.parametrize("law", [TENSION, ELASTIC])
 def test_forces_and_stiffness_are_derivatives(law: PointLaw, kinds: tuple[int, int] | str) -> None:
