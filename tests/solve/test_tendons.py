@@ -296,7 +296,7 @@ def test_the_force_of_an_elastic_tendon_over_a_step_does_the_difference_of_energ
     assert after == pytest.approx(energy(u[1], 0.2)[0], abs=1e-14)
     assert lost == 0.0
     assert f @ (u[1] - u[0]) == pytest.approx(energy(u[1], 0.2)[0] - energy(u[0], 0.2)[0], abs=1e-12)
-    _, wound = ELASTIC.mean(p0, u[1], u[1], zero, par, a, a + [0.0, 0.3, 0.0], np.zeros(2), f)
+    _, wound = ELASTIC.mean(p0, u[1], u[1], zero, par, a, np.array([0.2, 0.3, 0.0]), np.zeros(2), f)
     slope = (energy(u[1], 0.2 + 1e-6)[0] - energy(u[1], 0.2 - 1e-6)[0]) / 2e-6
     assert wound == pytest.approx(-slope * 0.15, abs=1e-8)
 
