@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from ancf2d.case.syntax import Names, syntax
 from ancf2d.elements.point_laws import DIRECTION, GROUND, MAX_MEM, THETA, half_sine
 from ancf2d.interactions import RotationalSpring, TranslationalSpring
+from ancf2d.interactions.flow import FLOW, TURNING
 from ancf2d.interactions.forces import FOLLOWER, MOMENT, position_law
 from ancf2d.interactions.formulas import ALONG_BODY, LOCAL
 from ancf2d.interactions.spring_laws import count_turns, over_sine, spring_law
@@ -259,6 +260,25 @@ def test_loads_take_the_mean_amplitude_of_a_step():
         np.testing.assert_allclose(f, evaluate(item, u, a=np.array([1.5, 0, 0]))[1], atol=1e-14)
 
 
+def force_of_state(law, p0, par, u, w, a=A):
+    """Return what a law of forces alone has at a state: f, H and C."""
+    f, H, C = np.zeros(len(p0)), *np.zeros((2, len(p0), len(p0)))
+    assert law.forces(p0, u, w, par, a, np.zeros(MAX_MEM), f, H, C) == (0.0, 0.0)
+    return f, H, C
+
+
+def check_derivatives_and_middle(law, p0, par, u, w):
+    """H and C are derivatives of the forces at a state, and the force of a step is that of its middle."""
+    f, H, C = force_of_state(law, p0, par, u, w)
+    np.testing.assert_allclose(H, differences(lambda u: force_of_state(law, p0, par, u, w)[0], u), atol=1e-9)
+    np.testing.assert_allclose(C, differences(lambda w: force_of_state(law, p0, par, u, w)[0], w), atol=1e-9)
+    u1, later, middle = u + 0.1 * w, np.array([0.3, 0.8, 0.0]), np.zeros(len(p0))
+    assert law.mean(p0, u, u1, w, par, A, later, np.zeros(MAX_MEM), middle) == (0.0, 0.0)
+    expected = force_of_state(law, p0, par, 0.5 * (u + u1), w, 0.5 * (A + later))[0]
+    np.testing.assert_allclose(middle, expected, atol=1e-14)
+    return f
+
+
 @pytest.mark.parametrize("raw", RAW.values(), ids=["theta", "a direction", "no angle"])
 def test_a_load_by_formula_has_its_derivatives_and_in_a_step_the_force_of_its_middle(raw):
     """F = weight A (x y - 2 vx + s t, y^2 - x vy), with theta in both where the section turns."""
@@ -269,43 +289,34 @@ def test_a_load_by_formula_has_its_derivatives_and_in_a_step_the_force_of_its_mi
     p0, par = np.array([0.5, -0.4, *raw]), np.array([weight, s, formula.address, kind])
     rng = np.random.default_rng(9)
     u, w = rng.uniform(-0.4, 0.4, len(p0)), rng.uniform(-1, 1, len(p0))
-
-    def state(u, w, a):
-        f, H, C = np.zeros(len(p0)), *np.zeros((2, len(p0), len(p0)))
-        ALONG_BODY.forces(p0, u, w, par, a, np.zeros(MAX_MEM), f, H, C)
-        return f, H, C
-    f, H, C = state(u, w, A)
+    f = check_derivatives_and_middle(ALONG_BODY, p0, par, u, w)
     x, y = p0[:2] + u[:2]
     theta = {GROUND: 0.0, THETA: u[-1], DIRECTION: np.arctan2(u[-1], 1.3 + u[-2])}[kind]
     force = [x * y - 2 * w[0] + s * A[1] + x * theta, y**2 - x * w[1] - theta**2]
     np.testing.assert_allclose(f[:2], -weight * A[0] * np.array(force), atol=1e-14)
     assert not f[2:].any()
-    np.testing.assert_allclose(H, differences(lambda u: state(u, w, A)[0], u), atol=1e-9)
-    np.testing.assert_allclose(C, differences(lambda w: state(u, w, A)[0], w), atol=1e-9)
-    u1, later, middle = u + 0.1 * w, np.array([0.3, 0.8, 0.0]), np.zeros(len(p0))
-    ALONG_BODY.mean(p0, u, u1, w, par, A, later, np.zeros(MAX_MEM), middle)
-    np.testing.assert_allclose(middle, state(0.5 * (u + u1), w, 0.5 * (A + later))[0], atol=1e-14)
 
 
 def test_a_force_by_position_has_its_derivatives_and_in_a_step_that_of_its_middle():
     """F = A k (x y, y^2 - x), which has no potential."""
     law = position_law("swirl", lambda x, y, par: (par[0] * x * y, par[0] * (y * y - x), par[0] * y, par[0] * x,
                                                    -par[0], 2 * par[0] * y), False)
-    p0, par, k = np.array([0.5, -0.4]), np.array([0.7]), 0.7
-    u, u1, later = np.array([0.2, 0.3]), np.array([-0.1, 0.15]), np.array([0.3, 0.8, 0.0])
-
-    def state(u, a):
-        f, H, C = np.zeros(2), *np.zeros((2, 2, 2))
-        assert law.forces(p0, u, np.ones(2), par, a, np.zeros(MAX_MEM), f, H, C) == (0.0, 0.0)
-        assert not C.any()
-        return f, H
-    f, H = state(u, A)
+    p0, k, u, w = np.array([0.5, -0.4]), 0.7, np.array([0.2, 0.3]), np.array([0.6, -0.9])
+    f = check_derivatives_and_middle(law, p0, np.array([k]), u, w)
     x, y = p0 + u
     np.testing.assert_allclose(f, -A[0] * k * np.array([x * y, y * y - x]), atol=1e-14)
-    np.testing.assert_allclose(H, differences(lambda u: state(u, A)[0], u), atol=1e-9)
-    middle = np.zeros(2)
-    law.mean(p0, u, u1, np.ones(2), par, A, later, np.zeros(MAX_MEM), middle)
-    np.testing.assert_allclose(middle, state(0.5 * (u + u1), 0.5 * (A + later))[0], atol=1e-14)
+
+
+def test_mass_that_passes_a_point_has_its_derivatives_and_in_a_step_the_force_of_its_middle():
+    """m (2 v r_x' + v' r_x) on r, -m v^2 r_x on r_x, and v^2 r_x of the mass that leaves at an end."""
+    m, end, (v, rate, _) = 0.7, 0.3, A
+    for law, n in ((FLOW, 2), (TURNING, 1)):
+        rng, par = np.random.default_rng(3), np.array([m, end])
+        p0, u, w = rng.uniform(-1, 1, (3, 2 * n))
+        f = check_derivatives_and_middle(law, p0, par, u, w)
+        slope = p0[n:] + u[n:]
+        np.testing.assert_allclose(f[:n], m * (2 * v * w[n:] + rate * slope) + end * v**2 * slope, atol=1e-14)
+        np.testing.assert_allclose(f[n:], -m * v**2 * slope, atol=1e-14)
 
 
 def turned(item, u, angle):
