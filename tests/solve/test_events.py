@@ -262,8 +262,8 @@ def test_conditions_are_checked() -> None:
 def test_a_condition_may_hold_from_the_start(method: str, active: dict[str, str], omega: float) -> None:
     """A bar that flies off at once, or is caught by an end: m v L/2 = m L^2/3 omega."""
     found = ancf2d.solve({
-        "bodies": {"bar": BODY}, "boundary_conditions": [{"name": "pin", "type": "pin", "at": "bar@0", "active": active}],
-        "initial": {"velocity": [0, 1]}, "output": {"probes": {"end": "bar@1"}},
+        "boundary_conditions": [{"name": "pin", "type": "pin", "at": "bar@0", "active": active}],
+        "bodies": {"bar": BODY}, "initial": {"velocity": [0, 1]}, "output": {"probes": {"end": "bar@1"}},
         "solver": {"type": "dynamic", "t_end": 0.5, "tolerance": 1e-8, "method": method, "estimate": False}}).summary
     assert found["probes"]["end"]["theta"] == pytest.approx(0.5 * omega, abs=1e-6)
     assert found["probes"]["end"]["y"] == pytest.approx(math.sin(0.5 * omega) if omega else 0.5, abs=1e-6)
