@@ -250,6 +250,9 @@ def test_conditions_are_checked() -> None:
                          ({"to": 1, "until": "t > 1"}, "to and until are both given")):
         with pytest.raises(ancf2d.CaseError, match=says):
             run(loads=[{**load, "active": active}])
+    with pytest.raises(ancf2d.CaseError, match="the amplitude of a load by formula is a function of time alone"):
+        run(loads=[{"type": "distributed", "on": "bar", "value": [0, "-vy"],
+                    "amplitude": {"type": "expression", "value": "end.ux"}}])
     with pytest.raises(ComputationError, match="has no value"):
         run(loads=[{**load, "active": {"after": "sqrt(0.5 - end.ux) < 0.1 if t > 1.5 else sqrt(0.5 - end.ux) > 9"}}],
             initial={"velocity": [1, 0]})

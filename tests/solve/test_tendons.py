@@ -259,6 +259,9 @@ def test_what_a_tendon_cannot_be_is_refused_in_words() -> None:
         with pytest.raises(CaseError) as caught:
             helpers.build({"a": beam()}, bc=CLAMP, loads=[{"type": "tendon", **load}])
         assert said in str(caught.value)
+    rigid = {"geometry": beam()["geometry"], "element": {"type": "rigid", "mass": 1, "inertia": 1}}
+    with pytest.raises(CaseError, match="a is rigid: a tendon along it has no effect"):
+        helpers.build({"a": rigid}, bc=CLAMP, loads=[{"type": "tendon", "on": "a", "tension": 1}])
     with pytest.raises(CaseError, match="can guide a tendon off its axis only with given tension"):
         helpers.build({"a": beam("cable")}, bc=CLAMP,
                       loads=[{"type": "tendon", "on": "a", "y": 0.01, "stiffness": 1e3}])
