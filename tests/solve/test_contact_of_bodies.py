@@ -193,6 +193,21 @@ def test_bodies_that_overlap_are_told_with_depth_and_place():
     helpers.build(bodies, bc=clamps("upper@0", "lower@1"), contacts=[{**ON, **LAWS["law"]}])
 
 
+def test_a_curved_body_is_deepest_where_it_is_parallel_to_the_other():
+    """An arc whose lowest point is 0.30/0.52 along it, 10 mm in a straight beam: neither at a node nor at a middle."""
+    arc = {"type": "arc", "center": [0.5, 2.05], "radius": 2.0, "from": -np.pi / 2 - 0.30, "to": -np.pi / 2 + 0.22}
+    bodies = {"upper": helpers.body(arc, helpers.element("cable", 4), SECTION, STEEL),
+              "lower": beam([-0.5, 0], [1.5, 0], count=3)}
+    model = helpers.build(bodies, "static", bc=clamps("upper@0", "lower@0"), contacts=[ON])
+    d, (table, _) = np.zeros(len(model.numbering.place)), model.contact_tables
+    d[model.meshes["upper"].dofs[:, [1, 5]]] = -0.04
+    depth, place, _ = table.deepest(d, 1.0)
+    (k,) = np.flatnonzero(depth)
+    spot = table.pair.spots[k]
+    assert spot.ie + 0.5 * (1.0 + place[k]) == pytest.approx(4 * 0.30 / 0.52, abs=5e-4)
+    assert depth[k] == pytest.approx(0.01, rel=2e-4)
+
+
 def test_a_body_that_crosses_itself_is_told_with_depth_and_place():
     loop = [{"line": 0.3}, {"arc": 0.1, "angle": 1.5 * np.pi}, {"line": 0.3}]
     path = {"type": "path", "start": [0, 0], "pieces": loop}
