@@ -71,11 +71,6 @@ class Section:
         return self.kGA / (self.height * self.width)
 
     @property
-    def rho(self) -> float:
-        """Mass density of the rectangle [kg/m^3]."""
-        return self.rhoA / (self.height * self.width)
-
-    @property
     def height_of_axis(self) -> float:
         """Height of the axis above the lower face [m]."""
         return -self.layers[0].bottom if self.layers else 0.5 * self.height

@@ -122,8 +122,7 @@ def breakpoints(signal: Signal, t0: float, t1: float) -> tuple[Break, ...]:
         places += switches(amplitude.tree, t0, t1)
     for part in amplitude.parts:
         places += breakpoints(Signal(part), t0, t1)
-    unit = Signal(amplitude)
-    size = _size(unit, t0, t1)
+    unit, size = Signal(amplitude), _size(amplitude, t0, t1)
     found = [b._replace(order=_order(unit, b.before, b.t, size, t1 - t0)) for b in _merged(places, t1)]
     return tuple(b for b in found if b.order < SMOOTH)
 
@@ -177,14 +176,13 @@ def _merged(breaks: Iterable[Break], t1: float) -> list[Break]:
     return out
 
 
-def _size(signal: Signal, t0: float, t1: float) -> float:
+def _size(amplitude: Function, t0: float, t1: float) -> float:
     """Return how large the value becomes."""
-    amplitude = signal.amplitude
-    if amplitude is not None and amplitude.tree is not None:
+    if amplitude.tree is not None:
         with np.errstate(all="ignore"):
             v = np.abs(amplitude.scale * _Trace(np.linspace(t0, t1, 101)).value(amplitude.tree))
         return float(np.max(v, where=np.isfinite(v), initial=0.0))
-    return max(abs(signal(t)) for t in (t0, t1, *(amplitude.knots if amplitude is not None else ())))
+    return max(abs(Signal(amplitude)(t)) for t in (t0, t1, *amplitude.knots))
 
 
 def _order(signal: Signal, before: float, after: float, size: float, span: float) -> int:

@@ -93,10 +93,6 @@ class BodyPlan:
         ends = (p.s0 / self.length for p in self.pieces if p.continues)
         return [s for s in ends if any(abs(s - at) <= TOGETHER for at in self.acting)]
 
-    def section_at(self, s: Array) -> Section:
-        """Return the section constants at places S (n,): arrays (n,) where they vary, else numbers."""
-        return self.section if self.varying is None else self.varying.at(s)
-
     def locate(self, s: float) -> tuple[int, float]:
         """Return (piece, arc length within it) of the point at fraction s of the body's arc length.
 

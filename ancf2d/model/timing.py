@@ -128,10 +128,6 @@ class TimeTiming(Timing):
         self.answers: dict[Amplitude, Answer] = {}
         self.latches: dict[Active, Latch] = {}
 
-    def __call__(self, t: float) -> float:
-        """Return 1."""
-        return 1.0
-
     def window(self, active: Active | None) -> Active | Latch | None:
         """Return what tells when something acts: of what waits for the same conditions, the same."""
         if active is None or not active.waits:

@@ -247,8 +247,8 @@ def exchange(system: System, d: Array, t: float, left: set[ContactPoint], way: W
     accepted = system.accepted or (d, t)
     spots = [s for one, depth in zip(hard, depths, strict=True) for s in _look(one, d, t, depth, home, accepted)]
     changed = turned + off + _settle(system, d, t, spots, limit, way)
-    # where the tangent leads to the same again
-    return changed or sum(turn(*rub) for rub in rubs), worst
+    # where the tangent leads to the same again; forces that it has just moved are not yet those of an equilibrium
+    return changed or sum(turn(*rub) for rub in rubs) or int(pulled), worst
 
 
 def _let_off(one: ContactTable, d: Array, t: float) -> int:

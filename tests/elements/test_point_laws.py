@@ -9,11 +9,15 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from ancf2d.case.syntax import Names, syntax
 from ancf2d.elements.point_laws import DIRECTION, GROUND, MAX_MEM, THETA, half_sine
 from ancf2d.interactions import RotationalSpring, TranslationalSpring
-from ancf2d.interactions.forces import FOLLOWER, MOMENT
+from ancf2d.interactions.flow import FLOW, TURNING
+from ancf2d.interactions.forces import FOLLOWER, MOMENT, position_law
+from ancf2d.interactions.formulas import ALONG_BODY, LOCAL
 from ancf2d.interactions.spring_laws import count_turns, over_sine, spring_law
 from ancf2d.model.constraints import ALIGNED, AT_ANGLE, FIXED_LENGTH
+from ancf2d.model.point_patch import formula_record
 from ancf2d.model.switched import HELD, HELD_ALIGNED, HELD_ANGLE
 
 
@@ -254,6 +258,65 @@ def test_loads_take_the_mean_amplitude_of_a_step():
         u, _ = motion(item, 6)
         f = mean(item, u, u, a0=np.array([1.0, 0, 0]), a1=np.array([2.0, 0, 0]))[2]
         np.testing.assert_allclose(f, evaluate(item, u, a=np.array([1.5, 0, 0]))[1], atol=1e-14)
+
+
+def force_of_state(law, p0, par, u, w, a=A):
+    """Return what a law of forces alone has at a state: f, H and C."""
+    f, H, C = np.zeros(len(p0)), *np.zeros((2, len(p0), len(p0)))
+    assert law.forces(p0, u, w, par, a, np.zeros(MAX_MEM), f, H, C) == (0.0, 0.0)
+    return f, H, C
+
+
+def check_derivatives_and_middle(law, p0, par, u, w):
+    """H and C are derivatives of the forces at a state, and the force of a step is that of its middle."""
+    f, H, C = force_of_state(law, p0, par, u, w)
+    np.testing.assert_allclose(H, differences(lambda u: force_of_state(law, p0, par, u, w)[0], u), atol=1e-9)
+    np.testing.assert_allclose(C, differences(lambda w: force_of_state(law, p0, par, u, w)[0], w), atol=1e-9)
+    u1, later, middle = u + 0.1 * w, np.array([0.3, 0.8, 0.0]), np.zeros(len(p0))
+    assert law.mean(p0, u, u1, w, par, A, later, np.zeros(MAX_MEM), middle) == (0.0, 0.0)
+    expected = force_of_state(law, p0, par, 0.5 * (u + u1), w, 0.5 * (A + later))[0]
+    np.testing.assert_allclose(middle, expected, atol=1e-14)
+    return f
+
+
+@pytest.mark.parametrize("raw", RAW.values(), ids=["theta", "a direction", "no angle"])
+def test_a_load_by_formula_has_its_derivatives_and_in_a_step_the_force_of_its_middle(raw):
+    """F = weight A (x y - 2 vx + s t, y^2 - x vy), with theta in both where the section turns."""
+    kind, s, weight = next(k for k, v in RAW.items() if v is raw), 0.3, 0.7
+    turns = 0.0 if kind == GROUND else 1.0
+    texts = [f"x*y - 2*vx + s*t + {turns}*x*theta", f"y^2 - x*vy - {turns}*theta^2"]
+    formula = formula_record([syntax(text, Names("s", {}, LOCAL)) for text in texts], LOCAL, texts)
+    p0, par = np.array([0.5, -0.4, *raw]), np.array([weight, s, formula.address, kind])
+    rng = np.random.default_rng(9)
+    u, w = rng.uniform(-0.4, 0.4, len(p0)), rng.uniform(-1, 1, len(p0))
+    f = check_derivatives_and_middle(ALONG_BODY, p0, par, u, w)
+    x, y = p0[:2] + u[:2]
+    theta = {GROUND: 0.0, THETA: u[-1], DIRECTION: np.arctan2(u[-1], 1.3 + u[-2])}[kind]
+    force = [x * y - 2 * w[0] + s * A[1] + x * theta, y**2 - x * w[1] - theta**2]
+    np.testing.assert_allclose(f[:2], -weight * A[0] * np.array(force), atol=1e-14)
+    assert not f[2:].any()
+
+
+def test_a_force_by_position_has_its_derivatives_and_in_a_step_that_of_its_middle():
+    """F = A k (x y, y^2 - x), which has no potential."""
+    law = position_law("swirl", lambda x, y, par: (par[0] * x * y, par[0] * (y * y - x), par[0] * y, par[0] * x,
+                                                   -par[0], 2 * par[0] * y), False)
+    p0, k, u, w = np.array([0.5, -0.4]), 0.7, np.array([0.2, 0.3]), np.array([0.6, -0.9])
+    f = check_derivatives_and_middle(law, p0, np.array([k]), u, w)
+    x, y = p0 + u
+    np.testing.assert_allclose(f, -A[0] * k * np.array([x * y, y * y - x]), atol=1e-14)
+
+
+def test_mass_that_passes_a_point_has_its_derivatives_and_in_a_step_the_force_of_its_middle():
+    """m (2 v r_x' + v' r_x) on r, -m v^2 r_x on r_x, and v^2 r_x of the mass that leaves at an end."""
+    m, end, (v, rate, _) = 0.7, 0.3, A
+    for law, n in ((FLOW, 2), (TURNING, 1)):
+        rng, par = np.random.default_rng(3), np.array([m, end])
+        p0, u, w = rng.uniform(-1, 1, (3, 2 * n))
+        f = check_derivatives_and_middle(law, p0, par, u, w)
+        slope = p0[n:] + u[n:]
+        np.testing.assert_allclose(f[:n], m * (2 * v * w[n:] + rate * slope) + end * v**2 * slope, atol=1e-14)
+        np.testing.assert_allclose(f[n:], -m * v**2 * slope, atol=1e-14)
 
 
 def turned(item, u, angle):

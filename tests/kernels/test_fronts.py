@@ -1,6 +1,7 @@
 """Fronts against dense algebra on random frames: solutions, inertia, what is singular; how fill grows."""
 
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,9 @@ from helpers import dense
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ancf2d.kernels.matrices import symmetric
 from ancf2d.kernels.matrices.fronts import fronts_factor, fronts_product, fronts_solve
+from ancf2d.kernels.matrices.layout import entries
 from ancf2d.kernels.matrices.matrix import Nested
 from ancf2d.model.fronts import band_cost, fronts_cost, least_degree, make_fronts
 
@@ -151,3 +154,21 @@ def test_fronts_of_lattices_cost_less_than_bands():
     assert b / a < 2.0**3.3
     assert c / b < 2.0**3.3
     assert c < 0.5 * band
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_entries_between_unknowns_of_two_kinds_are_kept_and_the_diagonal_of_the_first(seed, monkeypatch):
+    rng = np.random.default_rng(seed)
+    fronts, target, A, _ = filled(rng, *frame(rng, 3, 4, 3, 1), True)
+    n, low = len(A), np.nonzero(np.tril(A))
+    kind = rng.integers(0, 3, n).astype(float)
+    kept = np.where((kind[:, None] != kind) | (np.eye(n, dtype=bool) & (kind == 0.0)), A, 0.0)
+    symmetric.keep_between_fronts.py_func(SimpleNamespace(fronts=fronts), target.values, kind)
+    np.testing.assert_array_equal(target.values[entries(fronts, *low)], kept[low])
+    # as a band, with A_ij at n - 1 + j - i of row i
+    i, j = np.tril_indices(n)
+    band = np.zeros((n, n))
+    band[i, n - 1 + j - i] = A[i, j]
+    monkeypatch.setattr(symmetric, "band_of", lambda p, rows: rows)
+    symmetric.keep_between_band.py_func(SimpleNamespace(inner=n, width=n), band, kind)
+    np.testing.assert_array_equal(band[i, n - 1 + j - i], kept[i, j])

@@ -12,6 +12,8 @@ from ancf2d.elements import contact_geometry as geometry
 from ancf2d.elements.contact_gaps import FOUND, WITHIN
 from ancf2d.interactions.body_contact import facing_table
 from ancf2d.interactions.contact import ContactPoint
+from ancf2d.interactions.obstacles import PolylineObstacle
+from ancf2d.kernels.contact import _convex
 from ancf2d.kernels.curves import add_skew, point_accept, point_forces
 from ancf2d.kernels.facing import face
 from ancf2d.kernels.lowlevel.jit import kernel
@@ -182,3 +184,18 @@ def test_friction_of_a_layer_holds_to_the_last_accepted_state_of_points_that_are
     Kinds(model.meshes.values()).translation(d, 0.3, 0.0)
     batch.accept(d, 0.0)
     np.testing.assert_allclose(np.abs(batch.table.mem[:, geometry.ANCHOR] - first), 0.3, rtol=1e-12)
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+@pytest.mark.parametrize("place", [(0.0, 0.0), (3.0, -5.0), (-70.0, 40.0)])
+def test_corners_that_stick_out_do_so_wherever_the_obstacle_is(place, turn):
+    """Of an L all corners but one stick out, and of an open line those that it turns about to the right."""
+    corners = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
+    for closed in (True, False):
+        shape = PolylineObstacle(tuple((x + place[0], y + place[1]) for x, y in corners[::turn]), closed).shape()
+        par = np.array([0.0] * geometry.ORIGIN + shape[1:])
+        points = np.array(shape[3:]).reshape(-1, 3)[:, :2] - place
+        found = {tuple(points[v].tolist()) for v in range(6) if _convex.py_func(par, v, 6)}
+        ends = set() if closed else {corners[0], corners[-1]}
+        inside, outside = {(1, 1)}, set(corners) - {(1, 1)} - ends
+        assert found == (outside if closed or turn < 0 else inside)

@@ -106,3 +106,15 @@ def test_a_path_goes_on_where_a_hinge_is_shared_by_the_elements_at_its_node() ->
 def test_hinges_that_turn_too_far_within_an_element_are_told() -> None:
     with pytest.raises(ComputationError, match="plastic hinges have no stiffness"):
         two_spans(2, 0.1, -0.2)
+
+
+def test_over_time_a_bar_bears_no_more_than_its_yield_stress() -> None:
+    """sigma = 1.25 t yield: steps become shorter up to t = 0.8, beyond which there is no equilibrium."""
+    body = {"geometry": h.line(LENGTH), "element": h.element("reissner3", 1), "material": STEEL,
+            "section": {"height": HEIGHT, "width": WIDTH}}
+    pull = {"type": "force", "at": "beam@1", "value": [1.25 * YIELD * WIDTH * HEIGHT, 0],
+            "amplitude": {"type": "ramp", "t1": 1}}
+    with pytest.raises(ComputationError, match=r"no equilibrium was found beyond t = 0\.8: ") as error:
+        ancf2d.solve(h.load({"beam": body}, {"type": "quasi_static", "t_end": 1}, loads=[pull],
+                            bc=[{"type": "clamp", "at": "beam@0"}]))
+    assert "limit load" in error.value.failure.advice

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from typing import Any
 
+import helpers
 import numpy as np
 import pytest
 
@@ -176,3 +177,14 @@ def test_obstacles_at_one_place_bear_a_body_together() -> None:
     solution = ancf2d.solve(case)
     bears = sum(contact["force"][1] for contact in solution.summary["contacts"])
     assert bears + solution.summary["reactions"]["strip@0"]["fy"] == pytest.approx(WEIGHT - LIFT, rel=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["vallejo", "reissner3", "cable"])
+def test_faces_of_a_body_that_tapers_are_half_its_height_from_its_axis(kind: str) -> None:
+    case = scene(kind, "newton", 0.3, side="surface")
+    case["bodies"]["strip"]["section"]["height"] = "0.2 - 0.1*s"
+    (pair,) = helpers.build(**case).contacts
+    mesh = pair.mesh
+    s = np.array([mesh.starts[p.ie] + 0.5 * (p.z + 1.0) * mesh.lengths[p.ie] for p in pair.spots])
+    half = 0.5 * (0.2 - 0.1 * s) * [p.eta for p in pair.spots]
+    np.testing.assert_allclose(pair.gaps(np.zeros(mesh.n_dofs), 0.0), 0.3 + half, atol=1e-12)

@@ -95,6 +95,20 @@ def test_two_cantilevers_share_a_force_by_their_stiffness(name, law):
     assert turned["to"] == pytest.approx(0.25, abs=0.03)
 
 
+@pytest.mark.parametrize("above", [1, -1])
+@pytest.mark.parametrize("law", LAWS)
+def test_axes_that_touch_stay_on_their_sides(law, above):
+    """They share a force as above: each pushes the other to where that is, above it or below."""
+    bodies = {"upper": beam([0, above * 1e-6], [1, above * 1e-6]), "lower": beam([0.8, 0], [1.6, 0], count=5)}
+    solution = helpers.Solution(helpers.build(
+        bodies, bc=clamps("upper@0", "lower@1"), loads=[push("upper@1", 0, -10.0 * above)],
+        contacts=[{**ON, "side": "axis", **LAWS[law]}]))
+    (report,) = contact_report(solution.model, solution.state)
+    assert report["force"][1] == pytest.approx(above * 10.0 / (1.0 + 0.6**3), rel=3e-3)
+    assert report["from"] == report["to"] == pytest.approx(1.0, abs=0.02)
+    check_balance(solution)
+
+
 @pytest.mark.parametrize("law", helpers.chosen(LAWS, ["law"]))
 def test_two_mirrored_beams_do_as_one_on_their_plane_of_symmetry(law):
     gap, force, n = 0.01, 40000.0, 6
@@ -178,6 +192,21 @@ def test_bodies_that_overlap_are_told_with_depth_and_place():
         helpers.build(bodies, bc=clamps("upper@0", "lower@1"), contacts=[ON])
     # a layer that yields starts compressed
     helpers.build(bodies, bc=clamps("upper@0", "lower@1"), contacts=[{**ON, **LAWS["law"]}])
+
+
+def test_a_curved_body_is_deepest_where_it_is_parallel_to_the_other():
+    """An arc whose lowest point is 0.30/0.52 along it, 10 mm in a straight beam: neither at a node nor at a middle."""
+    arc = {"type": "arc", "center": [0.5, 2.05], "radius": 2.0, "from": -np.pi / 2 - 0.30, "to": -np.pi / 2 + 0.22}
+    bodies = {"upper": helpers.body(arc, helpers.element("cable", 4), SECTION, STEEL),
+              "lower": beam([-0.5, 0], [1.5, 0], count=3)}
+    model = helpers.build(bodies, "static", bc=clamps("upper@0", "lower@0"), contacts=[ON])
+    d, (table, _) = np.zeros(len(model.numbering.place)), model.contact_tables
+    d[model.meshes["upper"].dofs[:, [1, 5]]] = -0.04
+    depth, place, _ = table.deepest(d, 1.0)
+    (k,) = np.flatnonzero(depth)
+    spot = table.pair.spots[k]
+    assert spot.ie + 0.5 * (1.0 + place[k]) == pytest.approx(4 * 0.30 / 0.52, abs=5e-4)
+    assert depth[k] == pytest.approx(0.01, rel=2e-4)
 
 
 def test_a_body_that_crosses_itself_is_told_with_depth_and_place():

@@ -59,6 +59,26 @@ def fields_of(model, state, body="beam"):
     return found, {k: (np.trapezoid(v, at.xi, axis=1) * lengths).sum(axis=0) for k, v in found.items()}
 
 
+@pytest.mark.parametrize(("y", "heading", "first"), [(-0.5, 0.0, 0), (0.5, math.pi, 12)], ids=["at it", "across"])
+def test_pressure_on_a_ring_does_not_depend_on_where_its_axis_closes(y: float, heading: float, first: int) -> None:
+    """It bears the weight of the ring and is that of a symmetric one, where it lies on the floor."""
+    R, rho, h, w = 0.5, 1000.0, 0.02, 0.05
+    path = {"type": "path", "start": [0, y], "heading": heading, "closed": True,
+            "pieces": [{"arc": R, "angle": math.pi}, {"arc": R, "angle": math.pi}]}
+    ring = {"geometry": path, "section": {"height": h, "width": w}, "material": {"E": 1e8, "nu": 0.3, "rho": rho},
+            "element": {"type": "reissner3", "count": 24}}
+    solution = helpers.solved(
+        {"ring": ring}, "static", loads=[{"type": "gravity", "value": [0, -9.81]}],
+        bc=[{"type": "roller", "at": f"ring@{s}", "fixed": "x"} for s in (0, 0.5)],
+        obstacles={"floor": {"type": "half_plane", "through": [0, -R - 0.5 * h], "normal": [0, 1]}},
+        contacts=[{"between": ["ring", "floor"], "law": {"stiffness": 1e6}}])
+    fields, total = fields_of(solution.model, solution.state, "ring")
+    assert total["pressure"] == pytest.approx([rho * h * w * 2 * math.pi * R * 9.81, 0.0], rel=1e-4)
+    lower = fields["pressure"][:, :, 0]
+    assert lower[first, 0] > 400.0
+    np.testing.assert_allclose(lower[first], lower[first - 1, ::-1], rtol=1e-6)
+
+
 def test_a_strip_wraps_around_a_drum() -> None:
     """It lies on the drum up to the lift-off, where a concentrated force acts."""
     exact = reference.strip_on_drum(1.0, 1.0, 2.0, 0.9)

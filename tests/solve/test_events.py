@@ -276,8 +276,24 @@ def test_conditions_are_checked() -> None:
                          ({"to": 1, "until": "t > 1"}, "to and until are both given")):
         with pytest.raises(ancf2d.CaseError, match=says):
             run(loads=[{**load, "active": active}])
+    with pytest.raises(ancf2d.CaseError, match="the amplitude of a load by formula is a function of time alone"):
+        run(loads=[{"type": "distributed", "on": "bar", "value": [0, "-vy"],
+                    "amplitude": {"type": "expression", "value": "end.ux"}}])
     with pytest.raises(ComputationError, match="has no value"):
         run(loads=[{**load, "active": {"after": "sqrt(0.5 - end.ux) < 0.1 if t > 1.5 else sqrt(0.5 - end.ux) > 9"}}],
             initial={"velocity": [1, 0]})
     with pytest.raises(ComputationError, match="is already true at t = 0"):
         run(solver={"type": "dynamic", "t_end": 1, "until": "end.ux < 1"})
+
+
+@pytest.mark.parametrize(("active", "omega"), [({"until": "end.y > -1"}, 0.0), ({"after": "end.y > -1"}, 1.5)])
+@pytest.mark.parametrize("method", ["radau5", "generalized_alpha"])
+def test_a_condition_may_hold_from_the_start(method: str, active: dict[str, str], omega: float) -> None:
+    """A bar that flies off at once, or is caught by an end: m v L/2 = m L^2/3 omega."""
+    found = ancf2d.solve({
+        "boundary_conditions": [{"name": "pin", "type": "pin", "at": "bar@0", "active": active}],
+        "bodies": {"bar": BODY}, "initial": {"velocity": [0, 1]}, "output": {"probes": {"end": "bar@1"}},
+        "solver": {"type": "dynamic", "t_end": 0.5, "tolerance": 1e-8, "method": method, "estimate": False}}).summary
+    assert found["probes"]["end"]["theta"] == pytest.approx(0.5 * omega, abs=1e-6)
+    assert found["probes"]["end"]["y"] == pytest.approx(math.sin(0.5 * omega) if omega else 0.5, abs=1e-6)
+    assert found["events"] == [{"t": 0.0, "what": "pin begins" if omega else "pin ends"}]

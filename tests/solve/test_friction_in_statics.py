@@ -192,20 +192,25 @@ def _obeys_coulomb(model, before, state) -> None:
                 assert one.slip(k, now[k], was[k]) * point.mem[SLIDES] <= 1e-12 * model.extent
 
 
-def ring(kind: str, friction: float, ends: str, pressed: float, count: int = 24, steps: int = 3):
-    """Return a ring between plates, of which the upper one comes down by a share of its radius."""
+def ring(kind: str, friction: float, ends: str, pressed: float, count: int = 24, steps: int = 3,
+         above: float | None = None):
+    """Return a ring between plates, of which the upper one comes down by a share of its radius.
+
+    Their friction is the same, unless that ``above`` is given.
+    """
     R = 0.1
-    between = {"friction": friction, "side": "axis"}
+    below, above = ({"friction": mu, "side": "axis"} for mu in (friction, friction if above is None else above))
     return helpers.build(
         {"ring": helpers.body(
             {"type": "arc", "center": [0, R], "radius": R, "from": -0.5 * math.pi, "to": 1.5 * math.pi},
             helpers.element(kind, count), {"height": 0.002, "width": 0.02}, {"E": 2e9, "nu": 0.3})},
         {"type": "static", "steps": steps},
-        contacts=[{"between": ["ring", "floor"], **between}, {"between": ["ring", "plate"], **between}],
+        contacts=[{"between": ["ring", "floor"], **below}, {"between": ["ring", "plate"], **above}],
         obstacles={"floor": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]},
                    "plate": {"type": "half_plane", "through": [0, 2 * R], "normal": [0, -1],
                              "motion": {"y": {"type": "ramp", "scale": -pressed * R}}}},
-        boundary_conditions=[{"at": "ring@0", "type": "fix", "coordinates": ["x"]}] if ends == "held" else [],
+        boundary_conditions=[{"at": f"ring@{s}", "type": "fix", "coordinates": ["x"]}
+                             for s in {"held": [0], "held twice": [0, 0.5]}.get(ends, [])],
         joints=[{"type": "weld", "between": ["ring@0", "ring@1"]}] if ends == "welded" else [])
 
 
@@ -227,6 +232,16 @@ def test_a_ring_that_is_pressed_flat_between_rough_plates_obeys_coulomb(kind: st
     (below, above) = contact_report(model, state)
     assert below["force"][1] == pytest.approx(-above["force"][1], rel=1e-6)
     assert below["force"][1] > 0.1
+
+
+def test_a_ring_between_a_rough_and_a_smooth_plate_obeys_coulomb() -> None:
+    model = ring("cable", 0.3, "held twice", 0.21, above=0.0)
+    first, *_, state = solve(model)
+    _obeys_coulomb(model, first, state)
+    below, above = contact_report(model, state)
+    assert below["force"][1] == pytest.approx(-above["force"][1], rel=1e-6)
+    assert below["force"][1] > 0.1
+    assert above["force"][0] == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ import pytest
 from instruments.references import contacts as reference
 from test_contact_statics import check_balance, fields_of, strip
 
+from ancf2d.interactions.contact_curves import spots
 from ancf2d.solvers.contact import contact_report
 from ancf2d.solvers.small_motions.eigen import solve_eigen
 
@@ -106,3 +107,14 @@ def test_modes_about_a_state_let_the_place_of_lift_off_move(name: str) -> None:
         found.append(abs(omega[omega > 1.0][0] / exact - 1.0))
     assert found[0] < 0.03
     assert found[1] < 0.25 * found[0]
+
+
+@pytest.mark.parametrize("still", [True, False])
+@pytest.mark.parametrize("kind", ["cable", "reissner3", "vallejo"])
+def test_points_that_may_move_are_in_the_middle_between_those_that_may_not(kind: str, still: bool) -> None:
+    mesh = helpers.build({"beam": helpers.body(helpers.line(1.0), helpers.element(kind, 3))}, "static",
+                         bc=[CLAMP]).meshes["beam"]
+    free, home = ([mesh.starts[p.ie] + 0.5 * (p.z + 1.0) * mesh.lengths[p.ie]
+                   for p in spots(mesh, "axis", False, still) if p.free == moves] for moves in (True, False))
+    assert len(home) == (4 if still else 7)
+    np.testing.assert_allclose(free, 0.5 * (np.array(home[1:]) + home[:-1]), atol=1e-14)

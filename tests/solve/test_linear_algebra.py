@@ -4,12 +4,15 @@ import helpers
 import numpy as np
 import pytest
 from helpers import dense
+from scipy.sparse import csc_array
 
 from ancf2d.errors import ComputationError
 from ancf2d.model import numbering
 from ancf2d.model.numbering import half_bandwidth, order_unknowns
+from ancf2d.solvers.element_loads import _sparse_least_squares
 from ancf2d.solvers.ldl import SymmetricBand, SymmetricFronts
 from ancf2d.solvers.linear import GeneralBand, GeneralSparse, make_matrix, pattern
+from ancf2d.solvers.small_motions.factors import BAND, Factors
 from ancf2d.solvers.statics.newton import FLOOR
 from ancf2d.solvers.system import System
 
@@ -301,3 +304,30 @@ def test_a_singular_tangent_names_the_coordinate_that_is_free(solver):
         )
     if solver == "linear_static":
         assert "zero-energy mode" in error.value.failure.advice
+
+
+@pytest.mark.parametrize("wide", [2, BAND + 30])
+@pytest.mark.parametrize("seed", range(3))
+def test_factors_have_the_phase_of_the_determinant(seed, wide):
+    """det A = |det A| sign, where sign is -1 or 1 of real matrices, and on the unit circle of complex ones."""
+    rng, n = np.random.default_rng(seed), BAND + 41
+    i, j = np.tile(np.arange(n), 3), np.concatenate([np.arange(n), *rng.integers(0, n, (2, n))])
+    j = np.where(np.abs(i - j) <= wide, j, i)
+    for values in (rng.standard_normal(3 * n), rng.standard_normal(3 * n) + 1j * rng.standard_normal(3 * n)):
+        A = csc_array((values, (i, j)), shape=(n, n))
+        b, found = rng.standard_normal((n, 2)).astype(A.dtype), Factors(A)
+        assert (found.bw > BAND) == (wide > BAND)
+        assert found.phase == pytest.approx(np.linalg.slogdet(A.toarray())[0], abs=1e-9)
+        np.testing.assert_allclose(found.solve(b), np.linalg.solve(A.toarray(), b), rtol=1e-6, atol=1e-9)
+        assert Factors(csc_array((np.where(j == 3, 0.0, values), (i, j)), shape=(n, n))).singular
+
+
+def test_many_equations_share_reactions_as_few_do():
+    """The least squares of least size, where a row is said twice, is that of dense algebra."""
+    rng, rows = np.random.default_rng(0), 12
+    owner, index = np.repeat(np.arange(rows), 3), rng.integers(0, 20, 3 * rows)
+    index[-3:], data = index[-6:-3], rng.standard_normal(3 * rows)
+    data[-3:] = data[-6:-3]
+    dense, b = csc_array((data, (index, owner)), shape=(20, rows)).toarray(), rng.standard_normal(20)
+    found = _sparse_least_squares(data, index, owner, dense.shape, b)
+    np.testing.assert_allclose(found, np.linalg.lstsq(dense, b, rcond=None)[0], atol=1e-9)

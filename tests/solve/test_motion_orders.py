@@ -8,6 +8,8 @@ from instruments.motions.orders import ORDER, PAIRS, SCENES, SMOOTHEST
 from motions import GRAVITY, orders, ride, rod
 from scipy.integrate import solve_ivp
 
+import ancf2d
+
 # how many steps the runs take; order 9 is at round-off soon
 STEPS = {2: (64, 256), 5: (48, 96), 9: (14, 21)}
 # 36 units of the last place: closer to round-off, chance decides whether Newton's method gets there
@@ -97,3 +99,19 @@ def test_what_newtons_method_leaves_does_not_add_up_over_many_short_steps(method
     scene, t_end = SCENES["double pendulum"]
     moved = ride(scene, t_end, method=method, dt=t_end / steps)
     np.testing.assert_allclose(moved.place("b@1"), double_pendulum(t_end), atol=1e-11)
+
+
+@pytest.mark.parametrize("method", ["generalized_alpha", "energy_momentum", "radau5"])
+def test_the_estimate_is_the_error_and_a_quarter_where_the_order_shows(method):
+    """A mass on a spring: u = v sin(omega t)/omega; Richardson's estimate of steps that double."""
+    bar = {"geometry": {"type": "line", "start": [0, 0], "end": [0.1, 0]},
+           "element": {"type": "rigid", "mass": 1.0, "inertia": 0.01}}
+    found = ancf2d.solve({
+        "bodies": {"b": bar}, "boundary_conditions": [{"type": "roller", "at": f"b@{s}", "fixed": "y"} for s in (0, 1)],
+        "springs": [{"type": "translational", "between": [[-1, 0], "b@0"], "stiffness": 100.0}],
+        "initial": {"velocity": [1.0, 0]}, "output": {"probes": {"p": "b@0"}},
+        "solver": {"type": "dynamic", "t_end": 1.0, "dt": 0.01, "method": method}})
+    u, exact = found.d[:, 0], 0.1 * np.sin(10.0 * np.array(found.t))
+    error = np.abs(u - exact).max() / np.abs(u).max()
+    assert found.accuracy["order"] == pytest.approx(5 if method == "radau5" else 2, abs=0.1)
+    assert 1.2 < found.accuracy["estimate"] / error < 1.4

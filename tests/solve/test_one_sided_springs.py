@@ -145,3 +145,17 @@ def test_the_order_is_kept_through_stops(method, order):
     """Steps end where a stop begins and ceases to act."""
     coarse, fine = (off("gap", method=method, dt=dt) for dt in (2e-3, 1e-3))
     assert math.log2(coarse / fine) > order - 0.6
+
+
+@pytest.mark.slow_rows("BDF")
+@pytest.mark.parametrize("method", ["LSODA", "BDF"])
+def test_multistep_methods_begin_anew_at_stops(method):
+    """They keep no multipliers, so that the bar bends and stretches; beside what radau9 finds."""
+    bar = {"geometry": {"type": "line", "start": [0, 0], "end": [0.1, 0]}, "element": {"type": "cable", "count": 1},
+           "section": {"EA": 1e3, "EI": 1e-3, "rhoA": 4.0}}
+    stop = {"type": "translational", "between": [[-1, 0], "b@0"], "stiffness": 0.01 * HARD, "gap": FREE}
+    found = [ride({**FLIES, "bodies": {"b": bar}, "springs": [stop]}, 0.4, states=1, method=one, tolerance=1e-5)
+             for one in (method, "radau9")]
+    x = [motion.place("b@0", 1)[0] for motion in found]
+    assert 0.0 < x[1] < FREE
+    assert x[0] == pytest.approx(x[1], rel=1e-5)

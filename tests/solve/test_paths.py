@@ -69,6 +69,20 @@ def test_every_state_of_the_path_lies_on_the_closed_solution():
         np.testing.assert_allclose([s.t for s in out.states], [truss_load(v) for v in y], rtol=1e-8, atol=1e-7)
 
 
+def test_multipliers_are_not_among_the_negative_pivots_of_a_path():
+    """A frame whose corner a multiplier keeps (Lee, Manuel & Rossow 1968) is stable up to its limit point."""
+    section = {"EA": 43200.0, "EI": 1.0, "rhoA": 1.0}
+    legs = {name: helpers.body({"type": "line", "start": a, "end": b}, helpers.element("cable", 5), section)
+            for name, a, b in (("a", [0, 0], [0, 1]), ("b", [0, 1], [1, 1]))}
+    out = helpers.solved(legs, path({"limit_points": 1}), bc=[{"type": "pin", "at": at} for at in ("a@0", "b@1")],
+                         joints=[{"type": "weld", "between": ["a@1", "b@0"]}],
+                         loads=[{"type": "force", "at": "b@0.2", "value": [0, -1]}])
+    assert out.model.numbering.n_multipliers == 1
+    (limit,) = out.state.report["limit_points"]
+    assert limit["factor"] == pytest.approx(18.5, rel=5e-3)
+    assert {state.history["negative_pivots"] for state in out.states if state.t < 0.9 * limit["factor"]} == {0}
+
+
 @pytest.mark.parametrize("scale", [1e-3, 1e3])
 def test_a_path_does_not_know_its_unit_of_length(scale):
     points = truss(path({"limit_points": 2}), scale=scale).state.report["limit_points"]

@@ -81,6 +81,14 @@ def test_a_shaken_and_heated_beam_responds_with_the_complex_modulus(terms: tuple
         assert (np.abs(row / exact - 1.0) < 1e-7).all()
 
 
+def test_a_range_of_frequencies_has_the_responses_of_each() -> None:
+    case = scene(material(PRONY))
+    found = solved(case, type="frequency_response", inputs=["push"], **{"from": 0.5, "to": 30.0}).summary["response"]
+    hz, (re, im) = found["hz"], (np.array(found["push"]["tip"]["uy"][part]) for part in ("re", "im"))
+    assert (hz[0], hz[-1], len(hz)) == (0.5, 30.0, len(set(hz)))
+    np.testing.assert_allclose(re + 1j * im, responses(case, hz, ["push"])[:, 0], rtol=1e-9)
+
+
 def expanded(model: Any, z: np.ndarray) -> np.ndarray:
     """Return the complex motion of all coordinates that unknowns z (n,) make."""
     parts = np.zeros((2, len(model.numbering.place)))
@@ -107,11 +115,26 @@ def test_a_linear_model_has_the_dashpots_among_its_states(kind: str, jet: bool) 
     about = "static" if jet else "reference"
     wanted = responses(case, hz, inputs, about)
     system, done = linear_model(case, inputs, about)
-    assert done.summary["state_space"]["states"][-1].startswith("d")
+    states = done.summary["state_space"]["states"]
+    assert len(states) == len(set(states)) == len(system[0])
+    assert states[-1].startswith("d")
     for f, row, allowed in zip(hz, wanted, (1e-6, 1e-5, 1e-3, 1e-2), strict=True):
         found = transfer(system, 2j * np.pi * f)[0]
         assert (np.abs(found - row) < allowed * np.abs(row)).all(), (f, found, row)
     assert (np.linalg.eigvals(system[0]).real < 0).all()
+
+
+@pytest.mark.parametrize("kind", ["cable", "vallejo"])
+def test_a_linear_model_follows_an_angle_that_a_multiplier_keeps(kind: str) -> None:
+    turned = {"type": "prescribed", "at": "b0@0", "name": "base", "ux": 0, "uy": 0, "angle": 0.3}
+    spring = {"type": "translational", "between": ["b0@1", [1, 1]], "stiffness": 3 * E * SIZE**4 / 12}
+    case = scene(material(PRONY), boundary_conditions=[turned], springs=[spring])
+    case["bodies"]["b0"]["element"]["type"] = kind
+    system, done = linear_model(case, ["base", "push"], "reference")
+    assert done.model.numbering.n_multipliers == 1
+    hz = [0.05, 2.5]
+    for f, row in zip(hz, responses(case, hz, ["base", "push"]), strict=True):
+        np.testing.assert_allclose(transfer(system, 2j * np.pi * f)[0], row, rtol=1e-4)
 
 
 def test_what_nothing_holds_relaxes_beside_its_rigid_motions() -> None:

@@ -78,6 +78,8 @@ def direct(case: dict[str, Any], s: complex) -> np.ndarray:
 # a turning force makes the tangent unsymmetric; without supports there are three rigid motions
 JET = {"name": "jet", "type": "follower_force", "at": "beam@1", "value": [-1.5, 0.5]}
 KINDS = {"loads": scene(), "motion": scene(inputs=["base", "push"]), "follower": scene(loads=[JET], about="static"),
+         "follower on an overdamped end": {**scene(loads=[JET], about="static"), "springs": [
+             {"type": "translational", "between": ["beam@1", [1, 1]], "stiffness": 8, "damping": 10}]},
          "motion beside a follower": scene(loads=[JET], about="static", inputs=["base", "push"]),
          "rotating frame": {**scene("boundary_conditions", about="static", inputs=["push"]),
                             "steady_rotation": {"omega": 5},

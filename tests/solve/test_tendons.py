@@ -77,6 +77,25 @@ def test_sections_bear_what_a_guided_tendon_does_not(kind: str, more: dict[str, 
     np.testing.assert_allclose(forces, np.stack(expected, axis=-1), atol=(1e-3 if elastic else 1e-8) * T)
 
 
+def test_sections_of_a_bent_beam_bear_what_a_guide_that_rises_does_not() -> None:
+    """As above, with the way of the tendon that differences of r + y n along the bent beam give."""
+    T, xi, h = 1500.0, np.array([0.3, 0.5, 0.8]), 1e-5
+    found = solve(beam(), [{"type": "tendon", "on": "a", "y": "0.04*(1 - s)", "tension": T}])
+    forces = SectionForces(found.model, found.model.meshes["a"], xi)(found.state)
+
+    def axes(s: float) -> np.ndarray:
+        c, sn = np.cos(found.theta(f"a@{s!r}")), np.sin(found.theta(f"a@{s!r}"))
+        return np.array([[c, sn], [-sn, c]])
+
+    def guide(s: float) -> np.ndarray:
+        return found.r(f"a@{s!r}") + 0.04 * (1 - s) * axes(s)[1]
+    for e, k in np.ndindex(16, 3):
+        s = float((e + xi[k]) / 16)
+        way = axes(s) @ (guide(s + h) - guide(s - h))
+        N, Q = -T * way / np.linalg.norm(way)
+        assert forces[e, k] == pytest.approx([N, Q, -0.04 * (1 - s) * N], rel=1e-6, abs=1e-7 * T)
+
+
 EYELETS = [{"at": "a@0.2", "y": 0.05}, {"at": "a@0.5", "y": 0.03}, {"at": "a@0.9", "y": 0.06}]
 
 
@@ -240,6 +259,9 @@ def test_what_a_tendon_cannot_be_is_refused_in_words() -> None:
         with pytest.raises(CaseError) as caught:
             helpers.build({"a": beam()}, bc=CLAMP, loads=[{"type": "tendon", **load}])
         assert said in str(caught.value)
+    rigid = {"geometry": beam()["geometry"], "element": {"type": "rigid", "mass": 1, "inertia": 1}}
+    with pytest.raises(CaseError, match="a is rigid: a tendon along it has no effect"):
+        helpers.build({"a": rigid}, bc=CLAMP, loads=[{"type": "tendon", "on": "a", "tension": 1}])
     with pytest.raises(CaseError, match="can guide a tendon off its axis only with given tension"):
         helpers.build({"a": beam("cable")}, bc=CLAMP,
                       loads=[{"type": "tendon", "on": "a", "y": 0.01, "stiffness": 1e3}])
@@ -251,6 +273,35 @@ def test_elements_along_an_elastic_tendon_are_not_too_many() -> None:
     with pytest.raises(CaseError, match="43 elements are too many") as error:
         solve(beam(count=43), [load], "linear_static")
     assert error.value.problems[0].expected == "at most 42"
+
+
+@pytest.mark.parametrize(("start", "end"), [(0.3, 0.5), (-0.4, 0.5), (0.5, -0.4)], ids=["taut", "taken up", "let go"])
+def test_the_force_of_an_elastic_tendon_over_a_step_does_the_difference_of_energy_as_work(start: float, end: float
+                                                                                          ) -> None:
+    """Two pieces between points: f . (u1 - u0) = U1 - U0. Winding up takes the power -dU/da da/dt."""
+    rng, size = np.random.default_rng(1), 12
+    p0 = np.zeros(2 * size)
+    p0[[0, 1, size, size + 1]] = 1.0, 0.5, -0.6, 0.8
+    length = np.hypot(1.0, 0.5) + 1.0
+    par, zero = np.array([3.0, length, 0.5, size]), np.zeros(2 * size)
+
+    def energy(u: Any, a: float) -> tuple[float, float]:
+        f, H = np.zeros(len(p0)), np.zeros((len(p0),) * 2)
+        return ELASTIC.forces(p0, u, zero, par, np.array([a, 0.3, 0.0]), np.zeros(2), f, H, 0 * H)
+    u = []
+    for share in (start, end):
+        one = np.zeros(len(p0))
+        one[[0, 1, size, size + 1]] = share * p0[[0, 1, size, size + 1]] + rng.uniform(-0.05, 0.05, 4)
+        u.append(one)
+    f, a = np.zeros(len(p0)), np.array([0.2, 0.0, 0.0])
+    after, lost = ELASTIC.mean(p0, *u, zero, par, a, a, np.zeros(2), f)
+    assert np.abs(f).max() > 0.1
+    assert after == pytest.approx(energy(u[1], 0.2)[0], abs=1e-14)
+    assert lost == 0.0
+    assert f @ (u[1] - u[0]) == pytest.approx(energy(u[1], 0.2)[0] - energy(u[0], 0.2)[0], abs=1e-12)
+    _, wound = ELASTIC.mean(p0, u[1], u[1], zero, par, a, np.array([0.2, 0.3, 0.0]), np.zeros(2), f)
+    slope = (energy(u[1], 0.2 + 1e-6)[0] - energy(u[1], 0.2 - 1e-6)[0]) / 2e-6
+    assert wound == pytest.approx(-slope * 0.15, abs=1e-8)
 
 
 @pytest.mark.parametrize("kinds", [(0, 0), (THETA, 0), (DIRECTION, THETA), (DIRECTION, DIRECTION), "u", "u, v"])

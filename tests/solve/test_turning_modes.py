@@ -51,6 +51,14 @@ def test_the_scene_may_turn_either_way() -> None:
     np.testing.assert_allclose(omegas(case("vallejo, count: 4", 5)), omegas(case("vallejo, count: 4", -5)), rtol=1e-9)
 
 
+def test_what_damps_does_nothing_to_undamped_modes_of_a_scene_that_turns() -> None:
+    text = case("reissner3, count: 8", 5)
+    damped = text.replace("eigen,", "eigen, damped: false,") + "damping: {rayleigh: {beta: 0.01}}\n"
+    found = run_case(load_case_text(damped)).summary["frequencies"]
+    assert [f["growth"] for f in found] == [0.0, 0.0, 0.0]
+    np.testing.assert_allclose([f["omega"] for f in found], omegas(text), rtol=1e-9)
+
+
 ARM = """
   arm:
     geometry: {type: line, start: [0.12, 0.16], end: [0.72, 0.96]}

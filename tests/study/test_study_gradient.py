@@ -244,6 +244,19 @@ def test_euler_column():
                                    "loads.push.value.0": -1.0}, abs=1e-5)
 
 
+def test_a_column_between_ends_that_approach_each_other():
+    """EA mu u/L = pi^2 EI/L^2: the factor goes with EI, EA^-1, L^-1 and u^-1."""
+    case = {**STRUT, "loads": [], "solver": {"type": "buckling", "modes": 1}, "goal": {"load_factor": 1},
+            "boundary_conditions": [{"type": "pin", "at": "strut@0"},
+                                    {"type": "prescribed", "at": "strut@1", "ux": -1e-6, "uy": 0}]}
+    study = ancf2d.sensitivity(case, ["bodies.strut.section.EI", "bodies.strut.section.EA",
+                                      "bodies.strut.geometry.end.0", "boundary_conditions.1.ux"])
+    assert {row.method for row in study.rows} == {"exact"}
+    assert study.goal == pytest.approx(np.pi**2 * 200.0 / (1e9 * 3.0 * 1e-6), rel=2e-5)
+    assert {row.path.split(".")[-1]: row.elasticity for row in study.rows} == pytest.approx(
+        {"EI": 1.0, "EA": -1.0, "0": -1.0, "ux": -1.0}, abs=1e-5)
+
+
 def test_cantilever_frequency():
     """omega = 1.8751^2 sqrt(EI/(rhoA L^4)): powers 1/2, -1/2, -2; a small tip mass m adds -omega 2 m/(rhoA L)."""
     case = {**STRUT, "solver": {"type": "eigen", "modes": 2}, "goal": {"kind": "bending", "number": 1}}

@@ -102,7 +102,7 @@ class Quadratic:
     def damping(self, x: Array) -> Array:
         """Return C x, Kelvin-Voigt damping by way of the strains."""
         out = self._formed @ x
-        return out + self.small.viscous_forces(x) if self.damped and self.small.viscous is not None else out
+        return out + self.small.viscous_forces(x) if self.damped else out
 
     def mass(self, x: Array) -> Array:
         """Return M x."""

@@ -266,7 +266,7 @@ def _left(problem: Quadratic, s: complex, x: Complex) -> Complex:
     """Return y (n,) with y^T (K + s C + s^2 M) = 0 and y^T (C + 2 s M) x = 1, by inverse iteration."""
     at = s * (1.0 + BESIDE)
     factors = Factors(problem.matrix(at if s.imag else at.real).T.tocsc())
-    y = np.asarray(problem.M @ x.conj(), dtype=complex if s.imag else float)
+    y = np.asarray(problem.M @ (x.conj() if s.imag else x.real))
     for _ in range(3):
         y = factors.solve(y)
         y = y / problem.size(y)
