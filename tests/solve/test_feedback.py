@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from motions import Ride, ride, rigid
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 import ancf2d
 from ancf2d.errors import CaseError, ComputationError
@@ -78,6 +79,26 @@ def test_a_pid_controller_with_limits_agrees_with_scipy(method):
     found = told(motion)
     names = ("hub.theta", "motor:integral", "motor:filtered")
     assert [found[n] for n in names] == pytest.approx(wanted[[0, 2, 3]], abs=1e-8)
+
+
+@pytest.mark.parametrize("method", ["radau5", "generalized_alpha"])
+def test_an_output_that_its_integral_alone_would_raise_stays_at_its_limit(method):
+    """It falls to its limit, is held there by as much integration as that takes, and leaves it in a linear motion."""
+    kp, ki, kd, limit, end = 2.0, 5.0, 1.0, 0.5, 1.4
+    a = limit / J
+    # kp (1 - a t^2/2) - kd a t = limit; what the integral has to make up for, kp omega + kd a, exceeds ki e later
+    falls = (-kd * a + math.sqrt((kd * a)**2 + 2 * kp * a * (kp - limit))) / (kp * a)
+    leaves = (-kp * a + math.sqrt((kp * a)**2 + 2 * ki * a * (ki - kd * a))) / (ki * a)
+    assert falls < leaves < end
+    theta, omega = a * leaves**2 / 2, a * leaves
+    start = [theta, omega, limit - kp * (1 - theta) + kd * omega, 1.0]
+    rates = [[0, 1, 0, 0], [-kp / J, -kd / J, 1 / J, kp / J], [-ki, 0, 0, ki], [0, 0, 0, 0]]
+    wanted = expm(np.array(rates) * (end - leaves)) @ start
+    pid = {"type": "pid", "input": "1 - hub.theta", "kp": kp, "ki": ki, "kd": kd, "limit": [-limit, limit]}
+    motion = ride(arm("motor", controllers={"motor": pid}), end, tolerance=1e-8, method=method, estimate=False)
+    found = told(motion)
+    near = 1e-7 if method == "radau5" else 1e-4
+    assert [found[n] for n in ("hub.theta", "motor:integral")] == pytest.approx(wanted[[0, 2]], abs=near)
 
 
 def test_a_sampled_controller_is_its_recurrence():

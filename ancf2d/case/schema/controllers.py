@@ -29,6 +29,8 @@ from ..syntax import (
 )
 from .amplitudes import ExpressionText
 
+# of the range between the limits of a controller: how far beyond one its integration fades out
+BAND = 1e-10
 # what the rate of a quantity of a probe is
 _RATES = {"x": "vx", "ux": "vx", "y": "vy", "uy": "vy", "theta": "omega"}
 
@@ -149,7 +151,7 @@ def _continuous(name: str, pid: Pid) -> Equations:
     if pid.ki != 0.0:
         state, gain = f"{name}:integral", _times(Constant(pid.ki), e)
         total = _plus(total, Quantity(state))
-        initial[state], rates[state] = Constant(0.0), _stopped(gain, total, pid.limit)
+        initial[state], rates[state] = Constant(0.0), _faded(gain, total, pid.limit)
     return Equations(initial, rates, _limited(total, pid.limit), None, {},
                      {_called(pid.input, f"{name}.input"): e})
 
@@ -184,6 +186,26 @@ def _stopped(gain: Tree, value: Tree, limit: tuple[float, float] | None) -> Tree
     above = Choice(_compared(gain, ">", zero), zero, gain)
     below = Choice(_compared(gain, "<", zero), zero, gain)
     return Choice(_compared(value, ">=", high), above, Choice(_compared(value, "<=", low), below, gain))
+
+
+def _faded(gain: Tree, value: Tree, limit: tuple[float, float] | None) -> Tree:
+    """Return what is integrated over time: less and less within a band about a limit, nothing beyond it.
+
+    Where the rest of the output falls at its limit and the integral would raise it, it stays there. A rate that jumps
+    has no solution then, since it would have to be both. The band is about the limit, so that what crosses it loses as
+    much before as it gains behind.
+    """
+    if limit is None:
+        return gain
+    band, half, one, zero = map(Constant, (BAND * (limit[1] - limit[0]), 0.5, 1.0, 0.0))
+
+    def share(inside: Tree) -> Tree:
+        """Return 1 where a distance from the limit is half a band, 0 where it is that much beyond."""
+        rest = _plus(half, _over(inside, band))
+        smooth = _times(_times(rest, rest), _minus(Constant(3.0), _times(Constant(2.0), rest)))
+        return Choice(_compared(rest, ">=", one), one, Choice(_compared(rest, "<=", zero), zero, smooth))
+    above, below = share(_minus(Constant(limit[1]), value)), share(_minus(value, Constant(limit[0])))
+    return _times(gain, Choice(_compared(gain, ">", zero), above, below))
 
 
 def _compared(a: Tree, op: str, b: Tree) -> Tree:
