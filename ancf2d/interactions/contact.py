@@ -244,16 +244,6 @@ class CompliantContact:
     def tighten(self, share: float) -> None:
         """Do nothing: what overlaps in the reference presses at once."""
 
-    def forces(self, u: Array, t: float, rates: Array | None = None) -> tuple[Array, Array, Array]:
-        """Return that nothing acts in the reference."""
-        m = self.pair.G.shape[1]
-        return np.zeros(m), np.zeros((m, m)), np.zeros((m, m))
-
-    @property
-    def p0(self) -> Array:
-        """The fields of the first spot in the reference."""
-        return np.asarray(self.pair.p0[0])
-
 
 class ContactPoint(PointConstraint):
     """One spot of a contact without a law: its multiplier is minus the force there."""

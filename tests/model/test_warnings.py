@@ -29,6 +29,13 @@ def warnings(element: str, height: float, hold: str = "all") -> list[str]:
     return build_model(load_case_text(CASE.format(element=element, height=height, hold=hold))).warnings
 
 
+@pytest.mark.parametrize("element", ["reissner3, quadrature: [2, 2]",
+                                     "vallejo, formulation: structural, quadrature: [3, 2]"])
+def test_points_across_of_what_integrates_along_the_axis_are_told(element: str) -> None:
+    assert any("the points across have no effect" in said for said in warnings(element, 0.1))
+    assert not any("the points across" in said for said in warnings(element.replace(", 2]", ", 1]"), 0.1))
+
+
 @pytest.mark.parametrize(("element", "thick", "thin"), [
     ("omar", 0.01, 0.001), ("2d2n", 0.1, 0.01), ("2d3n", 0.6, 0.1), ("li", 0.01, 0.001),
     ("2d3n-nu", 0.1, 0.01)])

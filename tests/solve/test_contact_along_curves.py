@@ -54,6 +54,14 @@ def test_in_motion_the_drum_is_smaller_by_what_the_elements_overlap() -> None:
     assert 0.0 < energies["kinetic"] + energies["strain"] + energies["dissipated"] <= 1.01 * energies["work"]
 
 
+def test_gaps_elsewhere_along_the_rope_are_those_to_the_smaller_drum() -> None:
+    model = helpers.build(**rope({"type": "vallejo", "count": 20}, {"type": "dynamic", "t_end": 1e-4}))
+    (pair,) = model.contacts
+    d = np.zeros(len(model.e0))
+    assert pair.back > 0.0
+    np.testing.assert_array_equal(pair.at(pair.item, pair.mesh, pair.spots).gaps(d, 0.0), pair.gaps(d, 0.0))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["generalized_alpha", "hht"])
 def test_points_that_open_and_close_by_turns_within_round_off_end_no_motion(method: str) -> None:

@@ -192,3 +192,16 @@ def test_the_sway_of_a_stage_on_leaf_springs_is_its_first_bending_mode(table: st
     assert first["strain"]["bending"] > 0.99
     wanted = math.sqrt(2 * E * b * t**3 / L**3 / (7800 * 0.05 * b * L))
     assert first["omega"] == pytest.approx(wanted, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["reissner3", "vallejo", "cable"])
+def test_shares_are_along_and_across_the_state_that_vibrates(name):
+    """A cantilever whose clamp has turned by a right angle moves as before, along other axes."""
+    body = h.body(h.line(2.0), h.element(name, 6), THICK, SOFT)
+
+    def modes(angle: float) -> list[dict[str, float]]:
+        clamp = {"type": "prescribed", "at": "b@0", "ux": 0, "uy": 0, "angle": angle}
+        case = h.load({"b": body}, {"type": "eigen", "modes": 3, "about": "static"}, bc=[clamp])
+        return [mode["shares"] for mode in run_case(case).summary["frequencies"]]
+    for still, turned in zip(modes(0.0), modes(0.5 * math.pi), strict=True):
+        assert turned == pytest.approx(still, abs=1e-6)

@@ -160,6 +160,21 @@ def test_the_weight_of_a_mass_that_moves_has_a_potential(s: str, work: float | N
     assert solved.summary["energy_drift"] < 1e-7
 
 
+def test_a_mass_that_has_left_its_bar_takes_its_energies_and_momentum_along() -> None:
+    found = ancf2d.solve({
+        "bodies": {"bar": BAR}, "boundary_conditions": [{"type": "pin", "at": "bar@0"}],
+        "masses": [{"at": {"on": "bar", "s": {"type": "expression", "value": "0.5 + t"}}, "mass": 2}],
+        "loads": [{"type": "gravity", "value": [0, -10]}], "initial": {"rotation_rate": {"omega": 2}},
+        "solver": {"type": "dynamic", "t_end": 0.7, "tolerance": 1e-8, "estimate": False},
+        "output": {"probes": {"tip": "bar@1"}}}, states=False)
+    tip, energy = found.probes["tip"], found.summary["energy"]
+    # the inertia of the bar about its pin is 1, its weight 30
+    assert found.summary["momentum"]["angular"] == pytest.approx(tip["omega"], rel=1e-6)
+    assert energy["kinetic"] == pytest.approx(0.5 * tip["omega"]**2, rel=1e-6)
+    assert energy["potential"] == pytest.approx(30 * 0.5 * tip["y"], rel=1e-6)
+    assert found.summary["energy_drift"] < 1e-7
+
+
 def test_what_never_comes_onto_its_body_is_told() -> None:
     def said(**more: Any) -> list[str]:
         return prepare(ancf2d.load(bridge(0.5, **more))).warnings

@@ -11,7 +11,7 @@ import pytest
 import ancf2d
 from ancf2d.elements.point_laws import DIRECTION, THETA, PointLaw
 from ancf2d.errors import CaseError, ComputationError
-from ancf2d.interactions.tendon_laws import ELASTIC, TENSION, piece, taut
+from ancf2d.interactions.tendon_laws import ELASTIC, TENSION, piece, stretch_of, taut
 from ancf2d.model.points import point_ref
 from ancf2d.solvers.section_forces import SectionForces
 
@@ -273,6 +273,21 @@ def test_elements_along_an_elastic_tendon_are_not_too_many() -> None:
     with pytest.raises(CaseError, match="43 elements are too many") as error:
         solve(beam(count=43), [load], "linear_static")
     assert error.value.problems[0].expected == "at most 42"
+
+
+@pytest.mark.parametrize("kind", [DIRECTION, THETA])
+@pytest.mark.parametrize("angle", [1e-6, 0.3, 2.0])
+def test_an_arm_that_turns_stretches_a_tendon_by_all_digits(kind: int, angle: float) -> None:
+    """From (1, 0) on by an arm (a, 0) that turns: sqrt(1 + 2 a cos + a^2) - (1 + a), as a product of halves."""
+    a, size = 0.3, 7
+    p0, u = np.array([1.0, 0.0, 0.0, 0.0, a, 0.0, kind]), np.zeros(size)
+    if kind == THETA:
+        u[2] = angle
+    else:
+        p0[2], u[2:4] = 1.3, 1.3 * np.array([-2.0 * np.sin(0.5 * angle)**2, np.sin(angle)])
+    less = 4.0 * a * np.sin(0.5 * angle)**2
+    exact = -less / (np.sqrt((1.0 + a)**2 - less) + 1.0 + a)
+    assert stretch_of(p0, u, size) == pytest.approx(exact, rel=1e-12, abs=0)
 
 
 @pytest.mark.parametrize(("start", "end"), [(0.3, 0.5), (-0.4, 0.5), (0.5, -0.4)], ids=["taut", "taken up", "let go"])
