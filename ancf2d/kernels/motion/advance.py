@@ -30,6 +30,7 @@ from .state import (
     RUBBED,
     SIZE,
     STEP_SIZE,
+    STRUCK,
     SWITCHES,
     TAKEN,
     TIME,
@@ -217,6 +218,10 @@ def _keep(p, w, m, s, t, h, tracks, given, happened):  # type: ignore[no-untyped
     copy(m.end.a, s.a)
     s.numbers[TIME], s.numbers[OLD_STEP] = t, h
     if happened < 0.0:
+        for tau in p.tau:
+            if tau > 0.0 and not m.switches:
+                # rates that are off behind an impact are viscous forces, and take or make energy
+                s.numbers[STRUCK] = 1.0
         calls.restart(m.calls, (s, m.own))
     s.numbers[COUNT] += 1.0
     s.numbers[SIZE] = max(s.numbers[SIZE], _moved(p, s.z))

@@ -29,8 +29,8 @@ BACKWARD = 21
 NEXT, EULER, LAST, UNCUT, SWITCHED = range(22, 27)
 # what materials with memory take of the strain energy in a step, where contacts without a law ask for it
 TAKEN = 27
-# length of the step to come, behind one that ends where a stop begins to act, 0 behind others; whether one acts that
-# has begun to; the largest rate so far
+# length of the step to come, behind one that ends where a stop begins to act, 0 behind others; whether errors count as
+# those of rates: a stop acts that has begun to, or a viscous body has been hit; the largest rate so far
 SOFT_STEP, STRUCK, FASTEST = range(28, 31)
 NUMBERS = 31
 

@@ -163,7 +163,7 @@ def leave(m, p, w, s, t, stops):  # type: ignore[no-untyped-def]
 def error_beside(s, error, size, fastest, h):  # type: ignore[no-untyped-def]
     """Return the error of displacements in a step of length h relative to the size of the motion.
 
-    Where a stop acts that has begun to, it is one of the rates with which the motion goes on behind the stop, times h.
+    Where it counts as one of rates (STRUCK), it is so many times h beside the largest of these.
     """
     if s.numbers[STRUCK] > 0.0:
         size = min(size, max(s.numbers[FASTEST], fastest) * h)
