@@ -1,6 +1,7 @@
 """Derivatives of motions: closed forms, and differences of motions whose steps are solved to round-off."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -201,25 +202,40 @@ def test_what_is_not_differentiated_is_told(tmp_path):
     assert row.derivative == pytest.approx(0.01, rel=1e-6)
 
 
+MASS, SWING = 2.0, 20.0
+
+
+def behind_a_stop(number: str, **stop: Any) -> Any:
+    """Return how the place of a mass depends on a number, which meets a stop at 0.1 m, at 1 m/s, and is 0.3 s away."""
+    case = {"format": 1, "bodies": {"b": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
+                                          "element": {"type": "rigid", "mass": MASS, "inertia": 0.1}}},
+            "boundary_conditions": [{"type": "roller", "at": f"b@{s}", "fixed": "y"} for s in (0, 1)],
+            "initial": {"velocity": [1.0, 0]}, "output": {"probes": {"p": "b@0"}},
+            "goal": {"probe": "p", "quantity": "ux"}, **stop,
+            "solver": {"type": "dynamic", "t_end": 0.3, "tolerance": 1e-10, "method": "radau9", "estimate": False}}
+    row, = ancf2d.sensitivity(ancf2d.load(case), [number]).rows
+    assert row.method == "differences of runs: the times at which one-sided springs and tendons act depend on the case"
+    return row
+
+
 def test_the_place_behind_a_damped_stop_is_differentiated_by_runs():
     """The force jumps where the stop begins to act, at a time that depends on the case: steps do not see that.
 
     It flies back as fast as a damped half swing leaves it: dx/dg = 1 + exp(-pi D/sqrt(1 - D^2)), in the stop until the
     elongation is 0 again.
     """
-    mass, k, share = 2.0, 800.0, 0.1
-    omega = math.sqrt(k / mass)
-    case = {"format": 1, "bodies": {"b": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
-                                          "element": {"type": "rigid", "mass": mass, "inertia": 0.1}}},
-            "boundary_conditions": [{"type": "roller", "at": f"b@{s}", "fixed": "y"} for s in (0, 1)],
-            "springs": [{"name": "stop", "type": "translational", "between": [[-1, 0], "b@0"], "stiffness": k,
-                         "damping": 2 * share * mass * omega, "gap": 0.1}],
-            "initial": {"velocity": [1.0, 0]}, "output": {"probes": {"p": "b@0"}},
-            "goal": {"probe": "p", "quantity": "ux"},
-            "solver": {"type": "dynamic", "t_end": 0.3, "tolerance": 1e-10, "method": "radau9", "estimate": False}}
-    row, = ancf2d.sensitivity(ancf2d.load(case), ["springs.stop.gap"]).rows
-    assert row.method == "differences of runs: the times at which one-sided springs act depend on the case"
+    share = 0.1
+    row = behind_a_stop("springs.stop.gap", springs=[
+        {"name": "stop", "type": "translational", "between": [[-1, 0], "b@0"], "stiffness": MASS * SWING**2,
+         "damping": 2 * share * MASS * SWING, "gap": 0.1}])
     assert row.derivative == pytest.approx(1 + math.exp(-math.pi * share / math.sqrt(1 - share**2)), rel=1e-4)
+
+
+def test_the_place_behind_a_tendon_that_has_been_taut_is_differentiated_by_runs():
+    """After half a swing, x = 2 g - v (t - pi/omega)."""
+    row = behind_a_stop("initial.velocity.0", loads=[
+        {"type": "tendon", "through": ["b@0", [-1, 0]], "stiffness": 1.1 * MASS * SWING**2, "slack": 0.1}])
+    assert row.derivative == pytest.approx(math.pi / SWING - 0.3, rel=1e-4)
 
 
 def test_steps_of_wide_models_have_sparse_matrices(monkeypatch, tmp_path):

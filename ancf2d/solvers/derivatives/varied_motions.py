@@ -47,8 +47,8 @@ def unsuited(model: Model) -> str:
         return "the times of contact depend on the case"
     if model.feedback.rank or model.feedback.conditions:
         return "signals or events depend on the motion"
-    if any(getattr(spring, "breaks", False) for spring in model.case.springs):
-        return "the times at which one-sided springs act depend on the case"
+    if any(getattr(patch, "breaks", ()) for patch in model.interactions.points):
+        return "the times at which one-sided springs and tendons act depend on the case"
     held = (item.active for item in (*model.case.boundary_conditions, *model.case.joints))
     if any(active is not None and active.times[0] > 0.0 for active in held):
         return "a support or joint begins where the motion has come to"
