@@ -262,7 +262,10 @@ class _Checker:
                           if not near else "", near)
 
     def outputs(self) -> None:
-        """Check that the probes of outputs exist."""
+        """Check that the probes of outputs exist, and that there are some where they are all that is reported."""
+        output = self.case.output
+        if self.case.solver.probes_alone and output is not INVALID and not output.probes:
+            self.fail(("solver",), f"solver: {self.solver} reports probes, and the case has none", "output.probes")
         for i, name in enumerate(getattr(self.case.solver, "outputs", ())):
             self.reference(("solver", "outputs", i), name.partition(".")[0], "probes")
 

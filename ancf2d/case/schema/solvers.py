@@ -36,6 +36,8 @@ class Kind:
     moves = timed = balances = linear = vibrates = scales = False
     # whether what it finds on three meshes shows an order: one state for each, which finer meshes do not replace
     shows_order: Any = False
+    # whether probes are all that it reports
+    probes_alone = False
 
     @property
     def on_path(self) -> bool:
@@ -219,7 +221,7 @@ class FrequencyResponse(Kind):
     """Response of the probes to oscillating loads and motions, as a function of the frequency."""
 
     tag = "frequency_response"
-    vibrates = True
+    vibrates = probes_alone = True
     inputs: tuple[str, ...] = key(ListOf(Name("the name of a load or of a prescribed motion"), "names", 1), INPUTS_DOC,
                                   example=["shaker"])
     from_: float | None = key(Number("Hz", gt=0), "Lowest frequency", default=None, example=1)
