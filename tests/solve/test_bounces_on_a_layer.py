@@ -71,3 +71,15 @@ def test_an_elastic_bar_that_falls_flat_bounces_to_the_tolerance():
     found = [np.array([run.place("bar@0.3", k)[1] for k in range(11)]) for run in (
         ride(scene, 1.0, states=10, method="radau9", tolerance=tolerance) for tolerance in (1e-8, 1e-4))]
     assert np.abs(found[1] - found[0]).max() < 1e-4 * HEIGHT
+
+
+@pytest.mark.parametrize("method", ["radau5", "generalized_alpha", "DOP853"])
+def test_a_bar_at_rest_is_thrown_up_by_a_floor_that_rises(method):
+    """It has no rate yet when it is hit; twice the speed of the floor, behind half a swing beside it."""
+    gap, speed, stiffness = 0.05, 1.0, 1e5
+    scene = {**dropped(stiffness), "bodies": {"bar": rigid([0, gap], [1, gap], MASS, 0.1)}, "loads": [], "obstacles": {
+        "floor": {**FLOOR["floor"], "motion": {"y": {"type": "ramp", "t1": 0.2, "scale": 0.2 * speed}}}}}
+    found = ride(scene, 0.2, states=8, method=method, tolerance=1e-4)
+    leaves = gap / speed + math.pi / math.sqrt(stiffness / MASS)
+    place = gap + speed * math.pi / math.sqrt(stiffness / MASS) + 2 * speed * (0.2 - leaves)
+    assert found.place("bar@0.5")[1] == pytest.approx(place, abs=1e-4 * place)

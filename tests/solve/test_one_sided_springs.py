@@ -9,6 +9,7 @@ import helpers as h
 import numpy as np
 import pytest
 from motions import ride, rigid
+from scipy.integrate import solve_ivp
 
 from ancf2d.errors import CaseError
 
@@ -159,3 +160,41 @@ def test_multistep_methods_begin_anew_at_stops(method):
     x = [motion.place("b@0", 1)[0] for motion in found]
     assert 0.0 < x[1] < FREE
     assert x[0] == pytest.approx(x[1], rel=1e-5)
+
+
+@pytest.mark.parametrize(("method", "limit"), [("radau5", 1e-5), ("generalized_alpha", 5e-4), ("DOP853", 5e-5)])
+def test_an_arm_between_two_rotational_stops_flies_and_swings(method, limit):
+    inertia, stiffness, gap, rate = 0.35, 400.0, 0.3, 2.0
+    omega = math.sqrt(stiffness / inertia)
+    arm = ride({"bodies": {"b": rigid([0, 0], [1, 0], 1.0, 0.1)}, "bc": [{"type": "pin", "at": "b@0"}],
+                "springs": [{"type": "rotational", "between": ["b@0", [0, 0]], "stiffness": stiffness, "gap": gap}],
+                "initial": {"bodies": {"b": {"rotation_rate": {"omega": rate, "about": [0, 0]}}}}},
+               2.0, states=20, method=method, tolerance=1e-5)
+    for k in range(21):
+        turns, x = divmod(0.1 * k + gap / rate, 2 * gap / rate + math.pi / omega)
+        flies = x < 2 * gap / rate
+        angle = (-1)**turns * (rate * x - gap if flies else gap + rate / omega * math.sin(omega * (x - 2 * gap / rate)))
+        x, y = arm.place("b@1", k)
+        assert math.atan2(y, x) == pytest.approx(angle, abs=limit)
+
+
+@pytest.mark.parametrize("method", ["radau5", "generalized_alpha"])
+def test_a_spring_with_a_gap_pulls_a_mass_at_rest_by_an_end_that_moves(method):
+    """The mass has no rate yet when the spring begins to act. Beside SciPy's integrator."""
+    mass, stiffness, gap = 1.0, 400.0, 0.1
+    course = {"type": "expression", "value": "0.5 + 0.4*sin(6*t)"}
+    found = ride({"bodies": {"rail": rigid([0, 0], [2, 0], 1.0, 0.1), "b": rigid([1, 1], [1.1, 1], mass, 0.1)},
+                  "bc": [{"type": "clamp", "at": "rail@0"}, {"type": "roller", "at": "b@0", "fixed": "x"},
+                         {"type": "prescribed", "at": "b@1", "angle": 0}],
+                  "springs": [{"type": "translational", "between": [{"on": "rail", "s": course}, "b@0"],
+                               "stiffness": stiffness, "gap": gap}]},
+                 1.0, states=5, method=method, tolerance=1e-5)
+
+    def rates(t: float, y: Any) -> list[float]:
+        x = 1.0 - 2.0 * (0.5 + 0.4 * math.sin(6 * t))
+        size = math.hypot(x, y[0])
+        beyond = size - 1.0 - min(max(size - 1.0, -gap), gap)
+        return [y[1], -stiffness * beyond * y[0] / size / mass]
+
+    alone = solve_ivp(rates, (0, 1), [1.0, 0.0], t_eval=np.linspace(0, 1, 6), rtol=1e-9, atol=1e-11, max_step=1e-2)
+    np.testing.assert_allclose([found.place("b@0", k)[1] for k in range(6)], alone.y[0], atol=1e-4)

@@ -17,7 +17,7 @@ from ..patches import face_bodies
 from ..points import amplitude_of, fields_of_item, law_of_item, rates_of_item, work_arrays
 from .dynamics import signals_at, to_full
 from .events import LOOKS, NOWHERE, interpolate
-from .state import FASTEST, OLD_STEP, SOFT_STEP, STRUCK
+from .state import FASTEST, OLD_STEP, SOFT_STEP, STRUCK, TIME
 
 # of a step: how near to its end a spring begins to act for the step to end there, and how near to its start where the
 # step before has ended there; how often it is aimed at; how often an interval is halved
@@ -166,7 +166,9 @@ def error_beside(s, error, size, fastest, h):  # type: ignore[no-untyped-def]
     Where it counts as one of rates (STRUCK), it is so many times h beside the largest of these.
     """
     if s.numbers[STRUCK] > 0.0:
-        size = min(size, max(s.numbers[FASTEST], fastest) * h)
+        # what a stop sets in motion has no rate yet
+        usual = size / max(s.numbers[TIME], h)
+        size = min(size, max(s.numbers[FASTEST], fastest, usual) * h)
     return error / size if size > 0.0 else 0.0
 
 
