@@ -73,8 +73,8 @@ class Between:
             one for one in model.contact_tables if not one.pair.on_bodies and (solver.moves or not one.pair.hard)]
         self.layers = [(one, None if one.pair.hard else _Layer(one)) for one in tables]
         # the largest displacement; where a body was furthest off, and where most beside the radius of a disc: how far,
-        # beside what, how deep, what the layer would yield, when, and in which contact
-        self.moved, self.most, self.share = 0.0, np.zeros(6), np.zeros(6)
+        # how deep, what the layer would yield, when, and in which contact
+        self.moved, self.most, self.share = 0.0, np.zeros(5), np.zeros(5)
 
     def take(self, state: State) -> None:
         """Look at the next state."""
@@ -85,25 +85,24 @@ class Between:
         for k, (one, layer) in enumerate(self.layers):
             depth, yields = (depth_of(one, d, t), 0.0) if layer is None else layer.off(d, t)
             off, par = abs(depth - yields), one.pair.par[0]
-            if off > self.most[0]:
-                self.most[:] = off, 1.0, depth, yields, t, k
-            if par[SHAPE] == CIRCLE and par[ORIGIN + 2] > 0.0 and off / par[ORIGIN + 2] > self.share[0]:
-                self.share[:] = off / par[ORIGIN + 2], par[ORIGIN + 2], depth, yields, t, k
+            small = off / par[ORIGIN + 2] if par[SHAPE] == CIRCLE and par[ORIGIN + 2] > 0.0 else 0.0
+            for worst, size in ((self.most, off), (self.share, small)):
+                if size > worst[0]:
+                    worst[:] = size, depth, yields, t, k
 
     @property
     def error(self) -> float:
-        """How far a body was off, at the most, beside the largest displacement, or beside the radius of a small disc.
+        """How far a body was off, beside the largest displacement or the radius of a disc, where that is told; else 0.
         """
-        small = float(self.share[0])
-        of_all = float(self.most[0]) / self.moved if self.moved > 0.0 else 0.0
-        return max(of_all, small if small > SMALL else 0.0)
+        off, small = float(self.most[0]) / self.moved if self.moved > 0.0 else 0.0, float(self.share[0])
+        return max(off if off > OFF else 0.0, small if small > SMALL else 0.0)
 
     def warnings(self) -> list[str]:
         """Return what is to be said of the whole run."""
-        of_all = self.most[0] > OFF * self.moved
-        if not of_all and self.share[0] <= SMALL:
+        if self.error == 0.0:
             return []
-        _, _, depth, yields, t, k = (self.most if of_all else self.share).tolist()
+        of_all = self.most[0] > OFF * self.moved
+        _, depth, yields, t, k = (self.most if of_all else self.share).tolist()
         one, layer = self.layers[int(k)]
         solver, pair = self.model.case.solver, one.pair
         when = f"{'t' if solver.moves or solver.timed else 'factor'} = {t:.6g}"

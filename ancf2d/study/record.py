@@ -111,6 +111,8 @@ class Recorder:
         from ..model.element_limits import coarse_warnings
 
         self._warn(map(str, self.worst.values()))
+        if self.between.layers:
+            self.report["contact_error"] = self.between.error
         if self.state is not None and not self.reads_all:
             self.probes = self.observer.observe(self.state)
         if self.state is None or not self.progress.judges:

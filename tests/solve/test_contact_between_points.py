@@ -55,7 +55,7 @@ def test_a_straight_rod_in_a_disc_is_off_by_what_its_gauss_points_miss(x: float,
     z, w = leggauss(4)
     summed = 0.5 * w @ np.maximum(R - np.hypot(h, 0.5 * (1.0 + z) - x), 0.0)
     yields = depth * (summed / (integral(1.0 - x) - integral(-x))) ** (2.0 / 3.0)
-    assert between.most[2:4] == pytest.approx([depth, yields], rel=5e-3)
+    assert between.most[1:3] == pytest.approx([depth, yields], rel=5e-3)
 
 
 @pytest.mark.parametrize("solver", [{"type": "static"}, {"type": "static", "method": "arc_length"},

@@ -294,7 +294,10 @@ class _Meshes:
         size, before = SIZE, float("inf")
         finest = SIZE if self.tolerance is not None else FINEST
         while True:
-            gap = apart(self.solve(types, size, why), self.solve(best, size, "reference model for the errors"))
+            simple = self.solve(types, size, why)
+            gap = apart(simple, self.solve(best, size, "reference model for the errors"))
+            # one that misses an obstacle tells nothing
+            gap = float("inf") if simple.off else gap
             if gap <= enough or 2.0 * size > finest or not gap <= min(FAR, 0.5 * before):
                 return min(gap, before) if math.isfinite(min(gap, before)) else None
             size, before = 2.0 * size, gap

@@ -81,6 +81,7 @@ class Level:
     """A solved setting: its answer (None where it failed, with the reason), what it cost, and why it was tried.
 
     ``kinks``: whether a point slides along a body, whose kink then stands at another place of an element in each mesh.
+    ``off``: how far a body is off an obstacle between its contact points, relative, where that is told.
     """
 
     setting: Setting
@@ -92,12 +93,14 @@ class Level:
     iterations: int = 0
     reason: str = ""
     kinks: bool = False
+    off: float = 0.0
 
     def take(self, answer: Answer, summary: dict[str, Any]) -> None:
         """Keep the answer of a solve, and add what it has cost."""
         self.answer = answer
         self.wall_s += summary["wall_s"]
         self.iterations += summary["iterations"]
+        self.off = summary.get("contact_error", 0.0)
 
     @property
     def work(self) -> int:
