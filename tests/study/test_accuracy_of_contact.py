@@ -1,4 +1,4 @@
-"""Solving to a wanted accuracy where contact decides: no mesh that misses an obstacle is taken."""
+"""Solving to a wanted accuracy where contact decides: no mesh misses an obstacle, and steps of friction are judged."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import pytest
 
 from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.study.accuracy.control import solve_to_accuracy
+from ancf2d.study.accuracy.load_steps import follows_way
 from ancf2d.study.accuracy.pursuit import judge, telling
 from ancf2d.study.accuracy.setting import Level, Setting, with_setting
 from ancf2d.study.goal import Answer, solve_for_goal
@@ -65,3 +66,40 @@ def test_meshes_that_miss_an_obstacle_say_nothing_of_others() -> None:
     assert judge(levels[:3])[1] == pytest.approx(0.1)
     assert list(telling(levels)) == levels[3:]
     assert judge(levels) == judge(levels[3:])
+
+
+def over_a_drum(friction: float, wanted: float) -> LoadedCase:
+    """Return a cantilever whose tip is moved down by a tenth of its length, over a drum that it rubs on."""
+    return load_case_text(f"""
+bodies:
+  rod: {ROD.replace("ELEMENT", "{type: reissner3, count: 4}")}
+boundary_conditions: [{{type: clamp, at: rod@0}}, {{type: prescribed, at: rod@1, uy: -0.1}}]
+obstacles: {{drum: {{type: circle, center: [0.6, -1.0101], radius: 1}}}}
+contacts: [{{between: [rod, drum], law: {{stiffness: 1e7}}, friction: {friction}}}]
+solver: {{type: static}}
+goal: {{probe: tip, quantity: ux}}
+output: {{probes: {{tip: rod@1}}}}
+accuracy: {wanted}
+""", vocabulary=vocabulary())
+
+
+@pytest.mark.parametrize("wanted", [1e-2, pytest.param(1e-3, marks=pytest.mark.slow)])
+def test_load_steps_of_friction_are_in_the_estimate(wanted: float) -> None:
+    """10 and 20 steps agree to 2e-5 by chance, 160 differ from both by 1e-3."""
+    loaded = over_a_drum(0.3, wanted)
+    reached = solve_to_accuracy(loaded)
+    accuracy = reached.accuracy
+    assert reached.achieved
+    assert accuracy["steps"] >= 20
+    assert reached.outcome.summary["steps"] >= accuracy["steps"]
+    setting = Setting(accuracy["elements"], steps=160 if wanted > 1e-3 else 640)
+    many = solve_for_goal(with_setting(loaded, setting)).answer
+    assert abs(accuracy["value"] - many.value) <= accuracy["steps_error"] * many.size <= wanted * many.size
+
+
+def test_load_steps_are_judged_where_the_way_counts() -> None:
+    assert follows_way(over_a_drum(0.3, 1e-2).case)
+    assert not follows_way(over_a_drum(0.0, 1e-2).case)
+    accuracy = solve_to_accuracy(over_a_drum(0.0, 1e-2)).accuracy
+    assert accuracy["steps"] is None
+    assert "steps_error" not in accuracy

@@ -172,7 +172,7 @@ class Pursuit:
                 "achieved": bool(total <= self.wanted), "order": found.order, "limit": found.value,
                 "by_body": self.by_body(level, error),
                 "elements": dict(level.setting.counts), "nodes": level.setting.places(),
-                "tolerance": level.setting.tolerance, "note": note,
+                "tolerance": level.setting.tolerance, "steps": level.setting.steps, "note": note,
                 "solves": len(self.levels), "wall_s": self.wall_s, **self.report,
                 "path": [level.as_json() for level in self.levels]}
 
@@ -181,7 +181,7 @@ class Pursuit:
 
         They add up to what of the estimate is neither due to time steps nor to simpler models.
         """
-        left = error - self.report.get("time_error", 0.0)
+        left = error - self.report.get("time_error", 0.0) - self.report.get("steps_error", 0.0)
         bodies = level.setting.counts
         if not math.isfinite(left) or (len(bodies) > 1 and not self.weights):
             return None
