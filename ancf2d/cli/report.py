@@ -343,9 +343,9 @@ def path_table(accuracy: dict[str, Any], goal: str) -> str:
 def choices(accuracy: dict[str, Any]) -> str:
     """Return what was chosen for each body that was left open, and why, and the parts of the error."""
     lines = [f"{name}: {chosen['element']}; {chosen['why']}" for name, chosen in accuracy.get("types", {}).items()]
-    parts = [f"{text} {accuracy[key]:.1e}" for key, text in (("model_error", "model"), ("time_error", "time steps"),
-                                                        ("points_error", "points in the frequency"))
-             if key in accuracy]
+    named = {"model_error": "model", "time_error": "time steps", "steps_error": "load steps",
+             "points_error": "points in the frequency"}
+    parts = [f"{text} {accuracy[key]:.1e}" for key, text in named.items() if key in accuracy]
     if parts:
         lines.append("parts of the estimated error: " + ", ".join(parts))
     by_body = {name: error for name, error in (accuracy["by_body"] or {}).items() if error}

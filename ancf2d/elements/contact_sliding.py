@@ -31,6 +31,7 @@ from .contact_geometry import (
     FEATURE,
     HOME,
     MATRIX,
+    ORIGIN,
     OTHER,
     PLACE,
     POLYLINE,
@@ -116,6 +117,28 @@ def least(par, p0, u, mem, force, work):  # type: ignore[no-untyped-def]
             break
     stand(par, p0, u, z, work)
     return z if moved < SETTLED else np.nan
+
+
+def foot(par, p0, u, z, work):  # type: ignore[no-untyped-def]
+    """Return the place next to z that is nearest to the centre of a circle, nan where that is not on the element.
+
+    There D^2/2 is stationary, whose second derivative tells the way from far away, too: that of the gap itself does so
+    only from places no further along the curve than the centre is away from it.
+    """
+    for _ in range(TRIES):
+        stand(par, p0, u, z, work)
+        x, y = work[RHO] - par[ORIGIN], work[RHO + 1] - par[ORIGIN + 1]
+        x1, y1 = along(par, work, AT_1, 1)
+        x2, y2 = along(par, work, AT_2, 2)
+        square = x1 * x1 + y1 * y1
+        moved = (x * x1 + y * y1) / max(square + x * x2 + y * y2, 0.1 * square)
+        z -= min(max(moved, -0.5), 0.5)
+        if not abs(z) < BEYOND:
+            return np.nan
+        if abs(moved) < 1e-13:
+            break
+    stand(par, p0, u, z, work)
+    return z if abs(moved) < SETTLED else np.nan
 
 
 def facing(par, mem, z, force, work):  # type: ignore[no-untyped-def]

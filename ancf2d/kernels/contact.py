@@ -39,11 +39,14 @@ from .points import amplitude_of, fields_of_item
 # places at which an interval between points of contact is looked at; depth beside a point that it contains already, of
 # what the beam yields there
 SAMPLES, BESIDE = 9, 0.25
+# what a layer yields on an interval is summed up on either side of the deepest place, over so many lengths each twice
+# as long as the one before, at so many places of each
+HALVES, PIECES = 12, 4
 
 _feature_at, _gap_at, _is_back, _stand = (part(f) for f in (
     geometry.feature_at, geometry.gap_at, geometry.is_back, geometry.stand))
-_facing, _least, _slopes, _yields, _yields_beside = (part(f) for f in (
-    sliding.facing, sliding.least, sliding.slopes, sliding.yields, sliding.yields_beside))
+_facing, _foot, _least, _slopes, _yields, _yields_beside = (part(f) for f in (
+    sliding.facing, sliding.foot, sliding.least, sliding.slopes, sliding.yields, sliding.yields_beside))
 
 
 @kernel
@@ -81,10 +84,13 @@ def lean(points, d, amps, slope, bend):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _try(par, p0, u, mem, work, z, feature, low, high, best):  # type: ignore[no-untyped-def]
-    """Follow the gap to one part of the obstacle downhill from z; keep its least value where that is the deepest."""
+def _try(par, p0, u, mem, work, z, feature, low, high, about, best):  # type: ignore[no-untyped-def]
+    """Follow the gap to one part of the obstacle downhill from z; keep its least value where that is the deepest.
+
+    ``about``: it is looked for as the place nearest to the centre of a circle.
+    """
     mem[PLACE], mem[FEATURE] = z, feature
-    found = _least(par, p0, u, mem, 0.0, work)
+    found = _foot(par, p0, u, z, work) if about else _least(par, p0, u, mem, 0.0, work)
     if math.isnan(found) or not low <= found <= high:
         return
     g, nx, ny, _, _, _ = _facing(par, mem, found, 0.0, work)
@@ -132,11 +138,52 @@ def deepest(points, free, d, amps, depth, place, feature):  # type: ignore[no-un
             depth[i], place[i], feature[i] = _beside(par, u[m - 1], points.mem[i], xs[at], ys[at], zs[at], g[at])
             continue
         if int(par[SHAPE]) != POLYLINE:
-            if int(par[SHAPE]) != CIRCLE or par[ORIGIN + 2] > 0.0 or 0 < at < SAMPLES - 1:
-                _try(par, p0, u, mem, work, zs[at], -1.0, low, high, best)
+            circle = int(par[SHAPE]) == CIRCLE
+            if not circle or par[ORIGIN + 2] > 0.0 or 0 < at < SAMPLES - 1:
+                # samples further apart than its centre is away
+                small = circle and par[ORIGIN + 2] > 0.0 and par[ORIGIN + 2] + g[at] < longest
+                _try(par, p0, u, mem, work, zs[at], -1.0, low, high, small, best)
         else:
             _try_polyline(par, p0, u, mem, work, zs, xs, ys, g, longest, best)
         depth[i], place[i], feature[i] = -best[0], best[1], best[2]
+
+
+@kernel
+@seldom
+def overlaps(points, d, amps, place, x, w, exact, summed):  # type: ignore[no-untyped-def]
+    """Fill the integral over z of the depth on each interval (n,) at d (n_full,), and its sum over points x (m,).
+
+    ``place`` (n,) is where on each interval the body is deepest; ``w`` (m,) are the weights of x from 0 to 1.
+    """
+    u, v, a, work = vector(200), vector(200), vector(3), vector(WORK)
+    for i in range(len(points.forces)):
+        b, m = points.field[i], points.field[i + 1] - points.field[i]
+        par, p0 = points.par[i], points.p0[b:b + m]
+        fields_of_item(points, i, d, u)
+        amplitude_of(points, i, amps, u, v, a)
+        low, length = par[HOME] - par[DAMPING], 2.0 * par[DAMPING]
+        exact[i], summed[i] = 0.0, 0.0
+        for k in range(len(x)):
+            summed[i] += length * w[k] * _depth(par, p0, u, low + length * x[k], work)
+        if summed[i] == 0.0 and _depth(par, p0, u, place[i], work) == 0.0:
+            continue
+        for side in range(2):
+            way = low - place[i] if side == 0 else low + length - place[i]
+            far = way
+            for half in range(HALVES + 1):
+                near = 0.5 * far if half < HALVES else 0.0
+                step = (far - near) / PIECES
+                for k in range(PIECES):
+                    exact[i] += abs(step) * _depth(par, p0, u, place[i] + near + (k + 0.5) * step, work)
+                far = near
+
+
+@inner
+def _depth(par, p0, u, z, work):  # type: ignore[no-untyped-def]
+    """Return how deep the curve is in the obstacle at z, 0 where its back is."""
+    _stand(par, p0, u, z, work)
+    g, nx, ny, _, _, _ = _gap_at(par, work[RHO], work[RHO + 1], -1.0)
+    return -g if g < 0.0 and not _is_back(par, nx, ny, work) else 0.0
 
 
 @inner
@@ -158,7 +205,7 @@ def _try_polyline(par, p0, u, mem, work, zs, xs, ys, g, longest, best):  # type:
         if g[k] <= longest:
             what = _feature_at(par, xs[k], ys[k])
             if what % 2 == 0:
-                _try(par, p0, u, mem, work, zs[k], float(what), low, high, best)
+                _try(par, p0, u, mem, work, zs[k], float(what), low, high, False, best)
     n, c = int(par[ORIGIN]), ORIGIN + 2
     for v in range(n):
         if not _convex(par, v, n):
@@ -169,7 +216,7 @@ def _try_polyline(par, p0, u, mem, work, zs, xs, ys, g, longest, best):  # type:
             if far > D:
                 near, far = k, D
         if near >= 0:
-            _try(par, p0, u, mem, work, zs[near], 2.0 * v + 1.0, low, high, best)
+            _try(par, p0, u, mem, work, zs[near], 2.0 * v + 1.0, low, high, False, best)
 
 
 @inner
@@ -184,8 +231,12 @@ def _convex(par, v, n):  # type: ignore[no-untyped-def]
     return ax * by - ay * bx < 0.0
 
 
-def contact_compilations(problem: Any, obstacles: bool, bodies: bool, sided: bool) -> list[Callable[[], object]]:
-    """Return what compiles the kernels that find what touches, for models of a type with contacts of these kinds."""
+def contact_compilations(problem: Any, obstacles: bool, bodies: bool, sided: bool, soft: bool
+                         ) -> list[Callable[[], object]]:
+    """Return what compiles the kernels that find what touches, for models of a type with contacts of these kinds.
+
+    ``sided``: some without a law; ``soft``: some with one.
+    """
     points, facing = (problem.place[name][1] for name in ("points", "facing"))
     x, xx, b = types.float64[::1], types.float64[:, ::1], types.boolean[::1]
     out: list[Callable[[], object]] = []
@@ -197,6 +248,8 @@ def contact_compilations(problem: Any, obstacles: bool, bodies: bool, sided: boo
     if obstacles:
         out += [partial(contact_gaps.compile, (points, x, xx, x, x, b)),
                 partial(lean.compile, (points, x, xx, x, x))]
-        if sided:
+        if sided or soft:
             out.append(partial(deepest.compile, (points, b, x, xx, x, x, x)))
+        if soft:
+            out.append(partial(overlaps.compile, (points, x, xx, x, x, x, x, x)))
     return out

@@ -395,5 +395,6 @@ def of_interactions(model: Any, steps: bool, problem: Any) -> list[Callable[[], 
     out = [each for law in laws for each in point_law_compilations(law, steps)]
     if model.contacts:
         bodies = [isinstance(pair, BodyPair) for pair in model.contacts]
-        out += contact_compilations(problem, not all(bodies), any(bodies), model.sided)
+        out += contact_compilations(problem, not all(bodies), any(bodies), model.sided,
+                                   any(not pair.hard for pair in model.contacts))
     return out

@@ -161,13 +161,14 @@ def _depths(one: ContactTable, d: Array, t: float) -> tuple[Array, Array, Array]
     return depth, place, feature
 
 
-def overlap(model: Model, d: Array, t: float, bodies: bool = True) -> float:
-    """Return how deep a body is in what it touches without a law [m], at points or between them, at d (n_full,).
+def depth_of(one: ContactTable, d: Array, t: float) -> float:
+    """Return how deep a body is in what it touches without a law [m], at points or between them, at d (n_full,)."""
+    return float(_depths(one, d, t)[0].max(initial=0.0))
 
-    Other bodies count only with ``bodies``: they take some fifty times as long as obstacles.
-    """
-    hard = [one for one in model.contact_tables if one.pair.hard and (bodies or not one.pair.on_bodies)]
-    return max((float(_depths(one, d, t)[0].max(initial=0.0)) for one in hard), default=0.0)
+
+def overlap(model: Model, d: Array, t: float) -> float:
+    """Return how deep bodies are in what they touch without a law [m] at d (n_full,)."""
+    return max((depth_of(one, d, t) for one in model.contact_tables if one.pair.hard), default=0.0)
 
 
 def _look(one: ContactTable, d: Array, t: float, depths: tuple[Array, Array, Array], home: bool,

@@ -66,12 +66,14 @@ class Recorder:
     """What is known of a run so far, kept in its result file too where there is a ``writer``."""
 
     def __init__(self, model: Model, writer: Any, progress: Progress, warnings: list[str]) -> None:
+        from ..solvers.contact_between import Between
         from ..solvers.fields import FieldReader
         from ..solvers.post import Observer
         from ..solvers.resolution import Resolution
 
         self.model, self.case, self.writer, self.progress, self.warnings = model, model.case, writer, progress, warnings
         self.observer, self.resolution = Observer(model), Resolution(model)
+        self.between = Between(model)
         self.fields = FieldReader(model) if writer is not None else None
         self.end = run_end(self.case)
         self.moves = self.case.solver.moves
@@ -96,6 +98,7 @@ class Recorder:
             self.probes = self.observer.observe(state)
         self._warn(state.warnings)
         self.report.update(state.report)
+        self.between.take(state)
         if self.moves:
             self.windows.take(state, self.probes, self._reactions)
             self._take_motion(state)
@@ -108,12 +111,15 @@ class Recorder:
         from ..model.element_limits import coarse_warnings
 
         self._warn(map(str, self.worst.values()))
+        if self.between.layers:
+            self.report["contact_error"] = self.between.error
         if self.state is not None and not self.reads_all:
             self.probes = self.observer.observe(self.state)
         if self.state is None or not self.progress.judges:
             return
         if not self.state.linear:
             self._warn(coarse_warnings(self.model, self.state.d))
+        self._warn(self.between.warnings())
         self._warn(self.resolution.warnings(self.state))
 
     def _warn(self, texts: Iterable[str]) -> None:
@@ -215,7 +221,8 @@ class Recorder:
 
         notes = {"totals": dict(self.totals), "report": dict(self.report),
                  "warnings": list(self.warnings), "worst": [[w, w.kind, w.size] for w in self.worst.values()],
-                 "wall_s": self.clock.seconds, "resolution": self.resolution.kept(), "windows": self.windows.kept()}
+                 "wall_s": self.clock.seconds, "resolution": self.resolution.kept(), "windows": self.windows.kept(),
+                 "between": self.between.kept()}
         return Checkpoint(state.t, state.checkpoint, notes)
 
     def go_on(self, found: Checkpoint) -> None:
@@ -228,3 +235,4 @@ class Recorder:
         self.clock.seconds = notes["wall_s"]
         self.resolution.go_on(notes["resolution"])
         self.windows.go_on(notes["windows"])
+        self.between.go_on(notes["between"])

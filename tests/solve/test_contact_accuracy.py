@@ -141,20 +141,28 @@ def test_bounces_off_a_floor_that_moves_keep_the_speed_relative_to_it(moves, met
     assert total[-1] - total[0] == pytest.approx(found.rows[-1].work, rel=1e-4)
 
 
-@pytest.mark.parametrize(("element", "x", "missed"), [
-    ({"type": "rigid"}, 0.4, True), ({"type": "rigid"}, 0.0, False), ({"type": "reissner3", "count": 4}, 0.69, True),
-    ({"type": "reissner3", "count": 4}, 0.5, False)], ids=["rigid", "end", "flexible", "node"])
-def test_motions_tell_of_an_obstacle_that_comes_between_the_contact_points(element: dict[str, Any], x: float,
-                                                                           missed: bool) -> None:
-    """A falling rod, with points at its nodes and in the middle of flexible elements, and a small disc below."""
+@pytest.mark.parametrize("law", [None, {"stiffness": 1e6}], ids=["hard", "layer"])
+@pytest.mark.parametrize(("element", "x", "radius", "missed"), [
+    ({"type": "rigid"}, 0.4, 0.05, True), ({"type": "rigid"}, 0.4, 0.025, True), ({"type": "rigid"}, 0.3, 0.005, True),
+    ({"type": "rigid"}, 0.5, 2.0, True), ({"type": "reissner3", "count": 4}, 0.69, 0.05, True),
+    ({"type": "reissner3", "count": 4}, 0.5, 2.0, False)],
+    ids=["rigid", "small", "smaller", "middle", "flexible", "node"])
+def test_motions_tell_of_an_obstacle_that_comes_between_the_contact_points(
+        element: dict[str, Any], x: float, radius: float, missed: bool, law: dict[str, float] | None) -> None:
+    """A falling rod, with points at its nodes and in the middle of flexible elements, and a disc below.
+
+    A layer has four points on each element and face.
+    """
     rod = {"geometry": {"type": "line", "start": [0, 0.05], "end": [1, 0.05]}, "element": element,
            "section": {"height": 0.02, "width": 0.03}, "material": {"E": 7e9, "nu": 0.3, "rho": 2700}}
     solved = ancf2d.solve({
-        "bodies": {"rod": rod}, "obstacles": {"disc": {"type": "circle", "center": [x, -0.03], "radius": 0.05}},
-        "contacts": [{"between": ["rod", "disc"]}], "loads": [{"type": "gravity", "value": [0, -9.81]}],
+        "bodies": {"rod": rod}, "obstacles": {"disc": {"type": "circle", "center": [x, 0.02 - radius],
+                                                       "radius": radius}},
+        "contacts": [{"between": ["rod", "disc"], **({"law": law} if law else {})}],
+        "loads": [{"type": "gravity", "value": [0, -9.81]}],
         "solver": {"type": "dynamic", "t_end": 0.08, "dt": 1e-3, "estimate": False}}, states=False)
-    told = [w for w in solved.warnings if "deep in an obstacle between its contact points" in w]
-    assert len(told) == missed
+    told = [w for w in solved.warnings if "deep in disc between its contact points" in w]
+    assert len(told) == missed, solved.warnings
 
 
 def test_viscous_bodies_that_are_hit_take_what_they_take_and_move_to_the_tolerance():

@@ -20,12 +20,11 @@ from ...model.breakpoints import instants
 from ...model.element_limits import any_inverted, inverted
 from ...model.model import Model
 from ...pace import Pace
-from ..active_set import overlap
 from ..contact import check_pressed, recall_rows
 from ..energy import Energies, constant_loads, is_constant, kept_energy
 from ..state import State, check_kept
 from ..system import least_motion
-from ..threads import largest, largest_share
+from ..threads import largest_share
 from .estimate import Estimate, step_ends
 from .initial import initial_motion
 from .ode import OdeStepper
@@ -46,8 +45,6 @@ OFTEN = 0.05
 FIBRES = 0.1
 # share of the energy that contact may add without a word
 GAINED = 0.02
-# share of the largest displacement that a body may be in an obstacle between its contact points without a word
-DEEP = 0.01
 # share of the kinetic energy of initial velocities that supports and joints may change without a word
 TAKEN = 1e-6
 # times what anything has moved, that turning, by half of a section's height, may count as without a word
@@ -148,8 +145,6 @@ class Run:
         self.stepper = kind(model, self.problem, self.signals, spec, spec.dt or 0.0, self.times, every)
         self.inverted: str | None = None
         self.intact = False
-        # how deep a body has been in an obstacle, and when; the largest displacement
-        self.deepest = np.zeros(3)
         self.balance = Balance(model, self.stepper)
         # SciPy's methods have no coarser motions beside; states at every so many adaptive steps have no common times
         beside = kind is Stepper and not every
@@ -265,7 +260,6 @@ class Run:
         energies = self.balance.take(row)
         if self.model.contacts:
             check_pressed(self.model, d, {"t": float(f"{row.t:.6g}")})
-            self._look_between(d, row.side)
         controllers = self.stepper.answers.look(row)
         F = self.balance.external(row.side)
         Q = self.stepper.forces(row) + F
@@ -283,14 +277,6 @@ class Run:
             self.left = self._left(), time.monotonic()
         state.left = self.left[0]
         return state
-
-    def _look_between(self, d: Array, t: float) -> None:
-        """Note how deep bodies are in obstacles without a law at d (n_full,), between contact points too."""
-        n_q = self.model.n_q
-        self.deepest[2] = max(self.deepest[2], largest(d[:n_q], self.model.weights))
-        depth = overlap(self.model, d, t, bodies=False)
-        if depth > self.deepest[0]:
-            self.deepest[:2] = depth, t
 
     def _end(self) -> State:
         """Return the last state, with what there is to say of the whole."""
@@ -316,11 +302,6 @@ class Run:
                                   f"errors: the steps are too long for the contact layer ({names}). Use shorter steps, "
                                   "a (smaller) tolerance, a softer law, or no law. If this does not help, points have "
                                   "passed the middle of the body that they touch: use a stiffer law, or none")
-        depth, when, moved = self.deepest.tolist()
-        if depth > DEEP * moved:
-            state.warnings.append(f"at t = {when:.6g} a body is {depth:.2g} deep in an obstacle between its contact "
-                                  "points. Use more elements in the contact zone, or several rigid bodies, welded, in "
-                                  "place of one")
         state.warnings += fibres_warning(self.model, self.balance.drift)
         if self.spec.dt is None:
             state.warnings += wound_warning(self.model, state.d)
@@ -336,7 +317,6 @@ class Run:
         if out is None:
             return None
         out["balance"] = self.balance.numbers.copy()
-        out["deepest"] = self.deepest.copy()
         out["inverted"] = np.frombuffer((self.inverted or "").encode(), dtype=np.uint8)
         if self.estimate is not None:
             out.update(self.estimate.checkpoint())
@@ -345,7 +325,6 @@ class Run:
     def _resume(self, kept: dict[str, Array]) -> None:
         self.stepper.resume(kept)
         self.balance.numbers[:] = kept["balance"]
-        self.deepest[:] = kept["deepest"]
         self.inverted = kept["inverted"].tobytes().decode() or None
         if self.estimate is not None:
             self.estimate.resume(kept)

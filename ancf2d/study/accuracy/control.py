@@ -18,6 +18,7 @@ from ..run import Outcome, describe_goal, prepare, vocabulary
 from ..variants import Variant, flexible
 from ..windows import window_of
 from .direct import Direct
+from .load_steps import follows_way, in_steps
 from .mesh import Ladder
 from .motion import Motion
 from .pursuit import LEAST_TOLERANCE, MOST_WORK, Pursuit, apart, tenth
@@ -25,7 +26,7 @@ from .setting import Level, with_setting
 
 # accuracy of a case that leaves element types open and names none
 DEFAULT = 1e-3
-# of the wanted error: what time steps, what simpler models, and what points in the frequency may take
+# of the wanted error: what time steps or load steps, what simpler models, and what points in the frequency may take
 TIME, MODEL, POINTS = 0.2, 0.3, 0.1
 # what the model error is multiplied by, which meshes of four times the least number of elements tell
 SAFE = 1.25
@@ -122,7 +123,8 @@ def _climbed(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | Non
     if direct is not None:
         return pursuit.accuracy(direct[0], direct[2], direct[1])
     ladder = Ladder(pursuit, types, tolerance)
-    level, error, found = ladder.climb(left if tolerance is None else (1.0 - TIME) * left)
+    follows = follows_way(pursuit.loaded.case)
+    level, error, found = ladder.climb((1.0 - TIME) * left if follows or tolerance is not None else left)
     if level is None:
         reasons = [level.reason for level in pursuit.levels if level.reason]
         raise ComputationError(f"no mesh could be solved: {reasons[-1] if reasons else found.note}",
@@ -137,7 +139,7 @@ def _climbed(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | Non
         pursuit.guesses = False
         pursuit.known.clear()
         return _climbed(pursuit, types, tolerance)
-    return pursuit.accuracy(level, found, error)
+    return in_steps(pursuit, level, error, found) if follows else pursuit.accuracy(level, found, error)
 
 
 def _directly(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | None, wanted: float
@@ -294,7 +296,10 @@ class _Meshes:
         size, before = SIZE, float("inf")
         finest = SIZE if self.tolerance is not None else FINEST
         while True:
-            gap = apart(self.solve(types, size, why), self.solve(best, size, "reference model for the errors"))
+            simple = self.solve(types, size, why)
+            gap = apart(simple, self.solve(best, size, "reference model for the errors"))
+            # one that misses an obstacle tells nothing
+            gap = float("inf") if simple.off else gap
             if gap <= enough or 2.0 * size > finest or not gap <= min(FAR, 0.5 * before):
                 return min(gap, before) if math.isfinite(min(gap, before)) else None
             size, before = 2.0 * size, gap

@@ -8,7 +8,19 @@ from dataclasses import replace
 from ..goal import sequence
 from ..order import Estimate
 from ..variants import Variant
-from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_LEVELS, MOST_WORK, Pursuit, apart, best, choose, judge, tenth
+from .pursuit import (
+    LEAST_TOLERANCE,
+    MOST_ELEMENTS,
+    MOST_LEVELS,
+    MOST_WORK,
+    Pursuit,
+    apart,
+    best,
+    choose,
+    judge,
+    telling,
+    tenth,
+)
 from .setting import Level, Setting, meshed, with_setting
 
 LADDER = 3          # levels at least, the first of which is the least mesh
@@ -72,11 +84,12 @@ class Ladder:
 
     def _tells(self) -> bool:
         """Whether there are levels enough: three, one more where they swing, as those of elements that lock can."""
-        if len(self.levels) != LADDER:
-            return len(self.levels) > LADDER
-        first, middle, last = sequence([level.answer for level in self.levels if level.answer is not None])
+        levels = telling(self.levels)
+        if len(levels) != LADDER:
+            return len(levels) > LADDER
+        first, middle, last = sequence([level.answer for level in levels if level.answer is not None])
         swings = (middle - first) * (last - middle) < 0.0
-        return not swings or apart(*self.levels[:2]) <= SWING
+        return not swings or apart(*levels[:2]) <= SWING
 
     def _hopeless(self, size: float) -> str:
         """Return why a mesh of a size is not worth its solve, empty where it is."""
@@ -93,6 +106,8 @@ class Ladder:
     def _steps_matter(self) -> bool:
         """Whether meshes differ because of the time steps; the tolerance is smaller then, and levels begin again."""
         if self.tolerance is None or len(self.levels) <= LADDER or self.tolerance <= LEAST_TOLERANCE:
+            return False
+        if self.levels[-1].off:
             return False
         middle, last = self.levels[-2:]
         gap = apart(middle, last)

@@ -146,7 +146,8 @@ class Pursuit:
         except (ComputationError, MemoryError) as error:
             level.reason = verdict(error)[1]
             return
-        if self.loaded.case.solver.takes_guess:
+        if self.loaded.case.solver.takes_guess and not level.off:
+            # an obstacle that a mesh has missed may be on the other side of the body
             self.latest[level.setting.kinds] = found
         if told is not None:
             self.outcome, self.written = found.outcome, level
@@ -171,7 +172,7 @@ class Pursuit:
                 "achieved": bool(total <= self.wanted), "order": found.order, "limit": found.value,
                 "by_body": self.by_body(level, error),
                 "elements": dict(level.setting.counts), "nodes": level.setting.places(),
-                "tolerance": level.setting.tolerance, "note": note,
+                "tolerance": level.setting.tolerance, "steps": level.setting.steps, "note": note,
                 "solves": len(self.levels), "wall_s": self.wall_s, **self.report,
                 "path": [level.as_json() for level in self.levels]}
 
@@ -180,7 +181,7 @@ class Pursuit:
 
         They add up to what of the estimate is neither due to time steps nor to simpler models.
         """
-        left = error - self.report.get("time_error", 0.0)
+        left = error - self.report.get("time_error", 0.0) - self.report.get("steps_error", 0.0)
         bodies = level.setting.counts
         if not math.isfinite(left) or (len(bodies) > 1 and not self.weights):
             return None
@@ -242,7 +243,7 @@ def choose(levels: Sequence[Level], wanted: float) -> tuple[Level | None, float,
     if not levels:
         return None, last, found
     for level in levels:
-        error = last + (0.0 if level is levels[-1] else apart(level, levels[-1]))
+        error = max(last + (0.0 if level is levels[-1] else apart(level, levels[-1])), level.off)
         if error <= wanted:
             return level, error, found
     return levels[-1], last, found
@@ -261,7 +262,25 @@ def best(levels: Sequence[Level], wanted: float) -> tuple[Level | None, float, E
     return level, last, found
 
 
+def telling(levels: Sequence[Level]) -> Sequence[Level]:
+    """Return the last of solved levels, none of which misses an obstacle."""
+    return levels[next((n for n in range(len(levels), 0, -1) if levels[n - 1].off), 0):]
+
+
 def judge(levels: Sequence[Level]) -> tuple[Estimate, float]:
+    """Return what solved levels tell, and the estimated error of the last one, relative (infinite without one).
+
+    Meshes that miss an obstacle, as their elements are longer than that, may agree: they say nothing of others.
+    """
+    found, error = _by_order(telling(levels) or levels)
+    off = levels[-1].off if levels else 0.0
+    if not off:
+        return found, error
+    note = "an obstacle is between the contact points of a body"
+    return Estimate(None, None, None, False, note), max(off, error) if math.isfinite(error) else off
+
+
+def _by_order(levels: Sequence[Level]) -> tuple[Estimate, float]:
     """Return what solved levels tell, and the estimated error of the last one, relative (infinite without one).
 
     Two neighbouring orders are averaged where they agree by and large, and the smaller one is taken where not: meshes

@@ -28,7 +28,7 @@ NESTED, UNEVEN = 4, 1.25
 
 @dataclass(frozen=True)
 class Setting:
-    """Elements of every body that deforms, the element types that replace those of the case, and the tolerance.
+    """Elements of every body that deforms, the element types that replace those of the case, tolerance and load steps.
 
     ``nodes``: places S from 0 to 1 of bodies with unequal elements, each two of which have a whole share of the
     elements between them.
@@ -38,6 +38,7 @@ class Setting:
     types: dict[str, Variant] = field(default_factory=dict)
     tolerance: float | None = None
     nodes: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    steps: int | None = None
 
     @property
     def kinds(self) -> tuple[tuple[str, Variant], ...]:
@@ -47,7 +48,7 @@ class Setting:
     @property
     def name(self) -> Hashable:
         """What settings that are the same have in common."""
-        return tuple(self.counts.items()), self.kinds, self.tolerance, tuple(self.nodes.items())
+        return tuple(self.counts.items()), self.kinds, self.tolerance, tuple(self.nodes.items()), self.steps
 
     def places(self) -> dict[str, list[float]] | None:
         """Return the places S of all nodes of bodies with unequal elements, None where there are none."""
@@ -81,6 +82,7 @@ class Level:
     """A solved setting: its answer (None where it failed, with the reason), what it cost, and why it was tried.
 
     ``kinks``: whether a point slides along a body, whose kink then stands at another place of an element in each mesh.
+    ``off``: how far a body is off an obstacle between its contact points, relative, where that is told.
     """
 
     setting: Setting
@@ -92,12 +94,14 @@ class Level:
     iterations: int = 0
     reason: str = ""
     kinks: bool = False
+    off: float = 0.0
 
     def take(self, answer: Answer, summary: dict[str, Any]) -> None:
         """Keep the answer of a solve, and add what it has cost."""
         self.answer = answer
         self.wall_s += summary["wall_s"]
         self.iterations += summary["iterations"]
+        self.off = summary.get("contact_error", 0.0)
 
     @property
     def work(self) -> int:
@@ -114,6 +118,8 @@ class Level:
             out["bodies"] = dict(self.setting.counts)
         if self.setting.tolerance is not None:
             out["tolerance"] = self.setting.tolerance
+        if self.setting.steps is not None:
+            out["steps"] = self.setting.steps
         if self.setting.types:
             out["types"] = {name: v.element for name, v in self.setting.types.items()}
         return out | ({"reason": self.reason} if self.reason else {})
@@ -170,6 +176,8 @@ def overrides(case: Case, setting: Setting) -> list[str]:
     if setting.tolerance is not None and isinstance(case.solver, Dynamic):
         solver = replace(case.solver, dt=None, tolerance=setting.tolerance, estimate=False)
         out.append(f"solver={json.dumps(written(solver))}")
+    if setting.steps is not None:
+        out.append(f"solver.steps={setting.steps}")
     return out
 
 

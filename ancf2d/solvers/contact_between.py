@@ -1,0 +1,122 @@
+"""Whether a body is where its obstacles let it be between its points of contact, over the states of a run.
+
+A layer yields D under its pressure, the integral of k D over what overlaps, which grows with D^(3/2) on round surfaces.
+The points of an element sum up another pressure, G in place of F: under that the layer would yield D (G/F)^(2/3). The
+difference is how far the body is off. Without a law it is all of the depth that a motion leaves between fixed points.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..elements.contact_geometry import CIRCLE, DAMPING, HOME, ORIGIN, SHAPE
+from ..elements.shape import Array, gauss
+from ..interactions.contact_curves import ALONG, Spot, levels_of
+from ..model.contact_tables import ContactTable, contact_table
+from ..model.model import Model
+from .active_set import depth_of
+from .state import State
+from .threads import largest
+
+# share of the largest displacement, and of the radius of a disc, that a body may be off without a word
+OFF, SMALL = 0.01, 0.1
+POWER = 2.0 / 3.0
+
+
+class _Layer:
+    """The faces or the axis of a body along an obstacle with a law: an interval for each element."""
+
+    def __init__(self, known: ContactTable) -> None:
+        pair = known.pair
+        mesh, levels = pair.mesh, levels_of(pair.mesh, pair.item.side)
+        self.count, self.closed = len(mesh.dofs), mesh.plan.closed
+        pair = pair.at(pair.item, mesh, [Spot(ie, 0.0, eta, float(l), free=True) for eta in levels
+                                         for ie, l in enumerate(mesh.lengths)])
+        pair.par[:, HOME], pair.par[:, DAMPING] = 0.0, 1.0
+        self.half: Array = 0.5 * np.tile(mesh.lengths, len(levels))
+        self.table = contact_table((), pair)
+
+    def off(self, d: Array, t: float) -> tuple[float, float]:
+        """Return how deep the body is where it is furthest off at d (n_full,), and what the layer would yield there."""
+        from ..kernels.contact import overlaps
+
+        depth, place, _ = self.table.deepest(d, t)
+        if not depth.any():
+            return 0.0, 0.0
+        table, amps = self.table.at(d, t)
+        exact, summed = np.zeros((2, len(depth)))
+        overlaps(table, d, amps, place, *gauss(ALONG), exact, summed)
+        both = self._beside(self.half * np.array([exact, summed]))
+        yields = depth * np.where(both[0] > 0.0, both[1] / np.where(both[0] > 0.0, both[0], 1.0), 1.0) ** POWER
+        k = int(np.argmax(np.abs(depth - yields)))
+        return float(depth[k]), float(yields[k])
+
+    def _beside(self, forces: Array) -> Array:
+        """Return sums (2, m) over each element and its neighbours along the same curve."""
+        rows = forces.reshape(2, -1, self.count)
+        ends = rows[..., [-1, 0]] if self.closed and self.count > 2 else np.zeros((*rows.shape[:2], 2))
+        wide = np.concatenate([ends[..., :1], rows, ends[..., 1:]], axis=-1)
+        return (wide[..., :-2] + wide[..., 1:-1] + wide[..., 2:]).reshape(2, -1)
+
+
+class Between:
+    """How far bodies have been off their obstacles between their points of contact.
+
+    Without a law, load steps add points there, and paths tell of every depth themselves.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.model, solver = model, model.case.solver
+        tables = [] if not (solver.moves or solver.balances) or not model.contacts else [
+            one for one in model.contact_tables if not one.pair.on_bodies and (solver.moves or not one.pair.hard)]
+        self.layers = [(one, None if one.pair.hard else _Layer(one)) for one in tables]
+        # the largest displacement; where a body was furthest off, and where most beside the radius of a disc: how far,
+        # how deep, what the layer would yield, when, and in which contact
+        self.moved, self.most, self.share = 0.0, np.zeros(5), np.zeros(5)
+
+    def take(self, state: State) -> None:
+        """Look at the next state."""
+        if not self.layers:
+            return
+        model, d, t = self.model, state.d, state.side
+        self.moved = max(self.moved, largest(d[:model.n_q], model.weights))
+        for k, (one, layer) in enumerate(self.layers):
+            depth, yields = (depth_of(one, d, t), 0.0) if layer is None else layer.off(d, t)
+            off, par = abs(depth - yields), one.pair.par[0]
+            small = off / par[ORIGIN + 2] if par[SHAPE] == CIRCLE and par[ORIGIN + 2] > 0.0 else 0.0
+            for worst, size in ((self.most, off), (self.share, small)):
+                if size > worst[0]:
+                    worst[:] = size, depth, yields, t, k
+
+    @property
+    def error(self) -> float:
+        """How far a body was off, beside the largest displacement or the radius of a disc, where that is told; else 0.
+        """
+        off, small = float(self.most[0]) / self.moved if self.moved > 0.0 else 0.0, float(self.share[0])
+        return max(off if off > OFF else 0.0, small if small > SMALL else 0.0)
+
+    def warnings(self) -> list[str]:
+        """Return what is to be said of the whole run."""
+        if self.error == 0.0:
+            return []
+        of_all = self.most[0] > OFF * self.moved
+        _, depth, yields, t, k = (self.most if of_all else self.share).tolist()
+        one, layer = self.layers[int(k)]
+        solver, pair = self.model.case.solver, one.pair
+        when = f"{'t' if solver.moves or solver.timed else 'factor'} = {t:.6g}"
+        law = "" if layer is None else (f", where its layer would yield {yields:.2g} under the forces at these points, "
+                                        "which are off as much")
+        fewer = ("several rigid bodies, welded, in place of one" if pair.mesh.plan.rigid
+                 else "more elements in the contact zone")
+        return [f"{pair.name}: at {when} {pair.body} is {depth:.2g} deep in {pair.other} between its contact points"
+                f"{law}. Use {fewer}"]
+
+    def kept(self) -> list[Any]:
+        """Return what is kept in checkpoints."""
+        return [self.moved, self.most.tolist(), self.share.tolist()]
+
+    def go_on(self, kept: list[Any]) -> None:
+        """Take up what was kept."""
+        self.moved, self.most[:], self.share[:] = kept

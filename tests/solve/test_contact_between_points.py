@@ -1,0 +1,77 @@
+"""How far a body is off an obstacle between its contact points: closed forms, and what runs tell of it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.polynomial.legendre import leggauss
+
+import ancf2d
+from ancf2d.solvers.contact_between import Between
+from ancf2d.solvers.state import State
+
+LAW = {"stiffness": 1e7}
+DISC = {"type": "circle", "center": [0.6, -1.0101], "radius": 1.0}
+SMALL = {"type": "circle", "center": [0.6, -0.0301], "radius": 0.02}
+CORNER = {"type": "polyline", "points": [[0.3, -0.3], [0.6, -0.0101], [0.9, -0.3]]}
+
+
+def rod(element: dict[str, Any], y: float = 0.0) -> dict[str, Any]:
+    """Return a rod of length 1 and height 0.02, its axis at y."""
+    return {"geometry": {"type": "line", "start": [0, y], "end": [1, y]}, "element": element,
+            "section": {"height": 0.02, "width": 0.03}, "material": {"E": 7e9, "nu": 0.3, "rho": 2700}}
+
+
+def pressed(obstacle: dict[str, Any], count: int, solver: dict[str, Any]) -> ancf2d.Solution:
+    """Return a cantilever whose tip is moved down onto an obstacle at 0.6 of its length."""
+    return ancf2d.solve({
+        "bodies": {"rod": rod({"type": "reissner3", "count": count})}, "obstacles": {"it": obstacle},
+        "boundary_conditions": [{"type": "clamp", "at": "rod@0"}, {"type": "prescribed", "at": "rod@1", "uy": -0.05}],
+        "contacts": [{"between": ["rod", "it"], "law": LAW}], "solver": solver}, states=False)
+
+
+@pytest.mark.parametrize(("x", "depth"), [(0.5, 0.004), (0.34, 0.004), (0.93, 0.001)])
+def test_a_straight_rod_in_a_disc_is_off_by_what_its_gauss_points_miss(x: float, depth: float) -> None:
+    """The depth at s from its deepest place is R - sqrt((R - D)^2 + s^2), whose integral has a closed form."""
+    R = 0.5
+    solved = ancf2d.solve({
+        "bodies": {"rod": rod({"type": "rigid"}, R + 0.01 - depth)},
+        "obstacles": {"disc": {"type": "circle", "center": [x, 0.0], "radius": R}},
+        "contacts": [{"between": ["rod", "disc"], "law": LAW}],
+        "solver": {"type": "dynamic", "t_end": 1e-9, "dt": 1e-9, "estimate": False}}, states=False)
+    between = Between(solved.model)
+    zero = np.zeros(len(solved.model.numbering.place))
+    between.take(State(0.0, zero, zero, zero, 0.0))
+    h = R - depth
+    a = math.sqrt(R * R - h * h)
+
+    def integral(s: float) -> float:
+        s = min(max(s, -a), a)
+        return R * s - 0.5 * (s * math.hypot(h, s) + h * h * math.asinh(s / h))
+
+    z, w = leggauss(4)
+    summed = 0.5 * w @ np.maximum(R - np.hypot(h, 0.5 * (1.0 + z) - x), 0.0)
+    yields = depth * (summed / (integral(1.0 - x) - integral(-x))) ** (2.0 / 3.0)
+    assert between.most[1:3] == pytest.approx([depth, yields], rel=5e-3)
+
+
+@pytest.mark.parametrize("solver", [{"type": "static"}, {"type": "static", "method": "arc_length"},
+                                    {"type": "quasi_static", "t_end": 1.0}],
+                         ids=["static", "path", "quasi_static"])
+@pytest.mark.parametrize(("obstacle", "count", "told"), [(DISC, 16, False), (SMALL, 8, True), (CORNER, 8, True),
+                                                         (CORNER, 64, False)],
+                         ids=["disc", "small", "corner", "fine"])
+def test_equilibria_tell_of_an_obstacle_between_the_points_of_a_layer(
+        obstacle: dict[str, Any], count: int, told: bool, solver: dict[str, Any]) -> None:
+    if count == 64 and "method" in solver:
+        pytest.skip("the same states, more slowly")
+    warnings = pressed(obstacle, count, solver).warnings
+    assert sum("between its contact points, where its layer would yield" in w for w in warnings) == told, warnings
+
+
+def test_where_nothing_is_told_forces_are_those_of_a_fine_mesh() -> None:
+    coarse, fine = (pressed(DISC, count, {"type": "static"}).summary["contacts"][0]["force"][1] for count in (16, 64))
+    assert coarse == pytest.approx(fine, rel=1e-3)

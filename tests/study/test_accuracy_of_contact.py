@@ -1,0 +1,105 @@
+"""Solving to a wanted accuracy where contact decides: no mesh misses an obstacle, and steps of friction are judged."""
+
+from __future__ import annotations
+
+import pytest
+
+from ancf2d.case import LoadedCase, load_case_text
+from ancf2d.study.accuracy.control import solve_to_accuracy
+from ancf2d.study.accuracy.load_steps import follows_way
+from ancf2d.study.accuracy.pursuit import judge, telling
+from ancf2d.study.accuracy.setting import Level, Setting, with_setting
+from ancf2d.study.goal import Answer, solve_for_goal
+from ancf2d.study.run import vocabulary
+
+ROD = ("{geometry: {type: line, start: [0, 0], end: [1, 0]}, section: {height: 0.02, width: 0.03}, "
+       "material: {E: 7e9, nu: 0.3, rho: 2700}, element: ELEMENT}")
+
+
+def onto_a_disc(radius: float, stiffness: str, wanted: float, element: str = "{type: reissner3, count: 3}"
+                ) -> LoadedCase:
+    """Return a cantilever whose tip is moved down onto a disc at 0.6 of its length."""
+    return load_case_text(f"""
+bodies:
+  rod: {ROD.replace("ELEMENT", element)}
+boundary_conditions: [{{type: clamp, at: rod@0}}, {{type: prescribed, at: rod@1, uy: -0.05, name: tip}}]
+obstacles: {{disc: {{type: circle, center: [0.6, {-0.0101 - radius}], radius: {radius}}}}}
+contacts: [{{between: [rod, disc], law: {{stiffness: {stiffness}}}}}]
+solver: {{type: static}}
+goal: {{reaction: tip, quantity: fy}}
+accuracy: {wanted}
+""", vocabulary=vocabulary())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("radius", "stiffness", "wanted"), [(0.005, "1e8", 5e-2), (0.02, "1e7", 1e-2),
+                                                             (1.0, "1e7", 1e-3)])
+def test_meshes_are_refined_until_they_see_a_small_disc(radius: float, stiffness: str, wanted: float) -> None:
+    """The first four meshes of the smallest disc all pass it and agree to 1e-5."""
+    loaded = onto_a_disc(radius, stiffness, wanted)
+    reached = solve_to_accuracy(loaded)
+    exact = solve_for_goal(with_setting(loaded, Setting({"rod": 256}))).answer
+    assert reached.achieved
+    assert abs(reached.accuracy["value"] - exact.value) <= wanted * exact.size
+
+
+def test_rigid_bodies_that_an_obstacle_passes_reach_no_accuracy() -> None:
+    """A rigid bar is turned through a small disc."""
+    loaded = load_case_text(f"""
+bodies:
+  rod: {ROD.replace("ELEMENT", "rigid")}
+boundary_conditions: [{{type: pin, at: rod@0}}, {{type: prescribed, at: rod@0, angle: -0.05, name: turn}}]
+obstacles: {{disc: {{type: circle, center: [0.6, -0.0151], radius: 0.005}}}}
+contacts: [{{between: [rod, disc], law: {{stiffness: 1e7}}}}]
+solver: {{type: static}}
+goal: {{reaction: turn, quantity: m}}
+accuracy: 1e-2
+""", vocabulary=vocabulary())
+    accuracy = solve_to_accuracy(loaded).accuracy
+    assert not accuracy["achieved"]
+    assert accuracy["estimate"] > 0.1
+
+
+def test_meshes_that_miss_an_obstacle_say_nothing_of_others() -> None:
+    levels = [Level(Setting({"rod": n}), "", Answer(f, 1.0), off=off)
+              for n, f, off in ((1, 0.5, 0.3), (2, 0.5, 0.2), (4, 0.5, 0.1), (8, 1.25, 0.0), (16, 1.0625, 0.0))]
+    assert judge(levels[:3])[1] == pytest.approx(0.1)
+    assert list(telling(levels)) == levels[3:]
+    assert judge(levels) == judge(levels[3:])
+
+
+def over_a_drum(friction: float, wanted: float) -> LoadedCase:
+    """Return a cantilever whose tip is moved down by a tenth of its length, over a drum that it rubs on."""
+    return load_case_text(f"""
+bodies:
+  rod: {ROD.replace("ELEMENT", "{type: reissner3, count: 4}")}
+boundary_conditions: [{{type: clamp, at: rod@0}}, {{type: prescribed, at: rod@1, uy: -0.1}}]
+obstacles: {{drum: {{type: circle, center: [0.6, -1.0101], radius: 1}}}}
+contacts: [{{between: [rod, drum], law: {{stiffness: 1e7}}, friction: {friction}}}]
+solver: {{type: static}}
+goal: {{probe: tip, quantity: ux}}
+output: {{probes: {{tip: rod@1}}}}
+accuracy: {wanted}
+""", vocabulary=vocabulary())
+
+
+@pytest.mark.parametrize("wanted", [1e-2, pytest.param(1e-3, marks=pytest.mark.slow)])
+def test_load_steps_of_friction_are_in_the_estimate(wanted: float) -> None:
+    """10 and 20 steps agree to 2e-5 by chance, 160 differ from both by 1e-3."""
+    loaded = over_a_drum(0.3, wanted)
+    reached = solve_to_accuracy(loaded)
+    accuracy = reached.accuracy
+    assert reached.achieved
+    assert accuracy["steps"] >= 20
+    assert reached.outcome.summary["steps"] >= accuracy["steps"]
+    setting = Setting(accuracy["elements"], steps=160 if wanted > 1e-3 else 640)
+    many = solve_for_goal(with_setting(loaded, setting)).answer
+    assert abs(accuracy["value"] - many.value) <= accuracy["steps_error"] * many.size <= wanted * many.size
+
+
+def test_load_steps_are_judged_where_the_way_counts() -> None:
+    assert follows_way(over_a_drum(0.3, 1e-2).case)
+    assert not follows_way(over_a_drum(0.0, 1e-2).case)
+    accuracy = solve_to_accuracy(over_a_drum(0.0, 1e-2)).accuracy
+    assert accuracy["steps"] is None
+    assert "steps_error" not in accuracy
