@@ -179,7 +179,7 @@ class Curves:
         grid = figure.subplots(*shape, squeeze=False, sharex=self.share == "x",
                                sharey=self.share == "y")
         names = list(dict.fromkeys(c.name for p in self.panels for c in p.curves))
-        handles: dict[str, Any] = {}
+        handles: dict[tuple[str, bool], Any] = {}
         for axes, panel in zip(grid.ravel(), self.panels, strict=True):
             for curve in panel.curves:
                 self._curve(axes, curve, names, self.log_y or panel.log, handles)
@@ -196,10 +196,11 @@ class Curves:
             if self.share:
                 axes.label_outer()
         style.title(figure, self.title, self.note)
-        style.legend(figure, list(handles.values()), list(handles))
+        style.legend(figure, list(handles.values()), [text for text, _ in handles])
 
-    def _curve(self, axes: Axes, curve: Curve, names: list[str], log: bool, handles: dict[str, Any]) -> None:
-        """Draw one line, and put its entry of the legend into ``handles``."""
+    def _curve(self, axes: Axes, curve: Curve, names: list[str], log: bool,
+               handles: dict[tuple[str, bool], Any]) -> None:
+        """Draw one line, and put its entry of the legend into ``handles``: by its text, and whether many share it."""
         number = names.index(curve.name)
         looks = style.line_style(number)
         if len(curve.x) > MAX_MARKERS:
@@ -213,12 +214,13 @@ class Curves:
         y = np.where(curve.y > self.floor, curve.y, np.nan) if log else curve.y
         (line,) = axes.plot(curve.x, y, label=marks or name, **looks)
         if marks is None:
-            handles[name] = line
+            handles[name, False] = line
         elif not marks.startswith("_"):
             # one entry for all lines, in a colour that none of them has
-            handles.setdefault(marks, Line2D([], [], **{**looks, "color": "0.25"}))
+            handles.setdefault((marks, True), Line2D([], [], **{**looks, "color": "0.25"}))
         for x, height, text in zip(curve.x, y, curve.texts, strict=False):
-            axes.annotate(text, (x, height), (5, 5), textcoords="offset points", fontsize="small", zorder=6)
+            axes.annotate(text, (x, height), (5, 5), textcoords="offset points", fontsize="small", zorder=6,
+                          bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6})
 
     def _scales(self, axes: Axes, panel: Panel) -> None:
         if self.log_base:
