@@ -141,6 +141,12 @@ class Panel:
     triangles: list[Triangle] = field(default_factory=list)
 
 
+def _column(axis: tuple[str, str]) -> str:
+    """Return how a table names the quantity on an axis."""
+    name, units = axis
+    return f"{name} [{units}]" if units not in ("", "1") else name
+
+
 @dataclass
 class Curves:
     """A picture of lines, in panels one above the other or, sharing y or nothing, side by side.
@@ -260,14 +266,21 @@ class Curves:
             style.verbatim(show(style.label(name, shown)))
 
     def header(self) -> list[str]:
-        first = self.panels[0]
-        names = ["x", "y"] if len(self.panels) > 1 else [
-            f"{name} [{units}]" if units not in ("", "1") else name
-            for name, units in (first.x, first.y)]
-        return ["curve", *names]
+        """Return the names of the columns: one for each quantity on an axis."""
+        return ["curve", *self._columns()]
+
+    def _columns(self) -> list[str]:
+        return list(dict.fromkeys(_column(axis) for panel in self.panels for axis in (panel.x, panel.y)))
 
     def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield the points of all curves; marks of their ends, which are points of theirs, are left out."""
+        columns = self._columns()
         for panel in self.panels:
+            x_at, y_at = (columns.index(_column(axis)) for axis in (panel.x, panel.y))
             for curve in panel.curves:
+                if "label" in curve.look:
+                    continue
                 for x, y in zip(curve.x.tolist(), curve.y.tolist(), strict=True):
-                    yield curve.name, x, y
+                    values: list[Any] = [""] * len(columns)
+                    values[x_at], values[y_at] = x, y
+                    yield curve.name, *values
