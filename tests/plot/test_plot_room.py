@@ -140,3 +140,15 @@ def test_a_shape_at_the_onset_of_flutter_says_so_with_its_frequency(tmp_path: Pa
     with open_results(tmp_path / "a.h5") as results:
         assert [_label(results, k)[0] for k in (0, 1)] == [
             "load factor 20.05, flutter at 11.02 rad/s", "load factor 31, divergence"]
+
+
+@pytest.mark.parametrize(("solver", "factor", "note"), [
+    ("eigen", 0.0, "about the reference"), ("eigen", 1.0, "load factor 1"), ("static", 0.0, "load factor 0")])
+def test_a_shape_of_small_motions_says_what_they_are_about(tmp_path: Path, solver: str, factor: float, note: str,
+                                                           ) -> None:
+    e0 = coordinates("tangent", np.array([0.0, 1.0]), 0.0)
+    with ResultWriter(tmp_path / "a.h5", {**HEADER, "solver": solver}, [tangent_body("b", 1, 1.0, 0.1)], e0) as w:
+        w.append(factor, 0 * e0, {})
+        w.finish()
+    with open_results(tmp_path / "a.h5") as results:
+        assert build(results, "shape").note == note
