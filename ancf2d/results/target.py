@@ -79,7 +79,7 @@ def _are_probes(names: Sequence[str]) -> bool:
     """Return whether columns are quantities of one source after the other, probes first: measured data seldom are."""
     quantities: dict[str, list[str]] = {}
     for name in names:
-        probe, dot, quantity = name.partition(".")
+        probe, dot, quantity = name.rpartition(".")  # moving points have names with dots: loads.1.at
         quantities.setdefault(probe if dot else "", []).append(quantity)
     heads = (_PROBE_COLUMNS, *_BESIDE_PROBES)
     first = next(iter(quantities.values()), [])

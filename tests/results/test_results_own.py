@@ -79,6 +79,7 @@ def test_a_table_is_told_by_its_header(tmp_path: Path) -> None:
                         ("factor,a.x,a.y,a.ux,a.uy,a.theta,b.uy", False),
                         ("factor,a.x,a.y,a.ux,a.uy,a.theta,wall.fx,wall.fy,wall.m", True),
                         ("t,a.x,a.y,a.ux,a.uy,a.theta,motor.output,motor.z,load.s", True),
+                        ("t,a.x,a.y,a.ux,a.uy,a.theta,loads.1.at.s,motor.output", True),
                         ("t,a.x,a.y,a.ux,a.uy,a.theta,measured", False), ("t", False), ("x,y", False),
                         ("curve", False),
                         ("curve,displacement [m],load factor", True),
