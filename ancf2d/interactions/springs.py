@@ -276,6 +276,13 @@ class TranslationalSpring(_SpringOrStop):
         """Return the length L0; u = L - L0."""
         return self.length
 
+    def unreachable(self, length: float) -> str:
+        """Return why it never acts where ``length`` is L0, in words; empty where it may."""
+        if self.only != "compression" or self.gap < length:
+            return ""
+        nearer = f"more than {self.gap:g} nearer than" if self.gap else "nearer than"
+        return f"it acts once its ends are {nearer} {length:.6g}, which never happens"
+
 
 @by_force
 @spring(linear, on="angle", over_step=linear_mean)

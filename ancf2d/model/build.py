@@ -193,6 +193,9 @@ class _Builder:
             else:
                 placed = moving_spring(spring, self.meshes, self.point, self.timing)
                 self.loads.patches.append(placed)
+            never = spring.unreachable(placed.par[0]) if hasattr(spring, "unreachable") else ""
+            if never:
+                self.report(("springs", k, "gap"), f"springs.{k}: {never}", "a smaller gap, or a larger length")
             placed.active = self.timing.window(getattr(spring, "active", None))
             placed.breaks = (0,) if getattr(spring, "breaks", False) else ()
 

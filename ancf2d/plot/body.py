@@ -112,9 +112,14 @@ def check_state(results: Results, state: int) -> None:
         raise ResultsError(f"'{results.path}' has no state {state}: it holds {results.nt}")
 
 
+ABOUT = ("eigen", "frequency_response", "state_space")  # small motions about the only state, the reference at factor 0
+
+
 def when(results: Results, state: int) -> str:
     """Return the time or load factor of a state in words."""
     t = results.t[state]
+    if results.solver in ABOUT and t == 0.0:
+        return "about the reference"
     return f"t = {t:.6g} {results.units.time}" if results.over_time else f"load factor {t:.6g}"
 
 

@@ -24,6 +24,8 @@ FAMILIES = {
 WINDOW = {"color": "black", "marker": "", "linestyle": "-", "linewidth": 1.0}
 LIMIT = {"color": "black", "marker": "o", "markersize": 7, "markerfacecolor": "none", "markeredgewidth": 1.3,
          "linestyle": "none", "zorder": 5}
+# what a path passes: its key in the summary, its name in the legend, and its marker
+EVENTS = {"limit_points": ("limit points", LIMIT), "bifurcations": ("bifurcations", {**LIMIT, "marker": "D"})}
 NEGLIGIBLE = 1e-6  # of the largest of its family: less is not drawn unless asked for
 
 
@@ -115,25 +117,24 @@ def load_deflection(sources: Sequence[Source], *, probe: str | Sequence[str] | N
                     quantity: str | Sequence[str] | None = None) -> Curves:
     """Build the load factor against probe quantities (default: displacements, else rotations)."""
     panels = _panels(sources, probe, quantity, ("displacement",), ("load factor", "1"), True)
-    _mark_limits(sources, panels)
+    _mark_events(sources, panels)
     return Curves(common_title(sources), "", panels, share="y")
 
 
-def _mark_limits(sources: Sequence[Source], panels: list[Panel]) -> None:
-    """Mark the limit points that a path has passed, on every curve."""
+def _mark_events(sources: Sequence[Source], panels: list[Panel]) -> None:
+    """Mark the limit points and bifurcations that a path has passed, on every curve."""
     for panel in panels:
-        marks: dict[str, tuple[list[float], list[float], list[str]]] = {}
-        for source in sources:
-            for number, point in enumerate(source.results.summary.get("limit_points", []), start=1):
-                for probe, values in point["probes"].items():
-                    for quantity, value in values.items():
-                        if any(c.name == source.name(f"{probe} {quantity}") for c in panel.curves):
-                            x, y, texts = marks.setdefault(source.name("limit points"), ([], [], []))
-                            x.append(value)
-                            y.append(point["factor"])
-                            texts.append(str(number))
-        for name, (x, y, texts) in marks.items():
-            panel.curves.append(Curve(name, np.array(x), np.array(y), look=dict(LIMIT), texts=texts))
+        drawn = {c.name for c in panel.curves}
+        for key, (words, look) in EVENTS.items():
+            for source in sources:
+                found = [(values[q], point["factor"], str(number))
+                         for number, point in enumerate(source.results.summary.get(key, []), start=1)
+                         for probe, values in point.get("probes", {}).items()
+                         for q in values if source.name(f"{probe} {q}") in drawn]
+                if found:
+                    x, y, texts = zip(*found, strict=True)
+                    panel.curves.append(Curve(source.name(words), np.array(x), np.array(y), look=dict(look),
+                                              texts=list(texts)))
 
 
 def history(sources: Sequence[Source], *, probe: str | Sequence[str] | None = None,

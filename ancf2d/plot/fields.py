@@ -43,6 +43,7 @@ from ancf2d.results.geometry import (
 )
 from ancf2d.results.obstacles import Obstacle, obstacles_of
 
+BARE = "0.82"  # bodies without the field: no colour of either map
 COLORS = "cividis"  # its lightness grows evenly: the same order in grey, and to colour-blind eyes
 SIGNED = "RdBu_r"  # white where there is nothing, red in tension, blue in compression
 ACROSS = 9  # points drawn across a body
@@ -50,7 +51,8 @@ LINE = 1e-6  # of half the height: stations that are closer are the two sides of
 MAX_ELEMENTS = 2000  # drawn per body; of more, some
 FLAT = 0.025  # of the extent: a body that is thinner shows nothing of what is in it, and is drawn unrolled
 STRIPS = 6  # bodies that are drawn unrolled, one below the other; of more the figure would be too high
-ORDER = ("stress", "strain", "energy", "plastic_strain")  # which is drawn where none is named
+# which is drawn where none is named
+ORDER = ("stress", "strain", "energy", "plastic_strain", "pressure", "traction", "gap")
 
 
 @dataclass
@@ -92,6 +94,7 @@ class Fields:
     what: tuple[str, str]
     surfaces: list[Surface]
     unrolled: bool
+    others: list[Outline] = field(default_factory=list)  # bodies without the field, such as rigid ones
     signed: bool = False
     limits: tuple[float, float] | None = None
     box: np.ndarray | None = field(default=None, repr=False)
@@ -102,6 +105,7 @@ class Fields:
         if self.box is not None:
             return self.box
         points = [p.reshape(-1, 2) for s in self.surfaces for p in (s.points, s.reference.boundary)]
+        points += [other.boundary for other in self.others]
         return with_obstacles(bounds(points), self.obstacles)
 
     @property
@@ -160,6 +164,8 @@ class Fields:
         return mesh
 
     def _plane(self, axes: Axes) -> None:
+        for other in self.others:
+            axes.add_artist(Polygon(other.boundary, facecolor=BARE, edgecolor="0.25", linewidth=0.6, zorder=1.9))
         draw_obstacles(axes, self.obstacles)
         frame_plane(axes, self.bounds(), self.units)
 
@@ -252,7 +258,8 @@ def fields(sources: Sequence[Source], *, field: str | None = None, component: st
         flat = len(surfaces) <= STRIPS and max(s.height for s in surfaces) < FLAT * extent
     what = (label_of(name, part), first.units)
     note = when(results, state) + ("" if flat else magnified(factor))
-    return Fields(results.title, note, results.units.length, what, surfaces, flat, part not in POSITIVE,
+    others = [outline(results, b, state, factor) for n, b in results.bodies.items() if n not in records]
+    return Fields(results.title, note, results.units.length, what, surfaces, flat, others, part not in POSITIVE,
                   obstacles=obstacles_of(results, state, factor))
 
 

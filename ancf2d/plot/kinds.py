@@ -26,7 +26,7 @@ from ancf2d.plot.response import BODE, CAMPBELL, NYQUIST, ROOT_LOCUS
 from ancf2d.plot.section_forces import SECTION_FORCES
 from ancf2d.plot.shape import SHAPE, SNAPSHOTS
 from ancf2d.plot.studies import FIT, HISTOGRAM, OPTIMISATION, SHARES, SWEEP, TORNADO
-from ancf2d.plot.style import Look, plain_ticks, style
+from ancf2d.plot.style import Look, lay_out, plain_ticks, style
 from ancf2d.results import Results
 
 # the one place where a kind of figure is added
@@ -171,12 +171,10 @@ def rendered(picture: Picture, figure: Figure | None = None, look: Look | None =
         if figure is None:
             figure = ShownFigure()
             FigureCanvasAgg(figure)
-        engine = ConstrainedLayoutEngine()
-        figure.set_layout_engine(engine)
+        figure.set_layout_engine(ConstrainedLayoutEngine())
         figure.set_size_inches(*(look.size or picture.size))
         picture.render(figure)
         plain_ticks(figure)
         if any(axes.get_aspect() != "auto" for axes in figure.axes):
-            # axes of one scale settle when laid out, and only then is known how wide their labels are
-            engine.execute(figure)
+            lay_out(figure)
     return figure

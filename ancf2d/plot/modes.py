@@ -199,7 +199,8 @@ def _label(results: Results, k: int) -> tuple[str, str]:
     """Return what mode k is called, and its kind."""
     table: Mapping[str, Any] = results.tables.get("modes", {})
     if "load_factor" in table:
-        return f"load factor {table['load_factor'][k]:.6g}", "bending"
+        factor = f"load factor {table['load_factor'][k]:.6g}"
+        return ", ".join([factor, *_onset(table, k, results.units.time)]), "bending"
     if "kind" not in table:
         return f"mode {k + 1}", ""
     kind, growth = table["kind"][k], float(table["growth"][k]) if "growth" in table else 0.0
@@ -208,6 +209,15 @@ def _label(results: Results, k: int) -> tuple[str, str]:
     hertz = f"{omega / (2 * math.pi):.5g} {'Hz' if time == 's' else f'1/{time}'}"
     told = [f"{hertz} ({omega:.6g} rad/{time})"] if omega or not growth else []
     return f"{kind} {int(table['number'][k])}: {', '.join([*told, *growing(table, k, time)])}", kind
+
+
+def _onset(table: Mapping[str, Any], k: int, time: str) -> list[str]:
+    """Return how the motion of load factor k begins to grow, in words; nothing where factors are of conservative loads.
+    """
+    if "instability" not in table:
+        return []
+    omega = float(table["omega"][k])
+    return [str(table["instability"][k]) + (f" at {omega:.6g} rad/{time}" if omega else "")]
 
 
 def growing(table: Mapping[str, Any], k: int, time: str) -> list[str]:

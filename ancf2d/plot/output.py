@@ -12,13 +12,12 @@ from typing import Any
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.transforms import Bbox
 
 from ancf2d.errors import ResultsError
 from ancf2d.plot.kinds import KINDS, Input, build, chosen_kind, draw
 from ancf2d.plot.picture import Picture
-from ancf2d.plot.style import Look, plain_ticks, style
+from ancf2d.plot.style import Look, lay_out, plain_ticks, style
 from ancf2d.results.target import MARK, replacing
 
 # without the moment of writing, equal figures are equal files
@@ -146,18 +145,13 @@ Place = tuple[Bbox, tuple[float, float], tuple[float, float]]
 
 def _lay_out(figure: Figure, picture: Picture) -> list[Place]:
     """Draw a picture and return where its axes are, and their limits, which are those of all pictures."""
-    engine = ConstrainedLayoutEngine()
-    figure.set_layout_engine(engine)
     # later times may have more digits, and a title may need one more line for them
     note = getattr(picture, "note", None)
     if note is not None:
         vars(picture)["note"] = f"{note}{'0' * MORE_DIGITS}"
     picture.render(figure)
     plain_ticks(figure)
-    # axes of one scale settle when laid out, and only then is known how wide their labels are
-    engine.execute(figure)
-    engine.execute(figure)
-    figure.set_layout_engine("none")
+    lay_out(figure)
     if note is not None:
         vars(picture)["note"] = note
     return [(axes.get_position(original=True), axes.get_xlim(), axes.get_ylim()) for axes in figure.axes]

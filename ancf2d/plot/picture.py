@@ -141,6 +141,12 @@ class Panel:
     triangles: list[Triangle] = field(default_factory=list)
 
 
+def _column(axis: tuple[str, str]) -> str:
+    """Return how a table names the quantity on an axis."""
+    name, units = axis
+    return f"{name} [{units}]" if units not in ("", "1") else name
+
+
 @dataclass
 class Curves:
     """A picture of lines, in panels one above the other or, sharing y or nothing, side by side.
@@ -179,7 +185,7 @@ class Curves:
         grid = figure.subplots(*shape, squeeze=False, sharex=self.share == "x",
                                sharey=self.share == "y")
         names = list(dict.fromkeys(c.name for p in self.panels for c in p.curves))
-        handles: dict[str, Any] = {}
+        handles: dict[tuple[str, bool], Any] = {}
         for axes, panel in zip(grid.ravel(), self.panels, strict=True):
             for curve in panel.curves:
                 self._curve(axes, curve, names, self.log_y or panel.log, handles)
@@ -196,10 +202,11 @@ class Curves:
             if self.share:
                 axes.label_outer()
         style.title(figure, self.title, self.note)
-        style.legend(figure, list(handles.values()), list(handles))
+        style.legend(figure, list(handles.values()), [text for text, _ in handles])
 
-    def _curve(self, axes: Axes, curve: Curve, names: list[str], log: bool, handles: dict[str, Any]) -> None:
-        """Draw one line, and put its entry of the legend into ``handles``."""
+    def _curve(self, axes: Axes, curve: Curve, names: list[str], log: bool,
+               handles: dict[tuple[str, bool], Any]) -> None:
+        """Draw one line, and put its entry of the legend into ``handles``: by its text, and whether many share it."""
         number = names.index(curve.name)
         looks = style.line_style(number)
         if len(curve.x) > MAX_MARKERS:
@@ -213,12 +220,13 @@ class Curves:
         y = np.where(curve.y > self.floor, curve.y, np.nan) if log else curve.y
         (line,) = axes.plot(curve.x, y, label=marks or name, **looks)
         if marks is None:
-            handles[name] = line
+            handles[name, False] = line
         elif not marks.startswith("_"):
             # one entry for all lines, in a colour that none of them has
-            handles.setdefault(marks, Line2D([], [], **{**looks, "color": "0.25"}))
+            handles.setdefault((marks, True), Line2D([], [], **{**looks, "color": "0.25"}))
         for x, height, text in zip(curve.x, y, curve.texts, strict=False):
-            axes.annotate(text, (x, height), (5, 5), textcoords="offset points", fontsize="small", zorder=6)
+            axes.annotate(text, (x, height), (5, 5), textcoords="offset points", fontsize="small", zorder=6,
+                          bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6})
 
     def _scales(self, axes: Axes, panel: Panel) -> None:
         if self.log_base:
@@ -258,14 +266,21 @@ class Curves:
             style.verbatim(show(style.label(name, shown)))
 
     def header(self) -> list[str]:
-        first = self.panels[0]
-        names = ["x", "y"] if len(self.panels) > 1 else [
-            f"{name} [{units}]" if units not in ("", "1") else name
-            for name, units in (first.x, first.y)]
-        return ["curve", *names]
+        """Return the names of the columns: one for each quantity on an axis."""
+        return ["curve", *self._columns()]
+
+    def _columns(self) -> list[str]:
+        return list(dict.fromkeys(_column(axis) for panel in self.panels for axis in (panel.x, panel.y)))
 
     def rows(self) -> Iterator[Sequence[Any]]:
+        """Yield the points of all curves; marks of their ends, which are points of theirs, are left out."""
+        columns = self._columns()
         for panel in self.panels:
+            x_at, y_at = (columns.index(_column(axis)) for axis in (panel.x, panel.y))
             for curve in panel.curves:
+                if "label" in curve.look:
+                    continue
                 for x, y in zip(curve.x.tolist(), curve.y.tolist(), strict=True):
-                    yield curve.name, x, y
+                    values: list[Any] = [""] * len(columns)
+                    values[x_at], values[y_at] = x, y
+                    yield curve.name, *values

@@ -82,7 +82,8 @@ NYQUIST = Kind("nyquist", "response of probes in the complex plane", _missing, n
 
 # excitation once, twice and three times a turn
 ORDERS = (1, 2, 3)
-EXCITATION = {"color": "0.55", "linestyle": "--", "linewidth": 0.9, "marker": ""}
+EXCITATION = {"color": "0.55", "linewidth": 0.9, "marker": ""}
+DASHES = ("--", ":", "-.")  # of the orders: numbers beside their ends would run into each other under high frequencies
 POINTS = {"linestyle": "none", "marker": ".", "markersize": 3, "markevery": 1}
 # frequencies beyond this multiple of the highest critical one are not drawn
 HIGHEST = 6.0
@@ -111,7 +112,7 @@ def campbell(sources: Sequence[Source]) -> Curves:
     for order in ORDERS:
         end = min(max(map(abs, speeds)), top / order)
         panel.curves.append(Curve(f"{order} per turn", np.array([0.0, end]), np.array([0.0, order * end]),
-                                  look=dict(EXCITATION), texts=["", f"{order}x"]))
+                                  look={**EXCITATION, "linestyle": DASHES[order - 1]}))
     return Curves(common_title(sources), "", [panel])
 
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from ancf2d.errors import ResultsError
 from ancf2d.plot import style
-from ancf2d.plot.body import bounds, check_state, draw_obstacles, draw_symbols, no_states, when
+from ancf2d.plot.body import bounds, check_state, draw_obstacles, draw_symbols, no_states, outline, when, with_obstacles
 from ancf2d.plot.curves import quantities_of
 from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
 from ancf2d.results import Results
@@ -28,13 +28,19 @@ LINES = 40  # across the diagrams of all bodies, as in textbooks
 
 @dataclass
 class Diagram:
-    """One quantity on one body: arc length and values (n,), the axis (n, 2) and its normals (n, 2)."""
+    """One quantity on one body: arc length and values (n,), the axis (n, 2) and its normals (n, 2).
+
+    ``known`` (n,) tells which values are the file's; the others are between them, at the ends of elements, where the
+    axis may have a corner. ``whole`` (k, 2) is the axis from end to end.
+    """
 
     body: str
     s: np.ndarray
     values: np.ndarray
     axis: np.ndarray
     normals: np.ndarray
+    known: np.ndarray
+    whole: np.ndarray
 
     def line(self, scale: float) -> np.ndarray:
         """Return the line (n, 2) of the values, at their distances from the axis."""
@@ -52,10 +58,11 @@ class Diagrams:
     symbols: list[Symbol]
     obstacles: list[Obstacle]
 
-    def _scale(self, diagrams: list[Diagram]) -> float:
-        extent = float(np.hypot(*np.ptp(bounds([d.axis for d in diagrams]), axis=0)))
+    def _scale(self, name: str, diagrams: list[Diagram]) -> float:
+        """Return how far from the axis a value of one is drawn: towards y, but M on the side in tension."""
+        extent = float(np.hypot(*np.ptp(bounds([d.whole for d in diagrams]), axis=0)))
         top = max(float(np.abs(d.values).max(initial=0.0)) for d in diagrams)
-        return LARGEST * extent / top if top else 0.0
+        return (-1.0 if name == "M" else 1.0) * LARGEST * extent / top if top else 0.0
 
     @property
     def _stacked(self) -> bool:
@@ -63,8 +70,9 @@ class Diagrams:
         return bool(height < 0.6 * width)
 
     def _bounds(self) -> np.ndarray:
-        lines = [d.line(self._scale(ds)) for ds in self.found.values() for d in ds]
-        return bounds([*lines, *(d.axis for ds in self.found.values() for d in ds)])
+        lines = [d.line(self._scale(name, ds)) for (name, _), ds in self.found.items() for d in ds]
+        bodies = bounds([*lines, *(d.whole for ds in self.found.values() for d in ds)])
+        return with_obstacles(bodies, self.obstacles)
 
     @property
     def size(self) -> tuple[float, float]:
@@ -93,9 +101,9 @@ class Diagrams:
         style.heading(figure, self.title, self.note)
 
     def _draw(self, axes: Axes, name: str, diagrams: list[Diagram], color: str) -> None:
-        scale = self._scale(diagrams) * (-1.0 if name == "M" else 1.0)
+        scale = self._scale(name, diagrams)
         for d in diagrams:
-            axes.plot(*d.axis.T, color="0.2", linewidth=2.2, zorder=2, solid_capstyle="round")
+            axes.plot(*d.whole.T, color="0.2", linewidth=2.2, zorder=2, solid_capstyle="round")
             line = d.line(scale)
             axes.fill(*np.vstack([line, d.axis[::-1]]).T, color=color, alpha=0.22, linewidth=0, zorder=1.8)
             axes.plot(*np.vstack([d.axis[:1], line, d.axis[-1:]]).T, color=color, linewidth=1.2, zorder=2.2)
@@ -129,23 +137,33 @@ class Diagrams:
     def rows(self) -> Iterator[Sequence[Any]]:
         for (name, units), diagrams in self.found.items():
             for d in diagrams:
-                for s, (x, y), value in zip(d.s.tolist(), d.axis.tolist(), d.values.tolist(), strict=True):
+                columns = (a[d.known].tolist() for a in (d.s, d.axis, d.values))
+                for s, (x, y), value in zip(*columns, strict=True):
                     yield f"{name} [{units}]", d.body, s, x, y, value
 
 
 def _diagram(results: Results, body: str, name: str, state: int) -> Diagram:
     """Return one quantity along one body, its axis in the reference."""
     record, at = results.fields[body][name], results.body(body)
-    lengths = at.lengths[at.classes]
-    starts = np.cumsum(lengths) - lengths
-    s = starts[:, None] + lengths[:, None] * record.xi
+    lengths = at.lengths[at.classes][:, None]
+    starts = np.cumsum(lengths)[:, None] - lengths
+    xi = np.broadcast_to(record.xi, (len(lengths), record.xi.shape[-1]))
+    # where the stations are within the elements, the ends of these too: a corner may be there
+    ends = xi[:, :1] > 0.0
+    xi = np.hstack([np.zeros_like(ends, float), xi, np.ones_like(ends, float)])
+    known = np.hstack([np.zeros_like(ends), np.ones_like(xi[:, 1:-1], bool), np.zeros_like(ends)])
+    s, stored = starts + lengths * xi, results.field(body, name, state)[..., 0, 0].ravel()
+    kept = known | ends
+    kept[0, 0] = kept[-1, -1] = False
     # a little inside of each element: at a corner, each side has its own normal
-    inner = [starts[:, None] + lengths[:, None] * np.clip(record.xi + step, 0.0, 1.0) for step in (-0.01, 0.01)]
-    a, b = (results.reference(body, np.clip(v.ravel() / lengths.sum(), 0.0, 1.0)) for v in inner)
+    inner = [(starts + lengths * np.clip(xi + step, 0.0, 1.0))[kept] for step in (-0.01, 0.01)]
+    a, b = (results.reference(body, np.clip(v / lengths.sum(), 0.0, 1.0)) for v in inner)
     tangents = (b - a) / np.maximum(np.linalg.norm(b - a, axis=1), 1e-300)[:, None]
     normals = np.column_stack([-tangents[:, 1], tangents[:, 0]])
-    values = results.field(body, name, state)[..., 0, 0].ravel()
-    return Diagram(body, s.ravel(), values, results.reference(body, s.ravel() / lengths.sum()), normals)
+    values = np.interp(s, s[known], stored)
+    values[known] = stored
+    return Diagram(body, s[kept], values[kept], results.reference(body, s[kept] / lengths.sum()), normals, known[kept],
+                   outline(results, at, None, 1.0).axis)
 
 
 def section_forces(sources: Sequence[Source], *, quantity: str | Sequence[str] | None = None, state: int = -1,
@@ -174,7 +192,7 @@ def section_forces(sources: Sequence[Source], *, quantity: str | Sequence[str] |
     first, note = sources[0].results, when(sources[0].results, state)
     one = [d for _, d, _ in next(iter(drawn.values()))]
     if unrolled is None:
-        unrolled = len(sources) > 1 or (len(one) == 1 and _straight(one[0].axis))
+        unrolled = len(sources) > 1 or (len(one) == 1 and _straight(one[0].whole))
     if unrolled:
         return Curves(common_title(sources), note, _over_length(drawn, first), share="x")
     if len(sources) > 1:
@@ -207,7 +225,7 @@ def _over_length(drawn: dict[str, list[tuple[Source, Diagram, str]]], first: Res
         panel = Panel(axis, (NAMES[name], entries[0][2]), zero=True, bars=list(begins.values())[1:])
         for source, d, _ in entries:
             label = source.name(d.body if len(begins) > 1 or not source.label else "")
-            panel.curves.append(Curve(label, begins[d.body] + d.s, d.values, look={"marker": ""}))
+            panel.curves.append(Curve(label, begins[d.body] + d.s[d.known], d.values[d.known], look={"marker": ""}))
         panels.append(panel)
     return panels
 

@@ -86,12 +86,17 @@ TORNADO = Kind("tornado", "how much the goal changes with each number of the cas
                tornado, single=True)
 
 
+LONGEST = 30  # letters beside an axis
+
+
 def optimisation(sources: Sequence[Source]) -> Curves:
     """Build what is minimised, the excess of constraints where there are some, and each number beside its start."""
     table = sources[0].results.tables["optimisation"]
     n = np.asarray(table["evaluation"], float)
     what = str(table.attrs.get("minimise", "what is minimised"))
-    panels = [Panel(("evaluation", "1"), (what, "1"), [Curve(what, n, np.asarray(table["minimised"], float))])]
+    # an axis has no room for a long expression, which the legend tells
+    axis = what if len(what) <= LONGEST else "minimised"
+    panels = [Panel(("evaluation", "1"), (axis, "1"), [Curve(what, n, np.asarray(table["minimised"], float))])]
     if table.attrs.get("constrained"):
         missed = Curve("excess", n, np.asarray(table["missed"], float))
         panels.append(Panel(("evaluation", "1"), ("largest excess of a constraint", "1"), [missed]))
@@ -234,12 +239,14 @@ def sweep(sources: Sequence[Source], *, over: str | None = None, quantity: Seque
 
 def _lines(table: Table, path: str, sampled: bool) -> list[tuple[str, np.ndarray]]:
     """Return the rows of each line with the name of it, which tells what else is varied."""
-    others = [p for p in _listed(table, "paths") if p != path]
+    paths = _listed(table, "paths")
+    others = [p for p in paths if p != path]
     # where no value repeats, lists ran together
     if sampled or not others or len(np.unique(table[path])) == table.rows:
         return [("", np.arange(table.rows))]
     shown = [[f"{v:g}" if isinstance(v, float | np.floating) else str(v) for v in table[p]] for p in others]
-    ends = short_names(others)
+    named = dict(zip(paths, short_names(paths), strict=True))
+    ends = [named[p] for p in others]
     names = [", ".join(f"{end} = {v}" for end, v in zip(ends, row, strict=True)) for row in zip(*shown, strict=True)]
     return [(name, np.flatnonzero([n == name for n in names])) for name in dict.fromkeys(names)]
 

@@ -8,16 +8,19 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import matplotlib
 import matplotlib.style
+import numpy as np
 from matplotlib.artist import Artist
-from matplotlib.axis import Axis
+from matplotlib.axis import Axis, XAxis
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
-from matplotlib.ticker import ScalarFormatter
+from matplotlib.ticker import AutoLocator, ScalarFormatter
 
 from ancf2d.errors import ResultsError
 
@@ -88,6 +91,8 @@ def label(name: str, units: str) -> str:
     return name if units in ("", "1", "none") else f"{name} [{pretty(units)}]"
 
 
+LAYOUTS = 5  # most layouts of axes of one scale
+LETTER, BETWEEN = 0.62, 0.5  # width of a digit, and of the room between two numbers, in sizes of letters
 _SHORT = {"ms": 1e-3, "µs": 1e-6, "ns": 1e-9}
 
 
@@ -111,12 +116,54 @@ class PlainTicks(ScalarFormatter):
         return super().__call__(x, pos).removeprefix(r"$\mathdefault{").removesuffix("}$")
 
 
+class FewTicks(AutoLocator):
+    """Ticks of a horizontal axis, no more than there is room for side by side with all their digits."""
+
+    def __init__(self, like: AutoLocator) -> None:
+        super().__init__()
+        vars(self).update(vars(like))  # whether all ticks are at whole numbers
+
+    def tick_values(self, vmin: float, vmax: float) -> Sequence[float]:
+        """Return the places of ticks for an axis from one value to another."""
+        axis = cast(XAxis, self.axis)
+        most = int(np.clip(axis.get_tick_space(), 2, 9))
+        low, high = min(vmin, vmax), max(vmin, vmax)
+        while True:
+            self.set_params(nbins=most)
+            ticks = super().tick_values(vmin, vmax)
+            texts = axis.get_major_formatter().format_ticks([t for t in ticks if low <= t <= high])
+            # the axis counts three times the size of letters for each tick
+            if most == 2 or sum(LETTER * len(text) + BETWEEN for text in texts) <= 3 * (axis.get_tick_space() + 1):
+                return ticks
+            most -= 1
+
+
 def plain_ticks(figure: Figure) -> None:
     """Let the ticks of all axes with linear scales be plain text."""
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
             if type(axis.get_major_formatter()) is ScalarFormatter:
                 axis.set_major_formatter(PlainTicks())
+        given = axes.xaxis.get_major_locator()
+        if type(given) is AutoLocator:
+            axes.xaxis.set_major_locator(FewTicks(given))
+
+
+def lay_out(figure: Figure) -> None:
+    """Place the axes of a figure, and leave them there.
+
+    Axes of one scale show more or less with their width, and so have other numbers beside them once they are placed:
+    they are placed again until all numbers are within the figure.
+    """
+    engine = ConstrainedLayoutEngine()
+    figure.set_layout_engine(engine)
+    canvas = cast(FigureCanvasAgg, figure.canvas)
+    for _ in range(LAYOUTS):
+        engine.execute(figure)
+        needed, whole = figure.get_tightbbox(canvas.get_renderer()), figure.bbox_inches
+        if needed.x1 <= whole.x1 and needed.x0 >= whole.x0:
+            break
+    figure.set_layout_engine("none")
 
 
 def verbatim(text: Text | None) -> None:

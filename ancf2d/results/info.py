@@ -10,6 +10,7 @@ import numpy as np
 from ancf2d.results.reader import open_results
 from ancf2d.results.records import OVER_TIME
 
+MOST_EVENTS = 10  # that are listed
 _UNFINISHED = {
     "running": "unfinished: the run is still going or was killed",
     "interrupted": "interrupted: it holds the results so far",
@@ -72,8 +73,8 @@ def describe_text(found: dict[str, Any]) -> str:
     ]
     if found["range"]:
         moves = found["solver"] in OVER_TIME
-        rows.append(("time" if moves else "load factor", f"{found['range'][0]:.6g} to {found['range'][1]:.6g}"
-                     + f" {units['time']}" * moves))
+        ends = " to ".join(f"{t:.6g}" for t in dict.fromkeys(found["range"]))
+        rows.append(("time" if moves else "load factor", ends + f" {units['time']}" * moves))
     if found["checkpoint"] is not None:
         rows.append(("resumable", f"from t = {found['checkpoint']:.6g}, by 'ancf2d run CASE --resume'"))
     if "iterations" in found["summary"]:
@@ -81,9 +82,21 @@ def describe_text(found: dict[str, Any]) -> str:
     if isinstance(found["summary"].get("wall_s"), (int, float)):
         rows.append(("solve time", f"{found['summary']['wall_s']:.3g} s"))
     rows.append(("accuracy", _accuracy(found["summary"].get("accuracy"))))
+    rows += _passed(found["summary"], units["time"])
     rows += _sections(found)
     lines += [f"  {name:<11} {value}" for name, value in rows if value]
     return "\n".join(lines)
+
+
+def _passed(summary: dict[str, Any], time: str) -> list[tuple[str, str]]:
+    """Return what a path or a motion has passed: limit points, bifurcations, and the first events."""
+    rows = [(what, f"{number} at load factor {point['factor']:.8g}")
+            for key, what in (("limit_points", "limit point"), ("bifurcations", "bifurcation"))
+            for number, point in enumerate(summary.get(key, []), start=1)]
+    events = summary.get("events", [])
+    rows += [("event", f"{event['what']} at {event['t']:.6g} {time}") for event in events[:MOST_EVENTS]]
+    left = len(events) - MOST_EVENTS
+    return [*rows, *([("event", f"and {left} more")] if left > 0 else [])]
 
 
 def _accuracy(accuracy: Any) -> str:

@@ -53,6 +53,11 @@ def is_own(path: str | os.PathLike[str]) -> bool:
         return False
 
 
+# columns of figures, without units, where they are always the same: a map of contact over time or load, and diagrams
+_FIGURES = (["face", "t", "s", "pressure"], ["face", "load factor", "s", "pressure"],
+            ["quantity", "body", "s", "x", "y", "value"])
+
+
 def _is_own_header(names: Sequence[str]) -> bool:
     """Return whether these are the columns of probes (``export``), of a sweep, or of what a figure shows."""
     bare = [name.partition(" [")[0] for name in names]
@@ -63,8 +68,10 @@ def _is_own_header(names: Sequence[str]) -> bool:
         whole = [f"{base}.{part}" for base in bases for part in ("re", "im")] == list(names[1:])
         return whole and [base.rpartition(".")[2] for base in bases[:len(_PROBE_COLUMNS)]] == _PROBE_COLUMNS
     if bare[:1] == ["curve"]:
-        return len(bare) == 3
-    return (tuple(names[-len(SWEEP_COLUMNS):]) == SWEEP_COLUMNS or bare[-len(_FACES):] == _FACES
+        return len(bare) >= 3
+    if bare[:2] == ["path", "value"]:
+        return len(bare) == 3 and bare[2].startswith("change of ")
+    return (bare in _FIGURES or tuple(names[-len(SWEEP_COLUMNS):]) == SWEEP_COLUMNS or bare[-len(_FACES):] == _FACES
             or bare[:5] == ["body", "element", "s", "x", "y"])
 
 
@@ -72,7 +79,7 @@ def _are_probes(names: Sequence[str]) -> bool:
     """Return whether columns are quantities of one source after the other, probes first: measured data seldom are."""
     quantities: dict[str, list[str]] = {}
     for name in names:
-        probe, dot, quantity = name.partition(".")
+        probe, dot, quantity = name.rpartition(".")  # moving points have names with dots: loads.1.at
         quantities.setdefault(probe if dot else "", []).append(quantity)
     heads = (_PROBE_COLUMNS, *_BESIDE_PROBES)
     first = next(iter(quantities.values()), [])

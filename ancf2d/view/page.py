@@ -45,8 +45,9 @@ def make_page(results: Results, fields: Sequence[str] = ()) -> Page:
     parts = {"TITLE": _escaped(data["title"]), "MARK": MARK, "STYLE": _part("page.css"), "SCRIPT": script, "DATA": text}
     # all at once: what is put in may look like a place itself
     html = re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], _part("page.html"))
-    shown, what = len(data["t"]), "modes" if data["kind"] == "modes" else "states"
-    some = f"{shown} of {data['stored']} {what}" if shown < data["stored"] else f"all {shown} {what}"
+    shown, what = len(data["t"]), "mode" if data["kind"] == "modes" else "state"
+    some = f"{shown} of {data['stored']} {what}s" if shown < data["stored"] else (
+        f"all {shown} {what}s" if shown > 1 else f"its only {what}")
     return Page(html, f"{some}, displacements to 1/{LARGEST_CODE} of the largest")
 
 

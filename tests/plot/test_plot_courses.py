@@ -71,6 +71,15 @@ def test_a_trajectory_has_one_scale_in_both_directions(tmp_path: Path) -> None:
         shown = draw(results, "trajectory").legends[0].get_texts()
         assert [t.get_text() for t in shown] == ["p", "start", "end"]
         assert draw(results, "trajectory").axes[0].get_aspect() == 1.0
+        # a table has each state once, and a column for each quantity on an axis
+        np.testing.assert_array_equal([row[1:] for row in build(results, "trajectory").rows()],
+                                      np.column_stack([curve.x, curve.y]))
+        phase = build(results, "phase")
+        assert phase.header() == ["curve", "displacement ux [m]", "velocity vx [m/s]", "rotation [rad]",
+                                  "angular velocity [rad/s]"]
+        rows = list(phase.rows())
+        assert len(rows) == 2 * len(curve.x)
+        assert [tuple(row[3:]) for row in rows[:2]] == 2 * [("", "")]
 
 
 def test_limit_points_are_marked_on_the_path(tmp_path: Path) -> None:

@@ -105,7 +105,9 @@ def test_the_data_of_a_shape_are_the_points_drawn(tmp_path: Path) -> None:
 
 def test_the_data_of_several_panels_and_tables(tmp_path: Path) -> None:
     header, rows = read(data_csv(open_results(mechanism(tmp_path / "a.h5")), tmp_path / "a.csv"))
-    assert header == ["curve", "x", "y"]
+    assert header == ["curve", "time [s]", "displacement [m]", "rotation [rad]"]
+    filled = {(row[0].split()[1], tuple(bool(value) for value in row[2:])) for row in rows}
+    assert filled == {("ux", (True, False)), ("uy", (True, False)), ("theta", (False, True))}
     assert {row[0] for row in rows} == {f"{p} {q}" for p in ("end", "pin")
                                         for q in ("ux", "uy", "theta")}
     table = open_results(table_file(tmp_path / "b.h5", {"cable": 4.0}))

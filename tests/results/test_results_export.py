@@ -12,9 +12,11 @@ import numpy as np
 import pytest
 from synthetic import BODIES, HEADER, bent_beam, coordinates, mechanism, table_file, tangent_body, theta_body
 
+from ancf2d.case import load_case_text
 from ancf2d.errors import ResultsError
 from ancf2d.results import FieldRecord, ResultWriter, open_results
 from ancf2d.results.export import FORMATS, export, format_of, plain, vtkhdf
+from ancf2d.study.run import run_case
 
 KINDS = pytest.mark.parametrize("kind", BODIES)
 OMEGA = 3.0
@@ -264,3 +266,27 @@ def test_an_unfinished_file_is_exported_as_far_as_it_goes(tmp_path: Path) -> Non
     for suffix in set(FORMATS) - {".npz", ".mat"}:
         export(tmp_path / "a.h5.part", tmp_path / f"a{suffix}")
     assert grid(tmp_path / "a.vtkhdf")["Steps"].attrs["NSteps"] == 6
+
+
+def test_a_half_plane_is_shown_beside_the_bodies(tmp_path: Path) -> None:
+    """A program that fits all points into its window would show nothing but an endless line."""
+    text = """
+bodies:
+  b: {geometry: {type: line, start: [2, 0], end: [3, 0]}, section: {EA: 1e4, kGA: 1e4, EI: 1},
+      element: {type: cable, count: 2}}
+boundary_conditions: [{type: clamp, at: b@0}]
+loads: [{type: force, at: b@1, value: [0, 0.1]}]
+obstacles: {slope: {type: half_plane, through: [0, -1], normal: [-3, 4]}}
+solver: {type: static}
+"""
+    run_case(load_case_text(text), str(tmp_path / "a.h5"))
+    export(tmp_path / "a.h5", tmp_path / "a.vtkhdf")
+    with h5py.File(tmp_path / "a.vtkhdf") as file:
+        grid = file["VTKHDF"]
+        numbers = grid["PointData/body"][:]
+        line = grid["Points"][:len(numbers)][numbers == -1][:, :2]
+    np.testing.assert_allclose((line - [0, -1]) @ [-3, 4], 0.0, atol=1e-9)  # on the slope
+    # from a quarter of the beam's length before the shadow of its first point to as much beyond that of its end
+    along = (line - [0, -1]) @ [0.8, 0.6]
+    assert along.min() == pytest.approx(0.8 * 2 + 0.6 - 0.25, abs=0.15)
+    assert along.max() == pytest.approx(0.8 * 3 + 0.6 + 0.25, abs=0.15)

@@ -79,9 +79,15 @@ def test_a_table_is_told_by_its_header(tmp_path: Path) -> None:
                         ("factor,a.x,a.y,a.ux,a.uy,a.theta,b.uy", False),
                         ("factor,a.x,a.y,a.ux,a.uy,a.theta,wall.fx,wall.fy,wall.m", True),
                         ("t,a.x,a.y,a.ux,a.uy,a.theta,motor.output,motor.z,load.s", True),
+                        ("t,a.x,a.y,a.ux,a.uy,a.theta,loads.1.at.s,motor.output", True),
                         ("t,a.x,a.y,a.ux,a.uy,a.theta,measured", False), ("t", False), ("x,y", False),
                         ("curve", False),
-                        ("curve,displacement [m],load factor", True), ("EI,status,elements", False),
+                        ("curve,displacement [m],load factor", True),
+                        ("curve,time [s],displacement [m],rotation [rad]", True),
+                        ("curve,path,share,standard error", True), ("path,value,change of tip uy [m]", True),
+                        ("path,value,change", False), ("face,t [s],s [m],pressure [N/m]", True),
+                        ("face,load factor [1],s [m],pressure [N/m]", True), ("face,t", False),
+                        ("quantity,body,s [m],x [m],y [m],value", True), ("EI,status,elements", False),
                         ("EI,status,tip uy,elements,dofs,wall_s,estimate,output,reason", True)):
         path.write_text(f"{header}\n")
         assert is_own(path) is own, header

@@ -357,6 +357,18 @@ def test_info_of_an_unfinished_file_says_so(tmp_path: Path) -> None:
     assert "stopped" in text
 
 
+def test_info_says_what_a_path_or_motion_has_passed(tmp_path: Path) -> None:
+    e0 = coordinates("tangent", np.array([0.0, 1.0]), 0.0)
+    with ResultWriter(tmp_path / "a.h5", HEADER, [tangent_body("b", 1, 1.0, 0.1)], e0) as w:
+        w.append(1.0, 0 * e0, {})
+        w.finish({"limit_points": [{"factor": 2.5, "probes": {}}], "bifurcations": [{"factor": 1.25}],
+                  "events": [{"t": 0.1 * k, "what": f"stop {k} ends"} for k in range(12)]})
+    text = describe_text(describe(tmp_path / "a.h5"))
+    for words in ("load factor 1\n", "limit point 1 at load factor 2.5\n", "bifurcation 1 at load factor 1.25\n",
+                  "event       stop 9 ends at 0.9 s\n", "event       and 2 more"):
+        assert words in text, words
+
+
 def test_info_lists_tables(tmp_path: Path) -> None:
     path = table_file(tmp_path / "a.h5", {"cable": 4.0})
     assert describe(path)["tables"]["convergence"]["rows"] == 4

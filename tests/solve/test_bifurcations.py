@@ -29,6 +29,7 @@ def test_bifurcation_of_a_perfect_column_is_reported_and_the_straight_path_kept(
     np.testing.assert_allclose([b["factor"] for b in found], euler, rtol=3e-4)
     assert [b["negative_pivots"] for b in found] == [[0, 1], [1, 2]]
     assert all("straight on" in b["direction"] for b in found)
+    np.testing.assert_allclose([b["probes"]["top"]["uy"] for b in found], -1e-6 * np.array(euler), rtol=3e-4)
     assert sum("bifurcation" in w for s in out.states for w in s.warnings) == 2
     assert out.state.report["limit_points"] == []
     np.testing.assert_allclose(out.u("column@1"), [0, -30e-6], atol=1e-9)

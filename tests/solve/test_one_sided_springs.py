@@ -198,3 +198,21 @@ def test_a_spring_with_a_gap_pulls_a_mass_at_rest_by_an_end_that_moves(method):
 
     alone = solve_ivp(rates, (0, 1), [1.0, 0.0], t_eval=np.linspace(0, 1, 6), rtol=1e-9, atol=1e-11, max_step=1e-2)
     np.testing.assert_allclose([found.place("b@0", k)[1] for k in range(6)], alone.y[0], atol=1e-4)
+
+
+@pytest.mark.parametrize(("keys", "never"), [({"gap": 1.0}, True), ({"gap": 0.99}, False), ({"length": 0.0}, True),
+                                             ({"gap": 0.5, "length": 0.4}, True), ({"gap": 0.5, "length": 0.6}, False),
+                                             ({"force": "u^3", "stiffness": 0.0, "gap": 2.0}, True),
+                                             ({"only": "tension", "gap": 3.0}, False),
+                                             ({"only": None, "gap": 3.0}, False)])
+def test_a_stop_beyond_the_length_of_its_spring_never_acts_and_is_refused(keys: dict[str, Any], never: bool) -> None:
+    """Ends at a distance of 1 come no nearer than 0: a shortening by the whole length or more never happens."""
+    spring = {"type": "translational", "between": ["b@1", [1, -1]], "stiffness": 1.0, "only": "compression", **keys}
+    scene = {"b": h.body(h.line(1.0), h.element("reissner3", 1), SECTION)}
+    options = {"bc": [{"type": "clamp", "at": "b@0"}], "loads": [{"type": "force", "at": "b@1", "value": [0, 1e-6]}],
+               "springs": [{k: v for k, v in spring.items() if v is not None}]}
+    if not never:
+        h.solved(scene, STATIC, **options)
+        return
+    with pytest.raises(CaseError, match=r"springs.0: it acts once .* which never happens"):
+        h.solved(scene, STATIC, **options)

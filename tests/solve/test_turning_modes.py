@@ -128,6 +128,7 @@ def test_campbells_diagram_has_a_line_for_each_mode_over_the_speeds(tmp_path: Pa
     assert first.y[1] == pytest.approx(3.621797, rel=1e-4)
     once = next(c for c in panel.curves if c.name == "1 per turn")
     assert once.y.tolist() == once.x.tolist() == [0.0, 4.0]
+    assert len({c.look["linestyle"] for c in panel.curves if "per turn" in c.name}) == 3
     still = str(tmp_path / "still.h5")
     text = case("cable, count: 8", 1).replace("steady_rotation: {omega: 1, about: [0, 0]}\n", "")
     run_case(load_case_text(text), still)

@@ -312,6 +312,15 @@ def test_a_linear_answer_grows_from_rest(tmp_path: Path) -> None:
         assert np.abs(moves[1]).max() == pytest.approx(largest, rel=1e-2)
 
 
+def test_a_page_of_one_state_says_so(tmp_path: Path) -> None:
+    e0 = coordinates("tangent", np.array([0.0, 1.0]), 0.0)
+    with ResultWriter(tmp_path / "a.h5", HEADER, [tangent_body("b", 1, 1.0, 0.1)], e0) as w:
+        w.append(0.0, 0 * e0, {})
+        w.finish()
+    with open_results(tmp_path / "a.h5") as results:
+        assert make_page(results).remark.startswith("its only state, ")
+
+
 def test_nothing_is_loaded_from_elsewhere_and_names_are_no_markup(tmp_path: Path) -> None:
     header = {"title": "</script><script>alert(1)</script> & more"}
     with open_results(bent_beam(tmp_path / "a.h5", header=header)) as results:

@@ -44,6 +44,8 @@ SIDE = 1e-8  # of half the height: how far from the line between two layers fiel
 MOST_CELLS = 2_000  # along all elements together, as long as every element has one
 CHUNK = 1 << 14  # points
 AT_ONCE = 1 << 13  # points that are written in one call: states of small grids wait for each other
+# states that tell which part of a half plane is beside the bodies, and how much more of their extent is shown
+LOOKS, BESIDE = 16, 0.25
 CACHE = 1 << 20  # bytes of each dataset: a chunk or two, which are filled one after the other
 COMPRESSED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 MODES = "modes/shapes"
@@ -191,6 +193,7 @@ class _Grid:
         self.results, self.root, self.parts = results, root, parts
         self.steps = max(results.nt, 1)
         # of obstacles and tendons, behind the bodies
+        self.shown = self._shown_parts()
         self.lines = self._lines(None)
         self.of_bodies = sum(p.points for p in parts)
         self.n = self.of_bodies + sum(len(line) for _, line in self.lines)
@@ -216,9 +219,28 @@ class _Grid:
         shape = (self.steps * self.n, *width)
         return group.create_dataset(name, shape, np.float64, chunks=(min(self.n, CHUNK), *width), **COMPRESSED)
 
+    def _shown_parts(self) -> dict[str, np.ndarray]:
+        """Return which part of each endless line, from its beginning (0) to its end (1), is beside the bodies."""
+        states = np.unique(np.linspace(0, self.results.nt - 1, min(self.results.nt, LOOKS)).astype(int))
+        places = [p.take(body_levels(p.body, e))[:, :2] for e in (self.results.e0, *map(self.results.e, states))
+                  for p in self.parts]
+        low, high = (np.array([f(p, axis=0) for p in places]) for f in (np.nanmin, np.nanmax))
+        box = np.array([low.min(axis=0), high.max(axis=0)])
+        corners = np.array([[x, y] for x in box[:, 0] for y in box[:, 1]])
+        out = {}
+        for solid in obstacles_of(self.results, None, 1.0):
+            if solid.endless:
+                start, way = solid.lines[0][0], solid.lines[0][1] - solid.lines[0][0]
+                s = (corners - start) @ way / (way @ way)
+                room = BESIDE * float(np.ptp(box, axis=0).max()) / float(np.linalg.norm(way))
+                out[solid.name] = np.clip([s.min() - room, s.max() + room], 0.0, 1.0)
+        return out
+
     def _lines(self, state: int | None) -> list[tuple[int, np.ndarray]]:
         solids = obstacles_of(self.results, state, 1.0)
-        return [*((OBSTACLE, line) for solid in solids for line in solid.lines),
+        shown = ((solid.name, line) for solid in solids for line in solid.lines)
+        return [*((OBSTACLE, line[0] + np.outer(self.shown[name], line[-1] - line[0]) if name in self.shown else line)
+                  for name, line in shown),
                 *((TENDON, line) for line in tendons_of(self.results, state))]
 
     def _points(self, e: np.ndarray, state: int | None) -> np.ndarray:

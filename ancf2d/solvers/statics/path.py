@@ -129,7 +129,8 @@ class Follower:
                 b = self._advance(a, h)
                 if not self._doubtful(a, b, longest):
                     events = self._events(a, b)
-                    return b, events, [self.log.branch(a, b)] if self._inertia_differs(a, b) else []
+                    differs = self._inertia_differs(a, b)
+                    return b, events, [self.log.branch(a, b, self._plain(a))] if differs else []
                 trouble = ComputationError("the path cannot be resolved by any step length",
                                            at={"factor": float(f"{b.t:.6g}")})
             except ComputationError as error:
@@ -236,9 +237,8 @@ class Follower:
             told = (f"at factor {point.t:.6g} a body is {depth:.2g} deep in another surface between its contact "
                     "points, which are fixed on a path. Use more elements, or method: newton, which adds points there")
             warnings = [*warnings, Graded(told, "deep", depth)]
-        turned = self.curve.system.count(point.d, point.t)
-        state = State(point.t, point.d, point.balance.Q, point.balance.F, point.balance.energy, turned, history=history,
-                      warnings=warnings)
+        state = self._plain(point)
+        state.history, state.warnings = history, warnings
         self.log.observe(state, kind == "limit")
         if kind == "end" and self.branches:
             state.warnings = [*state.warnings, self._unbranched()]
@@ -247,6 +247,11 @@ class Follower:
         if state.last:
             state.tables = self.log.tables()
         return state
+
+    def _plain(self, point: PathPoint) -> State:
+        """Return the state at a point, without what is told of its step."""
+        turned = self.curve.system.count(point.d, point.t)
+        return State(point.t, point.d, point.balance.Q, point.balance.F, point.balance.energy, turned)
 
     def _unbranched(self) -> str:
         """Return what to say of a path that came to its end before the bifurcation at which it was to be left."""

@@ -220,12 +220,12 @@ class PathLog:
         if limit:
             self.limit_points.append({"factor": state.t, "probes": self.observer.observe(state)})
 
-    def branch(self, a: PathPoint, b: PathPoint) -> str:
-        """Note a bifurcation between two points; return it in words."""
+    def branch(self, a: PathPoint, b: PathPoint, before: State) -> str:
+        """Note a bifurcation between two points, with what the probes show before it; return it in words."""
         factor = 0.5 * (a.t + b.t)
         direction = "and the path continues straight on; the branches are not followed"
         self.bifurcations.append({"factor": factor, "negative_pivots": [a.negative, b.negative],
-                                  "direction": direction})
+                                  "direction": direction, "probes": self.observer.observe(before)})
         return (f"a bifurcation was passed at load factor {factor:.6g} ({a.negative} negative pivots before, "
                 f"{b.negative} after), {direction}; to follow a branch, add an imperfection or branch: {{at: "
                 f"{len(self.bifurcations)}}} under solver")
