@@ -221,19 +221,22 @@ class _Grid:
 
     def _shown_parts(self) -> dict[str, np.ndarray]:
         """Return which part of each endless line, from its beginning (0) to its end (1), is beside the bodies."""
-        states = np.unique(np.linspace(0, self.results.nt - 1, min(self.results.nt, LOOKS)).astype(int))
-        places = [p.take(body_levels(p.body, e))[:, :2] for e in (self.results.e0, *map(self.results.e, states))
-                  for p in self.parts]
-        low, high = (np.array([f(p, axis=0) for p in places]) for f in (np.nanmin, np.nanmax))
-        box = np.array([low.min(axis=0), high.max(axis=0)])
-        corners = np.array([[x, y] for x in box[:, 0] for y in box[:, 1]])
+        endless = [solid for solid in obstacles_of(self.results, None, 1.0) if solid.endless]
+        if not endless:
+            return {}
+        states = np.unique(np.linspace(0, self.results.nt - 1, min(self.results.nt, LOOKS)).astype(int)).tolist()
+        low, high = np.full(2, np.inf), np.full(2, -np.inf)
+        for e in (self.results.e0 if i is None else self.results.e(i) for i in (None, *states)):
+            for part in self.parts:
+                places = part.take(body_levels(part.body, e))[:, :2]
+                low, high = np.fmin(low, places.min(axis=0)), np.fmax(high, places.max(axis=0))
+        corners = np.array([[x, y] for x in (low[0], high[0]) for y in (low[1], high[1])])
         out = {}
-        for solid in obstacles_of(self.results, None, 1.0):
-            if solid.endless:
-                start, way = solid.lines[0][0], solid.lines[0][1] - solid.lines[0][0]
-                s = (corners - start) @ way / (way @ way)
-                room = BESIDE * float(np.ptp(box, axis=0).max()) / float(np.linalg.norm(way))
-                out[solid.name] = np.clip([s.min() - room, s.max() + room], 0.0, 1.0)
+        for solid in endless:
+            start, way = solid.lines[0][0], solid.lines[0][1] - solid.lines[0][0]
+            s = (corners - start) @ way / (way @ way)
+            room = BESIDE * float((high - low).max()) / float(np.linalg.norm(way))
+            out[solid.name] = np.clip([s.min() - room, s.max() + room], 0.0, 1.0)
         return out
 
     def _lines(self, state: int | None) -> list[tuple[int, np.ndarray]]:
