@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Any
 
 from ...case import Case
-from ...solvers.statics.static import STEPS
 from ..order import Estimate
 from .pursuit import MOST_WORK, Pursuit, apart
 from .setting import Level
@@ -25,6 +24,8 @@ def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> d
     the longer ones, since points that stick or slip by chance alike in both move nothing; steps twice as long tell that
     of the first.
     """
+    from ...solvers.statics.static import STEPS
+
     def told(level: Level) -> tuple[Estimate, float]:
         pursuit.report["steps_error"] = max(apart(level, rough), 0.5 * before)
         return found, error + pursuit.report["steps_error"]
