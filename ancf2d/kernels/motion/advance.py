@@ -39,9 +39,9 @@ from .state import (
     WORK,
     turn_on,
 )
-from .step_control import late, length, next_size, passed, set_length, set_size, shorten, targets, usual
+from .step_control import error_beside, late, length, next_size, passed, set_length, set_size, shorten, targets, usual
 from .step_energy import count_impact, gains
-from .stops import STAYS, error_beside, land, leave, soften
+from .stops import STAYS, land, leave, soften
 from .work import recall, taken_inside
 
 # rotation in a step [rad] beyond which stages may be on another turn than the end of the step before

@@ -7,6 +7,7 @@ from .dynamics import norm
 from .state import (
     DONE,
     EULER,
+    FASTEST,
     GRID,
     LAST,
     LIMIT,
@@ -16,6 +17,7 @@ from .state import (
     REJECTED,
     SIZE,
     STEP_SIZE,
+    STRUCK,
     SWITCHED,
     SWITCHES,
     TIME,
@@ -178,13 +180,32 @@ def rounding(p, s):  # type: ignore[no-untyped-def]
 
 
 @inner
+def scale_of(s, size, fastest, h):  # type: ignore[no-untyped-def]
+    """Return what errors of displacements in a step of length h are relative to: the size of the motion.
+
+    Where they count as errors of rates (STRUCK), it is the way of the fastest so far in the step.
+    """
+    if s.numbers[STRUCK] == 0.0:
+        return size
+    # what a stop sets in motion has no rate yet
+    return min(size, max(s.numbers[FASTEST], fastest, size / max(s.numbers[TIME], h)) * h)
+
+
+@inner
+def error_beside(s, error, size, fastest, h):  # type: ignore[no-untyped-def]
+    """Return an error of displacements beside what it is relative to, 0 where that is nothing."""
+    scale = scale_of(s, size, fastest, h)
+    return error / scale if scale > 0.0 else 0.0
+
+
+@inner
 def enough(p, s, h, tolerance):  # type: ignore[no-untyped-def]
     """Return how small [m] increments are to be in a step of length h from the motion s, by their relative tolerance.
 
     They are small beside the size of the motion; in steps that move far less than that, beside what SO_MANY of them
     move, since errors of rates are those of positions over h; but no smaller than round-off lets them be.
     """
-    size = max(s.numbers[SIZE], 1e-3 * p.extent)
+    size = scale_of(s, max(s.numbers[SIZE], 1e-3 * p.extent), 0.0, h)
     if s.numbers[TIME] <= 0.0:
         return tolerance * size
     moved = SO_MANY * h * max(norm(p, s.v), size / s.numbers[TIME])

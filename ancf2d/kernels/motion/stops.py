@@ -17,7 +17,7 @@ from ..patches import face_bodies
 from ..points import amplitude_of, fields_of_item, law_of_item, rates_of_item, work_arrays
 from .dynamics import signals_at, to_full
 from .events import LOOKS, NOWHERE, interpolate
-from .state import FASTEST, OLD_STEP, SOFT_STEP, STRUCK, TIME
+from .state import OLD_STEP, SOFT_STEP, STRUCK
 
 # of a step: how near to its end a spring begins to act for the step to end there, and how near to its start where the
 # step before has ended there; how often it is aimed at; how often an interval is halved
@@ -157,19 +157,6 @@ def leave(m, p, w, s, t, stops):  # type: ignore[no-untyped-def]
     if not m.exact:
         calls.onto_constraints(p.calls, (p, w, s.z, s.v, s.a, t, False))
     calls.restart(m.calls, (s, m.own))
-
-
-@inner
-def error_beside(s, error, size, fastest, h):  # type: ignore[no-untyped-def]
-    """Return the error of displacements in a step of length h relative to the size of the motion.
-
-    Where it counts as one of rates (STRUCK), it is so many times h beside the largest of these.
-    """
-    if s.numbers[STRUCK] > 0.0:
-        # what a stop sets in motion has no rate yet
-        usual = size / max(s.numbers[TIME], h)
-        size = min(size, max(s.numbers[FASTEST], fastest, usual) * h)
-    return error / size if size > 0.0 else 0.0
 
 
 @inner
