@@ -7,18 +7,19 @@ difference is how far the body is off. Without a law it is all of the depth that
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..elements.contact_geometry import CIRCLE, DAMPING, HOME, ORIGIN, SHAPE
 from ..elements.shape import Array, gauss
 from ..interactions.contact_curves import ALONG, Spot, levels_of
-from ..model.contact_tables import ContactTable, contact_table
 from ..model.model import Model
-from .active_set import depth_of
 from .state import State
 from .threads import largest
+
+if TYPE_CHECKING:
+    from ..model.contact_tables import ContactTable
 
 # share of the largest displacement, and of the radius of a disc, that a body may be off without a word
 OFF, SMALL = 0.01, 0.1
@@ -29,6 +30,8 @@ class _Layer:
     """The faces or the axis of a body along an obstacle with a law: an interval for each element."""
 
     def __init__(self, known: ContactTable) -> None:
+        from ..model.contact_tables import contact_table
+
         pair = known.pair
         mesh, levels = pair.mesh, levels_of(pair.mesh, pair.item.side)
         self.count, self.closed = len(mesh.dofs), mesh.plan.closed
@@ -80,6 +83,8 @@ class Between:
         """Look at the next state."""
         if not self.layers:
             return
+        from .active_set import depth_of
+
         model, d, t = self.model, state.d, state.side
         self.moved = max(self.moved, largest(d[:model.n_q], model.weights))
         for k, (one, layer) in enumerate(self.layers):

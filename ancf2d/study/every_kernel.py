@@ -160,7 +160,6 @@ def _interactions() -> dict[str, Any]:
                         {"type": "rotational", "between": ["arm@1", [0, 0]], "stiffness": 1.0}],
             "loads": [{"type": "follower_force", "at": "b@0.5", "value": [0.0, 0.01]},
                       {"type": "tendon", "on": "a", "y": 0.01, "tension": 0.01},
-                      {"type": "tendon", "through": ["b@0.1", {"at": "b@0.5", "y": 0.01}], "stiffness": 1.0},
                       {"type": "moment", "at": "arm@1", "value": 0.01}]}
 
 
@@ -204,7 +203,9 @@ def _answers() -> dict[str, Any]:
 
 
 def _let_go() -> dict[str, Any]:
-    """Return a case with supports and a weld that end during a motion, one-sided springs and layers of contact."""
+    """Return a case with supports and a weld that end during a motion, one-sided springs and tendons, and layers of
+    contact.
+    """
     bodies = {name: _body([0, k], [1, k], {"type": kind}, DAMPED)
               for k, (name, kind) in enumerate([("a", "vallejo"), ("b", "cable"), ("c", "cable")])}
     bodies["d"] = _body([1, 2], [2, 2], {"type": "vallejo"}, DAMPED)
@@ -221,7 +222,8 @@ def _let_go() -> dict[str, Any]:
             "obstacles": {"floor": {"type": "half_plane", "through": [0, 1.97], "normal": [0, 1]}},
             "contacts": [{"between": ["c", "floor"], "friction": 0.1, "law": LAW}],
             "loads": [{"type": "follower_force", "at": "b@1", "value": [0, 0.1]},
-                      {"type": "tendon", "on": "b", "y": 0.01, "tension": 0.01}]}
+                      {"type": "tendon", "on": "b", "y": 0.01, "tension": 0.01},
+                      {"type": "tendon", "through": ["b@0.1", {"at": "b@0.5", "y": 0.01}], "stiffness": 1.0}]}
 
 
 def _memories() -> Iterator[tuple[str, dict[str, Any]]]:
