@@ -19,13 +19,13 @@ from .dynamics import signals_at, to_full
 from .events import LOOKS, NOWHERE, interpolate
 from .state import OLD_STEP, SOFT_STEP, STRUCK
 
-# of a step: how near to its end a spring begins to act for the step to end there, and how near to its start where the
-# step before has ended there; how often it is aimed at; how often an interval is halved
+# of a step: how near to its end a stop begins or ceases to act for the step to end there, and how near to its start
+# where the step before has ended there; how often it is aimed at; how often an interval is halved
 ENDS, BEHIND, TRIES, HALVINGS = 1e-6, 3e-6, 5, 40
 # of a step that ends in a stop, or behind one that has not been seen: its path is wrong, so what is made at first ends
 # before the place where the stop begins, and is half of the step at most; how far behind a step that place is aimed at
 BEFORE, SURE, AHEAD = 0.8, 0.5, 1.0
-# of a step that ends where a spring begins to act: the next one, as nothing is known yet of how stiff it is
+# of a step that ends where a stop begins to act: the next one, as nothing is known yet of how stiff it is
 SOFT = 1e-2
 # of the longest step: no shorter one is made for this, and what acts within so little is not found. Many points that
 # touch shortly after one another would shorten steps until round-off tells whether they act
@@ -170,5 +170,5 @@ def soften(s, plan, h, stops, usual):  # type: ignore[no-untyped-def]
 
 
 def stop_functions(problem: Any) -> dict[Any, tuple[Any, ...]]:
-    """Return the functions that the table of a model of this type has where springs act on one side alone."""
+    """Return the functions that the table of a model of this type has where it has stops."""
     return {calls.stop_crossing: (stop_crossing, problem)}
