@@ -115,3 +115,26 @@ def test_the_estimate_is_the_error_and_a_quarter_where_the_order_shows(method):
     error = np.abs(u - exact).max() / np.abs(u).max()
     assert found.accuracy["order"] == pytest.approx(5 if method == "radau5" else 2, abs=0.1)
     assert 1.2 < found.accuracy["estimate"] / error < 1.4
+
+
+def steel_pendulum(t_end, **solver):
+    """A thin rod of steel that falls from the horizontal: Newton's method limits steps, not the tolerance."""
+    return {"bodies": {"rod": {
+        "geometry": {"type": "line", "start": [0, 0], "end": [1.8, 0]}, "section": {"height": 0.01, "width": 0.01},
+        "material": {"E": 2.1e11, "nu": 0.3, "rho": 7850}, "element": {"type": "reissner3", "count": 4}}},
+        "boundary_conditions": [{"type": "pin", "at": "rod@0"}], "loads": [{"type": "gravity", "value": [0, -9.81]}],
+        "output": {"interval": 0.01, "probes": {"tip": "rod@1"}}, "solver": {"type": "dynamic", "t_end": t_end} | solver}
+
+
+@pytest.fixture(scope="module")
+def fallen():
+    return ancf2d.solve(steel_pendulum(0.6, method="radau9", tolerance=1e-9, estimate=False)).d[:, -3:-1]
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-5])
+@pytest.mark.parametrize("method", ["radau5", "radau9"])
+def test_the_estimate_is_no_smaller_where_coarser_tolerances_change_no_steps(fallen, method, tolerance):
+    """Runs with the same steps differ by a tenth of their error, or less."""
+    found = ancf2d.solve(steel_pendulum(0.6, method=method, tolerance=tolerance))
+    error = np.linalg.norm(found.d[:, -3:-1] - fallen, axis=1).max() / np.linalg.norm(fallen, axis=1).max()
+    assert 0.4 < found.accuracy["estimate"] / error < 6.0

@@ -223,7 +223,7 @@ class Run:
             return None
         paces = [self.stepping, self.taking]
         if self.estimate is not None and not self.estimate.failed:
-            paces += self.estimate.paces
+            paces += self.estimate.paces[:self.estimate.levels]
         times = [pace.left(self.spec.t_end) for pace in paces]
         return None if None in times else float(sum(x for x in times if x is not None))
 

@@ -29,11 +29,17 @@ LEVELS = 2
 DOUBLE, TENFOLD = 2.0, 10.0
 # added to what two differences extrapolate to (Roache's grid convergence index for three levels)
 SAFETY = 1.25
-# differences that grow by less between levels are no asymptotic sequence
+# differences that fall by less between levels show no order: first is taken, which unresolved vibrations leave
+FALLS = 3.0
+# the error is at most so many times what steps change that are hardly longer, as where Newton's method limits them
+LARGEST = 4.0
+# ten times the tolerance that changes errors by less than this changes nothing
 ASYMPTOTIC = 2.0**0.5
 # steps of a coarser level that number more than this share of the finer one's are not twice as long; the differences
 # between such levels tell nothing where they are below this share of the displacements
 ALIKE, TELLING = 0.8, 1e-9
+# steps of the second level after which it is given up where they are no longer than those of the first
+SEEN = 40
 # times the tolerance: errors beyond are told
 MISSED = 10.0
 # fewer steps than so many between two breaks are no longer where they are to be twice as long
@@ -43,9 +49,9 @@ BROKEN = 4
 class Estimate:
     """Differences between a motion and coarser ones at stored times, over all probes (all nodes where there are none).
 
-    Fixed steps: levels of 2 dt and 4 dt, errors like dt^order. Adaptive ones: 10 and 100 times the tolerance, errors
-    like the tolerance. ``largest`` (levels, probes): of the differences between neighbouring levels; ``moved``
-    (probes,): of the displacements.
+    Levels: 2 dt and 4 dt of fixed steps, 10 and 100 times the tolerance of adaptive ones; errors count as those of the
+    mean length of the steps that were made. ``largest`` (levels, probes): of the differences between neighbouring
+    levels; ``moved`` (probes,): of the displacements; ``levels`` : how many are still made.
     """
 
     def __init__(self, stepper: Stepper) -> None:
@@ -58,6 +64,7 @@ class Estimate:
         self.largest = np.zeros((LEVELS, len(self.columns)))
         self.moved = np.zeros(len(self.columns))
         self.failed = ""
+        self.levels = LEVELS
         self.queues: list[list[tuple[float, Array]]] = [[] for _ in range(LEVELS)]
         self.coarse = [self._level(self.factor ** (k + 1)) for k in range(LEVELS)]
         self.paces = [Pace() for _ in self.coarse]
@@ -86,12 +93,26 @@ class Estimate:
             return
         here = self._places(d)
         self.moved = np.maximum(self.moved, np.hypot(*here))
-        for k in range(LEVELS):
+        for k in range(self.levels):
             there = self._coarse_places(k, t)
             if there is None:
                 return
             self.largest[k] = np.maximum(self.largest[k], np.hypot(*(there - here)))
             here = there
+        self._give_up()
+
+    def _give_up(self) -> None:
+        """Make the second level no further where its steps are no longer, and its differences no larger."""
+        if self.factor == DOUBLE or self.levels < LEVELS:
+            return
+        _, longer, longest = self._steps()
+        fine, rough = self._differences()
+        if longest >= SEEN and longest > ALIKE * longer and rough < FALLS * fine:
+            self.levels = 1
+
+    def _steps(self) -> list[float]:
+        """Return how many steps were made, of the motion and of each level."""
+        return [float(s.s.numbers[COUNT]) for s in (self.stepper, *self.coarse)]
 
     def _places(self, d: Array) -> Array:
         """Return the displacements (2, probes)."""
@@ -122,35 +143,41 @@ class Estimate:
         """Return the relative estimate, the order seen of fixed steps, and how they were found."""
         estimate, order = self._richardson()
         return {"estimate": estimate, "order": order if self.factor == DOUBLE else None, "of": "time steps",
-                "steps": int(sum(s.s.numbers[COUNT] for s in self.coarse))}
+                "steps": int(sum(self._steps()[1:]))}
 
-    def _richardson(self) -> tuple[float | None, float | None]:
-        """Return what the differences of three levels say of the first, and the order that they show."""
-        if self.failed or self._alike():
-            return None, None
+    def _differences(self) -> tuple[float, float]:
+        """Return the largest differences of either level, relative to the displacements."""
         size = np.where(self.moved > least_motion(self.stepper.model), self.moved, np.inf)
         if self.factor != DOUBLE and sticks(self.stepper.model):
             # what springs that hold points give counts no more than for the steps
             size = np.maximum(size, least_size(self.stepper.model, self.stepper.tolerance))
         fine, rough = (float(np.max(row / size, initial=0.0)) for row in self.largest)
+        return fine, rough
+
+    def _richardson(self) -> tuple[float | None, float | None]:
+        """Return the error that the differences of three levels extrapolate to, and the power of their factor seen."""
+        if self.failed or self._alike():
+            return None, None
+        fine, rough = self._differences()
         # a part of how far off contacts that open and close are located is the same in all levels
         located = self.stepper.s.numbers[SWITCHED] if self.factor == DOUBLE else 0.0
         if fine == 0.0:
             return FIXED * located, None
-        order = float(np.log(rough / fine) / np.log(self.factor)) if rough > 0.0 else 0.0
-        if self.factor ** order < ASYMPTOTIC:
-            # differences that do not shrink tell no more than their size
-            return max(fine, rough) + FIXED * located, order
-        # their errors are of order 1
-        highest = 1.0 if located > 0.0 else self.order
-        return SAFETY * fine / (self.factor ** min(order, highest) - 1.0) + FIXED * located, order
+        power = float(np.log(rough / fine) / np.log(self.factor)) if rough > 0.0 else 0.0
+        steps, longer, longest = self._steps()
+        first, second = steps / longer, steps / longest
+        if first - 1.0 < 1.0 / LARGEST:
+            return SAFETY * LARGEST * max(fine, rough) + FIXED * located, power
+        order = 1.0
+        if self.levels == LEVELS and rough >= FALLS * fine and second > first and located == 0.0:
+            order = _order(rough / fine, first, second, self.stepper.method.order)
+        return SAFETY * fine * min(LARGEST, 1.0 / (first ** order - 1.0)) + FIXED * located, power
 
     def _alike(self) -> bool:
         """Whether longer fixed steps were cut, or are so few, that they are those of the motion itself."""
         if self.factor != DOUBLE or not self.moved.any():
             return False
-        steps = [s.s.numbers[COUNT] for s in (self.stepper, *self.coarse)]
-        alike = any(longer > ALIKE * shorter for shorter, longer in pairwise(steps))
+        alike = any(longer > ALIKE * shorter for shorter, longer in pairwise(self._steps()))
         return alike and bool(self.largest.min(axis=0).max() <= TELLING * self.moved.max())
 
     def warnings(self) -> list[str]:
@@ -221,7 +248,8 @@ class Estimate:
 
     def checkpoint(self) -> dict[str, Array]:
         """Return everything that the estimate goes on from."""
-        out = {"estimate_largest": self.largest.copy(), "estimate_moved": self.moved.copy()}
+        out = {"estimate_largest": self.largest.copy(), "estimate_moved": self.moved.copy(),
+               "estimate_levels": np.array([self.levels])}
         for k, stepper in enumerate(self.coarse):
             out.update({f"coarse{k}_{name}": value for name, value in (stepper.checkpoint() or {}).items()})
             out[f"coarse{k}_queue"] = np.array([[t, *places.ravel()] for t, places in self.queues[k]]).reshape(
@@ -231,10 +259,19 @@ class Estimate:
     def resume(self, kept: dict[str, Array]) -> None:
         """Go on from a checkpoint."""
         self.largest[:], self.moved[:] = kept["estimate_largest"], kept["estimate_moved"]
+        self.levels = int(kept["estimate_levels"][0])
         for k, stepper in enumerate(self.coarse):
             head = f"coarse{k}_"
             stepper.resume({name[len(head):]: v for name, v in kept.items() if name.startswith(head)})
             self.queues[k] = [(float(r[0]), r[1:].reshape(2, -1)) for r in kept[head + "queue"]]
+
+
+def _order(ratio: float, first: float, second: float, highest: int) -> float:
+    """Return the order p, from 1 to the highest, at which errors like l^p of steps 1, ``first`` and ``second`` times as
+    long have differences of that ratio.
+    """
+    p = np.linspace(1.0, highest, 64 * highest)
+    return float(np.interp(ratio, (second ** p - first ** p) / (first ** p - 1.0), p))
 
 
 def step_ends(stepper: Stepper, since: float, found: list[Row]) -> list[float]:
