@@ -123,7 +123,8 @@ def steel_pendulum(t_end, **solver):
         "geometry": {"type": "line", "start": [0, 0], "end": [1.8, 0]}, "section": {"height": 0.01, "width": 0.01},
         "material": {"E": 2.1e11, "nu": 0.3, "rho": 7850}, "element": {"type": "reissner3", "count": 4}}},
         "boundary_conditions": [{"type": "pin", "at": "rod@0"}], "loads": [{"type": "gravity", "value": [0, -9.81]}],
-        "output": {"interval": 0.01, "probes": {"tip": "rod@1"}}, "solver": {"type": "dynamic", "t_end": t_end} | solver}
+        "output": {"interval": 0.01, "probes": {"tip": "rod@1"}},
+        "solver": {"type": "dynamic", "t_end": t_end} | solver}
 
 
 @pytest.fixture(scope="module")

@@ -31,8 +31,9 @@ DOUBLE, TENFOLD = 2.0, 10.0
 SAFETY = 1.25
 # differences that fall by less between levels show no order: first is taken, which unresolved vibrations leave
 FALLS = 3.0
-# the error is at most so many times what steps change that are hardly longer, as where Newton's method limits them
-LARGEST = 4.0
+# the error is at most so many times what steps change that are hardly longer, as where Newton's method limits them;
+# each level cuts fixed ones in other places, and errs more unlike the others
+LARGEST = {DOUBLE: 2.0, TENFOLD: 4.0}
 # ten times the tolerance that changes errors by less than this changes nothing
 ASYMPTOTIC = 2.0**0.5
 # steps of a coarser level that number more than this share of the finer one's are not twice as long; the differences
@@ -160,18 +161,18 @@ class Estimate:
             return None, None
         fine, rough = self._differences()
         # a part of how far off contacts that open and close are located is the same in all levels
-        located = self.stepper.s.numbers[SWITCHED] if self.factor == DOUBLE else 0.0
+        located = float(self.stepper.s.numbers[SWITCHED]) if self.factor == DOUBLE else 0.0
         if fine == 0.0:
             return FIXED * located, None
         power = float(np.log(rough / fine) / np.log(self.factor)) if rough > 0.0 else 0.0
         steps, longer, longest = self._steps()
-        first, second = steps / longer, steps / longest
-        if first - 1.0 < 1.0 / LARGEST:
-            return SAFETY * LARGEST * max(fine, rough) + FIXED * located, power
+        first, second, largest = steps / longer, steps / longest, LARGEST[self.factor]
+        if first - 1.0 < 1.0 / largest:
+            return SAFETY * largest * max(fine, rough) + FIXED * located, power
         order = 1.0
         if self.levels == LEVELS and rough >= FALLS * fine and second > first and located == 0.0:
             order = _order(rough / fine, first, second, self.stepper.method.order)
-        return SAFETY * fine * min(LARGEST, 1.0 / (first ** order - 1.0)) + FIXED * located, power
+        return SAFETY * fine * min(largest, 1.0 / (first ** order - 1.0)) + FIXED * located, power
 
     def _alike(self) -> bool:
         """Whether longer fixed steps were cut, or are so few, that they are those of the motion itself."""

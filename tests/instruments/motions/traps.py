@@ -30,6 +30,9 @@ METHODS = [m.name for m in INTEGRATORS.values() if m.scipy is None]
 ELEMENTS = ("reissner3", "cable", "vallejo")
 # an estimate holds where the truth is at most so many times as large
 COVERS = 10.0
+# what warnings say, in short
+TOO_LARGE, UNKNOWN = "warns", "no estimate"
+TOLD = {"steps are too large": TOO_LARGE, "no error estimate": UNKNOWN}
 
 
 @dataclass(frozen=True)
@@ -47,8 +50,8 @@ class Trap:
 
     @property
     def honest(self) -> bool:
-        """Whether it failed, cut its steps, or estimated an error that covers the true one."""
-        if self.code or self.cut:
+        """Whether it failed, cut its steps, said that it has no estimate, or has one that covers the true error."""
+        if self.code or self.cut or self.said == UNKNOWN:
             return True
         return self.estimate is not None and self.truth is not None and self.truth <= COVERS * self.estimate
 
@@ -68,7 +71,7 @@ def trap(element: str, method: str, solver: str, count: int, fine: Motion) -> Tr
     if found.outcome.failure is not None:
         return Trap(element, method, 1, cut=cut, said=found.summary["reason"])
     truth = distance(found.place("tip"), fine.place("tip")) / fine.extent("tip")
-    said = "warns" if any("steps are too large" in w for w in found.outcome.warnings) else ""
+    said = next((short for words, short in TOLD.items() if any(words in w for w in found.outcome.warnings)), "")
     steps = int(found.summary["steps"])
     return Trap(element, method, 0, truth, found.summary["accuracy"]["estimate"], cut, said, steps)
 
