@@ -109,14 +109,12 @@ def estimate_of(fine: float, tolerance: float, steps: int, asked: bool = True, g
     model = SimpleNamespace(extent=1.0, sided=False, case=SimpleNamespace(
         accuracy=None, initial=None, solver=SimpleNamespace(tolerance=tolerance if asked else None)),
         contacts=[SimpleNamespace(hard=False, signal=tuple(signals))] if obstacle else [])
-    motions = []
-    for level in range(1 + LEVELS):
-        numbers = np.zeros(NUMBERS)
-        numbers[COUNT] = steps / TENFOLD ** (level / 4)
-        motions.append(SimpleNamespace(model=model, tolerance=tolerance, s=SimpleNamespace(numbers=numbers),
-                                       signals=signals, driving=range(len(signals)), method=INTEGRATORS[method]))
+    numbers = np.zeros(NUMBERS)
+    numbers[COUNT] = steps
     found = Estimate.__new__(Estimate)
-    found.stepper, *found.coarse = motions
+    found.stepper = SimpleNamespace(model=model, tolerance=tolerance, s=SimpleNamespace(numbers=numbers), t=1.0,
+                                    signals=signals, driving=range(len(signals)), method=INTEGRATORS[method])
+    found.made = np.array([[1.0, steps / TENFOLD ** (level / 4)] for level in range(1, 1 + LEVELS)])
     found.factor, found.order, found.failed, found.levels = TENFOLD, 1, "", LEVELS
     found.largest, found.moved = np.array([[fine], [growth * fine]]), np.ones(1)
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import helpers as h
 import numpy as np
 import pytest
 from instruments.motions.orders import ORDER, PAIRS, SCENES, SMOOTHEST
@@ -9,6 +10,8 @@ from motions import GRAVITY, orders, ride, rod
 from scipy.integrate import solve_ivp
 
 import ancf2d
+from ancf2d.solvers.motion import stepping
+from ancf2d.solvers.motion.dynamic import Run
 
 # how many steps the runs take; order 9 is at round-off soon
 STEPS = {2: (64, 256), 5: (48, 96), 9: (14, 21)}
@@ -139,3 +142,21 @@ def test_the_estimate_is_no_smaller_where_coarser_tolerances_change_no_steps(fal
     found = ancf2d.solve(steel_pendulum(0.6, method=method, tolerance=tolerance))
     error = np.linalg.norm(found.d[:, -3:-1] - fallen, axis=1).max() / np.linalg.norm(fallen, axis=1).max()
     assert 0.4 < found.accuracy["estimate"] / error < 6.0
+
+
+def test_a_level_whose_steps_are_no_longer_is_made_no_further_wherever_calls_end(monkeypatch):
+    """The clock decides how many steps a call makes, and nothing else; resumed runs go on alike."""
+    found = []
+    for rows in (4096, 9):
+        monkeypatch.setattr(stepping, "LOG_ROWS", rows)
+        monkeypatch.setattr(stepping, "CHUNK_SECONDS", 0.0)
+        scene = steel_pendulum(0.6, tolerance=1e-4)
+        model = h.build(scene.pop("bodies"), scene.pop("solver"), **scene)
+        run = Run(model, model.case.solver)
+        states = list(run.states())
+        found.append((run.estimate.levels, states[-1].report["accuracy"]))
+    assert found[0][0] == 1
+    assert found[0] == found[1]
+    middle = next(s.checkpoint for s in states[20:] if s.checkpoint is not None)
+    *_, last = Run(model, model.case.solver).states(middle)
+    assert last.report["accuracy"] == found[0][1]

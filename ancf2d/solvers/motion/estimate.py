@@ -52,7 +52,8 @@ class Estimate:
 
     Levels: 2 dt and 4 dt of fixed steps, 10 and 100 times the tolerance of adaptive ones; errors count as those of the
     mean length of the steps that were made. ``largest`` (levels, probes): of the differences between neighbouring
-    levels; ``moved`` (probes,): of the displacements; ``levels`` : how many are still made.
+    levels; ``moved`` (probes,): of the displacements; ``made`` (levels, 2): time and number of steps compared last;
+    ``levels`` : how many are still made. None of these depends on how far calls of ``Stepper.run`` come.
     """
 
     def __init__(self, stepper: Stepper) -> None:
@@ -65,8 +66,10 @@ class Estimate:
         self.largest = np.zeros((LEVELS, len(self.columns)))
         self.moved = np.zeros(len(self.columns))
         self.failed = ""
-        self.levels = LEVELS
-        self.queues: list[list[tuple[float, Array]]] = [[] for _ in range(LEVELS)]
+        self.levels, self.made = LEVELS, np.zeros((LEVELS, 2))
+        # states ahead of the motion: time, number of steps, displacements of the probes; and steps of all of them
+        self.queues: list[list[tuple[float, int, Array]]] = [[] for _ in range(LEVELS)]
+        self.counts = [0] * LEVELS
         self.coarse = [self._level(self.factor ** (k + 1)) for k in range(LEVELS)]
         self.paces = [Pace() for _ in self.coarse]
 
@@ -106,14 +109,14 @@ class Estimate:
         """Make the second level no further where its steps are no longer, and its differences no larger."""
         if self.factor == DOUBLE or self.levels < LEVELS:
             return
-        _, longer, longest = self._steps()
+        longer, longest = self._lengths()
         fine, rough = self._differences()
-        if longest >= SEEN and longest > ALIKE * longer and rough < FALLS * fine:
+        if self.made[-1, 1] >= SEEN and longer > ALIKE * longest and rough < FALLS * fine:
             self.levels = 1
 
-    def _steps(self) -> list[float]:
-        """Return how many steps were made, of the motion and of each level."""
-        return [float(s.s.numbers[COUNT]) for s in (self.stepper, *self.coarse)]
+    def _lengths(self) -> list[float]:
+        """Return how long the steps of each level are on average."""
+        return [float(t / max(steps, 1.0)) for t, steps in self.made]
 
     def _places(self, d: Array) -> Array:
         """Return the displacements (2, probes)."""
@@ -131,20 +134,26 @@ class Estimate:
                 with self.paces[level].running():
                     rows = [stepper.last()] if stepper.done else stepper.run()
                 self.paces[level].mark(stepper.t, within=step_ends(stepper, since, rows))
-                queue += [(row.t, self._places(stepper.full(row, 1)[0])) for row in rows if row.kind != CHECK]
+                for row in rows:
+                    self.counts[level] += len(row.log)
+                    if row.kind != CHECK:
+                        queue.append((row.t, self.counts[level], self._places(stepper.full(row, 1)[0])))
         except ComputationError as error:
             how = f"steps of {stepper.dt:g} s" if stepper.dt > 0.0 else f"a tolerance of {stepper.tolerance:g}"
             self.failed = f"with {how} the motion could not be computed ({error.failure.reason})"
             return None
         while queue and queue[0][0] < t - near:
             queue.pop(0)
-        return queue[0][1] if queue and queue[0][0] <= t + near else None
+        if not queue or queue[0][0] > t + near:
+            return None
+        self.made[level] = queue[0][:2]
+        return queue[0][2]
 
     def report(self) -> dict[str, Any]:
         """Return the relative estimate, the order seen of fixed steps, and how they were found."""
         estimate, order = self._richardson()
         return {"estimate": estimate, "order": order if self.factor == DOUBLE else None, "of": "time steps",
-                "steps": int(sum(self._steps()[1:]))}
+                "steps": int(self.made[:, 1].sum())}
 
     def _differences(self) -> tuple[float, float]:
         """Return the largest differences of either level, relative to the displacements."""
@@ -165,8 +174,9 @@ class Estimate:
         if fine == 0.0:
             return FIXED * located, None
         power = float(np.log(rough / fine) / np.log(self.factor)) if rough > 0.0 else 0.0
-        steps, longer, longest = self._steps()
-        first, second, largest = steps / longer, steps / longest, LARGEST[self.factor]
+        own = self.stepper.t / self.stepper.s.numbers[COUNT]
+        first, second = (float(length / own) for length in self._lengths())
+        largest = LARGEST[self.factor]
         if first - 1.0 < 1.0 / largest:
             return SAFETY * largest * max(fine, rough) + FIXED * located, power
         order = 1.0
@@ -178,7 +188,8 @@ class Estimate:
         """Whether longer fixed steps were cut, or are so few, that they are those of the motion itself."""
         if self.factor != DOUBLE or not self.moved.any():
             return False
-        alike = any(longer > ALIKE * shorter for shorter, longer in pairwise(self._steps()))
+        own = self.stepper.t / max(self.stepper.s.numbers[COUNT], 1)
+        alike = any(shorter > ALIKE * longer for shorter, longer in pairwise([own, *self._lengths()]))
         return alike and bool(self.largest.min(axis=0).max() <= TELLING * self.moved.max())
 
     def warnings(self) -> list[str]:
@@ -250,21 +261,22 @@ class Estimate:
     def checkpoint(self) -> dict[str, Array]:
         """Return everything that the estimate goes on from."""
         out = {"estimate_largest": self.largest.copy(), "estimate_moved": self.moved.copy(),
-               "estimate_levels": np.array([self.levels])}
+               "estimate_made": self.made.copy(), "estimate_counts": np.array([self.levels, *self.counts])}
         for k, stepper in enumerate(self.coarse):
             out.update({f"coarse{k}_{name}": value for name, value in (stepper.checkpoint() or {}).items()})
-            out[f"coarse{k}_queue"] = np.array([[t, *places.ravel()] for t, places in self.queues[k]]).reshape(
-                -1, 1 + 2 * len(self.columns))
+            out[f"coarse{k}_queue"] = np.array([[*made, *places.ravel()] for *made, places in self.queues[k]]).reshape(
+                -1, 2 + 2 * len(self.columns))
         return out
 
     def resume(self, kept: dict[str, Array]) -> None:
         """Go on from a checkpoint."""
         self.largest[:], self.moved[:] = kept["estimate_largest"], kept["estimate_moved"]
-        self.levels = int(kept["estimate_levels"][0])
+        self.made[:] = kept["estimate_made"]
+        self.levels, *self.counts = map(int, kept["estimate_counts"])
         for k, stepper in enumerate(self.coarse):
             head = f"coarse{k}_"
             stepper.resume({name[len(head):]: v for name, v in kept.items() if name.startswith(head)})
-            self.queues[k] = [(float(r[0]), r[1:].reshape(2, -1)) for r in kept[head + "queue"]]
+            self.queues[k] = [(float(r[0]), int(r[1]), r[2:].reshape(2, -1)) for r in kept[head + "queue"]]
 
 
 def _order(ratio: float, first: float, second: float, highest: int) -> float:
