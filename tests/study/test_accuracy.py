@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import pytest
+import yaml
 from pursued import BETWEEN, CANTILEVER, SWING, TWO, case, limit
 
+from ancf2d.case import load_case_text
 from ancf2d.errors import CaseError
 from ancf2d.study.accuracy.control import describe, first_mesh, is_pursued, solve_to_accuracy
 from ancf2d.study.accuracy.pursuit import Pursuit, apart
@@ -46,6 +48,29 @@ def test_steps_in_time_and_meshes_together_reach_it():
     exact = limit(loaded, 32, 1e-9)
     chosen = with_setting(loaded, Setting(reached.accuracy["elements"], {}, reached.accuracy["tolerance"]))
     assert solve_for_goal(chosen).answer.distance(exact) / exact.size <= reached.accuracy["estimate"] <= 1e-3
+
+
+@pytest.mark.slow
+def test_time_steps_that_newtons_method_limits_are_judged_by_a_better_method():
+    """A tenth of the tolerance changes few steps of a thin rod of steel: it moves by half of the error."""
+    data = {
+        "accuracy": 3e-5, "goal": {"probe": "tip", "quantity": "uy"},
+        "bodies": {"rod": {
+            "geometry": {"type": "line", "start": [0, 0], "end": [1.8, 0]}, "section": {"height": 0.008, "width": 0.03},
+            "material": {"E": 2.07e11, "nu": 0.3, "rho": 2766.67}, "element": {"type": "reissner3", "count": 4}}},
+        "boundary_conditions": [{"type": "pin", "at": "rod@0"}], "loads": [{"type": "gravity", "value": [0, -9.81]}],
+        "output": {"interval": 0.01, "probes": {"tip": "rod@1"}}, "solver": {"type": "dynamic", "t_end": 1.5}}
+    loaded = load_case_text(yaml.safe_dump(data))
+    reached = solve_to_accuracy(loaded)
+    sharp = load_case_text(yaml.safe_dump(data), overrides=[
+        "solver.method=radau9", "solver.tolerance=1e-9", "solver.estimate=false", "bodies.rod.element.count=32"])
+    exact = solve_for_goal(sharp).answer
+    error = abs(reached.accuracy["value"] - exact.value) / exact.size
+    assert reached.achieved
+    assert error <= reached.accuracy["estimate"] <= 3e-5
+    # a method that the case names remains
+    named = solve_to_accuracy(load_case_text(yaml.safe_dump(data), overrides=["solver.method=radau5"]))
+    assert all("method" not in level for level in named.accuracy["path"])
 
 
 def test_a_body_that_matters_little_stays_coarse():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from ...case import FrequencyResponse, LoadedCase, Rectangle, with_overrides
@@ -21,7 +21,7 @@ from .direct import Direct
 from .load_steps import follows_way, in_steps
 from .mesh import Ladder
 from .motion import Motion
-from .pursuit import LEAST_TOLERANCE, MOST_WORK, Pursuit, apart, tenth
+from .pursuit import LEAST_TOLERANCE, MOST_WORK, Pursuit, apart
 from .setting import Level, with_setting
 
 # accuracy of a case that leaves element types open and names none
@@ -169,13 +169,12 @@ def _in_time(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> d
         return found, error + pursuit.report["time_error"]
 
     while True:
-        tolerance = tenth(rough.setting.tolerance or 1.0)
-        fine = pursuit.solve(replace(rough.setting, tolerance=tolerance), "effect of the time steps", told)
+        fine = pursuit.solve(pursuit.sharper(rough.setting), "effect of the time steps", told)
         pursuit.write(fine, told)
         accuracy = pursuit.accuracy(fine, *told(fine))
         if accuracy["achieved"] or error > pursuit.wanted or fine.reason:
             return accuracy
-        if tolerance <= LEAST_TOLERANCE or 2 * fine.work > MOST_WORK:
+        if (fine.setting.tolerance or 0.0) <= LEAST_TOLERANCE or 2 * fine.work > MOST_WORK:
             return accuracy | {"note": "the time steps needed would take too long"}
         rough = fine
 

@@ -19,7 +19,6 @@ from .pursuit import (
     choose,
     judge,
     telling,
-    tenth,
 )
 from .setting import Level, Setting, meshed, with_setting
 
@@ -45,6 +44,7 @@ class Ladder:
     def __init__(self, pursuit: Pursuit, types: dict[str, Variant], tolerance: float | None,
                  shares: dict[str, float] | None = None) -> None:
         self.pursuit, self.types, self.tolerance = pursuit, types, tolerance
+        self.method: str | None = None
         self.meshes = meshed(pursuit.loaded.case, types)
         self.shares = shares or {name: float(mesh.least) for name, mesh in self.meshes.items()}
         self.levels: list[Level] = []
@@ -52,7 +52,7 @@ class Ladder:
     def setting(self, size: float) -> Setting:
         """Return the mesh of a size."""
         counts = {name: self.meshes[name].count(share * size) for name, share in self.shares.items()}
-        return Setting(counts, self.types, self.tolerance)
+        return Setting(counts, self.types, self.tolerance, method=self.method)
 
     def climb(self, wanted: float) -> tuple[Level | None, float, Estimate]:
         """Refine until the estimated error of a mesh is below ``wanted``.
@@ -113,11 +113,11 @@ class Ladder:
         gap = apart(middle, last)
         if gap < 0.5 * apart(self.levels[-3], middle):
             return False
-        finer = self.pursuit.solve(replace(middle.setting, tolerance=tenth(self.tolerance)),
+        finer = self.pursuit.solve(self.pursuit.sharper(middle.setting),
                                    "whether the time steps cause the differences between meshes")
         if not apart(middle, finer) > NOISE * gap:
             return False
-        self.tolerance = tenth(self.tolerance)
+        self.tolerance, self.method = finer.setting.tolerance, finer.setting.method
         self.levels = []
         return True
 

@@ -7,7 +7,7 @@ of the element types predicts is solved with a tenth of the tolerance, too, and 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from ..order import Estimate
 from ..variants import Variant
@@ -33,6 +33,7 @@ class Motion:
     tolerance: float
     levels: list[Level] = field(default_factory=list)
     in_time: float = math.inf
+    method: str | None = None
 
     def reach(self, wanted: float) -> tuple[Level, float, Estimate] | None:
         """Return a level whose estimated error is below ``wanted``, that error, and what meshes tell.
@@ -67,15 +68,14 @@ class Motion:
     def _setting(self, size: int) -> Setting:
         meshes = meshed(self.pursuit.loaded.case, self.types)
         counts = {name: size * meshes[name].count(0.25 * n) for name, n in self.predicted.items()}
-        return Setting(counts, self.types, self.tolerance)
+        return Setting(counts, self.types, self.tolerance, method=self.method)
 
     def _timed(self, wanted: float) -> bool:
         """Solve two coarse meshes, the second with two tolerances at least, and choose one; whether there is one."""
         first = self.pursuit.solve(self._setting(1), "a quarter of the elements that are predicted")
         loose = self.pursuit.solve(self._setting(2), "half of the elements that are predicted")
         while self.tolerance > LEAST_TOLERANCE and 2 * loose.work <= MOST_WORK:
-            tight = self.pursuit.solve(replace(loose.setting, tolerance=tenth(self.tolerance)),
-                                       "effect of the time steps")
+            tight = self.pursuit.solve(self.pursuit.sharper(loose.setting), "effect of the time steps")
             gap = FINER * apart(loose, tight)
             if not math.isfinite(gap) or first.answer is None:
                 return False
@@ -84,7 +84,7 @@ class Motion:
             if LOOSE * gap <= SHARE * wanted:
                 self.levels, self.in_time = [first, loose], LOOSE * gap
                 return True
-            self.tolerance = tenth(self.tolerance)
+            self.tolerance, self.method = tenth(self.tolerance), tight.setting.method
             if TIGHT * gap <= SHARE * wanted:
                 self.levels, self.in_time = [first, tight], TIGHT * gap
                 return True

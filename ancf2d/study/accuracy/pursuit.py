@@ -7,9 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from ...case import LoadedCase
+from ...case import Dynamic, LoadedCase
 from ...errors import Ancf2dError, CaseError, ComputationError, verdict
 from ...model.model import Model
+from ...solvers.motion.schemes import DEFAULT, SHARPER, default_method
 from ...solvers.registry import solve
 from ..goal import Solved, Target, sequence, solve_for_goal
 from ..order import Estimate, estimate, observed_order, round_off_level
@@ -78,7 +79,8 @@ class Pursuit:
     def begun(self, setting: Setting, why: str) -> Level:
         """Return a new level of a setting, which is told of and not solved yet."""
         self.tell(f"{setting.elements} elements" + (
-            "" if setting.tolerance is None else f", tolerance {setting.tolerance:.1g}") + f": {why}")
+            "" if setting.tolerance is None else f", tolerance {setting.tolerance:.1g}") + (
+            "" if setting.method is None else f", {setting.method}") + f": {why}")
         level = self.known[setting.name] = Level(setting, why, kinks=self.slides(setting))
         self.levels.append(level)
         return level
@@ -191,6 +193,19 @@ class Pursuit:
             # one body alone, or none moves the goal
             weights, whole = dict.fromkeys(bodies, 1.0), float(len(bodies))
         return {name: left * weights.get(name, 0.0) / whole if whole else 0.0 for name in self.loaded.case.bodies}
+
+    def sharper(self, setting: Setting) -> Setting:
+        """Return a setting whose time steps show by how much those of a solved one err.
+
+        Where Newton's method limits the steps, a smaller tolerance changes few of them, so the default method is judged
+        by a better one. A method that the case names remains.
+        """
+        assert setting.tolerance is not None
+        solver = self.loaded.case.solver
+        method = setting.method
+        if isinstance(solver, Dynamic) and solver.method is None and self.last is not None:
+            method = SHARPER if default_method(self.last[1].model) == DEFAULT else None
+        return replace(setting, tolerance=tenth(setting.tolerance), method=method)
 
     def refuses(self, setting: Setting) -> Ancf2dError | None:
         """Return why the case cannot be built with a setting, None where it can."""

@@ -31,7 +31,7 @@ class Setting:
     """Elements of every body that deforms, the element types that replace those of the case, tolerance and load steps.
 
     ``nodes``: places S from 0 to 1 of bodies with unequal elements, each two of which have a whole share of the
-    elements between them.
+    elements between them; ``method``: the integrator, where it is not that of the case.
     """
 
     counts: dict[str, int]
@@ -39,6 +39,7 @@ class Setting:
     tolerance: float | None = None
     nodes: dict[str, tuple[float, ...]] = field(default_factory=dict)
     steps: int | None = None
+    method: str | None = None
 
     @property
     def kinds(self) -> tuple[tuple[str, Variant], ...]:
@@ -48,7 +49,8 @@ class Setting:
     @property
     def name(self) -> Hashable:
         """What settings that are the same have in common."""
-        return tuple(self.counts.items()), self.kinds, self.tolerance, tuple(self.nodes.items()), self.steps
+        return (tuple(self.counts.items()), self.kinds, self.tolerance, tuple(self.nodes.items()), self.steps,
+                self.method)
 
     def places(self) -> dict[str, list[float]] | None:
         """Return the places S of all nodes of bodies with unequal elements, None where there are none."""
@@ -120,6 +122,8 @@ class Level:
             out["tolerance"] = self.setting.tolerance
         if self.setting.steps is not None:
             out["steps"] = self.setting.steps
+        if self.setting.method is not None:
+            out["method"] = self.setting.method
         if self.setting.types:
             out["types"] = {name: v.element for name, v in self.setting.types.items()}
         return out | ({"reason": self.reason} if self.reason else {})
@@ -174,7 +178,8 @@ def overrides(case: Case, setting: Setting) -> list[str]:
                 data.pop("nodes", None) if body.element.preset is None else data.update(nodes="acting")
         out.append(f"bodies.{name}.element={json.dumps(data)}")
     if setting.tolerance is not None and isinstance(case.solver, Dynamic):
-        solver = replace(case.solver, dt=None, tolerance=setting.tolerance, estimate=False)
+        solver = replace(case.solver, dt=None, tolerance=setting.tolerance, estimate=False,
+                         method=setting.method or case.solver.method)
         out.append(f"solver={json.dumps(written(solver))}")
     if setting.steps is not None:
         out.append(f"solver.steps={setting.steps}")
