@@ -152,5 +152,9 @@ accept, radau_accept, restart = (_call(_nothing, _MOTION, None) for _ in range(3
 inside, radau_inside = (_call(_nothing, None, None, _f, _f) for _ in range(2))
 # (p, w, own, fraction of the step): the energy that internal strains take there, in the time of the step
 taken, radau_taken = (_call(_f, None, _SCRATCH, None, _f) for _ in range(2))
+# what materials that relax are at the stages: kernels.motion.stages and reused_tangent
+begin_stages, as_elastic = (_call(_nothing, None, _f) for _ in range(2))
+relax, lost_in_relaxing = (_call(result, None, _SCRATCH, _MOTION, None) for result in (_nothing, _f))
+relaxing_factors = _call(_b, None, _SCRATCH, _x, _x, None, _f)
 work = _call(_pair, None, _SCRATCH, _MOTION, _METHOD, _MOTION, _f, _f, _f)
 work_of_step = _call(_pair, None, _SCRATCH, _MOTION, None, _f, _f)

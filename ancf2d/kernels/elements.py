@@ -44,7 +44,7 @@ from .forces import (
 )
 from .lanes import vectors_of
 from .lowlevel.arrays import vector
-from .lowlevel.jit import inlined, inner, kernel, shared
+from .lowlevel.jit import inlined, inner, kernel, seldom, shared
 from .lowlevel.records import array_at, row, whole
 from .matrices.matrix import scatter_packed
 from .natural import NOW
@@ -205,6 +205,7 @@ def element_matrices(group, d, Q, K):  # type: ignore[no-untyped-def]
 
 
 @shared
+@seldom
 def force_noise(record, d, out):  # type: ignore[no-untyped-def]
     """Add what a unit relative error of every product of Q_e = B^T J^T D eps(B d) can sum up to.
 

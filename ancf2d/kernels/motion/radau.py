@@ -22,7 +22,7 @@ from ..patches import violation
 from .dynamics import MET, norm, remember, residual, signals_at, solve_with, to_full, weighed
 from .feedback import weigh_state
 from .reused_tangent import count, tangent, turn, turns
-from .stages import as_at_stage, as_at_start, begin_stages, lost_in_relaxing, place, relax
+from .stages import as_at_stage, as_at_start, let_relax, place
 from .state import (
     CONTRACTION,
     DONE,
@@ -336,7 +336,7 @@ def _iterate(m, p, w, s, h):  # type: ignore[no-untyped-def]
             _rates(m, s, h, False)
             return DONE, iteration, rate
         _rates(m, s, h, True)
-        relax(m, p, w, s)
+        let_relax(m, p, w, s)
         last, iteration = step, iteration + 1
         expected = rate if iteration > 1 else min(max(rate, 1e-2), 0.5)
         small = step == 0.0 or (expected < 1.0 and step * expected <= wanted * (1.0 - expected))
@@ -354,11 +354,13 @@ def radau_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     """Step from the motion s at t to m.end; return (outcome, iterations, error [m], contraction)."""
     for i in range(len(m.c)):
         signals_at(p, t + m.c[i] * h, m.amps[i])
-    begin_stages(m, h)
+    relaxes = len(m.relaxing.runs) > 0
+    if relaxes:
+        calls.begin_stages(m.relaxing.calls, (m, h))
     while True:
         _predict(m, p, s, h)
         _rates(m, s, h, False)
-        relax(m, p, w, s)
+        let_relax(m, p, w, s)
         if not tangent(m, p, w, s, t, h):
             s.numbers[HELD_STEP] = 0.0
             as_at_start(m.relaxing)
@@ -372,7 +374,8 @@ def radau_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
         s.numbers[HELD_STEP] = 0.0
         if not kept:
             return outcome, iterations, 0.0, rate
-    m.held[2], m.held[3] = iterations, lost_in_relaxing(m, p, w, s)
+    m.held[2] = iterations
+    m.held[3] = calls.lost_in_relaxing(m.relaxing.calls, (p, w, s, m)) if relaxes else 0.0
     error = _error(m, p, w, s, h, kept)
     _finish(m, p, s, h)
     return DONE, iterations, error, max(rate, 1e-3)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from .. import calls
 from ..lowlevel.arrays import copy
-from ..lowlevel.jit import inner
+from ..lowlevel.jit import addressed, inner
 from .dynamics import FACTORS, directions, factor, signals_at, to_full, turned
 from .stages import as_at_stage, place, stiffen
 from .state import HELD_COST, HELD_STEP, HELD_STEPS, HELD_TIME
@@ -48,7 +48,9 @@ def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
     signals_at(p, s.numbers[HELD_TIME], w.amps)
     m.held[0], m.held[1] = s.numbers[HELD_TIME], h
     as_at_stage(m.relaxing, stages // 2)
-    stiffen(m.relaxing, complex(0.0, 0.0), h, False)
+    relaxes = len(m.relaxing.runs) > 0
+    if relaxes:
+        calls.as_elastic(m.relaxing.calls, (m, h))
     if m.damped:
         calls.forces_tangent(p.calls, (p, w, z, v, 1.0))
         copy(A, B)
@@ -56,7 +58,7 @@ def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
     directions(p, w.d, m.facing[0], m.facing[1])
     if len(p.moving.fixed) > 0:
         calls.moving_mass(p.calls, (p, 1.0, M))
-    factored = _relaxing_factors(m, p, w, z, v, h) if len(m.relaxing.runs) > 0 else _factors(m, p, w, h)
+    factored = calls.relaxing_factors(m.relaxing.calls, (p, w, z, v, m, h)) if relaxes else _factors(m, p, w, h)
     if len(p.moving.fixed) > 0:
         copy(p.moving.fixed, M)
     return factored
@@ -87,8 +89,8 @@ def _factors(m, p, w, h):  # type: ignore[no-untyped-def]
     return factor(p, w, m.B)
 
 
-@inner
-def _relaxing_factors(m, p, w, z, v, h):  # type: ignore[no-untyped-def]
+@addressed
+def relaxing_factors(p, w, z, v, m, h):  # type: ignore[no-untyped-def]
     """Do as ``_factors`` with a modulus for each band, at the held unknowns z with rates v."""
     size, A, B, M, q = len(w.A), w.A, m.B, p.mass, m.relaxing
     for i in range(size):

@@ -27,7 +27,8 @@ class Relaxing(NamedTuple):
 
     runs (r, 7) : group, first number, points, numbers of a point, strains, first term and terms, of each group that
     relaxes; terms (m, 2) : modulus and time; weights (s,) of the stages; G (m, s, s); states (n,) : those of the
-    problem; stages (s + 1, n) : the same at the start of the step and at each stage, empty where nothing relaxes.
+    problem; stages (s + 1, n) : the same at the start of the step and at each stage, empty where nothing relaxes;
+    calls : table of what is called where something does (``kernels.calls``).
     """
 
     runs: Any
@@ -36,13 +37,14 @@ class Relaxing(NamedTuple):
     G: Any
     states: Any
     stages: Any
+    calls: Any
 
 
 def relaxing(runs: Any, terms: Any, weights: Any, states: Any) -> Relaxing:
     """Return the arrays for a method whose stages have these weights (s,)."""
     s = len(weights)
     return Relaxing(runs, terms, weights, np.zeros((len(terms), s, s)), states,
-                    np.zeros((s + 1, len(states)) if len(runs) else (0, 0)))
+                    np.zeros((s + 1, len(states)) if len(runs) else (0, 0)), calls.table({}))
 
 
 @inner
@@ -53,7 +55,7 @@ def place(m, p, w, s, i):  # type: ignore[no-untyped-def]
     copy_rows(m.amps[i], w.amps)
 
 
-@inner
+@addressed
 def begin_stages(m, h):  # type: ignore[no-untyped-def]
     """Keep what is remembered at the start of a step h, and fill G."""
     q, s = m.relaxing, len(m.c)
@@ -125,12 +127,10 @@ def _fill(q, r):  # type: ignore[no-untyped-def]
                     q.stages[1 + i, at + c] -= g * value
 
 
-@inner
-def relax(m, p, w, s):  # type: ignore[no-untyped-def]
+@addressed
+def relax(p, w, s, m):  # type: ignore[no-untyped-def]
     """Fill what is remembered at the stages, from the displacements there; elements remember the start again."""
     q = m.relaxing
-    if len(q.runs) == 0:
-        return
     for i in range(len(m.c)):
         copy(q.stages[0], q.states)
         _strain(m, p, w, s, i)
@@ -159,11 +159,22 @@ def stiffen(q, mu, h, turned):  # type: ignore[no-untyped-def]
 
 
 @inner
-def lost_in_relaxing(m, p, w, s):  # type: ignore[no-untyped-def]
+def let_relax(m, p, w, s):  # type: ignore[no-untyped-def]
+    """Do as ``relax``, where something does."""
+    if len(m.relaxing.runs) > 0:
+        calls.relax(m.relaxing.calls, (p, w, s, m))
+
+
+@addressed
+def as_elastic(m, h):  # type: ignore[no-untyped-def]
+    """Let tangents be those of a step in which nothing relaxes."""
+    stiffen(m.relaxing, complex(0.0, 0.0), h, False)
+
+
+@addressed
+def lost_in_relaxing(p, w, s, m):  # type: ignore[no-untyped-def]
     """Return the energy that the internal strains of a step take, by the quadrature of the stages."""
     q, lost, stages = m.relaxing, 0.0, len(m.c)
-    if len(q.runs) == 0:
-        return lost
     for i in range(stages):
         copy(q.stages[1 + i], q.states)
         place(m, p, w, s, i)

@@ -30,7 +30,16 @@ from ...kernels.motion.newmark import (
     newmark_step,
 )
 from ...kernels.motion.radau import TILE, Radau, radau_accept, radau_restart, radau_step
-from ...kernels.motion.stages import radau_inside, radau_taken, relaxing
+from ...kernels.motion.reused_tangent import relaxing_factors
+from ...kernels.motion.stages import (
+    as_elastic,
+    begin_stages,
+    lost_in_relaxing,
+    radau_inside,
+    radau_taken,
+    relax,
+    relaxing,
+)
 from ...kernels.motion.state import Step, keep_all, method_of
 from ...kernels.motion.switching import (
     Switched,
@@ -146,6 +155,13 @@ def _functions_of_both(problem: Any, radau: Any, euler: Any, relaxes: bool) -> d
     return out
 
 
+def _functions_of_stages(problem: Any, radau: Any) -> dict[Any, tuple[Any, ...]]:
+    """Return what Radau's method calls where materials relax."""
+    return {calls.begin_stages: (begin_stages, radau), calls.as_elastic: (as_elastic, radau),
+            calls.relax: (relax, problem, radau), calls.lost_in_relaxing: (lost_in_relaxing, problem, radau),
+            calls.relaxing_factors: (relaxing_factors, problem, radau)}
+
+
 def _energy_momentum(spec: Dynamic, p: Any, tolerance: float, end: Step, _: Relaxes) -> Conserving:
     n = len(p.weights)
     return Conserving(tolerance, spec.max_iterations or 4 * MAX_ITERATIONS, spec.newton == "full", end,
@@ -234,6 +250,10 @@ class Method:
         if parts:
             radau, euler = parts
             self.functions |= _functions_of_both(p.layout, radau.layout, euler.layout, len(relaxes[0]) > 0)
+        # the record that Radau's stages are in, where materials relax at these
+        self._relaxing = next((x for x in (self.own, *parts) if len(relaxes[0]) and isinstance(x.values, Radau)), None)
+        if self._relaxing is not None:
+            self.functions |= _functions_of_stages(p.layout, self._relaxing.layout)
         impulse = own.gamma * (1.0 - own.af) / (1.0 - own.am) if isinstance(own, Newmark) else 0.0
         self._unfinished = method._replace(own=self.own.address, exact=self._kernels.work is not None, impulse=impulse,
                                              switches=isinstance(own, Switched))
@@ -256,6 +276,8 @@ class Method:
         table = calls.table(self.functions)
         if isinstance(self.own.values, Switched):
             self.own.values.calls[:] = table
+        if self._relaxing is not None:
+            self._relaxing.values.relaxing.calls[:] = table
         return Record(self._unfinished._replace(calls=table))
 
     def restart(self, s: Any) -> None:
