@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..elements.formulations.base import PointLaw
 from ..elements.shape import Array
 from ..interactions.forces import DeadLoad
 from ..interactions.moving import MovingPatch
@@ -113,20 +114,43 @@ def kept_energy(model: Model, d: Array, t: float) -> tuple[float, float, float]:
         model.set_natural(t)
         # states that have been accepted lead to themselves
         commit(alone, d)
-        S, points = group.law.B.shape[2], group.law.B.shape[1] // law.fields
-        parts = group.plan.parts
-        eps, _ = shape = np.zeros((2, len(group.dofs), parts * S, points * law.strains))
+        eps, _ = shape = np.zeros((2, len(group.dofs), *_stations_of(group, law)))
         stations(alone, d, *shape)
-        # (classes, stations, ...): what is constant of each station
-        ref, D = (np.moveaxis(x, -1, 1).reshape(len(x) // parts, parts * S, *x.shape[1:-1])
-                  for x in (group.law.ref, group.law.D))
-        own = states if states.size else np.zeros((*eps.shape[:2], 0))
-        for c in range(len(ref)):
-            some = np.flatnonzero(group.cls == c)
-            shape_of = (len(some), parts * S, points)
-            constants, now = ref[c].reshape(parts * S, points, -1), own[memory.row[some]].reshape(
-                *shape_of, -1) if states.size else own[some].reshape(*shape_of, -1)
-            found[law.elastic] += float(np.sum(law.stored(constants, D[c], eps[some], now)))
+        for some, constants, D, now in _classes(group, law, states):
+            found[law.elastic] += float(np.sum(law.stored(constants, D, eps[some], now)))
             if law.overtold is not None:
-                found[2] += float(np.sum(law.overtold(constants, D[c], now)))
+                found[2] += float(np.sum(law.overtold(constants, D, now)))
     return found[0], found[1], found[2]
+
+
+def internal_energy(model: Model) -> float:
+    """Return eps_i^T D eps_i/2 [J] of the internal strains that elements remember, as of the last accepted state."""
+    found = 0.0
+    for pool, group in zip(model.pools, model.groups, strict=True):
+        law = pool.plan.formulation.law
+        if law.elastic or not law.state:
+            continue
+        for some, _, D, now in _classes(group, law, group.values.memory.states):
+            taken = now[..., :law.strains].reshape(len(some), *_stations_of(group, law))
+            found += 0.5 * float(np.einsum("esi,sij,esj->", taken, D, taken))
+    return found
+
+
+def _stations_of(group: Any, law: PointLaw) -> tuple[int, int]:
+    """Return how many stations an element has, and how many strains a station."""
+    return group.plan.parts * group.law.B.shape[2], group.law.B.shape[1] // law.fields * law.strains
+
+
+def _classes(group: Any, law: PointLaw, states: Array) -> Iterator[tuple[Any, Array, Array, Array]]:
+    """Yield the elements (k,) of each class with what is constant of their stations, and what these remember.
+
+    That is ref (stations, points, any), D (stations, strains, strains) and the state (k, stations, points, numbers).
+    """
+    parts, (n, strains) = group.plan.parts, _stations_of(group, law)
+    ref, D = (np.moveaxis(x, -1, 1).reshape(len(x) // parts, n, *x.shape[1:-1]) for x in (group.law.ref, group.law.D))
+    own = states if states.size else np.zeros((len(group.dofs), n, 0))
+    for c in range(len(ref)):
+        some = np.flatnonzero(group.cls == c)
+        points = strains // law.strains
+        now = own[group.values.memory.row[some]] if states.size else own[some]
+        yield some, ref[c].reshape(n, points, -1), D[c], now.reshape(len(some), n, points, -1)

@@ -24,6 +24,7 @@ from ..kernels.elements import natural_power, natural_slope, viscous_force
 from ..model.element_limits import thickness_excess
 from ..model.mesh import BodyMesh, Index
 from ..model.model import Model
+from .energy import internal_energy
 from .section_forces import SectionForces, has_section_forces, natural_rates, nodal_forces
 from .state import State
 from .system import System
@@ -275,7 +276,8 @@ class Resolution:
         lost = {name: gap for name, (_, gap) in found.items()}
         n_q = self.model.n_q
         within = sum(max(stored, self._bodies[name].natural(state)) for name, (stored, _) in found.items())
-        stored = max(within, 0.5 * abs(float(state.F[:n_q] @ state.d[:n_q])))
+        # what has yielded or crept moves bodies that bear no load
+        stored = max(within, 0.5 * abs(float(state.F[:n_q] @ state.d[:n_q])), internal_energy(self.model))
         off = _share(sum(lost.values()), stored)
         if off <= TOLD:
             return []

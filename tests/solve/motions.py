@@ -137,6 +137,7 @@ def resumed_behind_events(case: str, monkeypatch: pytest.MonkeyPatch) -> list[An
             rest = states(whole[k].checkpoint)
             assert [s.t for s in rest] == [s.t for s in whole[k + 1:]]
             assert all(a.d.tobytes() == b.d.tobytes() for a, b in zip(rest, whole[k + 1:], strict=True))
+            assert [s.history for s in rest] == [s.history for s in whole[k + 1:]]
             for name in ("events", "energy_drift", "accuracy"):
                 assert rest[-1].report.get(name) == whole[-1].report.get(name)
     return whole

@@ -8,6 +8,7 @@ from typing import Any
 import helpers as h
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import ancf2d
@@ -145,6 +146,24 @@ def test_a_ramp_of_strain_is_exact_and_a_jump_takes_no_time() -> None:
     np.testing.assert_allclose(force[before], 1e-6 * (t + g * tau * -np.expm1(-t / tau))[before], atol=1e-15)
     behind, start = t[~before] - 0.2, 1e-6 * g * tau * -np.expm1(-0.2 / tau) + g * 1e-7
     np.testing.assert_allclose(force[~before], 3e-7 + start * np.exp(-behind / tau), atol=1e-15)
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, pytest.param(1e-4, marks=pytest.mark.slow)])
+def test_the_force_of_what_is_moved_is_as_accurate_as_asked_for(tolerance: float) -> None:
+    """Where all is moved only stress is unknown: F/(E A) = e(t) + sum g h, h' = e' - h/tau, in a pulse of e."""
+    terms, middle, width = ((0.5, 0.1), (0.3, 0.02)), 0.5, 0.05
+    pulse = {"type": "expression", "value": f"1e-6*exp(-((t - {middle})/{width})^2)"}
+    held = [{"type": "prescribed", "at": "beam@1", "name": "end", "ux": pulse, "uy": 0, "angle": 0}]
+    case = beam(TYPES[0], terms, 1.0, tolerance, bc=held)
+    found = h.Solution(build_model(case))
+    t = np.array([s.t for s in found.states])
+    force = np.array([reactions(found.model, s)["end"]["fx"] for s in found.states]) / (E * SIZE**2)
+    exact = 1e-6 * np.exp(-((t - middle) / width) ** 2)
+    for g, tau in terms:
+        rise = solve_ivp(lambda t, h, tau=tau: -2e-6 * (t - middle) / width**2 * np.exp(
+            -((t - middle) / width) ** 2) - h / tau, (0.0, 1.0), [0.0], "DOP853", t, rtol=1e-9, atol=1e-14)
+        exact += g * rise.y[0]
+    assert 1e-2 * tolerance < np.abs(force - exact).max() / np.abs(exact).max() < tolerance
 
 
 def test_statics_are_those_of_the_long_time() -> None:
@@ -326,7 +345,7 @@ def test_a_cycle_of_equilibria_loses_the_energy_of_the_loss_modulus() -> None:
     terms, omega, end = CYCLE["terms"], 2 * np.pi * CYCLE["hz"], 2.5
     pull = [{"type": "force", "at": "beam@1", "value": [CYCLE["strain"] * E * SIZE**2, 0],
              "amplitude": {"type": "sine", "frequency": CYCLE["hz"]}}]
-    done = ancf2d.solve(beam(TYPES[0], terms, end, 1e-3, loads=pull))
+    done = ancf2d.solve(beam(TYPES[0], terms, end, 1e-4, loads=pull))
     last = done.course_t > end - 1.0 / CYCLE["hz"]
     t = done.course_t[last]
     found = np.linalg.lstsq(np.array([np.sin(omega * t), np.cos(omega * t)]).T, done.course["tip"]["ux"][last])[0]

@@ -222,6 +222,13 @@ class Body:
     material: Material | None = key(Record(Material), "Material", default=None)
     element: Element = key(Record(Element, short="type", what="auto"), "Element type and mesh")
 
+    @property
+    def materials(self) -> tuple[Material, ...]:
+        """Its material, or those of its layers; none where the section gives the stiffnesses."""
+        if isinstance(self.section, Layers):
+            return tuple(layer.material for layer in self.section.layers)
+        return () if self.material is None else (self.material,)
+
     def check(self) -> Iterator[Issue]:
         """Yield what the parts of a body need of each other."""
         least, count = self.geometry.least, self.element.count

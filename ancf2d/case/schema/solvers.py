@@ -179,8 +179,8 @@ class QuasiStatic(Kind):
     timed = balances = True
     t_end: float = key(Number("s", gt=0), "End time; the solution starts at t = 0 with the instantaneous response",
                        example=100)
-    tolerance: float = key(Number("", gt=0, lt=1), "Error that a step may make, relative to the largest displacement; "
-                           "steps adapt to it", default=STEP_TOLERANCE)
+    tolerance: float = key(Number("", gt=0, lt=1), "Error, relative to the largest displacement, and where materials "
+                           "relax to the largest force of supports; steps adapt to it", default=STEP_TOLERANCE)
     times: tuple[float, ...] | None = key(ListOf(Number("s", ge=0), "times", 1), "Times at which steps end, beside "
                                           "those that the tolerance needs", default=None, example=[1, 10, 100])
     max_iterations: int | None = key(Integer(), "Maximum number of Newton iterations per step", default=None)

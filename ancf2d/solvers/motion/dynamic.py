@@ -257,10 +257,11 @@ class Run:
     def state(self, row: Row, keep: bool = False) -> State:
         """Return a stored state."""
         d, v, a = self.stepper.full(row)
+        # first, so that springs are those that act in this motion: coarser ones, and a resumed one, have others
+        controllers = self.stepper.answers.look(row)
         energies = self.balance.take(row)
         if self.model.contacts:
             check_pressed(self.model, d, {"t": float(f"{row.t:.6g}")})
-        controllers = self.stepper.answers.look(row)
         F = self.balance.external(row.side)
         Q = self.stepper.forces(row) + F
         blocks = {name: row.log[:, k] for k, name in enumerate(LOG)}

@@ -152,10 +152,10 @@ def _newton(system: System, d: Array, t_old: float, t: float, tolerance: float, 
         settled = iteration > 1 or not first[num.free >= num.n_q].any()
         # what rests on obstacles may not move at all
         rests = bool(system.model.contacts) and nothing
-        if settled and (rests or has_converged(increments, system.norm(z), tolerance)):
+        # what has been let go returns to where no displacement and no force is left to compare with
+        idle = iteration > 3 and max(increments[-3:]) <= UNIT_ROUNDOFF * system.model.extent
+        if settled and (idle or rests or has_converged(increments, system.norm(z), tolerance)):
             balance = system.forces(d, t, out=system.room)
-            # what an obstacle has let go returns to where no force is left to compare with
-            idle = rests and max(increments[-3:]) <= UNIT_ROUNDOFF * system.model.extent and iteration > 3
             if idle or balanced(system, balance, d, t):
                 uncertainty = 0.0
                 break

@@ -27,6 +27,10 @@ CLOSE = 1e-4
 LEAST, MOST, SAFE = 0.2, 3.0, 0.9
 # the errors of all steps fall with this power of their length
 ORDER = 2
+# times that errors take to fade e-fold: they are gone then
+FADED = 2.0
+# of what Newton's method leaves of forces: what these are known to
+LEFT = 4.0
 # of the tolerance: the error that steps may make while the time since the last corner grows e-fold, of which two count
 AGE = 0.5
 
@@ -52,8 +56,16 @@ class Course:
         self.t, self.number, self.refused = 0.0, 0, 0
         # the next step, the corners of amplitudes that are behind, and where the last one was
         self.h, self.passed, self.begin = FIRST * spec.t_end, 0, 0.0
-        self.size = 0.0
+        # of the displacements so far [m], and of the forces of what holds bodies [N]
+        self.size, self.force = 0.0, 0.0
         self.path = Path([0.0], [self.march.d])
+        self.fades = _fading(model)
+        # materials that relax are strained by what is held and moved, too: coordinates (k,) that do not move by
+        # themselves, and the displacement that a unit of each stands for
+        weights = model.weights
+        moves = np.flatnonzero(weights > 0.0) if model.maxwell else np.zeros(0, dtype=np.int64)
+        self.held = np.setdiff1d(moves, model.numbering.free)
+        self.arms, self.least = weights[self.held], float(np.min(weights, where=weights > 0.0, initial=np.inf))
 
     def states(self, kept: dict[str, Array] | None = None) -> Iterator[State]:
         """Yield the response at t = 0, which takes no time, and the equilibrium at the end of each step.
@@ -91,7 +103,7 @@ class Course:
                  for k, x in enumerate(pair)}
         # the path ends at d; a row has d, or what was accepted, and its time
         before, last = list(zip(self.path.d, self.path.t, strict=True))[:-1], [] if accepted is None else [accepted]
-        return {"numbers": np.array([self.t, self.h, self.begin, self.size]),
+        return {"numbers": np.array([self.t, self.h, self.begin, self.size, self.force]),
                 "counts": np.array([self.number, self.refused, self.passed, self.march.negative]),
                 "d": self.march.d, "states": self.model.states.copy(), **turns,
                 **{name: np.array([np.append(*row) for row in rows]).reshape(-1, len(self.march.d) + 1)
@@ -99,7 +111,7 @@ class Course:
                 **{f"contact/{k}": mem for k, mem in enumerate(memory(self.model))}}
 
     def _resume(self, kept: dict[str, Array]) -> None:
-        self.t, self.h, self.begin, self.size = kept["numbers"].tolist()
+        self.t, self.h, self.begin, self.size, self.force = kept["numbers"].tolist()
         self.number, self.refused, self.passed, self.march.negative = kept["counts"].tolist()
         self.path = Path([*kept["path"][:, -1].tolist(), self.t], [*kept["path"][:, :-1], kept["d"]])
         self.march.d, self.march.turns = kept["d"], (kept["march/0"], kept["march/1"])
@@ -137,7 +149,7 @@ class Course:
             step = left if left < 1.1 * min(h, LONGEST * end) else min(h, LONGEST * end)
             kept = self._keep()
             try:
-                result, error = self._tried(step)
+                result, whole = self._tried(step)
             except ComputationError as failure:
                 self._restore(kept)
                 self.h, self.refused = 0.5 * step, self.refused + 1
@@ -145,12 +157,10 @@ class Course:
                     raise self._stuck(failure) from failure
                 continue
             # so that errors sum up to the tolerance, in whatever decade of time since the last break they are made
-            share = AGE * step / (self.t + step - self.begin)
-            size = max(self.size, self.system.norm(result.d[self.model.numbering.where]))
-            # what is less is round-off of the positions, as where loads have hardly begun
-            allowed = max(self.spec.tolerance * share * size, UNIT_ROUNDOFF * self.model.extent)
-            grows = SAFE * (allowed / error) ** (1.0 / ORDER) if error > 0.0 else MOST
-            if error > allowed and step > SHORTEST * end:
+            share = AGE * step / min(self.t + step - self.begin, self.fades)
+            error = 0.0 if whole is None else self._error(whole, result, self.spec.tolerance * share)
+            grows = SAFE * error ** (-1.0 / ORDER) if error > 0.0 else MOST
+            if error > 1.0 and step > SHORTEST * end:
                 self._restore(kept)
                 self.h, self.refused = max(LEAST, grows) * step, self.refused + 1
                 continue
@@ -158,14 +168,36 @@ class Course:
             self.h = max(h if step < h else SHORTEST * end, min(MOST, max(LEAST, grows)) * step)
             yield self._accept(result, stop if step == left else self.t + step)
 
-    def _tried(self, h: float) -> tuple[NewtonResult, float]:
-        """Return the equilibrium after a time h, and the error of the displacements [m] by a step of twice the length.
+    def _error(self, whole: NewtonResult, halves: NewtonResult, allowed: float) -> float:
+        """Return the error of two half steps beside what is allowed of the largest displacement so far.
 
-        Where the way does not matter there is no such error.
+        And, where materials relax, of the largest force of what holds bodies: where all is moved, displacements tell
+        nothing of how stress relaxes.
+        """
+        size = max(self.size, self.system.norm(halves.d[self.model.numbering.where]))
+        # what is less is round-off of the positions, as where loads have hardly begun
+        known = UNIT_ROUNDOFF * self.model.extent
+        found = self.system.distance(whole.d, halves.d) / max(allowed * size, known)
+        if len(self.held):
+            apart = float(np.max(np.abs(whole.Q[self.held] - halves.Q[self.held]) / self.arms))
+            share = max(allowed, known / size if size > 0.0 else 0.0)
+            least = LEFT * (whole.residual + halves.residual) / self.least
+            force = max(share * max(self.force, self._force(halves)), least)
+            found = max(found, apart / force if force > 0.0 else 0.0)
+        return found / (2.0**ORDER - 1.0)
+
+    def _force(self, result: NewtonResult) -> float:
+        """Return the largest force of what holds bodies [N]."""
+        return float(np.max(np.abs(result.Q[self.held]) / self.arms, initial=0.0))
+
+    def _tried(self, h: float) -> tuple[NewtonResult, NewtonResult | None]:
+        """Return the equilibrium after a time h by two half steps, and that by one whole step.
+
+        Where the way does not matter one step is taken, and nothing is compared.
         """
         rubs = any(pair.item.friction for pair in self.model.contacts)
         if not self.model.remembers and not rubs:
-            return self._solve(self.t, h, self.path), 0.0
+            return self._solve(self.t, h, self.path), None
         kept = self._keep()
         whole = self._solve(self.t, h, self.path)
         if rubs:
@@ -176,8 +208,7 @@ class Course:
         self.system.accept(half.d, middle)
         path = Path([*self.path.t], [*self.path.d])
         path.push(middle, half.d.copy())
-        result = self._solve(middle, 0.5 * h, path)
-        return result, self.system.distance(whole.d, result.d) / (2.0**ORDER - 1.0)
+        return self._solve(middle, 0.5 * h, path), whole
 
     def _solve(self, t: float, h: float, path: Path) -> NewtonResult:
         self.model.set_step(h)
@@ -190,6 +221,7 @@ class Course:
     def _accept(self, result: NewtonResult, t: float) -> State:
         self.t = t
         self._count(result.d)
+        self.force = max(self.force, self._force(result))
         if result.negative_pivots != self.march.negative:
             result.negative_pivots = negative_pivots(self.system, result.d, t)
         state = state_of(self.system, result, t, self.number - 1, 0, self.march.stability(result, t))
@@ -215,6 +247,18 @@ class Course:
         return ComputationError(f"no equilibrium was found beyond t = {self.t:.6g}: {f.reason}",
                                 at={"step": self.number, "t": float(f"{self.t:.6g}")}, history=f.history,
                                 advice=f.advice or BEYOND)
+
+
+def _fading(model: Model) -> float:
+    """Return a time [s] in which errors of materials that relax have faded, infinite where others remember.
+
+    They fade e-fold in the relaxation time under a given strain, in up to 1 + sum g times that under a given stress.
+    """
+    rubs = any(pair.item.friction for pair in model.contacts)
+    if rubs or any(not model.meshes[name].plan.section.maxwell for name in model.remembers):
+        return float("inf")
+    return FADED * max(((1.0 + sum(g for g, _ in terms)) * max(tau for _, tau in terms) for terms in model.maxwell),
+                       default=float("inf"))
 
 
 def solve_quasi_static(model: Model, spec: QuasiStatic, kept: dict[str, Array] | None = None) -> Iterator[State]:

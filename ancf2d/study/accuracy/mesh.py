@@ -83,10 +83,16 @@ class Ladder:
         return level, error, replace(found, note="; ".join(note for note in (found.note, hopeless) if note))
 
     def _tells(self) -> bool:
-        """Whether there are levels enough: three, one more where they swing, as those of elements that lock can."""
+        """Whether there are levels enough: three.
+
+        One more where they swing, as those of elements that lock can, and where fibres yield: coarse meshes differ
+        little where none of their sampling points are in the zones that do.
+        """
         levels = telling(self.levels)
         if len(levels) != LADDER:
             return len(levels) > LADDER
+        if levels[-1].zones:
+            return False
         first, middle, last = sequence([level.answer for level in levels if level.answer is not None])
         swings = (middle - first) * (last - middle) < 0.0
         return not swings or apart(*levels[:2]) <= SWING

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from ...case import Dynamic, LoadedCase
@@ -81,7 +82,7 @@ class Pursuit:
         self.tell(f"{setting.elements} elements" + (
             "" if setting.tolerance is None else f", tolerance {setting.tolerance:.1g}") + (
             "" if setting.method is None else f", {setting.method}") + f": {why}")
-        level = self.known[setting.name] = Level(setting, why, kinks=self.slides(setting))
+        level = self.known[setting.name] = Level(setting, why, kinks=self.slides(setting), zones=self.yields(setting))
         self.levels.append(level)
         return level
 
@@ -107,6 +108,11 @@ class Pursuit:
         case = self.loaded.case
         meshed = bodies_with_meshes(case, setting.types)
         return any(joint.slides_along in meshed for joint in case.joints)
+
+    def yields(self, setting: Setting) -> bool:
+        """Whether fibres of a body that deforms yield or follow a curve."""
+        meshed = bodies_with_meshes(self.loaded.case, setting.types)
+        return any(material.fibres for body in meshed.values() for material in body.materials)
 
     def write(self, level: Level, told: Told) -> None:
         """Make a level the result, solved once more, from the reference on, unless it is written already."""
@@ -233,6 +239,8 @@ LEAST, MOST, ALIKE, SAFETY = 0.5, 8.0, 2.0, 1.75
 UNCONFIRMED, SWINGING, DOUBTFUL = 3.0, 2.0, 2.0
 # a mesh that misses so much of the goal says little of the order: what it may promise there
 FAR, ROUGH = 0.1, 2.0
+# orders by which changes between meshes have fallen since, the last first, where zones that yield end within elements
+OF_ZONES = 0.0, 1.5, 2.0
 # levels that the best is looked for in, and the share of the last estimate below which an earlier one is better
 RECENT, SPOILT = 4, 0.1
 # levels without which no order is confirmed
@@ -321,6 +329,8 @@ def _by_order(levels: Sequence[Level]) -> tuple[Estimate, float]:
         why = "a point slides along a body, so its kink moves through the elements" if levels[-1].kinks else (
             "a peak may be another one on each mesh")
         return Estimate(f[-1], error, None, False, f"{why}: no order"), error / size
+    if levels[-1].zones:
+        return _of_zones(n, f, size)
     if (order is not None and order <= LEAST) or gaps[1] >= gaps[0]:
         error = 3.0 * max(gaps)
         return Estimate(None, error, order, False, "not asymptotic: the differences do not decrease"), error / size
@@ -339,3 +349,16 @@ def _by_order(levels: Sequence[Level]) -> tuple[Estimate, float]:
     step = (f[-1] - f[-2]) / math.expm1(trusted * ratio)
     note = "" if alike else "the order is not confirmed"
     return Estimate(f[-1] + step, safety * abs(step), trusted, alike, note), safety * abs(step) / size
+
+
+def _of_zones(n: Sequence[float], f: Sequence[float], size: float) -> tuple[Estimate, float]:
+    """Return what ``_by_order`` does of values f on meshes n whose fibres yield in zones that end within elements.
+
+    How much of an element such a zone takes is a matter of chance, and so is a small change.
+    """
+    p = OF_ZONES[1]
+    last = [abs(b - a) * (k / n[-1])**order for (a, b), k, order in zip(
+        list(pairwise(f))[::-1], n[:0:-1], OF_ZONES, strict=False)]
+    error = DOUBTFUL * max(last) / math.expm1(p * math.log(n[-1] / n[-2]))
+    return Estimate(f[-1], error, p, False, "zones that yield or bend on a curve end within elements: no order shows, "
+                    f"and changes are taken to fall like h^{p:g}"), error / size
