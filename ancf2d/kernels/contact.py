@@ -39,6 +39,10 @@ from .points import amplitude_of, fields_of_item
 # places at which an interval between points of contact is looked at; depth beside a point that it contains already, of
 # what the beam yields there
 SAMPLES, BESIDE = 9, 0.25
+# of the extent: a way that leads no deeper into an obstacle does not pass through it; what is no deeper touches
+DEPTH, TOUCHES = 1e-3, 1e-9
+# cosine of the angle between the surfaces that a point enters and leaves, below which it has passed through
+TURNED = 0.5
 # what a layer yields on an interval is summed up on either side of the deepest place, over so many lengths each twice
 # as long as the one before, at so many places of each
 HALVES, PIECES = 12, 4
@@ -65,6 +69,64 @@ def contact_gaps(points, d, amps, gaps, along, faces):  # type: ignore[no-untype
         if points.mem[i, FREE] == SLIDING or points.mem[i, FREE] == STANDING:
             gaps[i] -= u[m - 1] * _yields(points.par[i], z)[0]
         faces[i] = not _is_back(points.par[i], nx, ny, work)
+
+
+@inner
+def is_crossed(par, x, y, g, dx, dy, depth):  # type: ignore[no-untyped-def]
+    """Return whether a straight way (dx, dy) from (x, y), where the gap is g, leads deep into an obstacle."""
+    length = math.sqrt(dx * dx + dy * dy)
+    s = max(g, depth)
+    while s < length:
+        # nothing is nearer than the gap
+        g = _gap_at(par, x + s / length * dx, y + s / length * dy, -1.0)[0]
+        if g < -depth:
+            return True
+        s += max(g, depth)
+    return False
+
+
+@inner
+def _met(par, x, y, dx, dy, depth):  # type: ignore[no-untyped-def]
+    """Return the normal of an obstacle where a straight way (dx, dy) from (x, y) first comes near it."""
+    length, s = math.sqrt(dx * dx + dy * dy), 0.0
+    g, nx, ny, _, _, _ = _gap_at(par, x, y, -1.0)
+    while g > depth and s < length:
+        s += g
+        g, nx, ny, _, _, _ = _gap_at(par, x + s / length * dx, y + s / length * dy, -1.0)
+    return nx, ny
+
+
+@kernel
+@seldom
+def obstacle_crossed(points, before, amps_before, d, amps, extent):  # type: ignore[no-untyped-def]
+    """Return whether a point at home passes through its obstacle on the straight way from one state to another, outside
+    in both.
+
+    What leads deep into it and leaves a surface that has turned by more than 60 degrees passes through; what turns less
+    slides along. ``extent`` is that of the scene.
+    """
+    depth, near = DEPTH * extent, TOUCHES * extent
+    u, w, a, work = vector(200), vector(200), vector(3), vector(WORK)
+    for i in range(len(points.forces)):
+        if points.mem[i, FREE] != AT_HOME:
+            continue
+        par, b, m = points.par[i], points.field[i], points.field[i + 1] - points.field[i]
+        fields_of_item(points, i, before, u)
+        amplitude_of(points, i, amps_before, u, w, a)
+        _stand(par, points.p0[b:b + m], u, par[HOME], work)
+        x, y = work[RHO], work[RHO + 1]
+        fields_of_item(points, i, d, u)
+        amplitude_of(points, i, amps, u, w, a)
+        _stand(par, points.p0[b:b + m], u, par[HOME], work)
+        dx, dy = work[RHO] - x, work[RHO + 1] - y
+        g, g_end = _gap_at(par, x, y, -1.0)[0], _gap_at(par, x + dx, y + dy, -1.0)[0]
+        if min(g, g_end) > -near and math.sqrt(dx * dx + dy * dy) > g + g_end and is_crossed(
+                par, x, y, g, dx, dy, depth):
+            nx, ny = _met(par, x, y, dx, dy, depth)
+            mx, my = _met(par, x + dx, y + dy, -dx, -dy, depth)
+            if nx * mx + ny * my < TURNED:
+                return True
+    return False
 
 
 @kernel
@@ -247,6 +309,7 @@ def contact_compilations(problem: Any, obstacles: bool, bodies: bool, sided: boo
             out.append(partial(body_deepest.compile, (facing, points, b, x, x, x)))
     if obstacles:
         out += [partial(contact_gaps.compile, (points, x, xx, x, x, b)),
+                partial(obstacle_crossed.compile, (points, x, xx, x, xx, types.float64)),
                 partial(lean.compile, (points, x, xx, x, x))]
         if sided or soft:
             out.append(partial(deepest.compile, (points, b, x, xx, x, x, x)))

@@ -8,14 +8,13 @@ from ..elements import contact_geometry
 from ..elements.contact_geometry import BODY, FREE, HOME, RHO, SHAPE, WORK
 from . import calls
 from .compiled_laws import part
+from .contact import DEPTH, TOUCHES, is_crossed
 from .curves import is_apart
 from .lowlevel.jit import addressed_with_memory, inner_with_memory, seldom
 from .motion.dynamics import signals_at, to_full
 from .points import amplitude_of, fields_of_item
 
 _gap_at, _stand = part(contact_geometry.gap_at), part(contact_geometry.stand)
-# of the extent: a way that leads no deeper into an obstacle does not pass through it; what is no deeper touches
-DEPTH, TOUCHES = 1e-3, 1e-9
 # fields of a contact at most
 _FIELDS = 100
 
@@ -30,20 +29,6 @@ def _place(p, d, i, amps, u, work):  # type: ignore[no-untyped-def]
     amplitude_of(points, i, amps, u, rates, amplitude)
     _stand(points.par[i], points.p0[b:b + m], u, points.par[i, HOME], work)
     return work[RHO], work[RHO + 1], _gap_at(points.par[i], work[RHO], work[RHO + 1], -1.0)[0]
-
-
-@inner_with_memory
-def _is_crossed(par, x, y, g, dx, dy, depth):  # type: ignore[no-untyped-def]
-    """Return whether a straight way (dx, dy) from (x, y), where the gap is g, leads deep into an obstacle."""
-    length = np.sqrt(dx * dx + dy * dy)
-    s = max(g, depth)
-    while s < length:
-        # nothing is nearer than the gap
-        g = _gap_at(par, x + s / length * dx, y + s / length * dy, -1.0)[0]
-        if g < -depth:
-            return True
-        s += max(g, depth)
-    return False
 
 
 @inner_with_memory
@@ -82,7 +67,7 @@ def tunnels(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
                 x, y, g = _place(p, w.d, i, w.amps, u, work)
                 dx, dy = x - x0, y - y0
                 if g > -near and np.sqrt(dx * dx + dy * dy) > g0 + g \
-                        and _is_crossed(p.points.par[i], x0, y0, g0, dx, dy, depth):
+                        and is_crossed(p.points.par[i], x0, y0, g0, dx, dy, depth):
                     return True
         i += 1
     if len(p.facing.item) > 0:

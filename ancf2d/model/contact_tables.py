@@ -157,8 +157,7 @@ class ContactTable:
 
     def gaps(self, d: Array, t: float) -> tuple[Array, Any]:
         """Return the gap of each point (m,) where it stands, and whether its face is the one that touches."""
-        gap, _, faces = self.stand(d, t)
-        return gap, faces
+        return self.stand(d, t)[::2]
 
     def stand(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None = None) -> tuple[Array, Array, Any]:
         """Return the gap of each point (m,), where on the obstacle it is, and whether its face is the one that touches.
@@ -168,8 +167,7 @@ class ContactTable:
         from ..kernels.contact import contact_gaps
 
         table, amps = self._placed(d, t, at)
-        n = len(table.forces)
-        gap, along, faces = np.zeros(n), np.zeros(n), np.zeros(n, dtype=bool)
+        (gap, along), faces = np.zeros((2, len(table.forces))), np.zeros(len(table.forces), dtype=bool)
         contact_gaps(table, d, amps, gap, along, faces)
         return gap, along, faces
 
@@ -256,9 +254,12 @@ class ContactTable:
         """Return that no point (m,) is beyond an end of an obstacle, which has none."""
         return np.zeros(len(self.points), dtype=bool)
 
-    def crossed(self, before: Array, d: Array) -> bool:
-        """Return that no point passes through a body between two states: obstacles have one side."""
-        return False
+    def crossed(self, before: tuple[Array, float], d: Array, t: float) -> bool:
+        """Whether a point passes through what it may touch from one state (n_full,) at a time to another at t."""
+        from ..kernels.contact import obstacle_crossed
+
+        amps = self.at(*before)[1]
+        return bool(obstacle_crossed(self.table, before[0], amps, d, self.at(d, t)[1], self.pair.scale))
 
     def along(self) -> Array:
         """Return S (m,) on the first body named of each point."""
@@ -290,11 +291,11 @@ class BodyTable(ContactTable):
 
         face(self.facing, self.table, d, False)
 
-    def crossed(self, before: Array, d: Array) -> bool:
-        """Whether a point passes through the other body between two states (n_full,), out of it in both."""
+    def crossed(self, before: tuple[Array, float], d: Array, t: float) -> bool:
+        """Do as ``ContactTable.crossed``."""
         from ..kernels.body_passages import bodies_cross
 
-        return bool(bodies_cross(self.facing, self.table, before, d))
+        return bool(bodies_cross(self.facing, self.table, before[0], d))
 
     def past(self, d: Array, t: float) -> Any:
         """Return which points (m,) are beyond an end of the other body at d (n_full,)."""
@@ -337,8 +338,7 @@ class BodyTable(ContactTable):
         """Do as ``ContactTable.deepest``."""
         from ..kernels.facing import body_deepest
 
-        table, _ = self.at(d, t)
-        n = len(table.forces)
+        table, n = self.at(d, t)[0], len(self.table.forces)
         depth, place = np.zeros(n), np.zeros(n)
         body_deepest(self.facing, table, self.free, d, depth, place)
         return depth, place, np.zeros(n)
@@ -373,8 +373,8 @@ def hold_rigid_bodies(model: Any, acts: Interactions) -> None:
     forces, stiffness = 0.0, [float(mesh.plan.section.EA / np.min(mesh.lengths))
                               for mesh in model.meshes.values() if not mesh.plan.rigid]
     for t in np.linspace(0.0, last, FACTORS + 1).tolist():
-        found = [(model.external(t), w)]
-        found += [(batch.evaluate(model.e0, d, t)[1], w[batch.dofs]) for batch in (*acts.loads, *acts.springs)]
+        found = [(model.external(t), w)] + [
+            (batch.evaluate(model.e0, d, t)[1], w[batch.dofs]) for batch in (*acts.loads, *acts.springs)]
         forces = max(forces, sum(float(np.abs(Q / size).sum()) for Q, size in found))
     for batch in acts.springs:
         w_i = w[batch.dofs]

@@ -24,10 +24,9 @@ from ..errors import ComputationError
 from .contact_response import PULL, Response, Spot
 from .friction import hold, turn, wrong_way
 from .friction_response import RoughResponse
-from .lift_off import choose_curves, come_inside, let_go, open_point, slide, stand_at
+from .lift_off import Course, choose_curves, come_inside, let_go, open_point, slide, stand_at
 
 if TYPE_CHECKING:
-    from ..interactions.contact import ContactPoint
     from ..model.contact_tables import ContactTable
     from ..model.model import Model
     from .system import System
@@ -218,13 +217,12 @@ def _there(one: ContactTable, k: int, place: float, feature: float) -> bool:
     return any(mem[FEATURE] == feature if mem[FREE] == SLIDING else abs(mem[PLACE] - place) < SAME for mem in mems)
 
 
-def exchange(system: System, d: Array, t: float, left: set[ContactPoint], way: Way = WAYS[0]
+def exchange(system: System, d: Array, t: float, course: Course, way: Way = WAYS[0]
              ) -> tuple[int, float]:
     """Open and close points of contact at an equilibrium d (n_full,), and move d to where that leads by the tangent.
 
-    Returns the number of changes, and the largest depth [m]; ``left`` gathers points that have come out of a contact
-    zone on the way to this equilibrium. An equilibrium without changes is one of bodies and obstacles, whatever led
-    there.
+    Returns the number of changes, and the largest depth [m]; ``course`` gathers what has come of points between others
+    on the way to this equilibrium. One without changes is an equilibrium of bodies and obstacles, whatever led there.
     """
     limit = PENETRATION * system.model.extent
     hard = [one for one in system.model.contact_tables if one.pair.hard]
@@ -232,7 +230,7 @@ def exchange(system: System, d: Array, t: float, left: set[ContactPoint], way: W
     turned = 0
     for one in sliding:
         one.look_at_supports(d, t, 2.0 * limit)
-        turned += let_go(one, d) + choose_curves(one, left)
+        turned += let_go(one, d, course) + choose_curves(one, course)
     off = sum(_let_off(one, d, t) for one in hard)
     depths = [_depths(one, d, t) for one in hard]
     worst = max((float(depth.max(initial=0.0)) for depth, _, _ in depths), default=0.0)
@@ -242,7 +240,7 @@ def exchange(system: System, d: Array, t: float, left: set[ContactPoint], way: W
         turned += sum(turn(*rub) for rub in rubs)
     pulled = (pulls > PULL * np.abs(pulls).max(initial=0.0)).any()
     if not off and not (way.together and rubs) and worst <= limit and not pulled:
-        return turned or slide(system, sliding, d, t, left) or sum(come_inside(one, left) for one in sliding), worst
+        return turned or slide(system, sliding, d, t, course) or sum(come_inside(one, course) for one in sliding), worst
     # first the points at home, as those between follow from them
     home = any((depth[~one.free] > limit).any() for one, (depth, _, _) in zip(hard, depths, strict=True))
     accepted = system.accepted or (d, t)

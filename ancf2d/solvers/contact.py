@@ -147,10 +147,10 @@ def check_pressed(model: Model, d: Array, at: dict[str, float]) -> None:
                                    advice=f"{law}, smaller steps, or smaller loads")
 
 
-def check_crossed(model: Model, d: Array, last: Array, t: float) -> None:
-    """Raise ComputationError where a body has passed through another one since the last state of a load step."""
+def check_crossed(model: Model, d: Array, last: tuple[Array, float], t: float) -> None:
+    """Raise ComputationError where a body has passed through what it touches since the last state, with its time."""
     for one in model.contact_tables:
-        if one.crossed(last, d):
+        if one.crossed(last, d, t):
             raise ComputationError(f"{one.pair.name}: {one.pair.body} passes through {one.pair.other}",
                                    at={"factor": float(f"{t:.6g}")}, advice="more steps, or an initial gap")
 

@@ -32,20 +32,28 @@ class _Layer:
     def __init__(self, known: ContactTable) -> None:
         from ..model.contact_tables import contact_table
 
-        pair = known.pair
-        mesh, levels = pair.mesh, levels_of(pair.mesh, pair.item.side)
+        mesh, item, levels = known.pair.mesh, known.pair.item, levels_of(known.pair.mesh, known.pair.item.side)
         self.count, self.closed = len(mesh.dofs), mesh.plan.closed
-        pair = pair.at(pair.item, mesh, [Spot(ie, 0.0, eta, float(l), free=True) for eta in levels
-                                         for ie, l in enumerate(mesh.lengths)])
+        lengths, last = [float(l) for l in mesh.lengths], self.count - 1
+        pair = known.pair.at(item, mesh, [Spot(ie, 0.0, eta, l, free=True) for eta in levels
+                                          for ie, l in enumerate(lengths)])
         pair.par[:, HOME], pair.par[:, DAMPING] = 0.0, 1.0
         self.half: Array = 0.5 * np.tile(mesh.lengths, len(levels))
         self.table = contact_table((), pair)
+        # the ends of the body, where it may be deepest without being level with the obstacle, and their intervals
+        ends = [] if self.closed else [Spot(ie, z, eta, lengths[ie]) for eta in levels
+                                       for ie, z in ((0, -1.0), (last, 1.0))]
+        self.ends = [(k // 2 * self.count + p.ie, p.z) for k, p in enumerate(ends)]
+        self.tips = contact_table((), known.pair.at(item, mesh, ends)) if ends else None
 
     def off(self, d: Array, t: float) -> tuple[float, float]:
         """Return how deep the body is where it is furthest off at d (n_full,), and what the layer would yield there."""
         from ..kernels.contact import overlaps
 
         depth, place, _ = self.table.deepest(d, t)
+        for (k, z), gap, faces in zip(self.ends, *self.tips.gaps(d, t), strict=True) if self.tips else ():
+            if faces and -gap > depth[k]:
+                depth[k], place[k] = -gap, z
         if not depth.any():
             return 0.0, 0.0
         table, amps = self.table.at(d, t)
@@ -111,8 +119,8 @@ class Between:
         one, layer = self.layers[int(k)]
         solver, pair = self.model.case.solver, one.pair
         when = f"{'t' if solver.moves or solver.timed else 'factor'} = {t:.6g}"
-        law = "" if layer is None else (f", where its layer would yield {yields:.2g} under the forces at these points, "
-                                        "which are off as much")
+        law = "" if layer is None else ", none of which touches it" if yields == 0.0 else (
+            f", where its layer would yield {yields:.2g} under the forces at these points, which are off as much")
         fewer = ("several rigid bodies, welded, in place of one" if pair.mesh.plan.rigid
                  else "more elements in the contact zone")
         return [f"{pair.name}: at {when} {pair.body} is {depth:.2g} deep in {pair.other} between its contact points"

@@ -8,6 +8,8 @@ this, in which positions and forces follow the places by the tangent.
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,6 +31,55 @@ SETTLED, LARGEST, BEYOND = 1e-5, 0.6, 1e-9
 NEARER, MEETS = 0.2, 0.02
 # curvature beside that of the gap alone below which a place is moved no further
 FLAT = 1e-3
+# steps to an end of a bracket that are halved before that end is forgotten
+HALVED = 3
+
+
+@dataclass
+class Bracket:
+    """Between which places a point has to stand, by the steps from where it was last; ``halved`` steps in a row."""
+
+    z: float
+    ends: list[float] = field(default_factory=lambda: [-math.inf, math.inf])
+    halved: int = 0
+    side: int = 0
+
+    def step(self, step: float) -> float:
+        """Return a step from z that stays within, half of the way to an end that it would pass.
+
+        An end that is passed again and again, or reached, is one no longer: other points have moved meanwhile.
+        """
+        side = int(step > 0.0)
+        self.ends[1 - side], self.halved, self.side = self.z, self.halved if side == self.side else 0, side
+        room = abs(self.ends[side] - self.z)
+        if abs(step) >= room > SETTLED and self.halved < HALVED:
+            self.halved += 1
+            return 0.5 * (self.ends[side] - self.z)
+        self.halved = 0
+        if abs(step) >= room:
+            self.ends[side] = math.copysign(math.inf, step)
+        return step
+
+
+@dataclass
+class Course:
+    """What has come of points between others on the way to one equilibrium.
+
+    ``left`` are those that have come out of a contact zone, or were let go; ``brackets`` are where they move.
+    """
+
+    left: set[ContactPoint] = field(default_factory=set)
+    brackets: dict[ContactPoint, Bracket] = field(default_factory=dict)
+
+    def limited(self, place: _Place, step: float) -> float:
+        """Return a step of a place within its bracket.
+
+        Where others open and close as places move, slopes jump, and Newton's method might go to and fro for ever.
+        """
+        bracket = self.brackets.get(place.point)
+        if bracket is None or bracket.z != place.z:
+            bracket = self.brackets[place.point] = Bracket(place.z)
+        return bracket.step(step)
 
 
 def stand_at(one: ContactTable, k: int, place: float, feature: float) -> None:
@@ -44,46 +95,50 @@ def open_point(point: ContactPoint, d: Array) -> None:
         point.mem[FREE] = UNUSED_OWN if point.mem[FREE] == OWN else UNUSED
 
 
-def choose_curves(one: ContactTable, left: set[ContactPoint]) -> int:
+def choose_curves(one: ContactTable, course: Course) -> int:
     """Let points between others touch with the curve of the element inside a contact zone, and with that of the beam
-    elsewhere; return how many closed ones have come out of the zone, and add them to ``left``."""
-    inside, before = one.inside(np.array([p.mem[HELD] > 0.0 for p in one.points])), len(left)
+    elsewhere; return how many closed ones have come out of the zone, and add them to ``course.left``."""
+    inside, before = one.inside(np.array([p.mem[HELD] > 0.0 for p in one.points])), len(course.left)
     for k in np.flatnonzero(one.free).tolist():
         mem = one.points[k].mem
         if mem[FREE] < 0.0:
             mem[FREE] = UNUSED_OWN if inside[k] and one.pair.cubic else UNUSED
         elif mem[FREE] == OWN and not inside[k]:
             mem[FREE] = STANDING
-            left.add(one.points[k])
-    return len(left) - before
+            course.left.add(one.points[k])
+    return len(course.left) - before
 
 
-def _enclosed(one: ContactTable, left: set[ContactPoint]) -> list[int]:
+def _enclosed(one: ContactTable, course: Course) -> list[int]:
     """Return the closed points that stand on the curve of the beam and have come to be inside a contact zone, but for
-    those that have ``left`` one."""
+    those that have left one."""
     held = np.array([p.mem[HELD] > 0.0 for p in one.points])
     inside = one.inside(held) & held & one.pair.cubic
     return [k for k in np.flatnonzero(inside).tolist()
-            if one.points[k].mem[FREE] == STANDING and one.points[k] not in left]
+            if one.points[k].mem[FREE] == STANDING and one.points[k] not in course.left]
 
 
-def come_inside(one: ContactTable, left: set[ContactPoint]) -> int:
+def come_inside(one: ContactTable, course: Course) -> int:
     """Let closed points that have come to be inside a contact zone touch with the curve of the element; return how
     many."""
-    found = _enclosed(one, left)
+    found = _enclosed(one, course)
     for k in found:
         one.points[k].mem[FREE] = OWN
     return len(found)
 
 
-def let_go(one: ContactTable, d: Array) -> int:
-    """Open points beside closed ones that say more, where sections do not turn as a beam's; return how many."""
+def let_go(one: ContactTable, d: Array, course: Course) -> int:
+    """Open points beside closed ones that say more, where sections do not turn as a beam's; return how many.
+
+    Those that close again, as the body is too deep without them, stay: they are in ``course.left`` then.
+    """
     gone = 0
     for k, point in enumerate(one.points if not one.pair.cubic else ()):
         standing = point.mem[HELD] > 0.0 and point.mem[FREE] == STANDING
         beside = any(j >= 0 and one.points[j].mem[HELD] > 0.0 for j in one.ends[k])
-        if standing and (beside or one.supported[k].any()):
+        if standing and point not in course.left and (beside or one.supported[k].any()):
             open_point(point, d)
+            course.left.add(point)
             gone += 1
     return gone
 
@@ -111,9 +166,9 @@ class _Place:
         return self.bend + 0.5 * self.c2 * self.force
 
 
-def _places(one: ContactTable, d: Array, t: float, left: set[ContactPoint]) -> list[_Place]:
+def _places(one: ContactTable, d: Array, t: float, course: Course) -> list[_Place]:
     """Return the points of a contact that stand between others, but for those that a contact zone encloses."""
-    enclosed = _enclosed(one, left)
+    enclosed = _enclosed(one, course)
     own = [k for k, p in enumerate(one.points) if p.mem[HELD] > 0.0 and p.mem[FREE] == STANDING and k not in enclosed]
     if not own:
         return []
@@ -128,12 +183,12 @@ def _places(one: ContactTable, d: Array, t: float, left: set[ContactPoint]) -> l
             for k, turn in zip(own, turns, strict=True)]
 
 
-def slide(system: System, hard: list[ContactTable], d: Array, t: float, left: set[ContactPoint]) -> int:
+def slide(system: System, hard: list[ContactTable], d: Array, t: float, course: Course) -> int:
     """Move points between others to where bodies are tangent to what they touch, and the state d (n_full,) with them.
 
     Returns how many have moved. d is an equilibrium.
     """
-    places = [p for one in hard for p in _places(one, d, t, left)]
+    places = [p for one in hard for p in _places(one, d, t, course)]
     if not places:
         return 0
     num = system.model.numbering
@@ -149,12 +204,15 @@ def slide(system: System, hard: list[ContactTable], d: Array, t: float, left: se
     S += np.diag([p.own for p in places])
     steps = _step(S, np.array([p.sigma for p in places]), np.array([p.force for p in places]),
                   np.array([abs(p.own) for p in places]))
+    steps = np.array([_room(p, p.z + course.limited(p, step)) - p.z for p, step in zip(
+        places, steps.tolist(), strict=True)])
     moved = np.abs(steps) > SETTLED
     if moved.any():
         new = [_allowed(p, p.z + step, d) for p, step in zip(places, steps.tolist(), strict=True)]
         steps = np.array(new) - [p.z for p in places]
         system.model.displacements((d + steps @ answers)[num.where], t, out=d)
         for p, z in zip(places, new, strict=True):
+            course.brackets[p.point].z = z
             _move(p, z, d)
     return int(moved.sum())
 
@@ -186,21 +244,40 @@ def _allowed(place: _Place, z: float, d: Array) -> float:
     return z
 
 
-def _move(place: _Place, z: float, d: Array) -> None:
-    """Let a point stand at z; the one of the next interval takes its place where that is beyond its own."""
-    point, pair = place.point, place.one.pair
-    if abs(z - point.par[HOME]) <= point.par[DAMPING] + BEYOND:
-        point.mem[PLACE] = z
-        return
-    here, up = pair.spots[place.k], 1.0 if z > point.par[HOME] else -1.0
-    force, ie, count = -d[point.multiplier], here.ie, len(pair.mesh.dofs)
-    open_point(point, d)
-    if abs(here.z + 2.0 * up * point.par[DAMPING]) > 1.0:
+def _room(place: _Place, z: float) -> float:
+    """Return z, or the end of the interval before it where supports hold what is there and the next has no room."""
+    par, up = place.point.par, z > place.point.par[HOME]
+    if abs(z - par[HOME]) <= par[DAMPING] + BEYOND or place.one.ends[place.k, int(up)] >= 0 or _following(place, z):
+        return z
+    return float(par[HOME] + (par[DAMPING] if up else -par[DAMPING]))
+
+
+def _following(place: _Place, z: float) -> tuple[int, float] | None:
+    """Return the point of the next interval and its place where z is beyond this one; None where it bears already."""
+    pair, up, ie = place.one.pair, 1.0 if z > place.point.par[HOME] else -1.0, place.one.pair.spots[place.k].ie
+    here, count = pair.spots[place.k], len(pair.mesh.dofs)
+    if abs(here.z + 2.0 * up * place.point.par[DAMPING]) > 1.0:
         ie = (ie + int(up)) % count if pair.mesh.plan.closed else ie + int(up)
         z = -up + (z - up) * float(pair.mesh.lengths[here.ie] / pair.mesh.lengths[min(max(ie, 0), count - 1)])
     for j, (other, spot) in enumerate(zip(place.one.points, pair.spots, strict=True)):
         near = spot.free and (spot.ie, spot.eta) == (ie, here.eta) and abs(z - spot.z) <= other.par[DAMPING] + BEYOND
         if near and other.mem[HELD] <= 0.0:
-            stand_at(place.one, j, z, place.feature)
-            other.mem[HELD], d[other.multiplier] = 1.0, -force
-            return
+            return j, z
+    return None
+
+
+def _move(place: _Place, z: float, d: Array) -> None:
+    """Let a point stand at z; beyond its interval that of the next takes its place, or the one between both."""
+    point, points = place.point, place.one.points
+    # where others have moved to meanwhile
+    z = _room(place, z)
+    if abs(z - point.par[HOME]) <= point.par[DAMPING] + BEYOND:
+        point.mem[PLACE] = z
+        return
+    force, following = -d[point.multiplier], _following(place, z)
+    j = following[0] if following else int(place.one.ends[place.k, int(z > point.par[HOME])])
+    open_point(point, d)
+    if following:
+        stand_at(place.one, *following, place.feature)
+    points[j].mem[HELD] = 1.0
+    d[points[j].multiplier] -= force

@@ -25,7 +25,14 @@ def test_nothing_penetrates_and_no_energy_comes_from_nothing(number: int, pytest
     assert found.faults == []
 
 
-@pytest.mark.trials([0, 1, *(pytest.param(k, marks=pytest.mark.slow) for k in range(2, 20))])
+@pytest.mark.trials([
+    # passes behind a block in one load step
+    36,
+    # a point that is left out beside a closed one, without which the body is too deep
+    124,
+    # the place of lift-off goes to and fro between places at which other points open and close
+    659,
+    *(pytest.param(k, marks=pytest.mark.slow) for k in range(20))])
 def test_a_beam_that_is_pressed_onto_obstacles_has_an_equilibrium_out_of_them(number: int,
                                                                               pytestconfig: pytest.Config) -> None:
     assert touching.pressed(pytestconfig.getoption("seed"), number) == []

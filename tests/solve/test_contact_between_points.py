@@ -33,9 +33,12 @@ def pressed(obstacle: dict[str, Any], count: int, solver: dict[str, Any]) -> anc
         "contacts": [{"between": ["rod", "it"], "law": LAW}], "solver": solver}, states=False)
 
 
-@pytest.mark.parametrize(("x", "depth"), [(0.5, 0.004), (0.34, 0.004), (0.93, 0.001)])
+@pytest.mark.parametrize(("x", "depth"), [(0.5, 0.004), (0.34, 0.004), (0.93, 0.001), (1.0, 0.001), (1.02, 0.001)])
 def test_a_straight_rod_in_a_disc_is_off_by_what_its_gauss_points_miss(x: float, depth: float) -> None:
-    """The depth at s from its deepest place is R - sqrt((R - D)^2 + s^2), whose integral has a closed form."""
+    """The depth at s from the middle is R - sqrt((R - D)^2 + s^2), whose integral has a closed form.
+
+    A disc beyond the end of the rod is deepest there.
+    """
     R = 0.5
     solved = ancf2d.solve({
         "bodies": {"rod": rod({"type": "rigid"}, R + 0.01 - depth)},
@@ -54,6 +57,7 @@ def test_a_straight_rod_in_a_disc_is_off_by_what_its_gauss_points_miss(x: float,
 
     z, w = leggauss(4)
     summed = 0.5 * w @ np.maximum(R - np.hypot(h, 0.5 * (1.0 + z) - x), 0.0)
+    depth = R - math.hypot(h, max(x - 1.0, 0.0))
     yields = depth * (summed / (integral(1.0 - x) - integral(-x))) ** (2.0 / 3.0)
     assert between.most[1:3] == pytest.approx([depth, yields], rel=5e-3)
 
@@ -69,7 +73,19 @@ def test_equilibria_tell_of_an_obstacle_between_the_points_of_a_layer(
     if count == 64 and "method" in solver:
         pytest.skip("the same states, more slowly")
     warnings = pressed(obstacle, count, solver).warnings
-    assert sum("between its contact points, where its layer would yield" in w for w in warnings) == told, warnings
+    assert sum("deep in it between its contact points" in w for w in warnings) == told, warnings
+
+
+def test_what_lies_beyond_the_last_point_of_an_axis_is_told_to_touch_none() -> None:
+    """The end of a pinned rod falls through a disc that its Gauss points, up to S = 0.93, pass by."""
+    solved = ancf2d.solve({
+        "bodies": {"rod": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
+                           "element": {"type": "rigid", "mass": 1.0, "inertia": 0.1}}},
+        "boundary_conditions": [{"type": "pin", "at": "rod@0"}], "loads": [{"type": "gravity", "value": [0, -9.81]}],
+        "obstacles": {"disc": {"type": "circle", "center": [1.0, -0.3], "radius": 0.05}},
+        "contacts": [{"between": ["rod", "disc"], "side": "axis", "law": LAW}],
+        "solver": {"type": "dynamic", "t_end": 0.4, "tolerance": 1e-5}}, states=False)
+    assert [w for w in solved.warnings if "deep in disc between its contact points, none of which touches it" in w]
 
 
 def test_where_nothing_is_told_forces_are_those_of_a_fine_mesh() -> None:

@@ -19,6 +19,7 @@ from ...errors import ComputationError, SingularTangentError
 from ...model.model import Model
 from ..active_set import ROUNDS, begin, exchange
 from ..contact import check_crossed, memory, recall
+from ..lift_off import Course
 from ..linear import assemble_mass, make_matrix
 from ..state import State
 from ..system import STILL, Balance, System
@@ -192,7 +193,7 @@ class _Relaxation:
 
         Raises ComputationError.
         """
-        kept, iterations, left = memory(self.model), 0, set[Any]()
+        kept, iterations, course = memory(self.model), 0, Course()
         z0 = self.d[self.model.numbering.where].copy()
         medium = _Medium(self.system, self.M, z0, 1.0 / self.h)
         d = self.model.displacements(z0, t)
@@ -200,8 +201,8 @@ class _Relaxation:
             for _ in range(ROUNDS if self.hard else 1):
                 d, count = self._balance(medium, d, t)
                 iterations = max(iterations, count)
-                if not self.hard or not exchange(cast(System, medium), d, t, left)[0]:
-                    check_crossed(self.model, d, self.d, t)
+                if not self.hard or not exchange(cast(System, medium), d, t, course)[0]:
+                    check_crossed(self.model, d, (self.d, t), t)
                     return d, iterations
             raise ComputationError("the contact points were not found", at={"factor": float(f"{t:.6g}")})
         except ComputationError:

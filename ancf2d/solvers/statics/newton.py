@@ -16,6 +16,7 @@ from ...model.point_patch import check_facing
 from ..active_set import PENETRATION, ROUNDS, WAYS, Way, begin, check_supports, exchange
 from ..contact import check_crossed, check_pressed, memory, recall
 from ..friction import stick_one
+from ..lift_off import Course
 from ..state import Graded, State
 from ..system import STILL, UNIT_ROUNDOFF, Balance, System
 from ..threads import largest, pieces
@@ -98,11 +99,11 @@ def _held(system: System, d: Array, t_old: float, t: float, tolerance: float, ma
 def _settled(system: System, result: NewtonResult, t: float, tolerance: float, max_iterations: int, way: Way
              ) -> NewtonResult:
     """Return the equilibrium at which nothing opens, closes, sticks or slides any more, from one with what touched."""
-    left: set[Any] = set()
+    course = Course()
     iterations, worst = 0, 0.0
     for _ in range(ROUNDS):
         iterations += result.iterations
-        changed, worst = exchange(system, result.d, t, left, way)
+        changed, worst = exchange(system, result.d, t, course, way)
         if not changed:
             result.iterations, result.overlap = iterations, worst
             check_pressed(system.model, result.d, {"factor": float(f"{t:.6g}")})
@@ -214,11 +215,12 @@ def check_divergence(increments: list[float], extent: float, at: dict[str, Any],
         raise ComputationError("Newton's method diverges", at=at, history=residuals)
 
 
-def check_sound(model: Model, d: Array, last: Array | None, t: float) -> None:
-    """Raise ComputationError where a solution of the equations, that follows on ``last``, is no state of the model."""
+def check_sound(model: Model, d: Array, last: tuple[Array, float] | None, t: float) -> None:
+    """Raise ComputationError where a solution of the equations is no state of the model; it follows on ``last``, a
+    state (n_full,) with its time."""
     check_ends(model.constraints, d)
     check_facing(model.constraints, d, t)
-    check_inverted(model, d, last, t)
+    check_inverted(model, d, last and last[0], t)
     if last is not None and model.contacts:
         check_crossed(model, d, last, t)
 

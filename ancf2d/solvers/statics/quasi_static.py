@@ -215,7 +215,7 @@ class Course:
         alone = len(path.t) == 1
         result = newton(self.system, path.extrapolate(t + h).copy(), t if alone else t + h, t + h, self.close,
                         self.iterations)
-        check_sound(self.model, result.d, path.d[-1], t + h)
+        check_sound(self.model, result.d, (path.d[-1], t), t + h)
         return result
 
     def _accept(self, result: NewtonResult, t: float) -> State:

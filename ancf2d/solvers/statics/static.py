@@ -326,7 +326,7 @@ class March:
         self._set(new, self.turns)
         result = newton(self.system, path.extrapolate(target), old.factor if first else t, t, self.tolerance,
                         self.max_iterations)
-        check_sound(model, result.d, last, t)
+        check_sound(model, result.d, (last, old.factor), t)
         # where Newton's method has changed little of what the last states foretold, nothing has jumped
         # where elements remember the way, tangents tell of unloading, and nothing of the way on
         if not model.remembers and sum(result.increments) > 0.5 * self.system.distance(result.d, last):

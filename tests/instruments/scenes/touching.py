@@ -1,5 +1,6 @@
 """Random motions of rods that fall among obstacles, and what must hold in each: no depth, no passage, no energy gained.
-Random beams that are pressed onto obstacles, too: an equilibrium is found, in balance and out of what it touches.
+Random beams that are pressed onto obstacles, too: an equilibrium is found, in balance and out of what it touches, on a
+way around it.
 
 Positions of points follow from the states that are stored: at the end of every step, of fixed steps that were not made
 in parts. Ways are looked at between states with one step between them. Distances are those of this module.
@@ -28,8 +29,9 @@ Data = dict[str, Any]
 # an obstacle that both its ends are out of; and energy that may come from nothing beside the largest there is, that of
 # loads, work and losses counted
 DEPTH, PASSAGE, GAIN, GIVEN = 1e-8, 2e-3, 2e-2, 1e-9
-# forces of an equilibrium beside the largest that may be left
-BALANCE = 1e-6
+# forces of an equilibrium beside the largest that may be left; how deep the straight way of a load step may lead
+# through an obstacle, in which points slide along what is round
+BALANCE, SLID = 1e-6, 5e-2
 SAMPLES = 200
 
 
@@ -187,9 +189,13 @@ def pressed(seed: int, number: int, stiffness: float | None = None) -> list[str]
     out = [] if np.abs(held.sum(axis=0) + load).max() <= BALANCE * np.abs(held).max() else ["forces are not in balance"]
     for pair in solution.model.contacts:
         S = sorted({float(s) for s, spot in zip(pair.s, pair.spots, strict=True) if not spot.free})
-        gap = distance(case["obstacles"][pair.other], _places(solution, "beam", S)[-1]).min()
-        if pair.item.side == "axis" and not stiffness and gap < -DEPTH * solution.model.extent:
-            out.append(f"{-gap:.1e} deep in {pair.other}")
+        obstacle, X = case["obstacles"][pair.other], _places(solution, "beam", S)
+        gaps = distance(obstacle, X)
+        if pair.item.side == "axis" and not stiffness and gaps[-1].min() < -DEPTH * solution.model.extent:
+            out.append(f"{-gaps[-1].min():.1e} deep in {pair.other}")
+        passage = _passage(obstacle, X, gaps, np.ones(len(X) - 1, dtype=bool))
+        if passage > SLID * solution.model.extent:
+            out.append(f"passes {passage:.1e} deep through {pair.other}")
     return out
 
 
