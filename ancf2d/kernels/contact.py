@@ -42,7 +42,7 @@ SAMPLES, BESIDE = 9, 0.25
 # of the extent: a way that leads no deeper into an obstacle does not pass through it; what is no deeper touches
 DEPTH, TOUCHES = 1e-3, 1e-9
 # cosine of the angle between the surfaces that a point enters and leaves, below which it has passed through
-TURNED = 0.5
+TURNED = -0.5
 # what a layer yields on an interval is summed up on either side of the deepest place, over so many lengths each twice
 # as long as the one before, at so many places of each
 HALVES, PIECES = 12, 4
@@ -102,7 +102,7 @@ def obstacle_crossed(points, before, amps_before, d, amps, extent):  # type: ign
     """Return whether a point at home passes through its obstacle on the straight way from one state to another, outside
     in both.
 
-    What leads deep into it and leaves a surface that has turned by more than 60 degrees passes through; what turns less
+    What leads deep into it and leaves a surface that has turned by more than 120 degrees passes through; what turns less
     slides along. ``extent`` is that of the scene.
     """
     depth, near = DEPTH * extent, TOUCHES * extent
