@@ -102,8 +102,8 @@ def obstacle_crossed(points, before, amps_before, d, amps, extent):  # type: ign
     """Return whether a point at home passes through its obstacle on the straight way from one state to another, outside
     in both.
 
-    What leads deep into it and leaves a surface that has turned by more than 120 degrees passes through; what turns less
-    slides along. ``extent`` is that of the scene.
+    What leads deep into it and leaves a surface turned by more than 120 degrees passes through; what turns less slides
+    along. ``extent`` is that of the scene.
     """
     depth, near = DEPTH * extent, TOUCHES * extent
     u, w, a, work = vector(200), vector(200), vector(3), vector(WORK)
