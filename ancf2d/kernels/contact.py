@@ -156,7 +156,9 @@ def _try(par, p0, u, mem, work, z, feature, low, high, about, best):  # type: ig
     if math.isnan(found) or not low <= found <= high:
         return
     g, nx, ny, _, _, _ = _facing(par, mem, found, 0.0, work)
-    if g < best[0] and not _is_back(par, nx, ny, work):
+    # to a corner, the gap of what is behind it outside the obstacle is negative, too
+    inside = feature < 0.0 or _gap_at(par, work[RHO], work[RHO + 1], -1.0)[0] < 0.0
+    if g < best[0] and inside and not _is_back(par, nx, ny, work):
         best[0], best[1], best[2] = g, found, feature
 
 

@@ -346,3 +346,27 @@ def test_a_run_tells_only_the_worst_state_of_bodies_between_their_points() -> No
     assert len(told) > 1
     outcome = run_case(model.loaded, None)
     assert outcome.warnings == [max(told, key=lambda w: w.size)]
+
+
+@pytest.mark.parametrize("steps", [20, 40])
+def test_a_tip_that_has_gone_over_a_corner_leaves_it_behind(steps):
+    """The nose of a hook climbs the slope of a catch that moves in below it, and stands on its crest then.
+
+    The corner between these is next to the axis beside the tip there; it was taken to be inside the nose, and held it.
+    """
+    hook = helpers.body(
+        {"type": "polyline", "points": [[0, 0], [0.02, 0], [0.02, -0.003]]}, helpers.element("reissner3", 8),
+        {"height": 0.0015, "width": 0.005}, {"E": 2.4e9, "nu": 0.38})
+    catch = {"type": "polyline", "points": [[0.021, -0.006], [0.024, -0.004], [0.0275, -0.002], [0.028, -0.002],
+                                            [0.029, -0.004], [0.04, -0.004]],
+             "motion": {"x": {"type": "table", "t": [0, 0.2, 1], "value": [0, -0.0067, -0.0077]}}}
+    model = helpers.build({"hook": hook}, {"type": "static", "steps": steps}, obstacles={"catch": catch},
+                          bc=[{"name": "root", "type": "clamp", "at": "hook@0"}],
+                          contacts=[{"name": "nose", "between": ["hook", "catch"], "side": "axis"}])
+    *_, state = solve(model)
+    x, y = np.array([0.02, -0.003]) + state.d[model.n_q - 3:model.n_q - 1]
+    assert y == pytest.approx(-0.002, abs=1e-12)
+    assert 0.0275 - 0.0077 < x < 0.028 - 0.0077
+    # the crest bears it upright, and the root turns that round
+    force = reactions(model, state)["root"]
+    assert abs(force["fx"]) < 1e-9 * abs(force["fy"])

@@ -47,6 +47,9 @@ FAINT = 1e-6
 NEXT = 1e-3
 # share of the way within which two places are one
 ROUND = 1e-9
+# what helps where a state snaps to another one
+JUMPS = ("method: arc_length if this is a limit point; solver dynamic with damping, which follows what snaps; else "
+         "more steps, or supports that leave no mechanism")
 # what helps where no equilibrium over time is found
 BEYOND = ("a limit load is likely, beyond which only solver dynamic can continue; else supports that leave no "
           "mechanism")
@@ -342,7 +345,7 @@ class March:
         moved = system.distance(end, start)
         along = float((system.weights**2 * foretold) @ (end[where] - start[where]))
         if moved > FAINT * self.model.extent and (along < 0.0 or moved > JUMP * system.norm(foretold)):
-            raise ComputationError("the state jumps to another branch", at={"factor": float(f"{t:.6g}")})
+            raise ComputationError("the state jumps to another branch", at={"factor": float(f"{t:.6g}")}, advice=JUMPS)
 
     def _foretold(self, state: Turned, here: Load, there: Load) -> Array:
         """Return how a change of load moves the unknowns (n_unknowns,), by the tangent at an equilibrium."""
