@@ -348,25 +348,49 @@ def test_a_run_tells_only_the_worst_state_of_bodies_between_their_points() -> No
     assert outcome.warnings == [max(told, key=lambda w: w.size)]
 
 
+def hook(steps, ends):
+    """Return a hook above a catch that moves in from the right: places of the catch at shares of the steps."""
+    data = helpers.body(
+        {"type": "polyline", "points": [[0, 0], [0.02, 0], [0.02, -0.003]]}, helpers.element("reissner3", 8),
+        {"height": 0.0015, "width": 0.005}, {"E": 2.4e9, "nu": 0.38})
+    catch = {"type": "polyline", "points": [[0.021, -0.006], [0.024, -0.004], [0.0275, -0.002], [0.028, -0.002],
+                                            [0.029, -0.004], [0.04, -0.004]],
+             "motion": {"x": {"type": "table", "t": list(ends), "value": list(ends.values())}}}
+    return helpers.build({"hook": data}, {"type": "static", "steps": steps}, obstacles={"catch": catch},
+                         bc=[{"name": "root", "type": "clamp", "at": "hook@0"}],
+                         contacts=[{"name": "nose", "between": ["hook", "catch"], "side": "axis"}])
+
+
+def tip(model, state):
+    """Return the place of the tip of the hook."""
+    return np.array([0.02, -0.003]) + state.d[model.n_q - 3:model.n_q - 1]
+
+
 @pytest.mark.parametrize("steps", [20, 40])
 def test_a_tip_that_has_gone_over_a_corner_leaves_it_behind(steps):
     """The nose of a hook climbs the slope of a catch that moves in below it, and stands on its crest then.
 
     The corner between these is next to the axis beside the tip there; it was taken to be inside the nose, and held it.
     """
-    hook = helpers.body(
-        {"type": "polyline", "points": [[0, 0], [0.02, 0], [0.02, -0.003]]}, helpers.element("reissner3", 8),
-        {"height": 0.0015, "width": 0.005}, {"E": 2.4e9, "nu": 0.38})
-    catch = {"type": "polyline", "points": [[0.021, -0.006], [0.024, -0.004], [0.0275, -0.002], [0.028, -0.002],
-                                            [0.029, -0.004], [0.04, -0.004]],
-             "motion": {"x": {"type": "table", "t": [0, 0.2, 1], "value": [0, -0.0067, -0.0077]}}}
-    model = helpers.build({"hook": hook}, {"type": "static", "steps": steps}, obstacles={"catch": catch},
-                          bc=[{"name": "root", "type": "clamp", "at": "hook@0"}],
-                          contacts=[{"name": "nose", "between": ["hook", "catch"], "side": "axis"}])
+    model = hook(steps, {0.0: 0.0, 0.2: -0.0067, 1.0: -0.0077})
     *_, state = solve(model)
-    x, y = np.array([0.02, -0.003]) + state.d[model.n_q - 3:model.n_q - 1]
+    x, y = tip(model, state)
     assert y == pytest.approx(-0.002, abs=1e-12)
     assert 0.0275 - 0.0077 < x < 0.028 - 0.0077
     # the crest bears it upright, and the root turns that round
     force = reactions(model, state)["root"]
     assert abs(force["fx"]) < 1e-9 * abs(force["fy"])
+
+
+def test_a_hook_that_snaps_over_a_corner_goes_on_and_says_so():
+    """On the flank of the catch the nose is pushed along the arm, on the crest it is not: there is nothing between.
+
+    The tip leaves the flank at its corner and stands where that of a hook is whose catch has moved in.
+    """
+    model = hook(60, {0.0: 0.0, 0.1: -0.0085, 0.2: -0.01, 0.5: -0.008, 1.0: -0.0075})
+    states = list(solve(model))
+    (said,) = [w for s in states for w in s.warnings]
+    assert re.search(r"bodies in contact snap at load factor 0\.\d+: they move by 3e-05 m at once", said)
+    on_crest = hook(20, {0.0: 0.0, 0.2: -0.0067, 1.0: -0.0077})
+    *_, there = solve(on_crest)
+    np.testing.assert_allclose(tip(model, states[-1]), tip(on_crest, there), rtol=0, atol=1e-12)

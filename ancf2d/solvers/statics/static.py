@@ -19,6 +19,7 @@ from ..state import State
 from ..system import System, Turned
 from ..threads import largest
 from .hanging import FALLS, FELL, hanging, slack
+from .jumps import Jumps
 from .newton import (
     MAX_ITERATIONS,
     POOR,
@@ -39,17 +40,10 @@ from .step_control import Path, Stride
 STEPS = 10
 # displacements are of no use where this share of them is not known
 HOPELESS = 0.5
-# a step that moves against what the tangent at one of its ends foretells, or this much further, has left the branch,
-# unless it moves less than this share of the model's extent
-JUMP = 8.0
-FAINT = 1e-6
 # a singular tangent this close beyond an equilibrium, as a share of its load factor, is one of a critical load
 NEXT = 1e-3
 # share of the way within which two places are one
 ROUND = 1e-9
-# what helps where a state snaps to another one
-JUMPS = ("method: arc_length if this is a limit point; solver dynamic with damping, which follows what snaps; else "
-         "more steps, or supports that leave no mechanism")
 # what helps where no equilibrium over time is found
 BEYOND = ("a limit load is likely, beyond which only solver dynamic can continue; else supports that leave no "
           "mechanism")
@@ -215,6 +209,7 @@ class March:
         self.tightens = True
         self.system.count(self.d, 0.0)
         self.turns = self.system.turns()
+        self.jumps = Jumps(self.model)
         self.model.interactions.take_hold(self.d, 0.0)
 
     def settle(self) -> tuple[int, list[str]]:
@@ -304,7 +299,7 @@ class March:
                     result.negative_pivots = negative_pivots(self.system, result.d, new.factor)
             except ComputationError as error:
                 recall(self.model, touched)
-                if not stride.cut(target, isinstance(error, SingularTangentError)):
+                if not stride.cut(target, isinstance(error, SingularTangentError)) and not self.jumps.take(error):
                     raise self._stuck(error, old.factor, number) from error
                 continue
             if changed and self._bends_away(path, result, old.factor) and stride.corner(target):
@@ -312,13 +307,14 @@ class March:
                 continue
             number += 1
             self.system.count_from(turns)
-            stability = self.stability(result, new.factor)
+            snap = self.jumps.told(new.factor)
+            stability = snap + self.stability(result, new.factor)
             state = state_of(self.system, result, new.factor, number, stride.cutbacks, stability)
             self.system.accept(result.d, new.factor)
             self.turns = self.system.turns()
             yield state
             self.d, self.negative, self.load, old = result.d, result.negative_pivots, new, new
-            if target in corners:
+            if target in corners or snap:
                 path = Path([], [])
             path.push(target, result.d)
             stride.accept(target)
@@ -334,18 +330,11 @@ class March:
         # where elements remember the way, tangents tell of unloading, and nothing of the way on
         if not model.remembers and sum(result.increments) > 0.5 * self.system.distance(result.d, last):
             turns = result.d, self.system.count(result.d, t)
-            self._check_jump(last, result.d, result.first if first else self._foretold(self.turns, old, new), t)
-            self._check_jump(result.d, last, self._foretold(turns, new, old), t)
+            foretold = result.first if first else self._foretold(self.turns, old, new)
+            self.jumps.check(self.system, last, result.d, foretold, t)
+            self.jumps.check(self.system, result.d, last, self._foretold(turns, new, old), t)
             self._set(new, turns)
         return result
-
-    def _check_jump(self, start: Array, end: Array, foretold: Array, t: float) -> None:
-        """Raise ComputationError where the tangent at one state foretells (n_unknowns,) no way to the other."""
-        where, system = self.model.numbering.where, self.system
-        moved = system.distance(end, start)
-        along = float((system.weights**2 * foretold) @ (end[where] - start[where]))
-        if moved > FAINT * self.model.extent and (along < 0.0 or moved > JUMP * system.norm(foretold)):
-            raise ComputationError("the state jumps to another branch", at={"factor": float(f"{t:.6g}")}, advice=JUMPS)
 
     def _foretold(self, state: Turned, here: Load, there: Load) -> Array:
         """Return how a change of load moves the unknowns (n_unknowns,), by the tangent at an equilibrium."""
