@@ -114,7 +114,7 @@ def command(session: Session, arguments: tuple[str, ...], save: str | None, show
     with ExitStack() as stack:
         results = [stack.enter_context(StatesWithFields(f)) for f in files]
         if list_only:
-            _list(session, results[0])
+            _list(session, results)
             return 0
         if animate is not None:
             _animate(session, results, kind or default_animated(results[0]), animate, title, look, force,
@@ -170,12 +170,12 @@ def _stem(file: str) -> str:
     return Path(file).name.removesuffix(".part").removesuffix(".h5")
 
 
-def _list(session: Session, results: Any) -> None:
+def _list(session: Session, results: list[Any]) -> None:
     from ..plot import default_kind, list_kinds
 
-    default = default_kind(results)
+    default = default_kind(results[0])
     rows = []
-    for kind in list_kinds(results):
+    for kind in list_kinds(results[0], len(results)):
         options = ", ".join(f"--{o}" for o in (*kind.options, *(["animate"] if kind.moves else [])))
         mark = "*" if kind.name == default else ""
         rows.append([kind.name + mark, *([f"no: {kind.missing}", ""] if kind.missing else [kind.doc, options])])

@@ -40,12 +40,13 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
             new[i, l], slope[i, i, l] = 0.0, 0.0
     for k in range(terms):
         g, tau = ref[last - 2 * (terms - k), 0], ref[last - 2 * (terms - k) + 1, 0]
-        for l in range(lanes):
-            x = old[clock, l] / tau
-            keeps = np.exp(-x) if x > 0.0 else 1.0
-            takes = -np.expm1(-x) / x if x > 0.0 else (-old[clock, l] if x < 0.0 else 1.0)
-            for i in range(n):
-                at = (1 + k) * n + i
+        # all points have the same time step
+        x = old[clock, 0] / tau
+        keeps = np.exp(-x) if x > 0.0 else 1.0
+        takes = -np.expm1(-x) / x if x > 0.0 else (-old[clock, 0] if x < 0.0 else 1.0)
+        for i in range(n):
+            at = (1 + k) * n + i
+            for l in range(lanes):
                 h = keeps * old[at, l] + takes * (eps[i, l] - old[(1 + terms) * n + i, l])
                 new[at, l] = h
                 new[i, l] -= g * h

@@ -17,6 +17,7 @@ from .elements import (
     mean_force_tangent,
     natural_power,
     natural_work,
+    take_strains,
     viscous_force,
 )
 from .forces import GROUP
@@ -64,7 +65,7 @@ def element_functions(fronts: bool, viscous: bool, mean: bool, natural: bool, re
     if natural and mean:
         out[calls.natural_work] = (natural_work,)
     if remembers:
-        out[calls.commit] = (commit,)
+        out |= {calls.commit: (commit,), calls.take_strains: (take_strains,)}
     if mean:
         out |= {calls.mean: (mean_force,), calls.mean_tangent: (_TANGENTS[fronts][1], problem)}
     return out

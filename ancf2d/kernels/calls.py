@@ -76,7 +76,7 @@ def compilations(functions: Functions) -> list[Callable[[], object]]:
 # elements of a group, and those with a matrix: (p, number of the group, ...)
 force = _call(_f, GROUP, _x, _x)
 noise = _call(_nothing, GROUP, _x, _x)
-commit = _call(_f, GROUP, _x)
+commit, take_strains = _call(_f, GROUP, _x), _call(_nothing, GROUP, _x, _i, _i, _x)
 viscous = _call(_f, GROUP, _f, _x, _x, _x)
 mean = _call(_pair, GROUP, _f, _x, _x, _x)
 natural_power = _call(_f, GROUP, _f, _x, _x)

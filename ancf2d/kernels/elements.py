@@ -38,6 +38,7 @@ from .forces import (
     STRAINS,
     TANGENT,
     TWIST,
+    WHOLE,
     WORK,
     call_batch,
     results,
@@ -162,6 +163,29 @@ def commit(group, d):  # type: ignore[no-untyped-def]
     It is that of internal strains which change under the stress at d.
     """
     return _sums(COMMIT, group, 0.0, d, d)[1]
+
+
+@kernel
+def take_strains(group, d, first, number, out):  # type: ignore[no-untyped-def]
+    """Write the strains at d, internal ones among them, to the states ``out`` (n,) from ``number`` of each point on.
+
+    The states of the group's elements begin at ``first``.
+    """
+    at, slot = layout(group.law)
+    law, work, memory, k = group.law, group.plan.work, group.memory, group.law.strains
+    _, _, ns, S = sizes(group)
+    numbers, begin, last = memory.states.shape[2], 0, len(group.dofs)
+    while begin < last:
+        count = batch_length(group, begin, last)
+        for part in range(group.plan.parts):
+            call_batch(group.plan.forces, (WHOLE, group, d, d, begin, count, part, 0.0))
+            for p in range(ns):
+                eps, own = row(work, place_of(p, k, at, slot.eps)), first + p // k * law.state + number + p % k
+                for s in range(S):
+                    for m in range(count):
+                        place = memory.row[begin + m] * memory.states.shape[1] + part * S + s
+                        out[own + place * numbers] = eps[s * count + m]
+        begin += count
 
 
 @kernel

@@ -39,8 +39,9 @@ from .tangents import tangents
 
 # what a batch is asked for: strains and stresses alone; forces; forces and tangents; viscous forces at rates e; K e by
 # way of strains; forces (and tangents) of a step from d to e; forces by the rates of natural strains; power of these at
-# rates e, and their work in a step from d to e; to remember the states at d; RATE, and what turning e adds to it
-STRAINS, FORCE, TANGENT, RATE, ACTION, STEP, STEP_TANGENT, SLOPE, POWER, WORK, COMMIT, TWIST = range(12)
+# rates e, and their work in a step from d to e; to remember the states at d; RATE, and what turning e adds to it;
+# strains alone, internal ones among them
+STRAINS, FORCE, TANGENT, RATE, ACTION, STEP, STEP_TANGENT, SLOPE, POWER, WORK, COMMIT, TWIST, WHOLE = range(13)
 # steps, and what they are given
 LANES, LAW, STRESS, COMBINE, PRODUCT, FORCES, MATERIAL, GEOMETRIC, TURNING, TANGENTS, BEYOND, MEMORY = range(12)
 # numbers that steps multiply by: the last two are the program's own factor, and that and a half
@@ -85,7 +86,8 @@ _STEP_TANGENT = [*_STEP, (COMBINE, ONE, _U, MINUS_HALF, _U0, _U), (COMBINE, HALF
 _PROGRAMS = {STRAINS: _STRESSES, FORCE: [*_ELASTIC, (MEMORY, _TRY)],
              TANGENT: [*_ELASTIC, (MATERIAL, ONE), (GEOMETRIC, ONE), (TANGENTS,)],
              RATE: _VISCOUS, ACTION: _ACTION, STEP: _STEP, STEP_TANGENT: _STEP_TANGENT, SLOPE: _SLOPE, POWER: _POWER,
-             WORK: _WORK, COMMIT: [*_STRESSES, (MEMORY, _KEEP)], TWIST: _TWIST}
+             WORK: _WORK, COMMIT: [*_STRESSES, (MEMORY, _KEEP)], TWIST: _TWIST,
+             WHOLE: [(LANES, _D, _U), (LAW, STRAIN), (BEYOND, NOW, _EPS)]}
 _STEPS = np.array([(*step, 0, 0, 0, 0, 0)[:6] for k in range(len(_PROGRAMS)) for step in _PROGRAMS[k]])
 _STARTS = np.cumsum([0] + [len(_PROGRAMS[k]) for k in range(len(_PROGRAMS))])
 
@@ -155,7 +157,8 @@ def with_memory(group, what, part, first, count):  # type: ignore[no-untyped-def
 def element_batch(what, record, d, e, first, count, part, factor):  # type: ignore[no-untyped-def]
     """Do what is asked for of elements first, ..., first + count - 1, which are of one class.
 
-    STRAINS leaves strains and stresses of one part of the stations in the work buffer; all else goes through all parts.
+    STRAINS leaves strains and stresses of one part of the stations in the work buffer, WHOLE strains; all else goes
+    through all parts.
     Returns (strain energy at d, of a step at e, of natural strains alone for SLOPE, power lost for RATE, or power of
     natural strains; energy dissipated by a step or, for COMMIT, by internal strains, or work of natural strains).
     """
@@ -166,7 +169,7 @@ def element_batch(what, record, d, e, first, count, part, factor):  # type: igno
     full = vectors_of(lanes)
     factors = (0.0, 1.0, 0.5, -1.0, -0.5, factor, factor + 0.5)
     energy, lost = 0.0, 0.0
-    for k in range(part, part + 1 if what == STRAINS else group.plan.parts):
+    for k in range(part, part + 1 if what == STRAINS or what == WHOLE else group.plan.parts):
         q = begin(group, k, first, count)
         for i in range(_STARTS[what], _STARTS[what + 1]):
             step, a, b = _STEPS[i, 0], _STEPS[i, 1], _STEPS[i, 2]

@@ -121,4 +121,4 @@ def _bulge(results: Results, body: BodyRecord) -> float:
 
 
 DIFFERENCE = Kind("difference", "distance of the axes in two or more files from those in the last one", no_states,
-                  difference)
+                  difference, least=2)

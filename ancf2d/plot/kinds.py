@@ -49,9 +49,12 @@ class KindInfo:
     moves: bool
 
 
-def list_kinds(results: Results) -> list[KindInfo]:
-    """Return all kinds, with what the file lacks for each (empty: it can be drawn)."""
-    return [KindInfo(k.name, k.doc, _options(k), k.missing(results), k.frames is not None) for k in KINDS.values()]
+def list_kinds(results: Results, files: int = 1) -> list[KindInfo]:
+    """Return all kinds, with what the first of some files lacks for each (empty: it can be drawn)."""
+    def missing(kind: Kind) -> str:
+        few = f"it compares at least {kind.least} files" if files < kind.least else ""
+        return kind.missing(results) or few
+    return [KindInfo(k.name, k.doc, _options(k), missing(k), k.frames is not None) for k in KINDS.values()]
 
 
 def default_kind(results: Results) -> str:

@@ -72,7 +72,7 @@ class Kind:
     ``missing(results)`` says in words what a file lacks for it (empty: nothing);
     ``build(sources, **options)`` makes the picture; its keyword arguments are the kind's options.
     ``frames(sources, count, **options)`` yields the pictures of an animation, None where the kind stands still.
-    ``single``: it is drawn from one file at a time.
+    ``single``: it is drawn from one file at a time; ``least``: from so many together.
     """
 
     name: str
@@ -81,6 +81,7 @@ class Kind:
     build: Callable[..., Picture]
     frames: Callable[..., Iterator[Picture]] | None = None
     single: bool = False
+    least: int = 1
 
 
 def lacking(table: str, columns: Sequence[str], said: str) -> Callable[[Results], str]:

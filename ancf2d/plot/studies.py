@@ -28,7 +28,10 @@ MAX_COLUMNS = 4
 
 @dataclass
 class Tornado:
-    """The picture: for each number its path, its value and the change of the goal (n,) where it grows by 1 %."""
+    """The picture: for each number its path, its value and the change of the goal (n,) where it grows by 1 %.
+
+    Where it is 0, by 1 % of the largest of its list, or of the size of the model.
+    """
 
     title: str
     goal: str
@@ -57,7 +60,9 @@ class Tornado:
         # the power of ten of the ticks stands to the right
         axes.set_xlabel(f"change of {self.goal}{unit} by +{CHANGE:.0%} of a number", loc="left")
         note = f"{self.left_out} less influential numbers are left out" if self.left_out else ""
-        axes.set_title("\n".join(t for t in (self.title, note) if t))
+        zero = "" if self.values.all() else (
+            f"where it is 0: +{CHANGE:.0%} of the largest\nin its list, or of the model's size")
+        axes.set_title("\n".join(t for t in (self.title, note, zero) if t))
 
     def header(self) -> list[str]:
         """Return the names of the data's columns."""

@@ -118,7 +118,8 @@ def write_sensitivity(study: Sensitivity, loaded: LoadedCase, path: str, command
                Column("derivative", "1", f"of {study.described} by the number, in units of the case"),
                Column("elasticity", "1", "relative change of the goal by a relative change of the number"),
                Column("error", "1", "estimate of the error of the derivative"),
-               Column("influence", goal_units(loaded), "change of the goal where the number changes by its own size"),
+               Column("influence", goal_units(loaded), "change of the goal where the number changes by its own size, "
+                      "that of its list or of the model where it is 0"),
                Column("method", "none", "how the derivative was found"))
     table = {name: [getattr(row, name) for row in study.rows] for name in names}
     attrs = {"goal": study.described, "goal_value": study.goal}

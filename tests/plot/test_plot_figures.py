@@ -205,13 +205,29 @@ def test_the_list_says_what_a_file_lacks(tmp_path: Path) -> None:
     assert all(k.doc for k in found.values())
 
 
+def test_a_difference_is_listed_where_there_are_files_to_compare(tmp_path: Path) -> None:
+    results = opened(bent_beam(tmp_path / "a.h5"))
+    one, two = ({k.name: k.missing for k in list_kinds(results, files)} for files in (1, 2))
+    assert one["difference"] == "it compares at least 2 files"
+    assert two == {**one, "difference": ""}
+
+
+@pytest.mark.parametrize(("value", "told"), [(0.0, True), (2.0, False)])
+def test_a_tornado_tells_what_numbers_that_are_zero_change_by(tmp_path: Path, value: float, told: bool) -> None:
+    path = tmp_path / "s.h5"
+    table = {"path": ["a", "b"], "value": [3.0, value], "derivative": [1.0, -1.0], "influence": [3.0, 2.0]}
+    write_tables(path, HEADER, {"sensitivity": (table, {})}, (), {})
+    figure = draw(opened(path), "tornado")
+    assert ("where it is 0: +1% of the largest" in figure.axes[0].get_title("left")) == told
+
+
 @pytest.mark.slow
 def test_every_kind_that_a_file_supports_can_be_drawn(tmp_path: Path) -> None:
     drawn = set()
     for path in (bent_beam(tmp_path / "a.h5", finish=False), mechanism(tmp_path / "b.h5"),
                  table_file(tmp_path / "c.h5", {"cable": 4.0}), bent_beam(tmp_path / "d.h5")):
         results = opened(path)
-        for kind in list_kinds(results):
+        for kind in list_kinds(results, 2):
             if not kind.missing and (kind.name not in drawn or path.stem == "b"):
                 files = [results, results] if kind.name == "difference" else results
                 draw(files, kind.name).draw_without_rendering()

@@ -10,6 +10,7 @@ import yaml
 from scipy.optimize import brentq
 
 import ancf2d
+from ancf2d.case import Goal
 from ancf2d.case.numbers import variable_at
 from ancf2d.errors import ComputationError
 from ancf2d.study.gradient import derivatives, gradient
@@ -149,3 +150,10 @@ def test_columns_beside_differences_of_runs(more: dict[str, Any], path: str, h: 
         return float(ancf2d.solve(case, [variable.override(variable.value + k * h)], states=False).value)
     expected = (8 * (at(1) - at(-1)) - (at(2) - at(-2))) / (12 * h)
     assert found.jacobian[0, 0] == pytest.approx(expected, rel=1e-6)
+
+
+def test_reactions_about_which_a_pipe_begins_to_grow_are_those_without_flow() -> None:
+    """The factor scales the velocity alone: the reaction is in proportion to the weight, whatever the flow."""
+    case = ancf2d.load(column(loads=[{"name": "weight", "type": "gravity", "value": [0, -0.3]}], **FLOWS))
+    values, J = gradient(case, [case.case.goal, Goal(reaction="c@0", quantity="fy")], ["loads.weight.value.1"])
+    assert J[1, 0] == pytest.approx(values[1] / -0.3, rel=1e-9)

@@ -94,13 +94,14 @@ def as_at_stage(q, i):  # type: ignore[no-untyped-def]
 
 @inner
 def _strain(m, p, w, s, i):  # type: ignore[no-untyped-def]
-    """Let what relaxes remember the strains of stage i."""
+    """Fill the strains that are remembered of stage i."""
     q = m.relaxing
     place(m, p, w, s, i)
     to_full(p, m.y, w.amps, 0, w.d)
     set_natural(p, w.amps, w.amps)
     for r in range(len(q.runs)):
-        calls.commit(p.calls, (group_at(p.groups[q.runs[r, 0]]), w.d))
+        number = (1 + q.runs[r, 6]) * q.runs[r, 4]
+        calls.take_strains(p.calls, (group_at(p.groups[q.runs[r, 0]]), w.d, q.runs[r, 1], number, q.stages[1 + i]))
 
 
 @inner
@@ -132,14 +133,7 @@ def relax(p, w, s, m):  # type: ignore[no-untyped-def]
     """Fill what is remembered at the stages, from the displacements there; elements remember the start again."""
     q = m.relaxing
     for i in range(len(m.c)):
-        copy(q.stages[0], q.states)
         _strain(m, p, w, s, i)
-        for r in range(len(q.runs)):
-            first, size, n = q.runs[r, 1], q.runs[r, 3], q.runs[r, 4]
-            for point in range(q.runs[r, 2]):
-                at = first + point * size + (1 + q.runs[r, 6]) * n
-                for c in range(n):
-                    q.stages[1 + i, at + c] = q.states[at + c]
     for r in range(len(q.runs)):
         _fill(q, r)
     copy(q.stages[0], q.states)

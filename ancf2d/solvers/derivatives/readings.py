@@ -85,9 +85,8 @@ class Readings:
         if not parts:
             return csc_matrix((k, T.shape[1])), csc_matrix((k, T.shape[1]))
         rows, columns, by_place, by_rate = (np.concatenate(part) for part in zip(*parts, strict=True))
-        rates = np.tile(self.free, len(self.states))
-        return (csc_matrix(csr_matrix((by_place, (rows, columns)), (k, n)) @ T),
-                csc_matrix((csr_matrix((by_rate, (rows, columns)), (k, n)) @ T).multiply(rates)))
+        by_place, by_rate = (csc_matrix(csr_matrix((by, (rows, columns)), (k, n)) @ T) for by in (by_place, by_rate))
+        return by_place, by_rate
 
     def of(self, rows: Sequence[Row]) -> bool:
         """Return whether the goals are sums of changes of stored states, none of which is put onto constraints."""
