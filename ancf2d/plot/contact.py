@@ -112,7 +112,7 @@ def zones(sources: Sequence[Source], *, body: str | None = None) -> Zones:
                       for k, face in enumerate(_faces(results, name))]
     touched = sorted((z for z in found if z.pressure.max() > 0.0), key=lambda z: -float(z.pressure.max())) or found[:1]
     kept = [z for z in found if any(z is one for one in touched[:MOST])]
-    over = ("t", results.units.time) if results.over_time else ("load factor", "1")
+    over = ("time", results.units.time) if results.over_time else ("load factor", "1")
     units = next(iter(records.values())).units
     return Zones(results.title, over, results.units.length, units, results.t, kept, max(0, len(touched) - MOST))
 

@@ -21,11 +21,13 @@ FAMILIES = {
     "N": "axial force", "Q": "shear force", "M": "bending moment",
     "output": "controller output",
 }
+HAPPENED = {"color": "0.5", "marker": "", "linestyle": ":", "linewidth": 1.0, "zorder": 1}
 WINDOW = {"color": "black", "marker": "", "linestyle": "-", "linewidth": 1.0}
 LIMIT = {"color": "black", "marker": "o", "markersize": 7, "markerfacecolor": "none", "markeredgewidth": 1.3,
          "linestyle": "none", "zorder": 5}
 # what a path passes: its key in the summary, its name in the legend, and its marker
 EVENTS = {"limit_points": ("limit points", LIMIT), "bifurcations": ("bifurcations", {**LIMIT, "marker": "D"})}
+MOST_EVENTS = 40  # that are drawn
 NEGLIGIBLE = 1e-6  # of the largest of its family: less is not drawn unless asked for
 
 
@@ -144,6 +146,7 @@ def history(sources: Sequence[Source], *, probe: str | Sequence[str] | None = No
                      _t_axis(sources[0].results), False)
     for source in sources:
         _add_windows(source, panels)
+        _add_events(source, panels)
     return Curves(common_title(sources), "", panels, share="x")
 
 
@@ -162,6 +165,16 @@ def _add_windows(source: Source, panels: list[Panel]) -> None:
         x = np.tile([window["from"], window["to"], np.nan], 3)
         y = value + np.repeat([0.0, -error, error], 3)
         own[0].curves.append(Curve(f"{name}: {value:.5g} within {error:.2g}", x, y, look=dict(WINDOW)))
+
+
+def _add_events(source: Source, panels: list[Panel]) -> None:
+    """Add an upright line to all panels where something begins or ends in a motion, unless that happens too often."""
+    times = np.array([event["t"] for event in source.results.summary.get("events") or []])
+    for panel in panels if 0 < len(times) <= MOST_EVENTS else ():
+        values = np.concatenate([c.y[np.isfinite(c.y)] for c in panel.curves])
+        x = np.repeat(times, 3)
+        panel.curves.append(Curve(source.name("events"), x, np.tile([values.min(), values.max(), np.nan], len(times)),
+                                  look=dict(HAPPENED)))
 
 
 def _no_probes(results: Results) -> str:

@@ -286,8 +286,8 @@ class Snapshots:
         style.verbatim(bar.ax.set_xlabel(style.label(name, units)))
 
     def header(self) -> list[str]:
-        unit = f" [{self.units}]"
-        return ["file", "t", "body", *(f"{axis}_{face}{unit}" for face in ("axis", "top", "bottom") for axis in "xy")]
+        unit, over = f" [{self.units}]", f"{self.axis[0]} [{self.axis[1]}]"
+        return ["file", over, "body", *(f"{axis}_{face}{unit}" for face in ("axis", "top", "bottom") for axis in "xy")]
 
     def rows(self) -> Iterator[Sequence[Any]]:
         for moment in self.moments:

@@ -124,6 +124,8 @@ def _sections(found: dict[str, Any]) -> list[tuple[str, str]]:
     for name, columns in found["probes"].items():
         values = ", ".join(f"{q} = {v['value']:.9g}{_unit(v['units'])}" for q, v in columns.items())
         rows.append(("probe", f"{name}: {values}"))
+    for contact in found["summary"].get("contacts", []):
+        rows.append(("contact", f"{contact['name']}: {_touch(contact, found['units'])}"))
     for body, fields in found["fields"].items():
         parts = [name if f["units"] == "1" else f"{name} [{f['units']}]" for name, f in fields.items()]
         rows.append(("fields", f"{body}: {', '.join(parts)}"))
@@ -139,6 +141,16 @@ def _sections(found: dict[str, Any]) -> list[tuple[str, str]]:
     for name, shape in found["arrays"].items():
         rows.append(("array", f"{name}: {' x '.join(map(str, shape))}"))
     return rows
+
+
+def _touch(contact: dict[str, Any], units: dict[str, str]) -> str:
+    """Return what touches in the last state: the force on the body that is named first, and where along it."""
+    if contact["from"] is None:
+        return "nothing touches at the end"
+    force, at = ", ".join(f"{f:.9g}" for f in contact["force"]), f"S = {contact['from']:.4g}"
+    if contact["to"] > contact["from"]:
+        at += f" to {contact['to']:.4g}"
+    return f"force = ({force}) {units['force']}, at {at}"
 
 
 def _resumed(times: int) -> str:

@@ -54,7 +54,7 @@ def is_own(path: str | os.PathLike[str]) -> bool:
 
 
 # columns of figures, without units, where they are always the same: a map of contact over time or load, and diagrams
-_FIGURES = (["face", "t", "s", "pressure"], ["face", "load factor", "s", "pressure"],
+_FIGURES = (["face", "time", "s", "pressure"], ["face", "load factor", "s", "pressure"],
             ["quantity", "body", "s", "x", "y", "value"])
 
 

@@ -22,6 +22,7 @@ def test_snapshots_are_the_nearest_states(tmp_path: Path) -> None:
     with open_results(mechanism(tmp_path / "a.h5")) as results:
         picture = build(results, "snapshots", at="0, 0.26, 1")
         assert [m.t for m in picture.moments] == pytest.approx([0, 0.25, 1])
+        assert picture.header()[1] == "time [s]"
         np.testing.assert_allclose(picture.moments[1].bodies["rod"].axis,
                                    results.faces("rod", 10)["axis"].reshape(-1, 2))
         assert [m.t for m in build(results, "snapshots", count=5).moments] == pytest.approx(np.linspace(0, 1, 5))

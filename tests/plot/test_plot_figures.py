@@ -92,6 +92,20 @@ def test_goals_over_windows_are_drawn_with_their_error(tmp_path: Path, accuracy:
     np.testing.assert_allclose(y, np.outer([1.5, 1.5 - error, 1.5 + error], np.ones(3)))
 
 
+@pytest.mark.parametrize("count", [2, 100])
+def test_events_are_upright_lines_unless_there_are_very_many(tmp_path: Path, count: int) -> None:
+    times, e0 = np.linspace(0.2, 0.8, count), np.zeros(8)
+    with ResultWriter(tmp_path / "a.h5", HEADER, [tangent_body("beam", 1, 1.0, 0.1)], e0) as w:
+        for t in (0.0, 1.0):
+            w.append(t, e0, {}, {"mid": {"uy": 2 * t}})
+        w.finish({"events": [{"t": t, "what": "latch ends"} for t in times.tolist()]})
+    (axes,) = draw(opened(tmp_path / "a.h5"), "history").axes
+    lines = [line.get_xydata() for line in axes.lines if line.get_label() == "events"]
+    assert len(lines) == (count == 2)
+    for drawn in lines:
+        np.testing.assert_allclose(drawn.reshape(2, 3, 2)[:, :2], [[[0.2, 0.0], [0.2, 2.0]], [[0.8, 0.0], [0.8, 2.0]]])
+
+
 def test_history_has_a_panel_for_each_unit(tmp_path: Path) -> None:
     results = opened(mechanism(tmp_path / "a.h5"))
     figure = draw(results, "history")

@@ -85,8 +85,8 @@ def test_a_table_is_told_by_its_header(tmp_path: Path) -> None:
                         ("curve,displacement [m],load factor", True),
                         ("curve,time [s],displacement [m],rotation [rad]", True),
                         ("curve,path,share,standard error", True), ("path,value,change of tip uy [m]", True),
-                        ("path,value,change", False), ("face,t [s],s [m],pressure [N/m]", True),
-                        ("face,load factor [1],s [m],pressure [N/m]", True), ("face,t", False),
+                        ("path,value,change", False), ("face,time [s],s [m],pressure [N/m]", True),
+                        ("face,load factor [1],s [m],pressure [N/m]", True), ("face,time", False),
                         ("quantity,body,s [m],x [m],y [m],value", True), ("EI,status,elements", False),
                         ("EI,status,tip uy,elements,dofs,wall_s,estimate,output,reason", True)):
         path.write_text(f"{header}\n")

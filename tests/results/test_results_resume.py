@@ -261,6 +261,18 @@ def test_info_says_what_can_be_resumed_and_what_was(tmp_path: Path) -> None:
     assert "resumable" not in text
 
 
+def test_info_says_what_touches_at_the_end(tmp_path: Path) -> None:
+    w = begin(tmp_path / "a.h5", False)
+    states(w, 2)
+    w.finish({"contacts": [
+        {"name": "grip", "force": [0.0, 2.5], "moment": 0.0, "length": 0.5, "from": 0.25, "to": 0.5},
+        {"name": "stop", "force": [1.0, 0.0], "moment": 0.0, "length": 0.0, "from": 1.0, "to": 1.0},
+        {"name": "far", "force": [0.0, 0.0], "moment": 0.0, "length": 0.0, "from": None, "to": None}]})
+    rows = [line.split(None, 1)[1] for line in describe_text(describe(w.path)).splitlines() if "contact " in line]
+    assert rows == ["grip: force = (0, 2.5) N, at S = 0.25 to 0.5", "stop: force = (1, 0) N, at S = 1",
+                    "far: nothing touches at the end"]
+
+
 @pytest.mark.slow
 def test_a_file_is_read_while_it_is_written(tmp_path: Path) -> None:
     """Readers see one commit or the next, never a part of each, and go on seeing it."""

@@ -14,9 +14,12 @@ FLOOR = {"floor": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}}
 
 
 def dropped(stiffness: float, tilt: float = 0.0) -> dict[str, Any]:
-    """Return a rigid bar of 1 m that falls on a floor, all of it at once without ``tilt`` [m]."""
+    """Return a rigid bar of 1 m that falls on a floor, all of it at once without ``tilt`` [m].
+
+    It swings in the layer as often up and down as about its middle: a tilt of round-off does not grow.
+    """
     touch = {"between": ["bar", "floor"], "side": "axis", "law": {"stiffness": stiffness}}
-    return {"bodies": {"bar": rigid([0, HEIGHT], [1, HEIGHT + tilt], MASS, 0.1)}, "obstacles": FLOOR,
+    return {"bodies": {"bar": rigid([0, HEIGHT], [1, HEIGHT + tilt], MASS, MASS / 12)}, "obstacles": FLOOR,
             "contacts": [touch], "loads": [{"type": "gravity", "value": [0, -G]}]}
 
 
@@ -39,12 +42,15 @@ def off(stiffness: float, **solver: Any) -> float:
     return max(abs(found.place("bar@0.5", k)[1] - bouncing(0.1 * k, stiffness)) for k in range(21)) / HEIGHT
 
 
-@pytest.mark.parametrize(("method", "times"), [
-    ("radau5", 1.0), ("radau9", 1.0), ("generalized_alpha", 3.0), ("DOP853", 8.0)])
+@pytest.mark.parametrize(("method", "tolerance", "times"), [
+    ("radau5", 1e-4, 1.0), ("radau9", 1e-4, 1.0), ("generalized_alpha", 1e-4, 3.0), ("DOP853", 1e-4, 1.0),
+    ("Radau", 1e-4, 1.0), ("RK45", 1e-4, 10.0),
+    # a step of 0.2 s that begins in the air ends where the layer itself holds it, on its surface
+    ("generalized_alpha", 1e-6, 3.0)])
 @pytest.mark.parametrize("stiffness", [1e4, 1e7])
-def test_errors_follow_the_tolerance_through_bounces(method, times, stiffness):
+def test_errors_follow_the_tolerance_through_bounces(method, tolerance, times, stiffness):
     """Errors of the rate with which it leaves the layer grow with time: those of short steps there count as rates."""
-    assert off(stiffness, method=method, tolerance=1e-4) < times * 1e-4
+    assert off(stiffness, method=method, tolerance=tolerance) < times * tolerance
 
 
 @pytest.mark.parametrize(("method", "order"), [("radau5", 5), ("generalized_alpha", 2)])

@@ -135,7 +135,8 @@ def land(m, p, w, s, at, plan, t, h, room, tries):  # type: ignore[no-untyped-de
     x, what = calls.stop_crossing(p.calls, (p, w, s, m, at, t, h, near, AHEAD if tries > 0 else 0.0))
     if x == NOWHERE or (x > 1.0 and (h >= room or tries >= TRIES)):
         return True, h, STAYS
-    if abs(x - 1.0) <= ENDS:
+    # a stiff stop holds the end of any implicit step where it begins to act
+    if abs(x - 1.0) <= ENDS and (tries > 0 or what != BEGINS):
         return True, h, what
     if tries >= TRIES and what != BEGINS:
         return True, h, what

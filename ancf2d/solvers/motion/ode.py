@@ -25,6 +25,8 @@ from .failures import stuck
 from .schemes import SCHEMES
 from .stepping import LOG, Row, Stepper
 
+# the least relative tolerance that SciPy takes
+SMALLEST = 100.0 * float(np.finfo(float).eps)
 # Lobatto points and weights on [0, 1], for work along a step
 LOBATTO = ((0.0, 1 / 12), (0.5 - 0.1 * 5**0.5, 5 / 12), (0.5 + 0.1 * 5**0.5, 5 / 12), (1.0, 1 / 12))
 
@@ -45,7 +47,8 @@ class OdeStepper(Stepper):
     """A motion that an integrator of SciPy takes through time, as ``Stepper`` does with the tool's own.
 
     Local errors are kept below ``tolerance`` relative to the largest displacement (and speed) so far, coordinates
-    weighted as displacements; ``dt`` is the longest step. Multipliers are solved for with the accelerations; after
+    weighted as displacements; ``dt`` is the longest step. While a stop acts, they are so small that errors of rates do
+    not grow beyond that until the end (``_share``). Multipliers are solved for with the accelerations; after
     each step positions and rates move onto the constraints by the least change in the metric of the mass.
     """
 
@@ -63,7 +66,7 @@ class OdeStepper(Stepper):
         if not self.constrained:
             mass_factors(self.p, self.w, self.factors)
         self.scale = np.array([1e-3 * self.p.extent, 1e-3 * self.p.extent / spec.t_end])
-        self.begun = self.scale
+        self.begun, self.struck = self.scale, False
         self.inner = Record(motion(n, 0, 0))
         self.solver: Any = None
         self.log: list[list[float]] = []
@@ -112,19 +115,35 @@ class OdeStepper(Stepper):
         """Return SciPy's solver from the motion to ``stop``; ``first`` is the step to try first."""
         from scipy import integrate
 
-        self.begun = self.scale.copy()
+        self.begun, self.struck = self.scale.copy(), self._struck()
         y = np.concatenate([self.s.z[self.free], self.s.v[self.free]])
         longest = min(self.dt or np.inf, self._largest())
         more: dict[str, Any] = {"jac": self.jacobian} if self.scheme.jacobian else {}
         # SciPy's own first step knows a second, and so a unit of time
         more["first_step"] = min(self.first_step(), longest, 0.5 * (stop - self.t))
         solver = getattr(integrate, self.method.name)(self.rates, self.t, y, stop, max_step=longest,
-                                                      rtol=self.tolerance, atol=self._weights(), **more)
+                                                      rtol=self._share(), atol=self._weights(), **more)
         if first is not None:
             solver.h_abs = first
         elif self.scheme.keeps and self.s.numbers[STEP_SIZE] > 0.0:
             solver.h_abs = float(self.s.numbers[STEP_SIZE])
         return solver
+
+    def _struck(self) -> bool:
+        """Whether a stop acts on the motion."""
+        out = np.zeros(len(self.p.stops))
+        if len(out):
+            acting(self.p, self.w, self.s.z, self.s.v, self.t, out)
+        return bool(out.any())
+
+    def _share(self) -> float:
+        """Return the relative tolerance of a step.
+
+        What a stop throws off leaves with an error of its rate, which grows with time.
+        """
+        size, speed = self.scale
+        share = min(1.0, size / (speed * self.spec.t_end)) if self.struck else 1.0
+        return max(self.tolerance * share, min(self.tolerance, SMALLEST))
 
     def _weights(self) -> Array:
         """Return the absolute tolerances (2 m,)."""
@@ -132,7 +151,7 @@ class OdeStepper(Stepper):
         states = self.free >= self.p.inner
         sizes = self.p.feedback.scale
         weights[states] = self.scale[0] / np.where(sizes > 0.0, sizes, 1.0)
-        return self.tolerance * np.concatenate([self.scale[0] / weights, self.scale[1] / weights])
+        return self._share() * np.concatenate([self.scale[0] / weights, self.scale[1] / weights])
 
     # ------------------------------------------------------------------ stepping
 
@@ -155,9 +174,11 @@ class OdeStepper(Stepper):
 
     def _step(self, found: list[Row]) -> bool:
         """Make a step; return False where it was given up for an event at its beginning."""
+        if self._struck() != self.struck:
+            self.solver = self._begin(self.pieces[self.piece].stop)
         solver, t, evaluations = self.solver, self.t, self.solver.nfev
         if not self.scheme.fixed:
-            solver.atol = self._weights()
+            solver.rtol, solver.atol = self._share(), self._weights()
         message = solver.step()
         if solver.status == "failed" or not np.isfinite(solver.y).all():
             raise stuck(self, message)
@@ -232,7 +253,8 @@ class OdeStepper(Stepper):
             path = cubic(solver.t_old, solver.y_old, solver.t, solver.y) if self.scheme.one_step else (
                 solver.dense_output())
             found = self._first_change(path, t, solver.t)
-            if found is None or solver.t - found <= ENDS * (solver.t - t):
+            # a stiff stop holds the end of any implicit step where it begins to act
+            if found is None or ((k > 0 or not self.scheme.one_step) and solver.t - found <= ENDS * (solver.t - t)):
                 return solver.dense_output() if k > 0 or found is not None else None, found is not None
             if not self.scheme.one_step:
                 solver.t, solver.y, solver.status = found, path(found), "running"

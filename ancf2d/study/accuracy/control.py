@@ -95,6 +95,8 @@ def solve_to_accuracy(loaded: LoadedCase, target: Target | None = None, progress
         if body.element.nodes == "regular" and stretches(body.geometry, acting_points(loaded.case)[name])[1:]:
             pursuit.tell(f"bodies.{name}: nodes are placed where something acts, despite nodes: regular, because "
                          "meshes with kinks inside elements cannot show the accuracy")
+    # what depends on the way to it has to be reached by it on every mesh
+    pursuit.guesses = not follows_way(loaded.case)
     types = _types(pursuit)
     accuracy = _climbed(pursuit, types, _tolerance_of(pursuit))
     if pursuit.outcome is None:

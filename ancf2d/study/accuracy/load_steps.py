@@ -30,7 +30,6 @@ def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> d
         pursuit.report["steps_error"] = max(apart(level, rough), 0.5 * before)
         return found, error + pursuit.report["steps_error"]
 
-    pursuit.guesses = False
     steps = getattr(pursuit.loaded.case.solver, "steps", None) or STEPS
     longer = pursuit.solve(replace(rough.setting, steps=max(steps // 2, 1)), "effect of the load steps")
     before = 0.0 if longer.answer is None else apart(longer, rough)
