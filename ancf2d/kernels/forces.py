@@ -169,7 +169,7 @@ def element_batch(what, record, d, e, first, count, part, factor):  # type: igno
     full = vectors_of(lanes)
     factors = (0.0, 1.0, 0.5, -1.0, -0.5, factor, factor + 0.5)
     energy, lost = 0.0, 0.0
-    for k in range(part, part + 1 if what == STRAINS or what == WHOLE else group.plan.parts):
+    for k in range(part, part + 1 if what in (STRAINS, WHOLE) else group.plan.parts):
         q = begin(group, k, first, count)
         for i in range(_STARTS[what], _STARTS[what + 1]):
             step, a, b = _STEPS[i, 0], _STEPS[i, 1], _STEPS[i, 2]
