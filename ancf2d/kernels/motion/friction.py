@@ -28,6 +28,8 @@ from .dynamics import to_full, to_unknowns
 PARTING, ALONG = 1e-9, 1e-5
 # rounds over all points, and changes beside the largest impulse that are none
 _ROUNDS, SAME = 1000, 1e-14
+# times the largest normal force: friction that grows beyond this has no balance
+LOCKED = 1e6
 # fields of a contact at most
 _FIELDS = 100
 
@@ -100,7 +102,9 @@ def rubs(p):  # type: ignore[no-untyped-def]
 @inner_with_memory
 def _of_points(p, items, rate, pressed, W, P, way, given, found):  # type: ignore[no-untyped-def]
     """Find the friction (k,) of points with these rates and normal forces without it, but for what is ``given``."""
-    count = len(rate)
+    count, most = len(rate), 0.0
+    for j in range(count):
+        most = max(most, LOCKED * abs(pressed[j]))
     for _ in range(_ROUNDS):
         largest, change = 0.0, 0.0
         for j in range(count):
@@ -115,7 +119,13 @@ def _of_points(p, items, rate, pressed, W, P, way, given, found):  # type: ignor
             change, largest = max(change, abs(new - found[j])), max(largest, abs(new))
             found[j] = new
         if change <= SAME * largest:
-            break
+            return
+        if not largest <= most:
+            # points that press one another on as fast as their friction grows lock, as one does
+            for j in range(count):
+                if not given[j]:
+                    found[j] = 0.0
+            return
 
 
 @inner_with_memory
