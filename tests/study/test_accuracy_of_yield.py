@@ -34,6 +34,8 @@ def test_estimates_cover_the_error_of_plastic_zones(kind: str, body: dict[str, A
     assert found.accuracy["achieved"]
     error = abs(found.value / limit - 1.0)
     assert error <= found.accuracy["estimate"]
+    # materials of layers remember their way, too
+    assert found.accuracy["steps"] is not None
 
 
 CLAMP = {"type": "clamp", "at": "beam@0"}

@@ -14,7 +14,7 @@ from .setting import Level
 def follows_way(case: Case) -> bool:
     """Return whether load steps that a case has lead to an equilibrium that depends on them."""
     return case.solver.takes_guess and (any(contact.friction > 0.0 for contact in case.contacts) or any(
-        body.material is not None and body.material.remembers for body in case.bodies.values()))
+        material.remembers for body in case.bodies.values() for material in body.materials))
 
 
 def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> dict[str, Any]:
