@@ -41,8 +41,9 @@ from .points import amplitude_of, fields_of_item
 SAMPLES, BESIDE = 9, 0.25
 # of the extent: a way that leads no deeper into an obstacle does not pass through it; what is no deeper touches
 DEPTH, TOUCHES = 1e-3, 1e-9
-# cosine of the angle between the surfaces that a point enters and leaves, below which it has passed through
-TURNED = -0.5
+# cosines of the angle between the surfaces that a point enters and leaves, below which it has passed through: on any
+# way, and on one that leads so deep (of the extent)
+TURNED, TURNED_DEEP, DEEP = -0.5, 0.5, 2e-2
 # what a layer yields on an interval is summed up on either side of the deepest place, over so many lengths each twice
 # as long as the one before, at so many places of each
 HALVES, PIECES = 12, 4
@@ -102,8 +103,8 @@ def obstacle_crossed(points, before, amps_before, d, amps, extent):  # type: ign
     """Return whether a point at home passes through its obstacle on the straight way from one state to another, outside
     in both.
 
-    What leads deep into it and leaves a surface turned by more than 120 degrees passes through; what turns less slides
-    along. ``extent`` is that of the scene.
+    What leads into it and leaves a surface turned by more than 120 degrees passes through, and by more than 60 degrees
+    where it leads deep; what turns less slides along. ``extent`` is that of the scene.
     """
     depth, near = DEPTH * extent, TOUCHES * extent
     u, w, a, work = vector(200), vector(200), vector(3), vector(WORK)
@@ -124,7 +125,8 @@ def obstacle_crossed(points, before, amps_before, d, amps, extent):  # type: ign
                 par, x, y, g, dx, dy, depth):
             nx, ny = _met(par, x, y, dx, dy, depth)
             mx, my = _met(par, x + dx, y + dy, -dx, -dy, depth)
-            if nx * mx + ny * my < TURNED:
+            turned = nx * mx + ny * my
+            if turned < TURNED or (turned < TURNED_DEEP and is_crossed(par, x, y, g, dx, dy, DEEP * extent)):
                 return True
     return False
 
