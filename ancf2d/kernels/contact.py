@@ -297,11 +297,11 @@ def _convex(par, v, n):  # type: ignore[no-untyped-def]
     return ax * by - ay * bx < 0.0
 
 
-def contact_compilations(problem: Any, obstacles: bool, bodies: bool, sided: bool, soft: bool
+def contact_compilations(problem: Any, obstacles: bool, bodies: bool, sided: bool, soft: bool, moves: bool
                          ) -> list[Callable[[], object]]:
     """Return what compiles the kernels that find what touches, for models of a type with contacts of these kinds.
 
-    ``sided``: some without a law; ``soft``: some with one.
+    ``sided``: some without a law; ``soft``: some with one; ``moves``: for a motion, which looks at steps otherwise.
     """
     points, facing = (problem.place[name][1] for name in ("points", "facing"))
     x, xx, b = types.float64[::1], types.float64[:, ::1], types.boolean[::1]
@@ -313,8 +313,9 @@ def contact_compilations(problem: Any, obstacles: bool, bodies: bool, sided: boo
             out.append(partial(body_deepest.compile, (facing, points, b, x, x, x)))
     if obstacles:
         out += [partial(contact_gaps.compile, (points, x, xx, x, x, b)),
-                partial(obstacle_crossed.compile, (points, x, xx, x, xx, types.float64)),
                 partial(lean.compile, (points, x, xx, x, x))]
+        if not moves:
+            out.append(partial(obstacle_crossed.compile, (points, x, xx, x, xx, types.float64)))
         if sided or soft:
             out.append(partial(deepest.compile, (points, b, x, xx, x, x, x)))
         if soft:

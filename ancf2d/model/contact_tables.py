@@ -396,5 +396,5 @@ def of_interactions(model: Any, steps: bool, problem: Any) -> list[Callable[[], 
     if model.contacts:
         bodies = [isinstance(pair, BodyPair) for pair in model.contacts]
         out += contact_compilations(problem, not all(bodies), any(bodies), model.sided,
-                                   any(not pair.hard for pair in model.contacts))
+                                   any(not pair.hard for pair in model.contacts), model.case.solver.moves)
     return out

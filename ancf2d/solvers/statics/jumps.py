@@ -55,7 +55,8 @@ class Jumps:
         """Return what to say of a step that has jumped, empty for others; the next jump is refused again."""
         if self.moved == 0.0:
             return []
-        found = (f"bodies in contact snap at load factor {t:.6g}: they move by {self.moved:.2g} m at once, and no "
+        when = f"t = {t:.6g}" if self.model.case.solver.timed else f"load factor {t:.6g}"
+        found = (f"bodies in contact snap at {when}: they move by {self.moved:.2g} m at once, and no "
                  "equilibrium leads there. Solver dynamic with damping follows such a motion")
         self.taken, self.moved = False, 0.0
         return [found]
