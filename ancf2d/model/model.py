@@ -129,7 +129,9 @@ class Model:
         Rows of the former are (group, first number, points, numbers of a point, strains, first term, terms).
         """
         runs, terms, first = list[list[int]](), list[tuple[float, float]](), 0
-        for k, (pool, group) in enumerate(zip(self.pools, self.groups, strict=True)):
+        # groups take the machine code of elements, which other kernels can be compiled beside
+        relaxes = any(pool.plan.formulation.law.timed for pool in self.pools)
+        for k, (pool, group) in enumerate(zip(self.pools, self.groups, strict=True) if relaxes else ()):
             law, size, own = pool.plan.formulation.law, group.values.memory.states.size, pool.plan.section.maxwell
             if law.timed:
                 runs.append([k, first, size // law.state, law.state, law.strains, len(terms), len(own)])

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..lowlevel.arrays import numbers
 from ..lowlevel.blocks import backward, eliminate, forward, inverse, room, size, take, take_diagonal
-from ..lowlevel.jit import inlined, inner, kernel
+from ..lowlevel.jit import inner, kernel, merged
 
 # below this half bandwidth, blocks of four would reach over more than one row
 NARROW = 4
@@ -57,7 +57,7 @@ def take_out(A, flat, pivots, tiny, scale, C):  # type: ignore[no-untyped-def]
     return bad, negative, smallest
 
 
-@inlined
+@merged
 def _one_pivot(A, k, scale):  # type: ignore[no-untyped-def]
     """Take pivot k out of the rows below it, from the last on: those above still hold what it multiplies them by."""
     n, w = A.shape
@@ -72,7 +72,7 @@ def _one_pivot(A, k, scale):  # type: ignore[no-untyped-def]
         scale[i] += size(l * x)
 
 
-@inlined
+@merged
 def _triangle(flat, at, bw):  # type: ignore[no-untyped-def]
     """Factor the four rows of four pivots, the first at entry ``at``; return (D, 1/D, L D below the pivots, sizes).
 
@@ -99,7 +99,7 @@ def _triangle(flat, at, bw):  # type: ignore[no-untyped-def]
     return (d0, d1, d2, d3), (o0, o1, o2, inverse(d3)), (x10, x20, x21, x30, x31, x32), sizes
 
 
-@inlined
+@merged
 def _four_pivots(A, flat, k, tiny, scale, C):  # type: ignore[no-untyped-def]
     """Take pivots k, ..., k + 3 out of the rows below; return (bad row or -1, negative pivots, smallest of them)."""
     n, w = A.shape
