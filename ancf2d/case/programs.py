@@ -229,6 +229,13 @@ def programs(functions: Iterable[tuple[Function | None, float, float]], clocks: 
                          np.array([-np.inf, np.inf]), np.zeros((3, max(out.depth, 1))))
 
 
+def are_constant(programs: jets.Programs) -> bool:
+    """Whether no function depends on the time: each is a number, scaled."""
+    import numpy as np
+
+    return bool(np.isin(programs.code, (jets.NUMBER, jets.SCALE)).all())
+
+
 def state_programs(functions: Sequence[tuple[Function | Tree, float]], meaning: Mapping[str, int | Tree], count: int
                    ) -> jets.Programs:
     """Return (function or tree, factor) each as programs of ``count`` quantities, for ``jets.run_with_gradient``.

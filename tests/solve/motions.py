@@ -59,7 +59,7 @@ class Ride:
         if tight:
             stepper = self.stepper
             stepper.m = Method(stepper.method.name, self.model.case.solver, stepper.p, tight,
-                               self.model.relaxing)
+                               self.model.relaxing, stepper.tracks)
         self.chunk, self.rows = chunk, []
 
     def start(self) -> Ride:

@@ -13,7 +13,7 @@ from ..lowlevel.jit import addressed, inner, kernel, seldom
 from ..lowlevel.records import array_at
 from ..moving import moving_inertia, place_moving
 from ..patches import add_patch_tangent, forces_but_contacts, patch_forces, patch_noise, violation
-from .state import evaluate, fill_full
+from .state import evaluate, evaluate_constants, fill_full
 
 # constraints hold where they are off by no more than this share of their scale
 MET = 1e-13
@@ -91,9 +91,9 @@ class Problem(NamedTuple):
     sure: int
 
 
-@inner
+@kernel
 def signals_at(p, t, out):  # type: ignore[no-untyped-def]
-    """Do as ``evaluate`` for the signals of a model."""
+    """Fill out (signals, 3) with the signals of a model and their two derivatives at t, as ``evaluate`` does."""
     calls.signals(p.calls, (p.programs, t, out))
 
 
@@ -393,8 +393,8 @@ def power_of_loads(p, w, v, a):  # type: ignore[no-untyped-def]
     return total
 
 
-def dynamic_functions(problem: Any) -> dict[Any, tuple[Any, ...]]:
-    """Return the functions of this module that the table of a model of this type has (``kernels.calls.table``)."""
-    return {calls.signals: (evaluate, problem.place["programs"][1]), calls.full: (fill_full, problem),
-            calls.forces: (forces, problem), calls.forces_tangent: (forces_tangent, problem),
-            calls.at_floor: (at_floor, problem)}
+def dynamic_functions(constant: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
+    """Return what the table of a model (``kernels.calls.table``) has from here, for ``constant`` signals or others."""
+    return {calls.signals: (evaluate_constants if constant else evaluate, problem.place["programs"][1]),
+            calls.full: (fill_full, problem), calls.forces: (forces, problem),
+            calls.forces_tangent: (forces_tangent, problem), calls.at_floor: (at_floor, problem)}

@@ -148,6 +148,21 @@ def evaluate(programs, t, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def evaluate_constants(programs, t, out):  # type: ignore[no-untyped-def]
+    """Do as ``evaluate`` where nothing depends on the time (``case.programs.are_constant``), which compiles sooner."""
+    out[:] = 0.0
+    for k in range(len(programs.first) - 1):
+        value = 0.0
+        for i in range(programs.first[k], programs.first[k + 1]):
+            at = programs.arg[i]
+            if programs.code[i] == jets.NUMBER:
+                value = programs.data[at]
+            else:
+                value = programs.data[at + 1] + programs.data[at] * value
+        out[k, 0] = value
+
+
+@kernel
 def fill_full(p, z, amps, order, out):  # type: ignore[no-untyped-def]
     """Fill full coordinates (order 0), their rates (1) or second rates (2) from those of the unknowns."""
     out[:] = 0.0

@@ -13,7 +13,8 @@ import numpy as np
 from ...elements.shape import Array
 from ...kernels.elements import force, tangent_action, viscous_action, viscous_force
 from ...kernels.lowlevel.records import Record
-from ...kernels.motion.state import evaluate, fill_full
+from ...kernels.motion.dynamics import signals_at
+from ...kernels.motion.state import fill_full
 from ...model.groups import of_elements
 from ..motion.dynamic import Run
 
@@ -41,7 +42,7 @@ def in_full(run: Run, at: Record, window: Array, lam: Array | None = None) -> Fu
     out = Full(np.zeros((m, n)), np.zeros((m, n)), np.zeros((m, n, 0 if lam is None else lam.shape[2])))
     room = np.zeros(n)
     for k in range(m):
-        evaluate(p.programs, float(at.t[k]), w.amps)
+        signals_at(p, float(at.t[k]), w.amps)
         fill_full(p, at.z[k], w.amps, 0, out.d[k])
         fill_full(p, at.v[k], w.amps, 1, out.v[k])
         for q in range(out.lam.shape[2]):

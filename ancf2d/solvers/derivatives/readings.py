@@ -11,7 +11,8 @@ import numpy as np
 
 from ...elements.shape import Array
 from ...kernels.motion.advance import INSIDE
-from ...kernels.motion.state import evaluate, fill_full
+from ...kernels.motion.dynamics import signals_at
+from ...kernels.motion.state import fill_full
 from ...model.model import Model
 from ..linear import unknowns_to_coordinates
 from ..post import Observer
@@ -131,7 +132,7 @@ class Readings:
         for row, window, state in zip(rows, windows, self.states, strict=True):
             full = np.zeros((2, len(p.place)))
             p.programs.window[:] = window
-            evaluate(p.programs, row.side, w.amps)
+            signals_at(p, row.side, w.amps)
             fill_full(p, row.z, w.amps, 0, full[0])
             fill_full(p, row.v, w.amps, 1, full[1])
             out.append(replace(state, d=full[0], v=full[1]))

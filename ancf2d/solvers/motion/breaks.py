@@ -13,8 +13,8 @@ from ...interactions.moving import MovingPatch
 from ...kernels.lowlevel.records import Record
 from ...kernels.motion.advance import NEAR
 from ...kernels.motion.consistent import kinetic, onto_constraints
-from ...kernels.motion.dynamics import place_at
-from ...kernels.motion.state import GRID, LOST, STEP_SIZE, WORK, evaluate, fill_full
+from ...kernels.motion.dynamics import place_at, signals_at
+from ...kernels.motion.state import GRID, LOST, STEP_SIZE, WORK, fill_full
 from ...model.breakpoints import Break, Piece, breakpoints
 from ...model.model import Model
 from ...model.timing import Signal
@@ -92,7 +92,7 @@ def impulse_of_followers(motion: Any, v: Array) -> Array:
     have of v acts on the coordinates that they follow.
     """
     own, out = np.zeros(len(motion.p.place)), np.zeros(len(motion.s.z))
-    evaluate(motion.p.programs, 0.0, motion.w.amps)
+    signals_at(motion.p, 0.0, motion.w.amps)
     fill_full(motion.p, motion.s.v, motion.w.amps, 1, own)
     missing = (v - own[:len(v)])[:motion.model.n_q]
     if missing.any():
@@ -109,7 +109,7 @@ def pass_break(motion: Any, piece: int) -> None:
     p, w, s = motion.p, motion.w, motion.s
     t, given = motion.t, s.v.copy()
     before, after = np.zeros((len(motion.signals), 3)), np.zeros((len(motion.signals), 3))
-    evaluate(p.programs, t, before)
+    signals_at(p, t, before)
     if p.patched:
         onto_constraints(p, w, s.z, s.v, s.a, t, True)
     carried = motion.moving.rates(p, w, s, t)
@@ -121,7 +121,7 @@ def pass_break(motion: Any, piece: int) -> None:
     acted, before_impact = motion.events.acting(), s.v.copy()
     motion.enter(piece)
     begun = motion.events.catch(acted)
-    evaluate(p.programs, t, after)
+    signals_at(p, t, after)
     jump = after[:, 1] - before[:, 1]
     impulse = -jump[p.motion_mass_signal] @ p.motion_mass
     kinks = motion.moving.kinks(p, w, s, t, carried)

@@ -10,6 +10,7 @@ from ...elements.contact_geometry import FREE, SUPPORTED
 from ...errors import ComputationError
 from ...interactions.contact import ContactPoint
 from ...interactions.prismatic import OnAxis
+from ...kernels.motion.dynamics import signals_at
 from ...kernels.motion.state import (
     COUNT,
     INTO_SUPPORTS,
@@ -18,7 +19,6 @@ from ...kernels.motion.state import (
     SINGULAR,
     STEP_SIZE,
     UNBOUNDED,
-    evaluate,
     fill_full,
 )
 from ...kernels.sliding import sliding_check
@@ -45,7 +45,7 @@ def check_joints(motion: Any, row: Row) -> None:
     if not motion.facing and not len(motion.p.sliding.multiplier):
         return
     p, d = motion.at_row(row), np.zeros(len(motion.p.place))
-    evaluate(p.programs, row.side, motion.w.amps)
+    signals_at(p, row.side, motion.w.amps)
     fill_full(p, row.z, motion.w.amps, 0, d)
     check_facing(motion.facing, d, row.side)
     bad = sliding_check(p.sliding, d) if len(p.sliding.multiplier) else -1
@@ -96,7 +96,7 @@ def _driven_near(motion: Any) -> list[tuple[Any, int]]:
     Sections that turned about such points can give way no more.
     """
     p, d = motion.p, np.zeros(len(motion.p.place))
-    evaluate(p.programs, motion.t, motion.w.amps)
+    signals_at(p, motion.t, motion.w.amps)
     fill_full(p, motion.s.z, motion.w.amps, 0, d)
     return driven_into(motion.model, d, motion.t, -NEAR * float(p.extent))
 

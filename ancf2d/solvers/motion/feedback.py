@@ -8,7 +8,8 @@ import numpy as np
 
 from ...elements.shape import Array
 from ...kernels.lowlevel.records import Record
-from ...kernels.motion.state import SIZE, evaluate, fill_full
+from ...kernels.motion.dynamics import signals_at
+from ...kernels.motion.state import SIZE, fill_full
 from ...model.feedback import ANGLE
 from ...model.point_patch import check_formulas
 from ..state import Row
@@ -39,7 +40,7 @@ class Answers:
         if not self.counts:
             return
         motion, d = self.motion, np.zeros(len(p.place))
-        evaluate(p.programs, row.side, motion.w.amps)
+        signals_at(p, row.side, motion.w.amps)
         fill_full(p, row.z, motion.w.amps, 0, d)
         self.count_angles(p, d, motion.model.turns.at(d, row.turned))
 

@@ -235,10 +235,10 @@ MAKERS: dict[str, Maker] = {
 class Method:
     """An integrator as kernels take it: ``record`` is a ``state.Method`` of theirs, ``own`` what it has beside that.
 
-    ``functions`` are those that it is called by (``kernels.calls``).
+    ``functions`` are those that it is called by (``kernels.calls``), what sums up work among them where it ``works``.
     """
 
-    def __init__(self, name: str, spec: Dynamic, p: Record, tolerance: float, relaxes: Relaxes) -> None:
+    def __init__(self, name: str, spec: Dynamic, p: Record, tolerance: float, relaxes: Relaxes, works: bool) -> None:
         order, basis, make = MAKERS[name]
         method = method_of(order, basis, len(p.weights))
         own, parts = make(spec, p, tolerance, method.end, relaxes), list[Record]()
@@ -246,7 +246,7 @@ class Method:
             own, parts = _switched(own, basis, spec, p, relaxes)
         self.own = Record(own, parts)
         self.order, self._kernels = order, KERNELS[type(self.own.values)]
-        self.functions = self._functions(p.layout, len(relaxes[0]) > 0)
+        self.functions = self._functions(p.layout, len(relaxes[0]) > 0, works)
         if parts:
             radau, euler = parts
             self.functions |= _functions_of_both(p.layout, radau.layout, euler.layout, len(relaxes[0]) > 0)
@@ -258,11 +258,13 @@ class Method:
         self._unfinished = method._replace(own=self.own.address, exact=self._kernels.work is not None, impulse=impulse,
                                              switches=isinstance(own, Switched))
 
-    def _functions(self, problem: Any, relaxes: bool) -> dict[Any, tuple[Any, ...]]:
+    def _functions(self, problem: Any, relaxes: bool, works: bool) -> dict[Any, tuple[Any, ...]]:
         kernels, own = self._kernels, self.own.layout
         out = {calls.step: (kernels.step, problem, own), calls.accept: (kernels.accept, own),
-               calls.restart: (kernels.go_on, own), calls.work: (work, problem)}
-        if kernels.work is not None:
+               calls.restart: (kernels.go_on, own)}
+        if works:
+            out[calls.work] = work, problem
+        if works and kernels.work is not None:
             out[calls.work_of_step] = kernels.work, problem, own
         if relaxes:
             out[calls.inside] = kernels.inside, problem, own

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...case import Expression
-from ...case.programs import programs, switches
+from ...case.programs import are_constant, programs, switches
 from ...elements.shape import Array
 from ...interactions.body_contact import facing_table
 from ...interactions.moving import MovingPatch, moving_table
@@ -18,7 +18,7 @@ from ...kernels.calls import table
 from ...kernels.lowlevel.records import Record
 from ...kernels.matrices.layout import no_fronts
 from ...kernels.matrices.symmetric import matrix_functions
-from ...kernels.motion.dynamics import Problem, dynamic_functions
+from ...kernels.motion.dynamics import Problem, dynamic_functions, signals_at
 from ...kernels.motion.events import event_functions, holding
 from ...kernels.motion.feedback import Feedback, feedback_accept, feedback_functions, no_feedback, tail_size
 from ...kernels.motion.impact import begin, impact_functions
@@ -54,7 +54,7 @@ from ...kernels.motion import ode
 from ...kernels.motion.advance import Plan, Rows, advance
 from ...kernels.motion.along import read_states
 from ...kernels.motion.consistent import consistent, constraint_functions, kinetic
-from ...kernels.motion.state import Turning, evaluate, fill_full, method_of, motion, scratch, turn_on
+from ...kernels.motion.state import Turning, fill_full, method_of, motion, scratch, turn_on
 from ...kernels.sliding import sliding_check
 from ...kernels.tangents import fill_products
 from .methods import MAKERS, Method
@@ -68,14 +68,17 @@ def _method(model: Model) -> Integrator:
     return INTEGRATORS[getattr(model.case.solver, "method", None) or default_method(model)]
 
 
-def functions(model: Model) -> dict[Any, tuple[Any, ...]]:
-    """Return the functions that the kernels of a model's motion call by address (``kernels.calls``)."""
+def functions(model: Model, constant: bool) -> dict[Any, tuple[Any, ...]]:
+    """Return the functions that the kernels of a model's motion call by address (``kernels.calls``).
+
+    ``constant`` tells whether no signal depends on the time.
+    """
     method, layout = _method(model), nothing().layout
     fronts, viscous = model.numbering.fronts is not None, any(pool.tau for pool in model.pools)
     slides, acts = any(isinstance(c, OnAxis) for c in model.constraints), bool(model.interactions.points)
     faces = any(pair.on_bodies for pair in model.contacts)
     moving = [p for p in model.interactions.points if isinstance(p, MovingPatch)]
-    return {**dynamic_functions(layout), **matrix_functions(fronts, layout),
+    return {**dynamic_functions(constant, layout), **matrix_functions(fronts, layout),
             **element_functions(fronts, viscous, method.conserves, bool(model.loads.natural), bool(model.remembers),
                                 layout),
             **patch_functions(fronts, acts, slides, faces, method.conserves, layout),
@@ -118,7 +121,7 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
     damping = model.case.damping
     data: dict[str, Any] = {
         "groups": addresses(model.groups), "states": model.states, "clocks": model.clocks, "tau": tau,
-        "calls": table(functions(model)), "points": sewn_laws(model, T, signals, _method(model).conserves),
+        "points": sewn_laws(model, T, signals, _method(model).conserves),
         "turning": turning_table(model.turns), "winds": model.winds,
         "facing": facing_table(model.interactions.points), "stops": stops_of(model),
         "sliding": sliding_table(model.constraints, model.e0), "place": num.place,
@@ -130,8 +133,9 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
     data["moving"] = moving_table(model.interactions.points, signals.row, data["mass"])
     patched = len(data["points"].mem) > 0 or len(data["sliding"].multiplier) > 0
     data |= _feedback(model, data, signals)
-    p = Record(Problem(programs=signals.programs(), patched=patched, touches=bool(model.contacts),
-                       sided=model.sided, **data))
+    found = signals.programs()
+    p = Record(Problem(programs=found, calls=table(functions(model, are_constant(found))), patched=patched,
+                       touches=bool(model.contacts), sided=model.sided, **data))
     if p.layout != nothing().layout:
         raise TypeError(f"a problem of another type: {p.layout}")
     return p, signals.all
@@ -226,15 +230,17 @@ def driving(p: Record) -> list[int]:
     return sorted({*p.motion_signal.tolist(), *fed})
 
 
-def tracks(model: Model, p: Record) -> bool:
+def tracks(model: Model) -> bool:
     """Whether anything does work that has no potential: varying loads, motion, dampers, loads that turn."""
     dampers = any(spring.damped or spring.signal is not None or spring.active is not None for spring in model.springs)
-    fed = bool((p.points.fed >= 0).any())
+    fed = any(np.max(point.items().fed) >= 0 for point in model.interactions.points)
     natural = any(not is_constant(load.amplitude) for load in model.loads.natural)
     natural = natural or bool(model.loads.flows)
     rubs = any(contact.item.friction for contact in model.contacts)
-    return bool(natural or rubs or p.load_varies.any() or len(p.motion_coord) or bool(p.tau.any()) or p.alpha
-                or dampers or fed or model.loads.patches)
+    varies = any(not is_constant(load.amplitude) for load in model.loads.dead)
+    damping = model.case.damping
+    viscous = any(pool.tau for pool in model.pools) or bool(damping and damping.rayleigh.alpha)
+    return bool(natural or rubs or varies or model.moves or viscous or dampers or fed or model.loads.patches)
 
 
 Compilation = Callable[[], object]
@@ -256,8 +262,10 @@ def of_elements(model: Model) -> list[Compilation]:
 def of_motion(model: Model, spec: Dynamic) -> list[Compilation]:
     """Return what compiles everything for a motion, what takes longest first."""
     name, p = spec.method or default_method(model), nothing()
-    own = calls.compilations(Method(name, spec, p, 0.0, model.relaxing).functions) if name in MAKERS else []
-    called = functions(model)
+    works = tracks(model)
+    own = calls.compilations(Method(name, spec, p, 0.0, model.relaxing, works).functions) if name in MAKERS else []
+    # where that is wrong, what is missing is compiled when the problem is made
+    called = functions(model, not (works or model.feedback.rank))
     slides = calls.sliding_forces in called
     return [*of_elements(model), *own, *_called_from_python(p.layout, name in MAKERS, slides, model.sided),
             *([partial(holding.compile, _holding(p.layout))] if model.feedback.conditions else []),
@@ -271,7 +279,7 @@ def _called_from_python(P: Any, own: bool, slides: bool, sided: bool) -> list[Co
     M, W = type_of(motion(0, 0, 0)), type_of(scratch(0, 0, 0, 0))
     signatures: dict[Any, tuple[Any, ...]] = {
         consistent: (P, W, _x, _x, _x, _f, _x), kinetic: (P, W, M, _f), fill_full: (P, _x, _xx, _i, _x),
-        evaluate: (P.place["programs"][1], _f, _xx), turn_on: (P.place["turning"][1], _x, _x, _f, _x, _x),
+        signals_at: (P, _f, _xx), turn_on: (P.place["turning"][1], _x, _x, _f, _x, _x),
         read_states: (P, W, _x, _n, *[_xx] * 3, *[types.float64[:, :, ::1]] * 2, *[_xx] * 6)}
     if sided:
         signatures[begin] = signatures[consistent]

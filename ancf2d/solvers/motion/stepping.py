@@ -14,7 +14,7 @@ from ...kernels.lowlevel.records import Record
 from ...kernels.motion import advance as kernels
 from ...kernels.motion.along import AS_IS, FORCES_ALONE, POSITIONS, RATES, read_states
 from ...kernels.motion.consistent import consistent, kinetic
-from ...kernels.motion.dynamics import forces
+from ...kernels.motion.dynamics import forces, signals_at
 from ...kernels.motion.impact import begin
 from ...kernels.motion.state import (
     LOST,
@@ -23,7 +23,6 @@ from ...kernels.motion.state import (
     TIME,
     WORK,
     Motion,
-    evaluate,
     fill_full,
     motion,
     scratch,
@@ -66,6 +65,8 @@ class Stepper:
         self.w = Record(scratch(n, len(problem.place), len(problem.mass), len(signals)))
         self.method = INTEGRATORS[spec.method or default_method(model)]
         self.tolerance = spec.tolerance or 0.0
+        # within steps of contacts without a law, where rates jump, interpolated states have more energy than either end
+        self.tracks, self.lands = tracks(model), bool(self.p.sided)
         self.m: Method | None = None  # where SciPy steps
         if self.method.name in MAKERS:
             self.tighten(newton_tolerance(self.method, self.tolerance))
@@ -85,8 +86,6 @@ class Stepper:
         self.failed: ComputationError | None = None
         self._plan: Record | None = None
         self._at = Record(motion(n, 0, len(self.p.turning.length)))
-        # within steps of contacts without a law, where rates jump, interpolated states have more energy than either end
-        self.tracks, self.lands = tracks(model, problem), bool(self.p.sided)
         # how far states inside steps, and where they end, are put onto constraints; rates that keep the energy are not
         free = bool(self.p.coordinate.all())
         self.inside, self.ends = AS_IS if free else POSITIONS, AS_IS if free else RATES
@@ -102,7 +101,7 @@ class Stepper:
 
     def tighten(self, tolerance: float) -> None:
         """Let Newton's increments come down to a tolerance, relative to the size of the motion."""
-        self.m = Method(self.method.name, self.spec, self.p, tolerance, self.model.relaxing)
+        self.m = Method(self.method.name, self.spec, self.p, tolerance, self.model.relaxing, self.tracks)
 
     def _rows(self, n: int) -> Record:
         m = int(min(max(STATE_BYTES // (24 * max(n, 1)), 2), max(len(self.wanted), 2) if not self.every else LOG_ROWS))
@@ -178,7 +177,7 @@ class Stepper:
     def turns_on(self, t: float, h: float, z: Array, v: Array) -> Array:
         """Return rotations and rates (2, sections) at z with rates v at t, a time h after the motion."""
         out, d, rates = self.s.turned.copy(), np.zeros(len(self.p.place)), np.zeros(len(self.p.place))
-        evaluate(self.p.programs, t, self.w.amps)
+        signals_at(self.p, t, self.w.amps)
         fill_full(self.p, z, self.w.amps, 0, d)
         fill_full(self.p, v, self.w.amps, 1, rates)
         turn_on(self.p.turning, d, rates, h, *out)
