@@ -267,12 +267,31 @@ class Interactions:
                  e0: Array, flows: Sequence[Any] = ()) -> None:
         self.e0, self.number = e0, len(constraints)
         self.points = [p for p in (*springs, *loads, *flows, *constraints) if isinstance(p, HasItems)]
-        self.flows: list[Batch] = batches(flows)
-        self.springs: list[Batch] = batches(springs)
-        self.loads: list[Any] = batches(loads)
-        self.held: list[Batch] = batches(c for c in constraints if isinstance(c, PointConstraint))
+        self._parts = springs, loads, constraints, flows
         self.joints = [c for c in constraints if isinstance(c, OnAxis)]
         self.sliding = Record(sliding_table(self.joints, e0))
+
+    # batches take the machine code of their laws, which other kernels can be compiled beside
+
+    @cached_property
+    def springs(self) -> list[Batch]:
+        """The springs."""
+        return batches(self._parts[0])
+
+    @cached_property
+    def loads(self) -> list[Any]:
+        """Loads that turn, or whose place changes."""
+        return batches(self._parts[1])
+
+    @cached_property
+    def held(self) -> list[Batch]:
+        """The constraints of points."""
+        return batches(c for c in self._parts[2] if isinstance(c, PointConstraint))
+
+    @cached_property
+    def flows(self) -> list[Batch]:
+        """The flows in bodies."""
+        return batches(self._parts[3])
 
     @cached_property
     def rows(self) -> list[slice]:

@@ -199,7 +199,9 @@ def _touch(model: Model, new: bool) -> None:
         from ..model.contact_tables import of_interactions
         from ..solvers.motion.problem import nothing, of_elements
 
-        spread([*of_interactions(model, False, nothing().layout), *of_elements(model), *touched])
+        laws = of_interactions(model, False, nothing().layout)
+        # two processes that begin with laws at once would both compile what these share
+        spread([*laws[:1], *of_elements(model), *laws[1:], *touched])
     _ = model.groups
     for each in touched:
         each()
@@ -240,16 +242,13 @@ def _touch_motion(model: Model, spec: Dynamic, new: bool) -> None:
     """Go through the first moment of a motion; what is wrong with it is told by the run itself."""
     from ..model.contact_tables import of_interactions
     from ..solvers.contact import memory, recall
-    from ..solvers.motion.problem import nothing, of_elements, of_motion
+    from ..solvers.motion.problem import nothing, of_motion
     from ..solvers.motion.schemes import INTEGRATORS, default_method
     from ..solvers.registry import SOLVERS
 
     if new:
-        # what is asked for by its address while the others are listed goes first
         laws = of_interactions(model, INTEGRATORS[spec.method or default_method(model)].conserves, nothing().layout)
-        if laws:
-            spread([*laws, *of_elements(model)])
-        spread(of_motion(model, spec))
+        spread([*laws[:1], *of_motion(model, spec), *laws[1:]])
     _ = model.groups
     moment, contacts = MOMENT * spec.t_end, memory(model)
     with suppress(Ancf2dError):
