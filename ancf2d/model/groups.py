@@ -189,10 +189,20 @@ def with_trials(groups: list[Record]) -> list[Record]:
             for group, memory in zip(groups, memories, strict=True)]
 
 
+def _with_room(plan: Plan) -> Plan:
+    """Return how batches are worked on, with room of their own."""
+    return plan._replace(held=np.full_like(plan.held, -1), work=np.zeros_like(plan.work))
+
+
+def apart(group: Record) -> Record:
+    """Return a group that writes nothing to what others read: with room, and amounts of natural strains, of its own."""
+    natural = group.values.natural
+    return group.replaced(plan=_with_room(group.values.plan), natural=natural._replace(amount=natural.amount.copy()))
+
+
 def of_elements(group: Record, which: Index | slice) -> Record:
     """Return a group of some elements, with room of its own to work in."""
-    plan = group.values.plan
-    plan = plan._replace(held=np.full_like(plan.held, -1), work=np.zeros_like(plan.work))
+    plan = _with_room(group.values.plan)
     turn = np.ascontiguousarray(group.turn[which]) if len(group.turn) > 1 else group.turn
     return group.replaced(cls=np.ascontiguousarray(group.cls[which]), turn=turn, plan=plan,
                           natural=of_some(group.values.natural, which),

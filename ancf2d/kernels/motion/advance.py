@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from .. import calls
 from ..bodies import remember_elements
 from ..lowlevel.arrays import copy, copy_rows
-from ..lowlevel.jit import inner, kernel, seldom
+from ..lowlevel.jit import inner, seldom, shared
 from ..lowlevel.records import array_at
 from ..patches import accept_patches, violation
 from .contact_steps import let_rub, no_friction, opens
@@ -264,7 +264,7 @@ def _end(m, p, w, s, at, plan, t, h, room, aims):  # type: ignore[no-untyped-def
     return True, h, False, stops, 0
 
 
-@kernel
+@shared
 @seldom
 def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-untyped-def]
     """Step until t_stop, until rows are full or so many steps are done.

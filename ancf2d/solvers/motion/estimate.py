@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -19,6 +20,7 @@ from ...model.points import PointRef
 from ...model.rotation import Kinds
 from ...model.timing import rates_of
 from ...pace import Pace
+from ...processors import threads
 from ..state import Row
 from ..system import least_motion, least_size, sticks
 from .schemes import INTEGRATORS, default_method
@@ -53,7 +55,8 @@ class Estimate:
     Levels: 2 dt and 4 dt of fixed steps, 10 and 100 times the tolerance of adaptive ones; errors count as those of the
     mean length of the steps that were made. ``largest`` (levels, probes): of the differences between neighbouring
     levels; ``moved`` (probes,): of the displacements; ``made`` (levels, 2): time and number of steps compared last;
-    ``levels`` : how many are still made. None of these depends on how far calls of ``Stepper.run`` come.
+    ``levels`` : how many are still made. None of these depends on how far calls of ``Stepper.run`` come, nor on whether
+    coarser motions go on in threads of their own (``ahead``: runs that are not taken yet).
     """
 
     def __init__(self, stepper: Stepper) -> None:
@@ -72,6 +75,8 @@ class Estimate:
         self.counts = [0] * LEVELS
         self.coarse = [self._level(self.factor ** (k + 1)) for k in range(LEVELS)]
         self.paces = [Pace() for _ in self.coarse]
+        self.pool: ThreadPoolExecutor | None = None
+        self.ahead: dict[int, tuple[Future[list[Row]], float]] = {}
 
     def _level(self, factor: float) -> Stepper:
         """Return the motion with longer steps."""
@@ -90,6 +95,16 @@ class Estimate:
             stepper.start(d, v, turned)
             if stepper.dt == 0.0:
                 stepper.expect(self.stepper.size)
+
+    def _go_ahead(self) -> None:
+        """Let coarser motions go on meanwhile, each by one run, unless the motion itself is that short."""
+        if self.pool is None:
+            if self.stepper.done or not _apart(self.stepper) or threads() == 1:
+                return
+            self.pool = ThreadPoolExecutor(LEVELS)
+        for level, stepper in enumerate(self.coarse[:self.levels]):
+            if level not in self.ahead and not stepper.done and stepper.failed is None:
+                self.ahead[level] = self.pool.submit(stepper.run), stepper.t
 
     def take(self, t: float, d: Array) -> None:
         """Compare with a state of the motion at t; the start and times that coarser motions do not store are passed."""
@@ -125,29 +140,37 @@ class Estimate:
     def _coarse_places(self, level: int, t: float) -> Array | None:
         stepper, queue = self.coarse[level], self.queues[level]
         near = 1e-9 * self.stepper.dt or 1e-12 * self.stepper.spec.t_end
-        try:
-            while not queue or queue[-1][0] < t - near:
-                since = stepper.t
-                if stepper.done and queue and queue[-1][0] >= since:
-                    # a coarser motion may end before this one
-                    return None
-                with self.paces[level].running():
-                    rows = [stepper.last()] if stepper.done else stepper.run()
-                self.paces[level].mark(stepper.t, within=step_ends(stepper, since, rows))
-                for row in rows:
-                    self.counts[level] += len(row.log)
-                    if row.kind != CHECK:
-                        queue.append((row.t, self.counts[level], self._places(stepper.full(row, 1)[0])))
-        except ComputationError as error:
-            how = f"steps of {stepper.dt:g} s" if stepper.dt > 0.0 else f"a tolerance of {stepper.tolerance:g}"
-            self.failed = f"with {how} the motion could not be computed ({error.failure.reason})"
-            return None
+        while not queue or queue[-1][0] < t - near:
+            if level not in self.ahead and stepper.done and queue and queue[-1][0] >= stepper.t:
+                # a coarser motion may end before this one
+                return None
+            if not self._go_on(level):
+                return None
+            self._go_ahead()
         while queue and queue[0][0] < t - near:
             queue.pop(0)
         if not queue or queue[0][0] > t + near:
             return None
         self.made[level] = queue[0][:2]
         return queue[0][2]
+
+    def _go_on(self, level: int) -> bool:
+        """Append the states of the next run of a coarser motion; return whether it could be made."""
+        stepper, queue = self.coarse[level], self.queues[level]
+        run, since = self.ahead.pop(level, (None, stepper.t))
+        try:
+            with self.paces[level].running():
+                rows = run.result() if run else [stepper.last()] if stepper.done else stepper.run()
+        except ComputationError as error:
+            how = f"steps of {stepper.dt:g} s" if stepper.dt > 0.0 else f"a tolerance of {stepper.tolerance:g}"
+            self.failed = f"with {how} the motion could not be computed ({error.failure.reason})"
+            return False
+        self.paces[level].mark(stepper.t, within=step_ends(stepper, since, rows))
+        for row in rows:
+            self.counts[level] += len(row.log)
+            if row.kind != CHECK:
+                queue.append((row.t, self.counts[level], self._places(stepper.full(row, 1)[0])))
+        return True
 
     def report(self) -> dict[str, Any]:
         """Return the relative estimate, the order seen of fixed steps, and how they were found."""
@@ -260,12 +283,17 @@ class Estimate:
 
     def checkpoint(self) -> dict[str, Array]:
         """Return everything that the estimate goes on from."""
+        for level, (run, _) in list(self.ahead.items()):
+            # one that fails does so again when it is made again
+            if run.exception() is None:
+                self._go_on(level)
         out = {"estimate_largest": self.largest.copy(), "estimate_moved": self.moved.copy(),
                "estimate_made": self.made.copy(), "estimate_counts": np.array([self.levels, *self.counts])}
         for k, stepper in enumerate(self.coarse):
             out.update({f"coarse{k}_{name}": value for name, value in (stepper.checkpoint() or {}).items()})
             out[f"coarse{k}_queue"] = np.array([[*made, *places.ravel()] for *made, places in self.queues[k]]).reshape(
                 -1, 2 + 2 * len(self.columns))
+        self._go_ahead()
         return out
 
     def resume(self, kept: dict[str, Array]) -> None:
@@ -285,6 +313,13 @@ def _order(ratio: float, first: float, second: float, highest: int) -> float:
     """
     p = np.linspace(1.0, highest, 64 * highest)
     return float(np.interp(ratio, (second ** p - first ** p) / (first ** p - 1.0), p))
+
+
+def _apart(stepper: Stepper) -> bool:
+    """Return whether steps read and write nothing of the model that changes, so that others can be made meanwhile."""
+    model, answers = stepper.model, stepper.model.feedback
+    return not (model.contacts or answers.rank or answers.conditions or stepper.events or stepper.moving
+                or stepper.facing)
 
 
 def step_ends(stepper: Stepper, since: float, found: list[Row]) -> list[float]:

@@ -27,7 +27,7 @@ from ...kernels.motion.stops import acting, stop_functions
 from ...kernels.moving import moving_functions
 from ...kernels.patches import patch_functions
 from ...model.feedback import POSITION
-from ...model.groups import with_states
+from ...model.groups import apart, with_states
 from ...model.interactions import point_table, turning_table
 from ...model.model import Model
 from ...model.timing import Signal
@@ -204,12 +204,12 @@ def _quantities(model: Model) -> dict[str, Array]:
 
 
 def own(problem: Record, model: Model) -> Record:
-    """Return a problem with tables of its own, where they remember something."""
+    """Return a problem with tables of its own, where they remember something or something is worked out."""
     p: Problem = problem.values
-    groups, states = with_states(model.groups)
+    groups, states = with_states([apart(group) for group in model.groups])
     room = ("near", "scale", "values", "slopes", "rates", "full", "column", "watched")
     feedback = p.feedback._replace(**{name: getattr(p.feedback, name).copy() for name in room},
-                                   programs=with_own(p.feedback.programs, "data"))
+                                   programs=with_own(p.feedback.programs, "data", "stack"))
     p = p._replace(feedback=feedback, straining=p.straining.copy(), weights=p.weights.copy())
     p = p._replace(groups=addresses(groups), states=states)
     if len(p.moving.item):
@@ -221,7 +221,7 @@ def own(problem: Record, model: Model) -> Record:
         p = p._replace(points=with_own(p.points, "dofs", "G", "p0", "par"), facing=with_own(p.facing, "now", "boxes"))
     points = with_own(p.points, "mem", "on", "apart", "there")._replace(sewn=with_own(p.points.sewn, "skew", "rubs"))
     return Record(p._replace(points=points, sliding=with_own(p.sliding, "memory", "on", "gap"),
-                             programs=with_own(p.programs, "window", "data")), others=groups)
+                             programs=with_own(p.programs, "window", "data", "stack")), others=groups)
 
 
 def driving(p: Record) -> list[int]:

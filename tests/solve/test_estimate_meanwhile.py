@@ -1,0 +1,100 @@
+"""Coarser motions that error estimates are made of go on in threads beside a long motion: nothing depends on that."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ancf2d.solvers.motion import estimate, stepping
+from ancf2d.solvers.motion.dynamic import Run
+from tests import helpers as h
+
+ROD = {"rod": h.body(h.line(1.0), h.element("cable", 4), {"height": 0.02, "width": 0.02},
+                     {"E": 1e8, "nu": 0.3, "rho": 1000.0})}
+CLAMPED = {"boundary_conditions": [{"type": "clamp", "at": "rod@0"}]}
+GRAVITY = {"type": "gravity", "value": [0, -9.81]}
+SINE = {"type": "sine", "frequency": 3.0}
+SCENES: dict[str, dict[str, Any]] = {
+    "amplitude": {**CLAMPED, "loads": [{"type": "force", "at": "rod@1", "value": [0, -20], "amplitude": SINE}]},
+    "natural strain": {**CLAMPED, "loads": [{"type": "eigenstrain", "on": "rod", "curvature": 0.2, "amplitude": SINE}]},
+    "springs": {"loads": [GRAVITY], "springs": [
+        {"type": "translational", "between": [[-0.2, 0.1], "rod@0"], "stiffness": 300, "damping": 1},
+        {"type": "rotational", "between": [[1, 0], "rod@1"], "stiffness": 2}]},
+    "prescribed": {"loads": [GRAVITY], "boundary_conditions": [
+        {"type": "prescribed", "at": "rod@0", "x": 0, "y": {"type": "expression", "value": "0.02*sin(9*t)"}}]},
+}
+
+
+def run_of(scene: str, **solver: Any) -> Run:
+    model = h.build(ROD, {"type": "dynamic", "t_end": 0.2, **solver}, output={"interval": 0.01, "probes": {
+        "tip": "rod@1"}}, **SCENES[scene])
+    run = Run(model, model.case.solver)
+    # ends a run behind a few steps, as long motions do behind many
+    run.stepper.steps = 4
+    return run
+
+
+def arrays(values: Any, name: str = "p") -> dict[str, np.ndarray]:
+    """Return the arrays of a record's values by their names."""
+    if isinstance(values, np.ndarray):
+        return {name: values} if values.size else {}
+    fields = zip(values._fields, values, strict=True) if isinstance(values, tuple) else ()
+    return {key: x for field, value in fields for key, x in arrays(value, f"{name}.{field}").items()}
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_motions_write_nothing_that_others_read(scene: str) -> None:
+    run = run_of(scene, tolerance=1e-4)
+    assert run.estimate is not None
+    run.estimate.start(*run.begin())
+    one, other = run.stepper, run.estimate.coarse[0]
+    tables = [(one.p.values, other.p.values), *((a.values, b.values) for a, b in zip(
+        one.p._others, other.p._others, strict=True))]
+    shared = [x for mine, theirs in tables for x, y in zip(arrays(mine).values(), arrays(theirs).values(), strict=True)
+              if np.shares_memory(x, y)]
+    before = [x.tobytes() for x in shared]
+    groups = [arrays(group.values) for group in run.model.groups]
+    for group, own in zip(groups, one.p._others, strict=True):
+        for name, x in arrays(own.values).items():
+            assert not (np.shares_memory(x, group[name]) and name.split(".")[1:] in (["plan", "work"], ["plan", "held"],
+                                                                                    ["natural", "amount"])), name
+    while not other.done:
+        other.run()
+    assert len(shared) > 10
+    assert [x.tobytes() for x in shared] == before
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("solver", [{"tolerance": 1e-4}, {"dt": 2e-3, "method": "generalized_alpha"}],
+                         ids=["adaptive", "fixed"])
+def test_estimates_are_the_same_bits_in_threads(scene: str, solver: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+                                                ) -> None:
+    found, made = {}, set()
+    monkeypatch.setattr(stepping, "CHUNK_SECONDS", 1e-9)
+    for number in (1, 2):
+        monkeypatch.setattr(estimate, "threads", lambda number=number: number)
+        run = run_of(scene, **solver)
+        states = list(run.states())
+        assert run.estimate is not None
+        made.add(run.estimate.pool is None)
+        found[number] = run.estimate.report(), run.estimate.largest.tobytes(), states[-1].d.tobytes()
+    assert made == {True, False}
+    assert found[1][0]["estimate"] > 0.0
+    assert found[1] == found[2]
+
+
+def test_a_motion_that_goes_on_from_its_middle_has_the_same_estimate_in_threads(monkeypatch: pytest.MonkeyPatch
+                                                                                ) -> None:
+    monkeypatch.setattr(stepping, "CHUNK_SECONDS", 1e-9)
+    monkeypatch.setattr(estimate, "threads", lambda: 2)
+    run = run_of("amplitude", tolerance=1e-4)
+    kept = [state.checkpoint for state in run.states() if state.checkpoint is not None]
+    later = run_of("amplitude", tolerance=1e-4)
+    for _ in later.states(kept[len(kept) // 2]):
+        pass
+    assert run.estimate is not None
+    assert later.estimate is not None
+    assert later.estimate.pool is not None
+    assert later.estimate.report() == run.estimate.report()
