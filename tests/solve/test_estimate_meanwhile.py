@@ -36,6 +36,11 @@ def run_of(scene: str, **solver: Any) -> Run:
     return run
 
 
+def groups_of(problem: Any) -> Any:
+    """Return the element groups whose addresses a problem of its own has."""
+    return problem._others[-1]
+
+
 def arrays(values: Any, name: str = "p") -> dict[str, np.ndarray]:
     """Return the arrays of a record's values by their names."""
     if isinstance(values, np.ndarray):
@@ -51,12 +56,12 @@ def test_motions_write_nothing_that_others_read(scene: str) -> None:
     run.estimate.start(*run.begin())
     one, other = run.stepper, run.estimate.coarse[0]
     tables = [(one.p.values, other.p.values), *((a.values, b.values) for a, b in zip(
-        one.p._others, other.p._others, strict=True))]
+        groups_of(one.p), groups_of(other.p), strict=True))]
     shared = [x for mine, theirs in tables for x, y in zip(arrays(mine).values(), arrays(theirs).values(), strict=True)
               if np.shares_memory(x, y)]
     before = [x.tobytes() for x in shared]
     groups = [arrays(group.values) for group in run.model.groups]
-    for group, own in zip(groups, one.p._others, strict=True):
+    for group, own in zip(groups, groups_of(one.p), strict=True):
         for name, x in arrays(own.values).items():
             assert not (np.shares_memory(x, group[name]) and name.split(".")[1:] in (["plan", "work"], ["plan", "held"],
                                                                                     ["natural", "amount"])), name

@@ -329,7 +329,7 @@ def _words(values: Any) -> Iterator[int]:
             size = {"b": 1, "c": 16}.get(value.dtype.kind, 8)
             if not value.flags.c_contiguous or value.dtype.itemsize != size:
                 raise ValueError(f"an array {value.dtype} {value.strides} cannot be part of a record")
-            yield value.ctypes.data
+            yield value.__array_interface__["data"][0]
             yield from value.shape
         elif isinstance(value, tuple):
             yield from _words(value)

@@ -16,7 +16,6 @@ from ...kernels.motion.state import COUNT, SWITCHED
 from ...kernels.motion.switching import FIXED
 from ...model.mesh import Index
 from ...model.model import Model
-from ...model.points import PointRef
 from ...model.rotation import Kinds
 from ...model.timing import rates_of
 from ...pace import Pace
@@ -65,9 +64,11 @@ class Estimate:
         self.factor, self.order = (DOUBLE, stepper.method.order) if fixed else (TENFOLD, 1)
         model = stepper.model
         probes = [model.point(p.at) for p in model.case.output.probes.values()]
-        self.columns = [_rows(p) for p in probes] or _nodes(model)
-        self.largest = np.zeros((LEVELS, len(self.columns)))
-        self.moved = np.zeros(len(self.columns))
+        columns = [x for p in probes for x in p.position()] or _nodes(model)
+        self.coords, self.weights = (np.concatenate([column[k] for column in columns]) for k in range(2))
+        self.starts = np.cumsum([0, *(len(coords) for coords, _ in columns[:-1])])
+        self.largest = np.zeros((LEVELS, len(columns) // 2))
+        self.moved = np.zeros(len(columns) // 2)
         self.failed = ""
         self.levels, self.made = LEVELS, np.zeros((LEVELS, 2))
         # states ahead of the motion: time, number of steps, displacements of the probes; and steps of all of them
@@ -135,7 +136,8 @@ class Estimate:
 
     def _places(self, d: Array) -> Array:
         """Return the displacements (2, probes)."""
-        return np.array([[float(w @ d[c]) for c, w in columns] for columns in self.columns]).T
+        found: Array = np.add.reduceat(self.weights * d[self.coords], self.starts)
+        return found.reshape(-1, 2).T
 
     def _coarse_places(self, level: int, t: float) -> Array | None:
         stepper, queue = self.coarse[level], self.queues[level]
@@ -292,7 +294,7 @@ class Estimate:
         for k, stepper in enumerate(self.coarse):
             out.update({f"coarse{k}_{name}": value for name, value in (stepper.checkpoint() or {}).items()})
             out[f"coarse{k}_queue"] = np.array([[*made, *places.ravel()] for *made, places in self.queues[k]]).reshape(
-                -1, 2 + 2 * len(self.columns))
+                -1, 2 + 2 * len(self.moved))
         self._go_ahead()
         return out
 
@@ -328,12 +330,7 @@ def step_ends(stepper: Stepper, since: float, found: list[Row]) -> list[float]:
     return ends[ends > since].tolist()
 
 
-def _rows(point: PointRef) -> list[tuple[Index, Array]]:
-    return point.position()
-
-
-def _nodes(model: Model) -> list[list[tuple[Index, Array]]]:
+def _nodes(model: Model) -> list[tuple[Index, Array]]:
     """Return x and y of every node."""
-    x = Kinds(model.meshes.values()).place
     one = np.ones(1)
-    return [[(np.array([i]), one), (np.array([i + 1]), one)] for i in x]
+    return [(np.array([i + k]), one) for i in Kinds(model.meshes.values()).place for k in range(2)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -187,39 +187,61 @@ def collocation(c: Array) -> Array:
     return out
 
 
+class Coefficients(NamedTuple):
+    """Those of Radau IIA as ``Radau`` has them; weights (s,) are those of the end of a step."""
+
+    c: Array
+    W: Array
+    mu: float
+    mus: Array
+    apart: Array
+    together: Array
+    embedded: Array
+    gamma: float
+    weights: Array
+
+
+@cache
+def _coefficients(stages: int) -> Coefficients:
+    """Return the coefficients of Radau IIA with an odd number of stages, which nothing writes to."""
+    c = radau_nodes(stages)
+    A = collocation(c)
+    W = np.asarray(np.linalg.inv(A), dtype=float)
+    values, right = np.linalg.eig(W)
+    left = np.linalg.inv(right)
+    k = int(np.argmin(np.abs(values.imag)))
+    upper = np.flatnonzero(values.imag > 1e-9)
+    gamma = 1.0 / float(values[k].real)
+    # weights b of the embedded formula: order s with gamma f(y_0) among them
+    powers = np.arange(stages)
+    embedded = np.linalg.solve(c[None, :] ** powers[:, None], 1.0 / (powers + 1.0) - gamma * (powers == 0))
+    rows, columns = [left[k].real], [right[:, k].real]
+    for q in upper:
+        rows += [left[q].real, left[q].imag]
+        columns += [2.0 * right[:, q].real, -2.0 * right[:, q].imag]
+    return Coefficients(c, W, float(values[k].real), values[upper], -np.array(rows), np.array(columns).T.copy(),
+                        (W.T @ (embedded - A[-1]))[None], gamma, A[-1].copy())
+
+
 def radau(stages: int) -> Maker:
     """Return what makes Radau IIA with an odd number of stages."""
-    c = radau_nodes(stages)
 
     def make(spec: Dynamic, p: Any, tolerance: float, end: Step, relaxes: Relaxes) -> Radau:
-        A = collocation(c)
-        W = np.linalg.inv(A)
-        values, right = np.linalg.eig(W)
-        left = np.linalg.inv(right)
-        k = int(np.argmin(np.abs(values.imag)))
-        upper = np.flatnonzero(values.imag > 1e-9)
-        gamma = 1.0 / float(values[k].real)
-        # weights b of the embedded formula: order s with gamma f(y_0) among them
-        powers = np.arange(stages)
-        embedded = np.linalg.solve(c[None, :] ** powers[:, None], 1.0 / (powers + 1.0) - gamma * (powers == 0))
-        n, entries = len(p.coordinate), len(p.mass)
-        rows, columns = [left[k].real], [right[:, k].real]
-        for q in upper:
-            rows += [left[q].real, left[q].imag]
-            columns += [2.0 * right[:, q].real, -2.0 * right[:, q].imag]
+        own = _coefficients(stages)
+        n, entries, pairs = len(p.coordinate), len(p.mass), len(own.mus)
         X, V, accelerations, R, kept = (np.zeros((stages, n)) for _ in range(5))
         cosine, sine, F, row = (np.zeros((stages, m)) for m in (len(p.pairs), len(p.pairs), stages, TILE))
-        return Radau(c, W, float(values[k].real), values[upper], -np.array(rows), np.array(columns).T.copy(),
-                     (W.T @ (embedded - A[-1]))[None], gamma, tolerance, spec.max_iterations or MAX_ITERATIONS,
-                     spec.newton == "full", spec.dt is not None,
-                     bool(p.tau.any()) or len(p.points.mem) > 0 or p.rank > 0,
-                     np.flatnonzero(p.coordinate == 0.0), end, X, V, accelerations, R, kept, np.zeros(entries),
-                     np.zeros((len(upper), entries), dtype=complex), np.zeros(n),
-                     np.zeros((len(upper), n), dtype=complex), np.zeros((stages, len(p.programs.first) - 1, 3)),
-                     cosine, sine, np.zeros(4), np.zeros((2, len(p.pairs))), F, row,
-                     relaxing(*relaxes, A[-1].copy(), p.states))
+        return Radau(
+            **{name: value for name, value in own._asdict().items() if name != "weights"}, tolerance=tolerance,
+            max_iterations=spec.max_iterations or MAX_ITERATIONS, full=spec.newton == "full",
+            fixed=spec.dt is not None, damped=bool(p.tau.any()) or len(p.points.mem) > 0 or p.rank > 0,
+            multipliers=np.flatnonzero(p.coordinate == 0.0), end=end, X=X, V=V, A=accelerations, R=R, kept=kept,
+            B=np.zeros(entries), C=np.zeros((pairs, entries), dtype=complex), y=np.zeros(n),
+            u=np.zeros((pairs, n), dtype=complex), amps=np.zeros((stages, len(p.programs.first) - 1, 3)),
+            cosine=cosine, sine=sine, held=np.zeros(4), facing=np.zeros((2, len(p.pairs))), F=F, rows=row,
+            relaxing=relaxing(*relaxes, own.weights, p.states))
 
-    return Maker(stages + 1, by_rates(c), make)
+    return Maker(stages + 1, by_rates(radau_nodes(stages)), make)
 
 
 # for every integrator that is not SciPy's. HHT: spectral radius (1 - af)/(1 + af), 1/2 at the bound af = 1/3

@@ -207,21 +207,23 @@ def own(problem: Record, model: Model) -> Record:
     """Return a problem with tables of its own, where they remember something or something is worked out."""
     p: Problem = problem.values
     groups, states = with_states([apart(group) for group in model.groups])
-    room = ("near", "scale", "values", "slopes", "rates", "full", "column", "watched")
-    feedback = p.feedback._replace(**{name: getattr(p.feedback, name).copy() for name in room},
-                                   programs=with_own(p.feedback.programs, "data", "stack"))
-    p = p._replace(feedback=feedback, straining=p.straining.copy(), weights=p.weights.copy())
-    p = p._replace(groups=addresses(groups), states=states)
+    points, changes = p.points, dict[str, Any]()
     if len(p.moving.item):
         # what moves writes where it is
-        p = p._replace(points=with_own(p.points, "dofs", "G", "p0", "par", "drift"),
-                       moving=with_own(p.moving, "element"), **({"mass": p.mass.copy()} if len(p.moving.fixed) else {}))
+        points = with_own(points, "dofs", "G", "p0", "par", "drift")
+        changes["moving"] = with_own(p.moving, "element")
+        changes["mass"] = p.mass.copy() if len(p.moving.fixed) else p.mass
     if len(p.facing.item):
         # what touches writes what it is opposite to
-        p = p._replace(points=with_own(p.points, "dofs", "G", "p0", "par"), facing=with_own(p.facing, "now", "boxes"))
-    points = with_own(p.points, "mem", "on", "apart", "there")._replace(sewn=with_own(p.points.sewn, "skew", "rubs"))
-    return Record(p._replace(points=points, sliding=with_own(p.sliding, "memory", "on", "gap"),
-                             programs=with_own(p.programs, "window", "data", "stack")), others=groups)
+        points = with_own(points, "dofs", "G", "p0", "par")
+        changes["facing"] = with_own(p.facing, "now", "boxes")
+    feedback = with_own(p.feedback, "near", "scale", "values", "slopes", "rates", "full", "column", "watched")
+    return problem.replaced(
+        groups, **changes, groups=addresses(groups), states=states, straining=p.straining.copy(),
+        weights=p.weights.copy(), sliding=with_own(p.sliding, "memory", "on", "gap"),
+        points=with_own(points, "mem", "on", "apart", "there")._replace(sewn=with_own(points.sewn, "skew", "rubs")),
+        feedback=feedback._replace(programs=with_own(p.feedback.programs, "data", "stack")),
+        programs=with_own(p.programs, "window", "data", "stack"))
 
 
 def driving(p: Record) -> list[int]:
