@@ -30,6 +30,7 @@ from ..elements.contact_geometry import (
     STANDING,
     WORK,
 )
+from .body_passages import bodies_cross
 from .compiled_laws import part
 from .facing import body_deepest, body_gaps, face
 from .lowlevel.arrays import vector
@@ -309,6 +310,8 @@ def contact_compilations(problem: Any, obstacles: bool, bodies: bool, sided: boo
     if bodies:
         out += [partial(face.compile, (facing, points, x, types.boolean)),
                 partial(body_gaps.compile, (facing, points, x, x, xx))]
+        if not moves:
+            out.append(partial(bodies_cross.compile, (facing, points, x, x)))
         if sided:
             out.append(partial(body_deepest.compile, (facing, points, b, x, x, x)))
     if obstacles:
