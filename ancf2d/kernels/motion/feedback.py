@@ -329,10 +329,10 @@ _BORDERED = _with_border(_factor_band, _solve_band, "band"), _with_border(_facto
 def feedback_functions(fronts: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
     """Return the functions that the table of a model of this type has where something answers its motion."""
     factor, solve = _BORDERED[fronts]
-    return {calls.feedback: (feedback, problem), calls.feedback_tangent: (feedback_tangent, problem),
-            calls.feedback_accept: (feedback_accept, problem), calls.factor: (factor, problem),
+    return {calls.feedback: (feedback, problem), calls.factor: (factor, problem),
             calls.factor_complex: (factor, problem), calls.solve: (solve, problem),
-            calls.solve_complex: (solve, problem)}
+            calls.solve_complex: (solve, problem), calls.feedback_accept: (feedback_accept, problem),
+            calls.feedback_tangent: (feedback_tangent, problem)}
 
 
 def no_feedback(programs: Any) -> Feedback:

@@ -78,7 +78,9 @@ def functions(model: Model, constant: bool) -> dict[Any, tuple[Any, ...]]:
     slides, acts = any(isinstance(c, OnAxis) for c in model.constraints), bool(model.interactions.points)
     faces = any(pair.on_bodies for pair in model.contacts)
     moving = [p for p in model.interactions.points if isinstance(p, MovingPatch)]
-    return {**dynamic_functions(constant, layout), **matrix_functions(fronts, layout),
+    answers = feedback_functions(fronts, layout) if model.feedback.rank else {}
+    # in the order in which they are compiled: what answers first, as its parts are those of its tangent too
+    return {**answers, **dynamic_functions(constant, layout), **matrix_functions(fronts, layout),
             **element_functions(fronts, viscous, method.conserves, bool(model.loads.natural), bool(model.remembers),
                                 layout),
             **patch_functions(fronts, acts, slides, faces, method.conserves, layout),
@@ -88,8 +90,7 @@ def functions(model: Model, constant: bool) -> dict[Any, tuple[Any, ...]]:
             **({calls.consistent: (consistent, layout)} if method.conserves else {}),
             **(ode_functions(layout) if method.scipy is not None else {}),
             **(event_functions(layout, (feedback_accept, layout)) if model.feedback.conditions else {}),
-            **(stop_functions(layout) if len(stops_of(model)) and method.scipy is None else {}),
-            **(feedback_functions(fronts, layout) if model.feedback.rank else {})}
+            **(stop_functions(layout) if len(stops_of(model)) and method.scipy is None else {}), **answers}
 
 
 @cache
