@@ -122,6 +122,8 @@ def moved_mass(M: csr_matrix, T: csr_matrix, motion_coord: Array, motion_factor:
     from scipy.sparse import csr_matrix
 
     used = np.unique(motion_signal)
+    if not len(used):
+        return {"motion_mass": np.zeros((0, T.shape[1])), "motion_mass_signal": used, "motion_mutual": np.zeros((0, 0))}
     P = csr_matrix((motion_factor, (motion_coord, np.searchsorted(used, motion_signal))), shape=(len(M.indptr) - 1,
                                                                                                  len(used)))
     return {"motion_mass": np.ascontiguousarray((T.T @ M @ P).T.toarray()), "motion_mass_signal": used,
