@@ -42,9 +42,11 @@ def goal_kind(goal: Goal) -> str:
 def smallest_scale(goal: Goal, summary: dict[str, Any], model: Model, d: Any) -> float:
     """Return 1e-3 of the largest of the goal's kind in the model.
 
-    Of all probes and reactions; of displacements also those of all nodal coordinates d (n_q,), of positions
-    the extent of the model.
+    Of all probes and reactions; of displacements also those of all nodal coordinates d (n_q,), at least what counts as
+    a motion, of positions the extent of the model.
     """
+    from ..solvers.system import least_motion
+
     kind = goal_kind(goal)
     if kind == "phase":
         return SHARE * math.pi
@@ -53,7 +55,7 @@ def smallest_scale(goal: Goal, summary: dict[str, Any], model: Model, d: Any) ->
     rows = [*summary["probes"].values(), *summary.get("reactions", {}).values()]
     largest = [abs(v) for row in rows for q, v in row.items() if _KINDS.get(q) == kind]
     if kind == "displacement":
-        largest.append(float(abs(model.weights * d).max(initial=0.0)))
+        largest += [float(abs(model.weights * d).max(initial=0.0)), least_motion(model) / SHARE]
     if kind == "position":
         largest.append(model.extent)
     return SHARE * max(largest, default=0.0)

@@ -28,6 +28,7 @@ from ancf2d.case import (
 from ancf2d.case.compose import compose
 from ancf2d.case.emit import walk
 from ancf2d.case.nodes import Origin, plain_data
+from ancf2d.case.numbers import unused_parameters
 from ancf2d.case.records import keys_of, tag_of
 from ancf2d.errors import CaseError
 
@@ -147,6 +148,7 @@ def test_templates(kind, vocabulary, validator):
     assert text.startswith("# yaml-language-server: $schema=ancf2d.schema.json\n")
     assert loaded.case.title.startswith("a: b # c, ")
     validator.validate(data_of(text))
+    assert not unused_parameters(loaded.case)
 
 
 def test_unknown_template():

@@ -175,6 +175,16 @@ def test_error_of_a_small_value_is_relative_to_the_largest_of_its_kind() -> None
     assert "round-off" in found.note
 
 
+def test_error_of_what_has_not_moved_at_all_is_nothing() -> None:
+    """Displacements of 1e-123 are none, though no digit of them is the same on two meshes."""
+    loaded = load(CANTILEVER)
+    outcome = run_case(loaded)
+    assert loaded.case.goal is not None
+    summary = {"probes": {"tip": {"ux": 0.0, "uy": -7e-123}}}
+    smallest = smallest_scale(loaded.case.goal, summary, outcome.model, 0.0 * outcome.model.weights)
+    assert 1e-16 * outcome.model.extent < error_scale(-7e-123, smallest) < 1e-3 * outcome.model.extent
+
+
 def test_phases_on_both_sides_of_pi_are_neighbours() -> None:
     """Phases that tend to pi + 0.03 with order 2, each told between -pi and pi."""
     wanted = [math.pi + 0.03 - 0.16 / 4**k for k in range(4)]
