@@ -29,10 +29,10 @@ from ...kernels.motion.newmark import (
     newmark_restart,
     newmark_step,
 )
-from ...kernels.motion.radau import TILE, Radau, radau_accept, radau_restart, radau_step
-from ...kernels.motion.reused_tangent import relaxing_factors
+from ...kernels.motion.radau import Radau, radau_accept, radau_restart, radau_step
+from ...kernels.motion.reused_tangent import add_moduli
 from ...kernels.motion.stages import (
-    as_elastic,
+    TILE,
     begin_stages,
     lost_in_relaxing,
     radau_inside,
@@ -157,9 +157,8 @@ def _functions_of_both(problem: Any, radau: Any, euler: Any, relaxes: bool) -> d
 
 def _functions_of_stages(problem: Any, radau: Any) -> dict[Any, tuple[Any, ...]]:
     """Return what Radau's method calls where materials relax."""
-    return {calls.begin_stages: (begin_stages, radau), calls.as_elastic: (as_elastic, radau),
-            calls.relax: (relax, problem, radau), calls.lost_in_relaxing: (lost_in_relaxing, problem, radau),
-            calls.relaxing_factors: (relaxing_factors, problem, radau)}
+    return {calls.begin_stages: (begin_stages, radau), calls.relax: (relax, problem, radau),
+            calls.lost_in_relaxing: (lost_in_relaxing, problem, radau), calls.add_moduli: (add_moduli, problem, radau)}
 
 
 def _energy_momentum(spec: Dynamic, p: Any, tolerance: float, end: Step, _: Relaxes) -> Conserving:
@@ -204,6 +203,7 @@ def radau(stages: int) -> Maker:
         embedded = np.linalg.solve(c[None, :] ** powers[:, None], 1.0 / (powers + 1.0) - gamma * (powers == 0))
         n, entries = len(p.coordinate), len(p.mass)
         rows, columns = [left[k].real], [right[:, k].real]
+        yields = len(p.states) > sum(points * numbers for _, _, points, numbers, *_ in relaxes[0].tolist())
         for q in upper:
             rows += [left[q].real, left[q].imag]
             columns += [2.0 * right[:, q].real, -2.0 * right[:, q].imag]
@@ -211,13 +211,13 @@ def radau(stages: int) -> Maker:
         cosine, sine, F, row = (np.zeros((stages, m)) for m in (len(p.pairs), len(p.pairs), stages, TILE))
         return Radau(c, W, float(values[k].real), values[upper], -np.array(rows), np.array(columns).T.copy(),
                      (W.T @ (embedded - A[-1]))[None], gamma, tolerance, spec.max_iterations or MAX_ITERATIONS,
-                     spec.newton == "full", spec.dt is not None,
+                     spec.newton == "full" or yields, spec.dt is not None,
                      bool(p.tau.any()) or len(p.points.mem) > 0 or p.rank > 0,
                      np.flatnonzero(p.coordinate == 0.0), end, X, V, accelerations, R, kept, np.zeros(entries),
                      np.zeros((len(upper), entries), dtype=complex), np.zeros(n),
                      np.zeros((len(upper), n), dtype=complex), np.zeros((stages, len(p.programs.first) - 1, 3)),
                      cosine, sine, np.zeros(4), np.zeros((2, len(p.pairs))), F, row,
-                     relaxing(*relaxes, A[-1].copy(), p.states))
+                     relaxing(*relaxes, A[-1].copy(), p))
 
     return Maker(stages + 1, by_rates(c), make)
 
@@ -252,6 +252,8 @@ class Method:
             self.functions |= _functions_of_both(p.layout, radau.layout, euler.layout, len(relaxes[0]) > 0)
         # the record that Radau's stages are in, where materials relax at these
         self._relaxing = next((x for x in (self.own, *parts) if len(relaxes[0]) and isinstance(x.values, Radau)), None)
+        # internal strains that go with the motion's tangent
+        self.remembered = p.given.shape[1] if self._relaxing is not None else 0
         if self._relaxing is not None:
             self.functions |= _functions_of_stages(p.layout, self._relaxing.layout)
         impulse = own.gamma * (1.0 - own.af) / (1.0 - own.am) if isinstance(own, Newmark) else 0.0
