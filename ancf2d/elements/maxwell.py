@@ -30,8 +30,7 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
     have taken less under the mean of the stresses at both ends of each step than under that at its end. Behind it
     stands the time step.
 
-    The last reference values of a point are (g_i, tau_i) of each term, and their number. A time step below 0 is a share
-    of the springs that the slope has, at the strains that are remembered.
+    The last reference values of a point are (g_i, tau_i) of each term, and their number.
     """
     n, last, clock = len(eps), len(ref) - 1, len(new) - 1
     terms = int(ref[last, 0])
@@ -43,7 +42,7 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
         # all points have the same time step
         x = old[clock, 0] / tau
         keeps = np.exp(-x) if x > 0.0 else 1.0
-        takes = -np.expm1(-x) / x if x > 0.0 else (-old[clock, 0] if x < 0.0 else 1.0)
+        takes = -np.expm1(-x) / x if x > 0.0 else 1.0
         for i in range(n):
             at = (1 + k) * n + i
             for l in range(lanes):

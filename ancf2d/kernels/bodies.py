@@ -132,14 +132,30 @@ def elastic_tangent(p, c, d, Q, A):  # type: ignore[no-untyped-def]
 
 
 @inner
-def remember_elements(p, d, amps):  # type: ignore[no-untyped-def]
-    """Let laws with memory remember the accepted state d; return the energy dissipated since the last."""
+def remember_elements(p, d, amps, timed):  # type: ignore[no-untyped-def]
+    """Let laws with memory, ``timed`` ones or not, remember the accepted state d; return the energy dissipated since
+    the last.
+    """
     set_natural(p, amps, amps)
     lost = 0.0
     for g in range(len(p.groups)):
-        if group_at(p.groups[g]).law.state > 0:
+        law = group_at(p.groups[g]).law
+        if law.state > 0 and (timed or not law.timed):
             lost += calls.commit(p.calls, (group_at(p.groups[g]), d))
     return lost
+
+
+@inner
+def give_remembered(p):  # type: ignore[no-untyped-def]
+    """Give laws that relax the internal strains that they remember, as fixed ones."""
+    for g in range(len(p.groups)):
+        law, memory = group_at(p.groups[g]).law, group_at(p.groups[g]).memory
+        if law.timed:
+            p.slopes[g] = 0.0
+            for k in range(memory.given.shape[0]):
+                for s in range(memory.given.shape[1]):
+                    for i in range(memory.given.shape[2]):
+                        memory.given[k, s, i] = memory.states[k, s, i // law.strains * law.state + i % law.strains]
 
 
 @inner

@@ -27,7 +27,7 @@ from .lowlevel.records import address_of, at, caller, rows, table, type_of
 from .motion.state import evaluate_with_gradient
 
 # what a law is asked for: each reads and writes rows of one point (``lanes.Slots``)
-STRAIN, GEOMETRIC, MEAN, STRESS, PUSH, PULL, TIMES, SQUARE, REMEMBER, RELAX = range(10)
+STRAIN, GEOMETRIC, MEAN, STRESS, PUSH, PULL, TIMES, SQUARE, REMEMBER, BEAR, RELAX = range(11)
 
 
 def _no_mean(ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-def]
@@ -131,9 +131,10 @@ def _operations_of(law: StrainLaw) -> Any:
             _matrix_matrix(D, JE, DJ, NS, NS, NU, lanes)
         elif what == SQUARE:
             _transposed_matrix(J, DJ, H, NS, NU, NU, lanes)
-        elif what == REMEMBER:
+        elif what in (REMEMBER, BEAR):
             # ``remember`` has filled state and slope
-            _less(eps, rows(work, base + at.new, NI), NI, lanes)
+            if what == REMEMBER:
+                _less(eps, rows(work, base + at.new, NI), NI, lanes)
             _matrix_matrix(slope, J, JE, NI, NI, NU, lanes)
             _from(J, JE, NI, NU, lanes)
         else:

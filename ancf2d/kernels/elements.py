@@ -41,12 +41,13 @@ from .forces import (
     WHOLE,
     WORK,
     call_batch,
+    is_given,
     results,
 )
 from .lanes import vectors_of
 from .lowlevel.arrays import vector
 from .lowlevel.jit import inlined, inner, kernel, seldom, shared
-from .lowlevel.records import array_at, row, whole
+from .lowlevel.records import STRIDE, array_at, row, whole
 from .matrices.matrix import scatter_packed
 from .natural import NOW
 
@@ -166,25 +167,23 @@ def commit(group, d):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def take_strains(group, d, first, number, out):  # type: ignore[no-untyped-def]
-    """Write the strains at d, internal ones among them, to the states ``out`` (n,) from ``number`` of each point on.
-
-    The states of the group's elements begin at ``first``.
-    """
+def take_strains(group, d, first, out):  # type: ignore[no-untyped-def]
+    """Write the strains at d, internal ones among them, to ``out`` (n,) from ``first`` on, as they are remembered."""
     at, slot = layout(group.law)
     law, work, memory, k = group.law, group.plan.work, group.memory, group.law.strains
     _, _, ns, S = sizes(group)
-    numbers, begin, last = memory.states.shape[2], 0, len(group.dofs)
+    begin, last = 0, len(group.dofs)
     while begin < last:
         count = batch_length(group, begin, last)
         for part in range(group.plan.parts):
             call_batch(group.plan.forces, (WHOLE, group, d, d, begin, count, part, 0.0))
-            for p in range(ns):
-                eps, own = row(work, place_of(p, k, at, slot.eps)), first + p // k * law.state + number + p % k
+            for m in range(count):
                 for s in range(S):
-                    for m in range(count):
-                        place = memory.row[begin + m] * memory.states.shape[1] + part * S + s
-                        out[own + place * numbers] = eps[s * count + m]
+                    place = first + (memory.row[begin + m] * memory.states.shape[1] + part * S + s) * ns
+                    for p in range(points_of(law)):
+                        for i in range(k):
+                            eps = (p * at.rows + slot.eps + i) * STRIDE + s * count + m
+                            out[place + p * k + i] = work[eps]
         begin += count
 
 
@@ -296,7 +295,8 @@ def _pull_sizes(group, part, first, count, lanes):  # type: ignore[no-untyped-de
             for l in range(lanes):
                 size[l] = abs(size[l])
             if group.law.state > 0:
-                inner = row(work, p * at.rows + slot.new + (k + NS if group.law.state >= 2 * NS else k))
+                sums = group.law.state >= 2 * NS and not is_given(group)
+                inner = row(work, p * at.rows + slot.new + (k + NS if sums else k))
                 for l in range(lanes):
                     size[l] += abs(inner[l])
         for k in range(NS * NU):

@@ -17,6 +17,7 @@ from .batch import (
     add_turning,
     begin,
     combine,
+    combine_rows,
     each_point,
     from_lanes,
     layout,
@@ -30,10 +31,10 @@ from .batch import (
     take_natural,
     to_lanes,
 )
-from .compiled_laws import MEAN, PULL, PUSH, RELAX, REMEMBER, STRAIN, remember
+from .compiled_laws import BEAR, MEAN, PULL, PUSH, RELAX, REMEMBER, STRAIN, remember
 from .lanes import Slots, vectors_of
 from .lowlevel.jit import addressed, inner
-from .lowlevel.records import address_of, array_at, caller, row, type_of, whole
+from .lowlevel.records import STRIDE, address_of, array_at, caller, row, type_of, whole
 from .natural import BEFORE, CHANGE, NOW, RATES
 from .tangents import tangents
 
@@ -84,12 +85,19 @@ _WORK = [*_MIDDLE, (COMBINE, ONE, _G, FACTOR, _EPS0, _EPS), (STRESS, ZERO, ONE),
 _STEP_TANGENT = [*_STEP, (COMBINE, ONE, _U, MINUS_HALF, _U0, _U), (COMBINE, HALF, _SIGMA, ZERO, _SIGMA, _SIGMA),
                  (MATERIAL, HALF_MORE), (GEOMETRIC, ONE), (TANGENTS,)]
 _PROGRAMS = {STRAINS: _STRESSES, FORCE: [*_ELASTIC, (MEMORY, _TRY)],
-             TANGENT: [*_ELASTIC, (MATERIAL, ONE), (GEOMETRIC, ONE), (TANGENTS,)],
+             TANGENT: [*_ELASTIC, (MEMORY, BEAR), (MATERIAL, ONE), (GEOMETRIC, ONE), (TANGENTS,)],
              RATE: _VISCOUS, ACTION: _ACTION, STEP: _STEP, STEP_TANGENT: _STEP_TANGENT, SLOPE: _SLOPE, POWER: _POWER,
              WORK: _WORK, COMMIT: [*_STRESSES, (MEMORY, _KEEP)], TWIST: _TWIST,
              WHOLE: [(LANES, _D, _U), (LAW, STRAIN), (BEYOND, NOW, _EPS)]}
 _STEPS = np.array([(*step, 0, 0, 0, 0, 0)[:6] for k in range(len(_PROGRAMS)) for step in _PROGRAMS[k]])
 _STARTS = np.cumsum([0] + [len(_PROGRAMS[k]) for k in range(len(_PROGRAMS))])
+
+
+@inner
+def is_given(group):  # type: ignore[no-untyped-def]
+    """Return whether internal strains are given in the place of those by the law."""
+    slope = group.memory.slope
+    return len(slope) > 0 and slope[0] <= 0.0
 
 
 @inner
@@ -105,6 +113,49 @@ def recall(group, part, first, count):  # type: ignore[no-untyped-def]
             for m in range(count):
                 target[s * count + m] = memory.states[memory.row[first + m], part * S + s, i]
         pad(work, k, 1, S * count)
+
+
+@inner
+def recall_given(group, part, first, count):  # type: ignore[no-untyped-def]
+    """Fill the lanes of internal strains that are given, and take them off the strains."""
+    law, work, memory = group.law, group.plan.work, group.memory
+    at, slot = layout(law)
+    S, k = law.B.shape[2], law.strains
+    for m in range(count):
+        for s in range(S):
+            source = memory.given[memory.row[first + m], part * S + s]
+            for p in range(points_of(law)):
+                for i in range(k):
+                    work[(p * at.rows + slot.new + i) * STRIDE + s * count + m] = source[p * k + i]
+    for p in range(points_of(law)):
+        eps, new = p * at.rows + slot.eps, p * at.rows + slot.new
+        pad(work, new, k, S * count)
+        combine_rows(work, 1.0, eps, -1.0, new, eps, k, vectors_of(S * count))
+
+
+@inner
+def give_slopes(group, lanes):  # type: ignore[no-untyped-def]
+    """Fill the lanes of the slopes of internal strains that are given."""
+    at, slot = layout(group.law)
+    for p in range(points_of(group.law)):
+        for i in range(group.law.strains):
+            slope = row(group.plan.work, p * at.rows + slot.slope + i * group.law.strains + i)
+            for l in range(lanes):
+                slope[l] = group.memory.slope[0]
+
+
+@inner
+def given_work(group, part, first, count):  # type: ignore[no-untyped-def]
+    """Return the energy that internal strains which are given have taken."""
+    law, work, memory = group.law, group.plan.work, group.memory
+    at, slot = layout(law)
+    S, lost = law.B.shape[2], 0.0
+    for i in range(memory.taken.shape[2]):
+        sigma = row(work, place_of(i, law.strains, at, slot.sigma))
+        for s in range(S):
+            for m in range(count):
+                lost += sigma[s * count + m] * memory.taken[memory.row[first + m], part * S + s, i]
+    return lost
 
 
 @inner
@@ -140,11 +191,22 @@ def put_states(group, states, part, first, count):  # type: ignore[no-untyped-de
 def with_memory(group, what, part, first, count):  # type: ignore[no-untyped-def]
     """Do a step of a law with memory; return the energy that internal strains have taken."""
     if what == _KEEP:
+        if is_given(group):
+            return given_work(group, part, first, count)
         return keep_states(group, part, first, count)
     if what == _TRY:
         put_states(group, group.memory.trial, part, first, count)
         return 0.0
-    if what == REMEMBER:
+    given = is_given(group)
+    if what == REMEMBER and given:
+        recall_given(group, part, first, count)
+        return 0.0
+    if what == BEAR and not given:
+        # REMEMBER has done that
+        return 0.0
+    if given:
+        give_slopes(group, vectors_of(group.law.B.shape[2] * count))
+    elif what == REMEMBER:
         recall(group, part, first, count)
         at, slot = layout(group.law)
         for p in range(points_of(group.law)):

@@ -50,13 +50,12 @@ class Plan(NamedTuple):
 class Slots(NamedTuple):
     """Rows of a point where each quantity starts, and how many they are: all constants of its law.
 
-    ref, D, H, g : reference values, stiffness, second derivatives of the energy and forces by the fields; u, eps,
-    sigma, J : fields, strains, stresses and Jacobian; u0, eps0 : other fields and strains beside them; t, DJ : D eps
-    and D J. Of laws with memory, old, new : state before and after; slope : of internal strains by strains; JE : what
-    the fields make of strains that bear stress, J of other laws.
+    u, eps, sigma, J : fields, strains, stresses and Jacobian; u0, eps0 : other fields and strains beside them; t, DJ :
+    D eps and D J; D, H, g : stiffness, second derivatives of the energy and forces by the fields; ref : reference
+    values. Of laws with memory, slope : of internal strains by strains; JE : what the fields make of strains that bear
+    stress, J of other laws; old, new : state before and after.
     """
 
-    ref: int
     u: int
     u0: int
     eps: int
@@ -68,10 +67,11 @@ class Slots(NamedTuple):
     D: int
     H: int
     g: int
-    old: int
-    new: int
     slope: int
     JE: int
+    ref: int
+    old: int
+    new: int
     rows: int
 
 
@@ -90,9 +90,11 @@ class Places(NamedTuple):
 
 @register_jitable
 def slots(fields, strains, references, state):  # type: ignore[no-untyped-def]
-    """Return the rows of a point whose law has so many fields, strains, reference values and numbers of state."""
-    u = references
-    u0 = u + fields
+    """Return the rows of a point whose law has so many fields, strains, reference values and numbers of state.
+
+    Those whose number only a run tells come last: others are a constant distance apart, and are seen not to overlap.
+    """
+    u0 = fields
     eps = u0 + fields
     eps0 = eps + strains
     t = eps0 + strains
@@ -102,13 +104,13 @@ def slots(fields, strains, references, state):  # type: ignore[no-untyped-def]
     D = DJ + strains * fields
     H = D + strains * strains
     g = H + fields * fields
-    old = g + fields
+    slope = g + fields
+    remembers = 1 if state > 0 else 0
+    JE = slope + strains * strains if remembers else J
+    ref = slope + remembers * (strains * strains + strains * fields)
+    old = ref + references
     new = old + state
-    slope = new + state
-    if state == 0:
-        return Slots(0, u, u0, eps, eps0, t, sigma, J, DJ, D, H, g, old, new, slope, J, old)
-    JE = slope + strains * strains
-    return Slots(0, u, u0, eps, eps0, t, sigma, J, DJ, D, H, g, old, new, slope, JE, JE + strains * fields)
+    return Slots(0, u0, eps, eps0, t, sigma, J, DJ, D, H, g, slope, JE, ref, old, new, new + state)
 
 
 @register_jitable

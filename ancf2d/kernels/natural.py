@@ -42,23 +42,33 @@ def of_some(natural: Natural, which: Any) -> Natural:
     return natural._replace(pattern=np.ascontiguousarray(natural.pattern[which])) if len(natural.pattern) else natural
 
 
+# slopes are 0 or less
+UNGIVEN = 1.0
+
+
 class Memory(NamedTuple):
     """What laws with memory remember of the last accepted state.
 
     row : (ne,) where that of each element is in states (rows, stations of all parts, numbers of all points), which may
     be those of other groups too; trial : room for those of the state whose forces were last asked for, which may be
-    accepted next, or nothing. All are empty where the law has none.
+    accepted next, or nothing. slope (1,) : that of internal strains which are given in the place of the law's own,
+    UNGIVEN where none are; given, taken (rows, stations of all parts, strains of all points) : these, and what they
+    have taken. All are empty where the law has none.
     """
 
     row: Any
     states: Any
     trial: Any
+    slope: Any
+    given: Any
+    taken: Any
 
 
 @cache
 def no_memory() -> Memory:
     """Return the same memory always, that of laws that have none."""
-    return Memory(np.zeros(0, dtype=np.int64), np.zeros((0, 0, 0)), np.zeros((0, 0, 0)))
+    none = np.zeros((0, 0, 0))
+    return Memory(np.zeros(0, dtype=np.int64), none, none, np.zeros(0), none, none)
 
 
 def memory_of_some(memory: Memory, which: Any) -> Memory:

@@ -15,7 +15,7 @@ from ..kernels.forces import batch_address
 from ..kernels.lanes import LANES, Plan, places, room
 from ..kernels.lowlevel.blas import dgemm_address
 from ..kernels.lowlevel.records import Record
-from ..kernels.natural import Memory, Natural, memory_of_some, no_memory, no_natural, of_some
+from ..kernels.natural import UNGIVEN, Memory, Natural, memory_of_some, no_memory, no_natural, of_some
 from ..kernels.tangents import fill_products
 from .body_groups import Pool
 from .classes import ElementClass
@@ -166,7 +166,7 @@ def _memory(law: Law, point: PointLaw, parts: int, elements: int) -> Memory:
     states = np.zeros((elements, stations, points * law.state))
     if point.timed:
         states[:, :, law.state - 1::law.state] = np.inf
-    return Memory(np.arange(elements), states, np.zeros((0, 0, 0)))
+    return no_memory()._replace(row=np.arange(elements), states=states)
 
 
 def with_states(groups: list[Record], states: Array | None = None) -> tuple[list[Record], Array]:
@@ -180,6 +180,23 @@ def with_states(groups: list[Record], states: Array | None = None) -> tuple[list
         at += own.size
         out.append(group.replaced(memory=memory._replace(states=own)) if own.size else group)
     return out, states
+
+
+def with_given(groups: list[Record]) -> tuple[list[Record], Array, Array]:
+    """Return groups whose laws may be given internal strains, those that relax.
+
+    With these strains and what they have taken (2, k), one group after another, and their slopes (groups,).
+    """
+    laws, memories = ([getattr(group.values, name) for group in groups] for name in ("law", "memory"))
+    sizes = [x.states.size // law.state * law.strains if law.timed else 0
+             for law, x in zip(laws, memories, strict=True)]
+    given, slopes, ends = np.zeros((2, sum(sizes))), np.full(len(groups), UNGIVEN), np.cumsum(sizes).tolist()
+    out = []
+    for k, (group, memory, size, end) in enumerate(zip(groups, memories, sizes, ends, strict=True)):
+        views = (x[end - size:end].reshape(*memory.states.shape[:2], -1) for x in given) if size else ()
+        out.append(group.replaced(memory=memory._replace(slope=slopes[k:k + 1], **dict(
+            zip(("given", "taken"), views, strict=True)))) if size else group)
+    return out, given, slopes
 
 
 def with_trials(groups: list[Record]) -> list[Record]:

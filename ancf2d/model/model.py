@@ -126,18 +126,24 @@ class Model:
     def relaxing(self) -> tuple[Index, Array]:
         """Where ``states`` hold what relaxes, and the terms (m, 2), modulus and time [s].
 
-        Rows of the former are (group, first number, points, numbers of a point, strains, first term, terms).
+        Rows of the former are (group, first number, points, numbers of a point, strains, first term, terms, first of
+        the strains of all points); groups that relax alike have the same terms.
         """
-        runs, terms, first = list[list[int]](), list[tuple[float, float]](), 0
+        runs, terms, first, strains = list[list[int]](), list[tuple[float, float]](), 0, 0
+        places = dict[tuple[tuple[float, float], ...], int]()
         # groups take the machine code of elements, which other kernels can be compiled beside
         relaxes = any(pool.plan.formulation.law.timed for pool in self.pools)
         for k, (pool, group) in enumerate(zip(self.pools, self.groups, strict=True) if relaxes else ()):
             law, size, own = pool.plan.formulation.law, group.values.memory.states.size, pool.plan.section.maxwell
             if law.timed:
-                runs.append([k, first, size // law.state, law.state, law.strains, len(terms), len(own)])
-                terms += own
+                if own not in places:
+                    places[own] = len(terms)
+                    terms += own
+                runs.append([k, first, size // law.state, law.state, law.strains, places[own], len(own),
+                             strains])
+                strains += size // law.state * law.strains
             first += size
-        return np.array(runs, dtype=np.int64).reshape(-1, 7), np.array(terms).reshape(-1, 2)
+        return np.array(runs, dtype=np.int64).reshape(-1, 8), np.array(terms).reshape(-1, 2)
 
     def set_step(self, h: float) -> None:
         """Set the time [s] since the last accepted state, of laws that relax: infinite where all has relaxed."""

@@ -36,7 +36,7 @@ def rigid(start: Any, end: Any, mass: float, inertia: float) -> dict[str, Any]:
 
 
 def rod(name: str = "cable", count: int = 2, start: Any = (0, 0), end: Any = (1, 0),
-        **material: float) -> dict[str, Any]:
+        **material: Any) -> dict[str, Any]:
     """Return a soft straight rod."""
     geometry = {"type": "line", "start": list(start), "end": list(end)}
     return h.body(geometry, h.element(name, count), THIN, {**RUBBER, **material})

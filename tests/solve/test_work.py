@@ -84,6 +84,11 @@ def moving(scene: dict[str, Any], t_end: float, **solver: Any) -> Callable[[pyte
 
 FALLING = {"bodies": {"a": rod("reissner3", 4)}, **PINNED}
 TWELVE = {"bodies": {"a": rod("vallejo", 4)}, **PINNED}
+# two materials that relax unlike one another
+RELAXING = {"bodies": {"a": rod("reissner3", 4, viscoelastic=[{"modulus": 2.0, "time": 0.03}]),
+                       "b": rod("vallejo", 2, (0, 1), (1, 1), viscoelastic=[{"modulus": 0.5, "time": 0.1},
+                                                                            {"modulus": 0.2, "time": 1.0}])},
+            "bc": [{"type": "pin", "at": "a@0"}, {"type": "pin", "at": "b@0"}], "loads": GRAVITY}
 CASES: dict[str, Callable[[pytest.MonkeyPatch], Counter[str]]] = {
     "large deflection, reissner2": still("reissner2", 64, "static", **LOADED),
     "large deflection, vallejo": still("vallejo", 16, "static", **LOADED),
@@ -94,6 +99,8 @@ CASES: dict[str, Callable[[pytest.MonkeyPatch], Counter[str]]] = {
     "motion, radau5, fixed steps": moving(FALLING, 0.5, dt=0.01),
     "motion, radau5, adaptive": moving(FALLING, 0.5, tolerance=1e-6),
     "motion, radau9, adaptive": moving(TWELVE, 0.5, tolerance=1e-6, method="radau9"),
+    "motion of materials that relax, radau5, fixed steps": moving(RELAXING, 0.5, dt=0.01),
+    "motion of materials that relax, radau9, adaptive": moving(RELAXING, 0.5, tolerance=1e-6, method="radau9"),
     "motion, generalized alpha": moving(TWELVE, 0.2, dt=1e-3, method="generalized_alpha"),
     "motion, generalized alpha, full Newton": moving(TWELVE, 0.2, dt=1e-3, method="generalized_alpha", newton="full"),
     "motion, energy-momentum": moving(TWELVE, 0.2, dt=1e-3, method="energy_momentum"),

@@ -161,7 +161,7 @@ def _store_inside(m, p, w, s, at, plan, rows, r, time, t, h, number):  # type: i
     _store(p, rows, r, time, number, INSIDE, at, s.numbers[WORK] + work, s.numbers[LOST] + lost)
     if len(p.states) > 0:
         # what materials have taken since the start of the step
-        rows.work[r, 1] += remember_elements(p, w.d, w.amps)
+        rows.work[r, 1] += remember_elements(p, w.d, w.amps, True)
         rows.work[r, 1] += taken_inside(m, p, w, s, at, t, h, x)
         copy(rows.states[r], p.states)
 
@@ -237,7 +237,9 @@ def _keep(p, w, m, s, t, h, tracks, given, happened):  # type: ignore[no-untyped
             p.weights[i] = s.numbers[SIZE] / scale if scale > 0.0 else 0.0
     if len(p.states) > 0:
         recall(m, p, h, 1.0)
-        s.numbers[LOST] += remember_elements(p, w.d, w.amps)
+        # what is solved at stages is remembered already, and no time has passed since
+        timed = len(p.clocks) > 0 and p.states[p.clocks[0]] > 0.0
+        s.numbers[LOST] += remember_elements(p, w.d, w.amps, timed)
         for k in p.clocks:
             p.states[k] = 0.0
     if not p.patched:

@@ -9,8 +9,19 @@ import numpy as np
 from .. import calls
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, kernel, kernel_with_memory, seldom
+from ..moving import place_moving
 from ..patches import face_bodies, patch_forces, rates_of_constraints
 from .dynamics import FORCES, add_mass, patches_tangent, residual, signals_at, to_full, twice_kinetic
+
+
+@kernel
+@seldom
+def place_at(p, w, z, v, t):  # type: ignore[no-untyped-def]
+    """Place what moves along bodies where it is at t."""
+    signals_at(p, t, w.amps)
+    to_full(p, z, w.amps, 0, w.d)
+    to_full(p, v, w.amps, 1, w.v)
+    place_moving(p, w.d, w.amps)
 
 
 @inner

@@ -25,24 +25,26 @@ class Problem(NamedTuple):
     """A model in motion. n unknowns (multipliers included), n_full full coordinates.
 
     groups : addresses of those of elements; states : all that their laws with memory remember, one group after another,
-    with the time since then at places clocks; calls : addresses (``kernels.calls``); tau : (groups,) Kelvin-Voigt times
-    [s]; points, sliding, moving, facing : tables of point laws, joints, points that move along bodies or touch them;
-    patched : whether there are any; stops : what acts on one side alone, or from a gap on (items from, to); touches,
-    sided : whether there are contacts, and one-sided ones; turning :
-    directions whose turns are counted; winds : whether forces depend on the turns; programs : signals; place, indptr,
-    index, value, full, dependents : numbering; fronts : of matrices, empty for bands of ``width`` entries a row; mass :
-    T^T M T, stored so; diagonals (k,), along (k, n) : diagonals d of a band that are not zero, entries (j + d, j);
-    load_*, motion_* : dead loads, entries of P and (signals, n) T^T M P; alpha : mass damping [1/s]; pairs : (m, 2)
-    unknowns x and y of one vector; turns : (m, 4) how it turns: by theta, x and y of a gradient, or of two points; e0 :
-    (n_q,) reference; weights, straining : (n,) [m], those of ``Model``, and coordinate : (n,) 1, all 0 for multipliers;
-    extent : of the scene [m]. feedback : what answers the motion; inner : unknowns without controllers' states, the
-    last ones; rank : of what signals and states add to tangents (``feedback``); sure : iterations at least, 2
-    where these switch: small increments do not see that.
+    with the time since then at places clocks; given, slopes : of laws that relax (``model.groups.with_given``); calls :
+    addresses (``kernels.calls``); tau : (groups,) Kelvin-Voigt times [s]; points, sliding, moving, facing : tables of
+    point laws, joints, points that move along bodies or touch them; patched : whether there are any; stops : what acts
+    on one side alone, or from a gap on (items from, to); touches, sided : whether there are contacts, and one-sided
+    ones; turning : directions whose turns are counted; winds : whether forces depend on the turns; programs : signals;
+    place, indptr, index, value, full, dependents : numbering; fronts : of matrices, empty for bands of ``width``
+    entries a row; mass : T^T M T, stored so; diagonals (k,), along (k, n) : diagonals d of a band that are not zero,
+    entries (j + d, j); load_*, motion_* : dead loads, entries of P and (signals, n) T^T M P; alpha : mass damping
+    [1/s]; pairs : (m, 2) unknowns x and y of one vector; turns : (m, 4) how it turns: by theta, x and y of a gradient,
+    or of two points; e0 : (n_q,) reference; weights, straining : (n,) [m], those of ``Model``, and coordinate : (n,) 1,
+    all 0 for multipliers; extent : of the scene [m]. feedback : what answers the motion; inner : unknowns without
+    controllers' states, the last ones; rank : of what signals and states add to tangents (``feedback``); sure :
+    iterations at least, 2 where these switch: small increments do not see that.
     """
 
     groups: Any
     states: Any
     clocks: Any
+    given: Any
+    slopes: Any
     calls: Any
     tau: Any
     points: Any
@@ -236,16 +238,6 @@ def forces_tangent(p, w, z, v, c):  # type: ignore[no-untyped-def]
     add_patch_tangent(p, w.d, w.v, w.amps, c, w.Q, w.A)
     add_loads(p, w.amps, -1.0, w.Q)
     return energy
-
-
-@kernel
-@seldom
-def place_at(p, w, z, v, t):  # type: ignore[no-untyped-def]
-    """Place what moves along bodies where it is at t."""
-    signals_at(p, t, w.amps)
-    to_full(p, z, w.amps, 0, w.d)
-    to_full(p, v, w.amps, 1, w.v)
-    place_moving(p, w.d, w.amps)
 
 
 @inner

@@ -22,7 +22,7 @@ from ..patches import violation
 from .dynamics import MET, norm, remember, residual, signals_at, solve_with, to_full, weighed
 from .feedback import weigh_state
 from .reused_tangent import count, tangent, turn, turns
-from .stages import as_at_stage, as_at_start, let_relax, place
+from .stages import TILE, combine, give, let_relax, place, ungive
 from .state import (
     CONTRACTION,
     DONE,
@@ -35,25 +35,6 @@ from .state import (
     SINGULAR,
 )
 from .step_control import enough, rounding
-
-# unknowns that are worked on at a time
-TILE = 128
-
-
-@inner
-def combine(F, i, X, first, out, to, count):  # type: ignore[no-untyped-def]
-    """Fill numbers of ``out`` from entry ``to`` on with the sum of F[i, j] X[j, first:first + count] over j."""
-    s, n = X.shape
-    total, a, b, c = (array_at(out, to, (count,)), array_at(X, first, (count,)), array_at(X, n + first, (count,)),
-                      array_at(X, 2 * n + first, (count,)))
-    f, g, h = F[i, 0], F[i, 1], F[i, 2]
-    for k in range(count):
-        total[k] = f * a[k] + g * b[k] + h * c[k]
-    for j in range(3, s, 2):
-        a, b = array_at(X, j * n + first, (count,)), array_at(X, (j + 1) * n + first, (count,))
-        f, g = F[i, j], F[i, j + 1]
-        for k in range(count):
-            total[k] += f * a[k] + g * b[k]
 
 
 @inner
@@ -101,10 +82,10 @@ class Radau(NamedTuple):
 
     c (s,) nodes; W (s, s); real mu, complex mus (k,) its eigenvalues; apart (s, s) : minus its left eigenvectors, the
     real one, then real and imaginary parts; together (s, s) : what makes stages of the parts; embedded (1, s) and gamma
-    of the error estimate; tolerance of Newton's increments; full : a tangent for every step; fixed : whether steps have
-    a fixed length; damped : whether tangents depend on rates; multipliers : which unknowns are; end : a Step; X, V, A,
-    R (s, n) stages; kept (s, n) residuals of the stages; B, C (k, ...) factors; y (n,), u (k, n);
-    amps (s, signals, 3); cosine, sine (s, pairs): how vectors have turned at a stage since the tangent's state;
+    of the error estimate; tolerance of Newton's increments; full : a tangent for every step, as where materials yield;
+    fixed : whether steps have a fixed length; damped : whether tangents depend on rates; multipliers : which unknowns
+    are; end : a Step; X, V, A, R (s, n) stages; kept (s, n) residuals of the stages; B, C (k, ...) factors; y (n,), u
+    (k, n); amps (s, signals, 3); cosine, sine (s, pairs): how vectors have turned at a stage since the tangent's state;
     held (4,) : time and length of the step that the factors are of, iterations of this one, and energy that relaxing
     took; facing (2, pairs) : directions of the vectors at the tangent's state; F (s, s), rows (s, TILE) to work in;
     relaxing : what materials that relax remember at the stages.
@@ -295,7 +276,7 @@ def _at_floor(m, p, w, s, h):  # type: ignore[no-untyped-def]
     stages = len(m.c)
     for i in range(stages):
         place(m, p, w, s, i)
-        as_at_stage(m.relaxing, i)
+        give(m.relaxing, m.relaxing.inner[i])
         to_full(p, m.y, w.amps, 0, w.d)
         copy(m.kept[i], w.R)
         # second rates are differences of rates, which are as large as this
@@ -317,7 +298,7 @@ def _iterate(m, p, w, s, h):  # type: ignore[no-untyped-def]
     while True:
         for i in range(len(m.c)):
             place(m, p, w, s, i)
-            as_at_stage(m.relaxing, i)
+            give(m.relaxing, m.relaxing.inner[i])
             calls.forces(p.calls, (p, w, m.y, m.V[i]))
             residual(p, w, m.V[i], m.A[i])
             copy(w.R, m.R[i])
@@ -363,12 +344,12 @@ def radau_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
         let_relax(m, p, w, s)
         if not tangent(m, p, w, s, t, h):
             s.numbers[HELD_STEP] = 0.0
-            as_at_start(m.relaxing)
+            ungive(m.relaxing)
             return SINGULAR, 1, 0.0, s.numbers[CONTRACTION]
         kept = s.numbers[HELD_TIME] < t
         turns(m, p, w, s)
         outcome, iterations, rate = _iterate(m, p, w, s, h)
-        as_at_start(m.relaxing)
+        ungive(m.relaxing)
         if outcome == DONE:
             break
         s.numbers[HELD_STEP] = 0.0

@@ -10,7 +10,7 @@ from .. import calls
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed, inner
 from .dynamics import FACTORS, directions, factor, signals_at, to_full, turned
-from .stages import as_at_stage, place, stiffen
+from .stages import double, give, is_first, modulus, place
 from .state import HELD_COST, HELD_STEP, HELD_STEPS, HELD_TIME
 
 # what a tangent and its factors cost, in iterations
@@ -47,10 +47,8 @@ def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
     z, v = s.extra[stages], s.extra[stages + 1]
     signals_at(p, s.numbers[HELD_TIME], w.amps)
     m.held[0], m.held[1] = s.numbers[HELD_TIME], h
-    as_at_stage(m.relaxing, stages // 2)
     relaxes = len(m.relaxing.runs) > 0
-    if relaxes:
-        calls.as_elastic(m.relaxing.calls, (m, h))
+    give(m.relaxing, s.remembered)
     if m.damped:
         calls.forces_tangent(p.calls, (p, w, z, v, 1.0))
         copy(A, B)
@@ -58,15 +56,21 @@ def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
     directions(p, w.d, m.facing[0], m.facing[1])
     if len(p.moving.fixed) > 0:
         calls.moving_mass(p.calls, (p, 1.0, M))
-    factored = calls.relaxing_factors(m.relaxing.calls, (p, w, z, v, m, h)) if relaxes else _factors(m, p, w, h)
+    _bands(m, p, w, h)
+    if relaxes:
+        calls.add_moduli(m.relaxing.calls, (p, w, z, v, m, h))
     if len(p.moving.fixed) > 0:
         copy(p.moving.fixed, M)
-    return factored
+    for k in range(len(m.mus)):
+        w.counts[FACTORS] += 1
+        if not calls.factor_complex(p.calls, (p, m.C[k], w.y)):
+            return False
+    return factor(p, w, B)
 
 
 @inner
-def _factors(m, p, w, h):  # type: ignore[no-untyped-def]
-    """Factor the bands with the tangent in w.A; return whether they could be."""
+def _bands(m, p, w, h):  # type: ignore[no-untyped-def]
+    """Fill the bands with the tangent in w.A, and with what rates add to it, which m.B is beyond that."""
     size, A, B, M = len(w.A), w.A, m.B, p.mass
     for k in range(len(m.mus)):
         f = m.mus[k] / h
@@ -77,55 +81,39 @@ def _factors(m, p, w, h):  # type: ignore[no-untyped-def]
         if m.damped:
             for i in range(size):
                 C[i] += f * (B[i] - A[i])
-        w.counts[FACTORS] += 1
-        if not calls.factor_complex(p.calls, (p, C, w.y)):
-            return False
     real, mass = m.mu / h, (m.mu / h) * (m.mu / h + p.alpha)
-    if m.damped:
-        for i in range(size):
-            A[i] += real * (B[i] - A[i])
     for i in range(size):
-        B[i] = A[i] + mass * M[i]
-    return factor(p, w, m.B)
+        B[i] = A[i] + (real * (B[i] - A[i]) if m.damped else 0.0) + mass * M[i]
 
 
 @addressed
-def relaxing_factors(p, w, z, v, m, h):  # type: ignore[no-untyped-def]
-    """Do as ``_factors`` with a modulus for each band, at the held unknowns z with rates v."""
-    size, A, B, M, q = len(w.A), w.A, m.B, p.mass, m.relaxing
-    for i in range(size):
-        B[i] = B[i] - A[i] if m.damped else 0.0
-    for k in range(len(m.mus)):
-        f = m.mus[k] / h
-        g = f * (f + p.alpha)
-        C, real, imag = m.C[k], g.real, g.imag
-        stiffen(q, m.mus[k], h, False)
-        calls.forces_tangent(p.calls, (p, w, z, v, 0.0))
-        for i in range(size):
-            C[i] = A[i]
-        stiffen(q, m.mus[k], h, True)
-        calls.forces_tangent(p.calls, (p, w, z, v, 0.0))
-        for i in range(size):
-            a = C[i].real
-            C[i] = complex(a + real * M[i], A[i] - a + imag * M[i]) + f * B[i]
-        w.counts[FACTORS] += 1
-        if not calls.factor_complex(p.calls, (p, C, w.y)):
-            return False
-    real, mass = m.mu / h, (m.mu / h) * (m.mu / h + p.alpha)
-    stiffen(q, complex(m.mu, 0.0), h, False)
-    calls.forces_tangent(p.calls, (p, w, z, v, 0.0))
-    for i in range(size):
-        B[i] = A[i] + real * B[i] + mass * M[i]
-    return factor(p, w, m.B)
+def add_moduli(p, w, z, v, m, h):  # type: ignore[no-untyped-def]
+    """Add to each band what terms add to the modulus there, at the held unknowns z with rates v, where w.A is of."""
+    q, size, A, B = m.relaxing, len(w.A), w.A, m.B
+    # by tangents with the stiffness of groups twice: each is the tangent at hand and that stiffness
+    for sign in (-1.0, 1.0):
+        for r in range(len(q.runs)):
+            if not is_first(q, r):
+                continue
+            if sign > 0.0:
+                double(q, r)
+                calls.forces_tangent(p.calls, (p, w, z, v, 0.0))
+            for k in range(len(m.mus)):
+                C, f = m.C[k], sign * modulus(q, r, m.mus[k], h)
+                for i in range(size):
+                    C[i] += f * A[i]
+            f = sign * modulus(q, r, complex(m.mu, 0.0), h).real
+            for i in range(size):
+                B[i] += f * A[i]
 
 
 @inner
 def _serves(m, p, s, h):  # type: ignore[no-untyped-def]
     """Return whether the tangent of an earlier step is taken on.
 
-    Point laws, joints and laws with memory remember where they were: theirs could not be made again.
+    Point laws and joints remember where they were: theirs could not be made again.
     """
-    if m.full or p.patched or len(p.states) > 0:
+    if m.full or p.patched:
         return False
     # steps of one length differ by the round-off of the times between them
     return abs(s.numbers[HELD_STEP] - h) <= 1e-9 * h
@@ -138,6 +126,8 @@ def _hold(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
     place(m, p, w, s, middle)
     copy(m.y, s.extra[stages])
     copy(m.V[middle], s.extra[stages + 1])
+    if len(m.relaxing.runs) > 0:
+        copy(m.relaxing.inner[middle], s.remembered)
     s.numbers[HELD_TIME], s.numbers[HELD_STEP] = t + m.c[middle] * h, h
     s.numbers[HELD_STEPS], s.numbers[HELD_COST] = 0.0, MAKING
     return _factor(m, p, w, s, h)

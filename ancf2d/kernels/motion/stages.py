@@ -4,6 +4,10 @@ A Maxwell term h' + h/tau = eps' is solved at the stages as displacements are: w
 and x the step over tau, H = G (E - eps_0 + h_0) for the values H (s,) of h and E of the strain, G = (W + x)^-1 W. So
 nothing but displacements is unknown. An eigenvector of W with the eigenvalue mu is one of G too, with mu/(mu + x):
 Newton's systems have the complex modulus of the material at mu/h.
+
+Forces need no more than the sums -sum g H of all terms, which are given to elements as internal strains
+(``kernels.forces``): a part -sum g G of the strains and what is left of the terms at the start. Terms are filled in
+where steps end.
 """
 
 from __future__ import annotations
@@ -16,35 +20,71 @@ from .. import calls
 from ..bodies import group_at, set_natural
 from ..lowlevel.arrays import copy, copy_rows
 from ..lowlevel.jit import addressed, inner
+from ..lowlevel.records import array_at
+from ..natural import UNGIVEN
 from .dynamics import to_full
 
-# a share of the springs that is none, and yet tells that it is a share
-NO_SHARE = 1e-300
+# slopes of internal strains that are given: of fixed ones, and of those that make a stiffness twice as large
+FIXED, DOUBLING = 0.0, -1.0
+# numbers that are worked on at a time
+TILE = 128
 
 
 class Relaxing(NamedTuple):
     """What materials that relax remember at the stages of a step.
 
-    runs (r, 7) : group, first number, points, numbers of a point, strains, first term and terms, of each group that
-    relaxes; terms (m, 2) : modulus and time; weights (s,) of the stages; G (m, s, s); states (n,) : those of the
-    problem; stages (s + 1, n) : the same at the start of the step and at each stage, empty where nothing relaxes;
-    calls : table of what is called where something does (``kernels.calls``).
+    runs (r, 8) : group, first number, points, numbers of a point, strains, first term, terms and first strain, of each
+    group that relaxes (those that relax alike have the same terms); terms (m, 2) : modulus and time; weights (s,) of
+    the stages; G (m, s, s), carried (m, s) its sums along rows; share (r, s, s) : -sum g G of a group; states, given,
+    slopes : those of the problem; start : the states at the start; strains, inner, left (s, k) : at each stage strains,
+    internal strains, and what of these does not follow from the strains; begun (k,) : internal strains at the start;
+    at_x (1 + m, 1 + s), rates (1 + s,) : what start and stages weigh inside the step (``_weigh``); calls : table of
+    what is called where something relaxes (``kernels.calls``).
     """
 
     runs: Any
     terms: Any
     weights: Any
     G: Any
+    carried: Any
+    share: Any
     states: Any
-    stages: Any
+    given: Any
+    slopes: Any
+    start: Any
+    strains: Any
+    inner: Any
+    left: Any
+    begun: Any
+    at_x: Any
+    rates: Any
     calls: Any
 
 
-def relaxing(runs: Any, terms: Any, weights: Any, states: Any) -> Relaxing:
-    """Return the arrays for a method whose stages have these weights (s,)."""
-    s = len(weights)
-    return Relaxing(runs, terms, weights, np.zeros((len(terms), s, s)), states,
-                    np.zeros((s + 1, len(states)) if len(runs) else (0, 0)), calls.table({}))
+def relaxing(runs: Any, terms: Any, weights: Any, p: Any) -> Relaxing:
+    """Return the arrays for a method whose stages have these weights (s,), of a problem."""
+    s, k = len(weights), p.given.shape[1] if len(runs) else 0
+    strains, internal, left = (np.zeros((s, k)) for _ in range(3))
+    return Relaxing(runs, terms, weights, np.zeros((len(terms), s, s)), np.zeros((len(terms), s)),
+                    np.zeros((len(runs), s, s)), p.states, p.given, p.slopes,
+                    np.zeros(len(p.states) if len(runs) else 0), strains, internal, left, np.zeros(k),
+                    np.zeros((1 + len(terms), 1 + s)), np.zeros(1 + s), calls.table({}))
+
+
+@inner
+def combine(F, i, X, first, out, to, count):  # type: ignore[no-untyped-def]
+    """Fill numbers of ``out`` from entry ``to`` on with the sum of F[i, j] X[j, first:first + count] over j."""
+    s, n = X.shape
+    total, a, b, c = (array_at(out, to, (count,)), array_at(X, first, (count,)), array_at(X, n + first, (count,)),
+                      array_at(X, 2 * n + first, (count,)))
+    f, g, h = F[i, 0], F[i, 1], F[i, 2]
+    for k in range(count):
+        total[k] = f * a[k] + g * b[k] + h * c[k]
+    for j in range(3, s, 2):
+        a, b = array_at(X, j * n + first, (count,)), array_at(X, (j + 1) * n + first, (count,))
+        f, g = F[i, j], F[i, j + 1]
+        for k in range(count):
+            total[k] += f * a[k] + g * b[k]
 
 
 @inner
@@ -55,19 +95,13 @@ def place(m, p, w, s, i):  # type: ignore[no-untyped-def]
     copy_rows(m.amps[i], w.amps)
 
 
-@addressed
-def begin_stages(m, h):  # type: ignore[no-untyped-def]
-    """Keep what is remembered at the start of a step h, and fill G."""
+@inner
+def _set_coefficients(m, h):  # type: ignore[no-untyped-def]
+    """Fill G and what follows from it for a step h."""
     q, s = m.relaxing, len(m.c)
-    for r in range(len(q.runs)):
-        first, size = q.runs[r, 1], q.runs[r, 3]
-        for point in range(q.runs[r, 2]):
-            # no time has passed there
-            q.states[first + point * size + size - 1] = 0.0
-    for i in range(len(q.stages)):
-        copy(q.states, q.stages[i])
     for k in range(len(q.terms)):
         x = h / q.terms[k, 1]
+        q.carried[k] = 0.0
         for j in range(s):
             y = -m.apart[0, j] * m.mu / (m.mu + x)
             for i in range(s):
@@ -76,80 +110,84 @@ def begin_stages(m, h):  # type: ignore[no-untyped-def]
                 u = -complex(m.apart[1 + 2 * n, j], m.apart[2 + 2 * n, j]) * m.mus[n] / (m.mus[n] + x)
                 for i in range(s):
                     q.G[k, i, j] += m.together[i, 1 + 2 * n] * u.real + m.together[i, 2 + 2 * n] * u.imag
+            for i in range(s):
+                q.carried[k, i] += q.G[k, i, j]
+    for r in range(len(q.runs)):
+        q.share[r] = 0.0
+        for k in range(q.runs[r, 5], q.runs[r, 5] + q.runs[r, 6]):
+            for i in range(s):
+                for j in range(s):
+                    q.share[r, i, j] -= q.terms[k, 0] * q.G[k, i, j]
+
+
+@addressed
+def begin_stages(m, h):  # type: ignore[no-untyped-def]
+    """Keep what is remembered at the start of a step h, and prepare for what is at the stages."""
+    q, s = m.relaxing, len(m.c)
+    _set_coefficients(m, h)
+    for r in range(len(q.runs)):
+        size, n, term, terms, share = q.runs[r, 3], q.runs[r, 4], q.runs[r, 5], q.runs[r, 6], q.share[r]
+        for point in range(q.runs[r, 2]):
+            first = q.runs[r, 1] + point * size
+            # no time has passed there
+            q.states[first + size - 1] = 0.0
+            for c in range(n):
+                x, at = q.runs[r, 7] + point * n + c, first + c
+                eps = q.states[at + (1 + terms) * n]
+                q.begun[x] = q.states[at]
+                for i in range(s):
+                    value = 0.0
+                    for j in range(s):
+                        value -= share[i, j] * eps
+                    for k in range(terms):
+                        value -= q.terms[term + k, 0] * q.carried[term + k, i] * q.states[at + (1 + k) * n]
+                    q.left[i, x] = value
+    copy(q.states, q.start)
 
 
 @inner
-def as_at_start(q):  # type: ignore[no-untyped-def]
-    """Let elements remember what they did at the start of the step."""
-    if len(q.stages) > 0:
-        copy(q.stages[0], q.states)
+def ungive(q):  # type: ignore[no-untyped-def]
+    """Let laws tell internal strains again."""
+    for r in range(len(q.runs)):
+        q.slopes[q.runs[r, 0]] = UNGIVEN
 
 
 @inner
-def as_at_stage(q, i):  # type: ignore[no-untyped-def]
-    """Let elements have at stage i what they remember there."""
-    if len(q.stages) > 0:
-        copy(q.stages[1 + i], q.states)
+def give(q, internal):  # type: ignore[no-untyped-def]
+    """Give laws that relax fixed internal strains (k,)."""
+    if len(q.runs) > 0:
+        copy(internal, q.given[0])
+        for r in range(len(q.runs)):
+            q.slopes[q.runs[r, 0]] = FIXED
 
 
 @inner
 def _strain(m, p, w, s, i):  # type: ignore[no-untyped-def]
-    """Fill the strains that are remembered of stage i."""
+    """Fill the strains at stage i."""
     q = m.relaxing
     place(m, p, w, s, i)
     to_full(p, m.y, w.amps, 0, w.d)
     set_natural(p, w.amps, w.amps)
     for r in range(len(q.runs)):
-        number = (1 + q.runs[r, 6]) * q.runs[r, 4]
-        calls.take_strains(p.calls, (group_at(p.groups[q.runs[r, 0]]), w.d, q.runs[r, 1], number, q.stages[1 + i]))
-
-
-@inner
-def _fill(q, r):  # type: ignore[no-untyped-def]
-    """Fill the terms of a group at all stages from its strains there."""
-    first, points, size, n = q.runs[r, 1], q.runs[r, 2], q.runs[r, 3], q.runs[r, 4]
-    term, terms, s = q.runs[r, 5], q.runs[r, 6], len(q.weights)
-    for point in range(points):
-        at = first + point * size
-        for i in range(s):
-            for c in range(n):
-                q.stages[1 + i, at + c] = 0.0
-            q.stages[1 + i, at + size - 1] = 0.0
-        for k in range(terms):
-            G, g = q.G[term + k], q.terms[term + k, 0]
-            for c in range(n):
-                h, e = at + (1 + k) * n + c, at + (1 + terms) * n + c
-                start = q.stages[0, h] - q.stages[0, e]
-                for i in range(s):
-                    value = 0.0
-                    for j in range(s):
-                        value += G[i, j] * (q.stages[1 + j, e] + start)
-                    q.stages[1 + i, h] = value
-                    q.stages[1 + i, at + c] -= g * value
+        calls.take_strains(p.calls, (group_at(p.groups[q.runs[r, 0]]), w.d, q.runs[r, 7], q.strains[i]))
 
 
 @addressed
 def relax(p, w, s, m):  # type: ignore[no-untyped-def]
-    """Fill what is remembered at the stages, from the displacements there; elements remember the start again."""
-    q = m.relaxing
+    """Fill internal strains at the stages, from the displacements there."""
+    q, k = m.relaxing, len(m.relaxing.begun)
     for i in range(len(m.c)):
         _strain(m, p, w, s, i)
     for r in range(len(q.runs)):
-        _fill(q, r)
-    copy(q.stages[0], q.states)
-
-
-@inner
-def stiffen(q, mu, h, turned):  # type: ignore[no-untyped-def]
-    """Let tangents be those of the modulus at mu/h: of its real part, or real and imaginary part where ``turned``."""
-    for r in range(len(q.runs)):
-        first, size, term, total, part = q.runs[r, 1], q.runs[r, 3], q.runs[r, 5], 0.0, 0.0
-        for k in range(term, term + q.runs[r, 6]):
-            total += q.terms[k, 0]
-            share = mu / (mu + h / q.terms[k, 1])
-            part += q.terms[k, 0] * (share.real + (share.imag if turned else 0.0))
-        for point in range(q.runs[r, 2]):
-            q.states[first + point * size + size - 1] = -max(part / total, NO_SHARE)
+        first, end = q.runs[r, 7], q.runs[r, 7] + q.runs[r, 2] * q.runs[r, 4]
+        while first < end:
+            count = min(TILE, end - first)
+            for i in range(len(m.c)):
+                combine(q.share[r], i, q.strains, first, q.inner, i * k + first, count)
+                total, left = array_at(q.inner, i * k + first, (count,)), array_at(q.left, i * k + first, (count,))
+                for x in range(count):
+                    total[x] += left[x]
+            first += count
 
 
 @inner
@@ -159,10 +197,29 @@ def let_relax(m, p, w, s):  # type: ignore[no-untyped-def]
         calls.relax(m.relaxing.calls, (p, w, s, m))
 
 
-@addressed
-def as_elastic(m, h):  # type: ignore[no-untyped-def]
-    """Let tangents be those of a step in which nothing relaxes."""
-    stiffen(m.relaxing, complex(0.0, 0.0), h, False)
+@inner
+def modulus(q, r, mu, h):  # type: ignore[no-untyped-def]
+    """Return what the terms of a group add to its modulus at mu/h, relative to the long-time one."""
+    total = complex(0.0, 0.0)
+    for k in range(q.runs[r, 5], q.runs[r, 5] + q.runs[r, 6]):
+        total += q.terms[k, 0] * mu / (mu + h / q.terms[k, 1])
+    return total
+
+
+@inner
+def is_first(q, r):  # type: ignore[no-untyped-def]
+    """Return whether no group before has the same terms."""
+    first = True
+    for k in range(r):
+        first &= q.runs[k, 5] != q.runs[r, 5]
+    return first
+
+
+@inner
+def double(q, r):  # type: ignore[no-untyped-def]
+    """Let tangents have the long-time stiffness of a group, and of those with the same terms, twice."""
+    for k in range(len(q.runs)):
+        q.slopes[q.runs[k, 0]] = DOUBLING if q.runs[k, 5] == q.runs[r, 5] else FIXED
 
 
 @addressed
@@ -170,72 +227,103 @@ def lost_in_relaxing(p, w, s, m):  # type: ignore[no-untyped-def]
     """Return the energy that the internal strains of a step take, by the quadrature of the stages."""
     q, lost, stages = m.relaxing, 0.0, len(m.c)
     for i in range(stages):
-        copy(q.stages[1 + i], q.states)
+        give(q, q.inner[i])
+        taken = q.given[1]
+        for x in range(len(taken)):
+            taken[x] = 0.0
+        for j in range(stages):
+            f, inner = q.weights[i] * m.W[i, j], q.inner[j]
+            for x in range(len(taken)):
+                taken[x] += f * (inner[x] - q.begun[x])
         place(m, p, w, s, i)
         to_full(p, m.y, w.amps, 0, w.d)
-        set_natural(p, w.amps, w.amps)
-        for r in range(len(q.runs)):
-            first, size, n = q.runs[r, 1], q.runs[r, 3], q.runs[r, 4]
-            for point in range(q.runs[r, 2]):
-                for at in range(first + point * size, first + point * size + n):
-                    # commit returns the stress times what is new beside the old internal strain: rate times weight
-                    for j in range(stages):
-                        q.states[at] -= q.weights[i] * m.W[i, j] * (q.stages[1 + j, at] - q.stages[0, at])
-            lost += calls.commit(p.calls, (group_at(p.groups[q.runs[r, 0]]), w.d))
-    copy(q.stages[0], q.states)
+        lost += _taken(p, w, q)
     return lost
+
+
+@inner
+def _taken(p, w, q):  # type: ignore[no-untyped-def]
+    """Return the energy that internal strains take at w.d, as they are given; laws tell them again."""
+    lost = 0.0
+    set_natural(p, w.amps, w.amps)
+    for r in range(len(q.runs)):
+        lost += calls.commit(p.calls, (group_at(p.groups[q.runs[r, 0]]), w.d))
+    ungive(q)
+    return lost
+
+
+@inner
+def _through(m, x, j):  # type: ignore[no-untyped-def]
+    """Return polynomial j of those that are 1 at one of start and stages and 0 at others, at x, and its derivative."""
+    f, rate, own = 1.0, 0.0, 0.0 if j == 0 else m.c[j - 1]
+    for i in range(len(m.c) + 1):
+        if i != j:
+            other = 0.0 if i == 0 else m.c[i - 1]
+            rate = (rate * (x - other) + f) / (own - other)
+            f *= (x - other) / (own - other)
+    return f, rate
+
+
+@inner
+def _weigh(m, x):  # type: ignore[no-untyped-def]
+    """Fill what stages and start weigh at the fraction x of the step: of strains (row 0), of each term, and of rates.
+
+    Terms are weighed by themselves at the start, and by strains beyond those at the start.
+    """
+    q, s = m.relaxing, len(m.c)
+    for j in range(s + 1):
+        q.at_x[0, j], q.rates[j] = _through(m, x, j)
+    for k in range(len(q.terms)):
+        own = q.at_x[1 + k]
+        own[0] = q.at_x[0, 0]
+        for j in range(s):
+            own[1 + j] = 0.0
+            for i in range(s):
+                own[1 + j] += q.at_x[0, 1 + i] * q.G[k, i, j]
+            own[0] += own[1 + j]
 
 
 @addressed
 def radau_inside(p, m, h, x):  # type: ignore[no-untyped-def]
     """Let elements remember what they do at the fraction x of the step, by the polynomial through start and stages."""
     q, s = m.relaxing, len(m.c)
-    if x == 0.0 or x == 1.0:
-        copy(q.stages[s if x == 1.0 else 0], q.states)
+    copy(q.start, q.states)
+    if x == 0.0:
         return
-    copy(q.stages[0], q.states)
+    _weigh(m, x)
     for r in range(len(q.runs)):
-        first, size, points = q.runs[r, 1], q.runs[r, 3], q.runs[r, 2]
-        for k in range(first, first + points * size):
-            q.states[k] = 0.0
-        for j in range(s + 1):
-            f, own = 1.0, 0.0 if j == 0 else m.c[j - 1]
-            for i in range(s + 1):
-                if i != j:
-                    other = 0.0 if i == 0 else m.c[i - 1]
-                    f *= (x - other) / (own - other)
-            for point in range(points):
-                at = first + point * size
-                for k in range(at, at + size - 1):
-                    q.states[k] += f * q.stages[j, k]
+        size, n, term, terms = q.runs[r, 3], q.runs[r, 4], q.runs[r, 5], q.runs[r, 6]
+        for point in range(q.runs[r, 2]):
+            for c in range(n):
+                k, at = q.runs[r, 7] + point * n + c, q.runs[r, 1] + point * size + c
+                begun = q.start[at + (1 + terms) * n]
+                internal, eps = q.at_x[0, 0] * q.start[at], q.at_x[0, 0] * begun
+                for j in range(s):
+                    internal += q.at_x[0, 1 + j] * q.inner[j, k]
+                    eps += q.at_x[0, 1 + j] * q.strains[j, k]
+                q.states[at], q.states[at + (1 + terms) * n] = internal, eps
+                for own in range(terms):
+                    value = q.at_x[1 + term + own, 0] * q.start[at + (1 + own) * n]
+                    for j in range(s):
+                        value += q.at_x[1 + term + own, 1 + j] * (q.strains[j, k] - begun)
+                    q.states[at + (1 + own) * n] = value
 
 
 @addressed
 def radau_taken(p, w, m, x):  # type: ignore[no-untyped-def]
     """Return the energy that internal strains take at the fraction x of a step, where w has d, in the time of the step.
 
-    It is their rate by the polynomial through start and stages under the stress there; what is remembered is lost.
+    It is their rate by the polynomial through start and stages under the stress there.
     """
-    q, s, lost = m.relaxing, len(m.c), 0.0
-    for r in range(len(q.runs)):
-        first, size, points, n = q.runs[r, 1], q.runs[r, 3], q.runs[r, 2], q.runs[r, 4]
-        for point in range(points):
-            at = first + point * size
-            for k in range(at, at + size - 1):
-                q.states[k] = 0.0
-            # the strains are those that are remembered
-            q.states[at + size - 1] = -NO_SHARE
-        for j in range(s + 1):
-            f, rate, own = 1.0, 0.0, 0.0 if j == 0 else m.c[j - 1]
-            for i in range(s + 1):
-                if i != j:
-                    other = 0.0 if i == 0 else m.c[i - 1]
-                    rate = (rate * (x - other) + f) / (own - other)
-                    f *= (x - other) / (own - other)
-            for point in range(points):
-                at = first + point * size
-                for k in range(at, at + size - 1):
-                    # commit returns the stress times what is new beside the old internal strain
-                    q.states[k] += (f - rate if k < at + n else f) * q.stages[j, k]
-        lost += calls.commit(p.calls, (group_at(p.groups[q.runs[r, 0]]), w.d))
-    return lost
+    q = m.relaxing
+    _weigh(m, x)
+    give(q, q.begun)
+    internal, taken = q.given[0], q.given[1]
+    for k in range(len(taken)):
+        internal[k], taken[k] = q.at_x[0, 0] * q.begun[k], q.rates[0] * q.begun[k]
+    for j in range(len(m.c)):
+        f, rate, inner = q.at_x[0, 1 + j], q.rates[1 + j], q.inner[j]
+        for k in range(len(taken)):
+            internal[k] += f * inner[k]
+            taken[k] += rate * inner[k]
+    return _taken(p, w, q)

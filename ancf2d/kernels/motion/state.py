@@ -46,7 +46,8 @@ class Motion(NamedTuple):
     """z, v, a : (n,) unknowns (multipliers included), their rates and second rates at the time numbers[TIME].
 
     extra : (k, n) what a method keeps of earlier steps; numbers : step sizes, error and work so far (see above);
-    turned : (2, sections) rotations, counted through full turns, and their rates, of ``Turning``.
+    turned : (2, sections) rotations, counted through full turns, and their rates, of ``Turning``; remembered : internal
+    strains of materials that relax at the state that a tangent which serves several steps is of.
     """
 
     z: Any
@@ -55,6 +56,7 @@ class Motion(NamedTuple):
     extra: Any
     numbers: Any
     turned: Any
+    remembered: Any
 
 
 class Scratch(NamedTuple):
@@ -118,10 +120,13 @@ def scratch(n: int, n_full: int, entries: int, signals: int) -> Scratch:
                    np.zeros(3, dtype=np.int64))
 
 
-def motion(n: int, kept: int, sections: int) -> Motion:
-    """Return a motion of n unknowns at rest, with ``kept`` rows for the method and sections whose turns count."""
+def motion(n: int, kept: int, sections: int, remembered: int = 0) -> Motion:
+    """Return a motion of n unknowns at rest, with ``kept`` rows for the method and sections whose turns count.
+
+    ``remembered`` : how many internal strains go with the method's tangent.
+    """
     out = Motion(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((kept, n)), np.zeros(NUMBERS),
-                 np.zeros((2, sections)))
+                 np.zeros((2, sections)), np.zeros(remembered))
     # how fast Newton converges is not known yet
     out.numbers[CONTRACTION] = 1.0
     return out

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from .. import calls
-from ..bodies import elastic, group_at, set_natural
+from ..bodies import elastic, give_remembered, group_at, set_natural
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, seldom
+from ..natural import UNGIVEN
 from ..patches import forces_but_contacts, patch_forces
 from .dynamics import signals_at, to_full, twice_kinetic
-from .stages import NO_SHARE
 from .state import GAINED, GIVEN, LOST, NEXT, TAKEN, WORK
 from .work import recall, taken_inside
 
@@ -66,8 +66,7 @@ def lost_in_impact(p, w, s, m, t, h, tracks):  # type: ignore[no-untyped-def]
 @inner_with_memory
 def _relaxing_energy(p, w, z, t):  # type: ignore[no-untyped-def]
     """Return the strain energy of what relaxes, with the internal strains that it remembers."""
-    for k in p.clocks:
-        p.states[k] = -NO_SHARE
+    give_remembered(p)
     signals_at(p, t, w.amps)
     to_full(p, z, w.amps, 0, w.d)
     set_natural(p, w.amps, w.amps)
@@ -76,6 +75,7 @@ def _relaxing_energy(p, w, z, t):  # type: ignore[no-untyped-def]
     for g in range(len(p.groups)):
         if group_at(p.groups[g]).law.timed:
             energy += calls.force(p.calls, (group_at(p.groups[g]), w.d, w.other))
+            p.slopes[g] = UNGIVEN
     return energy
 
 

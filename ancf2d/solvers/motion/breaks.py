@@ -12,8 +12,8 @@ from ...elements.sliding import OFF
 from ...interactions.moving import MovingPatch
 from ...kernels.lowlevel.records import Record
 from ...kernels.motion.advance import NEAR
-from ...kernels.motion.consistent import kinetic, onto_constraints
-from ...kernels.motion.dynamics import place_at, signals_at
+from ...kernels.motion.consistent import kinetic, onto_constraints, place_at
+from ...kernels.motion.dynamics import signals_at
 from ...kernels.motion.state import GRID, LOST, STEP_SIZE, WORK, fill_full
 from ...model.breakpoints import Break, Piece, breakpoints
 from ...model.model import Model

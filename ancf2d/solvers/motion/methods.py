@@ -29,10 +29,10 @@ from ...kernels.motion.newmark import (
     newmark_restart,
     newmark_step,
 )
-from ...kernels.motion.radau import TILE, Radau, radau_accept, radau_restart, radau_step
-from ...kernels.motion.reused_tangent import relaxing_factors
+from ...kernels.motion.radau import Radau, radau_accept, radau_restart, radau_step
+from ...kernels.motion.reused_tangent import add_moduli
 from ...kernels.motion.stages import (
-    as_elastic,
+    TILE,
     begin_stages,
     lost_in_relaxing,
     radau_inside,
@@ -157,9 +157,8 @@ def _functions_of_both(problem: Any, radau: Any, euler: Any, relaxes: bool) -> d
 
 def _functions_of_stages(problem: Any, radau: Any) -> dict[Any, tuple[Any, ...]]:
     """Return what Radau's method calls where materials relax."""
-    return {calls.begin_stages: (begin_stages, radau), calls.as_elastic: (as_elastic, radau),
-            calls.relax: (relax, problem, radau), calls.lost_in_relaxing: (lost_in_relaxing, problem, radau),
-            calls.relaxing_factors: (relaxing_factors, problem, radau)}
+    return {calls.begin_stages: (begin_stages, radau), calls.relax: (relax, problem, radau),
+            calls.lost_in_relaxing: (lost_in_relaxing, problem, radau), calls.add_moduli: (add_moduli, problem, radau)}
 
 
 def _energy_momentum(spec: Dynamic, p: Any, tolerance: float, end: Step, _: Relaxes) -> Conserving:
@@ -228,18 +227,19 @@ def radau(stages: int) -> Maker:
 
     def make(spec: Dynamic, p: Any, tolerance: float, end: Step, relaxes: Relaxes) -> Radau:
         own = _coefficients(stages)
+        yields = len(p.states) > sum(points * numbers for _, _, points, numbers, *_ in relaxes[0].tolist())
         n, entries, pairs = len(p.coordinate), len(p.mass), len(own.mus)
         X, V, accelerations, R, kept = (np.zeros((stages, n)) for _ in range(5))
         cosine, sine, F, row = (np.zeros((stages, m)) for m in (len(p.pairs), len(p.pairs), stages, TILE))
         return Radau(
             **{name: value for name, value in own._asdict().items() if name != "weights"}, tolerance=tolerance,
-            max_iterations=spec.max_iterations or MAX_ITERATIONS, full=spec.newton == "full",
+            max_iterations=spec.max_iterations or MAX_ITERATIONS, full=spec.newton == "full" or yields,
             fixed=spec.dt is not None, damped=bool(p.tau.any()) or len(p.points.mem) > 0 or p.rank > 0,
             multipliers=np.flatnonzero(p.coordinate == 0.0), end=end, X=X, V=V, A=accelerations, R=R, kept=kept,
             B=np.zeros(entries), C=np.zeros((pairs, entries), dtype=complex), y=np.zeros(n),
             u=np.zeros((pairs, n), dtype=complex), amps=np.zeros((stages, len(p.programs.first) - 1, 3)),
             cosine=cosine, sine=sine, held=np.zeros(4), facing=np.zeros((2, len(p.pairs))), F=F, rows=row,
-            relaxing=relaxing(*relaxes, own.weights, p.states))
+            relaxing=relaxing(*relaxes, own.weights, p))
 
     return Maker(stages + 1, by_rates(radau_nodes(stages)), make)
 
@@ -274,6 +274,8 @@ class Method:
             self.functions |= _functions_of_both(p.layout, radau.layout, euler.layout, len(relaxes[0]) > 0)
         # the record that Radau's stages are in, where materials relax at these
         self._relaxing = next((x for x in (self.own, *parts) if len(relaxes[0]) and isinstance(x.values, Radau)), None)
+        # internal strains that go with the motion's tangent
+        self.remembered = p.given.shape[1] if self._relaxing is not None else 0
         if self._relaxing is not None:
             self.functions |= _functions_of_stages(p.layout, self._relaxing.layout)
         impulse = own.gamma * (1.0 - own.af) / (1.0 - own.am) if isinstance(own, Newmark) else 0.0

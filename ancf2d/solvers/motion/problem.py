@@ -27,7 +27,7 @@ from ...kernels.motion.stops import acting, stop_functions
 from ...kernels.moving import moving_functions
 from ...kernels.patches import patch_functions
 from ...model.feedback import POSITION
-from ...model.groups import apart, with_states
+from ...model.groups import apart, with_given, with_states
 from ...model.interactions import point_table, turning_table
 from ...model.model import Model
 from ...model.timing import Signal
@@ -99,14 +99,15 @@ def nothing() -> Record:
     x, n, table2 = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 0))
     turning = Turning(n, n, x, x, x)
     return Record(Problem(
-        groups=n, states=x, clocks=n, calls=n, tau=x, points=point_table([]), sliding=sliding_table([], x),
-        moving=moving_table([], int, x), facing=facing_table([]), stops=n.reshape(0, 2), patched=False, touches=False,
-        sided=False, turning=turning, winds=False, programs=programs([]), place=n, indptr=n, index=n, value=x, full=n,
-        dependents=n, fronts=no_fronts(), width=1, mass=x, diagonals=n, along=table2, load_coord=n, load_value=x,
-        load_signal=n, load_varies=np.zeros(0, dtype=bool), motion_coord=n, motion_factor=x, motion_signal=n,
-        motion_mass=table2, motion_mass_signal=n, motion_mutual=table2, alpha=0.0, pairs=n.reshape(0, 2),
-        turns=n.reshape(0, 4), e0=x, weights=x, straining=x, coordinate=x, extent=0.0,
-        feedback=no_feedback(programs([])), inner=0, rank=0, sure=1))
+        groups=n, states=x, clocks=n, given=table2, slopes=x, calls=n, tau=x, points=point_table([]),
+        sliding=sliding_table([], x), moving=moving_table([], int, x), facing=facing_table([]),
+        stops=n.reshape(0, 2), patched=False, touches=False, sided=False, turning=turning, winds=False,
+        programs=programs([]), place=n, indptr=n, index=n, value=x, full=n, dependents=n, fronts=no_fronts(), width=1,
+        mass=x, diagonals=n, along=table2, load_coord=n, load_value=x, load_signal=n,
+        load_varies=np.zeros(0, dtype=bool), motion_coord=n, motion_factor=x, motion_signal=n, motion_mass=table2,
+        motion_mass_signal=n, motion_mutual=table2, alpha=0.0, pairs=n.reshape(0, 2), turns=n.reshape(0, 4), e0=x,
+        weights=x, straining=x, coordinate=x, extent=0.0, feedback=no_feedback(programs([])), inner=0, rank=0,
+        sure=1))
 
 
 def make_problem(model: Model) -> tuple[Record, list[Signal]]:
@@ -122,6 +123,7 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
     damping = model.case.damping
     data: dict[str, Any] = {
         "groups": addresses(model.groups), "states": model.states, "clocks": model.clocks, "tau": tau,
+        "given": np.zeros((2, 0)), "slopes": np.zeros(0),
         "points": sewn_laws(model, T, signals, _method(model).conserves),
         "turning": turning_table(model.turns), "winds": model.winds,
         "facing": facing_table(model.interactions.points), "stops": stops_of(model),
@@ -208,6 +210,7 @@ def own(problem: Record, model: Model) -> Record:
     """Return a problem with tables of its own, where they remember something or something is worked out."""
     p: Problem = problem.values
     groups, states = with_states([apart(group) for group in model.groups])
+    groups, given, slopes = with_given(groups)
     points, changes = p.points, dict[str, Any]()
     if len(p.moving.item):
         # what moves writes where it is
@@ -220,8 +223,8 @@ def own(problem: Record, model: Model) -> Record:
         changes["facing"] = with_own(p.facing, "now", "boxes")
     feedback = with_own(p.feedback, "near", "scale", "values", "slopes", "rates", "full", "column", "watched")
     return problem.replaced(
-        groups, **changes, groups=addresses(groups), states=states, straining=p.straining.copy(),
-        weights=p.weights.copy(), sliding=with_own(p.sliding, "memory", "on", "gap"),
+        groups, **changes, groups=addresses(groups), states=states, given=given, slopes=slopes,
+        straining=p.straining.copy(), weights=p.weights.copy(), sliding=with_own(p.sliding, "memory", "on", "gap"),
         points=with_own(points, "mem", "on", "apart", "there")._replace(sewn=with_own(points.sewn, "skew", "rubs")),
         feedback=feedback._replace(programs=with_own(p.feedback.programs, "data", "stack")),
         programs=with_own(p.programs, "window", "data", "stack"))

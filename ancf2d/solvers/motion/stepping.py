@@ -70,7 +70,8 @@ class Stepper:
         self.m: Method | None = None  # where SciPy steps
         if self.method.name in MAKERS:
             self.tighten(newton_tolerance(self.method, self.tolerance))
-        self.s = Record(motion(n, self.method.rows, len(self.p.turning.length)))
+        remembered = 0 if self.m is None else self.m.remembered
+        self.s = Record(motion(n, self.method.rows, len(self.p.turning.length), remembered))
         self.s.numbers[STEP_SIZE] = self.dt = dt
         self.wanted, self.every, self.next_wanted = wanted, every, 0
         self.moving, self.answers, feedback = MovingPoints(model, spec.t_end), Answers(self), model.feedback
