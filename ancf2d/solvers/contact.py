@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..elements.contact_geometry import FREE, FRICTION, HELD, OWN, SLIDING, STANDING
+from ..elements.contact_geometry import FREE, HELD, OWN, SLIDING, STANDING
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
@@ -93,27 +93,11 @@ def touches(model: Model, state: State) -> list[Touch]:
 
 
 def nodal_forces_of_points(one: ContactTable, state: State, rub: bool = True) -> tuple[Index, Array]:
-    """Return the coordinates (m, n) that each point of a contact acts on, and its forces (m, n) of elastic sign there.
-
-    Those of its own element first, then those of the one that it is opposite to. Without friction where it does not
-    ``rub``.
-    """
-    from ..kernels.points import point_matrices
-
-    table, amps = one.at(state.d, state.side)
-    friction = table.par[:, FRICTION].copy()
-    if not rub:
-        table.par[:, FRICTION] = 0.0
-    m = len(table.forces)
-    coords: Index = table.dofs.reshape(m, -1)
-    n = coords.shape[1]
-    energy, Q, nothing = np.zeros(m), np.zeros((m, n)), np.zeros((0, n, n))
+    """Return coordinates (m, n) and forces (m, n) of the points of a contact in a state: see ``ContactTable.nodal``."""
     v = np.zeros(len(state.d))
     if state.v is not None:
         v[:len(state.v)] = state.v
-    point_matrices(table, state.d, v, amps, False, energy, Q, nothing, nothing)
-    table.par[:, FRICTION] = friction
-    return coords, Q
+    return one.nodal(state.d, v, state.side, rub)[:2]
 
 
 def forces_of_points(model: Model, one: ContactTable, state: State, rub: bool = True) -> tuple[Array, Array]:
