@@ -81,13 +81,12 @@ class Contacts:
     def _pairs(self, i: int, item: Any) -> list[Any]:
         body, other = (item.self_, item.self_) if item.between is None else item.between
         name = item.name or f"{body}-{other}"
-        # friction holds a point to where it does not stay then, and beside corners places may have no solution
+        # friction holds a point to where it does not stay then
         still = (not isinstance(self.case.solver, Dynamic) and item.law is None and not item.friction
                  and getattr(self.case.solver, "method", "newton") == "newton")
         if body in self.case.obstacles:
             body, other = other, body
         if other in self.case.obstacles:
-            still = still and self.case.obstacles[other].smooth
             if not movable(self.meshes[body], item.side, item.law is not None, self.follows, still):
                 self.problems.append((("contacts", i), f"contacts.{i}: supports hold all of {body}, which cannot touch "
                                       f"{other}", "a body that moves"))

@@ -39,8 +39,7 @@ def recall(model: Model, kept: list[Array], slide: bool = False) -> None:
 def stays_behind(model: Model) -> bool:
     """Return whether a force acts at a place between points at home that no equation moves with a number.
 
-    Between equilibria such places are chosen anew, where a body is deepest: on another body, on a side of a polyline,
-    and inside a contact zone.
+    Between equilibria such places are chosen anew, where a body is deepest: on another body, and inside a contact zone.
     """
     return any(mem[HELD] > 0.0 and (mem[FREE] == OWN or (mem[FREE] == STANDING and not one.pair.still))
                for one in model.contact_tables if one.pair.hard for mem in _remembered(one))
