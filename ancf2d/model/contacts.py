@@ -82,7 +82,7 @@ class Contacts:
         body, other = (item.self_, item.self_) if item.between is None else item.between
         name = item.name or f"{body}-{other}"
         # friction holds a point to where it does not stay then
-        still = (not isinstance(self.case.solver, Dynamic) and item.law is None and not item.friction
+        still = (not isinstance(self.case.solver, Dynamic) and item.law is None
                  and getattr(self.case.solver, "method", "newton") == "newton")
         if body in self.case.obstacles:
             body, other = other, body

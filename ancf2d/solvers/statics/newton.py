@@ -18,7 +18,7 @@ from ..contact import check_crossed, check_pressed, memory, recall
 from ..friction import stick_one
 from ..lift_off import Course
 from ..state import Graded, State
-from ..system import STILL, UNIT_ROUNDOFF, Balance, System
+from ..system import STILL, UNIT_ROUNDOFF, Balance, System, sticks
 from ..threads import largest, pieces
 
 TOLERANCE = 1e-9
@@ -144,7 +144,9 @@ def _newton(system: System, d: Array, t_old: float, t: float, tolerance: float, 
         stalled = len(increments) > 2 and increments[-1] > 0.5 * increments[-2]
         # coordinates hold no such corrections
         nothing = max(increments[-2:]) <= UNIT_ROUNDOFF * system.model.extent
-        if stalled and (nothing or at_floor(balance.R, system.noise(d, t))):
+        # and stiff springs that hold what sticks shake all by the round-off of positions
+        shaken = max(increments[-2:]) <= STILL * system.model.extent and sticks(system.model)
+        if stalled and (nothing or shaken or at_floor(balance.R, system.noise(d, t))):
             uncertainty = min(increments[-2:])
             break
         np.add(d[num.where], uncycled(z, increments, system.model), out=z)
