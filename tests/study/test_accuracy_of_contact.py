@@ -136,7 +136,7 @@ class Swept:
 
 
 def test_meshes_are_judged_again_where_shorter_load_steps_show_their_errors() -> None:
-    """Meshes with 10 steps agree; with more, the first errs by 0.1, and by a quarter of that with twice the elements."""
+    """Meshes with 10 steps agree; with more, the first errs by 0.1, and a quarter of that with twice the elements."""
     pursuit: Any = Swept(lambda n, steps: 0.0 if steps <= 10 else 0.1 * (4.0 / n) ** 2)
     accuracy = in_steps(pursuit, Level(Setting({"rod": 4}), "", Answer(1.0, 1.0)), 1e-4, judge([])[0])
     assert accuracy["achieved"]

@@ -141,12 +141,10 @@ def _newton(system: System, d: Array, t_old: float, t: float, tolerance: float, 
             first = z.copy()
         increments.append(system.norm(z))
         check_divergence(increments, system.model.extent, at, residuals)
-        stalled = len(increments) > 2 and increments[-1] > 0.5 * increments[-2]
         # coordinates hold no such corrections
         nothing = max(increments[-2:]) <= UNIT_ROUNDOFF * system.model.extent
-        # and stiff springs that hold what sticks shake all by the round-off of positions
-        shaken = max(increments[-2:]) <= STILL * system.model.extent and sticks(system.model)
-        if stalled and (nothing or shaken or at_floor(balance.R, system.noise(d, t))):
+        stalled = len(increments) > 2 and increments[-1] > 0.5 * increments[-2]
+        if stalled and (nothing or shaken(system, increments) or at_floor(balance.R, system.noise(d, t))):
             uncertainty = min(increments[-2:])
             break
         np.add(d[num.where], uncycled(z, increments, system.model), out=z)
@@ -167,6 +165,11 @@ def _newton(system: System, d: Array, t_old: float, t: float, tolerance: float, 
                                history=residuals)
     return NewtonResult(d, balance.Q.copy(), balance.F, balance.energy, largest(balance.R), iteration, increments,
                         first, pivots.negative - num.n_multipliers, uncertainty)
+
+
+def shaken(system: System, increments: list[float]) -> bool:
+    """Whether increments are what stiff springs, which hold what sticks, make of the round-off of positions."""
+    return max(increments[-2:]) <= STILL * system.model.extent and sticks(system.model)
 
 
 def balanced(system: System, balance: Balance, d: Array, t: float) -> bool:
