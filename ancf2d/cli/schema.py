@@ -93,7 +93,7 @@ def _run() -> Schema:
             "offset": _is("object", "how far what it moves is from what is prescribed")},
             t=_is("number", "time"), what=_is("string", "what it is"))),
         "momentum": _object("at the end", linear=_list(NUMBER), angular=_is("number", "about the origin")),
-        "accuracy": _ACCURACY, "contact_error": _is("number", "how far bodies are in obstacles between points")}
+        "accuracy": _ACCURACY, "contact_error": _is("number", "how far bodies are off between points of contact")}
     return _object("one solved case", {**optional, **_FAILED}, case=TEXT, title=TEXT, status=TEXT, solver=TEXT,
                    elements=WHOLE, dofs=_is("integer", "nodal coordinates before elimination"),
                    probes=_named(QUANTITIES, "x, y, ux, uy, theta, ... of each probe at the end"), iterations=WHOLE,

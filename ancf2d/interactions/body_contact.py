@@ -318,7 +318,7 @@ class BodyPair:
             return weight, law.stiffness, law.damping, self.item.friction, weight * law.stiffness
         l, reach, mu = float(self.mesh.lengths[p.ie]), 1.0 / pieces_along(self.mesh), self.item.friction
         if self.mesh.plan.rigid:
-            # in statics it follows the forces of the scene (model/contact_tables.py)
+            # in statics it follows the forces of the scene (model/contacts.py)
             return p.weight, 1.0, reach, mu, float(section.rhoA) * self.mesh.plan.length * self.rapid**2
         return p.weight, section.EI / l**3, reach, mu, STICK * section.EA / l
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import cached_property
 from typing import Any
 
@@ -27,24 +27,21 @@ from ..elements.contact_geometry import (
     STANDING,
     UNUSED_OWN,
 )
-from ..elements.contact_geometry import STICK as STIFF
 from ..elements.contact_layer import slip
 from ..elements.contact_sliding import at_corner
 from ..elements.shape import Array
 from ..interactions.body_contact import BodyPair, facing_table
-from ..interactions.contact import STICK, CompliantContact, ContactPair, ContactPoint
+from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
 from ..interactions.contact_curves import BeamCurves
-from ..kernels.compiled_laws import point_law_compilations
-from ..kernels.contact import contact_compilations
+from ..kernels.curves import point_accept
 from ..kernels.lowlevel.records import Record
-from .interactions import HasItems, Interactions, point_table
+from .interactions import point_table
+from .mesh import Index
 from .timing import rates_of
 
 # depth beside closed points that counts as none where curves are not cubic, beside the extent of the scene, and beside
 # what their forces would do in the middle of an element
 BETWEEN, ROUGH = 1e-6, 40.0
-# slip of a rigid body that sticks under all forces of the scene, beside its extent; load factors that are looked at
-SLIP, FACTORS = 1e-6, 16
 
 
 class ContactTable:
@@ -72,6 +69,27 @@ class ContactTable:
         amps = np.array([(s(t), *rates_of(s, t)) for s in self.signals]).reshape(-1, 3)
         self.turn_to(d)
         return self.table, amps
+
+    def nodal(self, d: Array, v: Array, t: float, rub: bool, stiff: bool = False
+              ) -> tuple[Index, Array, Array, Array]:
+        """Return the coordinates (m, n) that each point acts on, its forces (m, n) of elastic sign there, its energy
+        (m,) and, if ``stiff``, its stiffness (m, n, n) at d and v (n_full,).
+
+        Those of its own element first, then those of what it is opposite to. Without friction where it does not
+        ``rub``.
+        """
+        from ..kernels.points import point_matrices
+
+        table, amps = self.at(d, t)
+        friction, m = table.par[:, FRICTION].copy(), len(table.forces)
+        if not rub:
+            table.par[:, FRICTION] = 0.0
+        coords: Index = table.dofs.reshape(m, -1)
+        n = coords.shape[1]
+        energy, Q, (K, C) = np.zeros(m), np.zeros((m, n)), np.zeros((2, m if stiff else 0, n, n))
+        point_matrices(table, d, v, amps, False, energy, Q, K, C)
+        table.par[:, FRICTION] = friction
+        return coords, Q, energy, K
 
     def turn_to(self, d: Array) -> None:
         """Let points touch with the curves that they have at d (n_full,): what they are opposite to is an obstacle."""
@@ -281,6 +299,9 @@ class ContactTable:
 class BodyTable(ContactTable):
     """The points of a body that may touch another one, or itself."""
 
+    # whether those alone that may have a force are asked what they are opposite to
+    near = False
+
     def __init__(self, constraints: Iterable[Any], pair: Any) -> None:
         super().__init__(constraints, pair)
         self.facing = Record(facing_table(self.patches))
@@ -289,7 +310,13 @@ class BodyTable(ContactTable):
         """Let points act on the elements that they are opposite to at d (n_full,)."""
         from ..kernels.facing import face
 
-        face(self.facing, self.table, d, False)
+        face(self.facing, self.table, d, self.near)
+
+    def keep_sides(self, d: Array, t: float) -> None:
+        """Let points with a law keep the side of an axis that they are on in an accepted state d (n_full,) at t."""
+        table, amps = self.at(d, t)
+        point_accept(table, d, amps)
+        self.pair.mem[:, :self.size] = table.mem[:, :self.size]
 
     def crossed(self, before: tuple[Array, float], d: Array, t: float) -> bool:
         """Do as ``ContactTable.crossed``."""
@@ -357,44 +384,3 @@ class BodyTable(ContactTable):
 def contact_table(constraints: Iterable[Any], pair: ContactPair | BodyPair) -> ContactTable:
     """Return the points of one contact."""
     return BodyTable(constraints, pair) if pair.on_bodies else ContactTable(constraints, pair)
-
-
-def hold_rigid_bodies(model: Any, acts: Interactions) -> None:
-    """Let rigid bodies stick in statics by a spring that all loads together stretch by 1e-6 of the extent at most.
-
-    It is also 100 times as stiff as the stiffest spring or element, through which motions may press without loads.
-    """
-    held = [c for c in model.constraints
-            if isinstance(c, ContactPoint) and c.par[FRICTION] > 0.0 and c.par[STIFF] == 0.0]
-    if not held:
-        return
-    d, last = np.zeros(len(model.numbering.place)), getattr(model.case.solver, "t_end", 1.0)
-    w = np.append(model.weights, np.full(len(d) - model.n_q, np.inf))
-    forces, stiffness = 0.0, [float(mesh.plan.section.EA / np.min(mesh.lengths))
-                              for mesh in model.meshes.values() if not mesh.plan.rigid]
-    for t in np.linspace(0.0, last, FACTORS + 1).tolist():
-        found = [(model.external(t), w)] + [
-            (batch.evaluate(model.e0, d, t)[1], w[batch.dofs]) for batch in (*acts.loads, *acts.springs)]
-        forces = max(forces, sum(float(np.abs(Q / size).sum()) for Q, size in found))
-    for batch in acts.springs:
-        w_i = w[batch.dofs]
-        K = batch.evaluate(model.e0, d, 0.0)[2] / (w_i[:, :, None] * w_i[:, None, :])
-        stiffness.append(float(np.abs(K).max(initial=0.0)))
-    firm = max(forces / (SLIP * model.extent), STICK * max(stiffness, default=0.0)) or 1.0
-    for point in held:
-        point.par[STIFF] = firm
-
-
-def of_interactions(model: Any, steps: bool, problem: Any) -> list[Callable[[], object]]:
-    """Return what compiles the laws of springs, loads, constraints and contacts, and what finds what touches.
-
-    ``steps`` : whether forces of a step are wanted too; ``problem`` : the type of the records that kernels take.
-    """
-    patches = (*model.springs, *model.loads.patches, *model.loads.flows, *model.constraints)
-    laws = {p.items().law: None for p in patches if isinstance(p, HasItems)}
-    out = [each for law in laws for each in point_law_compilations(law, steps)]
-    if model.contacts:
-        bodies = [isinstance(pair, BodyPair) for pair in model.contacts]
-        out += contact_compilations(problem, not all(bodies), any(bodies), model.sided,
-                                   any(not pair.hard for pair in model.contacts), model.case.solver.moves)
-    return out

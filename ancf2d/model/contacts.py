@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..case import Case, Dynamic, QuasiStatic, Static
 from ..case.schema.points import named_points
+from ..elements.contact_geometry import FRICTION
+from ..elements.contact_geometry import STICK as STIFF
 from ..elements.shape import Array
 from ..interactions.body_contact import BodyPair, body_pairs
-from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
+from ..interactions.contact import STICK, CompliantContact, ContactPair, ContactPoint
 from ..interactions.contact_curves import driven, movable
 from ..interactions.obstacles import Frame
 from .mesh import BodyMesh
+
+if TYPE_CHECKING:
+    from .interactions import Interactions
 
 # of what may overlap, beside the extent of a model
 OVERLAP = 1e-9
@@ -25,6 +30,8 @@ SLIGHT = 1e-5
 DEEP = 0.01
 # lengths of a body that is held beyond which it reaches nothing
 REACH = 2.5
+# slip of a rigid body that sticks under all forces of the scene, beside its extent; load factors that are looked at
+SLIP, FACTORS = 1e-6, 16
 # of what sticks, beside the rate of steps; share of a motion that steps of unknown length are taken for
 RAPID, AT_LEAST = 1e3, 1e-3
 
@@ -74,13 +81,12 @@ class Contacts:
     def _pairs(self, i: int, item: Any) -> list[Any]:
         body, other = (item.self_, item.self_) if item.between is None else item.between
         name = item.name or f"{body}-{other}"
-        # friction holds a point to where it does not stay then, and beside corners places may have no solution
-        still = (not isinstance(self.case.solver, Dynamic) and item.law is None and not item.friction
+        # friction holds a point to where it does not stay then
+        still = (not isinstance(self.case.solver, Dynamic) and item.law is None
                  and getattr(self.case.solver, "method", "newton") == "newton")
         if body in self.case.obstacles:
             body, other = other, body
         if other in self.case.obstacles:
-            still = still and self.case.obstacles[other].smooth
             if not movable(self.meshes[body], item.side, item.law is not None, self.follows, still):
                 self.problems.append((("contacts", i), f"contacts.{i}: supports hold all of {body}, which cannot touch "
                                       f"{other}", "a body that moves"))
@@ -170,3 +176,29 @@ class Contacts:
             other = "itself" if pair.other == pair.body else pair.other
             self.problems.append((("contacts", i), f"contacts.{i}: {pair.body} is {depth:.4g} deep in {other} in the "
                                   f"reference, at S = {s:.4g}", "bodies that do not overlap, or a law"))
+
+
+def hold_rigid_bodies(model: Any, acts: Interactions) -> None:
+    """Let rigid bodies stick in statics by a spring that all loads together stretch by 1e-6 of the extent at most.
+
+    It is also 100 times as stiff as the stiffest spring or element, through which motions may press without loads.
+    """
+    held = [c for c in model.constraints
+            if isinstance(c, ContactPoint) and c.par[FRICTION] > 0.0 and c.par[STIFF] == 0.0]
+    if not held:
+        return
+    d, last = np.zeros(len(model.numbering.place)), getattr(model.case.solver, "t_end", 1.0)
+    w = np.append(model.weights, np.full(len(d) - model.n_q, np.inf))
+    forces, stiffness = 0.0, [float(mesh.plan.section.EA / np.min(mesh.lengths))
+                              for mesh in model.meshes.values() if not mesh.plan.rigid]
+    for t in np.linspace(0.0, last, FACTORS + 1).tolist():
+        found = [(model.external(t), w)] + [
+            (batch.evaluate(model.e0, d, t)[1], w[batch.dofs]) for batch in (*acts.loads, *acts.springs)]
+        forces = max(forces, sum(float(np.abs(Q / size).sum()) for Q, size in found))
+    for batch in acts.springs:
+        w_i = w[batch.dofs]
+        K = batch.evaluate(model.e0, d, 0.0)[2] / (w_i[:, :, None] * w_i[:, None, :])
+        stiffness.append(float(np.abs(K).max(initial=0.0)))
+    firm = max(forces / (SLIP * model.extent), STICK * max(stiffness, default=0.0)) or 1.0
+    for point in held:
+        point.par[STIFF] = firm

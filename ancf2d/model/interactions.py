@@ -16,7 +16,7 @@ from ..interactions.contact import CompliantContact
 from ..interactions.contact_curves import BeamCurves
 from ..interactions.forces import Patch
 from ..interactions.prismatic import OnAxis, sliding_table
-from ..kernels.compiled_laws import point_law_addresses
+from ..kernels.compiled_laws import point_law_addresses, point_law_compilations
 from ..kernels.curves import point_accept
 from ..kernels.facing import face
 from ..kernels.lowlevel.records import Record
@@ -380,3 +380,20 @@ class Interactions:
             _, still, _, C = batch.matrices(d, t)
             yield (np.einsum("mij,mj->mi", C, v[batch.dofs]) if linear
                    else batch.matrices(d, t, v=v)[1] - still), batch.dofs
+
+
+def of_interactions(model: Any, steps: bool, problem: Any) -> list[Callable[[], object]]:
+    """Return what compiles the laws of springs, loads, constraints and contacts, and what finds what touches.
+
+    ``steps`` : whether forces of a step are wanted too; ``problem`` : the type of the records that kernels take.
+    """
+    patches = (*model.springs, *model.loads.patches, *model.loads.flows, *model.constraints)
+    laws = {p.items().law: None for p in patches if isinstance(p, HasItems)}
+    out = [each for law in laws for each in point_law_compilations(law, steps)]
+    if model.contacts:
+        from ..kernels.contact import contact_compilations
+
+        bodies = [pair.on_bodies for pair in model.contacts]
+        out += contact_compilations(problem, not all(bodies), any(bodies), model.sided,
+                                   any(not pair.hard for pair in model.contacts), model.case.solver.moves)
+    return out

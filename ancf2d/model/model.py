@@ -279,7 +279,7 @@ class Model:
     @cached_property
     def interactions(self) -> Interactions:
         """Springs, loads that turn or move and constraints as the kernels take them (imports numba)."""
-        from .contact_tables import hold_rigid_bodies
+        from .contacts import hold_rigid_bodies
         from .interactions import Interactions
 
         out = Interactions(self.springs, self.loads.patches, self.constraints, self.e0, self.loads.flows)

@@ -49,15 +49,19 @@ class Way(NamedTuple):
     """How to find from an equilibrium what opens and closes, sticks and slides next.
 
     Friction changes at each equilibrium, or ``together`` with what opens and closes; the tangent is that of sliding
-    points that are ``stuck`` (``friction.sticking``), or that go on sliding.
+    points that are ``stuck`` (``friction.sticking``), or that go on sliding. Places between nodes move to where a body
+    lifts off, or all stay.
     """
 
     stuck: bool = True
     together: bool = False
+    moves: bool = True
 
 
-# the first one is fast; where it goes in circles, one of the others often does not. Without friction, all are the same
-WAYS = (Way(), Way(stuck=False), Way(together=True))
+# the first one is fast; where it goes in circles, one of the others often does not. Without friction, all that let
+# places move are the same
+WAYS = (Way(), Way(stuck=False), Way(together=True), Way(moves=False), Way(stuck=False, moves=False),
+        Way(together=True, moves=False))
 
 
 def begin(system: System, d: Array, t: float) -> None:
@@ -226,7 +230,7 @@ def exchange(system: System, d: Array, t: float, course: Course, way: Way = WAYS
     """
     limit = PENETRATION * system.model.extent
     hard = [one for one in system.model.contact_tables if one.pair.hard]
-    sliding = [one for one in hard if one.pair.still]
+    sliding = [one for one in hard if one.pair.still and way.moves]
     turned = 0
     for one in sliding:
         one.look_at_supports(d, t, 2.0 * limit)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..elements.contact_geometry import FREE, FRICTION, HELD, OWN, SLIDING, STANDING
+from ..elements.contact_geometry import FREE, HELD, OWN, SLIDING, STANDING
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
@@ -39,8 +39,7 @@ def recall(model: Model, kept: list[Array], slide: bool = False) -> None:
 def stays_behind(model: Model) -> bool:
     """Return whether a force acts at a place between points at home that no equation moves with a number.
 
-    Between equilibria such places are chosen anew, where a body is deepest: on another body, on a side of a polyline,
-    and inside a contact zone.
+    Between equilibria such places are chosen anew, where a body is deepest: on another body, and inside a contact zone.
     """
     return any(mem[HELD] > 0.0 and (mem[FREE] == OWN or (mem[FREE] == STANDING and not one.pair.still))
                for one in model.contact_tables if one.pair.hard for mem in _remembered(one))
@@ -93,27 +92,11 @@ def touches(model: Model, state: State) -> list[Touch]:
 
 
 def nodal_forces_of_points(one: ContactTable, state: State, rub: bool = True) -> tuple[Index, Array]:
-    """Return the coordinates (m, n) that each point of a contact acts on, and its forces (m, n) of elastic sign there.
-
-    Those of its own element first, then those of the one that it is opposite to. Without friction where it does not
-    ``rub``.
-    """
-    from ..kernels.points import point_matrices
-
-    table, amps = one.at(state.d, state.side)
-    friction = table.par[:, FRICTION].copy()
-    if not rub:
-        table.par[:, FRICTION] = 0.0
-    m = len(table.forces)
-    coords: Index = table.dofs.reshape(m, -1)
-    n = coords.shape[1]
-    energy, Q, nothing = np.zeros(m), np.zeros((m, n)), np.zeros((0, n, n))
+    """Return coordinates (m, n) and forces (m, n) of the points of a contact in a state: see ``ContactTable.nodal``."""
     v = np.zeros(len(state.d))
     if state.v is not None:
         v[:len(state.v)] = state.v
-    point_matrices(table, state.d, v, amps, False, energy, Q, nothing, nothing)
-    table.par[:, FRICTION] = friction
-    return coords, Q
+    return one.nodal(state.d, v, state.side, rub)[:2]
 
 
 def forces_of_points(model: Model, one: ContactTable, state: State, rub: bool = True) -> tuple[Array, Array]:

@@ -46,23 +46,24 @@ class _Layer:
         self.ends = [(k // 2 * self.count + p.ie, p.z) for k, p in enumerate(ends)]
         self.tips = contact_table((), known.pair.at(item, mesh, ends)) if ends else None
 
-    def off(self, d: Array, t: float) -> tuple[float, float]:
-        """Return how deep the body is where it is furthest off at d (n_full,), and what the layer would yield there."""
+    def off(self, state: State) -> tuple[float, float, float]:
+        """Return how far the body is off in a state, how deep it is there, and what the layer would yield."""
         from ..kernels.contact import overlaps
 
+        d, t = state.d, state.side
         depth, place, _ = self.table.deepest(d, t)
         for (k, z), gap, faces in zip(self.ends, *self.tips.gaps(d, t), strict=True) if self.tips else ():
             if faces and -gap > depth[k]:
                 depth[k], place[k] = -gap, z
         if not depth.any():
-            return 0.0, 0.0
+            return 0.0, 0.0, 0.0
         table, amps = self.table.at(d, t)
         exact, summed = np.zeros((2, len(depth)))
         overlaps(table, d, amps, place, *gauss(ALONG), exact, summed)
         both = self._beside(self.half * np.array([exact, summed]))
         yields = depth * np.where(both[0] > 0.0, both[1] / np.where(both[0] > 0.0, both[0], 1.0), 1.0) ** POWER
         k = int(np.argmax(np.abs(depth - yields)))
-        return float(depth[k]), float(yields[k])
+        return float(abs(depth[k] - yields[k])), float(depth[k]), float(yields[k])
 
     def _beside(self, forces: Array) -> Array:
         """Return sums (2, m) over each element and its neighbours along the same curve."""
@@ -73,31 +74,45 @@ class _Layer:
 
 
 class Between:
-    """How far bodies have been off their obstacles between their points of contact.
+    """How far bodies have been off what they touch between their points of contact.
 
-    Without a law, load steps add points there, and paths tell of every depth themselves.
+    Without a law, load steps add points on obstacles there, and paths tell of every depth themselves.
     """
 
     def __init__(self, model: Model) -> None:
         self.model, solver = model, model.case.solver
-        tables = [] if not (solver.moves or solver.balances) or not model.contacts else [
-            one for one in model.contact_tables if not one.pair.on_bodies and (solver.moves or not one.pair.hard)]
-        self.layers = [(one, None if one.pair.hard else _Layer(one)) for one in tables]
+        # those that may be off, with what looks at them: layers on obstacles, between bodies, obstacles without a law
+        self.looks: list[tuple[Any, Any]] = []
+        for one in model.contact_tables if model.contacts and (solver.moves or solver.balances) else ():
+            pair = one.pair
+            if pair.hard:
+                self.looks += [(pair, one)] if solver.moves and not pair.on_bodies else []
+            elif not pair.on_bodies:
+                self.looks.append((pair, _Layer(one)))
+            elif not any(pair.item is known.item for known, _ in self.looks):
+                from .layers_between_bodies import BodyLayer
+
+                halves: list[Any] = [other for other in model.contact_tables if other.pair.item is pair.item]
+                self.looks.append((pair, BodyLayer(model, halves)))
         # the largest displacement; where a body was furthest off, and where most beside the radius of a disc: how far,
         # how deep, what the layer would yield, when, and in which contact
         self.moved, self.most, self.share = 0.0, np.zeros(5), np.zeros(5)
 
     def take(self, state: State) -> None:
         """Look at the next state."""
-        if not self.layers:
+        if not self.looks or state.linear:
             return
         from .active_set import depth_of
 
         model, d, t = self.model, state.d, state.side
         self.moved = max(self.moved, largest(d[:model.n_q], model.weights))
-        for k, (one, layer) in enumerate(self.layers):
-            depth, yields = (depth_of(one, d, t), 0.0) if layer is None else layer.off(d, t)
-            off, par = abs(depth - yields), one.pair.par[0]
+        for k, (pair, look) in enumerate(self.looks):
+            if pair.hard:
+                off = depth = depth_of(look, d, t)
+                yields = 0.0
+            else:
+                off, depth, yields = look.off(state)
+            par = pair.par[0]
             small = off / par[ORIGIN + 2] if par[SHAPE] == CIRCLE and par[ORIGIN + 2] > 0.0 else 0.0
             for worst, size in ((self.most, off), (self.share, small)):
                 if size > worst[0]:
@@ -115,16 +130,19 @@ class Between:
         if self.error == 0.0:
             return []
         of_all = self.most[0] > OFF * self.moved
-        _, depth, yields, t, k = (self.most if of_all else self.share).tolist()
-        one, layer = self.layers[int(k)]
-        solver, pair = self.model.case.solver, one.pair
+        off, depth, yields, t, k = (self.most if of_all else self.share).tolist()
+        pair, solver = self.looks[int(k)][0], self.model.case.solver
         when = f"{'t' if solver.moves or solver.timed else 'factor'} = {t:.6g}"
-        law = "" if layer is None else ", none of which touches it" if yields == 0.0 else (
+        law = "" if pair.hard else ", none of which touches it" if yields == 0.0 else (
             f", where its layer would yield {yields:.2g} under the forces at these points, which are off as much")
+        what = f"{pair.body} is {depth:.2g} deep in {pair.other} between its contact points{law}"
+        if pair.on_bodies:
+            both = f"{pair.body} and {pair.other}" if pair.body != pair.other else f"parts of {pair.body}"
+            what = (f"{both} are {depth:.2g} deep in one another and {off:.2g} off, as their contact points do not see "
+                    "all of the layer between them")
         fewer = ("several rigid bodies, welded, in place of one" if pair.mesh.plan.rigid
                  else "more elements in the contact zone")
-        return [f"{pair.name}: at {when} {pair.body} is {depth:.2g} deep in {pair.other} between its contact points"
-                f"{law}. Use {fewer}"]
+        return [f"{pair.name}: at {when} {what}. Use {fewer}"]
 
     def kept(self) -> list[Any]:
         """Return what is kept in checkpoints."""

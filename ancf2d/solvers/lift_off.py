@@ -14,7 +14,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..elements.contact_geometry import DAMPING, FEATURE, FREE, HELD, HOME, OWN, PLACE, STANDING, UNUSED, UNUSED_OWN
+from ..elements.contact_geometry import (
+    DAMPING,
+    FEATURE,
+    FREE,
+    HELD,
+    HOME,
+    OWN,
+    PLACE,
+    SLIDES,
+    STANDING,
+    UNUSED,
+    UNUSED_OWN,
+)
 from ..elements.contact_sliding import yields
 from ..elements.shape import Array
 
@@ -213,7 +225,7 @@ def slide(system: System, hard: list[ContactTable], d: Array, t: float, course: 
         system.model.displacements((d + steps @ answers)[num.where], t, out=d)
         for p, z in zip(places, new, strict=True):
             course.brackets[p.point].z = z
-            _move(p, z, d)
+            _move(p, z, d, t)
     return int(moved.sum())
 
 
@@ -266,18 +278,30 @@ def _following(place: _Place, z: float) -> tuple[int, float] | None:
     return None
 
 
-def _move(place: _Place, z: float, d: Array) -> None:
-    """Let a point stand at z; beyond its interval that of the next takes its place, or the one between both."""
-    point, points = place.point, place.one.points
+def _move(place: _Place, z: float, d: Array, t: float) -> None:
+    """Let a point stand at z; beyond its interval that of the next takes its place, or the one between both.
+
+    Friction holds what touches there now to where it would have held it: what rolls on has not slid.
+    """
+    point, points, one = place.point, place.one.points, place.one
+    rubs = one.pair.item.friction > 0.0
+    held = one.anchor(place.k) - one.stand(d, t)[1][place.k] if rubs else 0.0
     # where others have moved to meanwhile
     z = _room(place, z)
+    j = place.k
     if abs(z - point.par[HOME]) <= point.par[DAMPING] + BEYOND:
         point.mem[PLACE] = z
-        return
-    force, following = -d[point.multiplier], _following(place, z)
-    j = following[0] if following else int(place.one.ends[place.k, int(z > point.par[HOME])])
-    open_point(point, d)
-    if following:
-        stand_at(place.one, *following, place.feature)
-    points[j].mem[HELD] = 1.0
-    d[points[j].multiplier] -= force
+    else:
+        force, following = -d[point.multiplier], _following(place, z)
+        j = following[0] if following else int(one.ends[place.k, int(z > point.par[HOME])])
+        slides = point.mem[SLIDES]
+        open_point(point, d)
+        if following:
+            stand_at(one, *following, place.feature)
+        rubs = rubs and points[j].mem[HELD] <= 0.0
+        if rubs:
+            points[j].mem[SLIDES] = slides
+        points[j].mem[HELD] = 1.0
+        d[points[j].multiplier] -= force
+    if rubs:
+        one.anchor(j, one.stand(d, t)[1][j] + held)

@@ -111,7 +111,7 @@ class Recorder:
         from ..model.element_limits import coarse_warnings
 
         self._warn(map(str, self.worst.values()))
-        if self.between.layers:
+        if self.between.looks:
             self.report["contact_error"] = self.between.error
         if self.state is not None and not self.reads_all:
             self.probes = self.observer.observe(self.state)

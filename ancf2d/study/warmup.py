@@ -196,7 +196,7 @@ def _touch(model: Model, new: bool) -> None:
     matrix = make_matrix(model)
     touched: list[Callable[[], object]] = [*_drivers(model, matrix), partial(_touch_matrix, type(matrix))]
     if new:
-        from ..model.contact_tables import of_interactions
+        from ..model.interactions import of_interactions
         from ..solvers.motion.problem import nothing, of_elements
 
         laws = of_interactions(model, False, nothing().layout)
@@ -240,7 +240,7 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
 
 def _touch_motion(model: Model, spec: Dynamic, new: bool) -> None:
     """Go through the first moment of a motion; what is wrong with it is told by the run itself."""
-    from ..model.contact_tables import of_interactions
+    from ..model.interactions import of_interactions
     from ..solvers.contact import memory, recall
     from ..solvers.motion.problem import nothing, of_motion
     from ..solvers.motion.schemes import INTEGRATORS, default_method

@@ -91,3 +91,53 @@ def test_what_lies_beyond_the_last_point_of_an_axis_is_told_to_touch_none() -> N
 def test_where_nothing_is_told_forces_are_those_of_a_fine_mesh() -> None:
     coarse, fine = (pressed(DISC, count, {"type": "static"}).summary["contacts"][0]["force"][1] for count in (16, 64))
     assert coarse == pytest.approx(fine, rel=1e-3)
+
+
+def upright(element: dict[str, Any], x: float, y: float, length: float) -> dict[str, Any]:
+    """Return a rod that stands on its end at (x, y)."""
+    return {**rod(element), "geometry": {"type": "line", "start": [x, y + length], "end": [x, y]}}
+
+
+@pytest.mark.parametrize("flipped", [False, True])
+@pytest.mark.parametrize("x", [0.5, 0.5 + 0.5 * leggauss(4)[0][2]], ids=["between", "at a point"])
+def test_the_end_of_a_rod_in_another_is_off_by_what_the_points_of_both_miss(x: float, flipped: bool) -> None:
+    """The end bears k h D/2 on its own points; what the points of the other rod bear is their weight times k D/2."""
+    h, depth = 0.02, 1e-3
+    names = ["post", "rod"][::-1 if flipped else 1]
+    solved = ancf2d.solve({
+        "bodies": {"rod": rod({"type": "rigid"}), "post": upright({"type": "rigid"}, x, 0.01 - depth, 0.3)},
+        "contacts": [{"between": names, "law": LAW}],
+        "solver": {"type": "dynamic", "t_end": 1e-9, "dt": 1e-9, "estimate": False}}, states=False)
+    between = Between(solved.model)
+    zero = np.zeros(len(solved.model.numbering.place))
+    between.take(State(0.0, zero, zero, zero, 0.0))
+    z, w = leggauss(4)
+    weight = 0.5 * w @ (np.abs(0.5 * (1.0 + z) - x) < 0.5 * h)
+    assert between.most[1:3] == pytest.approx([depth, depth * (0.5 + 0.5 * weight / h) ** (2.0 / 3.0)], rel=1e-2)
+
+
+def short_post(count: int, flipped: bool = False) -> ancf2d.Solution:
+    """Return a short cantilever that the end of a post is pressed on, upright."""
+    element = {"type": "reissner3", "count": count}
+    beam = {**rod(element), "geometry": {"type": "line", "start": [0, 0], "end": [0.2, 0]}}
+    bodies = {"rod": beam, "post": upright(element, 0.11, 0.01, 0.2)}
+    names = list(bodies)[::-1 if flipped else 1]
+    return ancf2d.solve({
+        "bodies": {name: bodies[name] for name in names},
+        "boundary_conditions": [{"type": "clamp", "at": "rod@0"},
+                                {"type": "prescribed", "at": "post@0", "ux": 0.0, "uy": -0.01, "angle": 0.0}],
+        "contacts": [{"between": names, "law": {"stiffness": 1e8}}], "solver": {"type": "static"}}, states=False)
+
+
+def test_equilibria_of_two_bodies_tell_of_a_layer_that_their_points_do_not_see() -> None:
+    """How far they are off is how far the force is, whichever is listed first."""
+    solved = short_post(1), short_post(1, True), short_post(6), short_post(8)
+    force = [abs(each.summary["contacts"][0]["force"][1]) for each in solved]
+    off = [each.summary["contact_error"] for each in solved]
+    told = [sum("do not see all of the layer" in w for w in each.warnings) for each in solved]
+    assert force[0] == pytest.approx(force[1], rel=1e-9)
+    assert off[0] == pytest.approx(off[1], rel=1e-6)
+    assert force[2] == pytest.approx(force[3], rel=1e-3)
+    assert off[0] == pytest.approx(1.0 - force[0] / force[3], rel=0.3)
+    assert off[2:] == [0.0, 0.0]
+    assert told == [1, 1, 0, 0]

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
 import pytest
 
 from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.study.accuracy.control import solve_to_accuracy
-from ancf2d.study.accuracy.load_steps import follows_way
+from ancf2d.study.accuracy.load_steps import follows_way, in_steps
 from ancf2d.study.accuracy.pursuit import judge, telling
 from ancf2d.study.accuracy.setting import Level, Setting, with_setting
 from ancf2d.study.goal import Answer, solve_for_goal
@@ -96,6 +100,53 @@ def test_load_steps_of_friction_are_in_the_estimate(wanted: float) -> None:
     setting = Setting(accuracy["elements"], steps=160 if wanted > 1e-3 else 640)
     many = solve_for_goal(with_setting(loaded, setting)).answer
     assert abs(accuracy["value"] - many.value) <= accuracy["steps_error"] * many.size <= wanted * many.size
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("wanted", [1e-2, 1e-3, 1e-4])
+def test_estimates_of_friction_without_a_law_cover_the_error(wanted: float) -> None:
+    """One to five times of it, beside 96 elements with 40 load steps."""
+    loaded = over_a_drum(0.3, wanted, law="", down=0.05)
+    reached = solve_to_accuracy(loaded)
+    fine = solve_for_goal(with_setting(loaded, Setting({"rod": 96}, steps=40))).answer
+    error = abs(reached.accuracy["value"] - fine.value) / fine.size
+    assert reached.achieved
+    assert error <= reached.accuracy["estimate"] <= 5.0 * error
+
+
+class Swept:
+    """Meshes whose error shows with short load steps only: what ``in_steps`` asks of a pursuit."""
+
+    wanted = 1e-2
+    loaded = SimpleNamespace(case=SimpleNamespace(solver=SimpleNamespace(steps=10)))
+
+    def __init__(self, error: Callable[[int, int], float]) -> None:
+        self.report: dict[str, float] = {}
+        self.error = error
+
+    def solve(self, setting: Setting, why: str) -> Level:
+        n, steps = setting.counts["rod"], setting.steps or 10
+        return Level(setting, why, Answer(1.0 + self.error(n, steps), 1.0))
+
+    def whole(self, setting: Setting, why: str, told: Any) -> Level:
+        return self.solve(setting, why)
+
+    def accuracy(self, level: Level, found: Any, error: float) -> dict[str, Any]:
+        return {"value": level.answer.value, "estimate": error, "achieved": error <= self.wanted, "of": level.setting}
+
+
+def test_meshes_are_judged_again_where_shorter_load_steps_show_their_errors() -> None:
+    """Meshes with 10 steps agree; with more, the first errs by 0.1, and a quarter of that with twice the elements."""
+    pursuit: Any = Swept(lambda n, steps: 0.0 if steps <= 10 else 0.1 * (4.0 / n) ** 2)
+    accuracy = in_steps(pursuit, Level(Setting({"rod": 4}), "", Answer(1.0, 1.0)), 1e-4, judge([])[0])
+    assert accuracy["achieved"]
+    assert accuracy["of"].counts["rod"] >= 16
+    assert accuracy["value"] - 1.0 <= accuracy["estimate"] <= 1e-2
+    # where meshes with more steps err as those with few told, the first one will do
+    pursuit = Swept(lambda n, steps: 0.0 if steps <= 10 else 5e-3)
+    accuracy = in_steps(pursuit, Level(Setting({"rod": 4}), "", Answer(1.0, 1.0)), 1e-4, judge([])[0])
+    assert accuracy["of"].counts["rod"] == 4
+    assert accuracy["estimate"] >= 2.5e-3
 
 
 def test_load_steps_are_judged_where_the_way_counts() -> None:

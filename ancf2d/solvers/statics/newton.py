@@ -18,7 +18,7 @@ from ..contact import check_crossed, check_pressed, memory, recall
 from ..friction import stick_one
 from ..lift_off import Course
 from ..state import Graded, State
-from ..system import STILL, UNIT_ROUNDOFF, Balance, System
+from ..system import STILL, UNIT_ROUNDOFF, Balance, System, sticks
 from ..threads import largest, pieces
 
 TOLERANCE = 1e-9
@@ -141,10 +141,10 @@ def _newton(system: System, d: Array, t_old: float, t: float, tolerance: float, 
             first = z.copy()
         increments.append(system.norm(z))
         check_divergence(increments, system.model.extent, at, residuals)
-        stalled = len(increments) > 2 and increments[-1] > 0.5 * increments[-2]
         # coordinates hold no such corrections
         nothing = max(increments[-2:]) <= UNIT_ROUNDOFF * system.model.extent
-        if stalled and (nothing or at_floor(balance.R, system.noise(d, t))):
+        stalled = len(increments) > 2 and increments[-1] > 0.5 * increments[-2]
+        if stalled and (nothing or shaken(system, increments) or at_floor(balance.R, system.noise(d, t))):
             uncertainty = min(increments[-2:])
             break
         np.add(d[num.where], uncycled(z, increments, system.model), out=z)
@@ -165,6 +165,11 @@ def _newton(system: System, d: Array, t_old: float, t: float, tolerance: float, 
                                history=residuals)
     return NewtonResult(d, balance.Q.copy(), balance.F, balance.energy, largest(balance.R), iteration, increments,
                         first, pivots.negative - num.n_multipliers, uncertainty)
+
+
+def shaken(system: System, increments: list[float]) -> bool:
+    """Whether increments are what stiff springs, which hold what sticks, make of the round-off of positions."""
+    return max(increments[-2:]) <= STILL * system.model.extent and sticks(system.model)
 
 
 def balanced(system: System, balance: Balance, d: Array, t: float) -> bool:

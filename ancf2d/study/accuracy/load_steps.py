@@ -7,8 +7,12 @@ from typing import Any
 
 from ...case import Case
 from ..order import Estimate
-from .pursuit import MOST_WORK, Pursuit, apart
+from .pursuit import MOST_ELEMENTS, MOST_WORK, Pursuit, apart
 from .setting import Level
+
+# of the wanted error: load steps that move the goal by no more leave what meshes tell as it is; and the share of an
+# error that a mesh twice as fine is taken to have at least
+MOVED, FALLS = 0.2, 0.35
 
 
 def follows_way(case: Case) -> bool:
@@ -22,7 +26,8 @@ def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> d
 
     Errors of steps are of first order: that of the shorter ones is the difference. It is no less than half of that of
     the longer ones, since points that stick or slip by chance alike in both move nothing; steps twice as long tell that
-    of the first.
+    of the first. Where shorter steps have moved the goal, a mesh twice as fine tells whether the error is still what
+    meshes with long ones told.
     """
     from ...solvers.statics.static import STEPS
 
@@ -30,9 +35,12 @@ def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> d
         pursuit.report["steps_error"] = max(apart(level, rough), 0.5 * before)
         return found, error + pursuit.report["steps_error"]
 
+    def with_longer(level: Level, steps: int) -> float:
+        longer = pursuit.solve(replace(level.setting, steps=max(steps // 2, 1)), "effect of the load steps")
+        return 0.0 if longer.answer is None else apart(longer, level)
+
     steps = getattr(pursuit.loaded.case.solver, "steps", None) or STEPS
-    longer = pursuit.solve(replace(rough.setting, steps=max(steps // 2, 1)), "effect of the load steps")
-    before = 0.0 if longer.answer is None else apart(longer, rough)
+    known, before = rough, with_longer(rough, steps)
     while True:
         steps *= 2
         fine = pursuit.whole(replace(rough.setting, steps=steps), "effect of the load steps", told)
@@ -41,8 +49,36 @@ def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> d
             return pursuit.accuracy(rough, found, error) | {
                 "achieved": False, "note": f"the load steps are not judged, as {steps} of them fail"}
         accuracy = pursuit.accuracy(fine, *told(fine))
+        if error <= pursuit.wanted and apart(fine, known) > MOVED * pursuit.wanted:
+            finer, error = _refined(pursuit, fine, error)
+            known = finer
+            if finer is not fine:
+                found = Estimate(None, None, None, False, "meshes differ more with shorter load steps")
+                rough, before = finer, with_longer(finer, steps)
+                continue
         if accuracy["achieved"] or error > pursuit.wanted:
             return accuracy
         if 2 * fine.work > MOST_WORK:
             return accuracy | {"note": "the load steps needed would take too long"}
         rough, before = fine, pursuit.report["steps_error"]
+
+
+def _refined(pursuit: Pursuit, level: Level, error: float) -> tuple[Level, float]:
+    """Return a level, or a finer mesh with its load steps that errs by no more than is wanted, and its error.
+
+    The level itself where a mesh twice as fine differs by no more than its ``error``; the finest where none will do.
+    The error of meshes is their difference to those half as fine, or a share of the error of these if that is more.
+    """
+    coarse, told = level, 0.0
+    while True:
+        counts = {name: 2 * n for name, n in coarse.setting.counts.items()}
+        fine = pursuit.solve(replace(coarse.setting, counts=counts), "whether meshes differ as with longer load steps")
+        moved = apart(fine, coarse)
+        if coarse is level and (fine.answer is None or moved <= error):
+            return level, error
+        if fine.answer is None:
+            return coarse, told
+        coarse, told = fine, max(moved, FALLS * told)
+        work = 4 * fine.work > MOST_WORK or 2 * sum(counts.values()) > MOST_ELEMENTS
+        if work or told <= (1.0 - MOVED) * pursuit.wanted:
+            return fine, told

@@ -85,8 +85,8 @@ class Ladder:
     def _tells(self) -> bool:
         """Whether there are levels enough: three.
 
-        One more where they swing, as those of elements that lock can, and where fibres yield: coarse meshes differ
-        little where none of their sampling points are in the zones that do.
+        One more where they swing, as those of elements that lock can, and where zones end within elements: coarse
+        meshes may differ little where none of their sampling points are in zones that yield.
         """
         levels = telling(self.levels)
         if len(levels) != LADDER:

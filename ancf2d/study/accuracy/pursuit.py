@@ -82,7 +82,8 @@ class Pursuit:
         self.tell(f"{setting.elements} elements" + (
             "" if setting.tolerance is None else f", tolerance {setting.tolerance:.1g}") + (
             "" if setting.method is None else f", {setting.method}") + f": {why}")
-        level = self.known[setting.name] = Level(setting, why, kinks=self.slides(setting), zones=self.yields(setting))
+        level = self.known[setting.name] = Level(setting, why, kinks=self.slides(setting),
+                                                 zones=self.ends_within(setting))
         self.levels.append(level)
         return level
 
@@ -109,10 +110,13 @@ class Pursuit:
         meshed = bodies_with_meshes(case, setting.types)
         return any(joint.slides_along in meshed for joint in case.joints)
 
-    def yields(self, setting: Setting) -> bool:
-        """Whether fibres of a body that deforms yield or follow a curve."""
-        meshed = bodies_with_meshes(self.loaded.case, setting.types)
-        return any(material.fibres for body in meshed.values() for material in body.materials)
+    def ends_within(self, setting: Setting) -> bool:
+        """Whether zones end within elements, at another place in each mesh: where fibres of a body that deforms yield
+        or follow a curve, or where bodies touch without a law in statics."""
+        case = self.loaded.case
+        meshed = bodies_with_meshes(case, setting.types)
+        touches = case.solver.balances and any(contact.law is None for contact in case.contacts)
+        return touches or any(material.fibres for body in meshed.values() for material in body.materials)
 
     def write(self, level: Level, told: Told) -> None:
         """Make a level the result, solved once more, from the reference on, unless it is written already."""
@@ -239,7 +243,7 @@ LEAST, MOST, ALIKE, SAFETY = 0.5, 8.0, 2.0, 1.75
 UNCONFIRMED, SWINGING, DOUBTFUL = 3.0, 2.0, 2.0
 # a mesh that misses so much of the goal says little of the order: what it may promise there
 FAR, ROUGH = 0.1, 2.0
-# orders by which changes between meshes have fallen since, the last first, where zones that yield end within elements
+# orders by which changes between meshes have fallen since, the last first, where zones end within elements
 OF_ZONES = 0.0, 1.5, 2.0
 # levels that the best is looked for in, and the share of the last estimate below which an earlier one is better
 RECENT, SPOILT = 4, 0.1
@@ -352,7 +356,7 @@ def _by_order(levels: Sequence[Level]) -> tuple[Estimate, float]:
 
 
 def _of_zones(n: Sequence[float], f: Sequence[float], size: float) -> tuple[Estimate, float]:
-    """Return what ``_by_order`` does of values f on meshes n whose fibres yield in zones that end within elements.
+    """Return what ``_by_order`` does of values f on meshes n with zones that yield or touch and end within elements.
 
     How much of an element such a zone takes is a matter of chance, and so is a small change.
     """
@@ -360,5 +364,5 @@ def _of_zones(n: Sequence[float], f: Sequence[float], size: float) -> tuple[Esti
     last = [abs(b - a) * (k / n[-1])**order for (a, b), k, order in zip(
         list(pairwise(f))[::-1], n[:0:-1], OF_ZONES, strict=False)]
     error = DOUBTFUL * max(last) / math.expm1(p * math.log(n[-1] / n[-2]))
-    return Estimate(f[-1], error, p, False, "zones that yield or bend on a curve end within elements: no order shows, "
-                    f"and changes are taken to fall like h^{p:g}"), error / size
+    return Estimate(f[-1], error, p, False, "zones that yield, bend on a curve or touch end within elements: no order "
+                    f"shows, and changes are taken to fall like h^{p:g}"), error / size

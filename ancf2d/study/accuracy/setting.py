@@ -84,7 +84,8 @@ class Level:
     """A solved setting: its answer (None where it failed, with the reason), what it cost, and why it was tried.
 
     ``kinks``: whether a point slides along a body, whose kink then stands at another place of an element in each mesh.
-    ``zones``: whether fibres yield or follow a curve, in zones that end at another place of an element in each mesh.
+    ``zones``: whether fibres yield or follow a curve, or bodies touch, in zones that end at another place of an element
+    in each mesh.
     ``off``: how far a body is off an obstacle between its contact points, relative, where that is told.
     """
 
