@@ -272,7 +272,6 @@ class Interactions:
         self.sliding = Record(sliding_table(self.joints, e0))
 
     # batches take the machine code of their laws, which other kernels can be compiled beside
-
     @cached_property
     def springs(self) -> list[Batch]:
         """The springs."""
@@ -385,15 +384,17 @@ class Interactions:
 def of_interactions(model: Any, steps: bool, problem: Any) -> list[Callable[[], object]]:
     """Return what compiles the laws of springs, loads, constraints and contacts, and what finds what touches.
 
+    Forces come first, and what shares parts with them last: processes that do both at once compile these twice.
     ``steps`` : whether forces of a step are wanted too; ``problem`` : the type of the records that kernels take.
     """
     patches = (*model.springs, *model.loads.patches, *model.loads.flows, *model.constraints)
     laws = {p.items().law: None for p in patches if isinstance(p, HasItems)}
-    out = [each for law in laws for each in point_law_compilations(law, steps)]
+    each = [point_law_compilations(law, steps) for law in laws]
+    others = [one for some in each for one in some[1:]]
     if model.contacts:
         from ..kernels.contact import contact_compilations
 
         bodies = [pair.on_bodies for pair in model.contacts]
-        out += contact_compilations(problem, not all(bodies), any(bodies), model.sided,
-                                   any(not pair.hard for pair in model.contacts), model.case.solver.moves)
-    return out
+        others = contact_compilations(problem, not all(bodies), any(bodies), model.sided,
+                                      any(not pair.hard for pair in model.contacts), model.case.solver.moves) + others
+    return [*(some[0] for some in each), *others]

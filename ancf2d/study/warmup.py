@@ -200,7 +200,6 @@ def _touch(model: Model, new: bool) -> None:
         from ..solvers.motion.problem import nothing, of_elements
 
         laws = of_interactions(model, False, nothing().layout)
-        # two processes that begin with laws at once would both compile what these share
         spread([*laws[:1], *of_elements(model), *laws[1:], *touched])
     _ = model.groups
     for each in touched:
