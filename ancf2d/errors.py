@@ -11,6 +11,11 @@ from typing import Any
 WIDTH = 92
 
 
+def many(count: int, what: str) -> str:
+    """Return '1 element', '8 elements'."""
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
 @dataclass(frozen=True)
 class Problem:
     """One thing wrong with a case file, with the place where it stands.

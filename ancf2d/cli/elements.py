@@ -7,10 +7,10 @@ from typing import Any
 
 import click
 
-from ..errors import CaseError, Problem
+from ..errors import CaseError, Problem, many
 from .options import complete_types, examples, json_session
 from .session import Session
-from .text import many, table
+from .text import table
 
 
 @click.command(epilog=examples("ancf2d elements", "ancf2d elements 2d2n", 'ancf2d elements "ancf[3,2]"',

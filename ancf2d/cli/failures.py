@@ -6,9 +6,9 @@ from typing import Any
 
 import click
 
-from ..errors import Ancf2dError, CaseError, ComputationError, Problem
+from ..errors import Ancf2dError, CaseError, ComputationError, Problem, many
 from .session import Session
-from .text import let_go_of_output, many, say
+from .text import let_go_of_output, say
 
 # what the code of a plugin does not raise by mistake
 EXPECTED = (Ancf2dError, click.ClickException, click.Abort, KeyboardInterrupt, EOFError, OSError, MemoryError)

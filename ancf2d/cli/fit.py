@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ..errors import all_of
+from ..errors import all_of, many
 from .options import case_argument, case_stem, examples, force_option, json_session, set_option, vary_option
 from .session import Session
-from .text import command_line, many, number, table
+from .text import command_line, number, table
 
 if TYPE_CHECKING:
     from ..study.fit import Fit

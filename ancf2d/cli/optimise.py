@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ..errors import all_of
+from ..errors import all_of, many
 from .failures import FAILED
 from .options import case_argument, case_stem, examples, force_option, json_session, set_option, vary_option
 from .session import Bar, Session
-from .text import command_line, many, number, say, table
+from .text import command_line, number, say, table
 
 if TYPE_CHECKING:
     from ..study.optimise import Optimum

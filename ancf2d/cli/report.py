@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from ..case import Units
 from ..case.units import unit_label, with_unit
+from ..errors import many
 from .failures import FAILED, expected_met
 from .session import Session
-from .text import TIME, command_line, duration, many, number, rounded, say, table
+from .text import TIME, command_line, duration, number, rounded, say, table
 
 if TYPE_CHECKING:
     from ..case import LoadedCase

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ..errors import many
 from .options import case_argument, examples, force_option, json_session, read_case, set_option
 from .session import Bar, Session
-from .text import many, number, table
+from .text import number, table
 
 if TYPE_CHECKING:
     from ..study.sensitivity import Sensitivity

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..errors import CaseError, Problem, all_of
+from ..errors import CaseError, Problem, all_of, many
 from .failures import FAILED
 from .options import (
     case_argument,
@@ -21,7 +21,7 @@ from .options import (
     workers,
 )
 from .session import Bar, Session
-from .text import TIME, duration, many, number, say, table
+from .text import TIME, duration, number, say, table
 
 if TYPE_CHECKING:
     from ..case.axes import Axis

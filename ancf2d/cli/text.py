@@ -92,8 +92,3 @@ def duration(seconds: float) -> str:
     if seconds < 120:
         return f"{seconds:.3g} s"
     return f"{seconds / 60:.3g} min" if seconds < 120 * 60 else f"{seconds / 3600:.3g} h"
-
-
-def many(count: int, what: str) -> str:
-    """Return '1 element', '8 elements'."""
-    return f"{count} {what}{'' if count == 1 else 's'}"

@@ -6,11 +6,11 @@ from typing import Any
 
 import click
 
-from ..errors import CaseError, Problem
+from ..errors import CaseError, Problem, many
 from .failures import WRONG, problem_object
 from .options import cases_argument, examples, json_session, set_option
 from .session import Session
-from .text import many, say
+from .text import say
 
 
 @click.command(epilog=examples("ancf2d validate beam.yaml", "ancf2d validate beam.yaml swing.yaml --json"))

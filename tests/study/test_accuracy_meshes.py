@@ -11,8 +11,9 @@ from pursued import BETWEEN, CANTILEVER, SLIDE, SWING, case
 
 from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.errors import ComputationError
+from ancf2d.study.accuracy.judging import SAFETY, best, choose, judge
 from ancf2d.study.accuracy.mesh import Ladder
-from ancf2d.study.accuracy.pursuit import SAFETY, Pursuit, Told, best, choose, judge, tenth
+from ancf2d.study.accuracy.pursuit import Pursuit, Told, tenth
 from ancf2d.study.accuracy.setting import Level, Setting, least
 from ancf2d.study.goal import Answer, solve_for_goal
 from ancf2d.study.record import Progress

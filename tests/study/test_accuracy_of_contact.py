@@ -10,8 +10,8 @@ import pytest
 
 from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.study.accuracy.control import solve_to_accuracy
+from ancf2d.study.accuracy.judging import judge, telling
 from ancf2d.study.accuracy.load_steps import follows_way, in_steps
-from ancf2d.study.accuracy.pursuit import judge, telling
 from ancf2d.study.accuracy.setting import Level, Setting, with_setting
 from ancf2d.study.goal import Answer, solve_for_goal
 from ancf2d.study.run import vocabulary

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...case import FrequencyResponse, LoadedCase, Rectangle, with_overrides
-from ...errors import ComputationError
+from ...errors import ComputationError, many
 from ...model.curve import stretches
 from ...model.plan import acting_points
 from ..goal import Answer, Target, goal_kind
@@ -18,10 +18,11 @@ from ..run import Outcome, describe_goal, prepare, vocabulary
 from ..variants import Variant, flexible
 from ..windows import window_of
 from .direct import Direct
+from .judging import apart
 from .load_steps import follows_way, in_steps
 from .mesh import Ladder
 from .motion import Motion
-from .pursuit import LEAST_TOLERANCE, MOST_WORK, Pursuit, apart
+from .pursuit import LEAST_TOLERANCE, MOST_WORK, Pursuit
 from .setting import Level, with_setting
 
 # accuracy of a case that leaves element types open and names none
@@ -220,7 +221,7 @@ def describe(accuracy: dict[str, Any], goal: Any) -> str:
     told = describe_goal(goal) + ("" if goal is None else f" = {accuracy['value']:.10g}")
     verdict = "reached" if accuracy["achieved"] else "NOT reached"
     return (f"{told}, {about} (wanted {accuracy['wanted']:.1e}: {verdict}), "
-            f"{sum(accuracy['elements'].values())} elements, {accuracy['solves']} solves")
+            f"{many(sum(accuracy['elements'].values()), 'element')}, {many(accuracy['solves'], 'solve')}")
 
 
 @dataclass

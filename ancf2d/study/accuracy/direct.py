@@ -18,6 +18,7 @@ import numpy as np
 from ...elements import registry
 from ...elements.definition import ElementType
 from ...elements.shape import Array
+from ...errors import many
 from ...model.curve import stretches
 from ..order import Estimate
 from ..variants import Variant, described
@@ -104,7 +105,7 @@ class Direct:
             if verdict.error <= wanted:
                 return level, verdict.error, verdict.found
             if verdict.finer <= wanted and self.finer is not None:
-                self.pursuit.tell(f"{self.finer.setting.elements} elements: the result")
+                self.pursuit.tell(f"{many(self.finer.setting.elements, 'element')}: the result")
                 finer = self.pursuit.again(self.finer, _as_told(verdict.found, verdict.finer))
                 return None if finer.answer is None else (finer, verdict.finer, verdict.found)
             if verdict.found.order is None or 4 * level.work > MOST_WORK:

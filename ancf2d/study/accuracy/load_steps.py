@@ -7,7 +7,8 @@ from typing import Any
 
 from ...case import Case
 from ..order import Estimate
-from .pursuit import MOST_ELEMENTS, MOST_WORK, Pursuit, apart
+from .judging import apart
+from .pursuit import MOST_ELEMENTS, MOST_WORK, Pursuit
 from .setting import Level
 
 # of the wanted error: load steps that move the goal by no more leave what meshes tell as it is; and the share of an

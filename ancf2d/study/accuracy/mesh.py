@@ -8,18 +8,8 @@ from dataclasses import replace
 from ..goal import sequence
 from ..order import Estimate
 from ..variants import Variant
-from .pursuit import (
-    LEAST_TOLERANCE,
-    MOST_ELEMENTS,
-    MOST_LEVELS,
-    MOST_WORK,
-    Pursuit,
-    apart,
-    best,
-    choose,
-    judge,
-    telling,
-)
+from .judging import apart, best, choose, judge, telling
+from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_LEVELS, MOST_WORK, Pursuit
 from .setting import Level, Setting, meshed, with_setting
 
 LADDER = 3          # levels at least, the first of which is the least mesh

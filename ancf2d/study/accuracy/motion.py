@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 
 from ..order import Estimate
 from ..variants import Variant
+from .judging import apart, judge
 from .mesh import moved_alone
-from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_WORK, Pursuit, apart, judge, tenth
+from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_WORK, Pursuit, tenth
 from .setting import Level, Setting, meshed
 
 # with a tenth of the tolerance steps err at most a third as much: factors from the difference to the error of each

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...elements.shape import Array
+from ...errors import many
 from ...model.model import Model
 from .fields import (
     ZERO,
@@ -19,7 +20,7 @@ from .fields import (
     turned,
     uniform,
 )
-from .subject import FAIL, NOTE, NU, PASS, ROUND_OFF, Finding, Subject, judged, percent, plural
+from .subject import FAIL, NOTE, NU, PASS, ROUND_OFF, Finding, Subject, judged, percent
 
 ANGLES = (0.3, 1.6, -2.9)
 # three pieces of unequal length
@@ -186,5 +187,5 @@ def zero_energy_modes(s: Subject) -> Finding:
     mesh = s.free(4.0, 4, nu=at)
     left = hidden_modes(mesh, stiffness(mesh))
     where = "" if at == NU else f" at nu = {at:g}"
-    return Finding(float(worst), FAIL, f"{plural(worst, 'motion')} of an element without strain energy{where} with "
+    return Finding(float(worst), FAIL, f"{many(worst, 'motion')} of an element without strain energy{where} with "
                    f"{points}; {left} remain in a free mesh of four")

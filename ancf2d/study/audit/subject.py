@@ -215,8 +215,3 @@ def percent(share: float) -> str:
     """Return a share as people read it: 9.0 %, 0.02 %."""
     size = abs(100.0 * share)
     return f"{size:.1f} %" if size >= 0.1 else f"{size:.2g} %"
-
-
-def plural(count: int, what: str) -> str:
-    """Return '1 mode', '2 modes'."""
-    return f"{count} {what}{'' if count == 1 else 's'}"
