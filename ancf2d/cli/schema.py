@@ -45,6 +45,12 @@ _FAILED: Schema = {"reason": _is("string", "why it failed"), "at": AT, "advice":
                    "residuals": _list(NUMBER_OR_NONE), "problems": _list(PROBLEM)}
 _WARNINGS = _list(TEXT, "as on stderr")
 _ELEMENT: Schema = {"element": TEXT, "formulation": TEXT}
+_EVENTS = _list(_object("what begins or ends", {
+    "impulse": _is("object", "fx, fy, m of a support on its body"),
+    "offset": _is("object", "how far what it moves is from what is prescribed")},
+    t=_is("number", "time"), what=_is("string", "what it is")))
+_IMPACTS = _object("of contacts without a law in a motion", count=_is("integer", "how many"), **dict.fromkeys(
+    ("first", "strongest"), _is("object", "t, contact, body, touched, S, points, impulse, lost")))
 _ACCURACY = _is("object?", "of the goal, or of time or load steps: estimate (relative), wanted, achieved, "
                 "by_body (parts of the estimate), ...")
 
@@ -88,10 +94,7 @@ def _run() -> Schema:
         "method": _is("string", "the integrator"), "rejected": _is("integer", "steps repeated smaller"),
         "dt": _list(NUMBER, "the smallest and the largest step"), "initial": _is("object", "the initial velocities"),
         "energy_drift": _is("number?", "relative to the largest kinetic plus strain energy"),
-        "events": _list(_object("what begins or ends", {
-            "impulse": _is("object", "fx, fy, m of a support on its body"),
-            "offset": _is("object", "how far what it moves is from what is prescribed")},
-            t=_is("number", "time"), what=_is("string", "what it is"))),
+        "events": _EVENTS, "impacts": _IMPACTS,
         "momentum": _object("at the end", linear=_list(NUMBER), angular=_is("number", "about the origin")),
         "accuracy": _ACCURACY, "contact_error": _is("number", "how far bodies are off between points of contact")}
     return _object("one solved case", {**optional, **_FAILED}, case=TEXT, title=TEXT, status=TEXT, solver=TEXT,

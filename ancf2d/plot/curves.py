@@ -168,13 +168,20 @@ def _add_windows(source: Source, panels: list[Panel]) -> None:
 
 
 def _add_events(source: Source, panels: list[Panel]) -> None:
-    """Add an upright line to all panels where something begins or ends in a motion, unless that happens too often."""
-    times = np.array([event["t"] for event in source.results.summary.get("events") or []])
-    for panel in panels if 0 < len(times) <= MOST_EVENTS else ():
+    """Add an upright line to all panels where something begins or ends in a motion, unless that happens too often, and
+    where bodies hit something, of many times at the strongest."""
+    results, found = source.results, {}
+    happened = [event["t"] for event in results.summary.get("events") or []]
+    found["events"] = happened if len(happened) <= MOST_EVENTS else []
+    impacts = results.tables["impacts"] if results.summary.get("impacts") else {}
+    strongest = np.argsort(impacts.get("impulse", []))[::-1][:MOST_EVENTS]
+    found["impacts"] = np.sort(np.asarray(impacts.get("t", []), dtype=float)[strongest]).tolist()
+    for panel in panels:
         values = np.concatenate([c.y[np.isfinite(c.y)] for c in panel.curves])
-        x = np.repeat(times, 3)
-        panel.curves.append(Curve(source.name("events"), x, np.tile([values.min(), values.max(), np.nan], len(times)),
-                                  look=dict(HAPPENED)))
+        for name, times in found.items():
+            if times and len(values):
+                panel.curves.append(Curve(source.name(name), np.repeat(times, 3), np.tile(
+                    [values.min(), values.max(), np.nan], len(times)), look=dict(HAPPENED)))
 
 
 def _no_probes(results: Results) -> str:

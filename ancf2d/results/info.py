@@ -82,21 +82,33 @@ def describe_text(found: dict[str, Any]) -> str:
     if isinstance(found["summary"].get("wall_s"), (int, float)):
         rows.append(("solve time", f"{found['summary']['wall_s']:.3g} s"))
     rows.append(("accuracy", _accuracy(found["summary"].get("accuracy"))))
-    rows += _passed(found["summary"], units["time"])
+    rows += _passed(found["summary"], units)
     rows += _sections(found)
     lines += [f"  {name:<11} {value}" for name, value in rows if value]
     return "\n".join(lines)
 
 
-def _passed(summary: dict[str, Any], time: str) -> list[tuple[str, str]]:
+def _passed(summary: dict[str, Any], units: dict[str, str]) -> list[tuple[str, str]]:
     """Return what a path or a motion has passed: limit points, bifurcations, and the first events."""
     rows = [(what, f"{number} at load factor {point['factor']:.8g}")
             for key, what in (("limit_points", "limit point"), ("bifurcations", "bifurcation"))
             for number, point in enumerate(summary.get(key, []), start=1)]
     events = summary.get("events", [])
-    rows += [("event", f"{event['what']} at {event['t']:.6g} {time}") for event in events[:MOST_EVENTS]]
+    rows += [("event", f"{event['what']} at {event['t']:.6g} {units['time']}") for event in events[:MOST_EVENTS]]
     left = len(events) - MOST_EVENTS
-    return [*rows, *([("event", f"and {left} more")] if left > 0 else [])]
+    rows += [("event", f"and {left} more")] if left > 0 else []
+    return rows + _impacts(summary.get("impacts"), units)
+
+
+def _impacts(told: dict[str, Any] | None, units: dict[str, str]) -> list[tuple[str, str]]:
+    """Return how many impacts there were, the first and the strongest one."""
+    if told is None:
+        return []
+
+    def of(one: dict[str, Any]) -> str:
+        impulse = f"{one['impulse']:.6g} {units['force']} {units['time']}"
+        return f"{one['body']} on {one['touched']} at {one['t']:.6g} {units['time']}, S = {one['S']:.4g}: {impulse}"
+    return [("impacts", str(told["count"])), ("first", of(told["first"])), ("strongest", of(told["strongest"]))]
 
 
 def _accuracy(accuracy: Any) -> str:

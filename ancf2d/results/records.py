@@ -181,6 +181,13 @@ _TABLE: dict[str, Column] = {c.name: c for c in (
     Column("error", "1", "relative error of the goal's value"),
     Column("order", "1", "observed order of convergence between this row and the one before"),
     Column("wall_s", "s", "measured time of the solve alone"),
+    Column("t", "{T}", "time"), Column("contact", "none", "name of the contact"),
+    Column("body", "none", "body that has the point of contact with the largest impulse"),
+    Column("touched", "none", "obstacle or body that it hits"),
+    Column("S", "1", "place of that point on its body, as a share of the arc length"),
+    Column("points", "1", "points of contact that have an impulse, of all contacts", True),
+    Column("impulse", "{F}*{T}", "sum of their impulses across what they hit"),
+    Column("lost", "{F}*{L}", "energy that the impact takes"),
 )}
 _PARTS = {"re": "real", "im": "imaginary"}
 _REGISTRY = {"probe": _PROBE, "history": _HISTORY, "table": _TABLE}

@@ -106,6 +106,22 @@ def test_events_are_upright_lines_unless_there_are_very_many(tmp_path: Path, cou
         np.testing.assert_allclose(drawn.reshape(2, 3, 2)[:, :2], [[[0.2, 0.0], [0.2, 2.0]], [[0.8, 0.0], [0.8, 2.0]]])
 
 
+@pytest.mark.parametrize("count", [2, 100])
+def test_impacts_are_upright_lines_at_the_strongest(tmp_path: Path, count: int) -> None:
+    """The last ones are the strongest here."""
+    times, e0 = np.linspace(0.2, 0.8, count), np.zeros(8)
+    with ResultWriter(tmp_path / "a.h5", HEADER, [tangent_body("beam", 1, 1.0, 0.1)], e0) as w:
+        for t in (0.0, 1.0):
+            w.append(t, e0, {}, {"mid": {"uy": 2 * t}})
+        w.table("impacts", {"t": times.tolist(), "impulse": times.tolist()})
+        w.finish({"impacts": {"count": count}})
+    (axes,) = draw(opened(tmp_path / "a.h5"), "history").axes
+    (drawn,) = [line.get_xydata() for line in axes.lines if line.get_label() == "impacts"]
+    x = drawn.reshape(-1, 3, 2)[:, :2]
+    np.testing.assert_allclose(x[:, 0, 0], times[-40:])
+    np.testing.assert_allclose(x[:, :, 1], [[0.0, 2.0]] * len(x))
+
+
 def test_history_has_a_panel_for_each_unit(tmp_path: Path) -> None:
     results = opened(mechanism(tmp_path / "a.h5"))
     figure = draw(results, "history")

@@ -361,11 +361,15 @@ def test_info_says_what_a_path_or_motion_has_passed(tmp_path: Path) -> None:
     e0 = coordinates("tangent", np.array([0.0, 1.0]), 0.0)
     with ResultWriter(tmp_path / "a.h5", HEADER, [tangent_body("b", 1, 1.0, 0.1)], e0) as w:
         w.append(1.0, 0 * e0, {})
+        hit = {"t": 0.25, "body": "rod", "touched": "floor", "S": 0.5, "impulse": 2.0}
         w.finish({"limit_points": [{"factor": 2.5, "probes": {}}], "bifurcations": [{"factor": 1.25}],
-                  "events": [{"t": 0.1 * k, "what": f"stop {k} ends"} for k in range(12)]})
+                  "events": [{"t": 0.1 * k, "what": f"stop {k} ends"} for k in range(12)],
+                  "impacts": {"count": 7, "first": hit, "strongest": {**hit, "t": 0.5, "impulse": 3.0}}})
     text = describe_text(describe(tmp_path / "a.h5"))
     for words in ("load factor 1\n", "limit point 1 at load factor 2.5\n", "bifurcation 1 at load factor 1.25\n",
-                  "event       stop 9 ends at 0.9 s\n", "event       and 2 more"):
+                  "event       stop 9 ends at 0.9 s\n", "event       and 2 more", "impacts     7\n",
+                  "first       rod on floor at 0.25 s, S = 0.5: 2 N s\n",
+                  "strongest   rod on floor at 0.5 s, S = 0.5: 3 N s\n"):
         assert words in text, words
 
 

@@ -206,10 +206,10 @@ def test_a_belt_without_a_law_slips_at_the_same_ratio() -> None:
     """A thin belt that begins slack, 5e-6 off the drum; its bending stiffness bears EI/R^2 = 0.003 N beside 10 N."""
     solution = ancf2d.solve(template("capstan", "belt"), [
         "contacts.0.law=null", "obstacles.drum.radius=0.049995", "bodies.belt.section.height=0.00035",
-        "bodies.belt.element.type=cable", "boundary_conditions.0.type=clamp",
+        "bodies.belt.element.type=cable", "bodies.belt.element.count=60", "boundary_conditions.0.type=clamp",
         "obstacles.drum.motion.angle.value=[0, 0, -0.4]"], states=False)
     pulled = 10.0 * math.exp(0.3 * math.pi)
-    assert solution.reactions["anchor"]["fy"] == pytest.approx(-pulled, rel=1e-3)
+    assert solution.reactions["anchor"]["fy"] == pytest.approx(-pulled, rel=5e-4)
     assert solution.reactions["drum"]["m"] == pytest.approx(0.05 * (10.0 - pulled), rel=4e-3)
 
 

@@ -22,6 +22,10 @@ from .state import (
     FASTEST,
     FRESH,
     GRID,
+    HIT_AT,
+    HIT_LOST,
+    HIT_POINTS,
+    IMPULSE,
     LOST,
     NEXT,
     NOT_CONVERGED,
@@ -77,8 +81,9 @@ class Rows(NamedTuple):
 
     t, number, kind (m,), z, v, a (m, n), work (m, 2) : states (INSIDE, END or CHECK); turns (m, items, memory), feet
     (m, joints, 2), states (m, numbers) : what point laws, prismatic joints and elements remembered there; turned
-    (m, sections) : rotations through full turns; log (k, 7) : step, t, dt, iterations, rejected, error, violation of
-    every step.
+    (m, sections) : rotations through full turns; log (k, 11) : step, t, dt, iterations, rejected, error, violation of
+    every step, and of an impact at its end 1 + the item with the largest impulse, how many have one, their sum, what it
+    takes.
     """
 
     wanted: Any
@@ -143,10 +148,12 @@ def _turn(p, w, s, z, v, t, h, out):  # type: ignore[no-untyped-def]
 
 @inner
 def _log(s, log, t, h, iterations, relative, worst):  # type: ignore[no-untyped-def]
-    """Note what is told of a step (7,)."""
+    """Note what is told of a step (11,)."""
     log[0], log[1], log[2], log[3] = s.numbers[COUNT], t, h, iterations
     log[4], log[5], log[6] = s.numbers[TRIES], relative, worst
     s.numbers[TRIES] = 0.0
+    log[7], log[8], log[9], log[10] = s.numbers[HIT_AT], s.numbers[HIT_POINTS], s.numbers[IMPULSE], s.numbers[HIT_LOST]
+    s.numbers[HIT_AT] = 0.0
 
 
 @inner

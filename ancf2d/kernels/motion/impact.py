@@ -30,7 +30,7 @@ from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, kernel_with_memory, seldom
 from ..passages import tunnels
 from ..patches import face_bodies, rates_of_constraints
-from .consistent import consistent, factored_constraints, gap_rates
+from .consistent import consistent, gap_rates
 from .contact_steps import (
     closes,
     friction_forces,
@@ -42,7 +42,8 @@ from .contact_steps import (
 )
 from .dynamics import signals_at, to_full
 from .friction import approach_freely, drag, point_friction, point_slip, rub, rubs, take_hold
-from .state import BACKWARD, GIVEN, NEXT
+from .impulses import approach_from, given_in_impact, note_impulses
+from .state import BACKWARD, GIVEN, HIT_AT, NEXT
 from .step_energy import kept, kept_before, lost_in_impact, taken_in_step
 
 # of the largest rate: constraints that part slower than this are closed
@@ -155,17 +156,6 @@ def behind(p, w, z, v, a, t, impulse, approach, how, bounces):  # type: ignore[n
     return good and _settle(p, w, z, v, a, t, impulse, how)
 
 
-@inner_with_memory
-def _approach(g, rate, second, h):  # type: ignore[no-untyped-def]
-    """Return the rate at which a gap closes that had g, its rate and second rate a time of at most h before."""
-    if g <= 0.0:
-        return min(rate, 0.0)
-    square = rate * rate - 2.0 * second * g
-    if square <= 0.0:
-        return 0.0
-    return -min(np.sqrt(square), abs(rate) + abs(second) * h)
-
-
 @inner
 def _signals_towards(p, w, end, h):  # type: ignore[no-untyped-def]
     """Fill w.amps with signals a time h before ``end`` as second rates that stay as they are there would have them."""
@@ -177,7 +167,8 @@ def _signals_towards(p, w, end, h):  # type: ignore[no-untyped-def]
 
 @inner_with_memory
 def _bounce(p, w, s, m, t, h, bounce, approach, how, conserves, pushed, moves):  # type: ignore[no-untyped-def]
-    """Do as ``behind`` in the step from s at t, with so much of the bounce that it gives no energy; return ``_given``.
+    """Do as ``behind`` in the step from s at t, with so much of the bounce that it gives no energy; return the work of
+    what moves (``given_in_impact``).
 
     Kinetic energy behind an impact is that of a plastic one and the square of the bounce times what that adds. A
     bounce with restitution 1 takes no energy either, where nothing that it touches ``moves`` by signals. With friction,
@@ -201,7 +192,7 @@ def _bounce(p, w, s, m, t, h, bounce, approach, how, conserves, pushed, moves): 
             bounce[i] = share * full[i]
         calls.behind(p.calls, (p, w, end.z, end.v, end.a, t + h, bounce, approach, how, share > 0.0))
         if moves:
-            given = _given(p, w, end, t + h, sides, approach, pushed)
+            given = given_in_impact(p, w, end, t + h, sides, approach, pushed)
         gain = kept(p, w, end.z, end.v, t + h, False) - given - before
         noise = ROUND * (whole - plastic)
         if gain > noise:
@@ -231,7 +222,7 @@ def _in_time(p, s, how, g, rate, second, h, allowed):  # type: ignore[no-untyped
     best = h
     for i in range(len(how)):
         if closes(p, s, how, i) and g[i] > 0.0:
-            speed = -_approach(g[i], rate[i], second[i], h)
+            speed = -approach_from(g[i], rate[i], second[i], h)
             if speed > max(rate[i], 0.0):
                 # when the gap is 0, which began with g, its rate and second rate
                 closing = 2.0 * g[i] / (speed - rate[i])
@@ -250,7 +241,7 @@ def _rates_of_bounces(p, s, how, g, rate, second, h, approach, bounce):  # type:
     for i in range(len(how)):
         if closes(p, s, how, i):
             k = p.place[p.points.multiplier[i]]
-            approach[k] = _approach(g[i], rate[i], second[i], h)
+            approach[k] = approach_from(g[i], rate[i], second[i], h)
             bounce[k] = -p.points.restitution[i] * approach[k]
             bounces |= bounce[k] > 0.0
             elastic_ones &= p.points.restitution[i] == 1.0 and p.points.par[i, FRICTION] == 0.0
@@ -273,33 +264,14 @@ def _pushed(p, w, how, out):  # type: ignore[no-untyped-def]
 
 
 @inner_with_memory
-def _given(p, w, end, t, touched, approach, pushed):  # type: ignore[no-untyped-def]
-    """Return the work at most that obstacles which move do in an impact on items that were CLOSED in ``touched``: that
-    of the impulses which change rates of gaps from ``approach`` (n,) to those at the end, and of the largest friction.
-    """
-    n, given = len(touched), 0.0
-    g, rate, second, rhs, rest = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(len(end.z)), np.zeros(len(w.d))
-    for i in range(n):
-        if p.points.restitution[i] >= 0.0:
-            p.points.mem[i, HELD] = touched[i]
-    signals_at(p, t, w.amps)
-    gap_rates(p, w, end.z, end.v, end.a, g, rate, second)
-    for i in range(n):
-        if touched[i] == CLOSED:
-            k = p.place[p.points.multiplier[i]]
-            rhs[k] = rate[i] - approach[k]
-    if not factored_constraints(p, w, w.A):
-        return np.inf
-    calls.solve(p.calls, (p, w.A, rhs))
-    for i in range(n):
-        force = -rhs[p.place[p.points.multiplier[i]]] if touched[i] == CLOSED else 0.0
-        if force > 0.0:
-            given += force * pushed[i]
-            if p.points.par[i, FRICTION] > 0.0:
-                w.other[:] = 0.0
-                along = calls.point_slip(p.calls, (p.points, i, w.d, rest, w.amps, w.other))
-                given += p.points.par[i, FRICTION] * force * abs(along)
-    return given
+def _closing(p, s, how):  # type: ignore[no-untyped-def]
+    """Return whether an item closed in the step from s, and whether one bounces."""
+    any_closes, bounces = False, False
+    for i in range(len(how)):
+        if closes(p, s, how, i):
+            any_closes = True
+            bounces |= p.points.restitution[i] > 0.0
+    return any_closes, bounces
 
 
 @addressed_with_memory
@@ -318,11 +290,8 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
     bounce, approach = np.zeros(len(s.z)), np.zeros(len(s.z))
     signals_at(p, t + h, w.amps)
     _hold(p, w, end.z, end.v, how)
-    s.numbers[GIVEN], any_closes, bounces, elastic_ones = 0.0, False, False, False
-    for i in range(n):
-        if closes(p, s, how, i):
-            any_closes = True
-            bounces |= p.points.restitution[i] > 0.0
+    s.numbers[GIVEN], s.numbers[HIT_AT], elastic_ones = 0.0, 0.0, False
+    any_closes, bounces = _closing(p, s, how)
     if not any_closes:
         if m.switches:
             calls.behind(p.calls, (p, w, end.z, end.v, end.a, t + h, bounce, approach, how, False))
@@ -350,7 +319,8 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
     else:
         calls.behind(p.calls, (p, w, end.z, end.v, end.a, t + h, bounce, approach, how, bounces))
         if moves or driven:
-            s.numbers[GIVEN] = np.inf if driven else _given(p, w, end, t + h, touched, approach, pushed)
+            s.numbers[GIVEN] = np.inf if driven else given_in_impact(p, w, end, t + h, touched, approach, pushed)
+    note_impulses(p, w, s, end, t, h, touched)
     let_choose(p)
     on_the_way(p, s, end, h, touched, allowed > 0.0 and not m.switches)
     return HIT

@@ -32,7 +32,10 @@ TAKEN = 27
 # length of the step to come, behind one that ends where a stop begins to act, 0 behind others; whether errors count as
 # those of rates: a stop acts that has begun to, or a viscous body has been hit; the largest rate so far
 SOFT_STEP, STRUCK, FASTEST = range(28, 31)
-NUMBERS = 31
+# of the impact at the end of a step: 1 + the item with the largest impulse, 0 for none; how many have one; their sum
+# [N s]; and the energy that it takes
+HIT_AT, HIT_POINTS, IMPULSE, HIT_LOST = range(31, 35)
+NUMBERS = 35
 
 _turn = inner(turn)
 # increments of Newton's method that are kept for messages

@@ -11,7 +11,7 @@ from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, seld
 from ..natural import UNGIVEN
 from ..patches import forces_but_contacts, patch_forces
 from .dynamics import signals_at, to_full, twice_kinetic
-from .state import GAINED, GIVEN, LOST, NEXT, TAKEN, WORK
+from .state import GAINED, GIVEN, HIT_LOST, LOST, NEXT, TAKEN, WORK
 from .work import recall, taken_inside
 
 # energy that fixed steps may make in all, and each beyond that, beside the kinetic energy; the shortest of them
@@ -141,6 +141,7 @@ def count_impact(m, p, w, s, t, h, tracks, given):  # type: ignore[no-untyped-de
     known = s.numbers[GIVEN] if not np.isinf(s.numbers[GIVEN]) else 0.0
     gone = calls.lost_in_impact(p.calls, (p, w, s, m, t, h, tracks)) + given + known
     s.numbers[WORK] += known
+    s.numbers[HIT_LOST] = max(gone, 0.0)
     if gone > 0.0:
         s.numbers[LOST] += gone
     elif tracks and np.isinf(s.numbers[GIVEN]):

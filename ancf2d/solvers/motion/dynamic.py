@@ -295,6 +295,7 @@ class Run:
         found = self.stepper.events.told()
         if found:
             state.report["events"] = found
+        self.stepper.impacts.tell(state)
         if self.inverted is not None:
             state.warnings.append(self.inverted)
         if self.balance.gain > GAINED and any(not pair.hard for pair in self.model.contacts):

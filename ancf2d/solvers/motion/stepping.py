@@ -38,6 +38,7 @@ from .breaks import MovingPoints, impulse_of_followers, pass_break
 from .events import Events
 from .failures import check_joints, check_signals, failure, fastest
 from .feedback import Answers
+from .impacts import COLUMNS, Impacts
 from .initial import goes_on
 from .methods import MAKERS, Method, newton_tolerance
 from .problem import driving, own, tracks
@@ -75,7 +76,7 @@ class Stepper:
         self.s.numbers[STEP_SIZE] = self.dt = dt
         self.wanted, self.every, self.next_wanted = wanted, every, 0
         self.moving, self.answers, feedback = MovingPoints(model, spec.t_end), Answers(self), model.feedback
-        self.events = Events(self)
+        self.events, self.impacts = Events(self), Impacts(model)
         ends = self.events.breaks(spec.t_end)
         self.moving.times -= {b.t for b in ends}
         self.pieces: list[Piece] = pieces([*signals, *feedback.switches], spec.t_end,
@@ -111,7 +112,7 @@ class Stepper:
         turns, feet, states = (np.zeros((m, *x.shape)) for x in self._memory())
         turned = np.zeros((m, len(self.p.turning.length)))
         return Record(kernels.Rows(self.wanted, self.every, np.zeros(m), number, kind, z, v, a, np.zeros((m, 2)), turns,
-                                   feet, states, turned, np.zeros((LOG_ROWS, len(LOG)))))
+                                   feet, states, turned, np.zeros((LOG_ROWS, len(LOG) + COLUMNS))))
 
     def _memory(self) -> tuple[Array, Array, Array]:
         """Return what point laws, prismatic joints and elements remember of the state last accepted."""
@@ -291,7 +292,8 @@ class Stepper:
 
     def _collect(self, found: list[Row], stored: int, logged: int) -> None:
         """Append the states of a call, each with the log of the steps up to it."""
-        log, first, rows, piece = np.vstack([self.pending, self.rows.log[:logged]]), 0, [], self.pieces[self.piece]
+        log, first, rows, piece = self.impacts.take(self.rows.log[:logged]), 0, [], self.pieces[self.piece]
+        log = np.vstack([self.pending, log])
         t, number, kind, z, v, a, work, *memory = (x[:stored].copy() for x in self.rows.values[2:-1])
         side = np.clip(t, piece.first, piece.last)
         for k, end in enumerate((len(self.pending) + number + 1).tolist()):
@@ -381,7 +383,7 @@ class Stepper:
         out = {name: np.array(value) for name, value in zip(Motion._fields, self.s.values, strict=True)}
         out |= {"log": np.array(self.pending), "places": np.array([self.next_wanted, self.piece, self.every]),
                 "dt": np.array([self.dt, self.tolerance])}
-        out |= {"sizes": self.p.feedback.scale.copy(), **self.events.kept()}
+        out |= {"sizes": self.p.feedback.scale.copy(), **self.events.kept(), **self.impacts.kept()}
         return out | dict(zip(MEMORIES, (x.copy() for x in self._memory()), strict=True))
 
     def resume(self, kept: dict[str, Array]) -> None:
@@ -391,6 +393,7 @@ class Stepper:
         self.pending = kept["log"].reshape(-1, len(LOG))
         self.next_wanted = int(kept["places"][0])
         self.events.resume(kept)
+        self.impacts.resume(kept)
         self.enter(int(kept["places"][1]))
         for values, name in zip(self._memory(), MEMORIES, strict=True):
             values[:] = kept[name]

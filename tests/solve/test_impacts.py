@@ -1,0 +1,86 @@
+"""The impacts that a motion stores: when, where, with which impulse, and what they take."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ancf2d
+from ancf2d.api.solving import load
+from ancf2d.solvers.motion import stepping
+from ancf2d.solvers.motion.dynamic import Run
+from ancf2d.study.run import prepare
+
+G, M, J = 9.81, 2.0, 0.25
+
+
+def rods(restitution: float, method: str, **solver: Any) -> dict[str, Any]:
+    """Return a rod that falls by 0.5 m onto the floor with its left end, 0.4 m beside its centre, the other way up."""
+    solver = {"type": "dynamic", "method": method, "t_end": 0.35, **solver}
+    return {
+        "bodies": {"rod": {"geometry": {"type": "line", "start": [0.0, 0.5], "end": [0.8, 1.1]},
+                           "element": {"type": "rigid", "mass": M, "inertia": J}}},
+        "loads": [{"type": "gravity", "value": [0, -G]}],
+        "obstacles": {"floor": {"type": "half_plane", "through": [0, 0], "normal": [0, 1]}},
+        "contacts": [{"name": "hit", "between": ["floor", "rod"], "side": "axis", "restitution": restitution}],
+        "output": {"interval": 0.05, "probes": {"end": "rod@0"}}, "solver": solver}
+
+
+@pytest.mark.parametrize(("method", "steps"), [
+    ("generalized_alpha", {"tolerance": 1e-5}), ("radau5", {"tolerance": 1e-6}),
+    ("generalized_alpha", {"dt": 1e-4, "estimate": False})], ids=["adaptive", "radau", "fixed"])
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+def test_the_impulse_of_a_rod_that_falls_on_its_end(restitution: float, method: str, steps: dict[str, Any]) -> None:
+    """With m = 1/(1/M + r^2/J) at the end, r beside the centre, it is (1 + e) m v and takes m v^2 (1 - e^2)/2."""
+    told = ancf2d.solve(rods(restitution, method, **steps), states=False).summary["impacts"]
+    v, m = math.sqrt(2.0 * G * 0.5), 1.0 / (1.0 / M + 0.4**2 / J)
+    first = told["first"]
+    rel = 1e-3 if "tolerance" in steps else 5e-3
+    assert first["t"] == pytest.approx(v / G, rel=rel)
+    assert first["impulse"] == pytest.approx((1.0 + restitution) * m * v, rel=rel)
+    assert first["lost"] == pytest.approx(0.5 * m * v * v * (1.0 - restitution**2), rel=2.0 * rel)
+    assert (first["contact"], first["body"], first["touched"], first["S"], first["points"]) == (
+        "hit", "rod", "floor", 0.0, 1)
+    assert told["count"] == 1
+
+
+def test_impacts_of_a_resumed_motion_are_those_of_one_that_was_not_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each once, from wherever it goes on; what they take is all that is dissipated."""
+    # every state ends a chunk, from which a run can go on
+    monkeypatch.setattr(stepping, "CHUNK_SECONDS", 0.0)
+    model = prepare(load(rods(0.5, "generalized_alpha", tolerance=1e-6, t_end=0.8, estimate=False)))
+    states = list(Run(model, model.case.solver).states())
+    whole = states[-1].tables["impacts"]
+    assert len(whole["t"]) > 3
+    assert sum(whole["lost"]) == pytest.approx(states[-1].history["dissipated"], rel=1e-3)
+    kept = [s.checkpoint for s in states if s.checkpoint is not None]
+    for checkpoint in (kept[0], kept[len(kept) // 2], kept[-1]):
+        *_, end = Run(model, model.case.solver).states(checkpoint)
+        assert end.tables["impacts"] == whole
+        assert end.report["impacts"] == states[-1].report["impacts"]
+
+
+def test_a_motion_in_which_nothing_meets_has_no_impacts() -> None:
+    assert "impacts" not in ancf2d.solve(rods(0.0, "generalized_alpha", tolerance=1e-4, t_end=0.2)).summary
+
+
+def test_both_bodies_are_told_where_one_hits_the_other() -> None:
+    """Two equal bars of mass 2: the impulse of a plastic impact is half of the momentum, and half of the energy goes.
+    """
+    def bar(y: float) -> dict[str, Any]:
+        return {"geometry": {"type": "line", "start": [0, y], "end": [1, y]},
+                "section": {"height": 0.1, "width": 0.1}, "material": {"E": 1e9, "nu": 0.3, "rho": 200.0},
+                "element": {"type": "rigid"}}
+    case = {"bodies": {"low": bar(0.0), "high": bar(0.2)}, "contacts": [{"between": ["low", "high"]}],
+            "initial": {"bodies": {"high": {"velocity": [0, -1]}}},
+            "solver": {"type": "dynamic", "t_end": 0.15, "tolerance": 1e-4}}
+    solved = ancf2d.solve(case, states=False)
+    first = solved.summary["impacts"]["strongest"]
+    assert {first["body"], first["touched"]} == {"low", "high"}
+    assert first["impulse"] == pytest.approx(1.0, rel=1e-6)
+    assert first["lost"] == pytest.approx(0.5, rel=1e-6)
+    assert first["t"] == pytest.approx(0.1, rel=1e-3)
+    assert np.isfinite(first["S"])
