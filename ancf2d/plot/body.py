@@ -148,6 +148,18 @@ def no_states(results: Results) -> str:
     return no_bodies(results) or ("" if results.nt else "it holds no states")
 
 
+def how_to_store(results: Results, *fields: str) -> str:
+    """Return what a case asks for to store fields over the height, or why it cannot."""
+    found = [symbols.completed_case(results).get("bodies") or {}]
+    while found:
+        part = found.pop()
+        if isinstance(part, dict) and (isinstance(part.get("viscoelastic"), list) or part.get("law") == "neo_hooke"):
+            return ("not known of a material that relaxes or is hyperelastic: output: fields: [N, Q, M] stores what "
+                    "section_forces draws, history draws probes")
+        found += part.values() if isinstance(part, dict) else part if isinstance(part, list) else []
+    return f"output: fields: [{', '.join(fields)}] in the case stores {'it' if len(fields) == 1 else 'them'}"
+
+
 def frame_plane(axes: Axes, corners: np.ndarray, units: str) -> None:
     """Let axes show what lies between two corners (2, 2), with equal scales, a margin, and labels with units."""
     pad = 0.04 * float(np.ptp(corners, axis=0).max()) or 1.0

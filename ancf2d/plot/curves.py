@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ancf2d.errors import ResultsError
-from ancf2d.plot.body import no_states
+from ancf2d.plot.body import how_to_store, no_states
 from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
 from ancf2d.results import FieldRecord, Results
 from ancf2d.results.geometry import station_weights
@@ -287,7 +287,7 @@ def _lacks(*needed: str) -> Callable[[Results], str]:
             return no_states(results)
         known: Any = results.fields.values()
         if not any(set(needed) <= set(found) for found in known):
-            return f"it holds no {' and '.join(needed)} (output: fields: [{', '.join(needed)}] in the case stores them)"
+            return f"it holds no {' and '.join(needed)} ({how_to_store(results, *needed)})"
         return "" if results.nt > 1 else "it holds only one state"
     return missing
 

@@ -22,6 +22,7 @@ from ancf2d.plot.body import (
     draw_obstacles,
     even_states,
     frame_plane,
+    how_to_store,
     magnified,
     no_states,
     outline,
@@ -285,7 +286,7 @@ def _no_surface(results: Results) -> str:
     if no_states(results):
         return no_states(results)
     known = any(len(f.eta) > 1 for found in results.fields.values() for f in found.values())
-    return "" if known else "it holds no stress, strain or energy (output: fields: [stress] in the case stores stress)"
+    return "" if known else f"it holds no stress, strain or energy ({how_to_store(results, 'stress')})"
 
 
 FIELDS = Kind("fields", "stress, strain, energy or contact over the bodies, in colour", _no_surface, fields, moving,

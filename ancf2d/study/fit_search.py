@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,8 +22,9 @@ from .run import vocabulary
 # steps of the differences of motions, as shares of the way between the bounds: where time steps are fixed, and where
 # they adapt, so that runs side by side differ by their errors too
 STEP, STEP_ADAPTIVE = 1e-4, 2e-3
-# bounds whose ratio is more than this are gone through by equal ratios
-DECADE = 10.0
+# the share of a motion's data that a search begins with, if there are so many values for each number; how close to the
+# minimum it goes there (as SETTLED), in so many steps at most
+FIRST_PART, ENOUGH, NEAR, FIRST_STEPS = 1.0 / 3.0, 5, 2.0, 12
 # the relative decrease of the squares that is none, with exact derivatives and with differences of runs
 TOLERANCE, TOLERANCE_OF_RUNS = 1e-8, 1e-6
 # of the region of confidence: how far derivatives are carried that standard errors follow from; distances from the
@@ -37,12 +38,15 @@ AT_BOUND = 1e-6
 SINGULAR = 1e-7
 
 
+class _RenewedError(Exception):
+    """Derivatives have been made anew where the search is: it goes on with a new region of trust."""
+
+
 class _SettledError(Exception):
     """A search has come to its end."""
 
 
-@dataclass(frozen=True)
-class _Secant:
+class _Secant(NamedTuple):
     """A place z (n,) with residuals f (m,) and derivatives J (m, n), last computed anew at ``made`` (n,)."""
 
     z: Array
@@ -58,13 +62,17 @@ class Search:
                  scales: Array, progress: Progress, done: Callable[[int, float], None]) -> None:
         self.loaded, self.data, self.variables, self.bounds = loaded, data, variables, bounds
         self.watch, self.progress, self.done, self.runs = Watch(data), progress, done, 0
-        self.ratios = [b.low > 0.0 and b.high > DECADE * b.low for b in bounds]
+        # bounds above 0 are gone through by equal ratios
+        self.ratios = [b.low > 0.0 for b in bounds]
         self.scale = np.broadcast_to(scales, data.values.shape)[data.known]
         self.scales, self.measured = scales, data.values[data.known]
+        # which values (m,) count
+        self.counts = np.ones(len(self.measured), dtype=bool)
         # derivatives of what is solved over time take several runs: they are carried from step to step
         self.timed = loaded.case.solver.timed
         self.exact = self.watch.places and loaded.case.solver.moves
-        self.solved: tuple[bytes, Study] | None = None
+        # the last two, since a step may have led away from where derivatives are wanted
+        self.solved: list[tuple[bytes, Study]] = []
         self.last: Array | None = None
         self.secant: _Secant | None = None
 
@@ -91,10 +99,12 @@ class Search:
 
     def study(self, z: Array) -> Study:
         """Return what the case is at z, solved once. Raises CaseError and ComputationError."""
-        if self.solved is None or self.solved[0] != z.tobytes():
+        known = next((one for at, one in self.solved if at == z.tobytes()), None)
+        if known is None:
             self.runs += 1
-            self.solved = z.tobytes(), Study(self.case(z), self.watch, replace(self.progress, judges=False))
-        return self.solved[1]
+            known = Study(self.case(z), self.watch, replace(self.progress, judges=False))
+            self.solved = [*self.solved[-1:], (z.tobytes(), known)]
+        return known
 
     def model(self, z: Array) -> Array:
         """Return what the case has at z in place of the data. Raises CaseError and ComputationError."""
@@ -111,6 +121,28 @@ class Search:
         self.last = found
         self.done(self.runs, float(np.sqrt(np.mean(found**2))))
         return found
+
+    def _counted(self, z: Array) -> Array:
+        """Return the differences (m,) that count.
+
+        Raises _RenewedError where derivatives that were carried far led to larger ones.
+        """
+        f, known, now = np.where(self.counts, self.residuals(z), 0.0), self.secant, self.counts
+        larger = known is not None and self.exact and not f @ f <= known.f[now] @ known.f[now]
+        if known is not None and larger and _distance(known.z, known.made, known.f[now], known.J[now]) > CARRIED:
+            self.secant = known._replace(J=self._anew(known.z, known.f), made=known.z)
+            raise _RenewedError
+        return f
+
+    def _parts(self) -> list[Array]:
+        """Return the values (m,) that count first, and at last: early ones of a motion, then all.
+
+        A vibration that is out of step by half a period or more hides the way to the minimum; early on it is not yet.
+        """
+        x = np.broadcast_to(self.data.x[:, None], self.data.values.shape)[self.data.known]
+        early, whole = x <= np.quantile(x, FIRST_PART), np.ones(len(x), dtype=bool)
+        few = np.count_nonzero(early) < ENOUGH * len(self.variables)
+        return [whole] if few or not self.loaded.case.solver.moves else [early, whole]
 
     def jacobian(self, z: Array) -> Array:
         """Return the derivatives (m, n) of the differences to z. Raises ComputationError."""
@@ -130,16 +162,19 @@ class Search:
         They are made anew where the search comes close to its end far from where they were made, since standard errors
         follow from them, and where the update misses most of a step. Raises _SettledError at the end.
         """
-        known, J, made, step = self.secant, None, z, None
-        if known is not None:
+        known, J, made, step, now = self.secant, None, z, None, self.counts
+        if known is not None and np.array_equal(z, known.z):
+            J, made = known.J, known.made
+        elif known is not None:
             dz, df = step = z - known.z, f - known.f
             off = df - known.J @ dz
-            if np.linalg.norm(off) < BENT * np.linalg.norm(df):
+            if np.linalg.norm(off[now]) < BENT * np.linalg.norm(df[now]):
                 J, made = known.J + np.outer(off, dz) / float(dz @ dz), known.made
-        if J is None or (_offset(z, f, J) < CLOSE and _distance(z, made, f, J) > CARRIED):
+        ends = now.all()
+        if J is None or (ends and _offset(z, f, J) < CLOSE and _distance(z, made, f, J) > CARRIED):
             J, made = self._anew(z, f, step), z
         self.secant = _Secant(z, f, J, made)
-        if _offset(z, f, J) < SETTLED:
+        if _offset(z, f[now], J[now]) < (SETTLED if ends else NEAR):
             raise _SettledError
         return J
 
@@ -177,16 +212,23 @@ class Search:
         """Return what SciPy finds from z0."""
         from scipy.optimize import OptimizeResult, least_squares
 
-        self.last = self.secant = self.solved = None
-        try:
-            found = least_squares(self.residuals, z0, self.jacobian, (0.0, 1.0), method="trf", x_scale="jac",
-                                  ftol=TOLERANCE_OF_RUNS if self.timed else TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE)
-        except _SettledError:
-            assert self.secant is not None
-            end, f = self.secant, self.secant.f
-            return OptimizeResult(x=end.z, fun=f, jac=end.J, cost=0.5 * float(f @ f), success=True, message="")
-        if self.timed:
-            found.jac = self._anew(found.x, found.fun)
+        self.last, self.secant, self.solved, found = None, None, [], None
+        for part in self._parts():
+            self.counts, found = part, None
+            while found is None:
+                try:
+                    found = least_squares(
+                        self._counted, z0, lambda z: self.jacobian(z) * self.counts[:, None], (0.0, 1.0), method="trf",
+                        x_scale="jac", ftol=TOLERANCE_OF_RUNS if self.timed else TOLERANCE, xtol=TOLERANCE,
+                        gtol=TOLERANCE, max_nfev=None if self.counts.all() else FIRST_STEPS)
+                    if self.timed and self.counts.all():
+                        found.jac = self._anew(found.x, found.fun)
+                except (_RenewedError, _SettledError) as why:
+                    assert self.secant is not None
+                    z0, f, J, _ = self.secant
+                    if isinstance(why, _SettledError):
+                        found = OptimizeResult(x=z0, fun=f, jac=J, cost=0.5 * float(f @ f), success=True, message="")
+            z0 = found.x
         return found
 
 

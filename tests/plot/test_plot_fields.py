@@ -373,3 +373,27 @@ def test_a_map_of_pressure_says_where_nothing_touches() -> None:
         face = Zone("beam, lower face", s, np.full((2, 3), pressure))
         Zones("Beam", ("t", "s"), "m", "N/m", t, [face]).render(figure)
         assert figure.axes[0].get_title().removeprefix("Beam").strip() == note
+
+
+@pytest.mark.slow
+def test_fields_that_a_material_has_none_of_are_not_advised(tmp_path: Path) -> None:
+    """Stress and strain of a material that relaxes are refused by the case, and so no advice; section forces are."""
+    text = """\
+bodies:
+  beam:
+    geometry: {type: line, start: [0, 0], end: [1, 0]}
+    section: {height: 0.02, width: 0.02}
+    material: {E: 2.0e6, nu: 0.3%s}
+    element: {type: cable, count: 2}
+boundary_conditions:
+  - {type: clamp, at: beam@0}
+loads:
+  - {type: force, at: beam@1, value: [0, -0.01]}
+solver: {type: static}
+"""
+    for name, law, advised in (("relaxing", ", viscoelastic: [{modulus: 0.5, time: 0.1}]", "[N, Q, M]"),
+                               ("elastic", "", "[strain, M]")):
+        run_case(load_case_text(text % law, name, vocabulary=vocabulary()), str(tmp_path / f"{name}.h5"))
+        with open_results(tmp_path / f"{name}.h5") as results, pytest.raises(ResultsError) as told:
+            build(results, "moment_curvature")
+        assert f"output: fields: {advised}" in str(told.value)

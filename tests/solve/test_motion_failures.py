@@ -8,11 +8,11 @@ from types import SimpleNamespace
 import helpers as h
 import numpy as np
 import pytest
-from motions import GRAVITY, RUBBER, rod
+from motions import GRAVITY, RUBBER, Ride, rod
 
 from ancf2d.case.schema.amplitudes import Expression
 from ancf2d.errors import ComputationError
-from ancf2d.kernels.motion.state import COUNT, NUMBERS, SINGULAR
+from ancf2d.kernels.motion.state import COUNT, NOT_FINITE, NUMBERS, SINGULAR
 from ancf2d.model.timing import Signal
 from ancf2d.solvers.motion.dynamic import Run
 from ancf2d.solvers.motion.estimate import LEVELS, SAFETY, TENFOLD, Estimate
@@ -175,3 +175,19 @@ def test_a_prescribed_motion_that_starts_with_a_jump_is_named_as_a_cause(angle: 
     assert ("begins at full speed" in said) == told
     (said,) = estimate_of(4e-2, 1e-5, 773, driven=angle, obstacle=True).warnings()
     assert "begins at full speed" not in said
+
+
+@pytest.mark.parametrize("size", [np.nan, np.inf, 1e200])
+def test_states_that_are_not_finite_are_told_in_words_alone(size: float) -> None:
+    """Numpy's warnings are errors in tests: a load that answers angles and squares of such a state raises none."""
+    told = {"type": "expression", "value": "1 + tip.uy^2 + tip.theta"}
+    stepper = Ride({"bodies": {"a": rod("vallejo")}, "bc": [{"type": "pin", "at": "a@0"}],
+                    "loads": [{"type": "force", "at": "a@1", "value": [0, 1], "amplitude": told}],
+                    "output": {"probes": {"tip": "a@1"}}}, 0.1, tolerance=1e-4).start().stepper
+    for x in (stepper.s.z, stepper.s.v, stepper.s.a, stepper.w.x):
+        x[:] = size
+    try:
+        found = failure(stepper, NOT_FINITE)
+    except ComputationError as error:
+        found = error
+    assert any(words in str(found) for words in ("no longer finite", "grows without bound", "has no value"))

@@ -32,6 +32,8 @@ FAR = 1e9
 NEAR = 1e-6
 
 
+# what is told below is of states that overflow: numpy need not tell it, too
+@np.errstate(all="ignore")
 def check_signals(motion: Any, t: float) -> None:
     """Raise the ComputationError of an expression that has no value at t."""
     for signal in motion.signals:
@@ -58,6 +60,7 @@ def fastest(motion: Any) -> float:
     return FAR * float(motion.p.extent) / float(motion.model.case.solver.t_end)
 
 
+@np.errstate(all="ignore")
 def failure(motion: Any, outcome: int) -> ComputationError:
     """Return what to say of a step that could not be made."""
     h = float(motion.s.numbers[STEP_SIZE])
@@ -111,6 +114,7 @@ def _blocked(motion: Any, at: dict[str, Any], near: list[tuple[Any, int]]) -> Co
     return blocked(into or near, at)
 
 
+@np.errstate(all="ignore")
 def stuck(motion: Any, message: str | None) -> ComputationError:
     """Return what to say of a step that SciPy could not make."""
     beyond = max(float(motion.s.numbers[OLD_STEP]), 1e-6 * motion.spec.t_end)

@@ -90,6 +90,9 @@ class Answers:
     def check(self, h: float) -> None:
         """Raise the ComputationError of what has no value here, or a time h on as the motion goes."""
         motion, model, row = self.motion, self.motion.model, self.motion.here()
+        if not np.isfinite([row.z, row.v, row.a]).all():
+            # nothing has a value there
+            return
         d, v, a = motion.full(row)
         turned, inner = model.turns.at(d, row.turned), motion.p.inner
         for x in (0.0, h):
