@@ -15,6 +15,7 @@ from scripts.bench.fits import ARM, SCENES, fitted
 
 CASE = ARM.replace(", damping: 2", "")
 
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_five_numbers_of_a_motion_in_few_runs(name: str) -> None:
@@ -33,7 +34,8 @@ def test_five_numbers_of_a_motion_in_few_runs(name: str) -> None:
         added = np.array([noise[column] for column in found.data.names]).T
         beside = np.sum((off / found.scales)**2) / np.sum((added / found.scales)**2)
         assert 1.0 - 4.0 * 5.0 / off.size < beside < 1.0
-        assert found.runs <= 18
+        # few runs more where rounding turns a step of the search
+        assert found.runs <= (12 if "2.5 periods" in name else 18)
 
 
 @pytest.mark.slow_rows("adaptive", "at states")

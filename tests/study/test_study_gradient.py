@@ -361,9 +361,11 @@ TOUCHED = {"polyline": ({"floor": {"type": "polyline", "points": [[-1, -0.02], [
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("what", ["polyline", "body"])
-def test_places_between_nodes_that_a_run_chooses_are_left_to_runs(what):
-    """The place that touches moves with a number, and the force with it, which no equation of the state tells."""
+@pytest.mark.parametrize(("what", "method"), [
+    ("polyline", "exact"),
+    ("body", "differences of runs: places between nodes that touch are chosen anew in every run")])
+def test_places_between_nodes_are_unknowns_beside_obstacles_and_chosen_by_runs_between_bodies(what, method):
+    """The place that touches moves with a number, and the force with it."""
     obstacles, bodies, held = TOUCHED[what]
     case = ancf2d.load({
         "bodies": {"arch": ARCH, **bodies}, "obstacles": obstacles, "contacts": [{"between": ["arch", "floor"]}],
@@ -372,6 +374,6 @@ def test_places_between_nodes_that_a_run_chooses_are_left_to_runs(what):
         "solver": {"type": "static", "steps": 3}, "goal": {"probe": "tip", "quantity": "uy"},
         "output": {"probes": {"tip": "arch@1"}}})
     row, = ancf2d.sensitivity(case, ["loads.tip.value.1"]).rows
-    assert row.method == "differences of runs: places between nodes that touch are chosen anew in every run"
+    assert row.method == method
     expected = differences_of_solves(case, row.path, 3e-3, lambda s: s.value)
     assert row.derivative == pytest.approx(expected, rel=1e-3)
