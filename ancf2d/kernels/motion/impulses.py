@@ -6,6 +6,7 @@ import numpy as np
 
 from ...elements.contact_geometry import CLOSED, FRICTION, HELD
 from .. import calls
+from ..lowlevel.arrays import copy_rows
 from ..lowlevel.jit import inner_with_memory
 from .consistent import factored_constraints, gap_rates
 from .contact_steps import closes
@@ -53,7 +54,8 @@ def note_impulses(p, w, s, end, t, h, touched):  # type: ignore[no-untyped-def]
     """Note how large the impulses of an impact at the end of the step from s at t are, of how many items, and which is
     the largest; what items remember stays.
     """
-    n, kept = len(touched), p.points.mem.copy()
+    n, kept = len(touched), np.zeros(p.points.mem.shape)
+    copy_rows(p.points.mem, kept)
     g, rate, second, force, approach = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(len(end.z))
     for i in range(n):
         if p.points.restitution[i] >= 0.0:
@@ -71,7 +73,7 @@ def note_impulses(p, w, s, end, t, h, touched):  # type: ignore[no-untyped-def]
                 s.numbers[IMPULSE] += force[i]
             if force[i] > most:
                 s.numbers[HIT_AT], most = 1.0 + i, force[i]
-    p.points.mem[:] = kept
+    copy_rows(kept, p.points.mem)
 
 
 @inner_with_memory
