@@ -10,10 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ancf2d.case import Amplitude, Constant, Expression, Ramp, Sine, Table, jets
+from ancf2d.case.programs import are_constant
 from ancf2d.case.programs import programs as programs_of
 from ancf2d.errors import ComputationError
 from ancf2d.kernels.lowlevel.records import Record
-from ancf2d.kernels.motion.state import evaluate
+from ancf2d.kernels.motion.state import evaluate, evaluate_constants
 from ancf2d.model.timing import Signal
 
 TIMES, VALUES = (-0.5, 0.25, 1.0, 1.5, 4.0), (1.0, 2.0, 2.5, -1.0, 0.5)
@@ -167,3 +168,16 @@ def test_the_machine_gives_the_same_when_it_is_not_compiled(t: float) -> None:
     for k in range(len(signals)):
         jets.run(table, k, t, out, k)
     np.testing.assert_allclose(out, compiled(signals, t), rtol=1e-13, atol=1e-13)
+
+
+def test_constants_need_no_more_than_their_numbers() -> None:
+    """Scaled and moved numbers are constant, and the same by either kernel; what depends on the time is not."""
+    signals = [Signal(None), Signal(None, -2.0, 0.5), Signal(Constant(scale=-3.0), 4.0, 1.0)]
+    found = np.full((3, 3), np.nan)
+    assert are_constant(programs(signals).values)
+    evaluate_constants(programs(signals), 0.7, found)
+    np.testing.assert_array_equal(found, compiled(signals, 0.7))
+    np.testing.assert_array_equal(found[:, 0], [1.0, -1.5, -11.0])
+    for amplitude in AMPLITUDES[2:]:
+        constant = isinstance(amplitude, Expression) and amplitude.value_ == "pi"
+        assert are_constant(programs([signals[0], Signal(amplitude)]).values) == constant

@@ -26,17 +26,23 @@ def approach_from(g, rate, second, h):  # type: ignore[no-untyped-def]
 
 
 @inner_with_memory
+def _rates(p, w, s, t, touched, g, rate, second):  # type: ignore[no-untyped-def]
+    """Fill gaps (items,) and their first and second rates at a state s at t, of items as they ``touched``."""
+    for i in range(len(touched)):
+        if p.points.restitution[i] >= 0.0:
+            p.points.mem[i, HELD] = touched[i]
+    signals_at(p, t, w.amps)
+    gap_rates(p, w, s.z, s.v, s.a, g, rate, second)
+
+
+@inner_with_memory
 def _impulses(p, w, end, t, touched, approach, out):  # type: ignore[no-untyped-def]
     """Fill the impulses (items,) of those that were CLOSED in ``touched``, which change rates of gaps from ``approach``
     (n,) to those at the end; return whether they are known.
     """
     n = len(touched)
     g, rate, second, rhs = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(len(end.z))
-    for i in range(n):
-        if p.points.restitution[i] >= 0.0:
-            p.points.mem[i, HELD] = touched[i]
-    signals_at(p, t, w.amps)
-    gap_rates(p, w, end.z, end.v, end.a, g, rate, second)
+    _rates(p, w, end, t, touched, g, rate, second)
     for i in range(n):
         if touched[i] == CLOSED:
             k = p.place[p.points.multiplier[i]]
@@ -57,11 +63,7 @@ def note_impulses(p, w, s, end, t, h, touched):  # type: ignore[no-untyped-def]
     n, kept = len(touched), np.zeros(p.points.mem.shape)
     copy_rows(p.points.mem, kept)
     g, rate, second, force, approach = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(len(end.z))
-    for i in range(n):
-        if p.points.restitution[i] >= 0.0:
-            p.points.mem[i, HELD] = touched[i]
-    signals_at(p, t, w.amps)
-    gap_rates(p, w, s.z, s.v, s.a, g, rate, second)
+    _rates(p, w, s, t, touched, g, rate, second)
     for i in range(n):
         if closes(p, s, touched, i):
             approach[p.place[p.points.multiplier[i]]] = approach_from(g[i], rate[i], second[i], h)
