@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from numbers import Real
 from typing import Any, NoReturn, TypeAlias
@@ -15,6 +16,8 @@ from ..errors import CaseError
 
 CaseLike: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | LoadedCase"
 Overrides: TypeAlias = "Mapping[str, Any] | Sequence[str] | None"
+# for YAML 1.1 a number with an exponent has a point and the sign of the exponent
+_NUMBER_OF_1_2 = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
 
 
 def wrong(what: str, expected: str, given: Any) -> NoReturn:
@@ -27,7 +30,7 @@ def options_of(overrides: Overrides) -> tuple[str, ...]:
     if overrides is None:
         return ()
     if isinstance(overrides, Mapping):
-        plain = json.loads(json.dumps(dict(overrides), default=plain_value))
+        plain = json.loads(json.dumps(_as_yaml_1_2(overrides), default=plain_value))
         return tuple(Axis(path, (value,), "").override(value) for path, value in plain.items())
     return texts_of(overrides, "overrides", "a mapping {path: value} or a list of 'path=value' strings", single=False)
 
@@ -77,9 +80,18 @@ def numbers_of(given: Any, what: str, expected: str, right: Callable[[float], bo
 
 
 def as_text(case: Mapping[str, Any]) -> str:
-    """Return a case that is a mapping as a text."""
+    """Return a case that is a mapping as a text; it may be what ``yaml.safe_load`` made of a case file."""
     # JSON is YAML; a line for each value, so that problems name the place
-    return json.dumps(case, default=plain_value, indent=1, ensure_ascii=False)
+    return json.dumps(_as_yaml_1_2(case), default=plain_value, indent=1, ensure_ascii=False)
+
+
+def _as_yaml_1_2(value: Any) -> Any:
+    """Return a value with what YAML 1.1 reads differently: the key ``on`` as true, numbers such as 1e6 as text."""
+    if isinstance(value, Mapping):
+        return {"on" if key is True else key: _as_yaml_1_2(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_as_yaml_1_2(one) for one in value]
+    return float(value) if isinstance(value, str) and _NUMBER_OF_1_2.fullmatch(value) else value
 
 
 def plain_value(value: Any) -> Any:

@@ -80,10 +80,20 @@ def test_a_case_is_the_same_from_file_text_and_mapping(tmp_path: Path) -> None:
 
     file = tmp_path / "beam.yaml"
     file.write_text(TEXT)
-    # numbers like 500e3 are texts to PyYAML
-    mapping = yaml.safe_load(TEXT.replace("500e3", "500000.0").replace("2.07e11", "207000000000.0"))
-    found = [ancf2d.load(given).completed for given in (file, str(file), TEXT, mapping, ancf2d.load(TEXT))]
+    found = [ancf2d.load(given).completed for given in (file, str(file), TEXT, yaml.safe_load(TEXT), ancf2d.load(TEXT))]
     assert len(set(found)) == 1
+
+
+def test_what_a_parser_of_yaml_1_1_makes_of_a_case_is_the_same_case() -> None:
+    import yaml
+
+    text = TEXT.replace("value: [0, -500e3]}", "value: [0, -500e3]}\n  - {type: distributed, on: beam, value: [0, 1E+3]}")
+    mapping = yaml.safe_load(text)
+    # ``on`` is true, and numbers with an exponent but without a point or its sign are texts
+    assert (True in mapping["loads"][1], mapping["loads"][1]["value"], mapping["loads"][0]["value"]) == (
+        True, [0, "1E+3"], [0, "-500e3"])
+    assert ancf2d.load(mapping).completed == ancf2d.load(text).completed
+    assert ancf2d.load(TEXT, {"loads": mapping["loads"]}).completed == ancf2d.load(text).completed
 
 
 @pytest.mark.parametrize("value", [[0.0, -3.0], (0.0, -3.0), np.array([0.0, -3.0])], ids=["list", "tuple", "array"])
