@@ -26,6 +26,7 @@ from ..model.mesh import BodyMesh, Index
 from ..model.model import Model
 from .energy import internal_energy
 from .section_forces import SectionForces, has_section_forces, natural_rates, nodal_forces
+from .small_motions.relaxing import VIBRATES
 from .state import State
 from .system import System
 
@@ -292,10 +293,11 @@ class Resolution:
         shapes = _Shapes(model, state)
         off, told = {}, dict.fromkeys(shapes.bodies, 0.0)
         for mode, shape in zip(state.report["frequencies"], state.arrays["modes/shapes"][0], strict=True):
-            if mode["kind"] not in KINDS or mode["omega"] == 0.0:
-                continue
             # omega^2 of the undamped mode, where damping has the same share in all of it
-            share, gaps = shapes.lost(shape, mode["omega"]**2 + mode.get("growth", 0.0)**2)
+            squared = mode["omega"]**2 + mode.get("growth", 0.0)**2
+            if mode["kind"] not in KINDS or mode["omega"] <= VIBRATES * math.sqrt(squared):
+                continue
+            share, gaps = shapes.lost(shape, squared)
             if (error := 1.0 / math.sqrt(1.0 - share) - 1.0) > TOLD:
                 off[f"{mode['kind']} {mode['number']}"] = error
                 for name, gap in gaps.items():

@@ -87,7 +87,8 @@ def test_a_case_is_the_same_from_file_text_and_mapping(tmp_path: Path) -> None:
 def test_what_a_parser_of_yaml_1_1_makes_of_a_case_is_the_same_case() -> None:
     import yaml
 
-    text = TEXT.replace("value: [0, -500e3]}", "value: [0, -500e3]}\n  - {type: distributed, on: beam, value: [0, 1E+3]}")
+    load = "  - {type: distributed, on: beam, value: [0, 1E+3]}\n"
+    text = TEXT.replace("solver:", f"{load}solver:")
     mapping = yaml.safe_load(text)
     # ``on`` is true, and numbers with an exponent but without a point or its sign are texts
     assert (True in mapping["loads"][1], mapping["loads"][1]["value"], mapping["loads"][0]["value"]) == (

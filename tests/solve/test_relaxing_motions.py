@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from typing import Any
 
 import helpers as h
@@ -140,7 +141,9 @@ def test_a_linear_model_follows_an_angle_that_a_multiplier_keeps(kind: str) -> N
 def test_what_nothing_holds_relaxes_beside_its_rigid_motions() -> None:
     case = scene(material(ZENER), boundary_conditions=[])
     system, done = linear_model(case, ["push", "heat"], "reference")
-    assert sum(p["omega"] == 0 and abs(p["growth"]) < 1e-3 for p in done.summary["state_space"]["poles"]) >= 3
+    # three motions with two eigenvalues each, which round-off may make a pair of
+    slow = [p for p in done.summary["state_space"]["poles"] if math.hypot(p["omega"], p["growth"]) < 1e-3]
+    assert sum(2 if p["omega"] > 0 else 1 for p in slow) == 6
     hz = [0.5, 2.0, 6.0]
     for f, row in zip(hz, responses(case, hz, ["push", "heat"]), strict=True):
         assert (np.abs(transfer(system, 2j * np.pi * f)[0] - row) < 5e-3 * np.abs(row)).all()

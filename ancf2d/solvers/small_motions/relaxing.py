@@ -27,8 +27,8 @@ MASSLESS, UNSTRAINED, APART = 1e-13, 1e-15, 1e-12
 NEWTON, SAME, ROUGH = 30, 1e-12, 1e-8
 # changes below this that no longer shrink are round-off of the stiffness, which is large in slender bodies
 STALLED = 1e-6
-# share of an eigenvalue within which its imaginary part is round-off
-REAL = 1e-9
+# share of an eigenvalue within which its imaginary part is round-off, and above which its pair is a vibration
+REAL, VIBRATES = 1e-9, 0.1
 # eigenvalues within this share of each other are the same where their vectors are
 ALIKE, PARALLEL = 1e-9, 1e-6
 
@@ -173,17 +173,23 @@ class RelaxingPairs:
 
 
 def relaxing_pairs(problem: Quadratic, vectors: Sequence[Array], number: int) -> RelaxingPairs:
-    """Return ``number`` pairs, and all real eigenvalues that the space of ``vectors`` (k, n) has starts for."""
+    """Return ``number`` vibrations, and all other eigenvalues that the space of ``vectors`` (k, n) has starts for.
+
+    Those are real, or pairs that hardly vibrate: relaxations of slender bodies lie so close together that loads without
+    a potential, and round-off in the starts, make pairs of them.
+    """
     s, X = Projected(problem, vectors).pairs()
-    vibrates = s.imag > REAL * np.abs(s)
+    vibrates = s.imag > VIBRATES * np.abs(s)
     kept: list[tuple[complex, Complex, float]] = []
     tried = 0
     for k in [*np.flatnonzero(vibrates), *np.flatnonzero(~vibrates)]:
         if vibrates[k] and len(kept) == number:
             continue
         tried += 1
-        one, x, gap = corrected(problem, s[k] if vibrates[k] else complex(s[k].real), X[k])
-        sound = gap <= STALLED and (one.imag > REAL * abs(one)) == vibrates[k]
+        one, x, gap = corrected(problem, s[k] if s[k].imag > REAL * abs(s[k]) else complex(s[k].real), X[k])
+        if 0.0 < abs(one.imag) <= REAL * abs(one):
+            one, x, gap = corrected(problem, complex(one.real), x.real.astype(complex))
+        sound = gap <= STALLED and one.imag >= 0.0 and (one.imag > VIBRATES * abs(one)) == vibrates[k]
         if sound and not any(_same(problem, (one, x), other) for other in kept):
             kept.append((one, x, gap))
     return RelaxingPairs(np.array([one for one, _, _ in kept], dtype=complex),
