@@ -44,8 +44,7 @@ class ProfileTable:
                        "between two positions the curve stays between their values", default=False)
 
     def check(self) -> Iterator[Issue]:
-        """Yield an issue if the lists have different lengths, or positions are out of order or given more than twice.
-        """
+        """Yield an issue if the lists differ in length, or positions are out of order or given more than twice."""
         if len(self.s) != len(self.value_):
             yield Issue(("value",), f"{{}}: s has {len(self.s)} numbers and value has {len(self.value_)}",
                         "as many values as places")
