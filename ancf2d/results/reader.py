@@ -266,8 +266,7 @@ class Results(AbstractContextManager["Results"]):
 
     def levels(self, body: str, i: int | None = -1, *, scale: float = 1.0,
                elements: slice | np.ndarray | None = None) -> np.ndarray:
-        """Return points (3 + k, ne, ns, 2) on bottom, axis, top and k interfaces of layers; arguments as for ``faces``.
-        """
+        """Return points (3 + k, ne, ns, 2) on bottom, axis, top and k interfaces of layers; options as in ``faces``."""
         return body_levels(self.body(body), self._scaled(i, scale), elements)
 
     def displacement(self, body: str, s: np.ndarray, i: int = -1) -> np.ndarray:
