@@ -165,7 +165,7 @@ def check_contacts(checker: Any) -> None:
 
 
 def _check_contact(checker: Any, path: Path, contact: Any) -> None:
-    """Check one contact."""
+    """Check friction, self-contact and partners of one contact."""
     case = checker.case
     method = getattr(checker.case.solver, "method", "newton")
     steps = checker.solver in ("quasi_static", "dynamic") or (checker.solver == "static" and method == "newton")

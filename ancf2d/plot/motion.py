@@ -41,7 +41,7 @@ def _energies(results: Results) -> dict[str, np.ndarray]:
 
 
 def balance(found: dict[str, np.ndarray]) -> np.ndarray:
-    """Return the energy stored plus lost minus supplied, relative to its value at the start."""
+    """Return the energy stored plus lost minus supplied, as its change since the start."""
     signs = {**dict.fromkeys((*HELD, *LOST), 1.0), **dict.fromkeys(GIVEN, -1.0)}
     total = np.sum([signs[name] * values for name, values in found.items()], axis=0)
     return total - total[0]

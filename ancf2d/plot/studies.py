@@ -22,7 +22,7 @@ FIRST = ("evaluation", "minimised", "missed")
 FITTED_OVER = {"t": "time", "factor": "load factor", "hz": "frequency"}
 POINTS = {"linestyle": "none", "marker": "o", "markersize": 3.0, "markevery": 1, "alpha": 0.7}
 MODEL = {"linestyle": "-", "marker": ""}
-# of one figure: each column has two panels
+# measured columns of one figure; each has two panels
 MAX_COLUMNS = 4
 
 

@@ -122,7 +122,7 @@ class ResultWriter:
         """The target; during the run, its states are in NAME.part in the same folder."""
         return self._target.path
 
-    # ------------------------------------------------------------------ what grows
+    # ------------------------------------------------------------------ growing data
 
     def append(self, t: float, d: np.ndarray, history: Mapping[str, float] | None = None,
                probes: Mapping[str, Mapping[str, float]] | None = None,
@@ -173,7 +173,7 @@ class ResultWriter:
                 raise ResultsError("probe values need their time or load factor")
             self._growth.probe(t, probes)
 
-    # ------------------------------------------------------------------ what is written once
+    # ------------------------------------------------------------------ data written once
 
     def table(self, name: str, columns: Mapping[str, Sequence[Any]],
               attrs: Mapping[str, Any] | None = None) -> None:

@@ -31,8 +31,9 @@ def _about() -> Any:
 class Kind:
     """The properties that a solver declares, so that the rest of the code need not ask for solvers by name."""
 
-    # computes a motion; states over time from 0 to t_end; equilibria, whose balance gives section forces; only small
-    # displacements; vibrations about a state; load factors
+    # computes a motion (moves), states over time from 0 to t_end (timed), equilibria, whose balance gives section
+    # forces (balances), these for small displacements only (linear), vibrations about a state (vibrates), load factors
+    # (scales)
     moves = timed = balances = linear = vibrates = scales = False
     # whether results on three meshes show an order: one state for each, which finer meshes do not replace
     shows_order: Any = False
