@@ -114,7 +114,7 @@ def _resisting(checker: Any) -> Iterator[tuple[Path, str]]:
 
 
 def check_moving(checker: Any) -> None:
-    """Check that points move along bodies in motions only."""
+    """Check that points move along bodies only in motions, and not with method energy_momentum."""
     for path, value, _ in checker.values:
         if isinstance(value, MovingPoint) and checker.solver != "dynamic":
             checker.fail(path, f"{dotted(path)}: a point that moves along a body cannot be used with solver "
