@@ -1,4 +1,4 @@
-"""From the text of a case file to a validated case."""
+"""Reads the text of a case file into a validated case."""
 
 from .binder import Vocabulary
 from .definition import DefinitionNode, ElementDefinition, load_definition, read_definition

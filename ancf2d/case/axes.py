@@ -19,17 +19,17 @@ SAMPLE = "--sample "
 MAX_COMBINATIONS = 100_000
 T = TypeVar("T", "Axis", "Distribution", "Bounds")
 RANGE = "FROM:TO:NUMBER or log:FROM:TO:NUMBER"
-# digits of a value in a range: the last one of a double would be that of round-off
+# significant digits of the values of a range; the last digit of a double would only show round-off
 DIGITS = 15
-# a range, right or wrong: nothing else without quotes begins with a number and a colon
+# a range, valid or not: no other value without quotes begins with a number and a colon
 _RANGE = re.compile(r"log:.*|[-+]?\.?\d[^:\s]*:.*")
 
 
 @dataclass(frozen=True)
 class Axis:
-    """A path of the case with the values that it takes, as plain data; ``text`` is the option as given.
+    """A path of the case and the values to give it, as plain data.
 
-    ``option`` is the one that names it.
+    ``text`` is the option as given; ``option`` is its name on the command line.
     """
 
     path: str
@@ -44,7 +44,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class Distribution:
-    """What a sampled path follows: ``normal`` (mean, sd), ``uniform`` (a, b), or ``lognormal`` (mean and sd of ln)."""
+    """The distribution of a sampled path: ``normal`` (mean, sd), ``uniform`` (a, b), ``lognormal`` (mean, sd of ln)."""
 
     path: str
     kind: str
@@ -53,10 +53,10 @@ class Distribution:
 
 
 def read_axes(options: Sequence[str], pair: bool = False) -> list[Axis]:
-    """Return the axes of ``PATH=a,b,c`` options: values as YAML has them, separated by commas outside of brackets.
+    """Return the axes of ``PATH=a,b,c`` options: values in YAML notation, separated by commas outside of brackets.
 
-    ``0.1:0.5:20`` stands for 20 values from 0.1 to 0.5, ``log:`` before it for equal ratios. With ``pair`` the lists
-    are run through together, and must be of one length. Raises CaseError with all problems.
+    ``0.1:0.5:20`` stands for 20 values from 0.1 to 0.5; the prefix ``log:`` spaces them by equal ratios. With ``pair``
+    the k-th values of all lists are combined, so the lists must have equal lengths. Raises CaseError with all problems.
     """
     axes, problems = _each(options, lambda text: _axis(text, distinct=not pair), OPTION, "varied")
     count = 1
@@ -73,7 +73,7 @@ def read_axes(options: Sequence[str], pair: bool = False) -> list[Axis]:
 
 
 def _each(options: Sequence[str], read: Callable[[str], T], option: str, done: str) -> tuple[list[T], list[Problem]]:
-    """Return what ``read`` makes of each option, and the problems of all; a path is ``done`` once."""
+    """Return the options as read by ``read``, and all problems; a path given twice is one ("... is ``done`` twice")."""
     found: list[T] = []
     problems: list[Problem] = []
     for text in options:
@@ -107,9 +107,9 @@ def _axis(text: str, distinct: bool) -> Axis:
         raise CaseError(start.problem("not PATH=VALUE,VALUE", expected="for example bodies.beam.element.count=4,8,16"))
     unfinished = [part for part in map(str.strip, values.split(",")) if _RANGE.fullmatch(part) and part.endswith(":")]
     if unfinished:
-        # YAML would take its last colon for that of a key
+        # YAML would read the last colon as the end of a key
         raise CaseError(start.problem(f"{quoted(unfinished[0])} is not a range", expected=RANGE))
-    # as the inside of a YAML list; its bracket stands in the place of the equals sign
+    # read as the inside of a YAML list, whose bracket replaces the equals sign to keep the columns
     refused: list[Problem] = []
     node = compose(f"[{values}]", start.origin, len(OPTION) + len(path) + 1, refused)
     if refused:
@@ -118,12 +118,12 @@ def _axis(text: str, distinct: bool) -> Axis:
     if not items:
         raise CaseError(start.problem("there is no value", expected="values separated by commas"))
     listed = [value for item in items for value in _values(item)]
-    # 1000 and 1e3 are one value
+    # 1000 and 1e3 are the same value
     return Axis(path.strip(), tuple({flow(value): value for value in listed}.values() if distinct else listed), text)
 
 
 def _values(item: Node) -> list[Any]:
-    """Return the values that an item of a list stands for: those of a range, or itself."""
+    """Return the values of one item of a list: those of a range, or the item itself."""
     if not (isinstance(item, Scalar) and item.plain and _RANGE.fullmatch(item.text)):
         return [plain_data(item)]
     *scale, start, stop, number = item.text.split(":") if item.text.count(":") > 1 else ("", "", "")
@@ -141,7 +141,7 @@ def _values(item: Node) -> list[Any]:
 
 
 def _spaced(a: float, b: float, n: int, log: bool, whole: bool) -> list[float | int]:
-    """Return ``n`` numbers from a to b, whole ones where steps between whole ends are whole."""
+    """Return ``n`` numbers from a to b, with whole ends and a whole step as whole numbers."""
     if whole and not log and (b - a) % (n - 1) == 0:
         return [round(a + (b - a) * k / (n - 1)) for k in range(n)]
     shares = [k / (n - 1) for k in range(n)]
@@ -150,7 +150,7 @@ def _spaced(a: float, b: float, n: int, log: bool, whole: bool) -> list[float | 
 
 
 def combinations(axes: Sequence[Axis], pair: bool = False) -> Iterator[tuple[Any, ...]]:
-    """Yield every combination of the values, those of the last axis changing fastest; with ``pair`` the k-th of all."""
+    """Yield all combinations of the values, the last axis changing fastest; with ``pair`` the k-th values together."""
     lists = [axis.values for axis in axes]
     return zip(*lists, strict=True) if pair else product(*lists)
 
@@ -158,15 +158,15 @@ def combinations(axes: Sequence[Axis], pair: bool = False) -> Iterator[tuple[Any
 # ---------------------------------------------------------------------------- distributions
 
 _SAMPLE = re.compile(r"([^~]*)~\s*([A-Za-z_]*)\s*\((.*)\)\s*")
-# the two numbers of each kind, and which of them are wrong
+# of each kind: the names of its two numbers, and which numbers are valid
 _KINDS = {"normal": ("mean, sd", "a standard deviation > 0"), "uniform": ("a, b", "a < b"),
           "lognormal": ("mu, sigma", "mean and standard deviation sigma > 0 of the natural logarithm")}
-# times sigma within which the exponential of a logarithm has to be a number, and the largest logarithm of one
+# number of sigmas within which a lognormal value must be finite, and the largest logarithm of a double
 _TAIL, _LARGEST = 10.0, 700.0
 
 
 def read_distributions(options: Sequence[str]) -> list[Distribution]:
-    """Return what ``PATH~normal(mean, sd)`` options say. Raises CaseError with all problems."""
+    """Return the distributions of ``PATH~normal(mean, sd)`` options. Raises CaseError with all problems."""
     found, problems = _each(options, _distribution, SAMPLE, "sampled")
     if problems:
         raise CaseError(problems)
@@ -189,7 +189,7 @@ def _distribution(text: str) -> Distribution:
     a, b = (float(v) for v in values)
     wrong = b <= a if kind == "uniform" else b <= 0.0
     if kind == "lognormal":
-        # the mean and deviation of the values themselves are no logarithms
+        # catches the mean and deviation of the values themselves, given instead of those of their logarithms
         wrong |= abs(a) + _TAIL * b > _LARGEST
     if not (math.isfinite(a) and math.isfinite(b)) or wrong:
         raise CaseError(start.problem(f"{kind}({match[3].strip()}) is not valid", expected=right))
@@ -203,7 +203,7 @@ VARY = "--vary "
 
 @dataclass(frozen=True)
 class Bounds:
-    """A path whose number is looked for between ``low`` and ``high``; ``text`` is the option as given."""
+    """A path whose number is searched between ``low`` and ``high``; ``text`` is the option as given."""
 
     path: str
     low: float
@@ -212,7 +212,7 @@ class Bounds:
 
 
 def read_bounds(options: Sequence[str]) -> list[Bounds]:
-    """Return what ``PATH=low:high`` options say. Raises CaseError with all problems."""
+    """Return the bounds of ``PATH=low:high`` options. Raises CaseError with all problems."""
     found, problems = _each(options, _bounds, VARY, "varied")
     if problems:
         raise CaseError(problems)

@@ -1,4 +1,4 @@
-"""What every kind of value needs while it is read: where to report, and in which words."""
+"""What all kinds of values share while a case is read: the problems, and the wording of their messages."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from .units import SI, unit_label
 
 Path = tuple[Any, ...]
 MAX_PROBLEMS = 100
-# the quantities of a probe that expressions may use
+# quantities of a probe that expressions may use
 TOLD = ("x", "y", "ux", "uy", "theta", "vx", "vy", "omega")
-# beyond so many names, the nearest one alone is shown
+# with more names than this, a message shows only the nearest one
 _MANY = 6
 
 
 class _Invalid:
-    """Stands in a draft of a case for a value whose problem is reported already."""
+    """Placeholder in a draft of a case for a value whose problem was already reported."""
 
     def __repr__(self) -> str:
         return "INVALID"
@@ -44,7 +44,7 @@ class Vocabulary:
 
 
 class Issue(NamedTuple):
-    """What a record finds wrong with itself: ``key`` is a path below it, empty for the whole."""
+    """A problem that a record finds in itself: ``key`` is a path below the record, empty for the record as a whole."""
 
     key: Path
     message: str
@@ -53,11 +53,11 @@ class Issue(NamedTuple):
 
 
 class KnownRecords:
-    """The records that mappings below a node were found to be, where nothing was wrong with them.
+    """The records that were read without problems, by the mapping below a root node that each was read from.
 
-    ``plain`` has their plain data by the id of each record, and ``texts`` what YAML has of these by the id of the data,
-    once they were asked for (``case.emit``); ``below`` what is at and below each record at a path (``emit.walk``).
-    Nodes, records and data live as long as this, so that none has the id of another.
+    ``plain`` has the plain data of each record by its id, and ``texts`` the YAML text of these data by their id, both
+    filled on demand (``case.emit``). ``below`` has all values at and below each record at a path (``emit.walk``). This
+    object keeps nodes, records and data alive, so their ids stay unique.
     """
 
     def __init__(self, root: Node | None = None) -> None:
@@ -68,11 +68,11 @@ class KnownRecords:
         self.below: dict[tuple[int, Path], list[tuple[Path, Any, str]]] = {}
 
     def get(self, cls: type, node: MapNode, path: Path) -> Any:
-        """Return the record of a class that a mapping at a path was read as, None where it was not."""
+        """Return the record of a class that was read from a mapping at a path, or None if there is none."""
         return self._found.get((id(node), cls, path))
 
     def add(self, cls: type, node: MapNode, path: Path, record: Any) -> None:
-        """Keep a record, unless its mapping is another case's alone."""
+        """Store a record, unless its mapping is not part of this text (it came from an override)."""
         if id(node) in self._nodes:
             self._found[id(node), cls, path] = record
             self.plain.setdefault(id(record))
@@ -91,7 +91,7 @@ def _mappings(node: Node | None) -> Iterator[MapNode]:
 
 
 class Binder:
-    """Collects the problems of one case, and knows its units and the names it may use."""
+    """Collects the problems of one case; has its units and the names that it may use."""
 
     def __init__(self, vocabulary: Vocabulary | None = None,
                  problems: list[Problem] | None = None) -> None:
@@ -104,11 +104,11 @@ class Binder:
         self.probes: tuple[str, ...] = ()
         self.controllers: tuple[str, ...] = ()
         self.states: tuple[str, ...] = ()
-        # those of a text that is read with other overrides
+        # records of the same text, read before with other overrides
         self.known = KnownRecords()
 
     def names(self, variable: str, local: tuple[str, ...] = (), feedback: bool = False) -> Names:
-        """Return the names that an expression may use; with ``feedback`` those of probes and controllers, too."""
+        """Return the names that an expression may use; ``feedback`` adds those of states, controllers and probes."""
         if not feedback:
             return Names(variable, self.numbers, local)
         told = (f"{probe}.{quantity}" for probe in self.probes for quantity in TOLD)
@@ -128,26 +128,26 @@ class Binder:
         return INVALID
 
     def refuse(self, path: Path) -> Any:
-        """Return INVALID for a value whose problem was reported before it was read."""
+        """Return INVALID for a value whose problem was already reported before it was read."""
         self.refused.append(path)
         return INVALID
 
     @property
     def invalid(self) -> int:
-        """How many values were found to be invalid so far: a record is checked as a whole where none of its own is."""
+        """The number of invalid values found; a record is checked as a whole only if none of its own is invalid."""
         return len(self.problems) + self.unreported + len(self.refused)
 
     @property
     def full(self) -> bool:
-        """Whether further problems are counted only, so that their words need not be found."""
+        """Whether further problems are only counted, so that their messages need not be composed."""
         return len(self.problems) >= MAX_PROBLEMS
 
     def nearest(self, word: str, names: Iterable[str], cutoff: float = 0.6) -> str:
-        """Return the name most like a word; empty where none is near, or nobody would see it."""
+        """Return the name most like a word; empty if none is near, or if no more messages are shown."""
         return "" if self.full else nearest(word, names, cutoff)
 
     def wrong(self, node: Node, path: Path, wanted: str, near: str = "") -> Any:
-        """Report that a value is not what is wanted; return INVALID."""
+        """Report that a value is not as wanted; return INVALID."""
         if isinstance(node, Broken):
             return self.refuse(path)
         if self.full:
@@ -159,7 +159,7 @@ class Binder:
 
     def unknown(self, mark: Mark, path: Path, shown: str, names: Iterable[str],
                 near: str) -> Any:
-        """Report that a text is none of some names; return INVALID."""
+        """Report that a text is not one of the allowed names; return INVALID."""
         if self.full:
             return self.fail(mark, path, "")
         names = list(names)
@@ -176,7 +176,7 @@ def dotted(path: Path) -> str:
 
 
 def nearest(word: str, names: Iterable[str], cutoff: float = 0.6) -> str:
-    """Return the name most like a word, empty where none is near."""
+    """Return the name most like a word, or an empty text if none is near."""
     from difflib import get_close_matches
     if not 0 < len(word) <= 80:
         return ""
@@ -186,7 +186,7 @@ def nearest(word: str, names: Iterable[str], cutoff: float = 0.6) -> str:
 
 
 def listed(names: Iterable[str]) -> str:
-    """Return names as a sentence has them: ``a, b or c``; long lists are cut."""
+    """Return names joined as in a sentence: ``a, b or c``; long lists are cut."""
     names = list(names)
     if len(names) > 24:
         return ", ".join(names[:24]) + ", ..."

@@ -1,4 +1,4 @@
-"""Checks that need the whole case; they skip whatever depends on INVALID, a value that could not be read."""
+"""Checks that need the whole case; they skip all that depends on INVALID, a value that could not be read."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .schema import Case, Layers, LimitPoints, Point, Stiffness
 STATIC = ("linear_static", "static")
 PATHS = (*STATIC, "quasi_static", "dynamic")
 SMALL = ("eigen", "frequency_response", "state_space")
-# top-level keys and output keys -> the solvers they are for
+# top-level keys and output keys -> the solvers that allow them
 _SECTIONS: dict[Path, tuple[str, ...]] = {
     ("initial",): ("dynamic",),
     ("damping",): (*SMALL, "buckling", "dynamic"),
@@ -34,21 +34,21 @@ _SECTIONS: dict[Path, tuple[str, ...]] = {
     ("output", "interval"): ("quasi_static", "dynamic"),
     ("output", "every"): ("static", "quasi_static", "dynamic"),
 }
-# what a goal names -> the solvers that can answer
+# forms of a goal, by their characteristic key -> the solvers that compute them
 _GOALS = {"probe": (*PATHS, "state_space"), "reaction": PATHS, "strain_energy": PATHS, "kind": ("eigen",),
           "load_factor": ("buckling",), "limit_point": ("static",), "input": ("frequency_response",)}
 _CALLED = {"reaction": "a reaction", "kind": "a mode", "load_factor": "a buckling load factor",
            "limit_point": "a limit point", "input": "a response"}
 _WHAT = {"bodies": ("body", "bodies"), "probes": ("probe", "probes in output"),
          "reactions": ("boundary condition named", "boundary conditions with a name")}
-# times are squared, and divided by; states whose times can be held in memory
+# bounds of times, which are squared and used as divisors; the largest number of states that fits into memory
 TIMES, MOST_STATES = (1e-100, 1e100), 1e8
 
 
 def check_case(case: Case, source: Source, binder: Binder) -> None:
-    """Report what is wrong between the parts of a case; nothing where too much is wrong with them already."""
+    """Report inconsistencies between the parts of a case; do nothing if too many problems were found in the parts."""
     if binder.full:
-        return  # which parts failed is no longer recorded
+        return  # the record of the parts that failed is incomplete
     checker = _Checker(case, source, binder)
     checker.references()
     checker.names()
@@ -70,7 +70,7 @@ def check_case(case: Case, source: Source, binder: Binder) -> None:
 
 
 class _Checker:
-    """The draft of a case, its places, and where to report."""
+    """The draft of a case, the places of its values, and the binder to report to."""
 
     def __init__(self, case: Case, source: Source, binder: Binder) -> None:
         self.case, self.source, self.binder = case, source, binder
@@ -85,7 +85,7 @@ class _Checker:
         self.binder.fail(mark, path, message, expected, near)
 
     def known(self, what: str) -> tuple[set[str], bool]:
-        """Return the names of bodies, probes or reactions, and whether these are all."""
+        """Return the names of bodies, probes or reactions, and whether the list is complete."""
         if what not in self._known:
             self._known[what] = self._names_of(what)
         return self._known[what]
@@ -107,7 +107,7 @@ class _Checker:
         return {n for n in names if isinstance(n, str)}, complete
 
     def references(self) -> None:
-        """Check that every point, body, probe and reaction that is named exists."""
+        """Check that every named point, body, probe and reaction exists."""
         for path, value, what in self.values:
             if isinstance(value, Point):
                 value, what = value.body, "bodies"
@@ -129,7 +129,7 @@ class _Checker:
         self.fail(path, f"{dotted(path)}: there is no {one} {quoted(name)}{none}", expected, near, on_key)
 
     def names(self) -> None:
-        """Check that names within a list are unique."""
+        """Check that names are unique within each list."""
         for section in ("boundary_conditions", "joints", "springs", "masses", "loads", "contacts"):
             seen: dict[str, int] = {}
             items = getattr(self.case, section)
@@ -145,7 +145,7 @@ class _Checker:
                     seen[name] = i
 
     def sections(self) -> None:
-        """Check that no section is for another solver."""
+        """Check that each section is allowed for the solver."""
         for path, solvers in _SECTIONS.items():
             value: Any = self.case
             for part in path:
@@ -169,7 +169,7 @@ class _Checker:
                           "cannot be used with steady_rotation")
 
     def goals(self) -> None:
-        """Check that the solver can answer the goal and the expected values."""
+        """Check that the solver computes the goal and the expected values."""
         if self.case.goal:
             self.goal(("goal",), self.case.goal)
         for i, expected in enumerate(self.case.expected or ()):
@@ -207,7 +207,7 @@ class _Checker:
             self.response(path, goal)
 
     def window(self, path: Path, goal: Any) -> None:
-        """Check that a goal over a window of time is of a motion that lasts as long."""
+        """Check that a goal over a window of time belongs to a motion, and that the window ends within it."""
         for name in ("mean_over", "peak_over"):
             window, last = getattr(goal, name), getattr(self.case.solver, "t_end", None)
             if window is None:
@@ -220,7 +220,7 @@ class _Checker:
                           f"times up to solver.t_end = {last:g} s")
 
     def response(self, path: Path, goal: Any) -> None:
-        """Check that a response is to an input, at a frequency that is computed."""
+        """Check that the input of a response is one of the solver's, and its frequency one that is computed."""
         solver: Any = self.case.solver
         near = self.binder.nearest(goal.input, solver.inputs)
         if goal.input not in solver.inputs:
@@ -262,7 +262,7 @@ class _Checker:
                           if not near else "", near)
 
     def outputs(self) -> None:
-        """Check that the probes of outputs exist, and that there are some where they are all that is reported."""
+        """Check that the probes of outputs exist, and that a solver that reports only probes has some."""
         output = self.case.output
         if self.case.solver.probes_alone and output is not INVALID and not output.probes:
             self.fail(("solver",), f"solver: {self.solver} reports probes, and the case has none", "output.probes")
@@ -322,7 +322,7 @@ class _Checker:
                       f"a number > 0 {self.binder.unit('kg/m^3')}")
 
     def times(self) -> None:
-        """Check that a motion's times can be computed with, and that it has not more states than anybody can store."""
+        """Check that the times of a motion are in the range of the arithmetic, and that its states can be stored."""
         solver: Any = self.case.solver
         if self.solver != "dynamic":
             return
@@ -338,11 +338,11 @@ class _Checker:
                           f"from {least:.3g} to {TIMES[1]:g} {self.binder.unit('s')}")
 
     def aims(self) -> None:
-        """Check what the solver needs of the rest: something to be accurate about."""
+        """Check that accuracy and element type auto come with a goal."""
         case = self.case
         if case.goal is not None:
             return
-        # without a goal, all responses are judged
+        # without a goal, the error control covers all responses
         if isinstance(case.accuracy, float) and self.solver != "frequency_response":
             self.fail(("accuracy",), "accuracy is given without a goal",
                       "goal: {probe, quantity} or another goal")

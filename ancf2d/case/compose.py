@@ -1,4 +1,4 @@
-"""Reads YAML events into nodes, and refuses what YAML can do but no case needs."""
+"""Reads YAML events into nodes, and refuses YAML features that no case needs."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from ..errors import CaseError, Problem
 from .binder import MAX_PROBLEMS
 from .nodes import Broken, Entry, ListNode, MapNode, Mark, Node, Origin, Scalar, quoted
 
-STDIN = "<stdin>"  # names the standard input in place of a file
+STDIN = "<stdin>"  # name of the standard input, where a file name is expected
 MAX_BYTES = 16 * 2**20
 MAX_DEPTH = 40
-MAX_VALUES = 500_000  # keys and values; as many take ten seconds and 300 MB
+MAX_VALUES = 500_000  # keys and values; this number takes ten seconds and 300 MB
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
-# libyaml's words -> ours; the first that occurs in its message is taken
+# words in messages of libyaml -> ours; the first match is used
 _HINTS = (
     ("found character '\\t'", "a tab is used where YAML allows only spaces"),
     ("found a tab character", "a tab is used where YAML allows only spaces"),
@@ -41,7 +41,7 @@ _HINTS = (
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
-    """Return the text of a file, or of stdin: UTF-8, at most 16 MB; CaseError says what is wrong with it."""
+    """Return the text of a file, or of stdin: UTF-8, at most 16 MB. Raises CaseError."""
     name = os.fspath(path)
     try:
         if name == STDIN:
@@ -66,10 +66,10 @@ def read_text(path: str | os.PathLike[str]) -> str:
 
 
 def compose(text: str, origin: Origin, column: int = 1, problems: list[Problem] | None = None) -> Node | None:
-    """Return the root node of a YAML text, None where it is empty.
+    """Return the root node of a YAML text, or None if it is empty.
 
-    The text begins at ``column`` of the first line of its origin. Refused constructs are
-    appended to ``problems``; broken syntax raises CaseError.
+    The text begins at ``column`` of the first line of its origin. Refused constructs are appended to ``problems``;
+    invalid syntax raises CaseError.
     """
     composer = _Composer(origin, column, problems if problems is not None else [])
     try:
@@ -85,14 +85,14 @@ def compose(text: str, origin: Origin, column: int = 1, problems: list[Problem] 
 
 
 class _Composer:
-    """Builds nodes from events without recursion, so that depth is ours to limit."""
+    """Builds nodes from events, without recursion so that the depth is limited by MAX_DEPTH and not by Python."""
 
     def __init__(self, origin: Origin, column: int, problems: list[Problem]) -> None:
         self.origin, self.column = origin, column
         self.problems = problems
         self.root: Node | None = None
         self.documents = self.values = 0
-        # open collections, each with the key that waits for its value, and whether it is readable
+        # open collections, each with the key that waits for its value, and whether it can be read
         self.stack: list[tuple[Node, list[Entry | str | None], bool]] = []
 
     def mark(self, place: Any) -> Mark:
@@ -100,7 +100,7 @@ class _Composer:
         return Mark(self.origin, place.line + 1, place.column + 1 + shift)
 
     def refuse(self, mark: Mark, message: str) -> None:
-        """Report a construct; the rest of a file with very many of them is not read."""
+        """Report a construct; raise CaseError after too many problems, so that the rest of the file is not read."""
         self.problems.append(mark.problem(message))
         if len(self.problems) >= MAX_PROBLEMS:
             raise CaseError([*self.problems, mark.problem("too many problems; the rest of the file was not read")])
@@ -186,14 +186,14 @@ class _Composer:
             parent.items.append(node)
         elif isinstance(parent, MapNode):
             if waiting[0] is None:
-                # a list or a mapping in the place of a key
+                # a list or a mapping where a key is expected
                 waiting[0] = ""
                 parent.partial = True
                 self.refuse(node.mark, "a key must be plain text")
                 return
             if isinstance(waiting[0], Entry):
                 if isinstance(node, MapNode):
-                    # what is wrong with a mapping as a whole is best seen at its name
+                    # a problem of a mapping as a whole is best reported at its name
                     node.mark = waiting[0].mark
                 parent.entries[str(waiting[1])] = Entry(waiting[0].mark, node)
             waiting[0] = None
@@ -220,7 +220,7 @@ class _Composer:
         return mark.problem(f"not valid YAML: {text}")
 
     def unreadable(self, error: Any, text: str) -> Problem:
-        """Return the problem of a character that may not stand in YAML."""
+        """Return the problem of a character that YAML does not allow."""
         bad = next((i for i, c in enumerate(text) if not _allowed(c)), None)
         if bad is None:
             return Mark(self.origin, 1, 1).problem(f"not valid YAML: {error}")

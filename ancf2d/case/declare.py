@@ -1,4 +1,4 @@
-"""How a part of the format is declared: as a frozen dataclass whose fields say what they mean."""
+"""Declarations of the case format: frozen dataclasses whose fields describe the keys."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ def key(kind: Any, doc: str, *, default: Any = dataclasses.MISSING, name: str = 
         refers: str = "", example: Any = None) -> Any:
     """Declare a field of a record: its kind, its meaning, its default.
 
-    ``name`` is its key in the file where that is not the field's name, ``refers`` what its text
-    must be the name of (``bodies``, ``probes``), ``example`` a value for editors.
+    ``name`` is the key in the file if that is not the field's name, ``refers`` the list of names that its text must
+    belong to (``bodies``, ``probes``), ``example`` a value for editors.
     """
     bounds = {k: v for k in ("gt", "ge", "lt", "le", "least", "most")
               if (v := getattr(kind, k, None)) is not None}
@@ -29,10 +29,10 @@ def key(kind: Any, doc: str, *, default: Any = dataclasses.MISSING, name: str = 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(key,))
 def record(cls: _T | None = None, *, kw_only: bool = False) -> Any:
-    """Make a class a dataclass whose values are equal by content and cannot be changed.
+    """Turn a class into an immutable dataclass that compares by value.
 
-    The same as ``dataclass(frozen=True)``, but only ``__init__`` is generated for each class; the
-    other methods are shared, which makes importing the format four times as fast.
+    Same as ``dataclass(frozen=True)``, but only ``__init__`` is generated for each class; the other methods are shared,
+    which makes importing the format four times as fast.
     """
     def make(cls: Any) -> Any:
         made: Any = dataclasses.dataclass(repr=False, eq=False, kw_only=kw_only)(cls)

@@ -1,4 +1,4 @@
-"""Element definition files: an own element type as polynomial basis and nodal coordinates."""
+"""Element definition files: a user's element type as polynomial basis and nodal coordinates."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class DefinitionNode:
                                        example=["r", "r_x", "r_y"])
 
     def check(self) -> Iterator[Issue]:
-        """Yield coordinates that are named twice."""
+        """Yield an issue for each coordinate that is named twice."""
         for i, name in enumerate(self.coordinates):
             if name in self.coordinates[:i]:
                 yield Issue(("coordinates", i), f"{{}}.coordinates: {name} is named twice")
@@ -55,7 +55,7 @@ class ElementDefinition:
                          "along the axis", default=0.0, example=0.8)
 
     def check(self) -> Iterator[Issue]:
-        """Yield nodes that are not in order, and functions that are given twice."""
+        """Yield an issue for each node that is out of order, and each basis function that is given twice."""
         for i, (a, b) in enumerate(pairwise(self.nodes)):
             if not a.at < b.at:
                 yield Issue(("nodes", i + 1, "at"), f"nodes.{i + 1}.at must be > {a.at:g}, the position of the "
@@ -67,18 +67,18 @@ class ElementDefinition:
 
 def load_definition(path: str | os.PathLike[str],
                     vocabulary: Vocabulary | None = None) -> ElementDefinition:
-    """Return the element that a file defines; CaseError lists all that is wrong with the file.
+    """Return the element that a file defines. Raises CaseError with all problems of the file.
 
-    The polynomials are text here; the elements read them.
+    The polynomials stay text; ``elements`` parses them.
     """
     return read_definition(path, vocabulary)[0]
 
 
 def read_definition(path: str | os.PathLike[str], vocabulary: Vocabulary | None = None,
                     ) -> tuple[ElementDefinition, Source]:
-    """Return the element that a file defines, and where its values stand, for later checks.
+    """Return the element that a file defines, and the places of its values for later checks.
 
-    Raises CaseError with all that is wrong with the file.
+    Raises CaseError with all problems of the file.
     """
     name = os.fspath(path)
     text = read_text(name)

@@ -16,14 +16,14 @@ from .records import keys_of, tag_of
 
 _PLAIN = re.compile(r"[A-Za-z_][\w@./+ -]*(?<! )", re.ASCII)
 _WIDTH = 88
-# text here, but truth values to readers of YAML 1.1
+# text in YAML 1.2, but truth values to readers of YAML 1.1
 _YAML11 = ("yes", "no", "on", "off")
 
 
 def walk(value: Any, path: Path = (), known: KnownRecords | None = None) -> list[tuple[Path, Any, str]]:
-    """Return every value of a case at and below ``value``: its path, itself, what its text refers to.
+    """Return every value of a case at and below ``value`` as (path, value, what its text refers to).
 
-    ``known`` records are gone through once.
+    The values below ``known`` records are listed once and reused.
     """
     kept = known.below if known is not None and id(value) in known.plain else {}
     if (id(value), path) in kept:
@@ -43,9 +43,9 @@ def walk(value: Any, path: Path = (), known: KnownRecords | None = None) -> list
 
 
 def written(value: Any, known: KnownRecords | None = None) -> Any:
-    """Return a value of a case as plain data in the form that a file has; None is left out.
+    """Return a value of a case as plain data in the form of a case file; None is left out.
 
-    The data of ``known`` records are made once, and nobody may change them.
+    The data of ``known`` records are made once and must not be changed.
     """
     if known is not None and id(value) in known.plain:
         found = known.plain[id(value)]
@@ -72,13 +72,13 @@ def written(value: Any, known: KnownRecords | None = None) -> Any:
 
 
 def yaml_text(data: dict[str, Any], known: KnownRecords | None = None) -> str:
-    """Return plain data as YAML: mappings in blocks, what fits on a line in flow style."""
+    """Return plain data as YAML: mappings in blocks, values that fit on a line in flow style."""
     kept = {id(one) for one in known.plain.values()} if known is not None else set()
     return "\n".join(_block(data, 0, _Texts(kept, known.texts if known is not None else {}))) + "\n"
 
 
 class _Texts:
-    """Data on one line: of those with these ids, the text is kept."""
+    """One-line YAML texts of data; the texts of data with the given ids are stored for reuse."""
 
     def __init__(self, kept: set[int], texts: dict[int, str]) -> None:
         self.kept, self.texts = kept, texts
@@ -117,7 +117,7 @@ def _block(value: Any, indent: int, texts: _Texts) -> list[str]:
 
 
 def flow(value: Any, below: Callable[[Any], str] | None = None) -> str:
-    """Return plain data as YAML on one line; ``below`` may have the texts of what they consist of."""
+    """Return plain data as YAML on one line; ``below`` may supply the texts of the items of a mapping or list."""
     below = below or flow
     if isinstance(value, dict):
         return "{" + ", ".join(f"{text_scalar(k)}: {below(v)}" for k, v in value.items()) + "}"
@@ -150,10 +150,10 @@ def number_text(value: float) -> str:
 
 @lru_cache(4096)
 def text_scalar(text: str) -> str:
-    """Return a text as YAML: plain where that cannot be misread, else in double quotes."""
+    """Return a text as YAML: plain if it cannot be misread, else in double quotes."""
     if (_PLAIN.fullmatch(text) and isinstance(resolve(text), str)
             and text.lower() not in _YAML11):
         return text
     quoted = json.dumps(text, ensure_ascii=False)
-    # JSON leaves some characters as they are that YAML would fold or refuse
+    # JSON leaves some characters unescaped that YAML would fold or refuse
     return "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in quoted)

@@ -1,4 +1,4 @@
-"""Checks of interactions: controllers, signals that follow the motion, when things act, flows, contacts."""
+"""Checks of interactions: controllers, amplitudes that depend on the motion, active times, flows, contacts."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from .schema.controllers import DerivativeError, equations, loop
 
 
 def _answers(value: Any) -> bool:
-    """Whether a value is an amplitude that depends on the motion."""
+    """Return whether a value is an amplitude that depends on the motion."""
     return isinstance(value, Expression) and value.variable == "t" and bool(value.quantities)
 
 
 def check_feedback(checker: Any) -> None:
-    """Check that what answers the motion has one that runs while it acts, and is no motion itself."""
+    """Check that amplitudes depend on the motion only where one is computed, and that none is a prescribed motion."""
     method = getattr(checker.case.solver, "method", None)
     static = isinstance(checker.case.initial, Initial) and checker.case.initial.from_ == "static"
     for path, value, _ in checker.values:
@@ -47,13 +47,13 @@ def check_feedback(checker: Any) -> None:
 
 
 def _steered(checker: Any) -> bool:
-    """Return whether any load answers the motion by probes or controllers."""
+    """Return whether any load depends on the motion by probes or controllers."""
     found = any(_answers(value) for path, value, _ in checker.values if path and path[0] == "loads")
     return found or bool(checker.case.controllers)
 
 
 def check_controllers(checker: Any) -> None:
-    """Check that each controller has an output at every instant."""
+    """Check that names of controllers are unique, and that each controller has an output at every instant."""
     case = checker.case
     if case.controllers is INVALID or ("controllers",) in checker.failed:
         return
@@ -79,7 +79,7 @@ def check_controllers(checker: Any) -> None:
 
 
 def check_active(checker: Any) -> None:
-    """Check that things begin and end in motions alone."""
+    """Check that ``active`` is used in motions only."""
     for path, value, _ in checker.values:
         if isinstance(value, Active) and checker.solver != "dynamic":
             checker.fail(path, f"{dotted(path)} cannot be used with solver {checker.solver}, only with dynamic",
@@ -87,7 +87,7 @@ def check_active(checker: Any) -> None:
 
 
 def check_rates(checker: Any) -> None:
-    """Check that nothing resists rates where a solver follows time without velocities."""
+    """Check that no force depends on rates if the solver follows time without velocities."""
     solver = checker.case.solver
     if not solver.timed or solver.moves:
         return
@@ -97,7 +97,7 @@ def check_rates(checker: Any) -> None:
 
 
 def _resisting(checker: Any) -> Iterator[tuple[Path, str]]:
-    """Yield the places of what resists rates, and what can stand instead."""
+    """Yield the places of forces that depend on rates, and alternatives to them."""
     for path, material in materials_of(checker.case):
         damping = None if material in (None, INVALID) else material.damping
         if damping not in (None, INVALID) and damping.kelvin_voigt != 0.0:
@@ -114,7 +114,7 @@ def _resisting(checker: Any) -> Iterator[tuple[Path, str]]:
 
 
 def check_moving(checker: Any) -> None:
-    """Check that points move in motions alone."""
+    """Check that points move along bodies only in motions, and not with method energy_momentum."""
     for path, value, _ in checker.values:
         if isinstance(value, MovingPoint) and checker.solver != "dynamic":
             checker.fail(path, f"{dotted(path)}: a point that moves along a body cannot be used with solver "
@@ -125,7 +125,7 @@ def check_moving(checker: Any) -> None:
 
 
 def check_flows(checker: Any) -> None:
-    """Check what moves along bodies: once on each, at a speed that is known where nothing depends on time."""
+    """Check flows along bodies: one of each kind on a body that deforms, and constant speed outside of motions."""
     if INVALID in (checker.case.transport, checker.case.fluid) or checker.failed & {("transport",), ("fluid",)}:
         return
     for what in ("transport", "fluid"):
@@ -147,7 +147,7 @@ def check_flows(checker: Any) -> None:
 
 
 def check_contacts(checker: Any) -> None:
-    """Check that what touches exists, and that obstacles are fixed to rigid bodies."""
+    """Check that the partners of contacts exist, and that obstacles are fixed to rigid bodies."""
     case: Any = checker.case
     if INVALID in (case.bodies, case.obstacles, case.contacts):
         return
@@ -165,7 +165,7 @@ def check_contacts(checker: Any) -> None:
 
 
 def _check_contact(checker: Any, path: Path, contact: Any) -> None:
-    """Check one contact."""
+    """Check friction, self-contact and partners of one contact."""
     case = checker.case
     method = getattr(checker.case.solver, "method", "newton")
     steps = checker.solver in ("quasi_static", "dynamic") or (checker.solver == "static" and method == "newton")

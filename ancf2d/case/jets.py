@@ -1,8 +1,8 @@
-"""Functions of a case as programs of a small stack machine that carries values with their derivatives.
+"""Functions of a case as programs of a small stack machine that computes values together with derivatives.
 
-``run`` carries two derivatives by time, ``run_with_gradient`` those by quantities that a motion tells while it runs.
-Plain Python that kernels compile and the case runs as it is; whatever the functions are, the arrays have the
-same types, so that kernels are compiled once.
+``run`` computes two derivatives by time, ``run_with_gradient`` the derivatives by quantities of the running motion. The
+code runs as plain Python in the case and is compiled for the kernels; the types of the arrays are the same for all
+functions, so kernels are compiled once.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from typing import Any, NamedTuple
 
 
 class Programs(NamedTuple):
-    """Programs of many functions: function k is the instructions first[k] to first[k + 1].
+    """Programs of many functions: function k has the instructions first[k] to first[k + 1] - 1.
 
-    ``code`` (n,) says what each does, ``arg`` (n,) where it goes on (jumps) or where its numbers begin in ``data``.
-    ``window`` (2,): the times between which functions are evaluated, at its ends for times outside, so that a step up
-    to a break sees nothing of what follows. ``stack`` (3, depth), of programs of quantities (1 + quantities, depth),
-    is room to work in. Jumps count from the beginning of ``code``: JUMP always, BRANCH takes the top of the stack and
-    jumps where it is 0, UNLESS too, and puts 0 in place of what is below. KEEP puts the top below the two topmost, for
-    a chain of comparisons. QUANTITY puts a quantity there,
-    and CLOCK the time in the place of the first derivative.
+    ``code`` (n,) has the operations, ``arg`` (n,) the target of a jump or the index in ``data`` where the operation's
+    numbers begin. ``window`` (2,) has the first and last time of evaluation; other times are clamped to it, so that a
+    step up to a break does not see what follows. ``stack`` (3, depth), with quantities (1 + quantities, depth), is work
+    space. Jump targets count from the beginning of ``code``. JUMP always jumps; BRANCH pops the top and jumps if it is
+    0; UNLESS does so too, and when it jumps sets the new top to 0. KEEP inserts a copy of the top below the two
+    topmost, for a chain of comparisons. QUANTITY pushes a quantity; CLOCK sets the first derivative of the top to the
+    time.
     """
 
     first: Any
@@ -36,7 +36,7 @@ class Programs(NamedTuple):
 
 
 def compare(op: int, a: float, b: float) -> float:
-    """Return 1 where a compares with b as said, else 0; nan where one of them has no value."""
+    """Return 1 if the comparison of a with b holds, else 0; nan if one of them is nan."""
     if math.isnan(a) or math.isnan(b):
         return math.nan
     if op == LESS:
@@ -55,9 +55,9 @@ def compare(op: int, a: float, b: float) -> float:
 
 
 def power_jet(a, ad, add, b, bd, bdd):  # type: ignore[no-untyped-def]
-    """Return a^b with its derivatives, nan where they are not real or not finite.
+    """Return a^b with its two derivatives, nan where they are not real or not finite.
 
-    What stands still adds nothing: a base may be negative under a whole exponent, or zero.
+    Zero rates contribute nothing, so a base under a constant whole exponent may be negative or zero.
     """
     if math.isnan(a) or math.isnan(b) or (a < 0.0 and b != math.floor(b)) or (a == 0.0 and b < 0.0):
         return math.nan, math.nan, math.nan
@@ -96,7 +96,7 @@ def function_jet(op, a, ad, add):  # type: ignore[no-untyped-def]
         f = math.exp(a) if a <= 709.782712893384 else math.nan
         return f, f * ad, f * (add + ad * ad)
     if op == ABS:
-        # where it passes zero, what follows
+        # where it passes through zero, the sign just after
         sign = -1.0 if a < 0.0 or (a == 0.0 and (ad < 0.0 or (ad == 0.0 and add < 0.0))) else 1.0
         return abs(a), sign * ad, sign * add
     if a < 0.0:
@@ -110,7 +110,10 @@ def function_jet(op, a, ad, add):  # type: ignore[no-untyped-def]
 
 
 def table_jet(data, p, smooth, t):  # type: ignore[no-untyped-def]
-    """Return a table at t, from the right at its points: n, n times, n values, n slopes from ``data[p]`` on."""
+    """Return a table and its derivatives at t, from the right at its points.
+
+    ``data[p]`` is the number n of points, followed by n times, n values and n slopes.
+    """
     n = int(data[p])
     times, values, slopes = p + 1, p + 1 + n, p + 1 + 2 * n
     if t < data[times]:
@@ -135,7 +138,7 @@ def table_jet(data, p, smooth, t):  # type: ignore[no-untyped-def]
 
 
 def time_jet(op, data, p, t):  # type: ignore[no-untyped-def]
-    """Return a number, t, a ramp, a table or a sine at t, with the numbers it needs from ``data[p]`` on."""
+    """Return a number, t, a ramp, a table or a sine at t with two derivatives; its numbers begin at ``data[p]``."""
     if op == NUMBER:
         return data[p], 0.0, 0.0
     if op == TIME:
@@ -152,7 +155,7 @@ def time_jet(op, data, p, t):  # type: ignore[no-untyped-def]
 
 
 def binary_jet(op, a, ad, add, b, bd, bdd):  # type: ignore[no-untyped-def]
-    """Return what a binary operation makes of two jets; comparisons stand still."""
+    """Return a binary operation on two jets; comparisons have zero derivatives."""
     if op == ADD:
         return a + b, ad + bd, add + bdd
     if op == SUBTRACT:
@@ -171,9 +174,9 @@ def binary_jet(op, a, ad, add, b, bd, bdd):  # type: ignore[no-untyped-def]
 
 
 def steer(op, p, at, end, top, stack, rows):  # type: ignore[no-untyped-def]
-    """Return where a program goes on behind a jump or KEEP, and where the stack of so many rows has its top then.
+    """Execute a jump or KEEP on a stack with ``rows`` rows; return the next instruction and the index of the top.
 
-    A condition without a value leaves none: the machine stops with it on the stack.
+    A nan condition ends the program and stays on the stack as its result.
     """
     if op == JUMP:
         return p, top
@@ -195,7 +198,7 @@ def steer(op, p, at, end, top, stack, rows):  # type: ignore[no-untyped-def]
 
 
 def run(programs, k, t, out, row):  # type: ignore[no-untyped-def]
-    """Fill out[row] (3,) with function k at t and its two derivatives, nan where it has none that is finite."""
+    """Fill out[row] (3,) with function k and its two derivatives at t, nan where they are not finite."""
     code, arg, data, stack = programs.code, programs.arg, programs.data, programs.stack
     at, top, end = programs.first[k], -1, programs.first[k + 1]
     while at < end:
@@ -213,7 +216,7 @@ def run(programs, k, t, out, row):  # type: ignore[no-untyped-def]
         elif op == CLOCK:
             stack[1, top], stack[2, top] = t, 0.0
         elif op == QUANTITY:
-            # no function of time alone
+            # not a function of time alone
             top += 1
             stack[0, top] = stack[1, top] = stack[2, top] = math.nan
         elif SIN <= op <= ABS:
@@ -232,12 +235,12 @@ def run(programs, k, t, out, row):  # type: ignore[no-untyped-def]
 
 
 def combine(op, stack, top, n):  # type: ignore[no-untyped-def]
-    """Put what a binary operation makes of the two topmost in their place, with n derivatives."""
+    """Replace the two topmost by the result of a binary operation, with n derivatives."""
     a, b = stack[0, top], stack[0, top + 1]
     f, by_a, _ = binary_jet(op, a, 1.0, 0.0, b, 0.0, 0.0)
     by_b = binary_jet(op, a, 0.0, 0.0, b, 1.0, 0.0)[1]
     for i in range(1, n + 1):
-        # what stands still adds nothing, even where there is no derivative
+        # zero derivatives contribute nothing, even where the operation has no derivative
         one = by_a * stack[i, top] if stack[i, top] != 0.0 else 0.0
         stack[i, top] = one + by_b * stack[i, top + 1] if stack[i, top + 1] != 0.0 else one
     stack[0, top] = f
@@ -246,7 +249,7 @@ def combine(op, stack, top, n):  # type: ignore[no-untyped-def]
 def run_with_gradient(programs, k, t, values, out):  # type: ignore[no-untyped-def]
     """Fill out (1 + n,) with function k at t and n values of quantities, and its derivatives by these.
 
-    The value is nan where there is none that is finite; a derivative is 0 there.
+    A value that is not finite is nan; a derivative that is not finite is 0.
     """
     code, arg, data, stack = programs.code, programs.arg, programs.data, programs.stack
     n, at, top, end = len(values), programs.first[k], -1, programs.first[k + 1]

@@ -13,7 +13,7 @@ JsonSchema = dict[str, Any]
 
 
 class Book:
-    """A JSON Schema in the making: the vocabulary, and the definitions met so far."""
+    """A JSON Schema under construction: the vocabulary, and the definitions collected for it."""
 
     def __init__(self, vocabulary: Any) -> None:
         self.vocabulary = vocabulary
@@ -21,14 +21,14 @@ class Book:
 
 
 class Kind:
-    """How one value of a case is read, named in messages, and described to editors."""
+    """How a value of a case is read, named in messages, and described to editors."""
 
     def bind(self, node: Node, path: Path, binder: Binder) -> Any:
-        """Return the value of a node, or INVALID once its problem is reported."""
+        """Return the value of a node, or INVALID after reporting its problem."""
         raise NotImplementedError
 
     def words(self, binder: Binder) -> str:
-        """Return what is expected, as it follows 'must be'."""
+        """Return the expected value in words that follow 'must be'."""
         raise NotImplementedError
 
     def schema(self, book: Book) -> JsonSchema:
@@ -44,7 +44,7 @@ class Number(Kind):
         self.unit, self.gt, self.ge, self.lt, self.le = unit, gt, ge, lt, le
 
     def bounds(self, unit: str) -> str:
-        """Return the bounds in words: ``> 0 Pa``, ``in (-1, 0.5)``; empty where there are none."""
+        """Return the bounds in words: ``> 0 Pa``, ``in (-1, 0.5)``; empty without bounds."""
         low, high = self.gt if self.ge is None else self.ge, self.lt if self.le is None else self.le
         tail = f" {unit}" if unit else ""
         if low is not None and high is not None:
@@ -62,7 +62,7 @@ class Number(Kind):
         return f"a number {bounds}" if bounds else f"a number ({unit})" if unit else "a number"
 
     def inside(self, value: float) -> bool:
-        """Return whether a number keeps the bounds."""
+        """Return whether a number is within the bounds."""
         return not ((self.gt is not None and not value > self.gt)
                     or (self.ge is not None and not value >= self.ge)
                     or (self.lt is not None and not value < self.lt)
@@ -145,7 +145,7 @@ class Flag(Kind):
 
 
 class Text(Kind):
-    """Text; ``number`` where a number is taken as the text it was written as."""
+    """Text; with ``number``, a number is also accepted, as the text that it was written as."""
 
     def __init__(self, what: str = "text", *, number: bool = False) -> None:
         self.what, self.number = what, number
@@ -206,7 +206,7 @@ class ProbeQuantity(Text):
 
 
 def good_name(text: str) -> bool:
-    """Return whether a text can name a body, a probe, a support."""
+    """Return whether a text can be the name of a body, a probe or a support."""
     return (0 < len(text) <= 80 and text == text.strip() and text.isprintable()
             and not any(c in "@./=[]" for c in text))
 
@@ -217,13 +217,13 @@ def bad_name(what: str, text: str) -> str:
 
 
 class Choice(Kind):
-    """One of some texts."""
+    """One of several texts."""
 
     def __init__(self, *options: str) -> None:
         self.options = options
 
     def names(self, binder: Any) -> tuple[str, ...]:
-        """Return the texts that are allowed; empty where any is."""
+        """Return the allowed texts; empty if any text is allowed."""
         return self.options
 
     def words(self, binder: Binder) -> str:
@@ -244,7 +244,7 @@ class Choice(Kind):
 
 
 class Known(Choice):
-    """One of the names that the vocabulary holds under ``attribute``, or one of ``options``."""
+    """One of the names that the vocabulary lists under ``attribute``, or one of ``options``."""
 
     def __init__(self, attribute: str, *options: str) -> None:
         super().__init__(*options)
@@ -256,7 +256,7 @@ class Known(Choice):
 
 
 class Vector(Kind):
-    """A list of so many numbers; ``wrap`` makes a record of them."""
+    """A list of as many numbers as ``names`` has; ``wrap`` turns them into a record."""
 
     def __init__(self, item: Any, names: str = "x, y",
                  wrap: Callable[..., Any] | None = None, *, nonzero: bool = False) -> None:

@@ -1,4 +1,4 @@
-"""Case files in, validated cases out."""
+"""Loads case files and returns validated cases."""
 
 from __future__ import annotations
 
@@ -51,10 +51,10 @@ class LoadedCase:
 
 
 class CaseText:
-    """A text that cases with various overrides are read from.
+    """A text from which cases with different overrides are read.
 
-    What overrides leave alone is parsed and read once: the cases share its nodes and records, which nobody changes.
-    ``directory`` is what file names in the text are relative to.
+    The parts that overrides do not change are parsed and read once; the cases share their nodes and records, which must
+    not be modified. ``directory`` is what file names in the text are relative to.
     """
 
     def __init__(self, text: str, name: str = "<string>", directory: str = "") -> None:
@@ -93,7 +93,7 @@ class CaseText:
         return LoadedCase(case, source, self.text, tuple(overrides), definitions, self)
 
     def _records(self, root: MapNode, binder: Binder) -> KnownRecords:
-        """Return the records of the text that were read with the same names and units before."""
+        """Return the records that were read from this text with the same names and units."""
         context = (binder.vocabulary, binder.labels, binder.numbers, binder.probes, binder.controllers)
         if self.known is None or context != self._context:
             self._context, self.known = context, KnownRecords(root)
@@ -112,12 +112,12 @@ def load_case(path: str | os.PathLike[str], overrides: Sequence[str] = (),
 
 def load_case_text(text: str, name: str = "<string>", overrides: Sequence[str] = (),
                    vocabulary: Vocabulary | None = None, directory: str = "") -> LoadedCase:
-    """Return the case in a text; ``directory`` is what file names in it are relative to."""
+    """Return the case in a text; file names in it are relative to ``directory``. Raises CaseError."""
     return CaseText(text, name, directory).load(overrides, vocabulary)
 
 
 def with_overrides(loaded: LoadedCase, more: Sequence[str], vocabulary: Vocabulary) -> LoadedCase:
-    """Return a case with more ``PATH=VALUE`` overrides. Raises CaseError."""
+    """Return a case with additional ``PATH=VALUE`` overrides. Raises CaseError."""
     name = loaded.source.file
     origin = loaded.origin or CaseText(loaded.text, name, os.path.dirname(name))
     return origin.load((*loaded.overrides, *more), vocabulary)
@@ -140,7 +140,7 @@ def _no_case(root: object, name: str) -> Problem:
 
 
 def _labels(root: MapNode) -> tuple[str, str, str]:
-    """Return the unit labels for messages before the case is read; SI where they are unusable."""
+    """Return the unit labels for messages, before the case is read; those of SI if they are unusable."""
     found = _entries(root, "units")
     labels = []
     for name, default in (("length", "m"), ("force", "N"), ("time", "s")):
@@ -151,7 +151,7 @@ def _labels(root: MapNode) -> tuple[str, str, str]:
 
 
 def _tell_names(root: MapNode, binder: Binder) -> None:
-    """Let a binder know the parameters, probes and controllers of a case before the case is read."""
+    """Give a binder the parameters, probes and controllers of a case, before the case is read."""
     parameters = _entries(root, "parameters")
     binder.numbers = {name: float(node.value) for name, node in parameters.items()
                       if isinstance(node, Scalar) and node.shape == "number"}
@@ -161,7 +161,7 @@ def _tell_names(root: MapNode, binder: Binder) -> None:
 
 
 def _entries(node: Node, name: str) -> dict[str, Node]:
-    """Return the nodes of a mapping below a key by name; none where there is no mapping."""
+    """Return the nodes of the mapping below a key, by name; empty if there is no mapping."""
     entry = node.entries.get(name) if isinstance(node, MapNode) else None
     found = {} if entry is None or not isinstance(entry.node, MapNode) else entry.node.entries
     return {key: item.node for key, item in found.items()}
@@ -169,7 +169,7 @@ def _entries(node: Node, name: str) -> dict[str, Node]:
 
 def _definitions(case: Case, directory: str, binder: Binder,
                  source: Source) -> dict[str, ElementDefinition]:
-    """Return the element definitions that bodies name, by body; report what is wrong with them."""
+    """Return the element definitions that bodies refer to, by body; report their problems."""
     found: dict[str, ElementDefinition] = {}
     bodies = case.bodies if isinstance(case.bodies, dict) else {}
     read: dict[str, ElementDefinition | None] = {}
@@ -184,7 +184,7 @@ def _definitions(case: Case, directory: str, binder: Binder,
                 read[path] = load_definition(path, binder.vocabulary)
             except CaseError as error:
                 read[path] = None
-                # a file that cannot be read at all is best reported where it is named
+                # a file that cannot be read at all is best reported at the key that names it
                 binder.problems.extend(
                     p if p.line else source.problem(place, f"{dotted(place)}: {path}: {p.message}")
                     for p in error.problems)

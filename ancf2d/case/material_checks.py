@@ -1,4 +1,4 @@
-"""Checks of materials against what the rest of a case asks of them."""
+"""Checks of materials against the requirements of the rest of a case."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from typing import Any
 from .binder import INVALID, Path, dotted, listed
 from .schema import Layers
 
-# solvers that know laws of fibres, and of materials that relax; fields that are those of a linear law
+# solvers that support laws of fibres, and materials that relax; fields that need a linear law
 KNOWING = ("static", "quasi_static", "eigen", "frequency_response", "state_space", "dynamic")
 HYPERELASTIC = (*KNOWING, "buckling")
 RELAXING = ("linear_static", "static", "quasi_static", "eigen", "frequency_response", "state_space", "buckling",
             "dynamic")
 FIELDS = ("stress", "strain", "energy")
-# solvers that follow fibres along their way
+# solvers that update the history of fibres
 FOLLOWING = ("static", "quasi_static", "dynamic")
-# yield stresses beside E: from a tenth of those of the softest pure metals to what crystals without faults bear
+# yield stress over E: from a tenth of that of the softest pure metals to that of perfect crystals
 YIELDS = 1e-5, 0.1
 
 
 def materials_of(case: Any) -> Iterator[tuple[Path, Any]]:
-    """Yield the materials of all bodies and layers with their places."""
+    """Yield the materials of all bodies and layers, each with its path."""
     for name, body in case.bodies.items() if case.bodies is not INVALID else ():
         if body is INVALID:
             continue
@@ -34,7 +34,7 @@ def materials_of(case: Any) -> Iterator[tuple[Path, Any]]:
 
 
 def check_materials(checker: Any) -> None:
-    """Check that solvers and fields know the laws of the materials."""
+    """Check that the solver and the requested fields support the laws of the materials."""
     for path, material in materials_of(checker.case):
         if material in (None, INVALID) or path in checker.failed or not material.remembers:
             continue
@@ -48,9 +48,7 @@ def check_materials(checker: Any) -> None:
 
 
 def material_warnings(case: Any) -> list[str]:
-    """Return what to say of yield stresses in other units than E, which no material has, and of heated layers without
-    alpha.
-    """
+    """Return warnings about yield stresses that do not fit E, and about layers without alpha in heated bodies."""
     heated = {load.on for load in case.loads if load.tag == "temperature"}
     out = [f"{dotted((*path, 'alpha'))}: not given, so temperature does not expand this layer, unlike others" for
            path, m in materials_of(case) if path[1] in heated and len(path) > 3 and m.alpha is None]
@@ -61,9 +59,9 @@ def material_warnings(case: Any) -> list[str]:
 
 
 def refused_field(case: Any, solver: str, field: str) -> tuple[str, str] | None:
-    """Return why a field over the height is not known of all materials, and what to ask for; None if it is.
+    """Return why a field over the height is not available for some material, and the alternative; None if it is.
 
-    Fibres tell theirs, but for the energy.
+    Fibres provide all of these fields but the energy.
     """
     materials = [m for _, m in materials_of(case) if m not in (None, INVALID)]
     others, follow = any(m.remembers and not m.fibres for m in materials), any(m.fibres for m in materials)
@@ -79,7 +77,7 @@ def refused_field(case: Any, solver: str, field: str) -> tuple[str, str] | None:
 
 
 def _check_fields(checker: Any) -> None:
-    """Check that fields over the height are known of all materials."""
+    """Check that the requested fields over the height are available for all materials."""
     case = checker.case
     if INVALID in (case.output, case.bodies) or case.output.fields is INVALID:
         return
@@ -89,10 +87,10 @@ def _check_fields(checker: Any) -> None:
 
 
 def _check_layers(checker: Any) -> None:
-    """Check that no temperature strains layers unlike each other where one of them yields or follows a curve.
+    """Check that temperature does not strain layers differently where one of them yields or follows a curve.
 
-    Formulations take away what the section as a whole would be strained by; the stress that layers then have among
-    themselves is no part of the strain of their fibres.
+    Formulations subtract the thermal strain of the section as a whole. The strain of the fibres would not include the
+    remaining differences between layers.
     """
     case = checker.case
     if INVALID in (case.bodies, case.loads):

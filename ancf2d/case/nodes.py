@@ -1,4 +1,4 @@
-"""YAML text to nodes that know where they stand: YAML 1.2 scalars, no anchors, no tags."""
+"""Nodes of a YAML text with their places: YAML 1.2 scalars, no anchors, no tags."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SHOWN = 60
 
 @dataclass(frozen=True, eq=False)
 class Origin:
-    """A text that nodes come from: a file, or one ``--set`` override."""
+    """The text that nodes come from: a file, or one ``--set`` override."""
 
     file: str
     lines: list[str]
@@ -37,7 +37,7 @@ class Mark(NamedTuple):
 
     def problem(self, message: str, path: tuple[Any, ...] = (), expected: str = "",
                 near: str = "") -> Problem:
-        """Return the Problem that stands here."""
+        """Return a Problem located here."""
         lines = self.origin.lines
         source = lines[self.line - 1] if 0 < self.line <= len(lines) else ""
         return Problem(message, file=self.origin.file,
@@ -59,18 +59,18 @@ class Node:
         return "something unreadable"
 
     def copy(self) -> Node:
-        """Return a node that can be changed in the place of this one; what is below it is shared."""
+        """Return a copy that can be changed in place of this node; the nodes below are shared."""
         return self
 
 
 class Broken(Node):
-    """Stands where a value was refused already; binds to nothing and is not reported again."""
+    """Placeholder for a value that was already refused; it binds to nothing and is not reported again."""
 
     __slots__ = ()
 
 
 class Scalar(Node):
-    """One scalar; ``plain`` where it was written without quotes."""
+    """A scalar; ``plain`` if it was written without quotes."""
 
     __slots__ = ("plain", "text", "value")
 
@@ -82,7 +82,7 @@ class Scalar(Node):
 
     @property
     def shape(self) -> str:  # type: ignore[override]
-        """``number``, ``text``, ``flag`` or ``null``."""
+        """The kind of value: ``number``, ``text``, ``flag`` or ``null``."""
         value = self.value
         if isinstance(value, str):
             return "text"
@@ -91,7 +91,7 @@ class Scalar(Node):
         return "null" if value is None else "number"
 
     def shown(self) -> str:
-        """Return the value as the file has it, named as text where it is text."""
+        """Return the value as in the file, a text with the words 'the text'."""
         if self.value is None:
             return "nothing"
         if not isinstance(self.value, str):
@@ -119,13 +119,13 @@ class ListNode(Node):
         return out
 
     def shown(self) -> str:
-        """Return how long the list is."""
+        """Return the length of the list in words."""
         n = len(self.items)
         return "an empty list" if n == 0 else f"a list of {n}"
 
 
 class Entry(NamedTuple):
-    """A key of a mapping: where it stands, and its value."""
+    """A key of a mapping: its place and its value."""
 
     mark: Mark
     node: Node
@@ -134,7 +134,7 @@ class Entry(NamedTuple):
 class MapNode(Node):
     """A mapping of text keys to nodes, in the order of the file.
 
-    ``partial`` where some of its keys were refused, so that what is missing cannot be told.
+    ``partial`` if some of its keys were refused, so that missing keys cannot be recognised.
     """
 
     __slots__ = ("entries", "partial")
@@ -152,7 +152,7 @@ class MapNode(Node):
         return out
 
     def shown(self) -> str:
-        """Return the mapping's first keys."""
+        """Return the mapping's first keys in words."""
         if not self.entries:
             return "an empty mapping"
         keys = list(self.entries)
@@ -161,10 +161,10 @@ class MapNode(Node):
 
 
 def resolve(text: str) -> Any:
-    """Return what a plain scalar means by YAML 1.2: None, bool, int, float, or the text itself.
+    """Return the value of a plain scalar by YAML 1.2: None, bool, int, float, or the text itself.
 
-    ``0123`` is decimal 123; ``on``, ``yes``, dates and ``1:30`` are text. Numbers beyond the
-    range of a double come back as infinity, which no kind of value accepts.
+    ``0123`` is decimal 123; ``on``, ``yes``, dates and ``1:30`` are text. Numbers beyond the range of a double become
+    infinity, which no kind of value accepts.
     """
     if text in _CONSTANTS:
         return _CONSTANTS[text]
@@ -187,7 +187,7 @@ def plain_data(node: Node) -> Any:
 
 
 def shorten(text: str) -> str:
-    """Return ``text`` cut to a length that suits a message, its control characters replaced."""
+    """Return ``text`` cut to a length suitable for messages, with control characters replaced."""
     text = "".join(c if c.isprintable() else "?" for c in text[: _SHOWN + 1])
     return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
 
@@ -201,7 +201,7 @@ LINE_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 
 
 class Source:
-    """The text of a case with the place of every value; makes problems for later checks."""
+    """The text of a case with the place of every value; locates the problems that later checks find."""
 
     def __init__(self, file: str, text: str, root: Node) -> None:
         self.file, self.text, self.root = file, text, root
@@ -219,11 +219,11 @@ class Source:
         return node, True
 
     def mark(self, path: tuple[Any, ...]) -> Mark:
-        """Return the place of a value, or of the nearest thing above it that is in the text."""
+        """Return the place of a value, or of its nearest ancestor in the text."""
         return self.node(path)[0].mark
 
     def key_mark(self, path: tuple[Any, ...]) -> Mark:
-        """Return the place of a key; of its value where it has none (items of lists)."""
+        """Return the place of a key, or of the value if it has no key (items of lists)."""
         parent, found = self.node(path[:-1])
         if found and isinstance(parent, MapNode) and str(path[-1]) in parent.entries:
             return parent.entries[str(path[-1])].mark
@@ -231,10 +231,10 @@ class Source:
 
     def problem(self, path: tuple[Any, ...], message: str, expected: str | None = None,
                 near: str | None = None) -> Problem:
-        """Return a Problem that stands at a path, e.g. ``("joints", 0, "between", 1)``."""
+        """Return a Problem located at a path, e.g. ``("joints", 0, "between", 1)``."""
         return self.mark(tuple(path)).problem(message, tuple(path), expected or "", near or "")
 
 
 def line_breaks(text: str) -> list[str]:
-    """Return the lines of a text, broken where YAML breaks them."""
+    """Return the lines of a text, split at the line breaks of YAML."""
     return LINE_BREAK.split(text)

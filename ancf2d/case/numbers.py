@@ -1,4 +1,4 @@
-"""The numbers of a case by their paths: what derivatives, fits and designs vary."""
+"""The numbers of a case by their paths, as varied by derivatives, fits and designs."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from .nodes import LINE_BREAK, ListNode, MapNode, Node, Origin, Scalar, line_bre
 from .overrides import index_of
 from .schema import Case
 
-# what no run depends on, or only through its discretisation
+# sections that results do not depend on, or only through the discretisation
 APART = ("format", "title", "units", "solver", "goal", "accuracy", "output", "expected")
-# a share of the way from one bound to the other that no whole number is likely to lie at
+# a fraction of the way between bounds that is unlikely to give a whole number
 BETWEEN = 0.3819
 
 
 def unused_parameters(case: Case) -> list[str]:
-    """Return the names of the parameters that no text of a case names."""
+    """Return the names of the parameters that no expression of a case uses."""
     texts = [value for _, value, _ in walk(case) if isinstance(value, str)] if case.parameters else []
     words = {word for text in texts for word in re.findall(r"\w+", text)}
     return [name for name in case.parameters if name not in words]
@@ -33,9 +33,9 @@ def unused_parameters(case: Case) -> list[str]:
 
 @dataclass(frozen=True)
 class Variable:
-    """A number of a case: its path, its value, and the largest number of the list that it stands in.
+    """A number of a case: its path, its value and, as ``beside``, the largest magnitude in the list that contains it.
 
-    Of a point BODY@S the number is S, and ``body`` the name; elsewhere that is empty.
+    For a point BODY@S the number is S, ``body`` the name of the body and ``beside`` 1; otherwise ``body`` is empty.
     """
 
     path: str
@@ -50,9 +50,9 @@ class Variable:
 
 
 def variable_at(loaded: LoadedCase, path: str) -> Variable:
-    """Return the number at a path, that of its default where the case leaves it out.
+    """Return the number at a path, or its default value if the case leaves it out.
 
-    Parts of the path are keys, and of lists the index or the name of an item. Raises CaseError where there is none.
+    Parts of the path are keys, or for lists the index or name of an item. Raises CaseError if the path has no number.
     """
     file, found = loaded.source.file, _found(loaded.source.root, path)
     given = found is not None
@@ -65,7 +65,7 @@ def variable_at(loaded: LoadedCase, path: str) -> Variable:
     if variable is None:
         node, below = found[0], next((v for v in _below(found[0], path, None) if not v.body), None)
         what = f"{quoted(path)} is {node.shown()}"
-        # what is left out of the file has no place in it
+        # a value that is left out has no place in the file
         problem = node.mark.problem(what) if given else Problem(f"{what} by default", file=file)
         raise CaseError(replace(problem, expected="a number, or the key of a point BODY@S" if below is None
                                 else f"a number, such as {below.path}"))
@@ -76,7 +76,7 @@ def variable_at(loaded: LoadedCase, path: str) -> Variable:
 
 
 def _missing(loaded: LoadedCase, path: str) -> Problem:
-    """Return the problem of a path that leads nowhere; in place of a point, the keys that have it are named."""
+    """Return the problem of a path without a value; for a point, it names the keys that have this point."""
     file, root, (body, at, place) = loaded.source.file, loaded.source.root, path.partition("@")
     if at and isinstance(root, MapNode):
         keys = [v.path for name, entry in root.entries.items() for v in _below(entry.node, name, None)
@@ -89,14 +89,14 @@ def _missing(loaded: LoadedCase, path: str) -> Problem:
 
 
 def numbers_at(loaded: LoadedCase, paths: Iterable[str]) -> list[Variable]:
-    """Return the numbers at paths, each path once. Raises CaseError with all that lead to none."""
+    """Return the numbers at paths, each path once. Raises CaseError with all paths that have none."""
     return all_of(*(partial(variable_at, loaded, path) for path in dict.fromkeys(paths)))
 
 
 def variables_of(loaded: LoadedCase) -> list[Variable]:
-    """Return the numbers of a case that its results may depend on smoothly, and points inside of bodies, in order.
+    """Return the numbers of a case that its results may depend on smoothly, and the points inside of bodies, in order.
 
-    Numbers of meshes are left out. Other whole numbers are among them: only varying tells them from the rest.
+    Numbers of meshes are left out. Other whole numbers are included: only varying them shows that they are whole.
     """
     root = loaded.source.root
     found = [] if not isinstance(root, MapNode) else [
@@ -110,7 +110,7 @@ def _of_mesh(path: str) -> bool:
 
 
 def _found(root: Node | None, path: str) -> tuple[Node, Node | None] | None:
-    """Return the node at a dotted path and what it stands in, None where there is none."""
+    """Return the node at a dotted path and its parent, or None if there is none."""
     node, parent = root, None
     for part in path.split("."):
         parent = node
@@ -126,7 +126,7 @@ def _found(root: Node | None, path: str) -> tuple[Node, Node | None] | None:
 
 
 def _variable(path: str, node: Node, parent: Node | None) -> Variable | None:
-    """Return the number that a node is, None where it is none."""
+    """Return the number in a node, or None if it has none."""
     if not isinstance(node, Scalar):
         return None
     if node.shape == "number":
@@ -149,7 +149,7 @@ def _below(node: Node, path: str, parent: Node | None) -> Iterator[Variable]:
         for k, item in enumerate(node.items):
             called = item.entries.get("name") if isinstance(item, MapNode) else None
             label = called.node.text if called is not None and isinstance(called.node, Scalar) else ""
-            # a name that another item has too, or that a path cannot hold, is no part of a path
+            # a name is used in the path only if no earlier item has it and a path can contain it
             plain = bool(label) and "." not in label and "=" not in label and index_of(node, label) == k
             yield from _below(item, f"{path}.{label if plain else k}", node)
     else:
@@ -161,13 +161,14 @@ def _below(node: Node, path: str, parent: Node | None) -> Iterator[Variable]:
 def numbers_between(loaded: LoadedCase, bounds: Sequence[Bounds], vocabulary: Vocabulary) -> list[Variable]:
     """Return the numbers at the paths of bounds.
 
-    Raises CaseError with all paths of none, and all numbers that cannot be at a bound or anywhere between.
+    Raises CaseError with all paths that have no number, and all numbers that the case does not allow at a bound or
+    between.
     """
     found, problems = [], []
     for one in bounds:
         try:
             variable = variable_at(loaded, one.path)
-            # the one between is no whole number, where that is asked for
+            # the value between is not whole, and fails for keys that need whole numbers
             for value in (one.low, one.high, one.low + BETWEEN * (one.high - one.low)):
                 with_overrides(loaded, [variable.override(value)], vocabulary)
             found.append(variable)
@@ -180,7 +181,7 @@ def numbers_between(loaded: LoadedCase, bounds: Sequence[Bounds], vocabulary: Vo
 
 
 def moved_starts(variables: Sequence[Variable], bounds: Sequence[Bounds], starts: Sequence[float]) -> list[str]:
-    """Return what to say of numbers that are not between their bounds, so that a search starts elsewhere."""
+    """Return warnings about numbers that are not between their bounds, so that the search starts elsewhere."""
     return [f"{v.path} is {v.value:g} in the case, {'at' if v.value in (b.low, b.high) else 'beyond'} the bound "
             f"{b.low if v.value <= b.low else b.high:g}: the search starts at {start:g}"
             for v, b, start in zip(variables, bounds, starts, strict=True)
@@ -188,10 +189,10 @@ def moved_starts(variables: Sequence[Variable], bounds: Sequence[Bounds], starts
 
 
 def text_with(loaded: LoadedCase, values: Mapping[str, float], vocabulary: Vocabulary) -> tuple[str, bool]:
-    """Return a case's text with other numbers at some paths, and whether it is the text of the file otherwise.
+    """Return a case's text with other numbers at some paths, and whether it is otherwise the text of the file.
 
-    Comments and layout stay. Where the file does not have one of the numbers, or the case has overrides, the whole case
-    is written with its defaults instead. Raises CaseError where that is no case.
+    Comments and layout are kept. If the file lacks one of the numbers, or the case has overrides, the whole case is
+    written with its defaults instead. Raises CaseError if the result is not a valid case.
     """
     directory = os.path.dirname(loaded.source.file)
     sets = [v.override(value) for v, value in zip(numbers_at(loaded, values), values.values(), strict=True)]
@@ -207,7 +208,7 @@ def text_with(loaded: LoadedCase, values: Mapping[str, float], vocabulary: Vocab
 
 
 def _replaced(text: str, values: Mapping[str, float]) -> str | None:
-    """Return a text with other numbers in their places, None where one of them has none."""
+    """Return a text with other numbers at their places, or None if one of them has no place in it."""
     text = text.removeprefix("\ufeff")
     origin = Origin("text", line_breaks(text))
     root, starts, places = compose(text, origin, problems=[]), [0], list[tuple[int, int, str]]()

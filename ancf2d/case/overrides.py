@@ -1,4 +1,4 @@
-"""``--set PATH=VALUE``, ``PATH+=ITEM``, ``PATH=null``: the nodes of a case changed before it is read."""
+"""Overrides ``--set PATH=VALUE``, ``PATH+=ITEM``, ``PATH=null``: they change the nodes of a case before it is read."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ OPTION = "--set "
 
 
 def apply_overrides(root: MapNode, overrides: list[str], problems: list[Problem]) -> MapNode:
-    """Return ``root`` with each ``PATH=VALUE`` put in, one after the other; what they leave alone is shared.
+    """Return ``root`` with each ``PATH=VALUE`` applied in turn; unchanged nodes are shared.
 
-    PATH is dotted; a part that stands for a list item is its index or its ``name``. ``PATH+=ITEM`` appends to a list,
-    which is made where there is none; ``PATH=null`` removes a key or an item. What is wrong goes to ``problems``,
+    PATH is dotted; a part that selects an item of a list is its index or its ``name``. ``PATH+=ITEM`` appends to a
+    list, which is created if it is missing; ``PATH=null`` removes a key or an item. Problems are added to ``problems``,
     with a caret into the override.
     """
     for text in overrides:
@@ -71,8 +71,7 @@ def _parts(path: str, origin: Origin) -> list[tuple[str, Mark]]:
 
 
 def _step(parent: Node, part: str, done: list[tuple[str, Mark]], then: tuple[str, Mark]) -> Node:
-    """Return a copy of the node one part further down, in its place; absent mappings are made, where a key may follow.
-    """
+    """Return a copy of the child node ``part``, put in its place; create a missing mapping if a key may follow."""
     mark = done[-1][1]
     if isinstance(parent, ListNode):
         k = _index(parent, part, done)
@@ -131,7 +130,7 @@ def _remove(parent: Node, parts: list[tuple[str, Mark]]) -> None:
 
 
 def _index(parent: ListNode, part: str, done: list[tuple[str, Mark]]) -> int:
-    """Return which item of a list a part of a path means: by index, or by its ``name``. Raises CaseError."""
+    """Return the index of the item of a list that a part of a path selects by index or ``name``. Raises CaseError."""
     found, n = index_of(parent, part), len(parent.items)
     if found is not None:
         return found
@@ -146,14 +145,14 @@ def _index(parent: ListNode, part: str, done: list[tuple[str, Mark]]) -> int:
 
 
 def index_of(parent: ListNode, part: str) -> int | None:
-    """Return which item of a list a part of a path means, by index or by its ``name``, None where there is none."""
+    """Return the index of the item of a list that a part of a path selects by index or ``name``, or None."""
     if part.isascii() and part.isdigit():
         return int(part) if len(part) < 10 and int(part) < len(parent.items) else None
     return _names(parent).get(part)
 
 
 def _names(parent: ListNode) -> dict[str, int]:
-    """Return the first item of each name."""
+    """Return the index of the first item with each name."""
     names: dict[str, int] = {}
     for i, item in enumerate(parent.items):
         name: Any = item.entries.get("name") if isinstance(item, MapNode) else None

@@ -1,4 +1,4 @@
-"""Functions of a case, such as amplitudes, as programs of a small machine (``jets``), and their values."""
+"""Assembles functions of a case, such as amplitudes, into programs of a stack machine (``jets``); evaluates them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .syntax import Call, Chain, Choice, Comparison, Constant, Negative, Power, 
 class Assembler:
     """Writes programs of the stack machine.
 
-    ``meaning`` tells what quantities are: the number of one that is told, or the tree that stands for it.
+    ``meaning`` maps the name of a quantity to its number in the machine, or to the expression that replaces it.
     """
 
     def __init__(self, meaning: Mapping[str, int | Tree] | None = None) -> None:
@@ -24,12 +24,12 @@ class Assembler:
         self.code: list[int] = []
         self.arg: list[int] = []
         self.data: list[float] = []
-        # of the stack after each instruction
+        # height of the stack after each instruction
         self.heights: list[int] = []
         self.depth = self.height = 0
 
     def emit(self, op: int, grows: int, *numbers: float) -> int:
-        """Append an instruction with its numbers and by how much the stack grows; return where it is."""
+        """Append an instruction with its numbers and the growth of the stack; return its index."""
         self.code.append(op)
         self.arg.append(len(self.data))
         self.data += numbers
@@ -39,12 +39,12 @@ class Assembler:
         return len(self.code) - 1
 
     def land(self, jumps: list[int]) -> None:
-        """Let jumps go to what follows."""
+        """Make the jumps at these indices go to the next instruction."""
         for at in jumps:
             self.arg[at] = len(self.code)
 
     def tree(self, tree: Tree) -> None:
-        """Put an expression on the stack."""
+        """Append the instructions that put an expression on the stack."""
         match tree:
             case Constant(value):
                 self.emit(jets.NUMBER, 1, value)
@@ -77,7 +77,7 @@ class Assembler:
                 self.choice(condition, chosen, other)
 
     def comparison(self, first: Tree, rest: tuple[tuple[str, Tree], ...]) -> None:
-        """Compare from left to right; what fails jumps over the rest."""
+        """Compare from left to right; the first comparison that fails jumps over the rest."""
         self.tree(first)
         failed = []
         for op, operand in rest[:-1]:
@@ -91,7 +91,7 @@ class Assembler:
         self.land(failed)
 
     def choice(self, condition: Tree, chosen: Tree, other: Tree) -> None:
-        """Evaluate one of two."""
+        """Evaluate one of two expressions."""
         self.tree(condition)
         otherwise = self.emit(jets.BRANCH, -1)
         self.tree(chosen)
@@ -108,36 +108,36 @@ _FUNCTIONS = {"sin": jets.SIN, "cos": jets.COS, "exp": jets.EXP, "sqrt": jets.SQ
 
 
 class Function:
-    """A function of one variable that a case holds: ``scale`` times what ``emit`` writes."""
+    """A function of one variable in a case: ``scale`` times the value that ``emit`` programs."""
 
     variable = "t"
     scale = 1.0
-    # where it may not be smooth, as far as it names the places; whether it is a polynomial between them
+    # known places where it may not be smooth; whether it is a polynomial between them
     knots: tuple[float, ...] = ()
     polynomial = constant = False
-    # the formula whose switches it has, and the functions whose breaks it has beside its own
+    # its formula, which may switch; the functions that it consists of, whose breaks it shares
     tree: Tree | None = None
     parts: tuple[Function, ...] = ()
 
     @property
     def ungated(self) -> Function:
-        """What it is while it acts, where only the motion tells when that is."""
+        """The function while it is active, if only the motion decides when that is; else the function itself."""
         return self
 
     def emit(self, out: Assembler) -> None:
-        """Put the function on the stack, without its scale."""
+        """Append the instructions that put the function on the stack, without its scale."""
         raise NotImplementedError
 
     def value(self, t: float) -> float:
-        """Return the value at t. Raises ComputationError where there is none."""
+        """Return the value at t. Raises ComputationError if there is none."""
         return self._finite(0, t)
 
     def rate(self, t: float) -> float:
-        """Return the derivative at t, at a corner the one to its right. Raises ComputationError where there is none."""
+        """Return the derivative at t, from the right at a corner. Raises ComputationError if there is none."""
         return self._finite(1, t)
 
     def jet(self, t: float) -> tuple[float, float, float]:
-        """Return the value at t and two derivatives, nan where there is none."""
+        """Return the value and two derivatives at t, nan where they do not exist."""
         return _run(self._program, t)
 
     @cached_property
@@ -156,19 +156,19 @@ class Function:
                                advice="guard the expression with 'a if c else b'")
 
     def described(self) -> str:
-        """Return what messages call it."""
+        """Return the name of the function for messages."""
         return f"the {type(self).__name__.lower()}"
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """What a motion has to tell for the function to have a value."""
+        """The names of the quantities of a motion that the value depends on."""
         return ()
 
 
 def _run(program: Assembler, t: float, length: int | None = None, stack: Any = None) -> tuple[float, float, float]:
-    """Return what the first instructions of a program, or all of them, leave on the stack, with two derivatives."""
+    """Return the result and two derivatives of a program, or of its first ``length`` instructions."""
     n = len(program.code) if length is None else length
-    # the first instructions may end in a jump beyond them: then nothing is on the stack
+    # the first instructions may end in a jump beyond them, which leaves the stack empty
     stack = defaultdict(float) if stack is None else stack
     made = jets.Programs((0, n), program.code, program.arg, program.data, None, stack)
     out: dict[Any, float] = {}
@@ -177,7 +177,7 @@ def _run(program: Assembler, t: float, length: int | None = None, stack: Any = N
     except (OverflowError, ZeroDivisionError, ValueError):
         import numpy as np
 
-        # numbers of numpy, which take longer, go on with infinity, but for its sine and its whole part
+        # numpy's numbers are slower, but continue with infinity; except for its sine and its whole part
         try:
             with np.errstate(all="ignore"):
                 jets.run(made._replace(data=np.array(program.data)), 0, np.float64(t), out, 0)
@@ -187,7 +187,7 @@ def _run(program: Assembler, t: float, length: int | None = None, stack: Any = N
 
 
 def _trouble(program: Assembler, t: float) -> str:
-    """Return why a program has no value or rate at t: what the first instruction does that has none."""
+    """Return why a program has no value or rate at t, from its first instruction without a finite result."""
     for n, op in enumerate(program.code):
         stack: Any = defaultdict(float)
         if all(map(math.isfinite, _run(program, t, n + 1, stack)[:2])):
@@ -207,9 +207,9 @@ def _trouble(program: Assembler, t: float) -> str:
 
 
 def programs(functions: Iterable[tuple[Function | None, float, float]], clocks: Collection[int] = ()) -> jets.Programs:
-    """Return (function, factor, offset) each as programs for kernels, offset + factor * function(t).
+    """Return programs for kernels that compute offset + factor * function(t) for each (function, factor, offset).
 
-    Without a function, 1 stands in its place. There may be none. Those in ``clocks`` have t in the place of their rate.
+    None stands for the function 1; the list may be empty. Functions in ``clocks`` have t instead of their rate.
     """
     import numpy as np
 
@@ -230,7 +230,7 @@ def programs(functions: Iterable[tuple[Function | None, float, float]], clocks: 
 
 
 def are_constant(programs: jets.Programs) -> bool:
-    """Whether no function depends on the time: each is a number, scaled."""
+    """Return whether all functions are constant in time: only scaled numbers."""
     import numpy as np
 
     return bool(np.isin(programs.code, (jets.NUMBER, jets.SCALE)).all())
@@ -238,7 +238,7 @@ def are_constant(programs: jets.Programs) -> bool:
 
 def state_programs(functions: Sequence[tuple[Function | Tree, float]], meaning: Mapping[str, int | Tree], count: int
                    ) -> jets.Programs:
-    """Return (function or tree, factor) each as programs of ``count`` quantities, for ``jets.run_with_gradient``.
+    """Return programs with ``count`` quantities for each (function or tree, factor), for ``jets.run_with_gradient``.
 
     ``meaning`` is that of ``Assembler``.
     """
@@ -260,7 +260,7 @@ def state_programs(functions: Sequence[tuple[Function | Tree, float]], meaning: 
 
 
 def value_at(program: jets.Programs, k: int, t: float, values: Sequence[float]) -> tuple[float, list[float]]:
-    """Return the value of function k of ``state_programs`` and its derivatives by the quantities; nan for no value."""
+    """Return function k of ``state_programs`` at t, and its derivatives by the quantities; nan if it has no value."""
     import numpy as np
 
     out = np.zeros(1 + len(values))
@@ -270,6 +270,6 @@ def value_at(program: jets.Programs, k: int, t: float, values: Sequence[float]) 
 
 
 def switches(program: jets.Programs, count: int) -> bool:
-    """Whether one of the first functions compares, or takes an absolute value: it may jump, or have a kink."""
+    """Return whether one of the first ``count`` functions may jump or have a kink: it compares, or uses abs."""
     code = program.code[:program.first[count]].tolist()
     return bool({*range(jets.LESS, jets.UNEQUAL + 1), jets.ABS} & set(code))

@@ -1,7 +1,7 @@
-"""Records: a frozen dataclass per mapping of the format, and the choices between them.
+"""Records: a frozen dataclass for each mapping of the format, and the choices between them.
 
-Each field carries its kind and its meaning (see declare.py); reading, the JSON Schema, the
-reference and the completed text all follow from that.
+Each field has its kind and its meaning (see declare.py); reading, the JSON Schema, the reference and the completed text
+are all derived from these.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from .kinds import Book, JsonSchema, Kind, ListOf, MapOf
 from .nodes import Broken, Entry, MapNode, Mark, Node, Scalar, quoted
 
 _REQUIRED: Any = dataclasses.MISSING
-# how alike a misspelt key and a key are at least; most places that a word is said to belong to
+# minimum similarity of a misspelt key; maximum number of places suggested for a word
 TYPO, FEW = 0.8, 3
 
 
 class Key(NamedTuple):
-    """One key of a record as the file has it."""
+    """A key of a record as in the file."""
 
     name: str
     field: str
@@ -40,7 +40,7 @@ class Key(NamedTuple):
 
 @cache
 def keys_of(cls: Any) -> dict[str, Key]:
-    """Return the keys of a record by the names they have in a file (``from`` for ``from_``)."""
+    """Return the keys of a record by their names in a file (``from`` for ``from_``)."""
     result = {}
     for f in dataclasses.fields(cls):
         m = f.metadata
@@ -54,7 +54,7 @@ def keys_of(cls: Any) -> dict[str, Key]:
 
 
 def tag_of(cls: type) -> str:
-    """Return what ``type`` says of a record; empty where it has no ``type``."""
+    """Return the ``type`` of a record, or an empty text if it has none."""
     return cls.__dict__.get("tag", "")
 
 
@@ -64,15 +64,15 @@ def title_of(cls: type) -> str:
 
 
 def form(cls: type) -> str:
-    """Return the keys of a record as they stand in braces; long ones are cut."""
+    """Return the keys of a record in braces; long lists are cut."""
     names = list(keys_of(cls))
     return "{" + ", ".join(names if len(names) <= 6 else [*names[:4], "..."]) + "}"
 
 
 class Record(Kind):
-    """A mapping with fixed keys; with ``short``, a text stands for that key alone.
+    """A mapping with fixed keys; with ``short``, a text is accepted as the value of that key alone.
 
-    ``what`` is the text in words, where those of the key's kind are too long.
+    ``what`` describes that text where the words of the key's kind are too long.
     """
 
     def __init__(self, cls: type, short: str = "", what: str = "") -> None:
@@ -100,7 +100,7 @@ class Record(Kind):
 
 
 class OneOf(Kind):
-    """A mapping whose ``type`` says which record it is."""
+    """A mapping whose ``type`` selects the record."""
 
     def __init__(self, union: Any) -> None:
         self.known: dict[str, type] = {tag_of(cls): cls for cls in union.__args__}
@@ -142,12 +142,12 @@ class OneOf(Kind):
         return {"oneOf": [define(cls, book) for cls in self.options.values()]}
 
 
-# the rooms whose records are among those of a case, as those of plugins are: imported when a case is read
+# modules that register records, like plugins do; imported when a case is read
 PROVIDERS = ["ancf2d.interactions"]
 
 
 class Registered(OneOf):
-    """A mapping whose ``type`` says which of the records registered from outside this room it is."""
+    """A mapping whose ``type`` selects one of the records registered from outside this folder."""
 
     def __init__(self) -> None:
         self.known = {}
@@ -160,7 +160,7 @@ class Registered(OneOf):
 
 
 class RegisteredRecord(Record):
-    """A mapping with the keys of the one record that is registered from outside this room."""
+    """A mapping with the keys of the only record that is registered from outside this folder."""
 
     def __init__(self) -> None:
         self.short = self.what = ""
@@ -168,7 +168,7 @@ class RegisteredRecord(Record):
 
     @property
     def known(self) -> dict[str, type]:
-        """The record under its type, which is empty."""
+        """The record by its type, which is empty."""
         return self.registered.known
 
     @property
@@ -178,7 +178,7 @@ class RegisteredRecord(Record):
 
 
 class ByKeys(Kind):
-    """A mapping whose keys say which record it is: the first whose ``marks`` has one of them."""
+    """A mapping whose keys select the record: the first option with one of its ``marks`` among the keys."""
 
     def __init__(self, *options: tuple[type, tuple[str, ...]]) -> None:
         self.options = options
@@ -200,7 +200,7 @@ class ByKeys(Kind):
 
 
 class ByShape(Kind):
-    """A value whose shape (``number``, ``text``, ``list``, ``map``) says which kind it is of."""
+    """A value whose shape (``number``, ``text``, ``list``, ``map``) selects its kind."""
 
     def __init__(self, **kinds: Kind) -> None:
         self.kinds = kinds
@@ -220,9 +220,9 @@ class ByShape(Kind):
 
 def bind_record(cls: type, node: MapNode, path: Path, binder: Binder,
                 others: Mapping[str, type] | None = None) -> Any:
-    """Return a record whose invalid fields hold INVALID; report all that is wrong with it.
+    """Return a record whose invalid fields are INVALID; report all of its problems.
 
-    ``others`` are the records that the mapping could have been, by what they are called.
+    ``others`` are the other records that the mapping could have been, by their descriptions.
     """
     known, before = binder.known.get(cls, node, path), binder.invalid
     if known is not None:
@@ -255,7 +255,7 @@ def bind_record(cls: type, node: MapNode, path: Path, binder: Binder,
 
 def unknown_keys(cls: type, node: MapNode, path: Path, binder: Binder,
                  others: Mapping[str, type]) -> set[str]:
-    """Report the keys that a record does not know; return those they were probably meant for."""
+    """Report the unknown keys of a record; return the keys that were probably meant."""
     keys = keys_of(cls)
     tag = tag_of(cls)
     meant = set()
@@ -281,9 +281,9 @@ def unknown_keys(cls: type, node: MapNode, path: Path, binder: Binder,
 
 
 def elsewhere(cls: type, name: str, path: Path) -> list[str]:
-    """Return where in a record at a path a word belongs that is none of its keys: a few places, or none.
+    """Return a few places where a word belongs that is not a key of a record at a path, or none.
 
-    What others call a key is in ``familiar`` of its record; else it may be a key, or a type, below the record.
+    ``familiar`` of the record has places by other common names of keys; else the word may be a key or a type below it.
     """
     told = cls.__dict__.get("familiar", {}).get(name)
     if told is not None:
@@ -293,7 +293,7 @@ def elsewhere(cls: type, name: str, path: Path) -> list[str]:
 
 
 def _places(cls: type, word: str, head: str) -> list[str]:
-    """Return the places of a key or type below a record, where there are few; those that are the least deep."""
+    """Return the places of a key or type below a record, on the highest level that has any; none if they are many."""
     level, seen = [(head, cls)], {cls}
     while level:
         found, deeper = dict[str, None](), []
@@ -314,7 +314,7 @@ def _places(cls: type, word: str, head: str) -> list[str]:
 
 
 def _below(kind: Any, step: str = "", in_list: bool = False) -> Iterator[tuple[str, type, bool]]:
-    """Yield the records that a value may hold, the step to each, and whether they stand in a list."""
+    """Yield (step, record, whether it is in a list) for each record that a value of this kind may be."""
     if isinstance(kind, Record | OneOf):
         for cls in kind.options.values() if isinstance(kind, OneOf) else [kind.cls]:
             yield step, cls, in_list
@@ -326,13 +326,13 @@ def _below(kind: Any, step: str = "", in_list: bool = False) -> Iterator[tuple[s
 
 
 def _sketch(cls: type) -> str:
-    """Return the mapping that a record needs at least: ``{type: gravity, value: [0, -9.81]}``."""
+    """Return the mapping with the required keys of a record: ``{type: gravity, value: [0, -9.81]}``."""
     needed = [f"{k.name}: {'...' if k.example is None else k.example}" for k in keys_of(cls).values() if k.required]
     return "{" + ", ".join([f"type: {tag_of(cls)}", *needed]) + "}"
 
 
 def mark_below(node: Node, below: Path, path: Path) -> Mark:
-    """Return the mark of the value at a path below a node, or of the nearest one above it."""
+    """Return the mark of the value at a path below a node, or of its nearest ancestor."""
     mark = node.mark
     for part in below:
         if isinstance(node, MapNode) and part in node.entries:
@@ -346,13 +346,13 @@ def mark_below(node: Node, below: Path, path: Path) -> Mark:
 
 
 def lower_first(text: str) -> str:
-    """Return a sentence's words as they stand inside another: no capital, no full stop."""
+    """Return a sentence in the form for use inside another: no capital, no full stop."""
     text = text.rstrip(".")
     return text if text[1:2].isupper() or text[1:2] == "'" else text[:1].lower() + text[1:]
 
 
 def define(cls: type, book: Book) -> JsonSchema:
-    """Put a record's JSON Schema among the definitions; return the reference to it."""
+    """Add a record's JSON Schema to the definitions; return the reference to it."""
     name = cls.__name__
     if name not in book.definitions:
         book.definitions[name] = {}
@@ -373,7 +373,7 @@ def key_schema(k: Key, book: Book) -> JsonSchema:
     """Return the JSON Schema of one key with its description, default and example."""
     schema = k.kind.schema(book)
     if "$ref" in schema:
-        # draft-07 ignores what stands beside a $ref
+        # draft-07 ignores other keys next to $ref
         schema = {"allOf": [schema]}
     unit = getattr(k.kind, "unit", "") or getattr(getattr(k.kind, "item", None), "unit", "")
     schema["description"] = f"{k.doc} [{unit}]" if unit else k.doc

@@ -1,4 +1,4 @@
-"""The case format for people and editors, as Markdown, JSON Schema and templates, from the records that read cases."""
+"""The case format for people and editors, as Markdown, JSON Schema and templates, generated from the records."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Every value can be overridden on the command line: `--set bodies.beam.element.co
 optional key or an item. `ancf2d run -` reads the case from stdin.
 """
 
-# what is said of a key of the case beside its records
+# notes on a key of the case, in addition to its records
 _NOTES = {"units": """\
 Nothing is converted: labels are printed beside results, and all numbers of the case are in one consistent set. Its unit
 of mass is force time^2/length. In mm, N and s, which suit small parts, it is the tonne (t = N s^2/mm):
@@ -77,7 +77,7 @@ def markdown_reference(vocabulary: Vocabulary | None = None) -> str:
 
 
 def _records(kind: Any) -> list[type]:
-    """Return the records that a kind is made of, at its surface."""
+    """Return the records that a value of this kind may be, without those of their keys."""
     if isinstance(kind, Record):
         return [kind.cls]
     if isinstance(kind, OneOf):
@@ -92,17 +92,17 @@ def _records(kind: Any) -> list[type]:
 
 
 class _Writer:
-    """Lines of Markdown; each record is described once, where it is first met."""
+    """Lines of Markdown; each record is described once, where it first occurs."""
 
     def __init__(self, binder: Binder) -> None:
         self.binder = binder
         self.lines: list[str] = []
         self.seen: set[type] = set()
-        # records that are described under the key of the case that holds them
+        # records that are described under the key of the case that has them
         self.anchors: dict[type, str] = {}
 
     def record(self, cls: type, level: int) -> None:
-        """Describe a record and, below it, the records that its keys hold."""
+        """Describe a record and, below it, the records of its keys."""
         if cls in self.seen:
             return
         self.seen.add(cls)
@@ -129,13 +129,13 @@ class _Writer:
         return f"| `{k.name}` | {value} | {default} | {k.doc} |"
 
     def link(self, cls: type) -> str:
-        """Return a link to where a record is described."""
+        """Return a link to the description of a record."""
         text = self.anchors.get(cls) or heading(cls)
         anchor = "".join(c for c in text.lower() if c.isalnum() or c in " -_")
         return f"[{tag_of(cls) or cls.__name__}](#{anchor.replace(' ', '-')})"
 
     def value(self, kind: Kind) -> str:
-        """Return what a value may be, with links to records."""
+        """Return a description of the allowed values, with links to records."""
         if isinstance(kind, OneOf):
             return " or ".join(self.link(cls) for cls in _records(kind))
         if isinstance(kind, Record | ByKeys):
@@ -172,9 +172,8 @@ def _default(k: Key) -> str:
 def json_schema(vocabulary: Vocabulary | None = None) -> dict[str, Any]:
     """Return the JSON Schema (draft-07) of case files.
 
-    It speaks of data as this package's loader reads it (YAML 1.2: 1e3 is a number), which is how
-    YAML language servers read it too. What depends on several values at once is left to
-    ``validate``.
+    It describes data as this package's loader reads it (YAML 1.2: 1e3 is a number); YAML language servers read it in
+    the same way. Rules about several values at once are left to ``validate``.
     """
     return _root(Case, "ancf2d case", vocabulary)
 
@@ -185,10 +184,10 @@ def definition_schema(vocabulary: Vocabulary | None = None) -> dict[str, Any]:
 
 
 def schema_comment(schema: str = SCHEMA_FILE) -> str:
-    """Return the first line of a case that tells editors where its schema is.
+    """Return the first line of a case, which tells editors where its schema is.
 
-    ``schema`` is a path relative to the case, or a URL. A file beside the case works offline, in
-    every editor and on every machine that the two are copied to.
+    ``schema`` is a path relative to the case, or a URL. A file in the folder of the case works offline, in every editor
+    and on every machine that the two are copied to.
     """
     return f"# yaml-language-server: $schema={schema}"
 
@@ -208,7 +207,7 @@ TEMPLATES = ("cantilever", "simply_supported", "frame", "pendulum", "leaf_spring
 def template(name: str, kind: str = "cantilever", schema: str = SCHEMA_FILE) -> str:
     """Return the text of a commented case of a kind; ``schema`` is where editors find the schema.
 
-    Raises CaseError where there is no such kind.
+    Raises CaseError if there is no such kind.
     """
     if kind not in TEMPLATES:
         raise CaseError(Problem(f"there is no template '{kind}'", expected=listed(TEMPLATES),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .syntax import Call, Chain, Choice, Comparison, Constant, Negative, Power, Quantity, Time, Tree
 
 Series = NDArray[Any]
-WHOLE = 64  # powers of whole exponents up to this one are products, which zero and negative bases do not disturb
+WHOLE = 64  # whole exponents up to this one are computed as products, which are valid for zero and negative bases
 
 _COMPARE: dict[str, Callable[[Any, Any], Any]] = {
     "<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal, "==": np.equal, "!=": np.not_equal,
@@ -78,7 +78,7 @@ def _logarithm(a: Series) -> Series:
 
 
 def _raised(a: Series, b: Series) -> Series:
-    """Return a^b; the exponent is one number at all places, or the base is positive."""
+    """Return a^b; the exponent must be one constant at all places, or the base positive."""
     if not np.any(b[1:]) and np.all(b[0] == b[0, 0]):
         return power(a, float(b[0, 0]))
     return exponential(product(b, _logarithm(a)))

@@ -1,4 +1,4 @@
-"""The expression language of amplitudes and profiles: a text as a tree, parsed by hand."""
+"""The expression language of amplitudes and profiles: parses a text into a tree."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ MAX_LENGTH = 2000
 MAX_DEPTH = 60
 FUNCTION_NAMES = ("sin", "cos", "exp", "sqrt", "abs")
 COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
-# names that nothing else can have
+# reserved names
 WORDS = ("pi", "if", "else", *FUNCTION_NAMES)
 IDENTIFIER = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _NAMES = "pi, " + ", ".join(FUNCTION_NAMES)
@@ -20,14 +20,14 @@ _TOKEN = re.compile(r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
 
 
 def _nearest(word: str, names: Collection[str]) -> str:
-    """Return the name most like a word, empty where none is near."""
+    """Return the name most like a word, or an empty text if none is near."""
     from difflib import get_close_matches
 
     return next(iter(get_close_matches(word, list(names)[:10000], n=1)), "") if len(word) <= 80 else ""
 
 
 class ExpressionError(ValueError):
-    """A text that is no expression; ``column`` counts from 0 inside it, ``near`` is a name that was probably meant."""
+    """A text that is not an expression; ``column`` counts from 0 in it, ``near`` is a name that was probably meant."""
 
     def __init__(self, message: str, column: int, near: str = "") -> None:
         super().__init__(message)
@@ -35,11 +35,10 @@ class ExpressionError(ValueError):
 
 
 class Names(NamedTuple):
-    """What the names in an expression mean.
+    """The meanings of names in an expression.
 
-    ``variable`` is that of the function, t or s; ``numbers`` are the parameters of the case with their values;
-    ``quantities`` what a motion tells while it runs, such as arm.theta. ``probes`` help to say what is wrong with a
-    name.
+    ``variable`` is t or s, the variable of the function; ``numbers`` are the parameters of the case with their values;
+    ``quantities`` are those of the running motion, such as arm.theta. ``probes`` serve to explain unknown names.
     """
 
     variable: str = "t"
@@ -59,7 +58,7 @@ class Time(NamedTuple):
 
 
 class Quantity(NamedTuple):
-    """What a motion tells while it runs: a quantity of a probe, of a point or a spring, or a controller."""
+    """A quantity of the running motion: of a probe, of a point or a spring, or the output of a controller."""
 
     name: str
 
@@ -78,28 +77,28 @@ class Power(NamedTuple):
 
 
 class Chain(NamedTuple):
-    """first, then from left to right + - or * / with each operand of ``rest``; flat, so that long sums are not deep."""
+    """``first``, then + - * / with each operand of ``rest`` from left to right; flat, so long sums are not deep."""
 
     first: Tree
     rest: tuple[tuple[str, Tree], ...]
 
 
 class Call(NamedTuple):
-    """One of the functions of an argument."""
+    """A function applied to an argument."""
 
     name: str
     argument: Tree
 
 
 class Comparison(NamedTuple):
-    """1 where each operand compares with the one before it as said, else 0; stops at the first that does not."""
+    """1 if each operand compares as stated with the one before it, else 0; stops at the first failure."""
 
     first: Tree
     rest: tuple[tuple[str, Tree], ...]
 
 
 class Choice(NamedTuple):
-    """chosen if condition else other; only one of the two is evaluated."""
+    """``chosen`` if ``condition`` else ``other``; only one of the two is evaluated."""
 
     condition: Tree
     chosen: Tree
@@ -110,9 +109,9 @@ Tree = Constant | Time | Quantity | Negative | Power | Chain | Call | Comparison
 
 
 def syntax(text: str, names: Names | str = "t") -> Tree:
-    """Return the tree of an expression, with numbers for parameters. Raises ExpressionError where the text is none.
+    """Return the tree of an expression, with numbers for parameters. Raises ExpressionError if the text is invalid.
 
-    ``names`` is the variable alone where there are no others; a ``Formula`` knows its own.
+    ``names`` may be just the name of the variable; a ``Formula`` has its own names, which are used instead.
     """
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"the expression is longer than {MAX_LENGTH} characters", 0)
@@ -121,18 +120,18 @@ def syntax(text: str, names: Names | str = "t") -> Tree:
 
 
 class Formula(str):
-    """The text of an expression with the names that it uses beside its variable: two are equal where these are, too."""
+    """The text of an expression with the meanings of the names that it uses; equal if text and names are equal."""
 
     names: Names
 
     def __new__(cls, text: str, names: Names) -> Formula:
-        """Return the text with what its names mean."""
+        """Return the text with the meanings of its names."""
         self = super().__new__(cls, text)
         self.names = names
         return self
 
     def __getnewargs__(self) -> Any:
-        """Return what a copy is made of."""
+        """Return the arguments that make a copy."""
         return str(self), self.names
 
     def __eq__(self, other: object) -> bool:
@@ -149,9 +148,9 @@ class Formula(str):
 
 
 def formula(text: str, names: Names) -> str:
-    """Return an expression as a text that knows the names it uses; one that uses none is a plain text.
+    """Return an expression as a ``Formula`` with the names that it uses, or as plain text if it uses none.
 
-    Raises ExpressionError where the text is no expression.
+    Raises ExpressionError if the text is not an expression.
     """
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"the expression is longer than {MAX_LENGTH} characters", 0)
@@ -164,12 +163,12 @@ def formula(text: str, names: Names) -> str:
 
 
 def quantities_of(text: str | None) -> tuple[str, ...]:
-    """Return what a motion has to tell while it runs for an expression to have a value, by name."""
+    """Return the names of the quantities of the running motion that an expression uses."""
     return tuple(text.names.quantities) if isinstance(text, Formula) else ()
 
 
 def compares(tree: Tree) -> bool:
-    """Whether an expression compares anything: only then it can be said to hold or not."""
+    """Return whether an expression contains a comparison; only then it can serve as a condition."""
     if isinstance(tree, Comparison):
         return True
     if not isinstance(tree, tuple):
@@ -178,7 +177,7 @@ def compares(tree: Tree) -> bool:
 
 
 class _Parser:
-    """Recursive descent: conditional < comparison < sum < product < sign < power < atom."""
+    """A recursive-descent parser: conditional < comparison < sum < product < sign < power < atom."""
 
     def __init__(self, text: str, names: Names) -> None:
         self.text, self.names = text, names
@@ -320,7 +319,7 @@ class _Parser:
         return Call(text, argument)
 
     def unknown(self, text: str) -> ExpressionError:
-        """Return what is wrong with a name: a probe without a quantity, or one that is not known."""
+        """Return the error for a name: a probe without a quantity, or an unknown name."""
         probe, dot, quantity = text.partition(".")
         own = [name for name in self.names.quantities if name.startswith(f"{probe}.")]
         column = self.tokens[self.at][2]
@@ -347,7 +346,7 @@ class _Parser:
 
 
 def renamed(tree: Tree, meaning: Mapping[str, Tree]) -> Tree:
-    """Return a tree with others in the place of some quantities, and of the variable, whose name is empty."""
+    """Return a tree with some quantities replaced by trees, and the variable too if ``meaning`` has an empty name."""
     match tree:
         case Quantity(name):
             return meaning.get(name, tree)
@@ -367,7 +366,7 @@ def renamed(tree: Tree, meaning: Mapping[str, Tree]) -> Tree:
 
 
 def named_in(tree: Tree) -> Iterator[str]:
-    """Yield the quantities that a tree names."""
+    """Yield the names of the quantities in a tree."""
     match tree:
         case Quantity(name):
             yield name

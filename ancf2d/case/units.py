@@ -1,4 +1,4 @@
-"""Unit labels: what an SI unit is called in the units that a case works in."""
+"""Unit labels: the names of SI units in the units of a case."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _EXPONENTS = {
     "K/m": (0, -1, 0), "m/s^2": (0, 1, -2), "Hz": (0, 0, -1), "rad/s": (0, 0, -1),
 }
 SI = ("m", "N", "s")
-# of what probes, reactions and goals are
+# SI units of the quantities of probes, reactions and goals
 QUANTITY_UNITS = {"x": "m", "y": "m", "ux": "m", "uy": "m", "vx": "m/s", "vy": "m/s", "theta": "rad",
                   "omega": "rad/s", "N": "N", "Q": "N", "M": "N m", "fx": "N", "fy": "N", "m": "N m",
                   "strain_energy": "N m"}
@@ -24,7 +24,7 @@ _FREQUENCIES = ("bending", "axial", "shear", "thickness", "mixed")
 
 
 def with_unit(what: str, labels: tuple[str, str, str] = SI) -> str:
-    """Return 'tip uy [m]' for 'tip uy', and the like; what has no unit, or none that is known, as it is."""
+    """Return 'tip uy [m]' for 'tip uy', and so on; names without a known unit are returned unchanged."""
     words = what.split() or [""]
     unit = "rad/s" if words[0] in _FREQUENCIES and words[-1].isdigit() else QUANTITY_UNITS.get(words[-1], "")
     return f"{what} [{unit_label(unit, labels)}]" if unit else what
@@ -32,14 +32,14 @@ def with_unit(what: str, labels: tuple[str, str, str] = SI) -> str:
 
 @lru_cache(maxsize=256)
 def unit_label(unit: str, labels: tuple[str, str, str] = SI) -> str:
-    """Return the label of an SI unit where length, force and time are called ``labels``.
+    """Return the label of an SI unit if length, force and time are called ``labels``.
 
-    Units that no label touches (rad, and all of them in SI) come back as they are.
+    Units without length, force and time (rad), and all units in SI, are returned unchanged.
     """
     if labels == SI or unit not in _EXPONENTS:
         return unit
     length, force, time = labels
-    # temperatures have one label
+    # temperature has only one label
     above, below = "K" if unit.startswith("K") else "", []
     for name, power in zip((force, length, time), _EXPONENTS[unit], strict=True):
         text = name if abs(power) == 1 else f"{name}^{abs(power)}"
@@ -50,22 +50,22 @@ def unit_label(unit: str, labels: tuple[str, str, str] = SI) -> str:
     return "/".join([above or "1", *below])
 
 
-# what common labels are in SI; others are not checked
+# common labels in SI units; other labels are not checked
 _LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3, "um": 1e-6, "in": 0.0254, "ft": 0.3048}
 _FORCES = {"N": 1.0, "kN": 1e3, "MN": 1e6, "mN": 1e-3, "uN": 1e-6, "lbf": 4.4482216}
 _TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}
 # of solids [kg/m^3]: from the lightest foams to osmium
 _DENSITIES = 0.1, 23e3
-# of stiff matter [Pa], and the waves in it [m/s]: more than those of diamond
+# largest modulus of a material [Pa], and wave speed in it [m/s]: above those of diamond
 _STIFFEST, _FASTEST = 2e12, 3e4
-# softer matter [Pa] may be a model without units, of which nothing can be told
+# a softer material [Pa] may belong to a dimensionless model, which cannot be checked
 _SOFTEST = 1e5
 _EARTH = 9.81
 _STEEL = {"density": 7850.0, "modulus": 2.07e11}
 
 
 def unit_warnings(case: Any) -> list[str]:
-    """Return what to say of densities, moduli and gravity that no material has, or the earth, in the case's units."""
+    """Return warnings about densities, moduli and gravity that are implausible in the units of the case."""
     labels = (case.units.length, case.units.force, case.units.time)
     if labels[0] not in _LENGTHS or labels[1] not in _FORCES or labels[2] not in _TIMES:
         return []

@@ -1,4 +1,4 @@
-"""Bodies, symbols and obstacles as they are drawn: outlines in any state, thinned where elements are very many."""
+"""Drawing of bodies, symbols and obstacles: outlines in any state, thinned if there are very many elements."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from ancf2d.results import BodyRecord, Results, symbols
 from ancf2d.results.obstacles import Obstacle
 from ancf2d.results.symbols import Symbol, outlines
 
-MAX_SAMPLED = 400  # elements up to which all their samples are drawn
+MAX_SAMPLED = 400  # largest number of elements of which all samples are drawn
 MAX_POINTS = 4000  # along the axis of a body with more elements
-INVISIBLE = 0.01  # of the model's extent: smaller deflections are magnified ...
-WANTED = 0.1  # ... to at most this share
+INVISIBLE = 0.01  # relative to the model's extent: smaller deflections are magnified ...
+WANTED = 0.1  # ... to at most this size
 SOLID, SURFACE = "0.9", "0.4"
-NEAR = 0.75  # extents of the bodies: what of an obstacle is farther away is not in the picture
+NEAR = 0.75  # relative to the extent of the bodies: parts of obstacles farther away are not in the picture
 
 
 @dataclass
@@ -45,8 +45,7 @@ class Outline:
 
 
 def outline(results: Results, body: BodyRecord, i: int | None, scale: float) -> Outline:
-    """Return the outline of a body in state i (None: reference), thinned where it has very many
-    elements."""
+    """Return the outline of a body in state i (None: reference), thinned if it has very many elements."""
     ne = len(body.dofs)
     if ne <= MAX_SAMPLED:
         levels = results.levels(body.name, i, scale=scale)
@@ -60,7 +59,7 @@ def outline(results: Results, body: BodyRecord, i: int | None, scale: float) -> 
 
 
 def bounds(outlines: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the lower left and upper right corner (2, 2) of point sets (n, 2), whatever is not finite left out."""
+    """Return the lower left and upper right corner (2, 2) of point sets (n, 2), ignoring points that are not finite."""
     points = [p[np.isfinite(p).all(axis=1)] for p in outlines]
     points = [p for p in points if len(p)] or [np.zeros((1, 2))]
     stacked = np.array([[p.min(axis=0), p.max(axis=0)] for p in points])
@@ -74,7 +73,7 @@ def nice(value: float) -> float:
 
 
 def automatic_scale(sources: Sequence[Source], state: int) -> float:
-    """Return the magnification that makes an invisible deflection visible, 1 where it is."""
+    """Return the magnification that makes an invisible deflection visible, or 1 if it is visible."""
     extent, moved = 0.0, 0.0
     for source in sources:
         for body in source.results.bodies.values():
@@ -86,15 +85,15 @@ def automatic_scale(sources: Sequence[Source], state: int) -> float:
 
 
 def visible_scale(extent: float, moved: float) -> float:
-    """Return what magnifies a largest displacement ``moved`` so that it is seen beside ``extent``, 1 where it is."""
-    # a motion at the level of round-off stays unseen
+    """Return the magnification that makes a largest displacement ``moved`` visible relative to ``extent``, else 1."""
+    # displacements at the level of round-off are not magnified
     if not 1e-13 * extent < moved < INVISIBLE * extent:
         return 1.0
     return nice(WANTED * extent / moved)
 
 
 def chosen_scale(sources: Sequence[Source], state: int, scale: float | str) -> float:
-    """Return the magnification that is asked for, ``auto`` or a positive number."""
+    """Return the requested magnification, ``auto`` or a positive number. Raises ResultsError for other values."""
     if scale == "auto":
         return automatic_scale(sources, state)
     try:
@@ -107,7 +106,7 @@ def chosen_scale(sources: Sequence[Source], state: int, scale: float | str) -> f
 
 
 def check_state(results: Results, state: int) -> None:
-    """Raise ResultsError where a file does not hold a state."""
+    """Raise ResultsError if a file does not have a state."""
     if not -results.nt <= state < results.nt:
         raise ResultsError(f"'{results.path}' has no state {state}: it holds {results.nt}")
 
@@ -124,12 +123,12 @@ def when(results: Results, state: int) -> str:
 
 
 def magnified(factor: float) -> str:
-    """Return what is said of magnified displacements, nothing where they are not."""
+    """Return the note on magnified displacements, empty if they are not magnified."""
     return "" if factor == 1.0 else f", displacements magnified {factor:.6g} times"
 
 
 def even_states(t: np.ndarray, count: int) -> Sequence[int]:
-    """Return at most ``count`` states, evenly spaced in t where it only grows, else in their number."""
+    """Return at most ``count`` states, evenly spaced in t if it only increases, else in their number."""
     if len(t) <= count:
         return range(len(t))
     if np.any(np.diff(t) <= 0):
@@ -139,17 +138,17 @@ def even_states(t: np.ndarray, count: int) -> Sequence[int]:
 
 
 def no_bodies(results: Results) -> str:
-    """Say what a file lacks that holds no bodies."""
+    """Return what a file without bodies lacks, else an empty text."""
     return "" if results.bodies else "it holds no bodies"
 
 
 def no_states(results: Results) -> str:
-    """Say what a file lacks that holds no bodies or no states."""
+    """Return what a file without bodies or states lacks, else an empty text."""
     return no_bodies(results) or ("" if results.nt else "it holds no states")
 
 
 def how_to_store(results: Results, *fields: str) -> str:
-    """Return what a case asks for to store fields over the height, or why it cannot."""
+    """Return the key of the case that stores fields over the height, or why they are not available."""
     found = [symbols.completed_case(results).get("bodies") or {}]
     while found:
         part = found.pop()
@@ -161,7 +160,7 @@ def how_to_store(results: Results, *fields: str) -> str:
 
 
 def frame_plane(axes: Axes, corners: np.ndarray, units: str) -> None:
-    """Let axes show what lies between two corners (2, 2), with equal scales, a margin, and labels with units."""
+    """Set axes to the plane between two corners (2, 2), with equal scales, a margin, and labels with units."""
     pad = 0.04 * float(np.ptp(corners, axis=0).max()) or 1.0
     axes.update_datalim([corners[0] - pad, corners[1] + pad])
     axes.margins(0)
@@ -173,7 +172,7 @@ def frame_plane(axes: Axes, corners: np.ndarray, units: str) -> None:
 
 INK, LOAD = "0.15", "#a01414"
 GRAVITY = 20.0  # length of its arrow in points
-TURNS = 7  # of the line of a spring
+TURNS = 7  # number of turns of the line of a spring
 
 
 def _path(outline: symbols.Outline) -> Path:
@@ -195,7 +194,7 @@ def _zigzag(points: np.ndarray) -> np.ndarray:
 def _mark(axes: Axes, symbol: Symbol, points: np.ndarray, transform: Transform) -> None:
     outline = outlines()[symbol.kind]
     path, ink = _path(outline), LOAD if outline.load else INK
-    # a marker is as large as its outline reaches from its point
+    # the size of a marker is that of the square around its point that contains the outline
     size = 2.0 * outline.unit * float(np.abs(path.vertices).max())
     axes.plot(*points.T, linestyle="", marker=MarkerStyle(path, transform=Affine2D().rotate(symbol.angle)),
               markersize=size, markerfacecolor={"back": "white", "ink": ink}.get(outline.filled, "none"),
@@ -203,7 +202,7 @@ def _mark(axes: Axes, symbol: Symbol, points: np.ndarray, transform: Transform) 
 
 
 def _gravity(axes: Axes, symbol: Symbol, place: int) -> None:
-    """Draw an arrow and its letter beside the axes, where no body can be; one of several below the one before."""
+    """Draw the arrow of gravity and its letter beside the axes, outside of the bodies; several are below each other."""
     figure = axes.get_figure(root=True)
     assert figure is not None
     way = 0.5 * GRAVITY * np.array([math.cos(symbol.angle), math.sin(symbol.angle)])
@@ -216,7 +215,7 @@ def _gravity(axes: Axes, symbol: Symbol, place: int) -> None:
 
 
 def draw_symbols(axes: Axes, symbols: list[Symbol]) -> None:
-    """Draw symbols over the bodies of axes, gravity beside them."""
+    """Draw symbols over the bodies of axes, and gravity beside the axes."""
     down = [s for s in symbols if s.kind == "gravity"]
     for place, symbol in enumerate(down):
         _gravity(axes, symbol, place)
@@ -230,14 +229,14 @@ def draw_symbols(axes: Axes, symbols: list[Symbol]) -> None:
 
 
 def with_obstacles(box: np.ndarray, obstacles: Sequence[Obstacle]) -> np.ndarray:
-    """Return the corners (2, 2) of a picture of bodies in ``box``, widened by what of the obstacles is near them."""
+    """Return the corners (2, 2) of a picture of bodies in ``box``, extended by the nearby parts of the obstacles."""
     room = NEAR * (float(np.ptp(box, axis=0).max()) or 1.0)
     low, high = box[0] - room, box[1] + room
     parts = [box]
     for obstacle in obstacles:
         points = np.concatenate(obstacle.lines)
         if obstacle.endless:
-            # of a straight surface, what is opposite to the bodies
+            # the part of a straight surface opposite to the bodies
             start, way = points[0], points[1] - points[0]
             s = ((box - start) @ way / (way @ way))[:, None]
             points = start + s * way
@@ -248,7 +247,7 @@ def with_obstacles(box: np.ndarray, obstacles: Sequence[Obstacle]) -> np.ndarray
 
 
 def different(obstacles: Iterable[Obstacle]) -> list[Obstacle]:
-    """Return obstacles without those that are in the same place as one before."""
+    """Return obstacles without those at the same place as an earlier one."""
     out: list[Obstacle] = []
     for obstacle in obstacles:
         if not any(o.name == obstacle.name and np.array_equal(o.lines[0], obstacle.lines[0]) for o in out):
@@ -257,7 +256,7 @@ def different(obstacles: Iterable[Obstacle]) -> list[Obstacle]:
 
 
 def draw_obstacles(axes: Axes, obstacles: Sequence[Obstacle]) -> None:
-    """Draw obstacles behind all bodies; they do not change what the axes show."""
+    """Draw obstacles behind all bodies, without changing the limits of the axes."""
     for obstacle in obstacles:
         axes.add_artist(Polygon(obstacle.solid, facecolor=SOLID, edgecolor="none", zorder=1.0))
         for line in obstacle.lines:

@@ -16,13 +16,13 @@ from ancf2d.plot.body import no_states
 from ancf2d.plot.picture import Kind, Source
 from ancf2d.results import Results
 
-# names of both sides of a body, by what of it contacts name
+# names of both sides of a body, by the part of it that its contacts use
 FACES = {"surface": ("lower face", "upper face"), "axis": ("axis, from below", "axis, from above"),
          "both": ("lower face and axis", "upper face and axis")}
 COLOURS = "magma_r"
-# of more faces than this those with the highest pressure are drawn
+# of more faces, only those with the highest pressure are drawn
 MOST = 6
-# of the highest pressure: what is less is none
+# relative to the highest pressure: smaller values count as zero
 NONE = 1e-9
 
 
@@ -37,7 +37,7 @@ class Zone:
 
 @dataclass
 class Zones:
-    """The picture of all faces that something touches, over t (states,)."""
+    """The picture of all faces in contact, over t (states,)."""
 
     title: str
     over: tuple[str, str]
@@ -58,7 +58,7 @@ class Zones:
         top = max(float(z.pressure.max()) for z in self.zones) or 1.0
         edges = np.concatenate([self.t[:1], 0.5 * (self.t[1:] + self.t[:-1]), self.t[-1:]])
         for axes, zone in zip(grid, self.zones, strict=True):
-            # elements meet where stations coincide: each value stands for the strip between its neighbours
+            # elements share stations at their ends; each value stands for the strip around its station
             s = np.concatenate([zone.s[:1], 0.5 * (zone.s[1:] + zone.s[:-1]), zone.s[-1:]])
             values = np.where(zone.pressure > NONE * top, zone.pressure, np.nan)
             drawn = axes.pcolormesh(s, edges, values, cmap=COLOURS, vmin=0.0, vmax=top, rasterized=True)
@@ -74,11 +74,11 @@ class Zones:
         style.title(figure, self.title, note)
 
     def header(self) -> list[str]:
-        """Return the names of the data's columns."""
+        """Return the names of the columns of the data."""
         return ["face", f"{self.over[0]} [{self.over[1]}]", f"s [{self.length}]", f"pressure [{self.units}]"]
 
     def rows(self) -> Iterator[Sequence[Any]]:
-        """Yield the rows of the data that are drawn."""
+        """Yield the rows of the drawn data."""
         for zone in self.zones:
             for t, values in zip(self.t.tolist(), zone.pressure.tolist(), strict=True):
                 for s, p in zip(zone.s.tolist(), values, strict=True):
@@ -90,14 +90,14 @@ def _records(results: Results) -> dict[str, Any]:
 
 
 def _faces(results: Results, body: str) -> tuple[str, str]:
-    """Return the names of the lower and the upper side of a body, as its contacts touch faces or the axis."""
+    """Return the names of the lower and the upper side of a body; its contacts use its faces, its axis or both."""
     contacts = yaml.safe_load(results.case_completed).get("contacts") or []
     sides = {c.get("side", "surface") for c in contacts if body in (c.get("self"), *(c.get("between") or ()))}
     return FACES[sides.pop() if len(sides) == 1 else "both" if sides else "surface"]
 
 
 def zones(sources: Sequence[Source], *, body: str | None = None) -> Zones:
-    """Build the maps of one file: of one ``body``, or of all that touch something."""
+    """Build the maps of one file: of one ``body``, or of all in contact. Raises ResultsError without pressure."""
     results = sources[0].results
     records = _records(results)
     if body is not None and body not in records:

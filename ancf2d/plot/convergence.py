@@ -10,9 +10,9 @@ from ancf2d.errors import ResultsError
 from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, Triangle, common_title, lacking
 from ancf2d.results import Results, Table
 
-ROUND_OFF = 1e-16  # where an error of exactly zero is drawn
+ROUND_OFF = 1e-16  # an error of exactly zero is drawn at this value
 SUSPECT = 1e-7  # an error below this that no longer falls is round-off
-LEVEL = 0.05  # an order below this is none: the error stays as it is
+LEVEL = 0.05  # an order below this counts as none: the error does not fall
 COUNTS = {"elements": "number of elements", "dofs": "nodal coordinates", "wall_s": "wall time"}
 COSTS = {"wall_s": ("solve time", "s"), "dofs": ("nodal coordinates", "1"),
          "memory_bytes": ("memory of model and solution", "B")}
@@ -25,8 +25,8 @@ BOUNDS = {"linestyle": "none", "markerfacecolor": "none"}
 def observed_order(n: np.ndarray, error: np.ndarray) -> float:
     """Return -d log(error) / d log(n) of the last refinement before round-off stops it; else NaN.
 
-    Refinements count from the largest error on, while the error does not grow and stays above 1e-13. NaN too where
-    the error has come to stand still at a size that is no round-off.
+    Refinements count from the largest error on, while the error does not grow and stays above 1e-13. NaN also if the
+    error stagnates at a size above round-off.
     """
     order = np.nan
     start = int(np.argmax(error)) if len(error) else 0
@@ -41,7 +41,7 @@ def observed_order(n: np.ndarray, error: np.ndarray) -> float:
 
 
 def pareto(work: np.ndarray, error: np.ndarray) -> np.ndarray:
-    """Return which points (n,) no other beats in both, those with least work first."""
+    """Return the Pareto-optimal points (n,), which no other beats in both work and error, in order of work."""
     order = np.lexsort((error, work))
     best = np.minimum.accumulate(error[order])
     first = np.append(True, best[1:] < best[:-1])
@@ -49,7 +49,7 @@ def pareto(work: np.ndarray, error: np.ndarray) -> np.ndarray:
 
 
 def groups_of(table: Table) -> dict[str, np.ndarray]:
-    """Return the rows of each element type; formulations tell apart what the type does not."""
+    """Return the rows of each element type, or of each formulation of a type if there are several."""
     elements = [str(e) for e in table["element"]]
     formulations = [str(f) for f in table.get("formulation", [""] * len(elements))]
     several = {e for e in elements
@@ -60,7 +60,7 @@ def groups_of(table: Table) -> dict[str, np.ndarray]:
 
 
 def convergence(sources: Sequence[Source], *, against: str = "elements", values: bool = False) -> Curves:
-    """Build the error against ``elements``, ``dofs`` or ``wall_s``, a line per element type.
+    """Build the error against ``elements``, ``dofs`` or ``wall_s``, with a line for each element type.
 
     ``values`` draws the goal itself instead of its error.
     """
@@ -87,7 +87,7 @@ def convergence(sources: Sequence[Source], *, against: str = "elements", values:
                     # one after the other from the finest mesh on, so that they do not cover each other
                     k = max(len(x) - 2 - len(orders), 0)
                     orders[round(order)] = Triangle((float(x[k]), float(x[k + 1])), float(y[k]), round(order))
-            # a file with one line needs no more than its own name
+            # the line is named after its file alone if the file has only this one
             label = source.label if source.label and len(groups) == 1 else source.name(name)
             curves.append(Curve(label, x, y if values else np.maximum(y, ROUND_OFF), note))
     if not any(len(c.x) for c in curves):
@@ -101,7 +101,7 @@ def convergence(sources: Sequence[Source], *, against: str = "elements", values:
 
 
 def work_precision(sources: Sequence[Source]) -> Curves:
-    """Build the error against the measured time, a line per element type, and the front that nothing beats."""
+    """Build the error against the measured time, with a line for each element type and the Pareto front."""
     curves = []
     for source in sources:
         table = source.results.tables["convergence"]
@@ -128,7 +128,7 @@ def _points(table: Table, rows: np.ndarray, against: str, column: str) -> tuple[
 
 
 def _told(sources: Sequence[Source], name: str) -> str:
-    """Return an attribute of the tables where all files agree on it, else nothing."""
+    """Return an attribute of the tables if all files have the same value, else an empty text."""
     found = {str(s.results.tables["convergence"].attrs.get(name, "")) for s in sources}
     return found.pop() if len(found) == 1 else ""
 
@@ -144,7 +144,7 @@ def _y_axis(sources: Sequence[Source], column: str) -> tuple[str, str]:
 
 
 def _against(sources: Sequence[Source]) -> str:
-    """Return what the errors are against, in words."""
+    """Return the reference of the errors in words."""
     reference = _told(sources, "reference")
     if not reference:
         return ""
@@ -152,7 +152,7 @@ def _against(sources: Sequence[Source]) -> str:
 
 
 def _asymptotic(source: Source, table: Table, rows: np.ndarray) -> bool | None:
-    """Return whether the study found a type's errors to fall as its theory says; None where it does not tell."""
+    """Return whether the study found a type's errors to fall at the theoretical order; None if it does not say."""
     for found in source.results.summary.get("elements") or ():
         if isinstance(found, dict) and all(str(found.get(key)) == str(table[key][rows[0]])
                                            for key in ("element", "formulation") if key in table):
@@ -180,10 +180,10 @@ CONVERGENCE = Kind("convergence", "error of the goal, or its values, against the
 
 
 def tradeoff(sources: Sequence[Source], *, against: str = "wall_s") -> Curves:
-    """Build the error against ``wall_s``, ``dofs`` or ``memory_bytes``, a line per element type, and the front.
+    """Build the error against ``wall_s``, ``dofs`` or ``memory_bytes``: a line for each element type, and the front.
 
-    The line of a motion joins what is best of a type; all else that was tried of it is small points. Errors of which
-    only a bound is known are open symbols.
+    The line of a motion connects the best settings of a type; the other settings are small points. Errors of which only
+    a bound is known are open symbols.
     """
     if against not in COSTS:
         raise ResultsError(f"cannot draw the error against '{against}' (known: {', '.join(COSTS)})")
@@ -222,7 +222,7 @@ def _points_of_settings(table: Table, rows: np.ndarray, against: str) -> tuple[n
 
 
 def _lines(name: str, x: np.ndarray, y: np.ndarray, told: np.ndarray, several: bool) -> list[Curve]:
-    """Return the curves of one type: what else was tried, bounds, and last, as it names them all, the line."""
+    """Return the curves of one type: other settings, bounds, and last the line, which gives the legend its look."""
     if not len(x):
         return []
     line = pareto(x, y) if several else np.arange(len(x))

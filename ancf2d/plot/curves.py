@@ -25,26 +25,26 @@ HAPPENED = {"color": "0.5", "marker": "", "linestyle": ":", "linewidth": 1.0, "z
 WINDOW = {"color": "black", "marker": "", "linestyle": "-", "linewidth": 1.0}
 LIMIT = {"color": "black", "marker": "o", "markersize": 7, "markerfacecolor": "none", "markeredgewidth": 1.3,
          "linestyle": "none", "zorder": 5}
-# what a path passes: its key in the summary, its name in the legend, and its marker
+# points passed along a path: their key in the summary, name in the legend, and marker
 EVENTS = {"limit_points": ("limit points", LIMIT), "bifurcations": ("bifurcations", {**LIMIT, "marker": "D"})}
-MOST_EVENTS = 40  # that are drawn
-NEGLIGIBLE = 1e-6  # of the largest of its family: less is not drawn unless asked for
+MOST_EVENTS = 40  # largest number drawn
+NEGLIGIBLE = 1e-6  # relative to the largest of its family: smaller quantities are drawn only on request
 
 
 def names_of(value: str | Sequence[str] | None) -> list[str]:
-    """Return the names that an option lists, as a sequence or with commas between them."""
+    """Return the names in an option, a sequence or a text with commas between them."""
     if value is None:
         return []
     return value.replace(",", " ").split() if isinstance(value, str) else list(value)
 
 
 def quantities_of(value: str | Sequence[str] | None) -> list[str]:
-    """Return the quantities that an option lists; each entry may list several with commas between them."""
+    """Return the quantities in an option; each entry may have several with commas between them."""
     return [name for entry in names_of(value) for name in names_of(entry)]
 
 
 def chosen_names(wanted: list[str], known: list[str], what: str, file: object) -> list[str]:
-    """Return the wanted names; ResultsError where one is none of the known."""
+    """Return the wanted names. Raises ResultsError if one is unknown."""
     for name in wanted:
         if name not in known:
             near = difflib.get_close_matches(name, known, 1)
@@ -55,7 +55,7 @@ def chosen_names(wanted: list[str], known: list[str], what: str, file: object) -
 
 def _values(source: Source, probes: list[str], quantities: list[str],
             ) -> list[tuple[str, str, str, np.ndarray]]:
-    """Return (probe, quantity, units, values), of all quantities that exist."""
+    """Return (probe, quantity, units, values) of all quantities of the chosen probes. Raises ResultsError."""
     results = source.results
     known = list(dict.fromkeys(q for p in results.probes.values() for q in p))
     chosen_names(quantities, known, "probe quantity", results.path)
@@ -66,9 +66,10 @@ def _values(source: Source, probes: list[str], quantities: list[str],
 
 def _families(found: list[tuple[str, str, str, np.ndarray]], quantities: list[str],
               default: Sequence[str], named: bool) -> dict[str, list[tuple[str, str, str, np.ndarray]]]:
-    """Sort values by family; by default only those that move, in the families ``default``.
+    """Sort values by family; by default only the families ``default``, without negligible values.
 
-    Probes without any of these, such as reactions, show all they have where they are ``named`` or there are no others.
+    Probes without any of these, such as reactions, show all of their quantities if they are ``named`` or no probe has
+    them.
     """
     families: dict[str, list[tuple[str, str, str, np.ndarray]]] = {}
     usual = {name for name, q, *_ in found if FAMILIES.get(q, q) in default}
@@ -117,14 +118,14 @@ def _t_axis(results: Results) -> tuple[str, str]:
 
 def load_deflection(sources: Sequence[Source], *, probe: str | Sequence[str] | None = None,
                     quantity: str | Sequence[str] | None = None) -> Curves:
-    """Build the load factor against probe quantities (default: displacements, else rotations)."""
+    """Build the load factor against probe quantities (default: displacements, else all quantities)."""
     panels = _panels(sources, probe, quantity, ("displacement",), ("load factor", "1"), True)
     _mark_events(sources, panels)
     return Curves(common_title(sources), "", panels, share="y")
 
 
 def _mark_events(sources: Sequence[Source], panels: list[Panel]) -> None:
-    """Mark the limit points and bifurcations that a path has passed, on every curve."""
+    """Mark the limit points and bifurcations of a path on every curve."""
     for panel in panels:
         drawn = {c.name for c in panel.curves}
         for key, (words, look) in EVENTS.items():
@@ -141,7 +142,7 @@ def _mark_events(sources: Sequence[Source], panels: list[Panel]) -> None:
 
 def history(sources: Sequence[Source], *, probe: str | Sequence[str] | None = None,
             quantity: str | Sequence[str] | None = None) -> Curves:
-    """Build probe quantities over time (default: displacements, rotations and what controllers put out)."""
+    """Build probe quantities over time (default: displacements, rotations and outputs of controllers)."""
     panels = _panels(sources, probe, quantity, ("displacement", "rotation", "controller output"),
                      _t_axis(sources[0].results), False)
     for source in sources:
@@ -151,7 +152,7 @@ def history(sources: Sequence[Source], *, probe: str | Sequence[str] | None = No
 
 
 def _add_windows(source: Source, panels: list[Panel]) -> None:
-    """Add means and peaks over windows of time to the panels of what they are of, with their error bars."""
+    """Add means and peaks over windows of time, with error bars, to the panels of their quantities."""
     summary = source.results.summary
     told = summary.get("accuracy") or {}
     for name, window in summary.get("windows", {}).items():
@@ -161,15 +162,17 @@ def _add_windows(source: Source, panels: list[Panel]) -> None:
             continue
         known = told.get("value") == value and told.get("estimate") is not None
         error = told["estimate"] * abs(value) if known else window["sampling"]
-        # three lines: the value, and where its error begins and ends
+        # three lines: the value, and the two limits of its error
         x = np.tile([window["from"], window["to"], np.nan], 3)
         y = value + np.repeat([0.0, -error, error], 3)
         own[0].curves.append(Curve(f"{name}: {value:.5g} within {error:.2g}", x, y, look=dict(WINDOW)))
 
 
 def _add_events(source: Source, panels: list[Panel]) -> None:
-    """Add an upright line to all panels where something begins or ends in a motion, unless that happens too often, and
-    where bodies hit something, of many times at the strongest."""
+    """Add vertical lines to all panels at the events of a motion, unless there are too many, and at its impacts.
+
+    Of many impacts only the strongest are shown.
+    """
     results, found = source.results, {}
     happened = [event["t"] for event in results.summary.get("events") or []]
     found["events"] = happened if len(happened) <= MOST_EVENTS else []
@@ -203,7 +206,7 @@ HISTORY = Kind("history", "probe quantities over time, or over the load factor",
 
 
 def _place(results: Results, point: str | None, field: str, *needed: str) -> tuple[str, float, int, float]:
-    """Return body and S of ``point``, the element there and the place xi in it; by default where a field is largest."""
+    """Return body and S of ``point``, its element and xi in it; by default the place where a field is largest."""
     having = [name for name, found in results.fields.items() if {field, *needed} <= set(found)]
     body, _, text = (point or having[0]).partition("@")
     if body not in having:
@@ -223,7 +226,7 @@ def _place(results: Results, point: str | None, field: str, *needed: str) -> tup
 
 
 def _number(text: str | float, low: float, expected: str) -> float:
-    """Return a number from ``low`` to 1; ResultsError with what is expected where it is none."""
+    """Return a number from ``low`` to 1. Raises ResultsError with the expected values."""
     try:
         value = float(text)
     except ValueError:
@@ -234,7 +237,7 @@ def _number(text: str | float, low: float, expected: str) -> float:
 
 
 def _series(results: Results, body: str, name: str, ie: int, xi: float) -> tuple[FieldRecord, np.ndarray]:
-    """Return a field's first component at a place over all states (states, ny)."""
+    """Return a field and its first component at a place over all states (states, ny)."""
     record = results.fields[body][name]
     along = station_weights(record.xi_of(ie), np.array([xi]))[0]
     return record, np.array([along @ results.field(body, name, i)[ie, :, :, 0] for i in range(results.nt)])
@@ -243,8 +246,8 @@ def _series(results: Results, body: str, name: str, ie: int, xi: float) -> tuple
 def stress_strain(sources: Sequence[Source], *, point: str | None = None, height: float | None = None) -> Curves:
     """Build stress over strain along the axis at a point of a body.
 
-    ``point``: BODY@S, or BODY alone for where its strain is largest (default: of the first body that has one);
-    ``height``: share of half the height, from -1 to 1 (default: the outermost station above the axis).
+    ``point``: BODY@S, or just BODY for the point of largest strain (default: of the first body with both fields);
+    ``height``: fraction of half the height, from -1 to 1 (default: the outermost station above the axis).
     """
     panel, notes = Panel(("strain", "1"), ("stress", "")), []
     for source in sources:
@@ -263,8 +266,8 @@ def stress_strain(sources: Sequence[Source], *, point: str | None = None, height
 def moment_curvature(sources: Sequence[Source], *, point: str | None = None) -> Curves:
     """Build the bending moment over the curvature of a section of a body.
 
-    The curvature is the slope of the strains across. ``point``: BODY@S, or BODY alone for where its moment is largest
-    (default: of the first body that has one).
+    The curvature is the slope of the strains over the height. ``point``: BODY@S, or just BODY for the point of largest
+    moment (default: of the first body with both fields).
     """
     panel, notes = Panel(("curvature", ""), ("bending moment M", "")), []
     for source in sources:

@@ -1,4 +1,4 @@
-"""How far apart the axes of the same bodies lie in different files, along their length."""
+"""Distances between the axes of the same bodies in different files, along their length."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from ancf2d.results import BodyRecord, Results
 
 LEAST_STATIONS = 100  # along a body: fewer element ends get points between them
 MOST_STATIONS = 4000
-SAME = 1e-9  # of a body's length: less is the same place
-ROUND_OFF = 1e-15  # of the largest coordinate: less is no distance
+SAME = 1e-9  # relative to a body's length: smaller distances are the same place
+ROUND_OFF = 1e-15  # relative to the largest coordinate: smaller distances are zero
 
 
 def stations(bodies: Sequence[BodyRecord]) -> np.ndarray:
     """Return the fractions of the arc length at which one body of several files is compared.
 
-    The element ends of all files, with points between them where there are few, thinned where there are very many.
+    They are the element ends of all files, with points between them if there are few, thinned if there are very many.
     """
     ends = reduce(np.union1d, (b.arclength for b in bodies))
     ends = ends[np.append(True, np.diff(ends) > 1e-12)]
@@ -33,7 +33,7 @@ def stations(bodies: Sequence[BodyRecord]) -> np.ndarray:
 
 
 def difference(sources: Sequence[Source], *, reference: str | None = None, state: int = -1) -> Curves:
-    """Build the distance of the axes of all bodies to those of one file, over the fraction S of their arc length.
+    """Build the distance of the axes of all bodies from those of one file, over the fraction S of their arc length.
 
     ``reference`` names that file (default: the last); ``state`` counts the stored states, negative from the end.
     """
@@ -73,7 +73,7 @@ def _reference(sources: Sequence[Source], wanted: str | None) -> Source:
 
 
 def _comparable(a: Results, b: Results, state: int) -> None:
-    """Refuse files whose bodies, units or moments differ."""
+    """Raise ResultsError for files whose bodies, units, or times or load factors differ."""
     for results in (a, b):
         check_state(results, state)
     pair = f"'{a.path}' and '{b.path}'"
@@ -90,7 +90,7 @@ def _comparable(a: Results, b: Results, state: int) -> None:
 
 
 def _same_reference(a: Results, b: Results, name: str, s: np.ndarray) -> None:
-    """Refuse a body whose reference differs; between their ends, elements only nearly lie on a curved one."""
+    """Raise ResultsError for a body whose reference differs, with a tolerance between the ends of curved elements."""
     one, two = a.body(name), b.body(name)
     lengths = [float(x.lengths[x.classes].sum()) for x in (one, two)]
     text = f"the reference geometry of '{name}' differs between '{a.path}' and '{b.path}': "
@@ -111,10 +111,10 @@ def _among(s: np.ndarray, ends: np.ndarray) -> np.ndarray:
 
 
 def _bulge(results: Results, body: BodyRecord) -> float:
-    """Return how far an element may leave the curve between its ends: half its length by the angle it turns."""
+    """Return the largest distance of an element from the curve between its ends: half its length times its turn."""
     lengths = body.lengths[body.classes]
     chords = np.diff(results.reference(body.name, body.arclength), axis=0)
-    if len(chords) == 1:  # no neighbour to turn from; its ends and its length say enough where it is straight
+    if len(chords) == 1:  # no neighbour, so no angle; ends and length suffice for a straight body
         return 0.5 * float(lengths[0])
     angles = np.unwrap(np.arctan2(chords[:, 1], chords[:, 0]))
     return 0.5 * float(lengths.max() * np.abs(np.diff(angles)).max())

@@ -1,4 +1,4 @@
-"""Fields over the bodies: stress, strain or energy density as colour, section forces along the axis as lines."""
+"""Fields over the bodies: stress, strain, energy density or contact as colour over the plane or the arc length."""
 
 from __future__ import annotations
 
@@ -44,15 +44,15 @@ from ancf2d.results.geometry import (
 )
 from ancf2d.results.obstacles import Obstacle, obstacles_of
 
-BARE = "0.82"  # bodies without the field: no colour of either map
+BARE = "0.82"  # bodies without the field: a colour that neither map has
 COLORS = "cividis"  # its lightness grows evenly: the same order in grey, and to colour-blind eyes
-SIGNED = "RdBu_r"  # white where there is nothing, red in tension, blue in compression
+SIGNED = "RdBu_r"  # white at zero, red in tension, blue in compression
 ACROSS = 9  # points drawn across a body
-LINE = 1e-6  # of half the height: stations that are closer are the two sides of a line between layers
-MAX_ELEMENTS = 2000  # drawn per body; of more, some
-FLAT = 0.025  # of the extent: a body that is thinner shows nothing of what is in it, and is drawn unrolled
-STRIPS = 6  # bodies that are drawn unrolled, one below the other; of more the figure would be too high
-# which is drawn where none is named
+LINE = 1e-6  # relative to half the height: stations closer than this are the two sides of an interface between layers
+MAX_ELEMENTS = 2000  # drawn per body; of more elements, a selection
+FLAT = 0.025  # relative to the extent: in a thinner body a field would be invisible, so it is drawn unrolled
+STRIPS = 6  # largest number of bodies drawn unrolled, one below the other; more would make the figure too high
+# order of preference if no field is named
 ORDER = ("stress", "strain", "energy", "plastic_strain", "pressure", "traction", "gap")
 
 
@@ -60,8 +60,8 @@ ORDER = ("stress", "strain", "energy", "plastic_strain", "pressure", "traction",
 class Surface:
     """One body with values: points (ne, nx, ny, 2) and values (ne, nx, ny); reference outline; arclength (ne, nx).
 
-    ``y`` (ne, nx, ny) are the points' distances from the axis, ``levels`` those of faces, axis and lines between
-    layers that are named, ``lines`` which of the ny points are at such a line.
+    ``y`` (ne, nx, ny) are the points' distances from the axis, ``levels`` the labelled y of faces, axis and interfaces
+    between layers, ``lines`` which of the ny points are at an interface.
     """
 
     name: str
@@ -75,11 +75,11 @@ class Surface:
 
     @property
     def height(self) -> float:
-        """Height of the highest section."""
+        """The height of the highest section."""
         return float(np.ptp(self.y, axis=-1).max())
 
     def along(self, unrolled: bool) -> np.ndarray:
-        """Return the points that are drawn: in the plane, or over arc length and distance from the axis."""
+        """Return the points to draw: in the plane, or over arc length and distance from the axis."""
         if not unrolled:
             return self.points
         return np.stack(np.broadcast_arrays(self.s[..., None], self.y), axis=-1)
@@ -102,7 +102,7 @@ class Fields:
     obstacles: list[Obstacle] = field(default_factory=list)
 
     def bounds(self) -> np.ndarray:
-        """Return lower left and upper right corner of what is drawn in the plane."""
+        """Return the lower left and upper right corner of the drawing in the plane."""
         if self.box is not None:
             return self.box
         points = [p.reshape(-1, 2) for s in self.surfaces for p in (s.points, s.reference.boundary)]
@@ -117,7 +117,7 @@ class Fields:
         return 6.4, float(np.clip(5.6 * height / width if width else 5.0, 1.4, 5.2)) + 2.0
 
     def range(self) -> tuple[float, float]:
-        """Return the values at both ends of the colours: evenly about zero where they may have either sign."""
+        """Return the values at both ends of the colours, symmetric about zero for fields of either sign."""
         if self.limits is not None:
             return self.limits
         known = np.concatenate([s.values[np.isfinite(s.values)] for s in self.surfaces])
@@ -152,7 +152,7 @@ class Fields:
                                     linestyle="--", linewidth=0.8))
         points = surface.along(self.unrolled)
         x, y, values = (v.reshape(-1, points.shape[2]) for v in (points[..., 0], points[..., 1], surface.values))
-        # element after element, with nothing between them; as an image within vector figures, where thousands of
+        # element after element, without gaps between them; rasterised within vector figures, where thousands of
         # triangles would be slow and show seams
         colors = SIGNED if low == -high else COLORS
         mesh = axes.pcolormesh(x, y, values, shading="gouraud", cmap=colors, vmin=low, vmax=high, rasterized=True,
@@ -209,14 +209,14 @@ def _surface(results: Results, name: str, record: FieldRecord, formula: Formula,
         across, over, y = even_weights(3, at), station_weights(0.5 * (1.0 + record.eta), at), heights * (at - 0.5)
         named = [-0.5 * float(heights.max()), 0.0, 0.5 * float(heights.max())]
     else:
-        # the stations are on both sides of each line between layers, where stresses jump
+        # the stations are on both sides of each interface between layers, where stresses jump
         y = 0.5 * record.eta * heights
         across, over = linear_weights(body.levels, y[0, 0]), np.eye(len(record.eta))
         named, lines = sorted(set(body.levels.tolist())), np.flatnonzero(np.diff(record.eta) < LINE).tolist()
     points = np.einsum("ya,aemc->emyc", across, results.levels(name, state, scale=scale, elements=some))
     stored = formula(results.field(name, record.name, state)[some])
     values = np.einsum("...xi,yj,...ij->...xy", weights_along(record, body.sample_xi, some), over, stored)
-    # polynomials overshoot: an energy would be negative where there is none
+    # polynomials overshoot, and could make a zero energy negative
     if np.isfinite(stored).any():
         values = np.clip(values, np.nanmin(stored), np.nanmax(stored))
     lengths = body.lengths[body.classes]
@@ -225,7 +225,7 @@ def _surface(results: Results, name: str, record: FieldRecord, formula: Formula,
 
 
 def _wanted(results: Results, wanted: str | None) -> str:
-    """Return the field that is drawn: the one asked for, else the first of ORDER that is stored over the height."""
+    """Return the name of the field to draw: the requested one, else the first of ORDER stored over the height."""
     known = list(dict.fromkeys(n for fields in results.fields.values() for n, f in fields.items() if len(f.eta) > 1))
     if wanted is None:
         return min(known, key=lambda n: ORDER.index(n) if n in ORDER else len(ORDER))
@@ -243,7 +243,7 @@ def fields(sources: Sequence[Source], *, field: str | None = None, component: st
 
     ``field``: stress, strain, energy, plastic_strain, pressure, traction or gap (default: the first that is stored);
     ``component``: xx, yy, xy, or mises of stress; ``unrolled``: over arc length and height instead of in the plane
-    (default: where bodies are thin).
+    (default: if bodies are thin).
     """
     results = sources[0].results
     check_state(results, state)

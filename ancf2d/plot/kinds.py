@@ -1,4 +1,4 @@
-"""The kinds of figure, how one is chosen, and how it is drawn."""
+"""The kinds of figure, the choice of one, and its drawing."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from ancf2d.plot.studies import FIT, HISTOGRAM, OPTIMISATION, SHARES, SWEEP, TOR
 from ancf2d.plot.style import Look, lay_out, plain_ticks, style
 from ancf2d.results import Results
 
-# the one place where a kind of figure is added
+# the only place where a kind of figure is added
 KINDS: dict[str, Kind] = {k.name: k for k in (
     SHAPE, FIELDS, SECTION_FORCES, CONTACT, STRESS_STRAIN, MOMENT_CURVATURE, SNAPSHOTS, HISTORY, LOAD_DEFLECTION,
     TRAJECTORY, PHASE, MODES, CAMPBELL, ROOT_LOCUS, BODE, NYQUIST, ENERGY, STEPS, DIFFERENCE, CONVERGENCE,
@@ -40,7 +40,7 @@ Input = Results | Sequence[Results] | Mapping[str, Results]
 
 @dataclass(frozen=True)
 class KindInfo:
-    """A kind as ``--list`` shows it: why a file cannot be drawn so (``missing``), whether it can be animated."""
+    """A kind for ``--list``: why a file cannot be drawn as this kind (``missing``), whether it can be animated."""
 
     name: str
     doc: str
@@ -58,7 +58,7 @@ def list_kinds(results: Results, files: int = 1) -> list[KindInfo]:
 
 
 def default_kind(results: Results) -> str:
-    """Return the kind that tells most about a file."""
+    """Return the most informative kind for a file."""
     for kind in (CONVERGENCE, TRADEOFF, HISTOGRAM, SWEEP, TORNADO, OPTIMISATION, FIT, BODE):
         if not kind.missing(results):
             return kind.name
@@ -73,7 +73,7 @@ def default_kind(results: Results) -> str:
 
 
 def default_animated(results: Results) -> str:
-    """Return the kind that is animated where none is named: modes where there are some, else the bodies."""
+    """Return the kind to animate if none is named: modes if there are some, else the bodies."""
     return SHAPE.name if MODES.missing(results) else MODES.name
 
 
@@ -89,7 +89,7 @@ def _near(name: str, known: Sequence[str]) -> str:
 
 
 def _sources(results: Input) -> list[Source]:
-    """Name the files of a figure by file name or whole path, and by element type where that differs."""
+    """Return the files with labels: file name or whole path, with the element types if these differ."""
     if isinstance(results, Results):
         return [Source("", results)]
     if isinstance(results, Mapping):
@@ -108,7 +108,7 @@ def _sources(results: Input) -> list[Source]:
 
 
 def _types(results: Results) -> str:
-    """Return the element types of a file, of its convergence table or, without one, of its bodies."""
+    """Return the element types in the table of a study or, without one, of the bodies."""
     table = results.tables.get("convergence", results.tables.get("tradeoff"))
     found = [b.element_type for b in results.bodies.values()] if table is None else map(str, table.get("element", []))
     return ", ".join(dict.fromkeys(found))
@@ -116,7 +116,7 @@ def _types(results: Results) -> str:
 
 def chosen_kind(results: Input, kind: str | None, options: Mapping[str, Any], animated: bool = False,
                 ) -> tuple[list[Source], Kind]:
-    """Return the files with their names and the kind that is meant; ResultsError where they do not go together."""
+    """Return the files with their labels and the chosen kind. Raises ResultsError if they do not go together."""
     sources = _sources(results)
     name = kind or (default_animated if animated else default_kind)(sources[0].results)
     if name not in KINDS:
@@ -144,13 +144,12 @@ def build(results: Input, kind: str | None = None, **options: Any) -> Picture:
 
 def draw(results: Input, kind: str | None = None, *, figure: Figure | None = None, title: str | None = None,
          look: Look | None = None, **options: Any) -> Figure:
-    """Draw one result file, or several overlaid in one axes, and return the figure.
+    """Draw one result file, or several overlaid in the same axes, and return the figure.
 
-    ``results``: open results, a list of them, or a mapping from label to results; ``kind``: a name
-    in KINDS (default: what tells most about the first file); ``options``: those of the kind;
-    ``figure``: an empty one to draw into; ``title``: instead of the case's; ``look``: its size, fonts, style file.
-    ResultsError where the kind is
-    unknown or the file lacks what it needs.
+    ``results``: open results, a list of them, or a mapping from label to results; ``kind``: a name in KINDS (default:
+    the most informative one for the first file); ``options``: those of the kind; ``figure``: an empty one to draw into;
+    ``title``: instead of the case's; ``look``: its size, fonts, style file. Raises ResultsError if the kind is unknown
+    or the file lacks what it needs.
     """
     picture = build(results, kind, **options)
     if title is not None:
@@ -159,7 +158,7 @@ def draw(results: Input, kind: str | None = None, *, figure: Figure | None = Non
 
 
 class ShownFigure(Figure):
-    """A figure that notebooks show by itself, without pyplot and magic commands."""
+    """A figure that notebooks show by themselves, without pyplot and magic commands."""
 
     def _repr_png_(self) -> bytes:
         with BytesIO() as stream:

@@ -23,11 +23,11 @@ from ancf2d.results.geometry import body_faces
 from ancf2d.results.obstacles import Obstacle, obstacles_of
 
 SHAPES = "modes/shapes"
-SHOWN = 12  # modes that are drawn unless asked for more
-LARGEST = 0.12  # of the model's extent: displacement to which a mode is magnified ...
+SHOWN = 12  # number of modes that are drawn by default
+LARGEST = 0.12  # relative to the model's extent: displacement to which a mode is magnified ...
 TURN = 0.6  # ... unless its sections would turn or stretch by more than this
 NO_BREAK = "\u00a0"
-PROBE = 1e-6  # size of the motion that the section's rates are read from
+PROBE = 1e-6  # size of the motion from which the rates of the sections are computed
 MAX_SECTIONS = 60  # cross-sections drawn per body
 MAX_POINTS = 2000  # elements drawn per body
 # one colour per kind, the same in every figure
@@ -38,7 +38,8 @@ COLORS = {"bending": 0, "axial": 1, "shear": 2, "thickness": 3, "mixed": 4, "rig
 class BodyShape:
     """One body: axis, top and bottom points (n, 2) in the reference and in the mode; drawn sections (k, 3, 2).
 
-    ``pieces``: boundaries of what is one surface, each element of its own: end faces of some types part.
+    ``pieces``: outlines to fill, one for each element, as the end faces of neighbours may separate; one for the whole
+    body if only some of its elements are drawn.
     """
 
     name: str
@@ -50,7 +51,7 @@ class BodyShape:
 
 @dataclass
 class Mode:
-    """One mode: its number in the file, what it is called, and its bodies."""
+    """One mode: its number in the file, its label, kind and bodies."""
 
     number: int
     label: str
@@ -73,7 +74,7 @@ class Modes:
     obstacles: list[Obstacle] = field(default_factory=list)
 
     def extent(self) -> np.ndarray:
-        """Return lower left and upper right corner of all modes: ``box`` where it is given."""
+        """Return the lower left and upper right corner of all modes, or ``box`` if it is given."""
         if self.box is not None:
             return self.box
         points = np.vstack([p for m in self.modes for b in m.bodies
@@ -96,7 +97,7 @@ class Modes:
         return each * columns, 0.6 + rows * (0.45 + 0.17 * lines + tall)
 
     def _title(self, mode: Mode) -> str:
-        """Return the label of a mode in lines that do not reach into the next column."""
+        """Return the label of a mode, broken into lines that fit into its column."""
         parts = mode.label.replace(" ", NO_BREAK).replace(f",{NO_BREAK}", ", ").replace(f"{NO_BREAK}(", " (")
         width = int(13 * 9.0 / max(self._grid[1], 2))
         return textwrap.fill(parts, width, break_long_words=False).replace(NO_BREAK, " ")
@@ -156,7 +157,7 @@ def _flat(faces: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _sections(body: BodyRecord, faces: dict[str, np.ndarray]) -> np.ndarray:
-    """Return bottom, axis and top (k, 3, 2) of sections at the ends of elements, between them too where few."""
+    """Return bottom, axis and top (k, 3, 2) of sections at the ends of elements, and in the middle of few."""
     ne, ns = faces["top"].shape[:2]
     columns = [0, ns // 2] if 2 * ne <= MAX_SECTIONS else [0]
     step = max(1, ne // MAX_SECTIONS)
@@ -167,7 +168,7 @@ def _sections(body: BodyRecord, faces: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def magnification(results: Results, base: np.ndarray, shape: np.ndarray, extent: float) -> float:
-    """Return the factor that makes a mode's largest displacement LARGEST of the extent, its sections turning little."""
+    """Return the factor that scales a mode's largest displacement to LARGEST of the extent, or less for rotations."""
     size = PROBE * extent / (float(np.abs(shape).max()) or 1.0)
     moved = turned = 0.0
     for body in results.bodies.values():
@@ -196,7 +197,7 @@ def _mode(results: Results, number: int, base: np.ndarray, shape: np.ndarray, fa
 
 
 def _label(results: Results, k: int) -> tuple[str, str]:
-    """Return what mode k is called, and its kind."""
+    """Return the label of mode k, and its kind."""
     table: Mapping[str, Any] = results.tables.get("modes", {})
     if "load_factor" in table:
         factor = f"load factor {table['load_factor'][k]:.6g}"
@@ -212,8 +213,7 @@ def _label(results: Results, k: int) -> tuple[str, str]:
 
 
 def _onset(table: Mapping[str, Any], k: int, time: str) -> list[str]:
-    """Return how the motion of load factor k begins to grow, in words; nothing where factors are of conservative loads.
-    """
+    """Return in words how the motion at load factor k becomes unstable; empty for conservative loads."""
     if "instability" not in table:
         return []
     omega = float(table["omega"][k])
@@ -221,7 +221,7 @@ def _onset(table: Mapping[str, Any], k: int, time: str) -> list[str]:
 
 
 def growing(table: Mapping[str, Any], k: int, time: str) -> list[str]:
-    """Return how mode k grows or decays, in words; nothing where it does neither."""
+    """Return in words how mode k grows or decays; empty if it does neither."""
     growth = float(table["growth"][k]) if "growth" in table else 0.0
     if not growth:
         return []
@@ -230,7 +230,7 @@ def growing(table: Mapping[str, Any], k: int, time: str) -> list[str]:
 
 
 def moving(sources: Sequence[Source], frames: int, *, first: int = 1, count: int = SHOWN) -> Iterator[Modes]:
-    """Yield one cycle of the modes, all in step."""
+    """Yield the pictures of one cycle of the modes, all in phase."""
     both = np.concatenate([_swung(sources, first, count, s).extent() for s in (-1.0, 1.0)])
     box = np.array([both.min(axis=0), both.max(axis=0)])
     for k in range(frames):
@@ -245,7 +245,7 @@ def modes(sources: Sequence[Source], *, first: int = 1, count: int = SHOWN) -> M
 
 
 def _swung(sources: Sequence[Source], first: int, count: int, swing: float) -> Modes:
-    """Return the grid of modes, swung out by a part (-1 to 1) of how far they are drawn."""
+    """Return the grid of modes with displacements times ``swing`` (-1 to 1). Raises ResultsError for other modes."""
     results = sources[0].results
     shapes = results.array(SHAPES)
     if not 1 <= int(first) <= len(shapes) or int(count) < 1:

@@ -1,4 +1,4 @@
-"""How a run went: energy, step sizes, and probe quantities against each other."""
+"""The course of a run: energy, step sizes, and probe quantities against each other."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from ancf2d.plot.curves import chosen_names, names_of, quantities_of
 from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
 from ancf2d.results import Results
 
-# what is there, what is lost, and what was put in: the first two less the last stay as they were at the start
+# energies stored, lost and supplied: stored + lost - supplied is constant
 HELD, LOST, GIVEN = ("kinetic", "strain", "potential"), ("dissipated",), ("work",)
-NEGLIGIBLE = 1e-9  # of the largest energy: a kind that never holds more is not drawn
+NEGLIGIBLE = 1e-9  # relative to the largest energy: kinds that stay below are not drawn
 MANY, THIN = 500, 0.8  # more steps than that are drawn in thin lines
-ROUND_OFF = 1e-18  # errors and violations below are none, and would stretch the axis
-BINS = 2000  # a curve of more points than twice this is drawn by the extremes in so many parts
+ROUND_OFF = 1e-18  # smaller errors and violations count as zero, and would stretch the axis
+BINS = 2000  # a curve with more than twice as many points is drawn by its extremes in this number of parts
 
 
 def thinned(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return a curve of many points by the smallest and largest value in each of ``BINS`` parts, in their order."""
+    """Return a curve of many points reduced to the smallest and largest value in each of ``BINS`` parts, in order."""
     if len(y) <= 2 * BINS:
         return t, y
     edges = np.linspace(0, len(y), BINS + 1).astype(int)[:-1]
@@ -41,20 +41,20 @@ def _energies(results: Results) -> dict[str, np.ndarray]:
 
 
 def balance(found: dict[str, np.ndarray]) -> np.ndarray:
-    """Return what is held and what was lost, less what was put in, less the same at the start."""
+    """Return the energy stored plus lost minus supplied, as its change since the start."""
     signs = {**dict.fromkeys((*HELD, *LOST), 1.0), **dict.fromkeys(GIVEN, -1.0)}
     total = np.sum([signs[name] * values for name, values in found.items()], axis=0)
     return total - total[0]
 
 
 def _scale(found: dict[str, np.ndarray]) -> float:
-    """Return the largest kinetic plus strain energy."""
+    """Return the largest sum of kinetic and strain energy."""
     held = [found[name] for name in ("kinetic", "strain") if name in found]
     return float(np.max(np.sum(held, axis=0), initial=0.0)) if held else 0.0
 
 
 def energy(sources: Sequence[Source]) -> Curves:
-    """Build the energies over time, and below them the balance, as a share of the largest kinetic plus strain."""
+    """Build the energies over time, and below them the balance relative to the largest kinetic plus strain energy."""
     first = sources[0].results
     axis = ("time", first.units.time)
     kinds = Panel(axis, ("energy", f"{first.units.force}*{first.units.length}"))
@@ -75,7 +75,7 @@ def energy(sources: Sequence[Source]) -> Curves:
 
 
 def _step_panels(results: Results) -> Iterator[tuple[str, Panel, np.ndarray]]:
-    """Yield the panels of step sizes, iterations, error and violation, as far as there is something to show."""
+    """Yield the panels of load factors, step sizes, iterations, error and violation that have something to show."""
     history = results.history
     axis = ("time", results.units.time) if "t" in history else ("step", "1")
     known = (("factor", "load factor", "1"), ("dt", "step size", results.units.time), ("iterations", "iterations", "1"),
@@ -112,7 +112,7 @@ def steps(sources: Sequence[Source]) -> Curves:
 
 
 def _given_up(source: Source, panels: dict[str, Panel]) -> None:
-    """Mark the steps before which longer ones were given up, on the step sizes."""
+    """Mark the steps that were repeated after a rejection, on the curves of load factors and step sizes."""
     history = source.results.history
     rejected = history.get("rejected")
     cut = history.get("cutbacks")
@@ -190,7 +190,7 @@ def trajectory(sources: Sequence[Source], *, probe: str | Sequence[str] | None =
 
 
 def _line(name: str, x: np.ndarray, y: np.ndarray) -> list[Curve]:
-    """Return a line with a ring at its start and a filled square at its end; both have one entry in the legend."""
+    """Return a line with a ring at its start and a filled square at its end; each has one entry in the legend."""
     ring = {"marker": "o", "markersize": 7, "markerfacecolor": "none", "markeredgewidth": 1.4, "linestyle": "none"}
     square = {"marker": "s", "markersize": 6, "linestyle": "none"}
     return [Curve(name, x, y, look={"marker": ""}), Curve(name, x[:1], y[:1], look={**ring, "label": "start"}),

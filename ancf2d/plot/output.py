@@ -1,4 +1,4 @@
-"""Figures and animations out: to a file, to a table of their data, to the screen."""
+"""Output of figures and animations: to a file, to a table of their data, to the screen."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ancf2d.plot.picture import Picture
 from ancf2d.plot.style import Look, lay_out, plain_ticks, style
 from ancf2d.results.target import MARK, replacing
 
-# without the moment of writing, equal figures are equal files
+# without the time of writing, equal figures give equal files
 _METADATA: dict[str, dict[str, Any]] = {
     "png": {"Software": MARK}, "svg": {"Creator": MARK, "Date": None}, "svgz": {"Date": None},
     "pdf": {"Creator": MARK, "CreationDate": None, "ModDate": None}, "ps": {"Creator": MARK}, "eps": {"Creator": MARK},
@@ -35,7 +35,7 @@ def _write(path: Path, content: bytes, force: bool) -> None:
 
 
 def _marked(suffix: str) -> dict[str, Any]:
-    """Return the options of ``savefig`` that make a file known as ancf2d's own."""
+    """Return the options of ``savefig`` that mark a file as made by ancf2d."""
     if suffix not in _PHOTOGRAPHS:
         return {"metadata": _METADATA.get(suffix)}
     from PIL.Image import Exif
@@ -48,7 +48,7 @@ def _marked(suffix: str) -> dict[str, Any]:
 def save(figure: Figure, path: str | os.PathLike[str], *, force: bool = False, look: Look | None = None) -> Path:
     """Write a figure in the format of the path's suffix; equal figures give equal bytes.
 
-    Raises ResultsError for an unknown suffix, and where the file was not made by ancf2d, unless ``force``.
+    Raises ResultsError for an unknown suffix, and if the file was not made by ancf2d, unless ``force``.
     """
     path = Path(path)
     suffix = path.suffix.lower().lstrip(".")
@@ -66,9 +66,9 @@ def save(figure: Figure, path: str | os.PathLike[str], *, force: bool = False, l
 
 def data_csv(results: Input, path: str | os.PathLike[str], kind: str | None = None,
              *, force: bool = False, **options: Any) -> Path:
-    """Write what ``draw`` draws as a CSV table with units in its header, at full precision.
+    """Write the data that ``draw`` draws as a CSV table with units in its header, at full precision.
 
-    Raises ResultsError where the file was not made by ancf2d, unless ``force``.
+    Raises ResultsError if the file was not made by ancf2d, unless ``force``.
     """
     picture = build(results, kind, **options)
     stream = io.StringIO(newline="")
@@ -80,7 +80,7 @@ def data_csv(results: Input, path: str | os.PathLike[str], kind: str | None = No
 
 
 def show(results: Input, kind: str | None = None, **options: Any) -> None:
-    """Draw on the screen and wait until the window is closed; ResultsError without a display."""
+    """Draw on the screen and wait until the window is closed. Raises ResultsError without a display."""
     import matplotlib.pyplot as plt
     from matplotlib.backends import BackendFilter, backend_registry
 
@@ -92,7 +92,7 @@ def show(results: Input, kind: str | None = None, **options: Any) -> None:
 
 
 class _Gif(PillowWriter):
-    """Matplotlib's writer of GIF files, with the comment that they are ancf2d's own."""
+    """Matplotlib's writer of GIF files, with a comment that marks them as made by ancf2d."""
 
     def finish(self) -> None:
         """Write all frames."""
@@ -102,17 +102,17 @@ class _Gif(PillowWriter):
 
 
 class _Mp4(FFMpegWriter):
-    """Matplotlib's writer of MP4 files, with the comment that they are ancf2d's own."""
+    """Matplotlib's writer of MP4 files, with a comment that marks them as made by ancf2d."""
 
     def __init__(self, fps: int) -> None:
         super().__init__(fps, metadata={"comment": MARK})
 
 
-# the one place where a format is added
+# the only place where a format is added
 WRITERS: dict[str, type[_Gif] | type[_Mp4]] = {".gif": _Gif, ".mp4": _Mp4}
 FRAMES, RATE, DPI = 60, 20, 100
 MORE_DIGITS = 6
-SMALLEST = 2  # frames that make an animation
+SMALLEST = 2  # smallest number of frames of an animation
 
 
 def _writer(path: Path, fps: int) -> AbstractMovieWriter:
@@ -127,7 +127,7 @@ def _writer(path: Path, fps: int) -> AbstractMovieWriter:
 
 def frames(results: Input, kind: str | None = None, *, length: int = FRAMES, title: str | None = None,
            **options: Any) -> Iterator[Picture]:
-    """Yield the pictures of an animation, all with the same axes; see ``animate``."""
+    """Yield the pictures of an animation, all with the same axes; see ``animate``. Raises ResultsError."""
     sources, chosen = chosen_kind(results, kind, options, animated=True)
     if chosen.frames is None:
         moving = ", ".join(k.name for k in KINDS.values() if k.frames is not None)
@@ -144,8 +144,8 @@ Place = tuple[Bbox, tuple[float, float], tuple[float, float]]
 
 
 def _lay_out(figure: Figure, picture: Picture) -> list[Place]:
-    """Draw a picture and return where its axes are, and their limits, which are those of all pictures."""
-    # later times may have more digits, and a title may need one more line for them
+    """Draw a picture and return the positions and limits of its axes, which are used for all pictures."""
+    # later times may have more digits, which may need one more line in the title
     note = getattr(picture, "note", None)
     if note is not None:
         vars(picture)["note"] = f"{note}{'0' * MORE_DIGITS}"
@@ -158,7 +158,7 @@ def _lay_out(figure: Figure, picture: Picture) -> list[Place]:
 
 
 def _drawn(figure: Figure, picture: Picture, places: Sequence[Place]) -> None:
-    """Draw a picture with its axes where those of all are."""
+    """Draw a picture with its axes at the given positions and limits."""
     figure.clear()
     picture.render(figure)
     plain_ticks(figure)
@@ -171,10 +171,10 @@ def _drawn(figure: Figure, picture: Picture, places: Sequence[Place]) -> None:
 def animate(results: Input, path: str | os.PathLike[str], kind: str | None = None, *, length: int = FRAMES,
             fps: int = RATE, title: str | None = None, look: Look | None = None, force: bool = False,
             done: Callable[[float], None] = lambda share: None, **options: Any) -> Path:
-    """Write an animation of ``length`` frames at most, ``fps`` of them a second, as .gif or (with ffmpeg) .mp4.
+    """Write an animation of at most ``length`` frames, ``fps`` per second, as .gif or (with ffmpeg) .mp4.
 
-    States are evenly spaced in time. ``done`` is told the share of the frames that are drawn. Raises ResultsError where
-    the kind stands still, where the file cannot be written, and where it was not made by ancf2d, unless ``force``.
+    States are evenly spaced in time. ``done`` is called with the fraction of the frames drawn. Raises ResultsError if
+    the kind cannot be animated, if the file cannot be written, and if it was not made by ancf2d, unless ``force``.
     """
     path = Path(path)
     writer, pictures = _writer(path, fps), list(frames(results, kind, length=length, title=title, **options))

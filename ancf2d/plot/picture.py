@@ -1,4 +1,4 @@
-"""Pictures as plain values: what is drawn is also what is exported."""
+"""Pictures as plain values: the same data are drawn and exported."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from matplotlib.ticker import LogLocator
 from ancf2d.plot import style
 from ancf2d.results import Results
 
-MAX_MARKERS = 60  # points of a line that are all marked; more would merge
-FEW_MARKERS = 12  # of such a line, so that it can be told from others in grey
-FLAT = 1e-9  # of the largest value: a range below it is round-off
+MAX_MARKERS = 60  # longest line with a marker at each point; more would merge
+FEW_MARKERS = 12  # markers on a longer line, so that lines differ also in grey
+FLAT = 1e-9  # relative to the largest value: a smaller range is round-off
 
 
 @dataclass(frozen=True)
 class Source:
-    """One result file in a figure and the name that it goes by there (empty if it is alone)."""
+    """One result file in a figure and its label there (empty if it is alone)."""
 
     label: str
     results: Results
 
     def name(self, text: str) -> str:
-        """Return the name of something of this file."""
+        """Return a name for an item of this file, with the file's label."""
         return f"{self.label}: {text}" if self.label and text else self.label or text
 
 
 def common_title(sources: Sequence[Source]) -> str:
-    """Return the title of all files: where they differ, what they begin with in common, up to a comma or colon."""
+    """Return the title of all files, or if they differ their common beginning, up to a comma or colon."""
     parts = [re.split(r"(?<=[,:;])\s+", s.results.title) for s in sources]
     same = list(itertools.takewhile(lambda column: len(set(column)) == 1, zip(*parts, strict=False)))
     whole = all(len(p) == len(same) for p in parts)
-    # 'beam,' and 'beam' begin alike
+    # 'beam,' and 'beam' have the same beginning
     ends = {p[len(same)].rstrip(",:;") if len(p) > len(same) else "" for p in parts}
     text = " ".join([column[0] for column in same] + (list(ends) if len(ends) == 1 else []))
     return text if whole else text.rstrip(" ,:;")
@@ -62,7 +62,7 @@ class Picture(Protocol):
         """Return the names of the data's columns, with units."""
 
     def rows(self) -> Iterator[Sequence[Any]]:
-        """Yield the rows of the data that are drawn."""
+        """Yield the rows of the drawn data."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,8 @@ class Kind:
 
     ``missing(results)`` says in words what a file lacks for it (empty: nothing);
     ``build(sources, **options)`` makes the picture; its keyword arguments are the kind's options.
-    ``frames(sources, count, **options)`` yields the pictures of an animation, None where the kind stands still.
-    ``single``: it is drawn from one file at a time; ``least``: from so many together.
+    ``frames(sources, count, **options)`` yields the pictures of an animation, None if the kind cannot be animated.
+    ``single``: it is drawn from one file at a time; ``least``: the smallest number of files.
     """
 
     name: str
@@ -85,7 +85,7 @@ class Kind:
 
 
 def lacking(table: str, columns: Sequence[str], said: str) -> Callable[[Results], str]:
-    """Return what says ``said`` of files that lack a table, some of its columns, or rows; see ``Kind.missing``."""
+    """Return a ``Kind.missing`` that returns ``said`` for files without a table, some of its columns, or rows."""
     def missing(results: Results) -> str:
         found = results.tables.get(table)
         return "" if found is not None and set(columns) <= set(found) and found.rows else said
@@ -94,10 +94,7 @@ def lacking(table: str, columns: Sequence[str], said: str) -> Callable[[Results]
 
 @dataclass
 class Curve:
-    """One line: its name, and x and y (n,); ``look`` is how it is drawn where that is not as usual.
-
-    ``texts`` stand beside its points.
-    """
+    """One line: its name, and x and y (n,); ``look`` changes its style, ``texts`` are written next to its points."""
 
     name: str
     x: np.ndarray
@@ -109,14 +106,14 @@ class Curve:
 
 @dataclass(frozen=True)
 class Triangle:
-    """What an order looks like on logarithmic axes: from ``x[0]`` to ``x[1]``, a little below ``y`` at the first."""
+    """The slope of an order on logarithmic axes: from ``x[0]`` to ``x[1]``, a little below ``y`` at the first."""
 
     x: tuple[float, float]
     y: float
     order: int
 
     def draw(self, axes: Axes) -> None:
-        """Draw the triangle with its order beside it."""
+        """Draw the triangle with its order next to it."""
         top = 0.45 * self.y
         bottom = top * (self.x[1] / self.x[0]) ** -self.order
         axes.fill((self.x[0], self.x[1], self.x[0]), (top, bottom, bottom), facecolor="0.93", edgecolor="0.45",
@@ -127,9 +124,11 @@ class Triangle:
 
 @dataclass
 class Panel:
-    """One axes with its curves; ``log``: its y axis is logarithmic; ``whole``: it counts something; ``equal``: x and y
-    have one scale; ``zero``: where y is zero is drawn too; ``bars`` are the x of vertical lines; ``triangles`` show
-    orders of convergence."""
+    """One axes with its curves.
+
+    ``log``: logarithmic y axis; ``whole``: whole numbers on y; ``equal``: one scale for x and y; ``zero``: draw the
+    line y = 0; ``bars``: x of vertical lines; ``triangles`` show orders of convergence.
+    """
 
     x: tuple[str, str]
     y: tuple[str, str]
@@ -143,17 +142,17 @@ class Panel:
 
 
 def _column(axis: tuple[str, str]) -> str:
-    """Return how a table names the quantity on an axis."""
+    """Return the name of the quantity on an axis as a column of a table."""
     name, units = axis
     return f"{name} [{units}]" if units not in ("", "1") else name
 
 
 @dataclass
 class Curves:
-    """A picture of lines, in panels one above the other or, sharing y or nothing, side by side.
+    """A picture of lines, in panels one above the other or, if they share y or nothing, side by side.
 
-    ``log_base``: of the x axis where it is logarithmic, else 0; ``log_y``: whether all y axes are. Values below
-    ``floor`` are not drawn on a logarithmic axis.
+    ``log_base``: base of a logarithmic x axis, else 0; ``log_y``: all y axes are logarithmic. Values below ``floor``
+    are not drawn on a logarithmic axis.
     """
 
     title: str
@@ -207,11 +206,11 @@ class Curves:
 
     def _curve(self, axes: Axes, curve: Curve, names: list[str], log: bool,
                handles: dict[tuple[str, bool], Any]) -> None:
-        """Draw one line, and put its entry of the legend into ``handles``: by its text, and whether many share it."""
+        """Draw one line, and add its legend entry to ``handles``, by its text and whether several lines share it."""
         number = names.index(curve.name)
         looks = style.line_style(number)
         if len(curve.x) > MAX_MARKERS:
-            # each line begins elsewhere, so that markers of two that agree do not hide each other
+            # each line has its markers at other points, so that those of equal lines do not hide each other
             each = len(curve.x) // FEW_MARKERS
             looks["markevery"] = (number * each // 3 % each, each)
             looks["marker"] = looks["marker"] if len(names) > 1 else ""
@@ -223,7 +222,7 @@ class Curves:
         if marks is None:
             handles[name, False] = line
         elif not marks.startswith("_"):
-            # one entry for all lines, in a colour that none of them has
+            # one entry for all lines, in a neutral colour
             handles.setdefault((marks, True), Line2D([], [], **{**looks, "color": "0.25"}))
         for x, height, text in zip(curve.x, y, curve.texts, strict=False):
             axes.annotate(text, (x, height), (5, 5), textcoords="offset points", fontsize="small", zorder=6,
@@ -233,7 +232,7 @@ class Curves:
         if self.log_base:
             axes.set_xscale("log", base=self.log_base)
             axes.xaxis.set_major_formatter("{x:g}")
-            if self.log_base == 10:  # labels at 2 and 5 too, and at no others: they would run into each other
+            if self.log_base == 10:  # labels at 2 and 5 too; more would overlap
                 axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
                 axes.xaxis.set_minor_formatter("{x:g}")
         if self.log_y or panel.log:
@@ -247,7 +246,7 @@ class Curves:
 
     @staticmethod
     def _room(axes: Axes, panel: Panel) -> None:
-        """Give y a range where its values are the same but for round-off: ticks would all show one number."""
+        """Widen the range of y if its values agree to round-off, since all ticks would show the same number."""
         values = np.concatenate([c.y[np.isfinite(c.y)] for c in panel.curves] or [np.empty(0)])
         if values.size and np.ptp(values) <= FLAT * np.abs(values).max():
             half = 1.0 if panel.whole else 0.05 * float(np.abs(values).max()) or 1.0
@@ -255,14 +254,14 @@ class Curves:
 
     @staticmethod
     def _labels(axes: Axes, panel: Panel) -> None:
-        """Label both axes; those of short times count in ms or µs."""
+        """Label both axes; short times are shown in ms, µs or ns."""
         for k, axis, (name, units), show in (("x", axes.xaxis, panel.x, axes.set_xlabel),
                                              ("y", axes.yaxis, panel.y, axes.set_ylabel)):
             values = [np.abs(v[np.isfinite(v)]).max(initial=0.0) for v in (getattr(c, k) for c in panel.curves)]
             shown, factor = style.time_unit(units, max(values, default=0.0))
             if factor != 1.0:
                 style.in_unit(axis, factor)
-                if k == "x" and axis.get_scale() == "log":  # the only one whose minor ticks have numbers
+                if k == "x" and axis.get_scale() == "log":  # the only axis whose minor ticks have numbers
                     style.in_unit(axis, factor, minor=True)
             style.verbatim(show(style.label(name, shown)))
 
@@ -274,7 +273,7 @@ class Curves:
         return list(dict.fromkeys(_column(axis) for panel in self.panels for axis in (panel.x, panel.y)))
 
     def rows(self) -> Iterator[Sequence[Any]]:
-        """Yield the points of all curves; marks of their ends, which are points of theirs, are left out."""
+        """Yield the points of all curves, except the marks of their ends, which repeat points."""
         columns = self._columns()
         for panel in self.panels:
             x_at, y_at = (columns.index(_column(axis)) for axis in (panel.x, panel.y))

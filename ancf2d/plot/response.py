@@ -12,16 +12,16 @@ from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
 from ancf2d.results import Results
 from ancf2d.results.responses import smooth, spacing
 
-# default of what is drawn, and frequencies from which axes are logarithmic: highest beside lowest
+# default quantities, and the ratio of highest to lowest frequency from which axes are logarithmic
 DISPLACEMENTS, FORCES, DECADE = ("ux", "uy"), ("N", "Q", "M"), 10.0
 # name, family, units, frequencies and complex amplitudes
 Found = tuple[str, str, str, np.ndarray, np.ndarray]
 
 
 def _responses(source: Source, inputs: list[str], probes: list[str], quantities: list[str]) -> Iterator[Found]:
-    """Yield the responses that were asked for, by default displacements that are not negligible.
+    """Yield the requested responses, by default the displacements that are not negligible.
 
-    Where no probe moves, they are section forces, as at a clamp.
+    If no probe moves, as at a clamp, the default is section forces.
     """
     table, file = source.results.tables["response"], source.results.path
     names = [tuple(column[:-len(".re")].rsplit(".", 2)) for column in table if column.endswith(".re")]
@@ -52,7 +52,7 @@ def bode(sources: Sequence[Source], *, input: str | Sequence[str] | None = None,
     for source in sources:
         for name, family, units, hz, H in _responses(source, names_of(input), names_of(probe), quantities_of(quantity)):
             panel = panels.setdefault(family, Panel(x, (f"amplitude of {family}", units)))
-            # zero has no place on a logarithmic axis
+            # zero cannot be drawn on a logarithmic axis
             panel.log |= bool(np.abs(H).any())
             panel.curves.append(Curve(name, hz, np.abs(H)))
             phase.curves.append(Curve(name, hz, np.degrees(np.unwrap(np.angle(H)))))
@@ -80,12 +80,12 @@ BODE = Kind("bode", "amplitude and phase of probes over the frequency", _missing
 NYQUIST = Kind("nyquist", "response of probes in the complex plane", _missing, nyquist)
 
 
-# excitation once, twice and three times a turn
+# excitation once, twice and three times per revolution
 ORDERS = (1, 2, 3)
 EXCITATION = {"color": "0.55", "linewidth": 0.9, "marker": ""}
-DASHES = ("--", ":", "-.")  # of the orders: numbers beside their ends would run into each other under high frequencies
+DASHES = ("--", ":", "-.")  # of the orders; numbers at their ends would overlap
 POINTS = {"linestyle": "none", "marker": ".", "markersize": 3, "markevery": 1}
-# frequencies beyond this multiple of the highest critical one are not drawn
+# frequencies above this multiple of the highest critical one are not drawn
 HIGHEST = 6.0
 CRITICAL = {"linestyle": "none", "marker": "o", "markersize": 6, "markerfacecolor": "none", "markevery": 1}
 
@@ -97,7 +97,7 @@ def speed(results: Results) -> float:
 
 
 def campbell(sources: Sequence[Source]) -> Curves:
-    """Build a line for each mode, known by its kind and number, over the speeds of the files."""
+    """Build a line for each mode, identified by kind and number, over the speeds of the files."""
     time = sources[0].results.units.time
     panel = Panel(("speed of rotation", f"rad/{time}"), ("frequency omega", f"rad/{time}"))
     lines: dict[str, list[tuple[float, float]]] = {}
@@ -126,7 +126,7 @@ CAMPBELL = Kind("campbell", "frequencies over the speed of rotation, a file for 
 
 
 def root_locus(sources: Sequence[Source]) -> Curves:
-    """Build the parts of the eigenvalues over the load factor; rings mark where motions begin to grow."""
+    """Build the imaginary and real parts of the eigenvalues over the load factor; rings mark the onset of growth."""
     time = sources[0].results.units.time
     omega = Panel(("load factor", "1"), ("frequency omega", f"rad/{time}"))
     growth = Panel(("load factor", "1"), ("growth rate", f"1/{time}"), zero=True)

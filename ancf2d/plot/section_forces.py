@@ -21,17 +21,17 @@ from ancf2d.results.symbols import Symbol, symbols_of
 
 FORCES = ("N", "Q", "M")
 NAMES = {"N": "axial force N", "Q": "shear force Q", "M": "bending moment M"}
-LARGEST = 0.2  # of the extent of the bodies: how far from the axis the largest value is drawn
-STRAIGHT = 1e-9  # of the extent: an axis that leaves its chord by no more is straight
-LINES = 40  # across the diagrams of all bodies, as in textbooks
+LARGEST = 0.2  # relative to the extent of the bodies: distance from the axis at which the largest value is drawn
+STRAIGHT = 1e-9  # relative to the extent: an axis that deviates from its chord by less is straight
+LINES = 40  # number of lines across the diagrams of all bodies, as in textbooks
 
 
 @dataclass
 class Diagram:
     """One quantity on one body: arc length and values (n,), the axis (n, 2) and its normals (n, 2).
 
-    ``known`` (n,) tells which values are the file's; the others are between them, at the ends of elements, where the
-    axis may have a corner. ``whole`` (k, 2) is the axis from end to end.
+    ``known`` (n,) is true for values of the file; the others are interpolated at the ends of elements, where the axis
+    may have a corner. ``whole`` (k, 2) is the axis from end to end.
     """
 
     body: str
@@ -49,7 +49,7 @@ class Diagram:
 
 @dataclass
 class Diagrams:
-    """The picture of N, Q and M on the bodies of one file, each in axes of its own."""
+    """The picture of N, Q and M on the bodies of one file, each in its own axes."""
 
     title: str
     note: str
@@ -59,7 +59,7 @@ class Diagrams:
     obstacles: list[Obstacle]
 
     def _scale(self, name: str, diagrams: list[Diagram]) -> float:
-        """Return how far from the axis a value of one is drawn: towards y, but M on the side in tension."""
+        """Return the distance from the axis per unit of a value: towards y, but for M towards the side in tension."""
         extent = float(np.hypot(*np.ptp(bounds([d.whole for d in diagrams]), axis=0)))
         top = max(float(np.abs(d.values).max(initial=0.0)) for d in diagrams)
         return (-1.0 if name == "M" else 1.0) * LARGEST * extent / top if top else 0.0
@@ -116,7 +116,7 @@ class Diagrams:
 
     @staticmethod
     def _extremes(axes: Axes, diagrams: list[Diagram], scale: float) -> None:
-        """Write the largest and the smallest value beside the diagram."""
+        """Write the largest and the smallest value next to the diagram."""
         everything = [(float(d.values[i]), d.line(scale)[i]) for d in diagrams
                       for i in (int(d.values.argmax()), int(d.values.argmin()))]
         top = max(abs(v) for v, _ in everything)
@@ -124,7 +124,7 @@ class Diagrams:
         ends = {v: place for v, place in (max(everything, key=lambda e: e[0]), min(everything, key=lambda e: e[0]))}
         for value, place in ends.items():
             if abs(value) > 1e-3 * top:
-                # towards the middle: beyond the axes there are other things
+                # towards the middle, since there are other things beyond the axes
                 side = 1 if place[0] <= middle else -1
                 axes.annotate(f"{value:.4g}", place, (3 * side, 3), textcoords="offset points", fontsize="small",
                               ha="left" if side > 0 else "right", zorder=5,
@@ -143,19 +143,19 @@ class Diagrams:
 
 
 def _diagram(results: Results, body: str, name: str, state: int) -> Diagram:
-    """Return one quantity along one body, its axis in the reference."""
+    """Return one quantity along one body, with its axis in the reference."""
     record, at = results.fields[body][name], results.body(body)
     lengths = at.lengths[at.classes][:, None]
     starts = np.cumsum(lengths)[:, None] - lengths
     xi = np.broadcast_to(record.xi, (len(lengths), record.xi.shape[-1]))
-    # where the stations are within the elements, the ends of these too: a corner may be there
+    # if the stations are within the elements, also the ends of elements, since a corner may be there
     ends = xi[:, :1] > 0.0
     xi = np.hstack([np.zeros_like(ends, float), xi, np.ones_like(ends, float)])
     known = np.hstack([np.zeros_like(ends), np.ones_like(xi[:, 1:-1], bool), np.zeros_like(ends)])
     s, stored = starts + lengths * xi, results.field(body, name, state)[..., 0, 0].ravel()
     kept = known | ends
     kept[0, 0] = kept[-1, -1] = False
-    # a little inside of each element: at a corner, each side has its own normal
+    # slightly inside each element: at a corner, each side has its own normal
     inner = [(starts + lengths * np.clip(xi + step, 0.0, 1.0))[kept] for step in (-0.01, 0.01)]
     a, b = (results.reference(body, np.clip(v / lengths.sum(), 0.0, 1.0)) for v in inner)
     tangents = (b - a) / np.maximum(np.linalg.norm(b - a, axis=1), 1e-300)[:, None]
@@ -172,6 +172,7 @@ def section_forces(sources: Sequence[Source], *, quantity: str | Sequence[str] |
 
     ``unrolled``: over the arc length in the reference, bodies one after the other, instead of on the bodies (default:
     for one straight body, and for several files). Without ``symbols``, supports and loads are not drawn on the bodies.
+    Raises ResultsError.
     """
     asked = quantities_of(quantity) or list(FORCES)
     for name in asked:
@@ -211,7 +212,7 @@ def _straight(axis: np.ndarray) -> bool:
 
 
 def _over_length(drawn: dict[str, list[tuple[Source, Diagram, str]]], first: Results) -> list[Panel]:
-    """Return a panel of each quantity over the arc length; each body begins where the one before it has ended."""
+    """Return a panel of each quantity over the arc length; each body begins where the previous one ends."""
     begins: dict[str, float] = {}
     end = 0.0
     for entries in drawn.values():
@@ -231,7 +232,7 @@ def _over_length(drawn: dict[str, list[tuple[Source, Diagram, str]]], first: Res
 
 
 def _flatten(drawn: dict[str, list[tuple[Source, Diagram, str]]]) -> None:
-    """Draw as zero what is round-off beside the other forces: its axis would show noise."""
+    """Set quantities to zero that are round-off relative to the others, since their axes would show noise."""
     length = max(float(d.s.max()) for entries in drawn.values() for _, d, _ in entries)
     sizes = {name: max(float(np.abs(d.values).max()) for _, d, _ in entries) / (length if name == "M" else 1.0)
              for name, entries in drawn.items()}

@@ -1,4 +1,4 @@
-"""Bodies as they stand, at one moment or several: the deformed shape with its true section."""
+"""Deformed bodies with their true sections, at one time or several."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ from ancf2d.results import Results
 from ancf2d.results.obstacles import Obstacle, obstacles_of
 from ancf2d.results.symbols import Symbol, symbols_of
 
-MAX_NODES = 80  # marked nodes per body; more would merge into a line
-MAX_ENTRIES = 16  # bodies of a file that the legend names; the colours of more repeat, with one entry for all
-HATCHES = (None, "////", "....", "xxxx")  # of the second seven bodies, the third, ...
+MAX_NODES = 80  # largest number of marked nodes per body; more would merge into a line
+MAX_ENTRIES = 16  # bodies of a file named in the legend; the colours of more repeat, with one entry for all
+HATCHES = (None, "////", "....", "xxxx")  # for the second seven bodies, the third, ...
 
 
 @dataclass
 class Part:
-    """One body of one file (numbered from 0) in the picture; ``entry`` is what the legend calls it."""
+    """One body of one file (numbered from 0) in the picture; ``entry`` is its name in the legend."""
 
     name: str
     file: int
@@ -67,7 +67,7 @@ class Shape:
     obstacles: list[Obstacle] = field(default_factory=list)
 
     def _bounds(self) -> np.ndarray:
-        """Return lower left and upper right corner: of ``box`` where it is given, else of what is drawn."""
+        """Return the lower left and upper right corner of ``box`` if it is given, else of the drawing."""
         if self.box is not None:
             return self.box
         return with_obstacles(bounds([o.boundary for p in self.parts for o in (p.reference, p.deformed) if o]),
@@ -84,7 +84,7 @@ class Shape:
         axes = figure.subplots()
         handles: dict[str, Any] = {}
         last = self.parts[-1].file
-        # files that nearly agree would hide each other: the first ones have wider lines
+        # files that nearly agree would hide each other, so the first ones have wider lines
         fill, step = (0.1, min(0.7, 1.5 / last)) if last else (0.35, 0.0)
         for i, part in enumerate(self.parts):
             self._reference(axes, part)
@@ -142,7 +142,7 @@ class Shape:
 
 
 def _marked(part: Part) -> np.ndarray:
-    """Return the nodes that are marked: none where they would hide the body."""
+    """Return the nodes to mark, none if they would hide the body."""
     shape = part.deformed
     few = shape is not None and len(shape.nodes) <= MAX_NODES and part.entry == part.name
     return shape.nodes if shape is not None and few else np.empty((0, 2))
@@ -151,9 +151,9 @@ def _marked(part: Part) -> np.ndarray:
 def shape(sources: Sequence[Source], *, scale: float | str = "auto", state: int = -1, symbols: bool = True) -> Shape:
     """Build the deformed bodies over their reference.
 
-    ``scale`` magnifies displacements (auto: only where they would be invisible), ``state`` counts
-    the stored states, negative from the end. Without ``symbols``, supports, loads, joints, springs and masses are not
-    drawn; they are those of the first file.
+    ``scale`` magnifies displacements (auto: only if they would be invisible), ``state`` counts the stored states,
+    negative from the end. ``symbols`` of supports, loads, joints, springs and masses are those of the first file; False
+    leaves them out.
     """
     with_states = [s for s in sources if s.results.nt]
     for source in with_states:
@@ -186,7 +186,7 @@ def _note(sources: Sequence[Source], state: int, factor: float) -> str:
 
 def moving(sources: Sequence[Source], count: int, *, scale: float | str = "auto", symbols: bool = True,
            ) -> Iterator[Shape]:
-    """Yield the bodies in at most ``count`` states of the first file, the others at the nearest times."""
+    """Yield the bodies in at most ``count`` states of the first file, other files at the nearest times."""
     for source in sources:
         if not source.results.nt:
             raise ResultsError(f"'{source.results.path}' holds no states")
@@ -213,14 +213,14 @@ def moving(sources: Sequence[Source], count: int, *, scale: float | str = "auto"
 SHAPE = Kind("shape", "deformed bodies with their sections, over the reference", no_bodies, shape, moving)
 
 
-MAX_TICKS = 10  # moments that are named below the bar of colours
-COUNT = 8  # moments that are drawn unless more are asked for
-DARK, LIGHT = 0.0, 0.86  # part of the colour map that is used: paler would be lost on white
+MAX_TICKS = 10  # largest number of times labelled below the colour bar
+COUNT = 8  # default number of moments
+DARK, LIGHT = 0.0, 0.86  # part of the colour map that is used: paler colours would be lost on white
 
 
 @dataclass
 class Moment:
-    """All bodies of one file at one time or load factor; ``symbols`` of what moves along them."""
+    """All bodies of one file at one time or load factor; ``symbols`` of items that move along them."""
 
     label: str
     t: float
@@ -273,7 +273,7 @@ class Snapshots:
             style.legend(figure, list(handles.values()), list(handles))
 
     def _bar(self, figure: Figure, axes: Axes, shades: np.ndarray, labels: list[str]) -> None:
-        """Put a bar below the axes with the colour and the time of each moment."""
+        """Add a colour bar below the axes, with the colour and the time of each moment."""
         colors = ScalarMappable(BoundaryNorm(np.arange(len(labels) + 1) - 0.5, len(labels)),
                                 ListedColormap(shades[:len(labels)]))
         bar = figure.colorbar(colors, ax=axes, location="bottom", aspect=40, fraction=0.06, pad=0.04)
@@ -304,7 +304,7 @@ def _times(text: str) -> list[float]:
 
 
 def _states(results: Results, at: str | None, count: int) -> list[int]:
-    """Return the states that are nearest to the times, or ``count`` evenly spaced in time."""
+    """Return the states nearest to the times ``at``, or ``count`` evenly spaced ones. Raises ResultsError."""
     t = results.t
     wanted = np.linspace(t[0], t[-1], count) if at is None else np.array(_times(at))
     span = float(np.ptp(t)) or 1.0
@@ -312,7 +312,7 @@ def _states(results: Results, at: str | None, count: int) -> list[int]:
         if not t.min() - 1e-6 * span <= value <= t.max() + 1e-6 * span:
             raise ResultsError(f"'{results.path}' holds states from {t.min():.6g} to {t.max():.6g}, "
                                f"none at {value:.6g}")
-    if at is None and np.any(np.diff(t) <= 0):  # a path that turns back: count states instead
+    if at is None and np.any(np.diff(t) <= 0):  # a path that turns back: evenly spaced by number instead
         return list(dict.fromkeys(np.linspace(0, len(t) - 1, count).round().astype(int).tolist()))
     return list(dict.fromkeys(int(np.argmin(np.abs(t - value))) for value in wanted))
 
@@ -321,8 +321,8 @@ def snapshots(sources: Sequence[Source], *, at: str | None = None, count: int = 
               scale: float | str = "auto") -> Snapshots:
     """Build the bodies at several moments.
 
-    ``at``: times or load factors with commas between them (the nearest stored states are drawn), else ``count`` evenly
-    spaced ones.
+    ``at``: times or load factors with commas between them (the nearest stored states are drawn); without it, ``count``
+    evenly spaced states. Raises ResultsError.
     """
     if int(count) < 1:
         raise ResultsError(f"at least one instant must be drawn, not {count}")

@@ -1,4 +1,4 @@
-"""Figures of studies: sweeps and their samples, influence of numbers, optimisations, and fits beside their data."""
+"""Figures of studies: sweeps and their samples, influence of numbers, optimisations, and fits with their data."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
 from ancf2d.results import Results, Table
 from ancf2d.results.records import short_names
 
-# of its size: the change of each number that the bars show
+# relative change of each number that the bars show
 CHANGE = 0.01
 FIRST = ("evaluation", "minimised", "missed")
 FITTED_OVER = {"t": "time", "factor": "load factor", "hz": "frequency"}
 POINTS = {"linestyle": "none", "marker": "o", "markersize": 3.0, "markevery": 1, "alpha": 0.7}
 MODEL = {"linestyle": "-", "marker": ""}
-# columns of one figure: each has two panels
+# measured columns of one figure; each has two panels
 MAX_COLUMNS = 4
 
 
 @dataclass
 class Tornado:
-    """The picture: for each number its path, its value and the change of the goal (n,) where it grows by 1 %.
+    """A bar chart: for each number its path, its value and the change of the goal (n,) if it grows by 1 %.
 
-    Where it is 0, by 1 % of the largest of its list, or of the size of the model.
+    A number that is 0 grows by 1 % of the largest in its list, or of the size of the model.
     """
 
     title: str
@@ -47,7 +47,7 @@ class Tornado:
         return 7.0, 1.3 + 0.27 * len(self.paths)
 
     def render(self, figure: Figure) -> None:
-        """Draw a bar for each number, the longest above."""
+        """Draw a bar for each number, the longest on top."""
         axes = figure.add_subplot()
         places = np.arange(len(self.paths))
         colours = np.where(self.changes < 0, "#c1503a", "#1f5fa8")
@@ -57,7 +57,7 @@ class Tornado:
         axes.set_ylim(len(self.paths) - 0.4, -0.6)
         axes.grid(axis="y", visible=False)
         unit = "" if self.units in ("1", "") else f" [{self.units}]"
-        # the power of ten of the ticks stands to the right
+        # the power of ten of the ticks is to the right
         axes.set_xlabel(f"change of {self.goal}{unit} by +{CHANGE:.0%} of a number", loc="left")
         note = f"{self.left_out} less influential numbers are left out" if self.left_out else ""
         zero = "" if self.values.all() else (
@@ -69,7 +69,7 @@ class Tornado:
         return ["path", "value", f"change of {self.goal} [{self.units}]"]
 
     def rows(self) -> Iterator[Sequence[Any]]:
-        """Yield the rows of the data that are drawn."""
+        """Yield the rows of the drawn data."""
         yield from zip(self.paths, self.values.tolist(), self.changes.tolist(), strict=True)
 
 
@@ -91,15 +91,15 @@ TORNADO = Kind("tornado", "how much the goal changes with each number of the cas
                tornado, single=True)
 
 
-LONGEST = 30  # letters beside an axis
+LONGEST = 30  # letters of an axis label
 
 
 def optimisation(sources: Sequence[Source]) -> Curves:
-    """Build what is minimised, the excess of constraints where there are some, and each number beside its start."""
+    """Build the minimised quantity, the excess of constraints if there are some, and each number over its start."""
     table = sources[0].results.tables["optimisation"]
     n = np.asarray(table["evaluation"], float)
     what = str(table.attrs.get("minimise", "what is minimised"))
-    # an axis has no room for a long expression, which the legend tells
+    # an axis has no room for a long expression, which is then in the legend only
     axis = what if len(what) <= LONGEST else "minimised"
     panels = [Panel(("evaluation", "1"), (axis, "1"), [Curve(what, n, np.asarray(table["minimised"], float))])]
     if table.attrs.get("constrained"):
@@ -112,7 +112,7 @@ def optimisation(sources: Sequence[Source]) -> Curves:
 
 
 def _beside(values: np.ndarray) -> np.ndarray:
-    """Return values divided by the first one, by the largest where that is 0."""
+    """Return values divided by the first one, or by the largest magnitude if that is 0."""
     return values / (values[0] or np.abs(values).max() or 1.0)
 
 
@@ -129,7 +129,7 @@ def _columns(table: Table) -> list[str]:
 def fit(sources: Sequence[Source], *, quantity: Sequence[str] = ()) -> Curves:
     """Build data and model of each measured column, with the differences of the two below.
 
-    ``quantity`` are the columns to draw, as the data name them.
+    ``quantity`` are the columns to draw, by their names in the data. Raises ResultsError.
     """
     first = sources[0].results.tables["fitted"]
     axis = next(name for name in FITTED_OVER if name in first)
@@ -171,9 +171,9 @@ def _no_fit(results: Results) -> str:
 FIT = Kind("fit", "measured data and the case fitted to them, with the differences", _no_fit, fit, single=True)
 
 
-# lines, and values in panels, of one figure; what is more is hard to read
+# largest number of lines and of panels of one figure; more are hard to read
 MAX_CURVES, MAX_PANELS = 12, 6
-# ends of an axis whose ratio is more than this, with values in equal ratios, are drawn on a logarithmic one
+# ratio of the ends of an axis above which it is logarithmic, unless the values are sampled
 DECADES = 30.0
 OUTLINE = {"drawstyle": "steps-post", "marker": "", "linewidth": 1.6}
 
@@ -188,7 +188,7 @@ def _table(source: Source) -> Table:
 
 
 def _values(sources: Sequence[Source], wanted: Sequence[str]) -> list[str]:
-    """Return the computed values to draw, those wanted or all. Raises ResultsError for one that is not there."""
+    """Return the computed values to draw, those wanted or all. Raises ResultsError if one is missing."""
     known = [name for name in dict.fromkeys(n for s in sources for n in _listed(_table(s), "values"))
              if all(name in _table(s) for s in sources)]
     for name in wanted:
@@ -203,7 +203,7 @@ def _numeric(table: Table) -> list[str]:
 
 
 def _path(sources: Sequence[Source], over: str | None) -> str:
-    """Return the path on the horizontal axis: the one asked for, or the one with most values."""
+    """Return the path on the horizontal axis: the requested one, or the one with most values. Raises ResultsError."""
     known = [p for p in _numeric(_table(sources[0])) if all(p in _numeric(_table(s)) for s in sources)]
     if not known:
         raise ResultsError("no number is varied in this sweep, so there is nothing to draw its values over")
@@ -216,9 +216,9 @@ def _path(sources: Sequence[Source], over: str | None) -> str:
 
 
 def sweep(sources: Sequence[Source], *, over: str | None = None, quantity: Sequence[str] = ()) -> Curves:
-    """Build computed values over one varied number, a line for each combination of all others, or a point each.
+    """Build computed values over one varied number: a line for each combination of the others, or points for samples.
 
-    ``over`` is the path, or the end of one; ``quantity`` the values as their columns are called.
+    ``over`` is the path or its end; ``quantity`` are the values, by the names of their columns. Raises ResultsError.
     """
     path, panels = _path(sources, over), []
     sampled = any(bool(_table(s).attrs.get("sampled")) for s in sources)
@@ -243,10 +243,10 @@ def sweep(sources: Sequence[Source], *, over: str | None = None, quantity: Seque
 
 
 def _lines(table: Table, path: str, sampled: bool) -> list[tuple[str, np.ndarray]]:
-    """Return the rows of each line with the name of it, which tells what else is varied."""
+    """Return the name and rows of each line; the name has the values of the other varied paths."""
     paths = _listed(table, "paths")
     others = [p for p in paths if p != path]
-    # where no value repeats, lists ran together
+    # no value repeats if lists were paired
     if sampled or not others or len(np.unique(table[path])) == table.rows:
         return [("", np.arange(table.rows))]
     shown = [[f"{v:g}" if isinstance(v, float | np.floating) else str(v) for v in table[p]] for p in others]
@@ -257,7 +257,7 @@ def _lines(table: Table, path: str, sampled: bool) -> list[tuple[str, np.ndarray
 
 
 def histogram(sources: Sequence[Source], *, quantity: Sequence[str] = ()) -> Curves:
-    """Build how often samples have a value: counts in bins of one width, by the rule of Freedman and Diaconis."""
+    """Build histograms of samples: counts in bins of equal width by the rule of Freedman and Diaconis."""
     panels = []
     for value in _values(sources, quantity):
         found = {s: y[np.isfinite(y)] for s in sources if len(y := np.asarray(_table(s)[value], float))}
@@ -273,7 +273,7 @@ def histogram(sources: Sequence[Source], *, quantity: Sequence[str] = ()) -> Cur
 
 @dataclass
 class Shares:
-    """Bars: ``rows`` are (value, path, share, standard error)."""
+    """A bar chart: ``bars`` are (value, path, share, standard error)."""
 
     title: str
     bars: list[tuple[str, str, float, float]]

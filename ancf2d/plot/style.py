@@ -1,4 +1,4 @@
-"""How figures look: one style sheet, a palette safe for colour-blind eyes, units in labels."""
+"""The look of figures: one style sheet, a palette for colour-blind eyes, units in labels."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ MAX_ENTRIES = 36  # of a legend: more would leave no room for the axes
 
 @dataclass(frozen=True)
 class Look:
-    """What a user wants a figure to look like beyond the packaged style sheet.
+    """A user's settings of a figure on top of the packaged style sheet.
 
     ``size`` [inch] width and height, ``font_size`` [pt], ``dpi`` dots per inch of images, ``sheet`` a style file of
-    Matplotlib, or the name of one that it knows; None leaves each as it is.
+    Matplotlib, or the name of one of its styles; None keeps the default.
     """
 
     size: tuple[float, float] | None = None
@@ -47,7 +47,7 @@ class Look:
     sheet: str | None = None
 
     def apply(self) -> None:
-        """Change Matplotlib's settings. Raises ResultsError where there is no such style file."""
+        """Change Matplotlib's settings. Raises ResultsError if there is no such style file."""
         if self.sheet is not None:
             try:
                 matplotlib.style.use(self.sheet)
@@ -62,7 +62,7 @@ class Look:
 
 @contextmanager
 def style(look: Look | None = None) -> Iterator[None]:
-    """Use the packaged style sheet, without warnings of glyphs that its font lacks; nothing global stays changed."""
+    """Use the packaged style sheet, without warnings of glyphs missing in its font; restore all settings afterwards."""
     with matplotlib.rc_context(), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing", UserWarning)
         matplotlib.rcdefaults()
@@ -72,56 +72,56 @@ def style(look: Look | None = None) -> Iterator[None]:
 
 
 def line_style(i: int) -> dict[str, Any]:
-    """Return colour, dash and marker of the i-th line: they never differ in colour alone, and 28 differ at all."""
+    """Return colour, dash and marker of the i-th line: 28 lines differ, and none of them in colour alone."""
     return {"color": PALETTE[i % len(PALETTE)], "linestyle": DASHES[i % len(DASHES)],
             "marker": MARKERS[i % len(MARKERS)]}
 
 
-# stresses have a name of their own
+# stresses have their own units
 _NAMED = {"N/m^2": "Pa", "N/mm^2": "MPa", "kN/m^2": "kPa", "N/m/m": "Pa"}
 
 
 def pretty(units: str) -> str:
-    """Return units as they are printed: N·m, m/s², Pa."""
+    """Return units for printing: N·m, m/s², Pa."""
     return _NAMED.get(units, units).replace("*", "·").replace("^2", "²").replace("^3", "³")
 
 
 def label(name: str, units: str) -> str:
-    """Return an axis label; what has no dimension shows no units."""
+    """Return an axis label; dimensionless quantities have no units."""
     return name if units in ("", "1", "none") else f"{name} [{pretty(units)}]"
 
 
-LAYOUTS = 5  # most layouts of axes of one scale
-LETTER, BETWEEN = 0.62, 0.5  # width of a digit, and of the room between two numbers, in sizes of letters
+LAYOUTS = 5  # largest number of layouts of axes with equal scales
+LETTER, BETWEEN = 0.62, 0.5  # width of a digit, and of the space between two numbers, relative to the font size
 _SHORT = {"ms": 1e-3, "µs": 1e-6, "ns": 1e-9}
 
 
 def time_unit(units: str, largest: float) -> tuple[str, float]:
-    """Return the unit in which the ticks of a time axis are short numbers, and how many of it one of ``units`` is."""
+    """Return the unit that makes the ticks of a time axis short, and how many of it are one of ``units``."""
     if units != "s" or not 0.0 < largest < 0.1:
         return units, 1.0
     return next(((name, 1 / size) for name, size in _SHORT.items() if largest >= 0.1 * size), (units, 1.0))
 
 
 def in_unit(axis: Axis, factor: float, minor: bool = False) -> None:
-    """Let the ticks of an axis count in a unit of which ``factor`` are one of the data's."""
+    """Show the ticks of an axis in another unit: multiplied by ``factor``."""
     (axis.set_minor_formatter if minor else axis.set_major_formatter)(lambda value, position: f"{value * factor:.6g}")
 
 
 class PlainTicks(ScalarFormatter):
-    """Numbers beside an axis as plain text, which is laid out far faster than formulas; their common power is one."""
+    """Tick labels as plain text, which is laid out much faster than formulas; only their common power is a formula."""
 
     def __call__(self, x: float, pos: int | None = None) -> str:
-        """Return the number at x."""
+        """Return the label at x."""
         return super().__call__(x, pos).removeprefix(r"$\mathdefault{").removesuffix("}$")
 
 
 class FewTicks(AutoLocator):
-    """Ticks of a horizontal axis, no more than there is room for side by side with all their digits."""
+    """Ticks of a horizontal axis, no more than fit side by side with all their digits."""
 
     def __init__(self, like: AutoLocator) -> None:
         super().__init__()
-        vars(self).update(vars(like))  # whether all ticks are at whole numbers
+        vars(self).update(vars(like))  # copies whether all ticks are at whole numbers
 
     def tick_values(self, vmin: float, vmax: float) -> Sequence[float]:
         """Return the places of ticks for an axis from one value to another."""
@@ -132,14 +132,14 @@ class FewTicks(AutoLocator):
             self.set_params(nbins=most)
             ticks = super().tick_values(vmin, vmax)
             texts = axis.get_major_formatter().format_ticks([t for t in ticks if low <= t <= high])
-            # the axis counts three times the size of letters for each tick
+            # the axis reserves three times the font size for each tick
             if most == 2 or sum(LETTER * len(text) + BETWEEN for text in texts) <= 3 * (axis.get_tick_space() + 1):
                 return ticks
             most -= 1
 
 
 def plain_ticks(figure: Figure) -> None:
-    """Let the ticks of all axes with linear scales be plain text."""
+    """Use plain text for the ticks of all axes with linear scales."""
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
             if type(axis.get_major_formatter()) is ScalarFormatter:
@@ -150,10 +150,10 @@ def plain_ticks(figure: Figure) -> None:
 
 
 def lay_out(figure: Figure) -> None:
-    """Place the axes of a figure, and leave them there.
+    """Place the axes of a figure, and keep them there.
 
-    Axes of one scale show more or less with their width, and so have other numbers beside them once they are placed:
-    they are placed again until all numbers are within the figure.
+    Axes with equal scales show a larger or smaller range depending on their width, so their numbers change once they
+    are placed. The layout is repeated until all numbers are within the figure.
     """
     engine = ConstrainedLayoutEngine()
     figure.set_layout_engine(engine)
@@ -167,28 +167,28 @@ def lay_out(figure: Figure) -> None:
 
 
 def verbatim(text: Text | None) -> None:
-    """Show a user's text as it stands: a dollar sign in it is no formula, and a name of a file may be no UTF-8."""
+    """Show a user's text literally: dollar signs do not begin a formula, and file names need not be UTF-8."""
     if text is not None:
         text.set_parse_math(False)
         text.set_text(text.get_text().encode(errors="backslashreplace").decode())
 
 
 def title(figure: Figure, text: str, note: str = "") -> None:
-    """Put the title over the first axes, with a note below it."""
+    """Put the title above the first axes, with a note below it."""
     width = int(11.5 * (figure.get_figwidth() - 0.8))
     lines = textwrap.wrap(text, width) + textwrap.wrap(note, width)
     verbatim(figure.axes[0].set_title("\n".join(lines[:6])))
 
 
 def heading(figure: Figure, text: str, note: str = "") -> None:
-    """Put the title over all axes, each of which has one of its own, with a note below it."""
+    """Put the title above all axes, each of which has its own title, with a note below it."""
     width = int(11.5 * (figure.get_figwidth() - 0.4))
     lines = textwrap.wrap(text, width) + textwrap.wrap(note, width)
     verbatim(figure.suptitle("\n".join(lines[:6]), x=0.02, ha="left", fontsize="large"))
 
 
 def legend_rows(inches: float, labels: Sequence[str]) -> int:
-    """Return how many rows a legend has below a figure of a width."""
+    """Return the number of rows of a legend below a figure of a width."""
     labels = labels[:MAX_ENTRIES]
     room = 7.2 * inches  # in units of the font size
     widths = [0.55 * len(text) + 5 for text in labels]
@@ -197,7 +197,7 @@ def legend_rows(inches: float, labels: Sequence[str]) -> int:
 
 
 def legend(figure: Figure, handles: Sequence[Artist], labels: Sequence[str]) -> None:
-    """Put one legend below the axes, where it hides nothing, filled row by row; it names at most MAX_ENTRIES."""
+    """Put one legend below the axes, where it hides nothing, filled row by row, with at most MAX_ENTRIES entries."""
     if len(labels) > MAX_ENTRIES:
         handles = [*handles[:MAX_ENTRIES - 1], Line2D([], [], linestyle="")]
         labels = [*labels[:MAX_ENTRIES - 1], f"and {len(labels) - MAX_ENTRIES + 1} more"]

@@ -1,4 +1,4 @@
-"""HDF5 results: written safely, read back checked, compared as numbers."""
+"""HDF5 results: safe writing, checked reading, numerical comparison."""
 
 from ancf2d.results.checkpoint import Checkpoint, read_checkpoint
 from ancf2d.results.compare import (

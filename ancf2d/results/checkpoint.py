@@ -1,4 +1,4 @@
-"""What a run is resumed from: the solver's complete state, stored in the unfinished file."""
+"""Checkpoints: the complete state of a solver, stored in the unfinished file, from which a run is resumed."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ EVERY_SECONDS = 1.0
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A moment of a run that it can be resumed from.
+    """A point of a run from which it can be resumed.
 
-    ``values`` is the solver's complete state, by name; ``notes`` what else was known by then, as a
-    JSON-able object. ``t`` is the time; ``rows`` are the rows of states, history and probes that
-    belong to it, ``wall_s`` is the time that the run had taken.
+    ``values`` is the solver's complete state, by name; ``notes`` is everything else known at that time, as a JSON-able
+    object. ``t`` is the time; ``rows`` are the numbers of rows of states, history and probes that belong to it,
+    ``wall_s`` is the time that the run had taken.
     """
 
     t: float
@@ -40,7 +40,7 @@ class Checkpoint:
     wall_s: float = 0.0
 
     def copied(self, rows: tuple[int, int, int], wall_s: float) -> Checkpoint:
-        """Return a checkpoint that nobody else can change, of so many rows."""
+        """Return a copy that shares no arrays, with these rows and wall time."""
         values = {name: np.array(value) for name, value in self.values.items()}
         for name, value in values.items():
             if value.dtype.kind not in "iufb":
@@ -49,7 +49,7 @@ class Checkpoint:
 
 
 def write_checkpoint(file: h5py.File, found: Checkpoint, to_json: Any) -> None:
-    """Write a checkpoint in place of the one before."""
+    """Write a checkpoint, replacing the previous one."""
     group = file.require_group(GROUP)
     group.attrs["t"], group.attrs["wall_s"] = float(found.t), float(found.wall_s)
     group.attrs["rows"] = np.array(found.rows, np.int64)
@@ -81,13 +81,13 @@ def _write_value(group: h5py.Group, name: str, value: np.ndarray) -> None:
 
 
 def drop_checkpoint(file: h5py.File) -> None:
-    """Remove the checkpoint: what is complete is not resumed."""
+    """Remove the checkpoint: a complete file is not resumed."""
     if GROUP in file:
         del file[GROUP]
 
 
 def checkpoint_of(file: h5py.File) -> Checkpoint | None:
-    """Return the checkpoint of an open file, None where it holds none; ValueError for a broken one."""
+    """Return the checkpoint of an open file, or None if it has none. Raises ValueError if it is damaged."""
     group = safe.child(file, GROUP, h5py.Group)
     if group is None:
         return None
@@ -111,14 +111,14 @@ def _values(group: h5py.Group) -> dict[str, np.ndarray]:
 
 
 def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint | None:
-    """Return what the run in an unfinished file can be resumed from, None where there is nothing."""
+    """Return the checkpoint in an unfinished file, or None if it has none."""
     path = Path(path)
     with safe.open_file(path) as file, safe.damage(path):
         return checkpoint_of(file)
 
 
 def checkpoint_to_resume(part: Path, header: Mapping[str, Any], e0: np.ndarray) -> Checkpoint:
-    """Return the checkpoint of an unfinished file of the case of ``header``; ResultsError says why it is none."""
+    """Return the checkpoint of an unfinished file of the case of ``header``. Raises ResultsError if there is none."""
     if not part.exists():
         raise ResultsError(f"there is no '{part}' to resume from; run the case without --resume")
     with safe.open_file(part) as file, safe.damage(part):
@@ -132,13 +132,13 @@ def checkpoint_to_resume(part: Path, header: Mapping[str, Any], e0: np.ndarray) 
 
 
 def refusal(part: Path, why: object) -> ResultsError:
-    """Return the error of an unfinished file that cannot be resumed."""
+    """Return the error for an unfinished file that cannot be resumed."""
     return ResultsError(f"cannot resume from '{part}': {why}; run the case without --resume, or choose another output "
                         "file")
 
 
 def _difference(file: h5py.File, header: Mapping[str, Any], e0: np.ndarray) -> str:
-    """Return in words in what an unfinished file is not of this case (empty: in nothing)."""
+    """Return in words how an unfinished file differs from this case; empty if it does not."""
     version = safe.attribute(file, "version_ancf2d")
     if version != __version__:
         return f"it was written by ancf2d {version}, this is {__version__}"
@@ -156,11 +156,11 @@ def _difference(file: h5py.File, header: Mapping[str, Any], e0: np.ndarray) -> s
 
 
 class CheckpointKeeper:
-    """Takes the place of a result file's writer where a run keeps nothing but what it can be resumed from.
+    """Stands in for the writer of a result file in runs that store nothing but their checkpoint.
 
-    The file at ``path`` appears after a second, is replaced every second or more, and is removed once the run has
-    ended, well or not. ``header`` and ``e0`` (nq,) are those of ``ResultWriter``; ``resumed`` is what the file held of
-    the same case, if anything.
+    The file at ``path`` appears after a second, is replaced every second or less often, and is removed when the run
+    ends, with or without success. ``header`` and ``e0`` (nq,) are those of ``ResultWriter``; ``resumed`` is the
+    checkpoint of an existing file of the same case, if any.
     """
 
     def __init__(self, path: str | os.PathLike[str], header: Mapping[str, Any], e0: np.ndarray, to_json: Any) -> None:
@@ -175,7 +175,7 @@ class CheckpointKeeper:
                 self.path.unlink(missing_ok=True)
 
     def append(self, *state: Any, checkpoint: Checkpoint | None = None, **more: Any) -> None:
-        """Take a state, of which only the checkpoint counts. Raises ResultsError where it cannot be written."""
+        """Write the checkpoint if it is due; ignore the state itself. Raises ResultsError if writing fails."""
         now = time.monotonic()
         if checkpoint is None or now < self._due:
             return
@@ -190,23 +190,23 @@ class CheckpointKeeper:
         except (OSError, RuntimeError) as error:  # h5py reports disk errors as either
             private.unlink(missing_ok=True)
             raise ResultsError(f"cannot write '{self.path}': {error}") from error
-        # writing takes a tenth of the time at most
+        # writing takes at most a tenth of the time
         self._due = time.monotonic() + max(EVERY_SECONDS, 10.0 * (time.monotonic() - now))
 
     def log(self, *values: Any, **more: Any) -> None:
-        """Leave out what a result file would hold."""
+        """Do nothing: history, tables and arrays are not stored."""
 
     table = array = log
 
     def refuse(self, why: object) -> None:
-        """Drop a checkpoint that does not fit the solver: the run starts anew."""
+        """Delete a checkpoint that does not fit the solver, so that the run starts from the beginning."""
         self.path.unlink(missing_ok=True)
         self.resumed = None
 
     def finish(self, summary: Mapping[str, Any], status: str) -> Path:
-        """Remove the file, whatever came of the run, and return where it was."""
+        """Remove the file, whatever the status of the run, and return its path."""
         self.path.unlink(missing_ok=True)
         return self.path
 
     def __exit__(self, *error: object) -> None:
-        """Keep the file where the run was interrupted."""
+        """Leave the file in place: it remains if the run was interrupted."""

@@ -1,4 +1,4 @@
-"""Two result files compared as numbers."""
+"""Numerical comparison of two result files."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ import numpy as np
 from ancf2d.errors import ResultsError
 from ancf2d.results.reader import Results, open_results
 
-# quantities that share a scale: a displacement of 1e-17 beside one of 1e-3 is round-off
+# quantities that share a scale: a displacement of 1e-17 next to one of 1e-3 is round-off
 _FAMILIES = {
     "ux": "displacement", "uy": "displacement", "x": "position", "y": "position",
     "vx": "velocity", "vy": "velocity", "ax": "acceleration", "ay": "acceleration",
     "N": "force", "Q": "force", "fx": "force", "fy": "force", "M": "moment", "m": "moment",
     "strain": "energy", "kinetic": "energy", "potential": "energy", "dissipated": "energy", "work": "energy",
 }
-# "checks" and the table "computed" of a sweep repeat values that are compared anyway: as round-off, and with times
+# "checks" and the table "computed" of a sweep repeat values that are compared elsewhere: round-off, and times
 _NOT_COMPARED = {"wall_s", "output", "case", "reason", "at", "time_s", "checks", "computed"}
-# what says how a result was computed rather than what it is
+# how a result was computed, as opposed to the result
 _COUNTERS = {"iterations", "steps", "rejected", "dt"}
 _TEXTS = {"status", "solver", "kind", "element", "formulation"}
 _MEASURES = {"estimate", "energy_drift"}  # relative measures: their scale is 1
@@ -32,9 +32,9 @@ _MEASURES = {"estimate", "energy_drift"}  # relative measures: their scale is 1
 class Difference:
     """The worst difference in one dataset.
 
-    ``index`` is where it is, ``t`` its load factor or time (None if there is none), ``scale`` what it is judged by,
-    ``count`` how many of ``total`` entries differ. For a missing dataset, a different shape or a different text,
-    ``what`` says so and the numbers are NaN.
+    ``index`` is its place, ``t`` its load factor or time (None if there is none), ``scale`` the value that it is
+    relative to, ``count`` the number of the ``total`` entries that differ. For a missing dataset, a different shape or
+    a different text, ``what`` describes it and the numbers are NaN.
     """
 
     dataset: str
@@ -50,7 +50,7 @@ class Difference:
     total: int = 1
 
     def __str__(self) -> str:
-        """Return the difference as one line."""
+        """Return the difference as one line of text."""
         if self.what != "value":
             return f"{self.dataset}: {self.what}"
         place = f"[{', '.join(map(str, self.index))}]" if self.index else ""
@@ -64,10 +64,10 @@ class Difference:
 class _Tolerance:
     rtol: float
     atol: float
-    everything: bool = False  # counters and steps too
+    everything: bool = False  # also compare counters and steps
 
     def deviation(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """|a - b|, with NaN equal to NaN, infinities to themselves, and all else infinitely far."""
+        """Return |a - b|: 0 for two NaNs or equal infinities, infinite if only one is NaN."""
         with np.errstate(invalid="ignore"):
             gap = np.abs(a - b)
         gap[(a == b) | (np.isnan(a) & np.isnan(b))] = 0.0
@@ -75,7 +75,7 @@ class _Tolerance:
         return gap
 
     def judge(self, dataset: str, a: np.ndarray, b: np.ndarray, scale: Any) -> Difference | None:
-        """Return the worst entry that deviates by more than atol + rtol * scale."""
+        """Return the worst of the entries that deviate by more than atol + rtol * scale, or None."""
         gap = self.deviation(a, b)
         scale = np.broadcast_to(scale, gap.shape)
         over = gap > self.atol + self.rtol * scale
@@ -98,16 +98,16 @@ def compare_results(a: str | os.PathLike[str] | Results, b: str | os.PathLike[st
                     rtol: float = 1e-9, atol: float = 0.0, everything: bool = False) -> list[Difference]:
     """Return the differences of two result files, at most one (the worst) per dataset.
 
-    Compared are mesh, states, fields, energies, probes, tables, further arrays and the summary's numbers; not
-    compared is what says how and when: wall times, versions, dates, names, residuals per step. Unless ``everything``
-    is asked for, numbers of steps and iterations are not compared either, and of files that hold different numbers of
-    states those at common times are compared (``left_out`` says so), of paths the first and the last.
-    An entry differs where |a - b| > atol + rtol * scale. The scale is the largest absolute value, in either file,
-    among all entries of its kind: positions, slopes and angles of a state over all states; displacements, positions,
-    angles, velocities, forces, moments of all probes (of all reactions, of all energies); a table's column or a
-    further array. So round-off in an entry that ought to be zero is no difference, while any change that is visible
-    beside its like is one. Frequencies, load factors, counts and other single numbers are judged against themselves;
-    texts (status, solver, kind) must be equal. NaN equals NaN.
+    Compared are mesh, states, fields, energies, probes, tables, further arrays and the numbers of the summary. Wall
+    times, versions, dates, names and residuals per step are not compared. Unless ``everything`` is set, numbers of
+    steps and iterations are not compared either, and if the files have different numbers of states, only those at
+    common times are compared (``left_out`` says so), or for paths the first and the last.
+    An entry differs if |a - b| > atol + rtol * scale. The scale is the largest absolute value, in either file, among
+    all entries of its kind: positions, slopes and angles of a state over all states; displacements, positions, angles,
+    velocities, forces, moments of all probes (of all reactions, of all energies); a table's column or a further array.
+    So round-off in an entry that should be zero is not a difference, but any change visible on the scale of its kind
+    is. Frequencies, load factors, counts and other single numbers are compared relative to themselves; texts (status,
+    solver, kind) must be equal. NaN equals NaN.
     """
     if not (rtol >= 0 and atol >= 0):
         raise ResultsError(f"tolerances must not be negative: rtol {rtol}, atol {atol}")
@@ -119,7 +119,7 @@ def compare_results(a: str | os.PathLike[str] | Results, b: str | os.PathLike[st
 
 
 def comparison_text(differences: Sequence[Difference], a: object, b: object) -> str:
-    """Return what ``ancf2d compare`` prints."""
+    """Return the text that ``ancf2d compare`` prints."""
     return "\n".join([f"{a} and {b} {'differ:' if differences else 'agree'}", *(f"  {d}" for d in differences)])
 
 
@@ -143,9 +143,9 @@ def _names(place: str, a: Any, b: Any) -> Found:
 
 
 def _rows(a: np.ndarray, b: np.ndarray, tol: _Tolerance) -> Rows | None:
-    """Return which of the times of two files are compared with each other: all, or those that both have; None if none.
+    """Return the indices of the times that are compared in two files: all, or the common ones; None if there are none.
 
-    Load factors along a path may come back, so that only its ends are known to correspond.
+    Load factors may return along a path; then only the first and last states are known to correspond.
     """
     if len(a) == len(b) or tol.everything:
         return (np.arange(len(a)), np.arange(len(b))) if len(a) == len(b) else None
@@ -153,21 +153,21 @@ def _rows(a: np.ndarray, b: np.ndarray, tol: _Tolerance) -> Rows | None:
         return None
     if not all((np.diff(t) > 0).all() for t in (a, b)):
         return np.array([0, len(a) - 1]), np.array([0, len(b) - 1])
-    # alike to nine digits; multiples of simple fractions fall on no border between two ranges
+    # equal to nine digits; the offset 0.3 keeps multiples of simple fractions away from the bounds of the bins
     x, y = (np.floor(t / (1e-9 * max(_largest(a, b), 1e-290)) + 0.3) for t in (a, b))
     _, one, two = np.intersect1d(x, y, return_indices=True)
     return (one, two) if len(one) else None
 
 
 def left_out(a: Results, b: Results) -> str:
-    """Return what ``compare_results`` leaves out of two files with different numbers of states; empty if nothing."""
+    """Return a note on the states that ``compare_results`` leaves out if the numbers of states differ; else empty."""
     if a.nt == b.nt or (rows := _rows(a.t, b.t, _Tolerance(0.0, 0.0))) is None:
         return ""
     return f"{len(rows[0])} of {a.nt} and {b.nt} states are compared, those at common load factors or times"
 
 
 def _kinds(r: Results) -> np.ndarray:
-    """Return the kind of each coordinate (nq,): 0 position, 1 slope, 2 angle, 3 r_yy and on."""
+    """Return the kind of each coordinate (nq,): 0 position, 1 slope, 2 angle, 3 r_yy and higher derivatives."""
     kinds = np.ones(r.nq, np.int8)
     for body in r.bodies.values():
         nc = body.components
@@ -208,7 +208,7 @@ def _largest_in_columns(*blocks: np.ndarray) -> np.ndarray:
 
 
 def _by_kind(kinds: np.ndarray, largest: np.ndarray) -> np.ndarray:
-    """Return the largest value of the coordinates (nq,) of each kind."""
+    """Return the maximum over the coordinates of each kind; ``largest`` (nq,) has one value for each coordinate."""
     np.maximum.at(scale := np.zeros(int(kinds.max(initial=0)) + 1), kinds, largest)
     return scale
 
@@ -235,7 +235,7 @@ def _states(a: Results, b: Results, tol: _Tolerance) -> Found:
 
 def _blocks(a: Results, b: Results, rows: Rows, whole: Callable[[Results], Iterator[np.ndarray]],
             one: Callable[[Results, int], np.ndarray]) -> Pairs:
-    """Yield the states of both files that are compared: ``whole`` blocks of all, or ``one`` state after the other."""
+    """Yield pairs of the compared states: ``whole`` blocks if all are compared, else ``one`` state at a time."""
     if a.nt == b.nt:
         yield from zip(whole(a), whole(b), strict=True)
     else:
@@ -248,7 +248,7 @@ def _state_blocks(a: Results, b: Results, rows: Rows, name: str) -> Pairs:
 
 def _worst_state(place: str, blocks: Pairs, a: Results, rows: np.ndarray,
                  scale: np.ndarray, tol: _Tolerance) -> Difference | None:
-    """Return the worst entry of the compared states, given some of both files at a time; ``rows`` number them in a."""
+    """Return the worst entry of the compared states, from pairs of blocks; ``rows`` are the states' numbers in a."""
     worst, count, first, total = None, 0, 0, 0
     for x, y in blocks:
         found = tol.judge(place, x, y, scale)
@@ -315,7 +315,7 @@ def _energies(a: Results, b: Results, tol: _Tolerance) -> Found:
 
 def _series(place: str, a: np.ndarray, b: np.ndarray, rows: Rows, scale: float, t: np.ndarray,
             tol: _Tolerance) -> Difference | None:
-    """Return the worst difference of two series, with its place in the first one and the time there."""
+    """Return the worst difference of two series, with its index in the first one and the time there."""
     found = tol.judge(place, a[rows[0]], b[rows[1]], scale)
     number = int(rows[0][found.index[0]]) if found else 0
     return found and replace(found, index=(number,), t=float(t[number]))
@@ -366,7 +366,7 @@ def _leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[tuple[Any,
 
 
 def _family(path: tuple[Any, ...]) -> str:
-    """Return the kind of a number in the summary, empty where it is judged against itself."""
+    """Return the kind of a number in the summary; empty if it is compared relative to itself."""
     return "momentum" if path[:2] == ("momentum", "linear") else _FAMILIES.get(path[-1], "")
 
 

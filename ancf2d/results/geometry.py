@@ -1,4 +1,4 @@
-"""The shape of a body from its nodal coordinates, and what can be shown of its fields."""
+"""The shape of a body from its nodal coordinates, and the values that figures can show of its fields."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from numpy.polynomial.legendre import legvander
 from ancf2d.results.records import BodyRecord, FieldRecord
 
 DEGREE = 12  # along the element: no basis has a higher power
-STEP = 1e-30  # its square is nothing beside any coordinate
-BLOCK = 4096  # elements at a time: bounds the memory of the gathered shape functions
-# where coordinates are not finite, or next to it, points are not numbers: those who draw leave them out
+STEP = 1e-30  # complex step: its square is lost to round-off
+BLOCK = 4096  # number of elements evaluated at a time, which bounds the memory of the gathered shape functions
+# coordinates that are not finite or nearly so give NaN points, which figures leave out
 _beyond_numbers = np.errstate(over="ignore", invalid="ignore")
 
 
@@ -33,7 +33,8 @@ def _tangent(body: BodyRecord, part: np.ndarray, x: np.ndarray) -> np.ndarray:
     cls = body.classes[part]
     axis = np.einsum("msk,mkc->msc", body.sample_S[cls, 1], x)
     r_x = np.einsum("msk,mkc->msc", body.sample_S_x[cls], x)
-    # by its larger component first, so that no square is too large; a plain root, for ``body_rates``
+    # scaled by the larger component, so that squares do not overflow; sqrt also works for the complex step of
+    # body_rates
     largest = np.abs(r_x.real).max(axis=-1, keepdims=True)
     r_x /= np.where(largest == 0, 1.0, largest)
     length = np.sqrt(r_x[..., 0]**2 + r_x[..., 1]**2)
@@ -48,7 +49,7 @@ def _theta(body: BodyRecord, part: np.ndarray, x: np.ndarray) -> np.ndarray:
     return _offset(body, part, axis, np.stack([-np.sin(angle), np.cos(angle)], -1))
 
 
-# the one place where a kind of section is added (with its name in records.SECTION_KINDS)
+# the only place where a kind of section is added (and its name in records.SECTION_KINDS)
 SECTIONS: dict[str, Callable[[BodyRecord, np.ndarray, np.ndarray], np.ndarray]] = {
     "interpolated": _interpolated, "tangent": _tangent, "theta": _theta,
 }
@@ -58,14 +59,14 @@ def body_faces(body: BodyRecord, e: np.ndarray,
                elements: slice | np.ndarray | None = None) -> dict[str, np.ndarray]:
     """Return points on axis, upper face (top) and lower face (bottom) of a body.
 
-    e (nq,): nodal coordinates; ``elements`` selects some. Each entry is (ne, ns, 2) [length].
+    e (nq,): nodal coordinates; ``elements`` selects some elements. Each entry is (ne, ns, 2) [length].
     """
     return dict(zip(("bottom", "axis", "top"), body_levels(body, e, elements), strict=False))
 
 
 @_beyond_numbers
 def body_levels(body: BodyRecord, e: np.ndarray, elements: slice | np.ndarray | None = None) -> np.ndarray:
-    """Return points (3 + k, ne, ns, 2) [length] on bottom, axis, top and the k lines between the layers of a body."""
+    """Return points (3 + k, ne, ns, 2) [length] on bottom, axis, top and the k interfaces between layers of a body."""
     chosen = np.arange(len(body.dofs))[elements if elements is not None else slice(None)]
     out = np.empty((body.sample_S.shape[1], len(chosen), len(body.sample_xi), 2), np.result_type(e, float))
     for start in range(0, len(chosen), BLOCK):
@@ -78,16 +79,16 @@ def body_levels(body: BodyRecord, e: np.ndarray, elements: slice | np.ndarray | 
 @_beyond_numbers
 def body_rates(body: BodyRecord, e: np.ndarray, v: np.ndarray,
                elements: slice | np.ndarray | None = None) -> np.ndarray:
-    """Return the rates of the points of ``body_levels`` where the nodal coordinates change by v (nq,) per unit."""
-    # a complex step: what is real is not touched, so that the derivative is exact to round-off for any section
+    """Return the rates of the points of ``body_levels`` for rates v (nq,) of the nodal coordinates."""
+    # complex step: without a difference of real parts, the derivative is exact to round-off for any section
     return np.asarray(body_levels(body, e + 1j * STEP * v, elements).imag / STEP)
 
 
 def axis_shapes(body: BodyRecord, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return coordinates (n, k, 2) and shape functions (n, k) of the axis at fractions s (n,) of a body's arc length.
 
-    The samples of the shape functions are continued between their points by the polynomial through them, exact up to
-    DEGREE along the element.
+    The sampled shape functions are interpolated by the polynomial through the samples, exact up to degree DEGREE along
+    the element.
     """
     ne = len(body.dofs)
     ie = np.clip(np.searchsorted(body.arclength, s, side="right") - 1, 0, ne - 1)
@@ -104,7 +105,7 @@ def axis_shapes(body: BodyRecord, s: np.ndarray) -> tuple[np.ndarray, np.ndarray
 def axis_values(body: BodyRecord, q: np.ndarray, s: np.ndarray) -> np.ndarray:
     """Return the axis (n, 2) [length] of a body at fractions s (n,) of its arc length in [0, 1].
 
-    q (nq,): nodal coordinates, or displacements of them for displacements.
+    q (nq,): nodal coordinates, or their displacements to obtain displacements of the axis.
     """
     out = np.empty((len(s), 2))
     for start in range(0, len(s), BLOCK):
@@ -115,7 +116,7 @@ def axis_values(body: BodyRecord, q: np.ndarray, s: np.ndarray) -> np.ndarray:
 
 
 def body_nodes(body: BodyRecord, e: np.ndarray) -> np.ndarray:
-    """Return the node positions (n, 2) [length] of a body, each once, in order of their numbers."""
+    """Return the positions (n, 2) [length] of the nodes of a body, each once, in the order of their numbers."""
     _, first = np.unique(body.nodes.ravel(), return_index=True)
     ie, k = np.divmod(first, body.nodes.shape[1])
     column = body.node_shape[k] * body.components
@@ -135,7 +136,7 @@ def _mises(s: np.ndarray) -> np.ndarray:
     return np.sqrt(np.maximum(xx**2 - xx * yy + yy**2 + 3.0 * xy**2, 0.0))
 
 
-# what can be shown beside the stored components, by field
+# values derived from the stored components, by field
 DERIVED: dict[str, dict[str, Formula]] = {"stress": {"mises": _mises}}
 LABELS = {("stress", "xx"): "stress along the axis, σ_xx", ("stress", "yy"): "stress across the axis, σ_yy",
           ("stress", "xy"): "shear stress, σ_xy", ("stress", "mises"): "von Mises stress",
@@ -148,27 +149,27 @@ LABELS = {("stress", "xx"): "stress along the axis, σ_xx", ("stress", "yy"): "s
 
 
 def formulas_of(record: FieldRecord) -> dict[str, Formula]:
-    """Return by name what a field shows: each stored component, then what follows from all of them."""
+    """Return the functions for the values that a field can show, by name: stored components, then derived values."""
     formulas: dict[str, Formula] = {c: partial(_one, k=k) for k, c in enumerate(record.components)}
     return formulas | DERIVED.get(record.name, {})
 
 
 def label_of(field: str, component: str) -> str:
-    """Return what a component of a field is called in a figure."""
+    """Return the label of a component of a field for figures."""
     return LABELS.get((field, component), f"{field} {component}")
 
 
 def linear_weights(nodes: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Return weights (len(at), n) of straight lines between values at ``nodes`` (n,), in any order."""
+    """Return weights (len(at), n) for piecewise linear interpolation of values at ``nodes`` (n,), in any order."""
     order = np.argsort(nodes, kind="stable")
     return np.stack([np.interp(at, nodes[order], one) for one in np.eye(len(nodes))[:, order]], axis=-1)
 
 
 def station_weights(stations: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Return weights (len(at), n) of values at stations (n,), both as fractions in [0, 1].
+    """Return weights (len(at), n) for interpolating values at stations (n,); both are fractions in [0, 1].
 
-    They are those of the polynomial through stations at even distances, else of straight lines: at points of a
-    quadrature there are fibres, whose stress has corners. ValueError where stations coincide.
+    Evenly spaced stations are interpolated by one polynomial, others piecewise linearly: these are quadrature points of
+    fibres, whose stress has kinks. Raises ValueError if stations coincide.
     """
     steps = np.diff(np.sort(stations))
     if not len(stations) or (steps <= 0.0).any():
@@ -180,10 +181,10 @@ def station_weights(stations: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 
 def weights_along(record: FieldRecord, at: np.ndarray, elements: np.ndarray) -> np.ndarray:
-    """Return weights (len(at), n) as ``station_weights`` does of a field along elements (m,).
+    """Return the weights of ``station_weights`` (len(at), n) for a field along elements (m,).
 
-    They are (m, len(at), n) where the elements have stations of their own: those of fibres, beyond which the values of
-    the outermost go on, as what is plastic does not change its sign there.
+    Where each element has stations of its own, as for fibres, they are (m, len(at), n). Beyond the outermost stations
+    the values are then constant, since plastic strain does not change its sign there.
     """
     if record.xi.ndim == 1:
         return station_weights(record.xi, at)

@@ -1,4 +1,4 @@
-"""What is in a result file, and where it came from."""
+"""Descriptions of the contents and origin of result files."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ancf2d.results.reader import open_results
 from ancf2d.results.records import OVER_TIME
 
-MOST_EVENTS = 10  # that are listed
+MOST_EVENTS = 10  # largest number of events listed
 _UNFINISHED = {
     "running": "unfinished: the run is still going or was killed",
     "interrupted": "interrupted: it holds the results so far",
@@ -19,7 +19,7 @@ _UNFINISHED = {
 
 
 def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return what ``ancf2d info --json`` prints about a result file."""
+    """Return the data that ``ancf2d info --json`` prints about a result file."""
     with open_results(path) as r:
         return {
             "file": str(r.path), "bytes": r.path.stat().st_size, "title": r.title,
@@ -56,7 +56,7 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def describe_text(found: dict[str, Any]) -> str:
-    """Return what ``ancf2d info`` prints, from what ``describe`` found."""
+    """Return the text that ``ancf2d info`` prints, from the result of ``describe``."""
     made, units, lines = found["made"], found["units"], [found["title"] or found["case"]]
     status = _UNFINISHED.get(found["status"], found["status"])
     rows = [
@@ -89,7 +89,7 @@ def describe_text(found: dict[str, Any]) -> str:
 
 
 def _passed(summary: dict[str, Any], units: dict[str, str]) -> list[tuple[str, str]]:
-    """Return what a path or a motion has passed: limit points, bifurcations, and the first events."""
+    """Return the events along a path or a motion: limit points, bifurcations, the first events, and impacts."""
     rows = [(what, f"{number} at load factor {point['factor']:.8g}")
             for key, what in (("limit_points", "limit point"), ("bifurcations", "bifurcation"))
             for number, point in enumerate(summary.get(key, []), start=1)]
@@ -101,7 +101,7 @@ def _passed(summary: dict[str, Any], units: dict[str, str]) -> list[tuple[str, s
 
 
 def _impacts(told: dict[str, Any] | None, units: dict[str, str]) -> list[tuple[str, str]]:
-    """Return how many impacts there were, the first and the strongest one."""
+    """Return the number of impacts, the first and the strongest one."""
     if told is None:
         return []
 
@@ -112,7 +112,7 @@ def _impacts(told: dict[str, Any] | None, units: dict[str, str]) -> list[tuple[s
 
 
 def _accuracy(accuracy: Any) -> str:
-    """Return the estimated error of a run in words, empty where there is none; and whether one was asked for."""
+    """Return the estimated error of a run in words, and whether a wanted accuracy was reached; empty without either."""
     if not isinstance(accuracy, dict):
         return ""
     estimate, wanted = accuracy.get("estimate"), accuracy.get("wanted")
@@ -156,7 +156,7 @@ def _sections(found: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def _touch(contact: dict[str, Any], units: dict[str, str]) -> str:
-    """Return what touches in the last state: the force on the body that is named first, and where along it."""
+    """Return the contact in the last state: the force on the body named first, and its range along that body."""
     if contact["from"] is None:
         return "nothing touches at the end"
     force, at = ", ".join(f"{f:.9g}" for f in contact["force"]), f"S = {contact['from']:.4g}"

@@ -1,13 +1,12 @@
-"""A file that survives a kill while HDF5 writes to it: its contents up to the last commit change all at once.
+"""A file that survives a kill while HDF5 writes to it: the committed contents change all at once.
 
-HDF5 updates its index structures in place, several small writes at a time, so a process killed in
-between leaves them torn. Here such writes wait in memory as pages; a commit appends them to the file
-with a checksum, puts them in place and cuts them off again. Whoever finds them at the end of a file
-reads them in place of what lies below. Whoever reads a file that may be written to reads a copy, made between two
-commits.
+HDF5 updates its index structures in place by several small writes, so a process killed between them leaves inconsistent
+structures. Here such writes are kept in memory as pages. A commit appends the pages with a checksum to the end of the
+file, writes them to their places and truncates the file again. A reader that finds pages at the end of a file uses them
+instead of the bytes at their places. A file that may still be written to is read from a copy, made between two commits.
 
-The plain flushes of HDF5 do not suffice: of the 18 writes of a flush of six states, a kill during 6 leaves a file that
-cannot be read (``tests/results/test_results_kills.py`` counts it).
+Plain flushes of HDF5 are not enough: of the 18 writes of a flush of six states, a kill during 6 leaves an unreadable
+file (``tests/results/test_results_kills.py`` counts them).
 """
 
 from __future__ import annotations
@@ -28,23 +27,23 @@ import h5py
 
 try:
     import fcntl
-except ImportError:  # no such locks here: a copy that is torn is told as damage
+except ImportError:  # no such locks here: a copy made during a commit is reported as damaged
     fcntl = None  # type: ignore[assignment]
 
 PAGE = 4096
-_TRAILER = struct.Struct("<QQI8s")  # pages, size of the file without them, checksum, mark
+_TRAILER = struct.Struct("<QQI8s")  # number of pages, size of the file without them, checksum, mark
 _MARK = b"ancf2d-j"
 MAX_PAGES = 1 << 18
-# what HDF5 keeps of each dataset that is open for reading: some chunks of states, of which row after row is read.
-# Its own default, 8 MiB, adds up where there are fields of many bodies.
+# chunk cache of each dataset opened for reading: a few chunks of states, since rows are read in order. The default of
+# HDF5, 8 MiB, adds up when there are fields of many bodies.
 _CACHE = {"rdcc_nbytes": 1 << 17, "rdcc_nslots": 521}
-# where commits and copies exclude each other, far behind the end of any file; neither waits longer than this [s]
+# byte locked by commits and copies against each other, far beyond the end of any file; longest wait for it [s]
 _TURN, _PATIENCE = 1 << 62, 2.0
 
 
 @contextlib.contextmanager
 def _alone(descriptor: int, exclusive: bool) -> Iterator[None]:
-    """Keep commits (exclusive) from copies, as far as the file system can and others let us."""
+    """Keep commits (exclusive) and copies apart, as far as the file system and other processes allow."""
     if fcntl is None:
         yield
         return
@@ -66,7 +65,7 @@ def _alone(descriptor: int, exclusive: bool) -> Iterator[None]:
 
 @contextlib.contextmanager
 def steady(path: Path) -> Iterator[Path]:
-    """Yield a file that nobody writes to: of one that a run may be writing, NAME.part, a copy between two commits."""
+    """Yield a file that nobody writes to: for NAME.part, which a run may write, a copy made between two commits."""
     if path.suffix != ".part":
         yield path
         return
@@ -84,10 +83,10 @@ def _up(size: int) -> int:
 
 
 class JournaledFile(io.RawIOBase):
-    """The file object that h5py writes to; ``commit`` makes everything so far permanent.
+    """The file object that h5py writes to; ``commit`` makes everything written so far permanent.
 
-    ``failure`` is the first error of the disk. HDF5 is not told of it, which it would not survive: what it goes on to
-    write is lost, and the next commit raises the error.
+    ``failure`` is the first disk error. HDF5 could not recover from it and is not told: later writes are lost, and the
+    next commit raises the error.
     """
 
     def __init__(self, descriptor: int, pages: dict[int, bytearray] | None = None,
@@ -99,15 +98,15 @@ class JournaledFile(io.RawIOBase):
         self.failure: OSError | None = None
 
     def readable(self) -> bool:
-        """Always."""
+        """Return True."""
         return True
 
     def writable(self) -> bool:
-        """Always."""
+        """Return True."""
         return True
 
     def seekable(self) -> bool:
-        """Always."""
+        """Return True."""
         return True
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
@@ -120,7 +119,7 @@ class JournaledFile(io.RawIOBase):
         return self._at
 
     def truncate(self, size: int | None = None) -> int:
-        """Set the size that the file has from the next commit on."""
+        """Set the size of the file, effective from the next commit."""
         self._size = self._at if size is None else size
         return self._size
 
@@ -131,7 +130,7 @@ class JournaledFile(io.RawIOBase):
         return [p for p in range(first, last + 1) if p in self._pages]
 
     def readinto(self, buffer: Any) -> int:
-        """Fill the buffer from the position on, with zeros behind the end."""
+        """Fill the buffer from the position on, with zeros beyond the end."""
         view = memoryview(buffer).cast("B")
         start, count, done = self._at, len(view), 0
         while done < count:
@@ -147,7 +146,7 @@ class JournaledFile(io.RawIOBase):
         return count
 
     def write(self, data: Any) -> int:
-        """Write at the position: at once behind what is committed, else into waiting pages."""
+        """Write at the position: directly to the file beyond the committed size, else to pages in memory."""
         view = memoryview(data).cast("B")
         start, count = self._at, len(view)
         waiting = min(count, max(0, _up(self._committed) - start))
@@ -169,9 +168,9 @@ class JournaledFile(io.RawIOBase):
         return count
 
     def commit(self) -> None:
-        """Put everything since the last commit into the file, so that no moment shows a part.
+        """Write everything since the last commit to the file, so that a reader sees all of it or nothing.
 
-        Raises OSError where it, or what was written since the last commit, cannot be put there.
+        Raises OSError if this or an earlier write since the last commit failed.
         """
         self.check()
         with _alone(self._descriptor, True):
@@ -191,7 +190,7 @@ class JournaledFile(io.RawIOBase):
             _write_all(self._descriptor, memoryview(self._pages[number]), number * PAGE)
 
     def check(self) -> None:
-        """Raise the error that the disk gave to a write, if there was one."""
+        """Raise the first disk error of a write, if there was one."""
         if self.failure is not None:
             raise self.failure
 
@@ -203,17 +202,17 @@ def _write_all(descriptor: int, data: memoryview, at: int) -> None:
 
 
 class _Recovered(JournaledFile):
-    """A file as its last commit, which did not come to its end, left it."""
+    """A file in the state of its last commit, which was interrupted."""
 
     def close(self) -> None:
-        """Close the descriptor, which is this object's own."""
+        """Close the descriptor, which belongs to this object."""
         if not self.closed:
             os.close(self._descriptor)
         super().close()
 
 
 def _waiting_pages(descriptor: int) -> tuple[dict[int, bytearray], int] | None:
-    """Return the pages of an unfinished commit and the file's size without them."""
+    """Return the pages of an interrupted commit and the file's size without them, or None."""
     end = os.fstat(descriptor).st_size
     trailer = os.pread(descriptor, _TRAILER.size, max(0, end - _TRAILER.size))
     if len(trailer) < _TRAILER.size or not trailer.endswith(_MARK):
@@ -232,7 +231,7 @@ def _waiting_pages(descriptor: int) -> tuple[dict[int, bytearray], int] | None:
 
 
 def is_journaled(path: Path) -> bool:
-    """Whether a file ends with a commit that did not come to its end, so that what lies below may be torn."""
+    """Return whether a file ends with an interrupted commit, so that the bytes at its places may be inconsistent."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         return _waiting_pages(descriptor) is not None
@@ -241,13 +240,13 @@ def is_journaled(path: Path) -> bool:
 
 
 def recovered(descriptor: int) -> JournaledFile:
-    """Return the file object of a file that an earlier process left, as its last commit left it."""
+    """Return the file object of a file left by an earlier process, in the state of its last commit."""
     found = _waiting_pages(descriptor)
     return JournaledFile(descriptor) if found is None else JournaledFile(descriptor, *found)
 
 
 def open_hdf5(path: Path) -> h5py.File:
-    """Open an HDF5 file read-only, as its last commit left it."""
+    """Open an HDF5 file read-only, in the state of its last commit."""
     descriptor = os.open(path, os.O_RDONLY)
     with contextlib.ExitStack() as stack:
         stack.callback(os.close, descriptor)

@@ -1,4 +1,4 @@
-"""What a result file holds: case, versions and mesh, which never change, and the states of a run, which grow."""
+"""Contents of a result file: case, versions and mesh, which never change, and the growing states of a run."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from ancf2d.results.records import (
 from ancf2d.results.series import CHUNK_BYTES, Series, set_text, write_fixed, write_texts
 
 PACKAGES = ("numpy", "scipy", "numba", "h5py")
-STATE_FIELDS = ("d", "v", "a")  # of nq numbers per state
-BODIES = "turned"  # of one number per body and state
+STATE_FIELDS = ("d", "v", "a")  # with nq numbers per state
+BODIES = "turned"  # with one number per body and state
 
 
 @cache
@@ -46,7 +46,7 @@ def versions() -> dict[str, str]:
 
 
 def provenance(case_text: str) -> dict[str, str]:
-    """Return the root attributes that say when, where and with what a result was made."""
+    """Return the root attributes on when, where and with which versions a result was made."""
     found = {f"version_{name}": version for name, version in versions().items()}
     found["platform"] = platform.platform()
     found["created"] = datetime.now(UTC).isoformat(timespec="seconds")
@@ -55,7 +55,7 @@ def provenance(case_text: str) -> dict[str, str]:
 
 
 def coordinate_units(units: Units) -> str:
-    """Return the units of nodal coordinates, whose kinds follow from their names."""
+    """Return the units of nodal coordinates; the names of the coordinates tell which unit applies."""
     length = units.length
     return f"{length}; slopes 1; angles rad; d^k r/dy^k {length}^(1-k)"
 
@@ -99,7 +99,7 @@ def write_mesh(file: h5py.File, units: Units, bodies: Sequence[BodyRecord], e0: 
 
 
 def write_fields(file: h5py.File, units: Units, fields: Sequence[FieldRecord]) -> None:
-    """Write what is known of the fields before there is a state: /fields/BODY/NAME."""
+    """Write the constant data of the fields to /fields/BODY/NAME, before there is a state."""
     for field in fields:
         bodies = file.require_group("fields")
         group = bodies.require_group(escape(field.body)).create_group(field.name)
@@ -144,10 +144,10 @@ def _write_body(group: h5py.Group, body: BodyRecord, length: str, names: Sequenc
 
 
 class Growth:
-    """The growing columns of a result file, and how many rows of each kind there are.
+    """The growing columns of a result file, and the number of rows of each kind.
 
-    There is one row of /states and /energies per stored state, one of /history per step and one
-    of each of /probes whenever probes were read.
+    There is one row of /states and /energies per stored state, one of /history per step and one of each of /probes per
+    reading of the probes.
     """
 
     def __init__(self, file: h5py.File, nq: int, units: Units, dynamic: bool,
@@ -165,17 +165,17 @@ class Growth:
 
     @property
     def rows(self) -> tuple[int, int, int]:
-        """Rows of states, history and probes."""
+        """The numbers of rows of states, history and probes."""
         return self.states, self.logged, self.probed
 
     @property
     def buffered_bytes(self) -> int:
-        """Bytes that are not on disk yet."""
+        """The number of bytes that are not on disk yet."""
         return sum(series.buffered_bytes for series in self.all_series())
 
     @property
     def columns(self) -> int:
-        """How many columns there are."""
+        """The number of columns."""
         return sum(1 for _ in self.all_series())
 
     def all_series(self) -> Iterator[Series]:
@@ -187,8 +187,7 @@ class Growth:
 
     def state(self, t: float, history_row: int, arrays: Mapping[str, np.ndarray | None],
               energies: Mapping[str, float], fields: Mapping[tuple[str, str], np.ndarray]) -> None:
-        """Add one state: ``arrays`` d, v, a (nq,), turned (bodies,) where they are known, ``fields`` by body and name.
-        """
+        """Add a state: ``arrays`` d, v, a (nq,), turned (bodies,) as far as known, ``fields`` by body and name."""
         self._field("t").append(float(t))
         self._field("history_row").append(history_row)
         for name, width in self._widths.items():
@@ -303,7 +302,7 @@ class Growth:
     # ------------------------------------------------------------------ after an interruption
 
     def reopen(self, rows: Sequence[int]) -> None:
-        """Take up the columns of an earlier run, cut back to ``rows`` of states, history, probes."""
+        """Reopen the columns of an earlier run, cut back to ``rows`` of states, history, probes."""
         self.states, self.logged, self.probed = rows
         for name in self._file.get("states", ()):
             self._field(name).reopen(self.states)
@@ -320,6 +319,6 @@ class Growth:
                 self._reopen_probe(unescape(probe), unescape(key))
 
     def _reopen_probe(self, probe: str, quantity: str) -> None:
-        rows, self.probed = self.probed, 0  # nothing is filled up before the rows are there
+        rows, self.probed = self.probed, 0  # so that the new column is not padded before its rows are reopened
         self._probe_column(probe, quantity).reopen(rows)
         self.probed = rows

@@ -1,4 +1,4 @@
-"""Result files as notebooks show them, and as data sets of xarray."""
+"""Representations of result files for notebooks, and as data sets of xarray."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Variables = dict[str, tuple[Sequence[str], Any, dict[str, str]]]
 
 
 def html_table(rows: Iterable[Sequence[object]], head: Sequence[object] = ()) -> str:
-    """Return rows of cells as an HTML table; numbers, as texts, stand to the right."""
+    """Return rows of cells as an HTML table; cells that begin with a digit, after a sign, are aligned to the right."""
     def line(cells: Sequence[object], tag: str) -> str:
         found = (f'<{tag} style="text-align: {_side(str(c))}">{escape(str(c))}</{tag}>' for c in cells)
         return f"<tr>{''.join(found)}</tr>"
@@ -28,13 +28,13 @@ def _side(cell: str) -> str:
 
 
 def one_line(results: Any) -> str:
-    """Return a result file in one line."""
+    """Return a description of a result file in one line."""
     title = f" {results.title!r}" if results.title else ""
     return f"<Results{title}: {results.status}, {results.solver}, {results.nt} states, {results.path.name}>"
 
 
 def as_html(results: Any) -> str:
-    """Return what is in the file as notebooks show it."""
+    """Return the contents of a result file as HTML for notebooks."""
     span = f"{results.t[0]:g} to {results.t[-1]:g}" if results.nt else ""
     what = f"t [{results.units.time}]" if results.over_time else "load factor"
     rows = [("file", results.path.name), ("solver", f"{results.solver}, {results.status}"),
@@ -47,12 +47,12 @@ def as_html(results: Any) -> str:
 
 
 def to_xarray(results: Any, states: bool = True) -> Dataset:
-    """Return all that is stored as a data set of xarray, with units; the package xarray has to be installed.
+    """Return all stored data as a data set of xarray, with units; the package xarray has to be installed.
 
     Probe quantities are variables over ``t`` (load factor or time) and ``probe``; energies, nodal coordinates d and
-    their rates v over ``state``, whose load factor or time is ``t_state``; shapes of modes over ``mode``; fields
-    ``BODY.FIELD`` over state, elements of the body and stations. Without ``states``, arrays over states are left
-    out. Raises ImportError where xarray is not installed.
+    their rates v and a over ``state``, whose load factor or time is ``t_state``; shapes of modes over ``mode``; fields
+    ``BODY.FIELD`` over state, elements of the body and stations. Without ``states``, arrays over states are left out.
+    Raises ImportError if xarray is not installed.
     """
     try:
         import xarray
@@ -79,7 +79,7 @@ def _t_units(results: Any) -> str:
 
 
 def _probe_variables(results: Any) -> Variables:
-    """Return quantities over (t, probe), nan where a probe does not have one."""
+    """Return probe quantities over (t, probe), nan for probes without them."""
     out: Variables = {}
     for q in dict.fromkeys(q for columns in results.probes.values() for q in columns):
         missing = np.full(len(results.probe_t), np.nan)
@@ -90,7 +90,7 @@ def _probe_variables(results: Any) -> Variables:
 
 
 def _field_variables(results: Any, coords: Variables) -> Variables:
-    """Return the stored fields; their stations become coordinates."""
+    """Return the stored fields; add their stations to ``coords``."""
     out: Variables = {}
     for body, found in results.fields.items():
         for name, record in found.items():
@@ -113,7 +113,7 @@ def _field_variables(results: Any, coords: Variables) -> Variables:
 
 
 def _mode_variables(results: Any) -> Variables:
-    """Return what is known of modes: numbers and kinds from their table, and shapes."""
+    """Return the data of modes: the columns of their table, and their shapes."""
     out: Variables = {}
     if "modes" in results.tables:
         out |= {f"mode_{name}": (("mode",), values, {"units": results.tables["modes"].units.get(name, "")})

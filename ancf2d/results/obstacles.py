@@ -1,4 +1,4 @@
-"""Obstacles as they are drawn: outlines of circles, half planes and polylines, where they are in a state."""
+"""Obstacles for drawing: outlines of circles, half planes and polylines at their places in a state."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ import numpy as np
 from ancf2d.results.reader import Results
 from ancf2d.results.symbols import completed_case, row_of
 
-CORNERS = 120  # of the polygon that stands for a circle
-FAR = 20.0  # extents of the scene: how far a half plane reaches in a picture
-SHADE = 0.02  # of the extent: how wide the solid side of an open polyline is shaded
+CORNERS = 120  # number of corners of the polygon drawn for a circle
+FAR = 20.0  # extent of a half plane in a picture, relative to the extent of the bodies
+SHADE = 0.02  # width of the shading on the solid side of an open polyline, relative to the extent of the bodies
 
 
 @dataclass(frozen=True)
 class Obstacle:
-    """An obstacle in one state: ``solid`` (n, 2) is the polygon that is filled, ``lines`` are its surface, as drawn.
+    """An obstacle in one state: ``solid`` (n, 2) is the polygon to be filled, ``lines`` are the lines of its surface.
 
-    A half plane is ``endless``: what is drawn of it must not widen a picture.
+    A half plane is ``endless``: its drawing must not widen a picture.
     """
 
     name: str
@@ -30,7 +30,7 @@ class Obstacle:
     endless: bool = False
 
     def moved(self, turn: float, about: np.ndarray, by: np.ndarray) -> Obstacle:
-        """Return the obstacle turned about a point and then moved."""
+        """Return the obstacle after a rotation about a point and then a displacement."""
         c, s = math.cos(turn), math.sin(turn)
         R = np.array([[c, -s], [s, c]])
 
@@ -51,7 +51,7 @@ def _circle(name: str, entry: dict[str, Any]) -> Obstacle:
     center, radius = _pair(entry["center"]), float(entry["radius"])
     a = np.linspace(0.0, 2.0 * math.pi, CORNERS + 1)
     rim = center + radius * np.stack([np.cos(a), np.sin(a)], axis=1)
-    # a spoke shows how it turns
+    # a spoke shows the rotation
     spoke = center + radius * np.array([[0.7, 0.0], [1.0, 0.0]])
     return Obstacle(name, rim, (rim, spoke))
 
@@ -78,7 +78,7 @@ def _polyline(name: str, entry: dict[str, Any], extent: float) -> Obstacle:
 
 
 def _shapes(results: Results) -> Iterator[tuple[Obstacle, dict[str, Any]]]:
-    """Yield the obstacles of a case in the reference, with what the case says of each."""
+    """Yield the obstacles of a case in the reference configuration, each with its entry in the case."""
     found = completed_case(results).get("obstacles")
     ends = [results.reference(name, np.linspace(0.0, 1.0, 9)) for name in results.bodies]
     extent = float(np.hypot(*np.ptp(np.concatenate(ends), axis=0))) if ends else 1.0
@@ -95,11 +95,11 @@ def _shapes(results: Results) -> Iterator[tuple[Obstacle, dict[str, Any]]]:
 
 
 def _with_body(results: Results, body: str, state: int, scale: float) -> tuple[float, np.ndarray, np.ndarray]:
-    """Return how a rigid body has turned, about which point, and how far that has moved."""
+    """Return the rotation of a rigid body, the point about which it turns, and the displacement of that point."""
     s = np.array([0.0, 1.0, 0.5])
     start = results.reference(body, s)
     move = scale * results.displacement(body, s, state)
-    # of a body whose ends meet, the middle tells
+    # for a body whose ends coincide, the middle gives the direction
     other = 1 if np.linalg.norm(start[1] - start[0]) > 1e-6 * np.linalg.norm(start[2] - start[0]) else 2
     before, after = start[other] - start[0], start[other] + move[other] - start[0] - move[0]
     turn = math.atan2(before[0] * after[1] - before[1] * after[0], float(before @ after))
@@ -107,7 +107,7 @@ def _with_body(results: Results, body: str, state: int, scale: float) -> tuple[f
 
 
 def _centre(entry: dict[str, Any]) -> np.ndarray:
-    """Return the point about which an obstacle turns by its own motion."""
+    """Return the point about which the prescribed motion of an obstacle rotates it."""
     motion = entry["motion"]
     if isinstance(motion, dict) and motion.get("about"):
         return _pair(motion["about"])
@@ -116,7 +116,7 @@ def _centre(entry: dict[str, Any]) -> np.ndarray:
 
 
 def _pose(results: Results, name: str, state: int) -> np.ndarray | None:
-    """Return how far an obstacle has moved and turned (3,) by its own motion, None where that was not stored."""
+    """Return displacement and rotation (3,) of an obstacle by its own motion, or None if they were not stored."""
     probes = results.probes
     found: Mapping[str, np.ndarray] = probes.get(f"obstacle {name}", probes.get(name, {}))
     if not {"ux", "uy", "theta"} <= set(found) or not len(results.probe_t):

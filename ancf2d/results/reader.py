@@ -1,4 +1,4 @@
-"""Results in: a read-only view of one result file, checked and lazy."""
+"""Reads a result file: a read-only view, checked, with data loaded on demand."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ def _close(file: h5py.File, then: Callable[[], None]) -> None:
 
 
 class Results(AbstractContextManager["Results"]):
-    """One open result file, whose states are read on demand: one by one, in blocks or all at once.
+    """An open result file, whose states are read on demand: one by one, in blocks or all at once.
 
-    If a run is still writing the file, this shows what it held when it was opened.
-    Nodal coordinates of state i are ``e(i) = e0 + d(i)``; i counts from 0, negative from the end.
-    Reading raises ResultsError wherever the file is damaged or inconsistent.
+    If a run is still writing the file, this shows the contents at the time of opening. Nodal coordinates of state i are
+    ``e(i) = e0 + d(i)``; i counts from 0, negative from the end. Reading raises ResultsError if the file is damaged or
+    inconsistent.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -88,7 +88,7 @@ class Results(AbstractContextManager["Results"]):
 
     @property
     def over_time(self) -> bool:
-        """Whether the states are those of times, not of load factors."""
+        """Whether the states belong to times, not to load factors."""
         return self.solver in OVER_TIME
 
     @cached_property
@@ -113,7 +113,7 @@ class Results(AbstractContextManager["Results"]):
 
     @property
     def case_completed(self) -> str:
-        """The case as completed with defaults and overrides."""
+        """The case with defaults and overrides."""
         return self._case("completed")
 
     @property
@@ -141,13 +141,13 @@ class Results(AbstractContextManager["Results"]):
         return self._rows[name]
 
     def holds(self, name: str) -> bool:
-        """Whether every stored state has ``name``: d, v or a."""
+        """Return whether every stored state has ``name``: d, v or a."""
         with safe.damage(self.path):
             rows = self._state_rows(name)
             return rows is not None and len(rows) >= self.nt
 
     def _number(self, i: int) -> int:
-        """Return the number from 0 of state i. Raises ResultsError where there is no such state."""
+        """Return the number from 0 of state i. Raises ResultsError if there is no such state."""
         if not -self.nt <= i < self.nt:
             raise ResultsError(f"'{self.path}' has no state {i}: it holds {self.nt}")
         return int(i) % self.nt
@@ -174,10 +174,9 @@ class Results(AbstractContextManager["Results"]):
             return rows.block(0, self.nt)
 
     def blocks(self, name: str) -> Iterator[np.ndarray]:
-        """Yield ``name`` (d, v or a) of all states, some consecutive ones at a time (n, nq).
+        """Yield ``name`` (d, v or a) of all states in blocks of consecutive states (n, nq).
 
-        Files with the same numbers of states and coordinates have the same blocks. Raises ResultsError where it was
-        not stored.
+        Files with equal numbers of states and coordinates have equal blocks. Raises ResultsError if it was not stored.
         """
         return self._blocks(self._all_rows(name))
 
@@ -188,25 +187,25 @@ class Results(AbstractContextManager["Results"]):
             yield block
 
     def d(self, i: int) -> np.ndarray:
-        """Displacements (nq,) of the nodal coordinates in state i."""
+        """Return the displacements (nq,) of the nodal coordinates in state i."""
         return self._row("d", i)
 
     def e(self, i: int) -> np.ndarray:
-        """Nodal coordinates (nq,) of state i."""
+        """Return the nodal coordinates (nq,) of state i."""
         e = self.d(i)
         e += self.e0
         return e
 
     def v(self, i: int) -> np.ndarray:
-        """Rates (nq,) of the nodal coordinates in state i, where they were stored."""
+        """Return the rates (nq,) of the nodal coordinates in state i. Raises ResultsError if not stored."""
         return self._row("v", i)
 
     def a(self, i: int) -> np.ndarray:
-        """Second rates (nq,) of the nodal coordinates in state i, where they were stored."""
+        """Return the second rates (nq,) of the nodal coordinates in state i. Raises ResultsError if not stored."""
         return self._row("a", i)
 
     def turned(self, i: int) -> np.ndarray | None:
-        """Rotations (bodies,) at S = 0 of each body in state i, through full turns; None where they were not stored."""
+        """Return the rotations (bodies,) at S = 0 of each body in state i, through full turns; None if not stored."""
         number = self._number(i)
         with safe.damage(self.path):
             dataset = safe.child(self._states, "turned", h5py.Dataset)
@@ -267,7 +266,7 @@ class Results(AbstractContextManager["Results"]):
 
     def levels(self, body: str, i: int | None = -1, *, scale: float = 1.0,
                elements: slice | np.ndarray | None = None) -> np.ndarray:
-        """Return points (3 + k, ne, ns, 2) on bottom, axis, top and k lines between layers, else as ``faces``."""
+        """Return points (3 + k, ne, ns, 2) on bottom, axis, top and k interfaces of layers; options as in ``faces``."""
         return body_levels(self.body(body), self._scaled(i, scale), elements)
 
     def displacement(self, body: str, s: np.ndarray, i: int = -1) -> np.ndarray:
@@ -318,7 +317,7 @@ class Results(AbstractContextManager["Results"]):
             return rows.row(number)
 
     def field_blocks(self, body: str, name: str) -> Iterator[np.ndarray]:
-        """Yield a field of all states, some consecutive ones at a time (n, ne, nx, ny, components); see ``blocks``."""
+        """Yield a field in blocks of consecutive states (n, ne, nx, ny, components); see ``blocks``."""
         return self._blocks(self._field_rows(body, name))
 
     @cached_property
@@ -358,7 +357,7 @@ class Results(AbstractContextManager["Results"]):
 
     @cached_property
     def probe_t(self) -> np.ndarray:
-        """Load factor or time of the probes' values."""
+        """Load factor or time of each reading of the probes."""
         return next((p["t"] for p in self._all_probes.values() if "t" in p), np.empty(0))
 
     @cached_property
@@ -374,7 +373,7 @@ class Results(AbstractContextManager["Results"]):
             return safe.datasets(safe.child(self._file, "arrays", h5py.Group))
 
     def array(self, path: str) -> np.ndarray:
-        """Return one of ``arrays`` as a NumPy array. Raises ResultsError if there is none of this path."""
+        """Return one of ``arrays`` as a NumPy array. Raises ResultsError if there is none at this path."""
         if path not in self.arrays:
             raise ResultsError(f"'{self.path}' has no array '{path}' (arrays: {', '.join(self.arrays) or 'none'})")
         with safe.damage(self.path):
@@ -384,16 +383,16 @@ class Results(AbstractContextManager["Results"]):
     __repr__, _repr_html_, to_xarray = one_line, as_html, to_xarray
 
     def release(self, then: Callable[[], None]) -> None:
-        """Close the file as soon as nobody has these results any more, and do ``then``."""
+        """Close the file and call ``then`` as soon as these results are garbage-collected."""
         weakref.finalize(self, _close, self._file, then)
 
     def close(self) -> None:
-        """Close the file, after which nothing more can be read from it."""
+        """Close the file; nothing can be read from it afterwards."""
         self._file.close()
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
 
-# raises ResultsError, which says what is wrong with a file and what to do
+# raises ResultsError, which explains the problem of a file and what to do
 open_results = Results

@@ -1,4 +1,4 @@
-"""What a result file holds: bodies as drawn, named columns, and the units of each quantity."""
+"""Records of a result file: bodies for drawing, named columns, and the units of each quantity."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from ancf2d.errors import ResultsError
 
 FORMAT = "ancf2d-results"
 FORMAT_VERSION = 1
-# solvers whose states are those of times
+# solvers whose states belong to times
 OVER_TIME = ("dynamic", "quasi_static")
-# how events are told, behind the name of what begins or ends
+# words for events, after the name of the item that begins or ends
 EVENT_WORDS = "begins", "ends"
 SECTION_KINDS = ("interpolated", "tangent", "theta")
 
@@ -22,8 +22,8 @@ SECTION_KINDS = ("interpolated", "tangent", "theta")
 class Column:
     """One named column of numbers: ``units`` is a template such as ``"{F}*{L}"``.
 
-    ``{L}``, ``{F}`` and ``{T}`` stand for the case's units of length, force and time; counts are
-    stored as 64-bit integers, everything else as doubles.
+    ``{L}``, ``{F}`` and ``{T}`` stand for the case's units of length, force and time; counts are stored as 64-bit
+    integers, everything else as doubles.
     """
 
     name: str
@@ -34,22 +34,20 @@ class Column:
 
 @dataclass
 class BodyRecord:
-    """How one body is drawn from the nodal coordinates: its elements, shape functions and section.
+    """Data to draw one body from the nodal coordinates: its elements, shape functions and section.
 
-    r(xi, eta) = sum_k S_k e_k with e_k = e[dofs[ie, k*nc : k*nc + 2]] (nc = 3 with an angle as the
-    third component for ``theta``, else 2). There are ``ne`` elements with ``nd`` coordinates,
-    ``nn`` nodes, ``nshape`` shape functions and ``ns`` samples along the axis.
+    r(xi, eta) = sum_k S_k e_k with e_k = e[dofs[ie, k*nc : k*nc + 2]] (nc = 3 with an angle as the third component for
+    ``theta``, else 2). There are ``ne`` elements with ``nd`` coordinates, ``nn`` nodes, ``nshape`` shape functions and
+    ``ns`` samples along the axis.
 
-    dofs (ne, nd); nodes (ne, nn) global node numbers; node_shape (nn,) the shape function that is
-    r at that node; classes (ne,) row of lengths, sample_S, sample_S_x; lengths (nclass,) [length];
-    sample_xi (ns,) in [0, 1]; sample_S (nclass, 3 + k, ns, nshape) at the lower face, the axis, the upper face and k
-    lines between layers;
-    sample_S_x (nclass, ns, nshape) = dS/dx on the axis [1/length]; arclength (ne + 1,) in [0, 1].
-    ``section_kind`` says where the faces are: ``interpolated`` (by r at eta = -1, 1), ``tangent``
-    (h/2 along the normal of r_x) or ``theta`` (h/2 along the section's angle). ``heights`` (ne, ns) [length] are those
-    of the sections at the samples of a body whose height varies; ``height`` and ``width`` are means then. ``levels``
-    (3 + k,) [length] are y of both faces, the axis and the lines between layers in the order of sample_S, None where
-    they are -h/2, 0, h/2.
+    dofs (ne, nd); nodes (ne, nn) global node numbers; node_shape (nn,) the shape function of r at that node; classes
+    (ne,) row of lengths, sample_S, sample_S_x; lengths (nclass,) [length]; sample_xi (ns,) in [0, 1]; sample_S (nclass,
+    3 + k, ns, nshape) at the lower face, the axis, the upper face and k lines between layers; sample_S_x (nclass, ns,
+    nshape) = dS/dx on the axis [1/length]; arclength (ne + 1,) in [0, 1]. ``section_kind`` gives the position of the
+    faces: ``interpolated`` (by r at eta = -1, 1), ``tangent`` (h/2 along the normal of r_x) or ``theta`` (h/2 along the
+    section's angle). ``heights`` (ne, ns) [length] are those of the sections at the samples if the height varies;
+    ``height`` and ``width`` are then means. ``levels`` (3 + k,) [length] are y of both faces, the axis and the lines
+    between layers in the order of sample_S, None if they are -h/2, 0, h/2.
     """
 
     name: str
@@ -72,14 +70,14 @@ class BodyRecord:
     levels: np.ndarray | None = None
 
     def heights_of(self, elements: np.ndarray) -> np.ndarray:
-        """Return the heights (n, ns) [length] of the sections of elements (n,), 0 where they are not known."""
+        """Return the heights (n, ns) [length] of the sections of elements (n,), 0 if they are unknown."""
         if self.heights is not None:
             return self.heights[elements]
         return np.full((len(elements), len(self.sample_xi)), self.height if np.isfinite(self.height) else 0.0)
 
     @property
     def components(self) -> int:
-        """Components per shape function: x, y, and theta where the section has its own angle."""
+        """Components per shape function: x, y, and theta if the section has its own angle."""
         return 3 if self.section_kind == "theta" else 2
 
     def check(self, nq: int) -> None:
@@ -119,10 +117,11 @@ class BodyRecord:
 
 @dataclass(frozen=True)
 class FieldRecord:
-    """A field stored over a body at stations ``xi`` (nx,) in [0, 1] along and ``eta`` (ny,) in [-1, 1] across its
-    elements; ``units`` is a template as in Column. A state's values are (ne, nx, ny, components).
+    """A field stored over a body at stations along and across its elements; ``units`` is a template as in Column.
 
-    Where elements have stations of their own, ``xi`` is (ne, nx)."""
+    ``xi`` (nx,) in [0, 1] are the stations along an element, or (ne, nx) if each element has its own, and ``eta`` (ny,)
+    in [-1, 1] those across it. The values of a state are (ne, nx, ny, components).
+    """
 
     body: str
     name: str
@@ -194,7 +193,7 @@ _REGISTRY = {"probe": _PROBE, "history": _HISTORY, "table": _TABLE}
 
 
 def known_column(role: str, name: str) -> Column:
-    """Return what is known of a column; ``role`` is probe, history or table."""
+    """Return the column with units and description by its name; ``role`` is probe, history or table."""
     part = _PARTS.get(name.rpartition(".")[2])
     quantity = _PROBE.get(name.split(".")[-2]) if role == "table" and part is not None and "." in name else None
     if quantity is not None:  # INPUT.PROBE.QUANTITY.re
@@ -204,7 +203,7 @@ def known_column(role: str, name: str) -> Column:
 
 @dataclass(frozen=True)
 class Units:
-    """The labels of a consistent set of units; they are only ever written, never converted."""
+    """The labels of a consistent set of units; they are written but never converted."""
 
     length: str = "m"
     force: str = "N"
@@ -218,7 +217,7 @@ class Units:
 
 
 def escape(name: str) -> str:
-    """Return a user's name as one HDF5 link name: ``/`` and a lone ``.`` mean something there."""
+    """Return a user's name as one HDF5 link name, without ``/`` or a lone ``.``, which are special there."""
     name = name.replace("%", "%25").replace("/", "%2F")
     return name.replace(".", "%2E") if set(name) == {"."} else name
 
@@ -229,7 +228,7 @@ def unescape(key: str) -> str:
 
 
 def short_names(paths: Sequence[str]) -> list[str]:
-    """Return the shortest ends of dotted paths that tell them apart; numbers of items stand behind their list."""
+    """Return the shortest ends of dotted paths that are unique; the index of an item is kept with its list."""
     def end(path: str, parts: int) -> str:
         return ".".join(path.split(".")[-parts:])
 

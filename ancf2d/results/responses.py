@@ -1,4 +1,4 @@
-"""Responses over the frequency between the points that they are computed at."""
+"""Frequency responses between the points at which they are computed."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import yaml
 
 from .reader import Results
 
-# distance of a chord from the curve, beside the size of the response, that nobody sees; most chords between two points
+# largest invisible distance of a chord from the curve, relative to the response; most chords between two points
 UNSEEN, MOST = 3e-4, 64
 
 
 def interpolated(x: np.ndarray, values: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the cubics through the four nearest of ``values`` (m, ...), and the largest of these in size."""
+    """Return values at ``at`` by the cubic through the four nearest points x, and the largest magnitude at these."""
     count = min(4, len(x))
     first = np.clip(np.searchsorted(x, at) - count // 2, 0, len(x) - count)
     some = first[:, None] + np.arange(count)
@@ -29,16 +29,16 @@ def interpolated(x: np.ndarray, values: np.ndarray, at: np.ndarray) -> tuple[np.
 
 
 def spacing(results: Results) -> str:
-    """Return ``log`` or ``linear`` where the points of a file were placed in a range, else an empty text."""
+    """Return ``log`` or ``linear`` if the points of a file were placed in a range, else an empty text."""
     solver: dict[str, Any] = yaml.safe_load(results.case_completed)["solver"]
     return "" if solver.get("from") is None else str(solver.get("scale", "log"))
 
 
 def smooth(hz: np.ndarray, H: np.ndarray, scale: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies and responses (m,) with so many more that straight lines between them look like the curve.
+    """Return frequencies and responses (m,), with points added until straight lines between them look like the curve.
 
-    Points that are placed in a range (``scale`` of ``spacing``) lie so close that cubics through four of them give the
-    response; of others nothing is known in between.
+    Points that were placed in a range (``scale`` of ``spacing``) are so close that cubics through four of them are
+    accurate; other points are returned unchanged.
     """
     if not scale or len(hz) < 4:
         return hz, H

@@ -1,4 +1,4 @@
-"""Reading HDF5 that anyone may have written: objects are checked before their data are touched."""
+"""Reads HDF5 files from untrusted sources: objects are checked before their data are read."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from ancf2d.results.journal import is_journaled, open_hdf5, steady
 from ancf2d.results.records import FORMAT, FORMAT_VERSION, unescape
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
-MAX_BYTES = 4 << 30  # of one read: 8 million coordinates of a state take 64 MB
+MAX_BYTES = 4 << 30  # limit of one read: 8 million coordinates of a state take 64 MB
 MAX_TEXT = 64 << 20
 MAX_CHUNK = 64 << 20
-LARGEST_NUMBER = 8  # bytes: what is longer cannot become a Python number
-DEFLATE_RATIO = 1032  # gzip cannot do better, so more than this times the stored bytes is a lie
+LARGEST_NUMBER = 8  # bytes: longer numbers cannot become Python numbers
+DEFLATE_RATIO = 1032  # maximum compression of gzip: larger ratios of declared to stored bytes are false
 
 
 @contextmanager
 def damage(path: Path) -> Iterator[None]:
-    """Turn whatever HDF5 raises on damaged data into a ResultsError that names the file."""
+    """Turn any exception of HDF5 on damaged data into a ResultsError that names the file."""
     try:
         yield
     except (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError,
@@ -38,7 +38,7 @@ def damage(path: Path) -> Iterator[None]:
 
 
 def open_file(path: Path) -> h5py.File:
-    """Open a result file read-only, or say in a ResultsError why it is none."""
+    """Open a result file read-only. Raises ResultsError, with the reason, if it is none."""
     if not path.exists():
         part = path.with_name(path.name + ".part")
         more = f"; there is an unfinished '{part}'" if part.exists() else ""
@@ -88,11 +88,11 @@ def _check_format(path: Path, file: h5py.File) -> None:
 
 
 def attribute(node: h5py.Group | h5py.Dataset, name: str, default: Any = None) -> Any:
-    """Return an attribute as a plain number, string or list."""
+    """Return an attribute as a plain number, string or list; ``default`` if it is missing or of another type."""
     key = name.encode("utf-8", "surrogateescape")
     if not h5a.exists(node.id, key):
         return default
-    # opened once, which h5py does for its type and again for its value
+    # h5py would open it twice, for its type and for its value
     found = h5a.open(node.id, key)
     kind = found.dtype
     if kind.kind not in "biufS" and h5py.check_string_dtype(kind) is None:
@@ -113,12 +113,12 @@ def attribute(node: h5py.Group | h5py.Dataset, name: str, default: Any = None) -
 
 
 def attributes(node: h5py.Group) -> dict[str, Any]:
-    """Return all attributes by name; names that are no UTF-8 are no names of ours."""
+    """Return all attributes by name, except names that are not UTF-8, which ancf2d does not write."""
     return {k: attribute(node, k) for k in node.attrs if isinstance(k, str)}
 
 
 def child(group: h5py.Group, name: str, kind: type) -> Any:
-    """Return a member that is really in this file (no link elsewhere) and of the wanted kind."""
+    """Return a member of a kind, or None if it is missing. Raises ValueError for links and other kinds."""
     link = group.get(name, getlink=True)
     if link is None:
         return None
@@ -133,12 +133,12 @@ def child(group: h5py.Group, name: str, kind: type) -> Any:
 
 
 def groups(group: h5py.Group | None) -> dict[str, h5py.Group]:
-    """Return the groups in a group, by their unescaped names, in the order of their making."""
+    """Return the groups in a group, by their unescaped names, in the order of creation."""
     return {} if group is None else {unescape(k): child(group, k, h5py.Group) for k in group}
 
 
 def datasets(group: h5py.Group | None, depth: int = 8) -> dict[str, h5py.Dataset]:
-    """Return the datasets in a group and in the groups below it, ``depth`` levels of them, by their path."""
+    """Return the datasets in a group and in ``depth`` levels of groups below it, by their path."""
     found: dict[str, h5py.Dataset] = {}
     for key in group or ():
         kind = group.get(key, getclass=True)  # type: ignore[union-attr]
@@ -151,7 +151,7 @@ def datasets(group: h5py.Group | None, depth: int = 8) -> dict[str, h5py.Dataset
 
 
 def _check_storage(dataset: h5py.Dataset) -> None:
-    """Raise ValueError for data kept elsewhere and shapes that the stored bytes cannot fill."""
+    """Raise ValueError for data stored in another file, unknown types, and shapes too large for the stored bytes."""
     name = dataset.name
     if dataset.is_virtual or dataset.external:
         raise ValueError(f"{name} keeps its data in another file")
@@ -171,13 +171,13 @@ def _check_storage(dataset: h5py.Dataset) -> None:
 
 
 def check_numbers(dataset: h5py.Dataset, ndim: int) -> None:
-    """Raise ValueError for a dataset that does not hold numbers in ``ndim`` dimensions."""
+    """Raise ValueError for a dataset that is not of numbers in ``ndim`` dimensions."""
     if dataset.ndim != ndim or dataset.dtype.kind not in "iuf":
         raise ValueError(f"{dataset.name} has shape {dataset.shape} and type {dataset.dtype}")
 
 
 def values(dataset: h5py.Dataset, ndim: int) -> np.ndarray:
-    """Return a dataset that ``child`` has found, in full, where it is of numbers in ``ndim`` dimensions."""
+    """Return the whole dataset from ``child``. Raises ValueError unless it is of numbers in ``ndim`` dimensions."""
     check_numbers(dataset, ndim)
     if dataset.size * dataset.dtype.itemsize > MAX_BYTES:
         raise ValueError(f"{dataset.name} is too large")
@@ -185,7 +185,7 @@ def values(dataset: h5py.Dataset, ndim: int) -> np.ndarray:
 
 
 def numbers(group: h5py.Group, name: str, ndim: int) -> np.ndarray:
-    """Return a numeric dataset of ``ndim`` dimensions; ValueError where there is none."""
+    """Return a numeric dataset of ``ndim`` dimensions. Raises ValueError if there is none."""
     dataset = child(group, name, h5py.Dataset)
     if dataset is None:
         raise ValueError(f"{group.name}/{name} is missing")
@@ -193,7 +193,7 @@ def numbers(group: h5py.Group, name: str, ndim: int) -> np.ndarray:
 
 
 def stations(group: h5py.Group, elements: int) -> np.ndarray:
-    """Return the stations xi of a field: (nx,) of all elements, or (elements, nx); ValueError where there are none."""
+    """Return the stations xi of a field, (nx,) for all elements or (elements, nx). Raises ValueError without any."""
     dataset = child(group, "xi", h5py.Dataset)
     if dataset is None:
         raise ValueError(f"{group.name}/xi is missing")
@@ -204,7 +204,7 @@ def stations(group: h5py.Group, elements: int) -> np.ndarray:
 
 
 def text(group: h5py.Group | None, name: str) -> str:
-    """Return a text dataset, or an empty text where there is none."""
+    """Return a text dataset, or an empty text if there is none."""
     dataset = None if group is None else child(group, name, h5py.Dataset)
     if dataset is None:
         return ""
@@ -214,13 +214,13 @@ def text(group: h5py.Group | None, name: str) -> str:
 
 
 def strings(group: h5py.Group | None, name: str) -> list[str]:
-    """Return a list of texts, or an empty list where there is none."""
+    """Return a list of texts, or an empty list if there is none."""
     dataset = None if group is None else child(group, name, h5py.Dataset)
     return [] if dataset is None else texts(dataset)
 
 
 def texts(dataset: h5py.Dataset) -> list[str]:
-    """Return a dataset that ``child`` has found as a list of texts, where it is one."""
+    """Return a dataset from ``child`` as a list of texts. Raises ValueError if it is not one."""
     if dataset.ndim != 1 or dataset.dtype.kind != "S" or dataset.nbytes > MAX_TEXT:
         raise ValueError(f"{dataset.name} is not a list of texts")
     return [v.decode("utf-8", "replace") for v in dataset[()]]
@@ -234,23 +234,23 @@ def json_object(content: str) -> dict[str, Any]:
     return found
 
 
-_MARK = b"GCOL\x01\x00\x00\x00"  # a collection: mark, version, three unused bytes
-_OBJECT = struct.Struct("<HHIQ")  # index, references, unused, size
+_MARK = b"GCOL\x01\x00\x00\x00"  # a collection of the global heap: signature, version, three unused bytes
+_OBJECT = struct.Struct("<HHIQ")  # index, number of references, unused, size
 _HEAD = len(_MARK) + 8
 SCANNED = 256 << 20  # bytes: texts are written at the beginning
-# where the superblock says how far the file reaches, by its version; what a killed run left beyond is no part of it
+# place of the end-of-file address in the superblock, by its version; bytes that a killed run left beyond do not count
 _REACH = {0: 40, 1: 44, 2: 28, 3: 28}
 
 
 def endless_heap(path: Path) -> int | None:
-    """Return where a collection of texts begins that HDF5 would not come to an end with; None where there is none.
+    """Return the start of a collection of texts that would send HDF5 into an endless loop, or None.
 
     Source: HDF5 File Format Specification, III.E, the global heap.
     """
     with path.open("rb") as stream:
         try:
             content = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
-        except (ValueError, OSError):  # nothing in it, or no such file
+        except (ValueError, OSError):  # empty, or no such file
             return None
         with content:
             end = min(SCANNED, _reach(content))
@@ -263,19 +263,19 @@ def endless_heap(path: Path) -> int | None:
 
 
 def _reach(content: mmap.mmap) -> int:
-    """Return how many bytes belong to the file."""
+    """Return the number of bytes that belong to the file."""
     at = _REACH.get(content[8], len(content)) if len(content) > 8 else len(content)
     return int(struct.unpack_from("<Q", content, at)[0]) if at + 8 <= len(content) else len(content)
 
 
 def _ends(content: mmap.mmap, at: int) -> bool:
-    """Whether each object of a collection leads on to the next one, within the collection."""
+    """Return whether each object of a collection leads on to the next one, within the collection."""
     if at + _HEAD > len(content):
         return True
     size, = struct.unpack_from("<Q", content, at + len(_MARK))
     end = at + size
     if end > len(content):
-        return True  # cut off: HDF5 says so itself
+        return True  # truncated, which HDF5 reports itself
     at += _HEAD
     while at + _OBJECT.size <= end:
         index, _, _, length = _OBJECT.unpack_from(content, at)

@@ -1,4 +1,4 @@
-"""Datasets of stored states: written row by row, read by rows or blocks, chunked only when they have to be."""
+"""Datasets of stored states: written row by row, read by rows or blocks, chunked only if they must grow."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ COLUMN_CHUNK = 128  # numbers, for columns that grow slowly
 LARGEST_COLUMN_CHUNK = 1 << 14
 STATE_CHUNK_BYTES = 8192
 MAX_ATTRIBUTE = 8000  # HDF5 holds at most 64 kB of attributes per object
-# Mesh arrays are mostly regular integers: gzip-1 with shuffle makes them 20 to 40 times smaller at
-# 400 MB/s. States are left alone: it saves them a quarter at 70 MB/s, against 1500 MB/s.
+# Mesh arrays are mostly regular integers: gzip-1 with shuffle makes them 20 to 40 times smaller at 400 MB/s. States are
+# not compressed: this would save a quarter, at 70 MB/s instead of 1500 MB/s.
 COMPRESS_FROM = 1 << 16
 _TEXT, _ONE = h5t.py_create(h5py.string_dtype(), logical=True), h5s.create(h5s.SCALAR)
 
 
 def describe(dataset: h5py.Dataset, units: str, description: str) -> h5py.Dataset:
-    """Give a dataset the two attributes that every dataset carries."""
+    """Set the two attributes that every dataset has."""
     set_text(dataset, "units", units)
     set_text(dataset, "description", description)
     return dataset
@@ -39,7 +39,7 @@ def text_type(texts: Sequence[str]) -> np.dtype:
 
 
 def set_text(node: h5py.Group | h5py.Dataset, name: str, text: str) -> None:
-    """Set a text attribute, cut to what the header of an object has room for."""
+    """Set a text attribute, cut to the space in the header of an object."""
     key = name.encode()
     if h5a.exists(node.id, key):
         h5a.delete(node.id, key)
@@ -47,7 +47,7 @@ def set_text(node: h5py.Group | h5py.Dataset, name: str, text: str) -> None:
 
 
 def _write_text(node: Any, key: bytes, text: str) -> None:
-    """Write a text attribute that is not there yet, in a fraction of the time that h5py takes."""
+    """Write a new text attribute, in a fraction of the time that h5py takes."""
     h5a.create(node, key, _TEXT, _ONE).write(np.array(_clean(text), h5py.string_dtype()))
 
 
@@ -81,7 +81,7 @@ def write_fixed(group: h5py.Group, name: str, data: Any, units: str, description
 
 def _write_column(group: h5py.Group, name: str, rows: np.ndarray, chunk: tuple[int, ...] | None,
                   units: str, description: str) -> None:
-    """Write a dataset as ``write_fixed`` does, in half the time: there may be 100 000. With ``chunk`` it can grow."""
+    """Write a dataset like ``write_fixed`` in half the time, as there may be 100 000; with ``chunk`` it can grow."""
     layout = h5p.create(h5p.DATASET_CREATE)
     layout.set_obj_track_times(False)
     if chunk is not None:
@@ -96,9 +96,9 @@ def _write_column(group: h5py.Group, name: str, rows: np.ndarray, chunk: tuple[i
 class Series:
     """One growing dataset of rows of ``width`` numbers (width 0: plain numbers).
 
-    Rows stay in memory until ``spill``; a run that ends before its first spill gets a dataset of
-    exactly its size. Missing rows (``pad_to``) are NaN, or 0 for counts. Chunks are never
-    compressed, so that a row once on disk is never moved by the rows that follow it.
+    Rows stay in memory until ``spill``; a run that ends before its first spill writes a dataset of exactly its size.
+    Missing rows (``pad_to``) are NaN, or 0 for counts. Chunks are never compressed, so that a row on disk is not moved
+    by later rows.
     """
 
     def __init__(self, group: h5py.Group, name: str, units: str, description: str,
@@ -116,11 +116,11 @@ class Series:
 
     @property
     def buffered_bytes(self) -> int:
-        """Bytes that a spill would write."""
+        """The number of bytes that ``spill`` would write."""
         return len(self._rows) * max(1, self._width) * self._dtype.itemsize
 
     def append(self, row: float | np.ndarray) -> None:
-        """Add one row; an array is copied unless it is large enough to be written at once."""
+        """Add one row; an array is copied."""
         self._rows.append(np.array(row, dtype=self._dtype) if self._width else row)
 
     def extend(self, values: np.ndarray) -> None:
@@ -133,7 +133,7 @@ class Series:
         self._put(np.asarray(row, self._dtype)[np.newaxis])
 
     def pad_to(self, length: int) -> None:
-        """Fill up with 'no value' to ``length`` rows."""
+        """Add missing values up to ``length`` rows."""
         missing = 0 if self._dtype.kind == "i" else np.nan
         while len(self) < length:
             self.append(np.full(self._width, missing) if self._width else missing)
@@ -149,9 +149,9 @@ class Series:
         return (max(1, STATE_CHUNK_BYTES // row_bytes), min(self._width, CHUNK_BYTES // self._dtype.itemsize))
 
     def _put(self, rows: np.ndarray) -> None:
-        """Write rows behind those on disk.
+        """Write rows after those on disk.
 
-        The dataset does not stay open: HDF5 holds 30 to 90 kB for each that is, and there may be 100 000 of them.
+        The dataset is closed again: HDF5 needs 30 to 90 kB for each open one, and there may be 100 000 of them.
         """
         if not self._grows:
             _write_column(self._group, self._name, rows, self._chunk(len(rows)), *self._labels)
@@ -173,7 +173,7 @@ class Series:
         self._rows = []
 
     def reopen(self, rows: int) -> None:
-        """Go on behind the first ``rows`` rows of a dataset that an earlier run left."""
+        """Continue after the first ``rows`` rows of a dataset that an earlier run left."""
         dataset = self._group[self._name]
         if dataset.maxshape[0] is None:
             dataset.resize(rows, axis=0)
@@ -183,7 +183,7 @@ class Series:
             del self._group[self._name]
 
     def close(self) -> None:
-        """Write what is left; a dataset that never spilled gets its exact size."""
+        """Write the remaining rows; a dataset that never spilled gets its exact size."""
         if self._grows:
             self.spill()
             return
@@ -191,14 +191,14 @@ class Series:
         self._rows = []
 
 
-BLOCK = 1 << 17  # numbers: a mebibyte, which caches hold and beside which the cost of a call is nothing
+BLOCK = 1 << 17  # numbers, one mebibyte: fits into caches, and makes the cost of a call negligible
 
 
 class StateRows:
     """A dataset with one row of numbers of the shape ``shape`` per stored state.
 
-    It comes from ``safe.child`` and its rows are checked when the first one is read, once for all: an open file is a
-    snapshot, which nobody writes to. Reading raises ValueError for rows of another size and for those that are missing.
+    It comes from ``safe.child``. Its rows are checked only when the first one is read, since an open file is a snapshot
+    that nobody writes to. Reading raises ValueError for rows of another size and for missing rows.
     """
 
     def __init__(self, dataset: h5py.Dataset, shape: tuple[int, ...]) -> None:
@@ -210,7 +210,7 @@ class StateRows:
 
     @cached_property
     def _numbers(self) -> h5py.Dataset:
-        """The dataset, known to hold rows that can be read."""
+        """The dataset, after checking that it has readable rows."""
         dataset = self._dataset
         safe.check_numbers(dataset, 2)
         if dataset.dtype.kind != "f":
@@ -222,14 +222,14 @@ class StateRows:
         return dataset
 
     def row(self, i: int) -> np.ndarray:
-        """Return what was stored of state i, from 0."""
+        """Return the stored values of state i, counted from 0."""
         numbers = self._numbers
         if not 0 <= i < len(numbers):
             raise ValueError(f"{numbers.name} has {len(numbers)} rows")
         return numbers[i].reshape(self._shape)
 
     def block(self, first: int, stop: int) -> np.ndarray:
-        """Return what was stored of the states from ``first`` up to ``stop``, along a new first axis."""
+        """Return the stored values of the states from ``first`` up to ``stop``, along a new first axis."""
         numbers = self._numbers
         if not 0 <= first <= stop <= len(numbers):
             raise ValueError(f"{numbers.name} has {len(numbers)} rows where {stop} were stored")
@@ -238,7 +238,7 @@ class StateRows:
         return numbers[first:stop].reshape(stop - first, *self._shape)
 
     def bounds(self, count: int) -> Iterator[tuple[int, int]]:
-        """Yield where blocks of the first ``count`` states begin and end, which the size of a row alone decides."""
+        """Yield begin and end of blocks of the first ``count`` states; they depend on the size of a row only."""
         step = max(1, BLOCK // max(1, self._width))
         for first in range(0, count, step):
             yield first, min(first + step, count)
@@ -259,15 +259,15 @@ class Table(dict[str, Any]):
 
 
 def read_columns(group: h5py.Group | None, rows: int | None) -> Table:
-    """Return the first ``rows`` of every column of a group (None: all, and texts too); ValueError where one is shorter.
+    """Return the first ``rows`` of every column of a group, or with None all rows and also texts.
 
-    A group that is not there has no columns.
+    A missing group has no columns. Raises ValueError if a column is shorter.
     """
     table = Table()
     for key in group or ():
         dataset = safe.child(group, key, h5py.Dataset)
         name = unescape(key)
-        if dataset.dtype.kind == "S" and rows is None:  # texts stand in tables alone
+        if dataset.dtype.kind == "S" and rows is None:  # only tables have texts
             table[name] = safe.texts(dataset)
         else:
             values = safe.values(dataset, 1)
@@ -277,7 +277,7 @@ def read_columns(group: h5py.Group | None, rows: int | None) -> Table:
 
 
 def read_tables(groups: Mapping[str, h5py.Group]) -> dict[str, Table]:
-    """Return tables by name; ValueError where columns of one have different lengths."""
+    """Return tables by name. Raises ValueError if columns of a table have different lengths."""
     tables = {}
     for name, group in groups.items():
         tables[name] = read_columns(group, None)
@@ -288,7 +288,7 @@ def read_tables(groups: Mapping[str, h5py.Group]) -> dict[str, Table]:
 
 
 def enough(values: np.ndarray, rows: int) -> np.ndarray:
-    """Return the first ``rows`` of some values; ValueError where there are fewer."""
+    """Return the first ``rows`` of some values. Raises ValueError if there are fewer."""
     if len(values) < rows:
         raise ValueError(f"{len(values)} rows where {rows} were stored")
     return values[:rows]

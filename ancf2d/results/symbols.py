@@ -1,4 +1,4 @@
-"""The usual symbols of supports, loads, joints, springs and masses: where they stand, and their outlines."""
+"""The usual symbols of supports, loads, joints, springs and masses: their places and outlines."""
 
 from __future__ import annotations
 
@@ -17,20 +17,21 @@ from ancf2d.errors import ResultsError
 from ancf2d.results.reader import Results
 from ancf2d.results.records import EVENT_WORDS
 
-ALONG_LOAD = 9  # arrows of a distributed load
-NEAR = 1e-9  # of the arc length: what has not left a body
-STEP = 1e-3  # of the arc length: what the direction of an axis is read from
+ALONG_LOAD = 9  # number of arrows of a distributed load
+NEAR = 1e-9  # relative to the arc length: tolerance for points at the ends of a body
+STEP = 1e-3  # relative to the arc length: distance for the direction of an axis
 ALWAYS = -math.inf, math.inf
 
 
 @dataclass(frozen=True)
 class Symbol:
-    """What is drawn: the outline ``kind`` at points (n, 2), turned by ``angle``; a spring or a stretch of a tendon
-    joins its two points, which lie ``off`` the axes of their bodies.
+    """A symbol: the outline ``kind`` at points (n, 2), turned by ``angle``.
 
-    ``on`` holds the body and S of each point, None for a point of the ground; ``tracks`` the names in ``tracks_of`` of
-    those that move along their bodies. A symbol that ``turns`` keeps its angle with the axis at its first point.
-    ``gravity`` has no points: it acts everywhere. ``acts`` are the times at which it begins and ends.
+    A spring or a segment of a tendon connects its two points, which have distances ``off`` from the axes of their
+    bodies. ``on`` has the body and S of each point, None for a point of the ground; ``tracks`` the names in
+    ``tracks_of`` of points that move along their bodies. A symbol that ``turns`` keeps its angle to the axis at its
+    first point. ``gravity`` has no points, as it acts everywhere. ``acts`` are the times at which it starts and stops
+    acting.
     """
 
     kind: str
@@ -44,7 +45,7 @@ class Symbol:
 
 
 def _with_numbers(value: Any) -> Any:
-    """Return what was read of a case with numbers in the place of their texts."""
+    """Return data read from a case, with texts of numbers converted to numbers."""
     if isinstance(value, dict):
         return {key: _with_numbers(v) for key, v in value.items()}
     if isinstance(value, list):
@@ -55,9 +56,9 @@ def _with_numbers(value: Any) -> Any:
 
 
 def completed_case(results: Results) -> dict[str, Any]:
-    """Return the case as completed with defaults, as YAML without types: numbers and texts; empty if it is no case.
+    """Return the case with defaults, read from YAML as numbers and texts only; empty if it is not a case.
 
-    It is not to be changed: whoever asks for the same case has the same one.
+    It must not be changed, since all callers share it.
     """
     try:
         return _read(results.case_completed)
@@ -67,24 +68,24 @@ def completed_case(results: Results) -> dict[str, Any]:
 
 @lru_cache(maxsize=4)
 def _read(text: str) -> dict[str, Any]:
-    # as texts: to YAML 1.1, on and off are no names, and 3e7 is no number
+    # as texts: in YAML 1.1, on and off are not names, and 3e7 is not a number
     case = yaml.load(text, yaml.BaseLoader)
     return _with_numbers(case) if isinstance(case, dict) else {}
 
 
 def row_of(results: Results, state: int) -> int:
-    """Return the row of a state among the probes, of which there may be more than states."""
+    """Return the row of a state among the readings of the probes, of which there may be more than states."""
     t = results.probe_t
     return state if len(t) == results.nt else int(np.argmin(np.abs(t - results.t[state])))
 
 
 def within(s: Any) -> Any:
-    """Whether S is on a body, to round-off."""
+    """Return whether S is on a body, up to round-off."""
     return abs(s - 0.5) <= 0.5 + NEAR
 
 
 def tracks_of(results: Results) -> dict[str, np.ndarray]:
-    """Return S at every state (nt,) of the points that move along bodies, by where they stand in the case."""
+    """Return S at every state (nt,) of the points that move along bodies, by their place in the case."""
     # no probe has a name with dots
     found = {name: columns["s"] for name, columns in results.probes.items() if "." in name and "s" in columns}
     rows = np.array([row_of(results, k) for k in range(results.nt if found else 0)], int)
@@ -92,9 +93,9 @@ def tracks_of(results: Results) -> dict[str, np.ndarray]:
 
 
 class _Scene:
-    """Points and directions of one state, magnified as the bodies are; the case as completed.
+    """Points and directions of one state, with displacements magnified by ``scale``, and the case with defaults.
 
-    Points that move along bodies are where they are in the state ``at``; without one, where they begin, on the body.
+    Points that move along bodies are taken from the state ``at``; if it is None, from their start, limited to the body.
     """
 
     def __init__(self, results: Results, state: int | None, scale: float, at: int | None) -> None:
@@ -107,7 +108,7 @@ class _Scene:
                 ] if isinstance(found, list) else []
 
     def window(self, entry: dict[str, Any], path: str) -> tuple[float, float]:
-        """Return the times at which something begins and ends, as the case says or, of conditions, as events tell."""
+        """Return the times at which an item starts and stops acting: from the case, or from events for conditions."""
         active = entry.get("active")
         if not isinstance(active, dict):
             return ALWAYS
@@ -118,7 +119,7 @@ class _Scene:
                 ends if "until" in active else active.get("to", math.inf))
 
     def _named(self, entry: dict[str, Any], path: str) -> dict[str, Any]:
-        """Return an entry whose points that move have their names in ``tracks_of``."""
+        """Return an entry of the case with the names in ``tracks_of`` added to its moving points."""
         out, ends = {**entry, "path": path}, entry.get("between")
         if isinstance(entry.get("at"), dict):
             out["at"] = {**entry["at"], "track": f"{path}.at"}
@@ -128,12 +129,12 @@ class _Scene:
         return out
 
     def on(self, body: str, s: np.ndarray) -> np.ndarray:
-        """Return the points (n, 2) of an axis."""
+        """Return points (n, 2) of an axis."""
         place = self.results.reference(body, s)
         return place if self.state is None else place + self.scale * self.results.displacement(body, s, self.state)
 
     def place(self, at: Any) -> tuple[str, float] | None:
-        """Return body and S of a point of the case, None where it is none of a body, or has left it."""
+        """Return body and S of a point of the case, or None if it is not on a body or has left it."""
         if isinstance(at, dict):
             track, body = self.tracks.get(at.get("track", "")), str(at.get("on"))
             if track is None or body not in self.results.bodies:
@@ -146,7 +147,7 @@ class _Scene:
         return None
 
     def direction(self, at: Any) -> tuple[float, float]:
-        """Return the angle of the axis at a point, and on which side of it the body goes on: 1, -1, or 0 within."""
+        """Return the angle of the axis at a point, and 1 at the start of the body, -1 at its end, 0 between."""
         place = self.place(at)
         if place is None:
             return 0.0, 0.0
@@ -155,7 +156,7 @@ class _Scene:
         return math.atan2(*(b - a)[::-1]), 1.0 if s < STEP else -1.0 if s > 1.0 - STEP else 0.0
 
     def symbol(self, kind: str, ats: list[Any], angle: float = 0.0, turns: bool = False) -> Iterator[Symbol]:
-        """Yield a symbol at points of the case, nothing where one of them cannot be told."""
+        """Yield a symbol at points of the case, or nothing if one of them is unknown."""
         places = tuple(self.place(at) for at in ats)
         grounded = [p is None and _constant(at) is not None for p, at in zip(places, ats, strict=True)]
         if all(p or g for p, g in zip(places, grounded, strict=True)):
@@ -168,7 +169,7 @@ def _support(scene: _Scene, entry: dict[str, Any]) -> Iterator[Symbol]:
     at, kind = entry.get("at"), entry.get("type")
     if kind == "clamp":
         turn, side = scene.direction(at)
-        # the wall stands behind the end of the body
+        # the wall is behind the end of the body
         yield from scene.symbol("clamp", [at], turn + (math.pi if side < 0 else 0.0), turns=True)
         return
     angle = 0.0
@@ -185,7 +186,7 @@ def _joint(scene: _Scene, entry: dict[str, Any]) -> Iterator[Symbol]:
         along = entry.get("along")
         angle = math.atan2(along[1], along[0]) if along else scene.direction(at)[0]
         yield from scene.symbol("slider", [at], angle, turns=not along)
-    elif kind != "weld":  # what is welded is drawn as one body
+    elif kind != "weld":  # bodies joined by a weld are drawn as one
         yield from scene.symbol("hinge", [at])
 
 
@@ -201,7 +202,7 @@ def _mass(scene: _Scene, entry: dict[str, Any]) -> Iterator[Symbol]:
 
 
 def _constant(value: Any) -> list[float] | None:
-    """Return a vector of the case, None where it is not made of numbers."""
+    """Return a vector of the case, or None if it is not made of numbers."""
     if isinstance(value, list) and len(value) == 2 and all(isinstance(v, int | float) for v in value):
         return [float(v) for v in value]
     return None
@@ -231,7 +232,7 @@ def _load(scene: _Scene, entry: dict[str, Any]) -> Iterator[Symbol]:
 
 
 def _tendon(scene: _Scene, entry: dict[str, Any]) -> Iterator[Symbol]:
-    """Yield the straight ways from eyelet to eyelet, or along the guide of a body, whose distance may vary."""
+    """Yield the straight segments from eyelet to eyelet, or along the guide of a body, whose distance may vary."""
     eyelets = [(e.get("at"), e.get("y") or 0.0) if isinstance(e, dict) else (e, 0.0)
                for e in entry.get("through") or []]
     if entry.get("on") in scene.results.bodies:
@@ -257,7 +258,7 @@ def _distributed(scene: _Scene, entry: dict[str, Any], angle: float) -> Iterator
         yield from scene.symbol("small force", [at], angle + turn, follower)
 
 
-# the one place where something of a case gets its symbol
+# the only place where an item of a case gets its symbol
 _DRAWN: dict[str, Callable[[_Scene, dict[str, Any]], Iterator[Symbol]]] = {
     "boundary_conditions": _support, "springs": _spring, "joints": _joint, "masses": _mass, "loads": _load}
 
@@ -265,9 +266,9 @@ _DRAWN: dict[str, Callable[[_Scene, dict[str, Any]], Iterator[Symbol]]] = {
 def symbols_of(results: Results, state: int | None, scale: float, at: int | None = None) -> list[Symbol]:
     """Return the symbols of a file's case in a state (None: reference), displacements magnified by ``scale``.
 
-    What moves along bodies is where it is in the state ``at`` (None: the same state, or where it begins), and what
-    begins and ends is there only while it acts; without a state all is.
-    What a case says in a way that needs more than its text, such as expressions as values, has no symbol.
+    Points that move along bodies are taken from the state ``at`` (None: the same state, or their start). Items that
+    begin and end are shown only while they act; without a state all are shown. Items whose text in the case is not
+    enough to place them, such as values given by expressions, have no symbol.
     """
     scene = _Scene(results, state, scale, state if at is None else at)
     found = [replace(symbol, acts=scene.window(entry, f"{key}.{k}")) for key, drawn in _DRAWN.items()
@@ -293,10 +294,10 @@ Line = list[tuple[float, float]]
 
 @dataclass(frozen=True)
 class Outline:
-    """What a symbol looks like: open lines about its point, and how many points (1/72 inch) their unit is long.
+    """The shape of a symbol: open lines around its point, in a ``unit`` given in points (1/72 inch).
 
-    A symbol is ``filled`` with nothing, with what lies behind the figure (``back``), or with its own ``ink``; that of
-    a ``load`` has a colour of its own.
+    ``filled`` is none, the colour of the background (``back``), or its own colour (``ink``); a ``load`` has a separate
+    colour.
     """
 
     lines: tuple[Line, ...]
@@ -306,7 +307,7 @@ class Outline:
 
 
 def _hatched(y: float, width: float = 1.0) -> list[Line]:
-    """Return a line at height y, with the hatching of what stands still below it."""
+    """Return a line at height y, with the hatching of the ground below it."""
     strokes = [[(x, y), (x - 0.35, y - 0.4)] for x in np.linspace(-width + 0.35, width, 5).tolist()]
     return [[(-width, y), (width, y)], *strokes]
 
@@ -316,7 +317,7 @@ def _circle(x: float, y: float, radius: float, first: float = 0.0, last: float =
 
 
 def _arrow(length: float) -> tuple[Line, ...]:
-    """Return an arrow to the right whose tip is at the origin."""
+    """Return an arrow to the right with its tip at the origin."""
     return [(-length, 0.0), (0.0, 0.0)], [(-0.55, 0.32), (0.0, 0.0), (-0.55, -0.32)]
 
 
@@ -326,9 +327,9 @@ def _box(x: float, y: float) -> Line:
 
 @cache
 def outlines() -> dict[str, Outline]:
-    """Return the outline of each kind of symbol but springs and tendons, which reach from point to point."""
+    """Return the outline of each kind of symbol except springs and tendons, which extend from point to point."""
     triangle = [(0.0, 0.0), (0.75, -1.2), (-0.75, -1.2), (0.0, 0.0)]
-    # the wall of a clamp is left of what goes on to the right
+    # the wall of a clamp is to the left of a body that continues to the right
     wall = tuple([(y, x) for x, y in line] for line in _hatched(0.0, 1.2))
     round_about = _circle(0, 0, 1.1, -0.75 * math.pi, 0.75 * math.pi)
     moment = (round_about, [(-1.25, 0.4), round_about[-1], (-0.35, 1.25)])

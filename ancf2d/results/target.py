@@ -1,4 +1,4 @@
-"""Files that appear complete or not at all; which of them are ancf2d's own and may be replaced."""
+"""Output files that appear complete or not at all; files made by ancf2d are recognised and may be replaced."""
 
 from __future__ import annotations
 
@@ -14,27 +14,27 @@ from pathlib import Path
 from ancf2d.errors import ResultsError
 from ancf2d.results.records import FORMAT
 
-# what every file of a format with room for it says of its program: metadata of figures, a comment of pages and texts
+# written to every file whose format has room for it: metadata of figures, a comment of pages and texts
 MARK = "ancf2d-output"
-# how the formats that carry it begin: HDF5, PNG, PDF, PostScript, GIF, JPEG, TIFF, WebP, MP4 and AVIF, SVG, HTML, JSON,
-# the reference of cases, cases with other numbers, archives of NumPy, MATLAB
+# first bytes of the formats that have it: HDF5, PNG, PDF, PostScript, GIF, JPEG, TIFF, WebP, MP4 and AVIF, SVG, HTML,
+# JSON, the reference of cases, cases with other numbers, archives of NumPy, MATLAB
 _FORMATS = re.compile(rb"\x89HDF|\x89PNG|%PDF|%!PS|GIF8|\xff\xd8\xff|II\*\0|MM\0\*|RIFF|....ftyp|<\?xml|<!doctype html|"
                       rb"\{|# Case files|# ancf2d|PK\x03\x04|MATLAB 5", re.DOTALL)
 _MARKS = (MARK.encode(), FORMAT.encode())
-_ENDS = 1 << 16  # bytes at either end of a file that are looked through
+_ENDS = 1 << 16  # number of bytes searched at either end of a file
 _LONGEST_HEADER = 1 << 24
-# how the header of a sweep's table ends
+# end of the header of a sweep's table
 SWEEP_COLUMNS = ("elements", "dofs", "wall_s", "estimate", "output", "reason")
 _PROBE_COLUMNS = ["x", "y", "ux", "uy", "theta"]
-# what begins the columns of reactions, controllers, moving points and obstacles beside those of probes
+# first columns of reactions, controllers, moving points and obstacles, which may follow those of probes
 _BESIDE_PROBES = (["fx", "fy", "m"], ["output"], ["s"], ["ux", "uy", "theta"])
 _FACES = [f"{axis}_{face}" for face in ("axis", "top", "bottom") for axis in "xy"]
 
 
 def is_own(path: str | os.PathLike[str]) -> bool:
-    """Return whether ancf2d has made a file, which may be cut off or damaged since; False where it cannot be read.
+    """Return whether ancf2d made a file, which may be truncated or damaged since; False if it cannot be read.
 
-    It is told by the mark in formats that have room for one, and by the header of tables in CSV, which have none.
+    Files are recognised by the mark in formats with room for one, and by the header of tables in CSV, which have none.
     """
     path = Path(path)
     try:
@@ -53,13 +53,13 @@ def is_own(path: str | os.PathLike[str]) -> bool:
         return False
 
 
-# columns of figures, without units, where they are always the same: a map of contact over time or load, and diagrams
+# columns of figures, without units, where they are fixed: a map of contact over time or load, and diagrams
 _FIGURES = (["face", "time", "s", "pressure"], ["face", "load factor", "s", "pressure"],
             ["quantity", "body", "s", "x", "y", "value"])
 
 
 def _is_own_header(names: Sequence[str]) -> bool:
-    """Return whether these are the columns of probes (``export``), of a sweep, or of what a figure shows."""
+    """Return whether these are the columns of probes (``export``), of a sweep, or of the data of a figure."""
     bare = [name.partition(" [")[0] for name in names]
     if names[:1] in (["t"], ["factor"]):
         return _are_probes(names[1:])
@@ -76,7 +76,7 @@ def _is_own_header(names: Sequence[str]) -> bool:
 
 
 def _are_probes(names: Sequence[str]) -> bool:
-    """Return whether columns are quantities of one source after the other, probes first: measured data seldom are."""
+    """Return whether columns are quantities grouped by source, probes first, which is unlikely for measured data."""
     quantities: dict[str, list[str]] = {}
     for name in names:
         probe, dot, quantity = name.rpartition(".")  # moving points have names with dots: loads.1.at
@@ -89,21 +89,21 @@ def _are_probes(names: Sequence[str]) -> bool:
 
 try:
     import fcntl
-except ImportError:  # no such locks here: the exclusive link below still tells runs apart
+except ImportError:  # no such locks here: the exclusive link below still separates runs
     fcntl = None  # type: ignore[assignment]
 
 
 def part_path(path: str | os.PathLike[str]) -> Path:
-    """Return where an unfinished result stands while it is written: NAME.part beside NAME."""
+    """Return the path of an unfinished result while it is written: NAME.part in the folder of NAME."""
     path = Path(path)
     return path.parent / f"{path.name}.part"
 
 
 def check_output(path: str | os.PathLike[str] | None, force: bool, *inputs: str | os.PathLike[str]) -> None:
-    """Raise ResultsError where an output file cannot be written, is an input, or was not made by ancf2d.
+    """Raise ResultsError if an output file cannot be written, is an input, or was not made by ancf2d.
 
-    Commands call it before anything that takes long. ``force`` lets them replace files that ancf2d did not make, but
-    none of the ``inputs``. None is no file.
+    Commands call it before any long computation. ``force`` allows to replace files that ancf2d did not make, but none
+    of the ``inputs``. A path of None is accepted.
     """
     if path is None:
         return
@@ -118,7 +118,7 @@ def check_output(path: str | os.PathLike[str] | None, force: bool, *inputs: str 
 
 
 def check_folder(path: Path) -> None:
-    """Raise ResultsError where ``path`` cannot be written: no folder, no right, in the way."""
+    """Raise ResultsError if ``path`` cannot be written: no folder, no permission, or something in the way."""
     try:
         _check_folder(path)
     except OSError as error:
@@ -142,35 +142,34 @@ def _check_folder(path: Path) -> None:
 
 
 def check_replaceable(path: Path, force: bool) -> None:
-    """Raise ResultsError where ``path`` is a file that ancf2d did not make, unless ``force``."""
+    """Raise ResultsError if ``path`` is a file that ancf2d did not make, unless ``force``."""
     if os.path.lexists(path) and not force and not is_own(path):
         raise ResultsError(f"'{path}' exists and was not made by ancf2d; choose another output file, "
                            f"or replace it with --force")
 
 
 class BusyError(ResultsError):
-    """Another run is writing the file."""
+    """Raised if another run is writing the file."""
 
 
 def locked(descriptor: int) -> bool:
-    """Take the exclusive lock of an open file; False where another process holds it."""
+    """Acquire the exclusive lock of an open file; return False if another process holds it."""
     if fcntl is None:
         return True
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
-    except OSError:  # a file system without locks: the exclusive link below still tells runs apart
+    except OSError:  # a file system without locks: the exclusive link below still separates runs
         return True
     return True
 
 
 class Target:
-    """A result being written.
+    """A result file that is being written.
 
-    It appears as NAME.part with its readable beginning, grows there, and is renamed to NAME when
-    complete. The lock dies with the process, so a .part whose lock is free is what a killed run
-    left, and may be replaced.
+    It appears as NAME.part with its readable beginning, grows there, and is renamed to NAME when complete. The lock
+    ends with the process, so a .part without a lock was left by a killed run and may be replaced.
     """
 
     def __init__(self, path: str | os.PathLike[str], force: bool = False) -> None:
@@ -192,7 +191,7 @@ class Target:
                          f"another output file")
 
     def _claim_old_part(self) -> int | None:
-        """Lock what an earlier run left, so that only one new run replaces it."""
+        """Lock the file of an earlier run, so that only one new run replaces it."""
         try:
             descriptor = os.open(self.part, os.O_RDWR)
         except FileNotFoundError:
@@ -205,7 +204,7 @@ class Target:
         with contextlib.suppress(OSError):
             if os.path.samestat(os.stat(self.part), os.fstat(descriptor)):
                 return descriptor
-        os.close(descriptor)  # its run completed in the moment between opening and locking
+        os.close(descriptor)  # its run completed between opening and locking
         return self._claim_old_part()
 
     def publish(self, image: bytes) -> None:
@@ -220,7 +219,7 @@ class Target:
                 rest = rest[os.write(descriptor, rest):]
             if self._old is not None:
                 os.unlink(self.part)
-            # naming a directory descriptor makes Python use linkat, which alone follows /proc links
+            # with a directory descriptor Python uses linkat, the only call that follows /proc links
             os.link(name, self.part, src_dir_fd=descriptor)
         except FileExistsError:
             raise self._busy() from None
@@ -230,13 +229,13 @@ class Target:
                 os.unlink(private)
 
     def take_up(self) -> None:
-        """Go on with the NAME.part that an earlier run left."""
+        """Continue the NAME.part that an earlier run left."""
         if self._old is None:
             raise ResultsError(f"there is no '{self.part}' to resume from")
         self._descriptor, self._old = self._old, None
 
     def _unnamed_file(self) -> tuple[int, str, str | None]:
-        """Return descriptor and path of a new file without a name, or else with a private one."""
+        """Return descriptor and path of a new file without a name, or with a private one, and the private path."""
         folder = self.path.parent.absolute()
         try:
             descriptor = os.open(folder, os.O_TMPFILE | os.O_RDWR, 0o666)
@@ -251,10 +250,10 @@ class Target:
         return self._descriptor
 
     def replace(self) -> None:
-        """Move the complete file in place of the target, durable on disk before it is visible."""
+        """Move the complete file to the target, safely on disk before it becomes visible."""
         os.fsync(self._descriptor)
         check_folder(self.path)
-        check_replaceable(self.path, self.force)  # it may have changed while the computation ran
+        check_replaceable(self.path, self.force)  # it may have changed during the computation
         os.replace(self.part, self.path)
         self.release()
 
@@ -264,7 +263,7 @@ class Target:
         self.release()
 
     def discard(self) -> None:
-        """Remove whatever was written."""
+        """Remove the unfinished file."""
         with contextlib.suppress(OSError):
             if os.path.samestat(os.stat(self.part), os.fstat(self._descriptor)):
                 os.unlink(self.part)
@@ -276,7 +275,7 @@ class Target:
             self._old = None
 
     def release(self) -> None:
-        """Give up the lock."""
+        """Release the lock."""
         self._forget_old()
         if self._descriptor >= 0:
             os.close(self._descriptor)
@@ -285,10 +284,10 @@ class Target:
 
 @contextmanager
 def replacing(path: str | os.PathLike[str], force: bool) -> Iterator[Path]:
-    """Give a private path beside ``path``; what is written there takes its place when the block ends well.
+    """Yield a private path next to ``path``; the file written there replaces it if the block ends without error.
 
-    The private path has the same suffix. Raises ResultsError where nothing can be written, and where the file was not
-    made by ancf2d, unless ``force``.
+    The private path has the same suffix. Raises ResultsError if nothing can be written, and if the file was not made by
+    ancf2d, unless ``force``.
     """
     check_output(path, force)
     path = Path(path)

@@ -1,4 +1,4 @@
-"""Results out: one HDF5 file per run, readable at any moment, in place only when complete."""
+"""Writes one HDF5 file per run, readable at any moment, moved to its place only when complete."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ from ancf2d.results.series import Series, set_text, write_fixed, write_texts
 from ancf2d.results.target import Target
 
 FLUSH_SECONDS = 1.0
-# a flush that takes longer than this [s] is made less often, so that flushes stay a sixth of a run
+# a flush that takes longer than this [s] is made less often, so that flushes take at most a sixth of a run
 FLUSH_SLOW = 0.2
-COLUMN_SECONDS = 5e-4  # about what the first flush takes for each column
+COLUMN_SECONDS = 5e-4  # approximate time of the first flush per column
 BUFFER_BYTES = 16 << 20
 STATUSES = ("converged", "failed", "interrupted")
 
@@ -40,15 +40,14 @@ STATUSES = ("converged", "failed", "interrupted")
 class ResultWriter:
     """Writes one run to ``path``, through NAME.part under an exclusive lock.
 
-    ``header``: case_text, case_completed, case_name, overrides, title, solver, units (length,
-    force, time), command_line; what is left out is empty. ``e0`` (nq,): nodal coordinates in the
-    reference.
+    ``header``: case_text, case_completed, case_name, overrides, title, solver, units (length, force, time),
+    command_line; missing entries are empty. ``e0`` (nq,): nodal coordinates in the reference.
     ``coordinate_names``: per body the names of one element's coordinates, in the order of its dofs.
-    ``columns``: units and descriptions of history or probe columns beyond the well-known ones.
-    ``fields``: those that states come with.
+    ``columns``: units and descriptions of history or probe columns other than the known ones.
+    ``fields``: the fields stored with the states.
 
-    A complete run replaces NAME; a failed or interrupted one with at least one state stays as
-    NAME.part, so that an earlier result is never lost. Errors: ResultsError.
+    A complete run replaces NAME; a failed or interrupted one with at least one state stays as NAME.part, so that an
+    earlier result is never lost. Raises ResultsError.
     """
 
     def __init__(self, path: str | os.PathLike[str], header: Mapping[str, Any],
@@ -58,7 +57,7 @@ class ResultWriter:
         self._prepare(header, len(e0), columns)
         self._target = Target(path, force)
         with self._disk_errors(begin=True):
-            # built in memory (meshes compress well), so that no moment leaves an unreadable file
+            # built in memory (meshes compress well), so that there is never an unreadable file
             with h5py.File("head", "w", driver="core", backing_store=False) as head:
                 write_head(head, header, self._units)
                 write_mesh(head, self._units, bodies, np.asarray(e0, float),
@@ -89,10 +88,10 @@ class ResultWriter:
     @classmethod
     def resume(cls, path: str | os.PathLike[str], header: Mapping[str, Any], e0: np.ndarray, *,
                columns: Sequence[Column] = (), force: bool = False) -> ResultWriter:
-        """Go on with the NAME.part that a run of the same case left, from its last checkpoint.
+        """Continue the NAME.part that a run of the same case left, from its last checkpoint.
 
-        What lies beyond the checkpoint is cut off; ``resumed`` is that checkpoint. Raises
-        ResultsError where there is none, or where case, options or version of ancf2d differ.
+        Data after the checkpoint are cut off; ``resumed`` is that checkpoint. Raises ResultsError if there is none, or
+        if case, options or version of ancf2d differ.
         """
         self = cls.__new__(cls)
         self._prepare(header, len(e0), columns)
@@ -115,15 +114,15 @@ class ResultWriter:
         return self
 
     def refuse(self, why: object) -> None:
-        """Raise the ResultsError of a checkpoint that does not fit the solver, which ``why`` explains."""
+        """Raise the ResultsError for a checkpoint that does not fit the solver; ``why`` explains it."""
         raise refusal(self._target.part, f"its checkpoint was made by another version of the solver ({why})")
 
     @property
     def path(self) -> Path:
-        """The target; while the run goes on, its states are in NAME.part beside it."""
+        """The target; during the run, its states are in NAME.part in the same folder."""
         return self._target.path
 
-    # ------------------------------------------------------------------ what grows
+    # ------------------------------------------------------------------ growing data
 
     def append(self, t: float, d: np.ndarray, history: Mapping[str, float] | None = None,
                probes: Mapping[str, Mapping[str, float]] | None = None,
@@ -135,12 +134,11 @@ class ResultWriter:
                checkpoint: Checkpoint | None = None) -> None:
         """Store one state: displacements ``d`` (nq,) of the nodal coordinates at ``t``.
 
-        ``t`` is the load factor in static cases and the time in dynamic ones; ``history`` and
-        ``probes`` are logged as by ``log``, ``steps`` (columns of the steps since the last state)
-        as by ``log_block``; ``v`` and ``a`` (nq,) are time derivatives of d; ``turned`` (bodies,) is
-        the rotation at S = 0 of each body through full turns; ``energies`` are those of this state;
-        ``fields`` are (ne, nx, ny, components) by body and name;
-        ``checkpoint`` is what the run can be resumed from once this state is on disk.
+        ``t`` is the load factor in static cases and the time in dynamic ones; ``history`` and ``probes`` are logged as
+        by ``log``, ``steps`` (columns of the steps since the last state) as by ``log_block``; ``v`` and ``a`` (nq,) are
+        time derivatives of d; ``turned`` (bodies,) is the rotation at S = 0 of each body through full turns;
+        ``energies`` are those of this state; ``fields`` are (ne, nx, ny, components) by body and name; from
+        ``checkpoint`` the run can be resumed once this state is on disk.
         """
         with self._disk_errors():
             grown = self._growth
@@ -155,7 +153,7 @@ class ResultWriter:
 
     def log(self, history: Mapping[str, float], *, t: float | None = None,
             probes: Mapping[str, Mapping[str, float]] | None = None) -> None:
-        """Record a step that is not stored as a state; ``probes`` then need its ``t``."""
+        """Record a step that is not stored as a state; ``probes`` also need its ``t``."""
         with self._disk_errors():
             self._log(history, probes, t)
             self._flush_when_due()
@@ -175,7 +173,7 @@ class ResultWriter:
                 raise ResultsError("probe values need their time or load factor")
             self._growth.probe(t, probes)
 
-    # ------------------------------------------------------------------ what is written once
+    # ------------------------------------------------------------------ data written once
 
     def table(self, name: str, columns: Mapping[str, Sequence[Any]],
               attrs: Mapping[str, Any] | None = None) -> None:
@@ -201,9 +199,9 @@ class ResultWriter:
 
     def array(self, path: str, data: np.ndarray, units: str, description: str,
               up_to_sign: bool = False) -> None:
-        """Write any further dataset, e.g. mode shapes, at ``path`` below /arrays.
+        """Write another dataset, e.g. mode shapes, at ``path`` below /arrays.
 
-        ``up_to_sign``: each row is defined up to its sign only, and is compared so.
+        ``up_to_sign``: the sign of each row is arbitrary, and comparisons ignore it.
         """
         with self._disk_errors():
             group = self._file.require_group("arrays")
@@ -223,7 +221,7 @@ class ResultWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Make everything so far readable in NAME.part, whatever happens to this process."""
+        """Make all data readable in NAME.part, even if this process is killed."""
         began = time.monotonic()
         with self._disk_errors():
             self._settle(Series.spill)
@@ -242,10 +240,10 @@ class ResultWriter:
             self._checkpoint = None
 
     def finish(self, summary: Mapping[str, Any] | None = None, status: str = "converged") -> Path:
-        """Close the file and return where it is: the target if ``converged``, else NAME.part.
+        """Close the file and return its path: the target if ``converged``, else NAME.part.
 
-        ``summary`` is the object that ``--json`` prints; ``output`` in it is set to that place. A
-        failed or interrupted run without a state leaves nothing behind.
+        ``summary`` is the object that ``--json`` prints; its ``output`` is set to that path. A failed or interrupted
+        run without a state leaves no file.
         """
         if status not in STATUSES:
             raise ResultsError(f"unknown status '{status}' (known: {', '.join(STATUSES)})")
@@ -281,7 +279,7 @@ class ResultWriter:
                                ) from error
 
     def discard(self) -> None:
-        """Give up: remove the unfinished file; an earlier result stays."""
+        """Remove the unfinished file; an earlier result stays."""
         self._close_quietly()
         self._target.discard()
 
@@ -294,7 +292,7 @@ class ResultWriter:
     @contextmanager
     def _disk_errors(self, begin: bool = False) -> Iterator[None]:
         try:
-            with uninterrupted():  # HDF5 cannot be left midway
+            with uninterrupted():  # HDF5 must not be interrupted during a call
                 yield
         except (OSError, RuntimeError) as error:  # h5py reports disk errors as either
             failure = (self._stream.failure if hasattr(self, "_stream") else None) or error
@@ -307,7 +305,7 @@ class ResultWriter:
             raise
 
     def _abandon(self) -> None:
-        """After a disk error: keep what earlier flushes made readable, drop what never was."""
+        """Keep the data of earlier flushes after a disk error, or remove the file if there are none."""
         if self._committed:
             self._close_quietly()
             self._target.release()
@@ -333,7 +331,7 @@ def write_tables(path: str | os.PathLike[str], header: Mapping[str, Any],
                  tables: Mapping[str, tuple[Mapping[str, Sequence[Any]], Mapping[str, Any]]],
                  columns: Sequence[Column], summary: Mapping[str, Any], status: str = "converged",
                  force: bool = False) -> Path:
-    """Write a result file of tables alone, each (columns, attributes), as a study has them; return where.
+    """Write a result file of tables only, each (columns, attributes), as studies do; return its path.
 
     Raises ResultsError.
     """
@@ -344,7 +342,7 @@ def write_tables(path: str | os.PathLike[str], header: Mapping[str, Any],
 
 
 def _numbers(values: Sequence[Any]) -> np.ndarray:
-    """Return a column as integers where all are, else as doubles with NaN for None."""
+    """Return a column as integers if all values are integers, else as doubles with NaN for None."""
     if all(isinstance(v, (int, np.integer)) for v in values):
         return np.asarray(values, np.int64)
     return np.asarray([np.nan if v is None else v for v in values], float)

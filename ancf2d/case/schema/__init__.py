@@ -1,6 +1,6 @@
-"""The case format as frozen dataclasses; each field says its kind, unit, bounds and meaning.
+"""The case format as frozen dataclasses; each field has its kind, unit, bounds and meaning.
 
-A further solver or amplitude is one more dataclass with a ``tag`` (what ``type`` says of it), named in the union of its
+To add a solver or amplitude, write a dataclass with a ``tag`` (its ``type`` in a case) and add it to the union of its
 module. Loads, joints, supports, springs and masses are in ``ancf2d/interactions`` and in plugins, which register them.
 """
 

@@ -1,4 +1,4 @@
-"""When loads, springs, supports and joints act: between times, or until conditions hold."""
+"""When loads, springs, supports and joints are active: between times, or until conditions are met."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .amplitudes import ExpressionText
 
 
 class Condition(ExpressionText):
-    """An expression that is true or not: one that compares."""
+    """The kind of an expression that is true or false: it must contain a comparison."""
 
     def __init__(self) -> None:
         super().__init__(feedback=True)
@@ -45,7 +45,7 @@ class Active:
                             example="tip.vy < 0")
 
     def check(self) -> Iterator[Issue]:
-        """Yield a time that is none."""
+        """Yield an issue if nothing is given, if times are out of order, or if a start or end is given twice."""
         if self.from_ is None and self.to is None and not self.waits:
             yield Issue((), "{}: nothing is given", "from or after, to or until")
         elif self.from_ is not None and self.to is not None and not self.from_ < self.to:
@@ -56,53 +56,53 @@ class Active:
 
     @property
     def waits(self) -> bool:
-        """Whether conditions tell when it begins or ends."""
+        """Whether it begins or ends at a condition."""
         return self.after is not None or self.until is not None
 
     @property
     def begins(self) -> bool:
-        """Whether it does not act from the start."""
+        """Whether it is inactive at the start."""
         return self.from_ is not None or self.after is not None
 
     @property
     def times(self) -> tuple[float, float]:
-        """Where it begins and ends, infinite where it does not, or where that is not known beforehand."""
+        """Begin and end; -inf or inf if there is none, inf also for a begin or end at a condition."""
         begin = -math.inf if self.after is None else math.inf
         return begin if self.from_ is None else self.from_, math.inf if self.to is None else self.to
 
     def at(self, t: float) -> bool:
-        """Whether it acts at t: where it begins it does, where it ends not any more."""
+        """Return whether it is active at t, including its begin and excluding its end."""
         return _within(self.times, t)
 
 
-# what a case has that may begin and end
+# the lists of a case whose items may begin and end
 SWITCHED = ("boundary_conditions", "joints", "springs", "loads")
 ACTIVE, ACTIVE_DOC = Record(Active), "When it acts (dynamic; default: always)"
 
 
 def _within(times: tuple[float, float], t: float) -> bool:
-    """Whether t is at the first time or behind it, and before the second."""
+    """Return whether t is at or after the first time, and before the second."""
     return times[0] <= t < times[1]
 
 
 class Latch:
-    """When something acts that waits for conditions: from ``begin`` until ``end``, infinite as long as these wait."""
+    """The state of something that waits for conditions: active from ``begin`` to ``end``, inf until these are known."""
 
     def __init__(self, active: Active) -> None:
         self.active = active
         self.begin, self.end = active.times
 
     def at(self, t: float) -> bool:
-        """Whether it acts at t, as far as that is known."""
+        """Return whether it is active at t, as far as is known."""
         return _within(self.times, t)
 
     @property
     def times(self) -> tuple[float, float]:
-        """Where it begins and ends, as far as that is known."""
+        """Begin and end, as far as they are known."""
         return self.begin, self.end
 
     def waiting(self) -> str | None:
-        """Return the condition that it waits for, ``after`` or ``until``."""
+        """Return the key of the condition that it waits for, ``after`` or ``until``, or None."""
         if self.begin == math.inf:
             return "after"
         return "until" if self.end == math.inf and self.active.until is not None else None
@@ -110,7 +110,7 @@ class Latch:
 
 @dataclass(frozen=True)
 class Windowed(Function):
-    """Another amplitude from a time on until another, zero outside."""
+    """Another amplitude between two times, zero outside."""
 
     inner: Any
     begin: float
@@ -123,25 +123,25 @@ class Windowed(Function):
 
     @property
     def parts(self) -> tuple[Function, ...]:  # type: ignore[override]
-        """The other amplitude."""
+        """The other amplitude, as the only part."""
         return (self.inner,)
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """What a motion has to tell for the other amplitude to have a value."""
+        """The names of the quantities of a motion that the other amplitude depends on."""
         return tuple(self.inner.quantities)
 
     def emit(self, out: Assembler) -> None:
-        """Put it on the stack."""
+        """Append the instructions that put it on the stack."""
         out.tree(Comparison(Constant(self.begin), (("<=", Time()), ("<", Constant(self.end)))))
         _put_where(self.inner, out)
 
 
 @dataclass(frozen=True)
 class Gated(Function):
-    """Another amplitude while a latch lets it act, zero outside.
+    """Another amplitude while a latch is active, else zero.
 
-    Its program begins with a number, the gate: 1 where it acts, 0 where not.
+    Its program begins with a number, the gate: 1 while it is active, else 0.
     """
 
     inner: Any
@@ -154,26 +154,26 @@ class Gated(Function):
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """What a motion has to tell for the other amplitude to have a value."""
+        """The names of the quantities of a motion that the other amplitude depends on."""
         return tuple(self.inner.quantities)
 
     def emit(self, out: Assembler) -> None:
-        """Put it on the stack, the gate open."""
+        """Append the instructions that put it on the stack, with the gate open."""
         out.emit(jets.NUMBER, 1, 1.0)
         _put_where(self.inner, out)
 
     def jet(self, t: float) -> tuple[float, float, float]:
-        """Return the value at t and two derivatives, nan where there is none."""
+        """Return the value and two derivatives at t, nan where they do not exist."""
         found: tuple[float, float, float] = self.inner.jet(t) if self.latch.at(t) else (0.0, 0.0, 0.0)
         return found
 
     def described(self) -> str:
-        """Return what messages call it."""
+        """Return the name of the other amplitude for messages."""
         return str(self.inner.described())
 
 
 def _put_where(inner: Any, out: Assembler) -> None:
-    """Put an amplitude with its scale in the place of a condition on the stack, 0 where that does not hold."""
+    """Replace a condition on the stack by an amplitude with its scale if it holds, else by 0."""
     otherwise = out.emit(jets.BRANCH, -1)
     inner.emit(out)
     out.emit(jets.SCALE, 0, inner.scale, 0.0)
@@ -184,9 +184,9 @@ def _put_where(inner: Any, out: Assembler) -> None:
 
 
 def amplitude_of(load: Any, window: Active | Latch | None = None) -> Any:
-    """Return the amplitude that a load follows, zero while it does not act; None where it always acts and has none.
+    """Return the amplitude of a load, zero while it is inactive; None if it is always active and has none.
 
-    ``window`` tells when it acts where the load alone does not. What ``switches`` begins and ends as springs do.
+    ``window`` is its latch if it waits for conditions. Loads with ``switches`` are switched like springs.
     """
     active = getattr(load, "active", None)
     if active is None or getattr(load, "switches", False):

@@ -27,7 +27,7 @@ class Constant(Function):
     scale: float = key(Number(), SCALE_DOC, default=1.0)
 
     def emit(self, out: Assembler) -> None:
-        """Put it on the stack, without its scale."""
+        """Append the instructions that put it on the stack, without its scale."""
         out.emit(jets.NUMBER, 1, 1.0)
 
 
@@ -42,18 +42,18 @@ class Ramp(Function):
     scale: float = key(Number(), SCALE_DOC, default=1.0)
 
     def check(self) -> Iterator[Issue]:
-        """Yield a ramp that does not run forward."""
+        """Yield an issue if the ramp does not run forward in time."""
         if not self.t0 < self.t1:
             yield Issue(("t1",), f"{{}}: t0 must be less than t1, got t0 {self.t0:g} "
                         f"and t1 {self.t1:g}")
 
     @property
     def knots(self) -> tuple[float, ...]:  # type: ignore[override]
-        """Where its slope jumps."""
+        """The times at which its slope jumps."""
         return self.t0, self.t1
 
     def emit(self, out: Assembler) -> None:
-        """Put it on the stack, without its scale."""
+        """Append the instructions that put it on the stack, without its scale."""
         out.emit(jets.RAMP, 1, self.t0, self.t1)
 
 
@@ -73,7 +73,7 @@ class Table(Function):
     scale: float = key(Number(), SCALE_DOC, default=1.0)
 
     def check(self) -> Iterator[Issue]:
-        """Yield lists of different lengths, and times that do not increase."""
+        """Yield an issue if the lists have different lengths, or the times do not increase."""
         if len(self.t) != len(self.value_):
             yield Issue(("value",), f"{{}}: t has {len(self.t)} numbers and value has "
                         f"{len(self.value_)}", "as many values as times")
@@ -86,7 +86,7 @@ class Table(Function):
 
     @property
     def knots(self) -> tuple[float, ...]:  # type: ignore[override]
-        """Where it may not be smooth."""
+        """The times at which it may not be smooth."""
         return self.t
 
     @cached_property
@@ -104,7 +104,7 @@ class Table(Function):
         return tuple(slopes)
 
     def emit(self, out: Assembler) -> None:
-        """Put it on the stack, without its scale."""
+        """Append the instructions that put it on the stack, without its scale."""
         out.emit(jets.SMOOTH_TABLE if self.smooth else jets.TABLE, 1, len(self.t), *self.t, *self.value_,
                  *self.slopes)
 
@@ -119,15 +119,15 @@ class Sine(Function):
     scale: float = key(Number(), SCALE_DOC, default=1.0)
 
     def emit(self, out: Assembler) -> None:
-        """Put it on the stack, without its scale."""
+        """Append the instructions that put it on the stack, without its scale."""
         out.emit(jets.SINE, 1, 2 * math.pi * self.frequency, self.phase)
 
 
 class ExpressionText(Text):
-    """Text in the expression language; a number stands for itself.
+    """Text in the expression language; a number is accepted as a constant expression.
 
-    ``local`` are quantities that it may use beside the variable and the parameters of the case; with ``feedback`` it
-    may use those of probes, and controllers.
+    ``local`` are quantities that it may use besides the variable and the parameters of the case; with ``feedback`` it
+    may also use quantities of probes, and controllers.
     """
 
     def __init__(self, variable: str = "t", local: tuple[str, ...] = (), feedback: bool = False) -> None:
@@ -145,7 +145,7 @@ class ExpressionText(Text):
 
 
 def place_inside(node: Node, column: int) -> Mark:
-    """Return the mark of a character inside a scalar; of the scalar where that cannot be told."""
+    """Return the mark of a character inside a scalar, or of the scalar if the file writes its text differently."""
     mark = node.mark
     if not isinstance(node, Scalar) or not 0 < mark.line <= len(mark.origin.lines):
         return mark
@@ -173,16 +173,16 @@ class Expression(Function):
         return syntax(self.value_, self.variable)
 
     def emit(self, out: Assembler) -> None:
-        """Put it on the stack, without its scale."""
+        """Append the instructions that put it on the stack, without its scale."""
         out.tree(self.tree)
 
     def described(self) -> str:
-        """Return what messages call it."""
+        """Return the name of the expression for messages."""
         return f"the expression '{self.value_}'"
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """What a motion has to tell for the formula to have a value: quantities of probes, and controllers."""
+        """The quantities of a motion that the formula uses: of probes, and controllers."""
         return quantities_of(self.value_)
 
 

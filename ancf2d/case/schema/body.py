@@ -66,7 +66,7 @@ class Layers:
                             "distance above the lower face", default="middle")
 
     def check(self) -> Iterator[Issue]:
-        """Yield an axis that is not within the section, and materials that lack what layers need."""
+        """Yield an issue for an axis outside of the section, and for materials that layers cannot have."""
         if isinstance(self.axis, float) and self.axis > sum(layer.height for layer in self.layers):
             yield Issue(("axis",), f"{{}}.axis must be within the height, got {self.axis:g}")
         for k, layer in enumerate(self.layers):
@@ -152,11 +152,11 @@ class Element:
                                 "(default: that of its section)", default=None)
 
     def written(self) -> Any:
-        """Return ``auto`` alone where that is all."""
+        """Return ``auto`` if the element is that alone, else None for the mapping of its keys."""
         return "auto" if self == Element("auto") else None
 
     def check(self) -> Iterator[Issue]:
-        """Yield keys that do not go together."""
+        """Yield an issue for each key that excludes, or lacks, another."""
         if self.type == "user" and self.definition is None:
             yield Issue((), "{}.type is missing: the element type, or 'definition' for an element of your own")
         if self.definition is not None and self.type != "user":
@@ -184,7 +184,7 @@ class Element:
 
     @property
     def number(self) -> int | None:
-        """The number of elements before they are refined: count, or one between two of the nodes given."""
+        """The number of elements before refinement: count, or one between each two of the given nodes."""
         return self.count if self.count is not None or not isinstance(self.nodes, tuple) else len(self.nodes) - 1
 
     def _places(self) -> Iterator[Issue]:
@@ -205,7 +205,7 @@ class Element:
                         f"nodes given, got {self.count}")
 
 
-# what others write below a body
+# keys that other programs put below a body -> their places here
 OTHERS = {"support": "boundary_conditions of the case", "supports": "boundary_conditions of the case",
           "load": "loads of the case", "loads": "loads of the case", "nodes": "element.count", "mesh": "element"}
 
@@ -224,13 +224,13 @@ class Body:
 
     @property
     def materials(self) -> tuple[Material, ...]:
-        """Its material, or those of its layers; none where the section gives the stiffnesses."""
+        """The material, or those of the layers; empty if the section gives the stiffnesses."""
         if isinstance(self.section, Layers):
             return tuple(layer.material for layer in self.section.layers)
         return () if self.material is None else (self.material,)
 
     def check(self) -> Iterator[Issue]:
-        """Yield what the parts of a body need of each other."""
+        """Yield an issue for each conflict between the parts of the body."""
         least, count = self.geometry.least, self.element.count
         if count is not None and count < least:
             yield Issue(("element", "count"), f"{{}}.element.count must be >= {least}, one "

@@ -1,4 +1,4 @@
-"""The whole case, and the sections about motion."""
+"""The whole case, and its sections about motion."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PLACE = Vector(Number("m"))
 
 
 class StartText(Text):
-    """``rest``, ``static`` or the name of a result file."""
+    """The kind of ``rest``, ``static`` or the name of a result file."""
 
     def __init__(self) -> None:
         super().__init__("rest, static or the name of a result file (.h5)")
@@ -53,7 +53,7 @@ class BodyInitial:
     rotation_rate: RotationRate | None = key(Record(RotationRate), "Rotation", default=None)
 
     def check(self) -> Iterator[Issue]:
-        """Yield a problem where nothing is said."""
+        """Yield an issue if neither velocity nor rotation rate is given."""
         if self.velocity is None and self.rotation_rate is None:
             yield Issue((), "{}: nothing is given", "velocity, rotation_rate or both")
 
@@ -105,7 +105,7 @@ def _one_or_more(what: str) -> ByShape:
 
 
 class FormatNumber(Integer):
-    """The version of the format."""
+    """The kind of the version of the format."""
 
     def __init__(self) -> None:
         super().__init__(1, 1)
@@ -117,7 +117,7 @@ class FormatNumber(Integer):
         return "1, the only format that this version reads"
 
 
-# what others call keys of a case, and where those are
+# common names of keys of a case -> the keys here
 OTHERS = {
     "forces": "loads", "supports": "boundary_conditions", "boundary": "boundary_conditions",
     "constraints": "boundary_conditions or joints", "hinges": "joints", "dampers": "springs", "nodes": "bodies",
@@ -175,12 +175,12 @@ class Case:
 
     @property
     def inputs(self) -> tuple[str, ...]:
-        """The names of the loads and prescribed motions that are inputs of small motions; empty for other solvers."""
+        """The names of the loads and prescribed motions that are inputs of the solver; empty if it has none."""
         return getattr(self.solver, "inputs", ())
 
     @property
     def flows(self) -> tuple[Any, ...]:
-        """What moves along bodies: their own material, and fluids."""
+        """The flows along bodies: transports of their own material, and fluids."""
         out: list[Any] = []
         for one in (self.transport, self.fluid):
             out += [] if one is None else one if isinstance(one, tuple) else [one]
@@ -188,21 +188,21 @@ class Case:
 
     @property
     def resting_masses(self) -> tuple[Any, ...]:
-        """The point masses that do not move along a body."""
+        """The point masses that are fixed to their bodies, not moving along them."""
         return tuple(m for m in self.masses if not isinstance(m.at, MovingPoint))
 
     @property
     def resting_springs(self) -> dict[int, Any]:
-        """The springs by number, but for those with an end that moves along a body."""
+        """The springs by number, except those with an end that moves along a body."""
         return {k: s for k, s in enumerate(self.springs) if not any(isinstance(p, MovingPoint) for p in s.between)}
 
     def places_over_time(self, t: float) -> dict[str, dict[str, float]]:
-        """Return S at t of the points that move along bodies, as probes are recorded."""
+        """Return the position S at t of each point that moves along a body, in the form of recorded probes."""
         return {name: {"s": point.s.value(t)} for name, point in self.moving_points.items()}
 
     @property
     def moving_points(self) -> dict[str, MovingPoint]:
-        """The points that move along bodies, by where they stand in the case: ``loads.0.at``."""
+        """The points that move along bodies, by their place in the case: ``loads.0.at``."""
         out: dict[str, MovingPoint] = {}
         for key_, items in (("loads", self.loads), ("masses", self.masses), ("springs", self.springs)):
             for k, item in enumerate(items):
@@ -213,23 +213,23 @@ class Case:
 
     @property
     def told_frequencies(self) -> tuple[float, ...]:
-        """The frequencies [Hz] that the goal and the expected values are told at."""
+        """The frequencies [Hz] of the responses in the goal and the expected values."""
         told = [self.goal, *self.expected]
         return tuple(one.hz for one in told if one is not None and one.hz is not None)
 
 R = TypeVar("R", bound=type)
-# what the records of each list declare to the rest of the model, unless they say otherwise
+# what the records of each list declare to the rest of the model, with the defaults
 DECLARED: dict[str, dict[str, Any]] = {
-    # the acceleration of all that has mass, and the force per length of a body, both times the amplitude; a body, and
-    # the places S of it at which nodes are wanted; the points that it acts at where its keys do not
-    # tell; whether its amplitude may answer the motion; the points (S, y) of a body through which it is drawn, where
-    # its keys do not tell
+    # acceleration: of everything that has mass; line: force per length of a body (both times the amplitude); places: a
+    # body and positions S on it that need nodes; points: where it acts; answers: whether its amplitude may depend on
+    # the motion; drawn: points (S, y) of a body through which it is drawn (points and drawn are None if they follow
+    # from its keys)
     "loads": {"acceleration": None, "line": None, "places": None, "points": None, "answers": True, "drawn": None},
-    # whether rates cause forces, and whether it acts in a part of its elongations alone
+    # whether rates cause forces, and whether it acts only in part of its range of elongation
     "springs": {"damped": False, "breaks": False},
-    # the body along which a point slides; when it acts, None for always
+    # the body along which a point slides; when it is active, None for always
     "joints": {"slides_along": None, "active": None},
-    # the prescribed motions by their keys; when it acts
+    # the prescribed motions by their keys; when it is active
     "boundary_conditions": {"motions": {}, "active": None},
     "masses": {},
     "obstacles": {},
@@ -241,9 +241,9 @@ DECLARED: dict[str, dict[str, Any]] = {
 
 def register(where: str, cls: R, wanted: tuple[str, ...] = ("name",), methods: tuple[str, ...] = (),
              **declared: Any) -> R:
-    """Make a record one of the types of a list of the case, with what it declares to the rest of the model.
+    """Make a record one of the types of a list of the case, and set what it declares to the rest of the model.
 
-    It must have the keys and methods ``wanted`` of it. Raises PluginError where it has not, or where its type is taken.
+    It must have the keys ``wanted`` and the ``methods``. Raises PluginError if one is missing or its type is taken.
     """
     tag, keys, typed = tag_of(cls), keys_of(cls), isinstance(_kind(where), Registered)
     if typed and not tag:

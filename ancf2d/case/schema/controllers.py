@@ -1,4 +1,4 @@
-"""Controllers: what turns quantities of a motion into numbers that loads follow, as keys of a case and as equations."""
+"""Controllers, which compute numbers for loads from quantities of a motion, as keys of a case and as equations."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from ..syntax import (
 )
 from .amplitudes import ExpressionText
 
-# of the range between the limits of a controller: how far beyond one its integration fades out
+# width of the band around a limit in which integration fades out, relative to the range between the limits
 BAND = 1e-10
-# what the rate of a quantity of a probe is
+# quantity of a probe -> its rate
 _RATES = {"x": "vx", "ux": "vx", "y": "vy", "uy": "vy", "theta": "omega"}
 
 
 class Identifiers(MapOf):
-    """Values by names that expressions can use."""
+    """The kind of a mapping by names that expressions can use."""
 
     def bind(self, node: Node, path: Path, binder: Binder) -> Any:
         if isinstance(node, MapNode):
@@ -67,7 +67,7 @@ class Pid:
                                default=None)
 
     def check(self) -> Iterator[Issue]:
-        """Yield bounds that are no interval, or a controller without any gain."""
+        """Yield an issue if the limits are not in order, or no gain is given."""
         if self.limit is not None and not self.limit[0] < self.limit[1]:
             yield Issue(("limit",), f"{{}}.limit: the lowest must be less than the highest, got {self.limit[0]:g} and "
                         f"{self.limit[1]:g}")
@@ -87,7 +87,7 @@ class StateController:
                                     "Value of each state at t = 0 (default: 0)", default={})
 
     def check(self) -> Iterator[Issue]:
-        """Yield initial values of what is no state."""
+        """Yield an issue for each initial value without a state."""
         for name in self.initial:
             if name not in self.rate:
                 yield Issue(("initial", name), f"{{}}.initial: there is no state '{name}'", ", ".join(self.rate))
@@ -97,7 +97,7 @@ Controller = Pid | StateController
 
 
 class ControllerKind(OneOf):
-    """A controller, whose expressions may use its states."""
+    """The kind of a controller, whose expressions may use its states."""
 
     def bind(self, node: Node, path: Path, binder: Binder) -> Any:
         rates = node.entries.get("rate") if isinstance(node, MapNode) else None
@@ -110,9 +110,9 @@ class ControllerKind(OneOf):
 class Equations(NamedTuple):
     """A controller as equations; its states are named CONTROLLER:STATE.
 
-    initial : values at t = 0, as trees in quantities of the motion; rates : of the states, 0 where they are held;
-    samples : what states become at every multiple of ``sample``, from those before; output : tree; given : expressions
-    of the case by what messages call them.
+    initial : values at t = 0, as trees in quantities of the motion; rates : of the states, 0 for states that are held;
+    samples : new values of states at every multiple of ``sample``, from the old ones; output : tree; given :
+    expressions of the case, by their names in messages.
     """
 
     initial: dict[str, Tree]
@@ -124,7 +124,7 @@ class Equations(NamedTuple):
 
 
 def equations(name: str, controller: Controller) -> Equations:
-    """Return the equations of a controller. Raises DerivativeError where a rate that it needs is not known."""
+    """Return the equations of a controller. Raises DerivativeError if the rate of its input is needed but unknown."""
     if isinstance(controller, Pid):
         return _sampled(name, controller, controller.sample) if controller.sample else _continuous(name, controller)
     own: dict[str, Tree] = {state: Quantity(f"{name}:{state}") for state in controller.rate}
@@ -157,7 +157,10 @@ def _continuous(name: str, pid: Pid) -> Equations:
 
 
 def _sampled(name: str, pid: Pid, step: float) -> Equations:
-    """The rate is a backward difference, the integral a sum of what has been seen, the last included."""
+    """Return the equations of a sampled PID controller.
+
+    The rate is a backward difference, the integral a sum over all samples including the last one.
+    """
     e, before, integral = syntax(pid.input), Quantity(f"{name}:filtered"), Quantity(f"{name}:integral")
     change = _over(_minus(e, before), Constant(pid.filter + step))
     fixed = _plus(_times(Constant(pid.kp), e), _times(Constant(pid.kd), change))
@@ -179,7 +182,7 @@ def _limited(value: Tree, limit: tuple[float, float] | None) -> Tree:
 
 
 def _stopped(gain: Tree, value: Tree, limit: tuple[float, float] | None) -> Tree:
-    """Return what is integrated: nothing where it would drive an output at its limit further."""
+    """Return the increment of the integral: zero if it would drive the output further beyond a limit."""
     if limit is None:
         return gain
     low, high, zero = Constant(limit[0]), Constant(limit[1]), Constant(0.0)
@@ -189,18 +192,19 @@ def _stopped(gain: Tree, value: Tree, limit: tuple[float, float] | None) -> Tree
 
 
 def _faded(gain: Tree, value: Tree, limit: tuple[float, float] | None) -> Tree:
-    """Return what is integrated over time: less and less within a band about a limit, nothing beyond it.
+    """Return the rate of the integral, faded out in a band around each limit of the output and zero beyond it.
 
-    Where the rest of the output falls at its limit and the integral would raise it, it stays there. A rate that jumps
-    has no solution then, since it would have to be both. The band is about the limit, so that what crosses it loses as
-    much before as it gains behind.
+    Fading only applies if the integral drives the output towards that limit. If the rest of the output falls while the
+    integral would raise it, the output stays at the limit. A rate that jumped there would have no solution, as it would
+    need both values at once. The band is centred on the limit, so that an output that crosses it loses as much before
+    the limit as it gains after it.
     """
     if limit is None:
         return gain
     band, half, one, zero = map(Constant, (BAND * (limit[1] - limit[0]), 0.5, 1.0, 0.0))
 
     def share(inside: Tree) -> Tree:
-        """Return 1 where a distance from the limit is half a band, 0 where it is that much beyond."""
+        """Return 1 at half a band or more inside the limit, 0 at half a band or more beyond it, smooth between."""
         rest = _plus(half, _over(inside, band))
         smooth = _times(_times(rest, rest), _minus(Constant(3.0), _times(Constant(2.0), rest)))
         return Choice(_compared(rest, ">=", one), one, Choice(_compared(rest, "<=", zero), zero, smooth))
@@ -229,11 +233,11 @@ def _over(a: Tree, b: Tree) -> Tree:
 
 
 class DerivativeError(ValueError):
-    """An expression whose rate the positions and velocities of a motion do not tell."""
+    """Raised for an expression whose rate does not follow from the positions and velocities of a motion."""
 
 
 def rate_of(tree: Tree) -> Tree:
-    """Return the derivative by time of an expression in t and positions. Raises DerivativeError of other quantities."""
+    """Return the time derivative of an expression in t and positions. Raises DerivativeError for other quantities."""
     match tree:
         case Time():
             return Constant(1.0)
@@ -285,7 +289,7 @@ def _outer(name: str, x: Tree) -> Tree:
 
 
 def loop(outputs: Mapping[str, Tree]) -> list[str]:
-    """Return controllers that need the output of each other at the same instant, the first one again at the end."""
+    """Return a cycle of controllers that need each other's output at the same instant, closed by the first; else []."""
     def visit(name: str, way: list[str]) -> list[str]:
         if name in way:
             return [*way[way.index(name):], name]

@@ -27,7 +27,7 @@ class Line:
     end: Vec2 = key(PLACE, "Point at S = 1", example=[2, 0])
 
     def check(self) -> Iterator[Issue]:
-        """Yield what is wrong: a line without length."""
+        """Yield an issue if the line has no length."""
         if self.start == self.end:
             yield Issue(("end",), "{}: the line has no length: start and end are the same point")
 
@@ -45,7 +45,7 @@ class Arc:
                     "counter-clockwise arc", example=1.5708)
 
     def check(self) -> Iterator[Issue]:
-        """Yield what is wrong with the sweep: zero, or more than a full turn."""
+        """Yield an issue if the sweep is zero or more than a full turn."""
         sweep = self.to - self.from_
         if sweep == 0:
             yield Issue(("to",), "{}: the arc has no length: from and to are the same angle")
@@ -63,7 +63,7 @@ class Polyline:
                                    example=[[0, 0], [0, 120], [120, 120]])
 
     def check(self) -> Iterator[Issue]:
-        """Yield the pieces that have no length."""
+        """Yield an issue for each piece without length."""
         for i, (a, b) in enumerate(pairwise(self.points)):
             if a == b:
                 yield Issue(("points", i + 1), f"{{}}: points {i} and {i + 1} are the same; "
@@ -72,7 +72,7 @@ class Polyline:
 
     @property
     def least(self) -> int:
-        """The fewest elements: one of each piece."""
+        """The minimum number of elements: one for each piece."""
         return len(self.points) - 1
 
 
@@ -87,7 +87,7 @@ class Spline:
     closed: bool = key(Flag(), CLOSED_DOC, default=False)
 
     def check(self) -> Iterator[Issue]:
-        """Yield points that are the same as the one before, and too few for a closed curve."""
+        """Yield an issue for each point equal to the one before, and for too few points of a closed curve."""
         ends = [*self.points, self.points[0]] if self.closed else self.points
         for i, (a, b) in enumerate(pairwise(ends)):
             if a == b:
@@ -126,7 +126,7 @@ class ArcPiece:
                        example=3.14159265)
 
     def check(self) -> Iterator[Issue]:
-        """Yield an angle of zero, or of more than a full turn."""
+        """Yield an issue if the angle is zero or more than a full turn."""
         if self.angle == 0:
             yield Issue(("angle",), "{}: the arc has no length: its angle is 0")
         elif abs(self.angle) > 2 * math.pi * (1 + 1e-9):
@@ -148,7 +148,7 @@ class PathGeometry:
 
     @property
     def least(self) -> int:
-        """The fewest elements: one of each piece."""
+        """The minimum number of elements: one for each piece."""
         return len(self.pieces)
 
 

@@ -1,4 +1,4 @@
-"""Materials: elastic constants, and laws of stress beyond them."""
+"""Materials: elastic constants and other stress-strain laws."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..kinds import Choice, ListOf, Number
 from ..records import Record
 from .profiles import Profile, ProfileOf
 
-# by which a given E may differ from the first slope of a curve
+# allowed relative difference between a given E and the first slope of a curve
 FIRST_SLOPE = 1e-3
 
 
@@ -46,11 +46,11 @@ class StressStrain:
 
     @property
     def points(self) -> tuple[tuple[float, float], ...]:
-        """Strain and stress of each point beyond zero."""
+        """Strain and stress of each point except (0, 0)."""
         return tuple(p for p in zip(self.strain, self.stress, strict=True) if p != (0.0, 0.0))
 
     def check(self) -> Iterator[Issue]:
-        """Yield lists that are no curve."""
+        """Yield an issue if the lists do not form a valid curve."""
         if len(self.strain) != len(self.stress):
             yield Issue(("stress",), f"{{}}: strain has {len(self.strain)} numbers and stress has {len(self.stress)}",
                         "as many stresses as strains")
@@ -76,7 +76,7 @@ class MaxwellTerm:
     time: float = key(Number("s", gt=0), "Relaxation time", example=0.1)
 
 
-# what others call keys of a material
+# common names of keys of a material -> the keys here
 OTHERS = {
     "density": "rho", "young": "E", "youngs_modulus": "E", "youngs": "E", "modulus": "E", "elastic_modulus": "E",
     "poisson": "nu", "poissons_ratio": "nu", "poisson_ratio": "nu", "expansion": "alpha", "yield_stress": "yield",
@@ -114,16 +114,16 @@ class Material:
 
     @property
     def fibres(self) -> bool:
-        """Whether its stress along the axis is another than E times strain, fibre by fibre."""
+        """Whether its law acts on fibres: the axial stress is not just E times strain."""
         return self.yield_ is not None or self.stress_strain is not None
 
     @property
     def remembers(self) -> bool:
-        """Whether its stress is another than a constant stiffness times strain."""
+        """Whether its stress is not just a constant stiffness times strain; also true for hyperelastic materials."""
         return self.fibres or bool(self.viscoelastic) or self.law == "neo_hooke"
 
     def check(self) -> Iterator[Issue]:
-        """Yield laws that exclude each other, or need what is missing."""
+        """Yield an issue for each law that excludes another, or lacks a key."""
         if self.hardening is not None and self.yield_ is None:
             yield Issue(("hardening",), "{}.hardening needs a yield stress", "yield, or stress_strain without "
                         "hardening")

@@ -1,4 +1,4 @@
-"""What is asked of a case: goal, expected values, output."""
+"""The requested results: goal, expected values, output."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PARTS = ("abs", "re", "im", "phase")
 REACTION_QUANTITIES = ("fx", "fy", "m")
 CASE_QUANTITIES = ("strain_energy",)
 MODE_KINDS = ("bending", "axial", "shear", "thickness", "rigid", "mixed", "spurious")
-# of a number of intervals: what is as good as a whole one
+# tolerance within which a number of intervals counts as whole
 ROUND = 1e-9
 FORMS = ("{probe, quantity}, {reaction, quantity}, {quantity: strain_energy}, {kind, number}, "
          "{load_factor}, {limit_point} or {input, probe, quantity}")
@@ -27,7 +27,7 @@ def _window(what: str) -> Any:
 
 
 def _window_issues(goal: Any) -> Iterator[Issue]:
-    """Yield where a goal is over two windows, over one that is empty, or over one without a value at each time."""
+    """Yield an issue if a goal has two windows, an empty one, or one for a value that is not a function of time."""
     given = [k for k in ("mean_over", "peak_over") if getattr(goal, k) is not None]
     if len(given) > 1:
         yield Issue((given[1],), "{}: mean_over and peak_over cannot both be given", "one of them")
@@ -44,7 +44,7 @@ def _window_issues(goal: Any) -> Iterator[Issue]:
 
 
 def goal_issues(goal: Any) -> Iterator[Issue]:
-    """Yield where a goal is none of the known forms, or mixes two."""
+    """Yield an issue if a goal has none of the known forms, or mixes two."""
     given = [k for k in ("probe", "reaction", "kind", "load_factor", "limit_point")
              if getattr(goal, k) is not None]
     if given == ["probe", "limit_point"]:
@@ -79,7 +79,7 @@ def goal_issues(goal: Any) -> Iterator[Issue]:
 
 
 def _response_issues(goal: Any) -> Iterator[Issue]:
-    """Yield what says of a response, without its input, its probe or its frequency."""
+    """Yield an issue if keys of responses are given without the input, probe or frequency that they need."""
     for name in ("hz", "part"):
         if goal.input is None and getattr(goal, name) is not None:
             yield Issue((name,), f"{{}}: {name} is for responses only; 'input' is missing",
@@ -118,7 +118,7 @@ class Value:
                                                     "it (motions)")
 
     def check(self) -> Iterator[Issue]:
-        """Yield where this is none of the known forms, or mixes two."""
+        """Yield an issue if the value has none of the known forms, or mixes two."""
         return goal_issues(self)
 
 
@@ -142,7 +142,7 @@ class Expected(Value):
     source: str | None = key(Text(number=True), "Source of the value", default=None)
 
     def check(self) -> Iterator[Issue]:
-        """Yield where nothing known is named, or no tolerance."""
+        """Yield an issue if the value has no known form, or lacks a tolerance."""
         yield from super().check()
         if self.rtol is None and self.atol is None:
             yield Issue((), "{}: neither rtol nor atol is given", "rtol (relative to the value) "
@@ -168,14 +168,14 @@ class Output:
                                   "(of contact, on both faces)", default=())
 
     def stores(self, step: int, t: float) -> bool:
-        """Whether the equilibrium of a step, numbered from 1, at a time t is stored."""
+        """Return whether the equilibrium of a step, numbered from 1, at time t is stored."""
         if self.interval is None:
             return step % (self.every or 1) == 0
         n = t / self.interval
         return abs(n - round(n)) <= ROUND * max(n, 1.0)
 
     def check(self) -> Iterator[Issue]:
-        """Yield an interval that is given twice."""
+        """Yield an issue if the interval is given in two ways."""
         if self.every is not None and self.interval is not None:
             yield Issue(("interval",), "{}: every and interval are both given",
                         "one of every (steps) and interval (time)")

@@ -24,7 +24,7 @@ class Point:
     s: float
 
     def written(self) -> str:
-        """Return the point as a case has it: ``BODY@S``."""
+        """Return the point as in a case: ``BODY@S``."""
         return f"{self.body}@{number_text(self.s)}"
 
 
@@ -36,7 +36,7 @@ class GroundPoint:
     y: float
 
     def written(self) -> tuple[float, float]:
-        """Return the point as a case has it: ``[x, y]``."""
+        """Return the point as in a case: ``[x, y]``."""
         return (self.x, self.y)
 
 
@@ -50,7 +50,7 @@ class MovingPoint:
 
 
 class PointText(Kind):
-    """``BODY@S``."""
+    """The kind of a text ``BODY@S``."""
 
     def words(self, binder: Binder) -> str:
         return "BODY@S with S in [0, 1]"
@@ -88,12 +88,12 @@ class Probe:
     y: float = key(POSITION, "distance from the axis, along the section's y axis", default=0.0)
 
     def written(self) -> Any:
-        """Return the probe as a case has it: the point alone where it is on the axis."""
+        """Return the probe as in a case: just the point if it is on the axis."""
         return self.at if self.y == 0 else {"at": self.at, "y": self.y}
 
 
 def named_points(thing: Any) -> list[Point]:
-    """Return the points of bodies that a support, joint, spring, mass or load acts at."""
+    """Return the points of bodies at which a support, joint, spring, mass or load acts."""
     found = list(getattr(thing, "points", None) or ())
     for value in (getattr(thing, f.name) for f in fields(thing)):
         found += [p for p in (value if isinstance(value, tuple) else (value,)) if isinstance(p, Point)]
@@ -101,7 +101,7 @@ def named_points(thing: Any) -> list[Point]:
 
 
 def named_twice(points: tuple[object, ...]) -> Iterator[Issue]:
-    """Yield each point of a key ``between`` that stands there before."""
+    """Yield an issue for each point that occurs twice in a key ``between``."""
     for i, point in enumerate(points):
         if point in points[:i]:
             yield Issue(("between", i), "{}.between: the same point is named twice")
@@ -116,7 +116,7 @@ SPRING_ENDS = ListOf(ByShape(text=POINT, list=_GROUND, map=Record(MovingPoint)),
 
 
 def check_ends(points: tuple[object, ...]) -> Iterator[Issue]:
-    """Yield what two ENDS cannot be: the same point, or both on the ground."""
+    """Yield an issue if two ENDS are the same point, both move, or both are on the ground."""
     yield from named_twice(points)
     if all(isinstance(end, MovingPoint) for end in points):
         yield Issue(("between",), "{}.between: both ends move along bodies", "at least one point BODY@S or [x, y]")

@@ -18,7 +18,7 @@ from ..records import ByShape, Record
 from ..syntax import Constant, ExpressionError, quantities_of, syntax
 from .amplitudes import Expression, ExpressionText
 
-# places between 0 and 1 at which the bounds of a profile are checked, beside those of a table
+# positions from 0 to 1 at which the bounds of a profile are checked, in addition to those of a table
 PLACES = tuple(k / 1000 for k in range(1001))
 
 
@@ -29,7 +29,7 @@ class ProfileExpression(Expression):
     variable = "s"
 
     def written(self) -> str:
-        """Return the formula alone."""
+        """Return the formula as text."""
         return self.value_
 
 
@@ -44,7 +44,7 @@ class ProfileTable:
                        "between two positions the curve stays between their values", default=False)
 
     def check(self) -> Iterator[Issue]:
-        """Yield lists of different lengths, and places that are not in order or given more than twice."""
+        """Yield an issue if the lists differ in length, or positions are out of order or given more than twice."""
         if len(self.s) != len(self.value_):
             yield Issue(("value",), f"{{}}: s has {len(self.s)} numbers and value has {len(self.value_)}",
                         "as many values as places")
@@ -57,7 +57,7 @@ class ProfileTable:
                 return
 
     def value(self, s: float) -> float:
-        """Return the value at s; at a jump the one behind it."""
+        """Return the value at s, from the right at a jump."""
         i = bisect_right(self.s, s) - 1
         if i < 0 or i == len(self.s) - 1:
             return self.value_[max(i, 0)]
@@ -72,8 +72,8 @@ class ProfileTable:
     def slopes(self) -> tuple[tuple[float, float], ...]:
         """Slopes at the start and the end of each interval of the smooth table: Fritsch and Butland 1984.
 
-        Jumps part it into curves of their own; at the ends of a curve the slope is that of the parabola through three
-        points, as far as the curve stays monotone.
+        Jumps divide it into separate curves. The slope at the ends of a curve is that of the parabola through three
+        points, limited so that the curve stays monotone.
         """
         n = len(self.s)
         cuts = [0, *(i for i in range(1, n) if self.s[i] == self.s[i - 1]), n]
@@ -109,7 +109,7 @@ Profile = ProfileExpression | ProfileTable
 # studies read the same formula for every run
 @lru_cache(maxsize=64)
 def _samples(profile: Profile) -> tuple[float, ...]:
-    """Return the values of a profile at ``PLACES``. Raises ComputationError where it has none."""
+    """Return the values of a profile at ``PLACES``. Raises ComputationError if it has none."""
     return tuple(map(profile.value, PLACES))
 
 
@@ -120,12 +120,12 @@ class PointExpression(Expression):
     variable = "s"
 
     def written(self) -> str:
-        """Return the formula alone."""
+        """Return the formula as text."""
         return self.value_
 
 
 class _Formula(ExpressionText):
-    """An expression in s that is more than a number in quotes."""
+    """The kind of an expression in s that is not just a number in quotes."""
 
     pattern = r"^\s*[A-Za-z_]\w*\s*$|\b(s|pi)\b|[-+*/^(]"
 
@@ -137,9 +137,9 @@ class _Formula(ExpressionText):
 
 
 class ProfileOf(ByShape):
-    """A number in a unit, with bounds, that may vary along a body.
+    """The kind of a number in a unit, with bounds, that may vary along a body.
 
-    ``local`` are quantities of the point that it may depend on, too: it is a ``PointExpression`` then.
+    ``local`` are quantities of the point that it may also depend on; the value is a ``PointExpression`` if it does.
     """
 
     def __init__(self, unit: str = "", *, gt: float | None = None, ge: float | None = None,
@@ -172,7 +172,7 @@ class ProfileOf(ByShape):
         return binder.fail(node.mark, path, f"{dotted(path)}: {problem}")
 
     def _is_formula(self, text: str, binder: Binder) -> bool:
-        """Whether a text looks like an expression: more than a number in quotes, or a name that is not known."""
+        """Return whether a text is meant as an expression, not as a number in quotes or an unknown name."""
         known = binder.names("s", self.local)
         if text.strip() in (known.variable, *known.numbers, *known.quantities):
             return True
@@ -182,9 +182,9 @@ class ProfileOf(ByShape):
             return re.search(r"\b(s|pi)\b|[-+*/^(]", text) is not None
 
     def _outside(self, profile: Any, binder: Binder) -> str | None:
-        """Return where a profile leaves its bounds, or None."""
+        """Return where a profile is out of bounds, or None."""
         if isinstance(profile, ProfileTable) and all(map(self.number.inside, profile.value_)):
-            # between its places it stays between their values
+            # between its positions it stays between their values
             return None
         values = list(zip(_samples(profile), PLACES, strict=True))
         if isinstance(profile, ProfileTable):

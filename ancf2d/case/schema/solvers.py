@@ -1,4 +1,4 @@
-"""Solvers: what is computed, and how far."""
+"""Solvers: what to compute, and where to end."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from ..kinds import Choice, Flag, Integer, Known, ListOf, Name, Number, ProbeQua
 from ..records import ByKeys, Record
 from .active import Condition
 
-# of the whole motion: shorter steps are lost beside the time that they are added to
+# shortest step over the duration of the motion: smaller ones are lost to round-off when added to the time
 SHORTEST = 1e-12
-# error of a cubic between neighbouring frequencies, beside the response there, where the case says nothing of it
+# default error of the cubic between neighbouring frequencies, relative to the response there
 RESOLUTION = 1e-3
-# relative error of adaptive steps where the case says nothing of steps
+# default relative error of adaptive steps
 STEP_TOLERANCE = 1e-6
 INPUTS_DOC = ("Names of the loads and prescribed motions that oscillate. Their values are the amplitudes; their "
               "amplitudes over time are ignored, and they do not act on the static state")
@@ -29,34 +29,35 @@ def _about() -> Any:
 
 
 class Kind:
-    """What a solver declares to the rest of the code, which asks for no solver by its name."""
+    """The properties that a solver declares, so that the rest of the code need not ask for solvers by name."""
 
-    # whether it computes a motion; states over time from 0 to t_end; equilibria, whose balance gives section forces;
-    # these for small displacements alone; what vibrates about a state; load factors
+    # computes a motion (moves), states over time from 0 to t_end (timed), equilibria, whose balance gives section
+    # forces (balances), these for small displacements only (linear), vibrations about a state (vibrates), load factors
+    # (scales)
     moves = timed = balances = linear = vibrates = scales = False
-    # whether what it finds on three meshes shows an order: one state for each, which finer meshes do not replace
+    # whether results on three meshes show an order: one state for each, which finer meshes do not replace
     shows_order: Any = False
-    # whether probes are all that it reports
+    # whether it reports probes only
     probes_alone = False
 
     @property
     def on_path(self) -> bool:
-        """Whether it follows a path along which the load factor itself is found."""
+        """Whether it follows a path along which the load factor is an unknown."""
         return False
 
     @property
     def takes_guess(self) -> bool:
-        """Whether it can begin from a guess of its last state."""
+        """Whether it can start from a guess of its last state."""
         return False
 
     @property
     def end(self) -> float:
-        """The load factor or time that it ends at; on a path it is found."""
+        """The final load factor or time; on a path it is found by the solver."""
         return 1.0
 
     @property
     def course(self) -> tuple[float, float]:
-        """The load factors or times that it goes through, as (lowest, highest)."""
+        """The range of load factors or times passed through, as (lowest, highest)."""
         return min(0.0, self.end), max(0.0, self.end)
 
 
@@ -129,26 +130,26 @@ class Static(Kind):
 
     @property
     def on_path(self) -> bool:
-        """Whether the load factor is found along the path."""
+        """Whether the load factor is an unknown along the path."""
         return self.method != "newton"
 
     @property
     def takes_guess(self) -> bool:
-        """Whether it can begin from a guess of its last state: not on a path, which is followed from its start."""
+        """Whether it can start from a guess of its last state: not on a path, which is followed from its start."""
         return not self.on_path
 
     @property
     def shows_order(self) -> bool:
-        """Whether what it finds on three meshes shows an order: not where paths end, which are refined in turn."""
+        """Whether results on three meshes show an order: not if a path is followed, whose end is refined separately."""
         return not self.on_path
 
     @property
     def end(self) -> float:
-        """The load factor that it ends at; on a path it is found."""
+        """The final load factor; on a path it is found by the solver."""
         return self.until.value if isinstance(self.until, LoadFactor) else 1.0
 
     def check(self) -> Iterator[Issue]:
-        """Yield ends of the path that the method cannot find."""
+        """Yield an issue for each key that the method does not allow."""
         if self.verify and self.on_path:
             yield Issue(("verify",), f"{{}}.verify compares states at equal load factors, which method {self.method} "
                         "does not have", "method: newton")
@@ -186,14 +187,14 @@ class QuasiStatic(Kind):
     max_iterations: int | None = key(Integer(), "Maximum number of Newton iterations per step", default=None)
 
     def check(self) -> Iterator[Issue]:
-        """Yield times that the solution does not reach."""
+        """Yield an issue if a time is after the end."""
         late = next((t for t in self.times or () if t > self.t_end), None)
         if late is not None:
             yield Issue(("times",), f"{{}}: the solution does not reach {late:g}", f"times up to t_end, {self.t_end:g}")
 
     @property
     def end(self) -> float:
-        """The end of the time."""
+        """The end time."""
         return self.t_end
 
 
@@ -212,7 +213,7 @@ class Eigen(Kind):
 
     @property
     def shows_order(self) -> bool:
-        """Whether what it finds on three meshes shows an order: not where it looks at finer ones itself."""
+        """Whether results on three meshes show an order: not if ``verify`` solves on finer meshes itself."""
         return not self.verify
 
 
@@ -238,7 +239,7 @@ class FrequencyResponse(Kind):
     about: str = _about()
 
     def check(self) -> Iterator[Issue]:
-        """Yield frequencies that are given twice, or not at all."""
+        """Yield an issue if frequencies are given twice or not at all."""
         ends = [k for k in ("from_", "to") if getattr(self, k) is not None]
         if self.frequencies is not None and ends:
             yield Issue(("frequencies",), "{}: frequencies and a range are both given", "frequencies, or from and to")
@@ -252,12 +253,12 @@ class FrequencyResponse(Kind):
 
     @property
     def resolution(self) -> float:
-        """The error that a cubic between neighbouring points of a range may have."""
+        """The allowed error of the cubic between neighbouring points of a range."""
         return RESOLUTION if self.tolerance is None else self.tolerance
 
     @property
     def hz(self) -> tuple[float, ...]:
-        """The frequencies that the case gives [Hz]; of a range there may be more."""
+        """The frequencies [Hz] that the case gives; in a range the solver may add more."""
         if self.frequencies is not None:
             return self.frequencies
         assert self.from_ is not None
@@ -286,7 +287,7 @@ class StateSpace(Kind):
     about: str = _about()
 
     def check(self) -> Iterator[Issue]:
-        """Yield outputs that are named twice."""
+        """Yield an issue for each output that is named twice."""
         for i, name in enumerate(self.outputs):
             if name in self.outputs[:i]:
                 yield Issue(("outputs", i), f"{{}}.outputs: {name} is named twice")
@@ -329,16 +330,16 @@ class Dynamic(Kind):
 
     @property
     def end(self) -> float:
-        """The end of the time."""
+        """The end time."""
         return self.t_end
 
     @property
     def local_error(self) -> float:
-        """The relative error that adaptive steps may make."""
+        """The allowed relative error of adaptive steps."""
         return STEP_TOLERANCE if self.tolerance is None else self.tolerance
 
     def check(self) -> Iterator[Issue]:
-        """Yield a step that is given twice, or is longer than the motion."""
+        """Yield an issue if the step is given twice, or is too long or too short for the motion."""
         if self.dt is not None and self.tolerance is not None:
             yield Issue(("tolerance",), "{}: dt and tolerance are both given",
                         "dt for fixed steps, or tolerance for adaptive ones")
@@ -350,6 +351,6 @@ class Dynamic(Kind):
                         "advance in floating-point numbers", f"at least {SHORTEST * self.t_end:g}")
 
 
-# what is linearised about a state
+# solvers of models that are linearised about a state
 SmallMotions = Eigen | FrequencyResponse | StateSpace
 Solver = LinearStatic | Static | QuasiStatic | Eigen | FrequencyResponse | StateSpace | Buckling | Dynamic

@@ -1,4 +1,4 @@
-"""Results in other formats, from the result file alone."""
+"""Export of results to other formats, from the result file alone."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Done = Callable[[float], None]
 
 @dataclass(frozen=True)
 class Format:
-    """A format: what its files hold, and the module here whose ``WRITER(results, path, done)`` writes one."""
+    """A format: the contents of its files, and the module here whose ``writer(results, path, done)`` writes one."""
 
     suffix: str
     holds: str
@@ -25,11 +25,11 @@ class Format:
     writer: str
 
     def write(self, results: Results, path: Path, done: Done) -> None:
-        """Write a new file; ``done`` is told the share that is written. Raises ResultsError."""
+        """Write a new file; ``done`` is called with the fraction written. Raises ResultsError."""
         getattr(import_module(f"{__name__}.{self.module}"), self.writer)(results, path, done)
 
 
-# the one place where a format is added
+# the only place where a format is added
 FORMATS = {f.suffix: f for f in (
     Format(".vtkhdf", "the bodies over time, for ParaView", "vtkhdf", "write"),
     Format(".csv", "the probes over time, load factor or frequency", "plain", "write_csv"),
@@ -40,7 +40,7 @@ FORMATS = {f.suffix: f for f in (
 
 
 def format_of(path: str | os.PathLike[str]) -> Format:
-    """Return the format that a file's suffix names. Raises ResultsError with those that there are."""
+    """Return the format of a file's suffix. Raises ResultsError, which lists the known formats."""
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:
         what = f"unknown suffix '{suffix}'" if suffix else "no suffix"
@@ -50,10 +50,10 @@ def format_of(path: str | os.PathLike[str]) -> Format:
 
 def export(source: str | os.PathLike[str], path: str | os.PathLike[str], force: bool = False,
            done: Done = lambda share: None) -> Format:
-    """Write a result file in the format that ``path`` names; return that format.
+    """Write a result file in the format of the suffix of ``path``; return that format.
 
-    The file appears when it is complete. Raises ResultsError for an unknown suffix, for a file that holds nothing of
-    the kind, and where ``path`` was not made by ancf2d, unless ``force``.
+    The file appears when it is complete. Raises ResultsError for an unknown suffix, for a file without data of this
+    kind, and if ``path`` was not made by ancf2d, unless ``force``.
     """
     chosen = format_of(path)
     check_output(path, force, source)

@@ -1,4 +1,4 @@
-"""Small files: probes as CSV, everything small as JSON, linear models for NumPy and MATLAB."""
+"""Exports to small files: probes as CSV, all small data as JSON, linear models for NumPy and MATLAB."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from ancf2d.results.reader import Results
 from ancf2d.results.target import MARK
 
 BLOCK = 4096  # lines between two reports of progress
-MOST = 10_000  # values of a series in JSON
+MOST = 10_000  # maximum length of a series in JSON
 # tables with the names of u, y and x of linear models, and their columns
 NAMES = {"inputs": "input", "outputs": "output", "states": "state"}
 
 
 def time_name(results: Results) -> str:
-    """Return what states are counted by: ``t``, or ``factor`` where it is the load factor."""
+    """Return the name of the column of states: ``t``, or ``factor`` for load factors."""
     return "t" if results.over_time else "factor"
 
 
 def write_csv(results: Results, path: Path, done: Done) -> None:
     """Write ``t`` or ``factor``, then ``NAME.x``, ``NAME.y``, ... of each probe. Raises ResultsError without probes.
 
-    Of a frequency response: ``hz``, then ``INPUT.NAME.x.re``, ``INPUT.NAME.x.im``, ...
+    For a frequency response: ``hz``, then ``INPUT.NAME.x.re``, ``INPUT.NAME.x.im``, ...
     """
     columns = {time_name(results): results.probe_t, **{
         f"{name}.{q}": values for name, table in results.probes.items() for q, values in table.items()}}
@@ -48,7 +48,7 @@ def write_csv(results: Results, path: Path, done: Done) -> None:
 
 
 def write_json(results: Results, path: Path, done: Done) -> None:
-    """Write what ``ancf2d info`` tells, the case as completed, and the series; ``left_out`` names those too long."""
+    """Write the data of ``ancf2d info``, the case with defaults, and the series; ``left_out`` lists those too long."""
     left_out: list[str] = []
 
     def short(name: str, columns: dict[str, Any]) -> dict[str, Any]:
@@ -72,7 +72,7 @@ def write_json(results: Results, path: Path, done: Done) -> None:
 
 
 def matrices(results: Results) -> dict[str, Any]:
-    """Return A, B, C, D and the lists inputs, outputs, states. Raises ResultsError where there is no such model."""
+    """Return A, B, C, D and the lists inputs, outputs, states. Raises ResultsError if there is no linear model."""
     if "state_space/A" not in results.arrays:
         raise ResultsError(f"'{results.path}' holds no linear model; solver state_space makes one")
     found: dict[str, Any] = {name: results.array(f"state_space/{name}") for name in "ABCD"}
@@ -82,15 +82,15 @@ def matrices(results: Results) -> dict[str, Any]:
 
 
 def write_npz(results: Results, path: Path, done: Done) -> None:
-    """Write A, B, C, D, inputs, outputs and states as an archive of NumPy."""
-    # as bytes the mark is found in the file
+    """Write A, B, C, D, inputs, outputs and states as an archive of NumPy. Raises ResultsError without a model."""
+    # as bytes, so that the mark is found in the file
     with path.open("wb") as stream:
         np.savez(stream, made_by=np.bytes_(MARK), **matrices(results))
     done(1.0)
 
 
 def write_mat(results: Results, path: Path, done: Done) -> None:
-    """Write A, B, C, D and the cells inputs, outputs and states. Raises ResultsError where there is no such model."""
+    """Write A, B, C, D and the cells inputs, outputs and states for MATLAB. Raises ResultsError without a model."""
     from scipy.io import savemat
 
     found = matrices(results)

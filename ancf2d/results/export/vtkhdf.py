@@ -1,9 +1,9 @@
-"""Bodies for ParaView: VTKHDF 2.0, one unstructured grid with a step per stored state.
+"""Export of bodies for ParaView: VTKHDF 2.0, one unstructured grid with a step per stored state.
 
-Each body is there twice: as quadrilaterals over its true section, from the element's own shape functions, and as its
-axis, one polyline; the cell field ``centreline`` tells them apart, ``body`` which body it is (-1: the surface of an
-obstacle, as lines; -2: a tendon, as a line). A grid of both kinds of cells is read by every program that reads the
-format, with its steps; collections of grids are not.
+Each body is contained twice: as quadrilaterals over its true section, from the element's own shape functions, and as
+its axis, one polyline. The cell field ``centreline`` is 1 for the axis; ``body`` is the number of the body (-1: the
+surface of an obstacle, as lines; -2: a tendon, as a line). A grid with both kinds of cells is read, with its steps, by
+every program that reads the format; collections of grids are not.
 
 Source: VTKHDF format specification, docs.vtk.org.
 """
@@ -39,14 +39,14 @@ from ancf2d.results.symbols import tendons_of
 from ancf2d.results.target import MARK
 
 QUAD, POLYLINE = 9, 4  # VTK's numbers of these cells
-OBSTACLE, TENDON = -1, -2  # in the place of a body's number
-SIDE = 1e-8  # of half the height: how far from the line between two layers fields are taken
-MOST_CELLS = 2_000  # along all elements together, as long as every element has one
+OBSTACLE, TENDON = -1, -2  # numbers instead of that of a body
+SIDE = 1e-8  # distance from an interface between layers at which fields are taken, relative to half the height
+MOST_CELLS = 2_000  # along all elements together, but at least one for each element
 CHUNK = 1 << 14  # points
-AT_ONCE = 1 << 13  # points that are written in one call: states of small grids wait for each other
-# states that tell which part of a half plane is beside the bodies, and how much more of their extent is shown
+AT_ONCE = 1 << 13  # points written in one call, so that states of small grids are written together
+# number of states that determine the visible part of a half plane; margin around the bodies, relative to their extent
 LOOKS, BESIDE = 16, 0.25
-CACHE = 1 << 20  # bytes of each dataset: a chunk or two, which are filled one after the other
+CACHE = 1 << 20  # bytes of each dataset: one or two chunks, which are filled one after the other
 COMPRESSED: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
 MODES = "modes/shapes"
 _SUMS = "...ai,bj,...ijc->...bac"
@@ -56,8 +56,8 @@ _SUMS = "...ai,bj,...ijc->...bac"
 class Part:
     """One body in the grid: its points are elements x levels x columns (samples along), from ``first`` on.
 
-    ``levels`` number those of ``body_levels``, and ``eta`` says where fields are taken on them. Bodies of layers have
-    both faces of each layer, for stresses jump between layers. ``pairs`` are those between which there are cells.
+    ``levels`` are indices of ``body_levels``, ``eta`` the places of the fields on them. Bodies of layers have both
+    faces of each layer, since stresses jump between layers. Cells are between the ``pairs`` of levels.
     """
 
     number: int
@@ -70,42 +70,42 @@ class Part:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Elements, levels, columns."""
+        """The numbers of elements, levels and columns."""
         return len(self.body.dofs), len(self.levels), len(self.columns)
 
     @property
     def points(self) -> int:
-        """Number of points."""
+        """The number of points."""
         return int(np.prod(self.shape))
 
     def take(self, levels: np.ndarray) -> np.ndarray:
-        """Return what ``body_levels`` tells of the part's points (points, 3)."""
+        """Return the part's points (points, 3) from the result of ``body_levels``."""
         out = np.zeros((*self.shape, 3))
         for k, level in enumerate(self.levels):
             out[:, k, :, :2] = levels[level][:, self.columns]
         return out.reshape(-1, 3)
 
     def cells(self) -> Iterator[tuple[int, np.ndarray]]:
-        """Yield kind and points (cells, n) of the quadrilaterals, then of the axis."""
+        """Yield kind and point numbers (cells, n) of the quadrilaterals, then of the axis."""
         at = self.first + np.arange(self.points).reshape(self.shape)
         if self.pairs:
             low, high = (at[:, [pair[k] for pair in self.pairs]] for k in (0, 1))
             corners = (low[..., :-1], low[..., 1:], high[..., 1:], high[..., :-1])
             yield QUAD, np.stack(corners, -1).reshape(-1, 4)
         axis = at[:, self.levels.index(1)]
-        # elements meet: the end of one is the beginning of the next
+        # neighbouring elements share their end point
         yield POLYLINE, np.append(axis[0, 0], axis[:, 1:])[None]
 
 
 class Interpolation:
-    """A field at the points of a part: the polynomial through its stations."""
+    """Interpolates a field from its stations to the points of a part: by polynomials, linearly across layers."""
 
     def __init__(self, part: Part, record: FieldRecord) -> None:
         self._part, self._record = part, record
 
     @cached_property
     def _factors(self) -> tuple[np.ndarray, np.ndarray, Any]:
-        """Weights along and across, and the order of summing over them."""
+        """The weights along and across, and the order of summation over them."""
         part, record = self._part, self._record
         along = weights_along(record, part.body.sample_xi[part.columns], np.arange(len(part.body.dofs)))
         layered = part.body.levels is not None and len(record.eta) > 1
@@ -118,15 +118,15 @@ class Interpolation:
     def of(self, values: np.ndarray) -> np.ndarray:
         """Return the field (points, components) whose values at the stations are (ne, nx, ny, components).
 
-        Raises ValueError where stations coincide.
+        Raises ValueError if stations coincide.
         """
-        # not before there are values: where they fit the stations, these are no more than the file has room for
+        # only once there are values: if these fit the stations, the weights are bounded by the size of the file
         along, across, order = self._factors
         return np.einsum(_SUMS, along, across, values, optimize=order).reshape(self._part.points, -1)
 
 
 def make_parts(results: Results) -> list[Part]:
-    """Return the bodies of a result file as parts of one grid. Raises ResultsError where there is none."""
+    """Return the bodies of a result file as parts of one grid. Raises ResultsError if it has none."""
     bodies = list(results.bodies.values())
     if not bodies:
         raise ResultsError(f"'{results.path}' holds no bodies to draw")
@@ -154,11 +154,11 @@ def _across(body: BodyRecord) -> tuple[tuple[int, ...], np.ndarray, tuple[tuple[
 
 
 def write(results: Results, path: Path, done: Done) -> None:
-    """Write the grid of all bodies, state by state: points, displacement, velocity where stored, fields, modes."""
+    """Write the grid of all bodies, state by state: points, displacement, velocity if stored, fields, modes."""
     parts = make_parts(results)
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)
     try:
-        stream = JournaledFile(descriptor)  # HDF5 by itself does not survive a full disk
+        stream = JournaledFile(descriptor)  # plain HDF5 does not survive a full disk
         _fill(stream, results, parts, done)
         stream.commit()
     finally:
@@ -166,9 +166,9 @@ def write(results: Results, path: Path, done: Done) -> None:
 
 
 def _fill(stream: JournaledFile, results: Results, parts: list[Part], done: Done) -> None:
-    """Write the grid to an empty file. Raises OSError where the disk takes no more."""
+    """Write the grid to an empty file. Raises OSError if the disk is full."""
     with h5py.File(stream, "w", rdcc_nbytes=CACHE) as file:
-        # outside of the grid: readers of the format differ in the texts that they can read, and some crash
+        # outside of the grid: readers of the format accept different texts, and some crash
         file.attrs["made_by"] = np.bytes_(MARK)
         file.attrs["bodies"] = [part.body.name for part in parts]
         root = file.create_group("VTKHDF")
@@ -187,12 +187,12 @@ def _fill(stream: JournaledFile, results: Results, parts: list[Part], done: Done
 
 
 class _Grid:
-    """The datasets of one grid; what does not change with the steps is written once."""
+    """The datasets of one grid; those that are constant over the steps are written once."""
 
     def __init__(self, results: Results, root: h5py.Group, parts: list[Part]) -> None:
         self.results, self.root, self.parts = results, root, parts
         self.steps = max(results.nt, 1)
-        # of obstacles and tendons, behind the bodies
+        # visible parts and lines of obstacles and tendons, which follow after the bodies
         self.shown = self._shown_parts()
         self.lines = self._lines(None)
         self.of_bodies = sum(p.points for p in parts)
@@ -209,7 +209,7 @@ class _Grid:
         self.growing.update({name: self._growing(self.point_data, name, ()) for name in names})
 
     def _fields(self) -> Iterator[tuple[Part, str, Interpolation, list[str]]]:
-        """Yield part, field and what its components are called: ``stress_xx``, or ``M`` where there is one."""
+        """Yield part, field, interpolation and names of components: ``stress_xx``, or ``M`` if it is the only one."""
         for part in self.parts:
             for field, record in self.results.fields.get(part.body.name, {}).items():
                 names = [field if len(record.components) == 1 else f"{field}_{c}" for c in record.components]
@@ -220,7 +220,7 @@ class _Grid:
         return group.create_dataset(name, shape, np.float64, chunks=(min(self.n, CHUNK), *width), **COMPRESSED)
 
     def _shown_parts(self) -> dict[str, np.ndarray]:
-        """Return which part of each endless line, from its beginning (0) to its end (1), is beside the bodies."""
+        """Return the part of each endless line next to the bodies, as fractions from its start (0) to its end (1)."""
         endless = [solid for solid in obstacles_of(self.results, None, 1.0) if solid.endless]
         if not endless:
             return {}
@@ -255,7 +255,7 @@ class _Grid:
         return np.vstack([*(p.take(body_rates(p.body, e, v)) for p in self.parts), rest])
 
     def write_cells(self) -> None:
-        """Write cells, and which body points and cells belong to."""
+        """Write the cells, and the body of each point and cell."""
         cells = [(p.number, kind, points) for p in self.parts for kind, points in p.cells()]
         first, numbers = self.of_bodies, np.full(self.n, OBSTACLE)
         for number, line in self.lines:
@@ -302,7 +302,7 @@ class _Grid:
             dataset[rows] = np.concatenate([values[name] for _, values in found])
 
     def _state(self, i: int) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Return the points of a state and their fields by name; not a number on bodies without one."""
+        """Return the points of a state and their fields by name, NaN on bodies without a field."""
         results = self.results
         e = results.e(i) if results.nt else results.e0
         points = self._points(e, i if results.nt else None)
@@ -319,7 +319,7 @@ class _Grid:
         return points, values
 
     def write_steps(self) -> None:
-        """Write where each step begins in the datasets: those of cells and of constant fields have one for all."""
+        """Write the offset of each step in the datasets; cells and constant fields are shared by all steps."""
         steps = self.root.create_group("Steps")
         steps.attrs["NSteps"] = np.int64(self.steps)
         steps["Values"] = self.results.t if self.results.nt else np.zeros(1)
