@@ -5,7 +5,7 @@ The fields are p = p0 + u with rates w: components of positions, section directi
 H, C)`` returns (energy, dissipated power) and fills generalised forces f (with the sign of elastic forces),
 H = df/du and C = df/dw, all zero on entry. ``mean(p0, u0, u1, w, par, a0, a1, mem, f)`` returns the energy at u1 and
 the dissipated power, and fills the forces of a step from u0 to u1 with mean rates w: forces with a potential do
-exactly its difference as work on u1 - u0, and fields that rotate together exchange no net angular momentum;
+exactly its difference as work on u1 - u0, and conserve angular momentum between fields that rotate together;
 constraints satisfy g = 0 at u1, with a discrete gradient that does the work of the change of g. The amplitude
 a = (value, rate, second rate) is that of the load; a field prescribed by a signal has the value of that signal.
 ``par`` are constants; ``mem`` holds the last angles of directions whose turns are counted.
@@ -100,8 +100,8 @@ class PointLaw:
 
     ``along`` and ``accept_along`` do the same for many items that share their fields (``Items.runs``); ``par`` and
     ``mem`` then have one row per item, and forces and energies are sums. H and C have size 0 if ``along`` is called for
-    forces only. If no item acts, it returns the power APART and, instead of the energy, the least sum of changes of
-    fields with which an item could act. In that case p0 and u of ``accept_along`` have size 0.
+    forces only. If no item acts, it returns the power APART and, instead of the energy, a sum of changes of fields
+    below which no item can act. In that case p0 and u of ``accept_along`` have size 0.
     """
 
     name: str
