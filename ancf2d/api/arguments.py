@@ -86,7 +86,7 @@ def as_text(case: Mapping[str, Any]) -> str:
 
 
 def _as_yaml_1_2(value: Any) -> Any:
-    """Return a value without what YAML 1.1 reads differently: the key ``on`` as true, numbers such as 1e6 as text."""
+    """Return a value with the misreadings of YAML 1.1 undone: the key ``on`` as true, numbers such as 1e6 as text."""
     if isinstance(value, Mapping):
         return {"on" if key is True else key: _as_yaml_1_2(one) for key, one in value.items()}
     if isinstance(value, list | tuple):

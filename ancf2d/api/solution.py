@@ -86,8 +86,8 @@ class Temporary:
 class Solution:
     """A solved case: its summary, its states and, if one was written, its result file.
 
-    Nodal coordinates have the order of ``results``; state i of ``t``, ``d``, ``e``, ``v`` is what the result file
-    holds: in statics the reference and the load steps, in motion the stored times. Arrays are read when they are first
+    Nodal coordinates have the order of ``results``; state i of ``t``, ``d``, ``e``, ``v`` is state i of the result
+    file: in statics the reference and the load steps, in motion the stored times. Arrays are read when they are first
     used, which raises ResultsError if no states were kept.
     """
 

@@ -18,7 +18,7 @@ FAILED, WRONG, INTERRUPTED = 1, 2, 130
 def explain(error: BaseException, session: Session) -> int:
     """Print the explanation of a failure and return the exit code."""
     if isinstance(error, MemoryError):
-        # frees the memory held by the failed work, some of which printing needs
+        # frees the memory of the failed work, because printing needs some
         error.__traceback__ = error.__context__ = None
     if session.debug:
         import traceback
@@ -59,7 +59,7 @@ def explain(error: BaseException, session: Session) -> int:
 
 
 def _usage(error: click.ClickException) -> str:
-    """Print what is wrong with the command line, in the style of all other errors; return the reason."""
+    """Print a usage error of the command line in the style of all other errors; return the reason."""
     if isinstance(error, click.exceptions.NoArgsIsHelpError):
         error.show()
         return "no command"

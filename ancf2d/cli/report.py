@@ -205,7 +205,7 @@ def _verdict(check: dict[str, Any]) -> str:
 
 
 def built_report(model: Any) -> str:
-    """Return the text of ``-v`` on a model: what was built, and what was left out as not needed."""
+    """Return the text of ``-v`` on a model: its parts, and the parts that were left out as not needed."""
     from ..solvers.post import asks_for_forces
 
     num, lines = model.numbering, []
@@ -324,7 +324,7 @@ def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: b
 
 
 def _tell_best(session: Session, target: Target) -> None:
-    """Print where the best result so far is, if the search is interrupted."""
+    """Print the file of the best result when the search is interrupted."""
     if target.written:
         session.note(f"the best so far is in {target.out}; next: {command_line('info', target.out)}")
 

@@ -98,7 +98,7 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
 
 
 def _tell_part(session: Session, out: str, interrupted: bool = False) -> None:
-    """Print where the states reached so far are stored, and how to continue from them."""
+    """Print where the states of an unfinished run are stored, and how to continue from them."""
     from ..results import part_path, read_checkpoint
 
     part, more = part_path(out), ""

@@ -29,7 +29,7 @@ class Session:
     subject: dict[str, Any] = field(default_factory=dict)
     _printed: bool = False
     _noted: set[str] = field(default_factory=set)
-    parting: Callable[[], None] = lambda: None  # called after an interruption; prints what was completed
+    parting: Callable[[], None] = lambda: None  # called after an interruption; prints the completed part
 
     @property
     def command_line(self) -> str:

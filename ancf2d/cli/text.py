@@ -57,7 +57,7 @@ NOTHING = 1e-60
 
 
 def number(value: float | None, digits: int = 6) -> str:
-    """Return a number with few digits; '-' for none, and 0 for what an iteration leaves of zero."""
+    """Return a number with few digits; '-' for none, and 0 for a tiny remainder of an iteration."""
     if value is None or math.isnan(value):
         return "-"
     return f"{value:.{digits}g}" if abs(value) > NOTHING else "0"

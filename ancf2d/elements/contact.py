@@ -185,8 +185,8 @@ def hold_back(par, mem, z, nx, ny, k, way, ds, force, work, f, H):  # type: igno
 def over_step(law, extra):  # type: ignore[no-untyped-def]
     """Return ``mean`` of a law: forces of a step whose work is the difference of the energy (Gonzalez 1996).
 
-    Damping and friction are added with their mid-step values, and dissipate what these dissipate. ``extra`` is the
-    number of multipliers among the fields.
+    Damping and friction are added with their mid-step forces and powers. ``extra`` is the number of multipliers among
+    the fields (0 or 1).
     """
     def mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
         m = len(u1) - extra

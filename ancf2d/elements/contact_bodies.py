@@ -201,7 +201,7 @@ def hard_rough(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
 
 
 def take_side(p0, u, par, mem):  # type: ignore[no-untyped-def]
-    """Update the side of an axis that the point is on; it is set when the point first lies opposite to the axis."""
+    """Update the side of an axis that the point is on: set when it comes opposite to the axis, 0 beyond its ends."""
     if par[ORIGIN + BOTH] == 0.0:
         return
     if mem[FOUND] != WITHIN:
@@ -214,8 +214,8 @@ def take_side(p0, u, par, mem):  # type: ignore[no-untyped-def]
 
 
 def take_hold(p0, u, par, mem, pressed):  # type: ignore[no-untyped-def]
-    """Update the friction anchor at an accepted state; return the gap. A negative ``pressed`` stands for the normal
-    force of the layer."""
+    """Update the friction anchor at an accepted state; return the gap. If ``pressed`` is negative, the normal force
+    of the layer is used."""
     own, work, across = work_vector(WORK), work_vector(WORK), work_vector(WORK)
     behind, mem[BEHIND] = mem[BEHIND], NONE
     g, _, _, z = gap_between(par, p0, u, mem, own, work, across)

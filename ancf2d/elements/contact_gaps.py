@@ -7,8 +7,7 @@ W = dR/dq, N = nu.W, A = t.W, B = nu.dc'/dq and T = t.t, b = nu.c'', D = T - g b
 
     dz/dq = (A + g B)/D,    d2g/dq2 = nu.R_qq - (A B + B A + (b/T) A A + g B B)/D;
 
-at a kink, where the foot point is the end of an element, g = +-|R| and d2g = nu.R_qq + (tau.W)(tau.W)/g, tau normal to
-nu.
+at a kink (foot point at the end of an element), g = +-|R| and d2g = nu.R_qq + (tau.W)(tau.W)/g, tau normal to nu.
 
 Functions of arrays and numbers alone, which the kernels compile unchanged.
 """
@@ -50,16 +49,15 @@ from .contact_geometry import (
 # par from ORIGIN on: section, powers and offset of the other curve at SECTION, TERMS and OFFSET, as for the own one;
 # SIGN of its outside (1 left of its direction, -1 right); S [m] where it BEGINS, and its length GOES along the body;
 # which ends are JOINED to another curve (1 the first, 2 the last, 3 both); z of the element if it is an END of the
-# body (0 along the body), with the heights of its MIDDLE and of HALF of it; what of it supports hold in a motion
+# body (0 along the body), with the heights of its MIDDLE and of HALF of it; the part held by supports in a motion
 # (FIXED: 1 its first end, 2 its last one, 4 all)
 SIGN, BEGINS, GOES, JOINED, END, MIDDLE, HALF, FIXED = 3, 4, 5, 6, 7, 8, 9, 11
 CURVE_SIZE = 12
 # then of the point: its DEEPEST allowed penetration, S [m] of it (OWN) and the length OWN_GOES of its element, the
 # distance APART along the body below which places are too near to touch (with the length ROUND of a closed body), the
-# end of which it is a CORNER, whether it touches only places further ONWARD, whether it touches BOTH sides, YIELDS:
-# into how many pieces contact points divide an element to which it leaves contact where it is opposite to one (0: it
-# does not), the length LOOP of the closed body opposite to it (0: open), and whether supports hold it in a motion
-# (RESTS)
+# end whose CORNER it is, whether it touches only places further ONWARD, whether it touches BOTH sides, YIELDS: into
+# how many pieces contact points divide an element to which it leaves contact where it is opposite to one (0: it does
+# not), the length LOOP of the closed body opposite to it (0: open), and whether supports hold it in a motion (RESTS)
 DEEPEST, OWN, OWN_GOES, APART, ROUND, CORNER, ONWARD, BOTH, YIELDS, LOOP, RESTS = range(CURVE_SIZE, CURVE_SIZE + 11)
 BODY_SIZE = CURVE_SIZE + 11
 # mem: z of the FOOT point; whether it was FOUND, within the curve or at an end (constants below); the SIDE of an axis

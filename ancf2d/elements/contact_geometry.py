@@ -31,7 +31,7 @@ HALF_PLANE, CIRCLE, POLYLINE, BODY = 0, 1, 2, 3
 # part of a polyline opposite to it; ANCHOR: the place on the obstacle that friction holds it to; HELD: closed (1), open
 # (0), decided by force and gap (-1), or the same after it has pulled (-2): it then closes only if it is inside; SLIDES:
 # sticks (2), slides with friction of this sign along s (1 or -1), decided by the forces (0), or without friction in the
-# step of a motion in which it closes, because the impact has it (3); BEHIND: friction force along s just after an
+# step of a motion in which it closes, where the impact includes it (3); BEHIND: friction force along s just after an
 # impact, inf if there was none; FROM: the gap from which it presses (``pressed_from``)
 PLACE, FREE, FEATURE, ANCHOR, HELD, SLIDES, BEHIND, FROM = range(8)
 MEMORY = 8

@@ -26,7 +26,7 @@ from .shape import Array, gauss
 BEYOND = 1e-10
 # share of E: least tangent of a yielding fibre, so that the matrix stays regular if all fibres of a section yield.
 # If two such sections meet at a node, the division of the hinge between them is not determined: with a smaller
-# tangent, the remaining residual would turn the node by more than it takes fibres to yield and unload
+# tangent, the remaining residual would rotate the node by more than fibres need to yield and unload
 LEFT = 1e-6
 # share of E: below this final slope a section of yielding fibres counts as a hinge
 FLOWS = 0.01
@@ -147,7 +147,7 @@ def _yielded(ref, law, eps, bend, row, p, a, over, gone, stress, tangent, lanes)
 
 
 def _add_fibre(ref, row, E, eps, bend, p, stress, tangent, new, slope, force, lanes):  # type: ignore[no-untyped-def]
-    """Add the forces of a fibre with plastic strains p to its section, and what they lack of the elastic fibre's."""
+    """Add a fibre with plastic strains p to the section's sums: its forces, and their deficit to the elastic fibre."""
     n = len(eps)
     for l in range(lanes):
         y, w = ref[row, l], ref[row + 1, l]
@@ -306,7 +306,7 @@ class _Sample:
 
 @dataclass(frozen=True)
 class _Natural:
-    """Strains of a free section with fibres: axial strain, curvature, and strain across if it is a strain."""
+    """Natural strains of a section with fibres: axial strain and curvature, and of four strains that across."""
 
     base: Formulation
 

@@ -310,7 +310,7 @@ class BodyPair:
         return f"{self.name}: {self.body} is pressed {depth:.4g} into {self.other} at S = {s:.4g}"
 
     def _law(self, p: Spot) -> tuple[float, float, float, float, float]:
-        """Return length, stiffness, damping, friction and stick stiffness of a spot; see ``ContactPair._law``."""
+        """Return length, stiffness, damping (hard contact: range of z), friction and stick stiffness of a spot."""
         law, section = self.item.law, self.mesh.plan.section
         if law is not None:
             # the other half of the pressure comes from the points of the other body, or of the other part

@@ -168,7 +168,7 @@ class ContactPair:
         return beam_curve(self.mesh, self.spots[k], self.item.side, self.still)
 
     def _law(self, p: Spot) -> tuple[float, float, float, float]:
-        """Return stiffness, damping, friction and stick stiffness of a spot; for hard contact see the comments."""
+        """Return stiffness, damping (hard contact: range of z), friction and stick stiffness of a spot."""
         mu, law = self.item.friction, self.item.law
         if law is not None:
             return law.stiffness, law.damping, mu, law.stiffness * p.weight

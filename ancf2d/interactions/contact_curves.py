@@ -47,7 +47,7 @@ class Spot:
 
 
 def pieces_along(mesh: BodyMesh) -> int:
-    """Return the number of contact intervals of an element: the number of positions of the axis that belong to it."""
+    """Return the number of contact intervals of an element: its nodal vectors r, r_x, ... but for the last node."""
     element = mesh.plan.element
     own = [node for node, name in element.functionals if "y" not in name.partition("_")[2]]
     shared = sum(node == len(element.nodes) - 1 for node in own)

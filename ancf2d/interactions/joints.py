@@ -272,7 +272,7 @@ class WeldJoint:
     def add(self, context: JointContext, owner: str, out: Equations) -> None:
         """Add equations that give all points the position and rotation of the first, or share the nodes of two ends.
 
-        A weld that begins during a motion shares only position and rotation, and leaves the strains on its sides alone.
+        A weld that starts during a motion shares only position and rotation, and leaves the strains on its sides alone.
         """
         points = context.together(self.between)
         if context.begins:

@@ -53,7 +53,7 @@ def _position_rows(point: PointRef, owner: str, spread: str | None = None) -> li
 
 
 def _hold_strain_free(point: PointRef, owner: str, out: Equations) -> None:
-    """Hold what a clamp holds in a beam: position, the section vector r_y, and the warping.
+    """Hold the coordinates that a clamp fixes in a beam: position, the section vector r_y, and the warping.
 
     Derivatives along the axis (r_x, r_xy) are strains and curvatures, which stay free at a clamp. So do the
     components of r_yy, r_yyy, ... across the axis, by which a section thins and swells in bending.
