@@ -146,7 +146,7 @@ def eta_at(mesh: BodyMesh, spot: Spot) -> float:
 
 
 def face_of(spot: Spot, side: str) -> float:
-    """Return 1 for the upper face, -1 for the lower face, 0 for the axis and for the end of a body."""
+    """Return 1 for a spot above the axis (upper face), -1 for one below (lower face), 0 on the axis."""
     return 0.0 if side == "axis" or abs(spot.eta) < 1e-12 else math.copysign(1.0, spot.eta)
 
 
