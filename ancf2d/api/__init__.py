@@ -1,4 +1,4 @@
-"""ancf2d for Python: ``ancf2d.load``, ``ancf2d.solve``, ``ancf2d.convergence``, ``ancf2d.sensitivity``,
+"""Python interface of ancf2d: ``ancf2d.load``, ``ancf2d.solve``, ``ancf2d.convergence``, ``ancf2d.sensitivity``,
 ``ancf2d.optimise``, ``ancf2d.fit`` and ``ancf2d.system``."""
 
 from .solution import Convergence, Solution

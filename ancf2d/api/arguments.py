@@ -1,4 +1,4 @@
-"""Arguments of the Python functions as the commands have them, and what is said of those that are none."""
+"""Conversion of Python arguments to those of the commands, with errors for wrong ones."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from ..errors import CaseError
 
 CaseLike: TypeAlias = "str | os.PathLike[str] | Mapping[str, Any] | LoadedCase"
 Overrides: TypeAlias = "Mapping[str, Any] | Sequence[str] | None"
-# for YAML 1.1 a number with an exponent has a point and the sign of the exponent
+# YAML 1.1 reads a number with an exponent as text, unless it has a point and the exponent has a sign
 _NUMBER_OF_1_2 = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
 
 
 def wrong(what: str, expected: str, given: Any) -> NoReturn:
-    """Raise the TypeError of an argument."""
+    """Raise the TypeError for a wrong argument."""
     raise TypeError(f"{what}: expected {expected}, got {given!r}"[:300])
 
 
 def options_of(overrides: Overrides) -> tuple[str, ...]:
-    """Return overrides as the command line has them; TypeError where they are neither a mapping nor texts."""
+    """Return overrides as command-line texts. Raises TypeError if they are neither a mapping nor texts."""
     if overrides is None:
         return ()
     if isinstance(overrides, Mapping):
@@ -36,7 +36,7 @@ def options_of(overrides: Overrides) -> tuple[str, ...]:
 
 
 def texts_of(given: Any, what: str, expected: str, single: bool = True) -> tuple[str, ...]:
-    """Return texts, of which a ``single`` one may stand alone; none for None. TypeError for anything else."""
+    """Return a tuple of texts, empty for None; ``single`` allows one plain string. Raises TypeError for others."""
     if given is None:
         return ()
     if isinstance(given, str) and single:
@@ -50,7 +50,7 @@ def texts_of(given: Any, what: str, expected: str, single: bool = True) -> tuple
 
 
 def bounds_of(vary: Mapping[str, tuple[float, float]]) -> list[Bounds]:
-    """Return the bounds of numbers by their paths. TypeError where they are no pairs, CaseError for wrong ranges."""
+    """Return the bounds of numbers by path. Raises TypeError if they are not pairs, CaseError for wrong ranges."""
     expected = "bounds by path, such as {'bodies.beam.material.E': (1e9, 1e11)}"
     if not (isinstance(vary, Mapping) and vary):
         wrong("vary", expected, vary)
@@ -65,7 +65,7 @@ def bounds_of(vary: Mapping[str, tuple[float, float]]) -> list[Bounds]:
 
 
 def numbers_of(given: Any, what: str, expected: str, right: Callable[[float], bool]) -> list[float]:
-    """Return numbers, none for None. TypeError where they are none, CaseError where one is not ``right``."""
+    """Return a list of numbers, empty for None. Raises TypeError if they are not, CaseError if one is not ``right``."""
     if given is None:
         return []
     if not isinstance(given, Iterable):
@@ -80,13 +80,13 @@ def numbers_of(given: Any, what: str, expected: str, right: Callable[[float], bo
 
 
 def as_text(case: Mapping[str, Any]) -> str:
-    """Return a case that is a mapping as a text; it may be what ``yaml.safe_load`` made of a case file."""
-    # JSON is YAML; a line for each value, so that problems name the place
+    """Return a case given as a mapping, possibly from ``yaml.safe_load``, as text."""
+    # JSON is YAML; one value per line, so that messages give the line
     return json.dumps(_as_yaml_1_2(case), default=plain_value, indent=1, ensure_ascii=False)
 
 
 def _as_yaml_1_2(value: Any) -> Any:
-    """Return a value with what YAML 1.1 reads differently: the key ``on`` as true, numbers such as 1e6 as text."""
+    """Return a value with the misreadings of YAML 1.1 undone: the key ``on`` as true, numbers such as 1e6 as text."""
     if isinstance(value, Mapping):
         return {"on" if key is True else key: _as_yaml_1_2(one) for key, one in value.items()}
     if isinstance(value, list | tuple):
@@ -95,7 +95,7 @@ def _as_yaml_1_2(value: Any) -> Any:
 
 
 def plain_value(value: Any) -> Any:
-    """Return what arrays and numbers of NumPy, paths and other mappings hold as JSON has it."""
+    """Return a value that JSON can write, for arrays and numbers of NumPy, paths and other mappings."""
     if isinstance(value, Mapping):
         return dict(value)
     if isinstance(value, os.PathLike):

@@ -1,4 +1,4 @@
-"""What solving a case gives: the summary, and all states as arrays."""
+"""Results of solving a case: the summary, and all states as arrays."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ from ..results.notebooks import html_table
 from ..study.convergence import Convergence as Study
 
 WIDTH, HEIGHT, MARGIN = 480.0, 240.0, 12.0
-# bodies without any height, or width, are no reason to divide by zero [length]
+# least extent of the picture, to avoid division by zero for bodies without height or width [length]
 SMALLEST = 1e-300
-# along all bodies: further points would only make the page large
+# greatest number of points along all bodies, to limit the size of the page
 MOST_POINTS = 4000
 REFERENCE, NOW = "#999999", "#1f5fa8"
 
 
 def shown(report: str, before: list[np.ndarray], after: list[np.ndarray]) -> str:
-    """Return a solution as HTML: the axes of its bodies (n, 2) before and after, where there are some, and its report.
+    """Return a solution as HTML: the axes of its bodies (n, 2) before and after, if there are any, and its report.
     """
     picture = _picture(before, after) if before else ""
-    # columns stay below each other in a window that is too narrow for them
+    # without wrapping, columns stay aligned in a narrow window
     return f'{picture}<pre style="white-space: pre; overflow-x: auto">{escape(report)}</pre>'
 
 
 def _picture(before: list[np.ndarray], after: list[np.ndarray]) -> str:
-    """Return the axes of all bodies, in the reference and in the last state, as SVG; small displacements magnified."""
+    """Return the axes of all bodies in the reference and the last state as SVG; small displacements are magnified."""
     extent = float(np.hypot(*np.ptp(np.concatenate(before), axis=0)))
     factor = visible_scale(extent, max(float(np.hypot(*(b - a).T).max()) for a, b in zip(before, after, strict=True)))
     after = [a + factor * (b - a) for a, b in zip(before, after, strict=True)]
@@ -72,22 +72,22 @@ Array = np.ndarray
 
 
 class Temporary:
-    """A folder for a result file that nobody asked for; it is removed with the results that are read of it."""
+    """A folder for a result file that was not requested; it is removed together with the results read from it."""
 
     def __init__(self) -> None:
         self.folder = tempfile.mkdtemp(prefix="ancf2d-")
         self.file = Path(self.folder, "solution.h5")
 
     def remove(self) -> None:
-        """Remove the folder with all that is in it."""
+        """Remove the folder and its contents."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
 class Solution:
     """A solved case: its summary, its states and, if one was written, its result file.
 
-    Nodal coordinates have the order of ``results``; state i of ``t``, ``d``, ``e``, ``v`` is what the result file
-    holds: in statics the reference and the load steps, in motion the stored times. Arrays are read when they are first
+    Nodal coordinates have the order of ``results``; state i of ``t``, ``d``, ``e``, ``v`` is state i of the result
+    file: in statics the reference and the load steps, in motion the stored times. Arrays are read when they are first
     used, which raises ResultsError if no states were kept.
     """
 
@@ -96,13 +96,13 @@ class Solution:
         self.failure: ComputationError | None = outcome.failure
         place = outcome.summary["output"]
         self._results = None if place is None else open_results(place)
-        # what nobody asked for is not told of
+        # an output file that was not requested is not shown
         self.summary: dict[str, Any] = {**outcome.summary, "output": None} if temporary is not None else outcome.summary
         if temporary is not None:
             if self._results is None:
                 temporary.remove()
             else:
-                # these may be kept without the solution
+                # the results may outlive the solution
                 self._results.release(temporary.remove)
 
     # ------------------------------------------------------------------ what was found
@@ -114,7 +114,7 @@ class Solution:
 
     @property
     def title(self) -> str:
-        """The title of the case."""
+        """Title of the case."""
         return str(self.summary["title"])
 
     @property
@@ -142,20 +142,20 @@ class Solution:
 
     @property
     def accuracy(self) -> dict[str, Any] | None:
-        """What was reached where an accuracy was asked for: ``estimate``, ``achieved``, ``path``, ...; else None."""
+        """The reached accuracy, if one was requested: ``estimate``, ``achieved``, ``path``, ...; else None."""
         return self.summary.get("accuracy")
 
     @property
     def value(self) -> float | None:
-        """The value of the case's goal, None if it has no goal."""
+        """The value of the case's goal, or None if it has no goal."""
         goal = self.case.case.goal
         return None if goal is None else quantity(goal, self.summary)
 
     def gradient(self, paths: Sequence[str]) -> Array:
-        """Return the derivatives (n,) of the goal to the numbers of the case at some paths, by ``sensitivity``.
+        """Return the derivatives (n,) of the goal with respect to the numbers at some paths, by ``sensitivity``.
 
-        A plain function of arrays for optimisers and for frameworks that differentiate programs. Raises CaseError and
-        ComputationError.
+        This plain function of paths suits optimisers and automatic differentiation frameworks. Raises CaseError
+        and ComputationError.
         """
         slopes = {row.path: row.derivative for row in sensitivity(self.case, paths).rows}
         return np.array([slopes[path] for path in paths])
@@ -164,18 +164,18 @@ class Solution:
 
     @property
     def path(self) -> Path | None:
-        """The result file, None if none was written."""
+        """The result file, or None if none was written."""
         place = self.summary["output"]
         return None if place is None else Path(place)
 
     @property
     def has_states(self) -> bool:
-        """Whether states were kept, and there is one."""
+        """Whether any states were kept."""
         return self._results is not None and self._results.nt > 0
 
     @property
     def results(self) -> Results:
-        """Everything that was stored, as ``ancf2d.open_results`` has it. Raises ResultsError where nothing was."""
+        """Everything that was stored, as from ``ancf2d.open_results``. Raises ResultsError if nothing was stored."""
         if self._results is None:
             raise ResultsError("this solution kept no states; solve with states=True or with an output file")
         return self._results
@@ -202,12 +202,12 @@ class Solution:
 
     @cached_property
     def v(self) -> Array:
-        """Rates of the nodal coordinates (nt, nq) of a motion. Raises ResultsError where nothing moves."""
+        """Rates of the nodal coordinates (nt, nq) of a motion. Raises ResultsError for other cases."""
         return self.results.rows("v")
 
     @property
     def course(self) -> dict[str, Table]:
-        """Probe quantities at every step, of motions in every stored state, along ``course_t``.
+        """Probe quantities along ``course_t``: at every step, or in a motion in every stored state.
 
         ``course["tip"]["uy"]`` is an array.
         """
@@ -239,9 +239,9 @@ class Solution:
         return np.concatenate([axis[:, :-1].reshape(-1, 2), axis[-1, -1:]])
 
     def plot(self, kind: str | None = None, **options: Any) -> Figure:
-        """Return a Matplotlib figure, as ``ancf2d plot`` draws it; ``options`` are those of the kind.
+        """Return a Matplotlib figure, the same as ``ancf2d plot`` draws; ``options`` are those of the kind.
 
-        Raises ResultsError where the kind is unknown or the solution lacks what it needs.
+        Raises ResultsError if the kind is unknown or the solution lacks the data for it.
         """
         from ..plot import draw
         from ..study.fields_of_states import StatesWithFields
@@ -250,9 +250,9 @@ class Solution:
             return draw(results, kind, **options)
 
     def to_xarray(self, states: bool = True) -> Dataset:
-        """Return probes, states, energies, modes and fields as a data set of xarray; see ``Results.to_xarray``.
+        """Return probes, states, energies, modes and fields as an xarray data set; see ``Results.to_xarray``.
 
-        Raises ImportError where xarray is not installed, ResultsError where no states were kept.
+        Raises ImportError if xarray is not installed, ResultsError if no states were kept.
         """
         return self.results.to_xarray(states)
 
@@ -265,7 +265,7 @@ class Solution:
         return f"<Solution{title}: {self.status}, {self.summary['solver']}, {self.summary['elements']} elements{found}>"
 
     def __str__(self) -> str:
-        """Return what ``ancf2d run`` prints."""
+        """Return the text that ``ancf2d run`` prints."""
         from ..cli.report import run_report
 
         if self.failure is not None:
@@ -273,7 +273,7 @@ class Solution:
         return run_report(self.summary, self.case.case.units, self.model.extent)
 
     def _repr_html_(self) -> str:
-        """Return the solution as notebooks show it: what ``ancf2d run`` prints, and the bodies."""
+        """Return the solution as shown in notebooks: the text of ``ancf2d run``, and a picture of the bodies."""
         names = list(self.results.bodies) if self.has_states else []
         return shown(str(self), [self.axis(name, None) for name in names], [self.axis(name) for name in names])
 
@@ -288,13 +288,13 @@ class Convergence(Study):
         return f"<Convergence{title}: {self.goal}, {len(self.rows)} rows{limits}>"
 
     def __str__(self) -> str:
-        """Return what ``ancf2d convergence`` prints."""
+        """Return the text that ``ancf2d convergence`` prints."""
         from ..cli.convergence import report
 
         return report(self)
 
     def _repr_html_(self) -> str:
-        """Return the table of the study, and a line on the limit of each type."""
+        """Return the table of the study, and a line on the limit of each type, as HTML."""
         from ..cli.convergence import limits, row_cells
 
         head, *rows = row_cells(self)

@@ -1,4 +1,4 @@
-"""One call each to load, solve, refine or fit a case, or to make its discrete model."""
+"""Functions that load, solve, refine, differentiate, optimise or fit a case, or create its discrete model."""
 
 from __future__ import annotations
 
@@ -114,11 +114,11 @@ def convergence(case: CaseLike, overrides: Overrides = (), *, elements: Sequence
 
 
 def sensitivity(case: CaseLike, to: str | Sequence[str] = (), overrides: Overrides = ()) -> Sensitivity:
-    """Return the derivatives of a case's goal to numbers of the case, the most influential first.
+    """Return the derivatives of a case's goal with respect to numbers of the case, the most influential first.
 
-    ``to`` are paths such as ``["bodies.beam.section.height", "loads.0.value.1"]``; without any, every number that can
-    vary is taken. ``rows`` have path, value, derivative, elasticity, the estimate of the derivative's error, and how
-    it was found: equilibria, small motions, buckling factors and most motions are differentiated exactly, all else by
+    ``to`` are paths such as ``["bodies.beam.section.height", "loads.0.value.1"]``; by default all numbers that can
+    vary. ``rows`` have path, value, derivative, elasticity, the error estimate of the derivative, and the method:
+    equilibria, small motions, buckling factors and most motions are differentiated exactly, all else by
     differences of runs.
 
     Raises CaseError if the case has no goal or a path leads to no number that can vary, ComputationError if the case
@@ -131,14 +131,14 @@ def sensitivity(case: CaseLike, to: str | Sequence[str] = (), overrides: Overrid
 def optimise(case: CaseLike, vary: Mapping[str, tuple[float, float]], minimise: str,
              subject_to: str | Sequence[str] = (), overrides: Overrides = (), *, method: str = "slsqp",
              iterations: int = 100) -> Optimum:
-    """Find the values of some numbers of a case that are best, by SciPy's optimisers and exact derivatives.
+    """Find the best values of some numbers of a case, with SciPy's optimisers and exact derivatives.
 
-    ``vary`` has the bounds of each number by its path; ``minimise`` and ``subject_to`` are expressions as
-    ``ancf2d optimise`` has them, such as ``"mass"`` and ``["max(stress) <= 200e6"]``. ``method`` is slsqp or
-    trust-constr. The optimum has ``rows`` (path, value, ...), ``minimum``, ``constraints``, and ``found``, False where
-    the optimiser did not converge or the constraints cannot be met.
+    ``vary`` has the bounds of each number by its path; ``minimise`` and ``subject_to`` are expressions as in
+    ``ancf2d optimise``, such as ``"mass"`` and ``["max(stress) <= 200e6"]``. ``method`` is slsqp or
+    trust-constr. The optimum has ``rows`` (path, value, ...), ``minimum``, ``constraints``, and ``found``, which is
+    False if the optimiser did not converge or the constraints cannot be met.
 
-    Raises CaseError for a wrong case, path or expression, ComputationError where a case on the way cannot be solved.
+    Raises CaseError for a wrong case, path or expression, ComputationError if a case on the way cannot be solved.
     """
     if method not in METHODS:
         raise CaseError(f"there is no method '{method}'; there are {', '.join(METHODS)}")
@@ -150,7 +150,7 @@ def optimise(case: CaseLike, vary: Mapping[str, tuple[float, float]], minimise: 
 
 def fit(case: CaseLike, data: str | os.PathLike[str] | Mapping[str, Any], vary: Mapping[str, tuple[float, float]],
         overrides: Overrides = (), *, sigma: Mapping[str, float] | None = None, starts: int = 1) -> Fit:
-    """Return the numbers of a case with which it agrees best with measured data, in least squares.
+    """Return the numbers with which a case agrees best with measured data, by least squares.
 
     ``data`` is a CSV file or columns by name: first ``t``, ``factor`` or ``hz``, then ``"PROBE.QUANTITY"``, with NaN
     where nothing was measured. ``vary`` gives bounds by path, ``{"bodies.beam.material.E": (1e9, 1e11)}``. ``sigma`` is
@@ -172,11 +172,11 @@ def fit(case: CaseLike, data: str | os.PathLike[str] | Mapping[str, Any], vary: 
 
 
 def system(case: CaseLike, overrides: Overrides = ()) -> DiscreteModel:
-    """Return the discrete model of a case, for solvers and integrators of one's own: residual, tangents, mass, probes.
+    """Return the discrete model of a case for your own solvers and integrators: residual, tangents, mass, probes.
 
     Nothing is solved. ``case`` and ``overrides`` are those of ``solve``. In a dynamic case t is the time, in all others
-    the load factor. Raises CaseError with all problems of the case, and where the case leaves the mesh to be chosen
-    for an accuracy.
+    the load factor. Raises CaseError with all problems of the case, or if the mesh of the case is to be chosen for an
+    accuracy.
     """
     loaded = load(case, overrides)
     if is_pursued(loaded):

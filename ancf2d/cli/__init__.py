@@ -1,10 +1,10 @@
-"""The command line: parse, call one function, map what happens to exit codes."""
+"""The command line: parse, call one function, convert the outcome to an exit code."""
 
 import os
 import sys
 
-# elements are shared out to threads here; those of OpenBLAS, which would come on top, wait for work by spinning. It
-# looks for this once, when it is loaded with NumPy
+# ancf2d distributes elements over threads itself; additional OpenBLAS threads would wait in busy loops. OpenBLAS reads
+# this only when it is loaded with NumPy
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 try:

@@ -1,4 +1,4 @@
-"""The command ``ancf2d``: its commands, imported only when they are called, and the end of every invocation."""
+"""The command ``ancf2d``: its commands, imported only when called, and the exit of every invocation."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .failures import FAILED, explain
 from .options import debug_option, plugin_option
 from .session import Session
 
-# the one place where a command is added: NAME in cli/NAME.py is its ``command``
+# the list of commands: NAME is the function ``command`` in cli/NAME.py
 COMMANDS = {
     "new": "Write a commented case to start from.",
     "validate": "Check cases without solving.",
@@ -40,20 +40,20 @@ COMMANDS = {
     "compile": "Compile all kernels in advance.",
     "completion": "Print the shell code that completes commands and options.",
 }
-# those that read cases (also from results) or element types, and so what plugins declare
+# commands that read cases (also from results) or element types, and therefore load plugins
 EXTENSIBLE = ("validate", "run", "convergence", "tradeoff", "sensitivity", "optimise", "sweep", "fit", "plot",
               "elements", "audit", "schema")
 
 
 class App(click.Group):
-    """A group whose commands are imported when they are called, and whose failures are explained."""
+    """A group that imports its commands when they are called, and explains failures."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the names of all commands, in the order in which they are needed."""
+        """Return the names of all commands, in the order of typical use."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Return a command, importing it now."""
+        """Return a command after importing it."""
         if cmd_name not in COMMANDS:
             return None
         command: click.Command = import_module(f"{__package__}.{cmd_name}").command
@@ -69,7 +69,7 @@ class App(click.Group):
 
     def resolve_command(self, ctx: click.Context, args: list[str],
                         ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the command that is meant; a misspelt one is answered with the nearest."""
+        """Return the command; for an unknown name, fail with the nearest one."""
         if args and not args[0].startswith("-") and args[0] not in COMMANDS:
             from difflib import get_close_matches
 
@@ -80,28 +80,28 @@ class App(click.Group):
 
     def main(self, args: Sequence[str] | None = None, prog_name: str | None = None, complete_var: str | None = None,
              standalone_mode: bool = True, **extra: Any) -> Any:
-        """Run the command line and exit: 0 done, 1 failed, 2 wrong, 130 interrupted."""
+        """Run the command line and exit: 0 done, 1 failed, 2 wrong input, 130 interrupted."""
         session = Session(list(sys.argv[1:] if args is None else args))
         _survive_any_title()
         try:
             with warnings.catch_warnings(), patient_interrupts():
                 if not (sys.warnoptions or "--debug" in session.arguments):
                     warnings.simplefilter("ignore")
-                    # that it builds its cache of fonts, or where
+                    # hides its messages on building a font cache
                     logging.getLogger("matplotlib").setLevel(logging.ERROR)
                 code = super().main(args, prog_name or "ancf2d", complete_var, standalone_mode=False, obj=session,
                                     **extra)
         except (Exception, KeyboardInterrupt) as error:
-            with suppress(KeyboardInterrupt), uninterrupted():  # a second one says no more than the first
+            with suppress(KeyboardInterrupt), uninterrupted():  # a second interruption adds nothing
                 code = _explain(error, session)
         except SystemExit:
-            # nothing ends so but click, where whoever reads the help has left: no failure
+            # raised only by click when the reader of the help has closed the pipe: not a failure
             code = 0
         sys.exit(code if isinstance(code, int) else 0)
 
 
 def _explain(error: BaseException, session: Session) -> int:
-    """Explain a failure; where not even that can be printed, be silent."""
+    """Explain a failure; return the exit code even if nothing can be printed."""
     try:
         return explain(error, session)
     except OSError:
@@ -109,7 +109,7 @@ def _explain(error: BaseException, session: Session) -> int:
 
 
 def _survive_any_title() -> None:
-    """Let a terminal without the letters of a title show escapes in their place."""
+    """Make stdout and stderr print escapes for characters that their encoding lacks."""
     for stream in (sys.stdout, sys.stderr):
         with suppress(AttributeError, ValueError, OSError):
             stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]

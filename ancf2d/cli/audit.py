@@ -1,4 +1,4 @@
-"""``ancf2d audit``: put an element type through the examination."""
+"""``ancf2d audit``: examine an element type."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def command(session: Session, element: str, preset: str | None, formulation: str
     session.subject = {"element": element}
     from ..processors import THREADS
 
-    # the matrices here are small: threads would only wait for each other
+    # the matrices are small, so that threads would only wait for each other
     for name in THREADS:
         os.environ.setdefault(name, "1")
     from ..study.audit.examine import CHECKS, LAW_CHECKS, audit
@@ -64,7 +64,7 @@ def command(session: Session, element: str, preset: str | None, formulation: str
 
 
 def report(audit: Audit) -> str:
-    """Return an examination as people read it: what was examined, a line for each check, how many have passed."""
+    """Return an audit as printed text: the subject, a line for each check, the number of each verdict."""
     s, plan = audit.subject, audit.subject.plan
     lines = [f"{s.name}: basis {', '.join(s.element.basis)}; {s.element.n_dof} coordinates"]
     if plan is not None:

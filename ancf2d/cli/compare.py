@@ -1,4 +1,4 @@
-"""``ancf2d compare``: two result files as numbers."""
+"""``ancf2d compare``: compare the numbers in two result files."""
 
 from __future__ import annotations
 

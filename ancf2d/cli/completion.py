@@ -1,4 +1,4 @@
-"""``ancf2d completion``: the shell code that completes commands and options."""
+"""``ancf2d completion``: shell code that completes commands and options."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .session import Session
 from .text import write
 
 SHELLS = ("bash", "zsh", "fish")
-# the variable by which the shell asks, as click derives it from the program's name
+# environment variable by which the shell asks for completions; click derives it from the program's name
 VARIABLE = "_ANCF2D_COMPLETE"
 
 

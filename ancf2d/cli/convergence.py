@@ -56,7 +56,7 @@ def positive_numbers(ctx: click.Context, parameter: click.Parameter, value: str 
 
 
 def reference_value(ctx: click.Context, parameter: click.Parameter, value: str) -> float | None:
-    """Return the number that is given; None for auto."""
+    """Return the given number, or None for auto."""
     if value == "auto":
         return None
     try:
@@ -130,7 +130,7 @@ def _variants(types: str | None, formulation: str | None) -> list[Variant]:
 
 
 def row_cells(study: Convergence) -> list[list[str]]:
-    """Return the table of a study as cells, its head first."""
+    """Return the table of a study as rows of cells, the header first."""
     from ..case.units import with_unit
 
     timed = study.over != "elements"
@@ -150,7 +150,7 @@ def row_cells(study: Convergence) -> list[list[str]]:
 
 
 def limits(study: Convergence) -> list[str]:
-    """Return a line on the limit of each type, and what errors are relative to."""
+    """Return lines on the limit of each type, and on the reference of the errors."""
     timed = study.over != "elements"
     several = len({s.formulation for s in study.series}) > 1
     lines = [_limit(s, several) for s in study.series]
@@ -161,7 +161,7 @@ def limits(study: Convergence) -> list[str]:
 
 
 def report(study: Convergence) -> str:
-    """Return a study as people read it: the table, then a line for each element type."""
+    """Return a study as printed text: the table, then a line for each element type."""
     rows = row_cells(study)
     left = (0, 1, len(rows[0]) - 1) if "formulation" in rows[0] else (0, len(rows[0]) - 1)
     over = "meshes" if study.over == "elements" else "time steps"

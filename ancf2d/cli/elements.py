@@ -1,4 +1,4 @@
-"""``ancf2d elements``: the element types and what they can be combined with."""
+"""``ancf2d elements``: list element types and their formulations."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def command(session: Session, name: str | None) -> int:
 
 
 def _named(name: str) -> Any:
-    """Return an element type by name or from its file; CaseError with the nearest where there is none."""
+    """Return an element type by name or from a file. Raises CaseError with the nearest name if there is none."""
     from ..elements.registry import RIGID_TYPE
     from ..study.variants import described, element_named, is_file
 
@@ -62,13 +62,13 @@ def _named(name: str) -> Any:
 
 
 def _nodes(found: dict[str, Any]) -> str:
-    """Return '2 nodes: r, r_x, r_y'; all nodes of a type have the same coordinates as a rule."""
+    """Return '2 nodes: r, r_x, r_y'; usually all nodes of a type have the same coordinates."""
     sets = list(dict.fromkeys(tuple(n["coordinates"]) for n in found["nodes"]))
     return f"{many(len(found['nodes']), 'node')}: " + "; ".join(", ".join(s) for s in sets)
 
 
 def _describe(element: Any) -> dict[str, Any]:
-    """Return an element type as a JSON-able object."""
+    """Return an element type as an object for JSON."""
     from ..elements.formulations import FORMULATIONS, Rule
 
     formulations = []
@@ -87,13 +87,13 @@ def _describe(element: Any) -> dict[str, Any]:
 
 
 def _tidy(function: str) -> str:
-    """Return a basis function without powers of 0 and 1: ``x^1*y^0`` is x."""
+    """Return a basis function without powers of 0 and 1: ``x^1*y^0`` becomes x."""
     factors = [re.sub(r"\^1\b", "", f) for f in function.split("*") if not re.fullmatch(r"[xy]\^0", f)]
     return "*".join(factors) or "1"
 
 
 def _one(found: dict[str, Any]) -> str:
-    """Return all about one element type as text."""
+    """Return the full description of one element type as text."""
     at = ", ".join(f"{n['at']:.4g}" for n in found["nodes"])
     factors = {None: "none: this type has no shear strain", "timoshenko": "timoshenko: 10 (1 + nu)/(12 + 11 nu)",
                "none": "none: 1"}

@@ -1,4 +1,4 @@
-"""``ancf2d export``: results in other formats."""
+"""``ancf2d export``: write results in other formats."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What went wrong -> sentences on stderr, the JSON object of a failure, and the exit code."""
+"""Messages on stderr, JSON objects and exit codes for failures."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from ..errors import Ancf2dError, CaseError, ComputationError, Problem, many
 from .session import Session
 from .text import let_go_of_output, say
 
-# what the code of a plugin does not raise by mistake
+# errors that a plugin does not cause by mistake
 EXPECTED = (Ancf2dError, click.ClickException, click.Abort, KeyboardInterrupt, EOFError, OSError, MemoryError)
 FAILED, WRONG, INTERRUPTED = 1, 2, 130
 
 
 def explain(error: BaseException, session: Session) -> int:
-    """Tell what went wrong and return the exit code."""
+    """Print the explanation of a failure and return the exit code."""
     if isinstance(error, MemoryError):
-        # lets go of what the work held, which saying so takes some of
+        # frees the memory of the failed work, because printing needs some
         error.__traceback__ = error.__context__ = None
     if session.debug:
         import traceback
@@ -29,7 +29,7 @@ def explain(error: BaseException, session: Session) -> int:
 
         error = blame(error) or error
     if isinstance(error, click.ClickException):
-        # the option may stand behind what could not be read
+        # --json may come after the argument that could not be parsed
         session.json = session.json or "--json" in session.arguments
         reason, code = _usage(error), WRONG
     elif isinstance(error, CaseError):
@@ -59,7 +59,7 @@ def explain(error: BaseException, session: Session) -> int:
 
 
 def _usage(error: click.ClickException) -> str:
-    """Tell what is wrong with the command line, in the words of all other errors; return the reason."""
+    """Print a usage error of the command line in the style of all other errors; return the reason."""
     if isinstance(error, click.exceptions.NoArgsIsHelpError):
         error.show()
         return "no command"
@@ -85,7 +85,7 @@ def _reason(error: Ancf2dError) -> str:
 
 
 def failure_object(error: BaseException, reason: str, code: int, subject: dict[str, Any]) -> dict[str, Any]:
-    """Return what ``--json`` prints of a failure."""
+    """Return the object that ``--json`` prints for a failure."""
     found: dict[str, Any] = {**subject, "status": "interrupted" if code == INTERRUPTED else "failed", "reason": reason,
                              "at": {}}
     if isinstance(error, CaseError):
@@ -98,14 +98,14 @@ def failure_object(error: BaseException, reason: str, code: int, subject: dict[s
 
 
 def problem_object(problem: Problem) -> dict[str, Any]:
-    """Return a problem as a JSON-able object; ``path`` is dotted as in ``--set``."""
+    """Return a problem as an object for JSON; ``path`` is dotted as in ``--set``."""
     return {"file": problem.file, "line": problem.line, "column": problem.column,
             "path": ".".join(map(str, problem.path)), "message": problem.message, "expected": problem.expected,
             "near": problem.near}
 
 
 def problems_text(problems: list[Problem], case: str) -> str:
-    """Return problems one below the other, and how many they are."""
+    """Return problems one below the other, followed by their number."""
     lines = [str(p) for p in problems]
     if case:
         lines.append(f"{len(problems)} problem{'' if len(problems) == 1 else 's'} in {case}")
@@ -113,7 +113,7 @@ def problems_text(problems: list[Problem], case: str) -> str:
 
 
 def expected_met(summary: dict[str, Any], check: bool) -> int:
-    """Return the exit code of a run, which expected values decide where that is asked for."""
+    """Return the exit code of a run; with ``check``, it is that of a failure if an expected value is not met."""
     missed = [c for c in summary["checks"] if not c["met"]]
     if check and missed:
         say(f"error: {many(len(missed), 'expected value')} not met", err=True)

@@ -69,7 +69,7 @@ def command(session: Session, case: str, data_file: str, vary: tuple[str, ...], 
 
 
 def _noise(options: tuple[str, ...]) -> dict[str, float]:
-    """Return the noise of columns. Raises CaseError with all problems."""
+    """Return the noise of columns given by --sigma. Raises CaseError with all problems."""
     from ..errors import CaseError, Problem
 
     problems, found = [], {}
@@ -86,7 +86,7 @@ def _noise(options: tuple[str, ...]) -> dict[str, float]:
 
 
 def report(fit: Fit) -> str:
-    """Return a fit as people read it: parameters with their errors, then how well each column agrees."""
+    """Return a fit as printed text: parameters with their errors, then how well each column agrees."""
     from ..case.units import with_unit
 
     rows = [["number", "value", "standard error", "start", "low", "high"],

@@ -1,4 +1,4 @@
-"""``ancf2d info``: what is in a result file."""
+"""``ancf2d info``: describe a result file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``ancf2d new``: a commented case to start from."""
+"""``ancf2d new``: write a commented case to start from."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .schema import schema_text, write_schema
 from .session import Session
 from .text import command_line
 
-# as in case.TEMPLATES; repeated so that --help need not read the case format
+# same as case.TEMPLATES; repeated so that --help need not import the case format
 KINDS = ("cantilever", "simply_supported", "frame", "pendulum", "leaf_spring", "flexure", "soft_arm", "bimetal",
          "controlled_arm", "latch", "cam", "snap_fit", "belt", "plastic_frame")
 

@@ -1,4 +1,4 @@
-"""``ancf2d optimise``: the best values of some numbers of a case."""
+"""``ancf2d optimise``: find the best values of some numbers of a case."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def command(session: Session, case: str, vary: tuple[str, ...], minimise: str, c
 
 
 def report(found: Optimum) -> str:
-    """Return an optimum as people read it: the numbers, what was minimised, the constraints."""
+    """Return an optimum as printed text: the numbers, the minimum, the constraints."""
     bound = {"low": "at the lower bound", "high": "at the upper bound", None: ""}
     rows = [["number", "start", "best", ""]] + [
         [row["path"], number(row["start"]), number(row["value"], 9), bound[row["at_bound"]]] for row in found.rows]

@@ -1,4 +1,4 @@
-"""Options that several commands share."""
+"""Options shared by several commands."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ADDRESS = re.compile(r"((tcp|tls|ucx|ws|wss)://)?[^/\s]+:\d+")
 
 
 def _switch(*names: str, attribute: str, help: str) -> Callable[[F], F]:
-    """Return a flag that is noted in the session before anything else can fail."""
+    """Return a flag option that is stored in the session before anything else can fail."""
     def noted(ctx: click.Context, parameter: click.Parameter, value: bool) -> None:
         session = ctx.find_object(Session)
         if value and session is not None:
@@ -31,8 +31,8 @@ def _switch(*names: str, attribute: str, help: str) -> Callable[[F], F]:
 
 
 def examples(*lines: str) -> str:
-    """Return command lines as the end of a command's help shows them, each on its own line."""
-    # click leaves what follows \\b as it is
+    """Return command lines in the form shown at the end of a command's help, each on its own line."""
+    # click does not rewrap the lines after \\b
     return "\n".join(["\b", "Examples:", *(f"  {line}" for line in lines)])
 
 
@@ -43,12 +43,12 @@ verbose_option = _switch("-v", "--verbose", attribute="verbose", help="Describe 
 
 
 def plain_session(command: F) -> F:
-    """Hand a command its session, with the options --quiet and --debug."""
+    """Pass the session to a command, and add the options --quiet and --debug."""
     return quiet_option(debug_option(click.pass_obj(command)))  # type: ignore[return-value]
 
 
 def json_session(command: F) -> F:
-    """Hand a command its session, with the options --json, --quiet and --debug."""
+    """Pass the session to a command, and add the options --json, --quiet and --debug."""
     return json_option(plain_session(command))
 
 
@@ -61,7 +61,7 @@ def _load_plugin(ctx: click.Context, parameter: click.Parameter, paths: tuple[st
 
 
 def plugin_option() -> click.Option:
-    """Return the option that loads plugins, before anything of a case is read."""
+    """Return the option that loads plugins, which is processed before a case is read."""
     return click.Option(["--plugin"], multiple=True, metavar="FILE.py", is_eager=True, expose_value=False,
                         callback=_load_plugin, type=click.Path(),
                         help="Load springs, loads or formulations of your own from a Python file; may be given several "
@@ -69,7 +69,7 @@ def plugin_option() -> click.Option:
 
 
 def complete_types(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Return the element types that a list separated by commas may go on with, or else files."""
+    """Return the element types that can complete a comma-separated list, or else files."""
     from ..elements import registry
 
     before, _, begun = incomplete.rpartition(",")
@@ -79,7 +79,7 @@ def complete_types(ctx: click.Context, parameter: click.Parameter, incomplete: s
 
 
 def complete_kinds(ctx: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Return the kinds of figure behind the first file, or else files."""
+    """Return the kinds of figure as completions after the first file, or else files."""
     names: list[str] = []
     if ctx.params.get(parameter.name or ""):
         from ..plot import KINDS
@@ -89,7 +89,7 @@ def complete_kinds(ctx: click.Context, parameter: click.Parameter, incomplete: s
 
 
 def _case_name(ctx: click.Context, parameter: click.Parameter, value: Any) -> Any:
-    """Return the name of a case, or of several, with that of stdin for ``-``."""
+    """Return the name of a case, or of several, with ``-`` replaced by the name of stdin."""
     if isinstance(value, tuple):
         return tuple(_case_name(ctx, parameter, one) for one in value)
     from ..case.compose import STDIN
@@ -98,9 +98,9 @@ def _case_name(ctx: click.Context, parameter: click.Parameter, value: Any) -> An
 
 
 def read_case(case: str, overrides: Sequence[str], output: str | None, force: bool) -> LoadedCase:
-    """Return a case whose results may be written to ``output``.
+    """Return a loaded case after checking that its results may be written to ``output``.
 
-    Raises CaseError, and ResultsError where a file is there that is not to be replaced.
+    Raises CaseError, and ResultsError if ``output`` is a file that must not be replaced.
     """
     from ..results import check_output
     from ..study.digests import inputs_of
@@ -112,14 +112,14 @@ def read_case(case: str, overrides: Sequence[str], output: str | None, force: bo
 
 
 def either(dts: tuple[float, ...] | None, tolerances: tuple[float, ...] | None) -> tuple[str, tuple[float, ...]]:
-    """Return which of --dt and --tolerance is given, empty where neither is, with its values. Raises UsageError."""
+    """Return which of --dt and --tolerance is given, with its values, or empty ones. Raises UsageError for both."""
     if dts and tolerances:
         raise click.UsageError("--dt and --tolerance are both given; give only one.")
     return ("dt", dts) if dts else ("tolerance", tolerances) if tolerances else ("", ())
 
 
 def case_stem(case: str) -> str:
-    """Return what files are called by default that are made of a case."""
+    """Return the default stem of the names of files made from a case."""
     from ..case.compose import STDIN
 
     return "stdin" if case == STDIN else Path(case).stem
@@ -141,12 +141,12 @@ scheduler_option = click.option("--scheduler", metavar="ADDRESS", help="Run on t
 
 
 def jobs_option(what: str, default: str) -> Callable[[F], F]:
-    """Return the option for the number of processes; ``default`` says what ``workers`` is given as its default."""
+    """Return the option for the number of processes; ``default`` is the help text for the default of ``workers``."""
     return click.option("--jobs", type=click.IntRange(min=1), metavar="N", help=f"{what} Default: {default}.")
 
 
 def workers(jobs: int | None, scheduler: str | None, default: int | None = None) -> Workers:
-    """Return who does the work that --jobs and --scheduler ask for; by default one process per core."""
+    """Return the workers requested by --jobs and --scheduler; by default one process per core."""
     from ..processors import cores
     from ..study.pool import Workers
 

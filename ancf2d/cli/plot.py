@@ -1,4 +1,4 @@
-"""``ancf2d plot``: figures from result files alone."""
+"""``ancf2d plot``: draw figures from result files."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def _size(ctx: click.Context, parameter: click.Parameter, value: str | None) -> tuple[float, float] | None:
-    """Return width and height of ``6.4,4.8``."""
+    """Return width and height given as ``6.4,4.8``."""
     if value is None:
         return None
     try:
@@ -129,7 +129,7 @@ def command(session: Session, arguments: tuple[str, ...], save: str | None, show
 
 
 def _split(arguments: tuple[str, ...], kinds: tuple[str, ...]) -> tuple[list[str], str | None]:
-    """Tell files from the kind: a name among them that is no file is meant as a kind."""
+    """Return the files and the kind among the arguments; a plain name that is not a file counts as a kind."""
     files: list[str] = []
     found: list[str] = []
     for text in arguments:

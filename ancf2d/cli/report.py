@@ -1,4 +1,4 @@
-"""The summary of a run as people read it, and what ``--accuracy`` tried and reached."""
+"""The printed summary of a run, and of the solves and the accuracy reached with ``--accuracy``."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ if TYPE_CHECKING:
     from ..study.goal import Target
 
 
-# what length, force and time are called
+# unit labels of length, force and time
 Labels = tuple[str, str, str]
-# quantities of one kind are known to the same
+# quantities of one kind share a round-off floor
 _KINDS = {"x": "position", "y": "position", "ux": "displacement", "uy": "displacement", "vx": "velocity",
           "vy": "velocity", "theta": "rotation", "omega": "angular velocity", "N": "force", "Q": "force",
           "fx": "force", "fy": "force", "M": "moment", "m": "moment"}
-# events that are listed
+# greatest number of listed events
 MOST_EVENTS = 20
-# no displacement or force is known better than this share of the largest
+# round-off of displacements and forces, relative to the largest
 ROUND_OFF = 1e-12
-# forces out of balance by more than this share of the largest are no round-off
+# greatest unbalanced force, relative to the largest force, that counts as round-off
 MOST = 1e-5
 
 
 def run_report(summary: dict[str, Any], units: Units, extent: float, unbalanced: float = 0.0) -> str:
-    """Return the summary of a finished run: status, probes, reactions, expected values.
+    """Return the summary of a finished run as text: status, probes, reactions, expected values.
 
-    ``extent`` [length] of the model and the forces left ``unbalanced`` [force] say what is round-off.
+    ``extent`` [length] of the model and the ``unbalanced`` forces [force] determine which values are round-off.
     """
     labels = (units.length, units.force, units.time)
     lines = [summary["title"]] if summary["title"] else []
@@ -83,7 +83,7 @@ def _critical(found: list[dict[str, Any]], labels: Labels) -> list[str]:
 
 
 def _response(found: dict[str, Any], labels: Labels) -> list[str]:
-    """Return the largest amplitudes of displacements, rotations and section forces, where they are, and their phase."""
+    """Return the largest amplitudes of displacements, rotations and section forces, with frequency and phase."""
     hz = found["hz"]
     rows = [["response to", "probe", "largest amplitude", "", "at f [Hz]", "phase [degrees]"]]
     for name in (n for n in found if n != "hz"):
@@ -132,7 +132,7 @@ def _windows(found: dict[str, dict[str, float | None]], labels: Labels) -> list[
 
 
 def _event(event: dict[str, Any]) -> str:
-    """Return what happened, with the numbers that belong to it."""
+    """Return the description of an event with its numbers."""
     more = (f"{name}: " + ", ".join(f"{k} {number(v)}" for k, v in event[name].items())
             for name in ("impulse", "offset") if name in event)
     return "; ".join([event["what"], *more])
@@ -144,7 +144,7 @@ def _events(found: list[dict[str, Any]], labels: Labels) -> list[str]:
     return [*table(rows, left=(1,)), *([f"and {more} earlier ones"] if more > 0 else [])]
 
 
-# what solvers report beyond probes and reactions
+# functions for results of solvers besides probes and reactions
 _FINDINGS: dict[str, Callable[[Any, Labels], list[str]]] = {
     "frequencies": _frequencies, "response": _response, "state_space": _linear_model, "critical": _critical,
     "limit_points": _limit_points,
@@ -153,11 +153,11 @@ _FINDINGS: dict[str, Callable[[Any, Labels], list[str]]] = {
 
 
 def round_off_floors(summary: dict[str, Any], extent: float, unbalanced: float) -> dict[str, float]:
-    """Return, for each kind of quantity, the size below which it is round-off.
+    """Return, for each kind of quantity, the magnitude below which a value is round-off.
 
-    1e-12 of the largest of its kind among probes and reactions. Moments and rotations count as forces and
-    displacements at the distance ``extent``, and the other way round: a column of nothing but round-off has no scale
-    of its own. Forces are known no better than those that the solution leaves ``unbalanced``.
+    This is 1e-12 of the largest of its kind among probes and reactions. Moments and rotations count as forces and
+    displacements at the distance ``extent``, and vice versa, because a column of round-off alone has no scale
+    of its own. The floor of forces is at least the ``unbalanced`` force of the solution.
     """
     largest: dict[str, float] = dict.fromkeys(_KINDS.values(), 0.0)
     for row in (row for key in ("probes", "reactions") for row in summary.get(key, {}).values()):
@@ -193,7 +193,7 @@ def _checks(checks: list[dict[str, Any]], labels: Labels) -> list[str]:
 
 
 def _verdict(check: dict[str, Any]) -> str:
-    """Return 'ok', or a difference beside what is allowed: in per cent where there is something to relate it to."""
+    """Return 'ok', or the difference and the allowed one, in per cent if the expected value is not 0."""
     if check["met"]:
         return "ok"
     if check["value"] is None:
@@ -205,7 +205,7 @@ def _verdict(check: dict[str, Any]) -> str:
 
 
 def built_report(model: Any) -> str:
-    """Return what ``-v`` says of a model: what was built, and what was left out because nothing needs it."""
+    """Return the text of ``-v`` on a model: its parts, and the parts that were left out as not needed."""
     from ..solvers.post import asks_for_forces
 
     num, lines = model.numbering, []
@@ -241,18 +241,19 @@ _MATRICES = {"SymmetricBand": "symmetric band, LDL^T",
 
 
 def matrix_text(model: Any) -> str:
-    """Return which matrix and factorisation a model's tangent gets."""
+    """Return the name of the matrix storage and factorisation of a model's tangent."""
     from ..solvers.linear import make_matrix
 
     if model.case.solver.moves:
-        # inertia on the diagonal, multipliers behind what they act on
+        # with inertia on the diagonal, and multipliers ordered after the coordinates they act on, LDL^T needs no
+        # pivoting
         return _MATRICES["SymmetricBand" if model.numbering.fronts is None else "SymmetricFronts"]
     kind = type(make_matrix(model)).__name__
     return _MATRICES.get(kind, kind)
 
 
 def motion_lines(summary: dict[str, Any], labels: tuple[str, str, str]) -> list[str]:
-    """Return steps, estimate of the error, energies and momentum of a dynamic run; ``labels`` are the case's units."""
+    """Return lines on steps, error estimate, energies and momentum of a dynamic run; ``labels`` are its units."""
     time, energy, force, moment = (unit_label(u, labels) for u in ("s", "N m", "N", "N m"))
     rows = [("time", f"{number(summary['t'])} {time}{_steps(summary, time)}" if "t" in summary else "")]
     rows.append(("error", _accuracy(summary.get("accuracy") or {})))
@@ -280,18 +281,18 @@ def _steps(summary: dict[str, Any], time: str) -> str:
 
 
 def _accuracy(found: dict[str, Any]) -> str:
-    """Return what is known of the error of steps."""
+    """Return a sentence on the estimated error of the steps, empty if there is none."""
     if found.get("estimate") is None:
         return ""
     if found.get("wanted") is not None:
-        # said with the goal already, over meshes and steps
+        # already given with the goal, for meshes and steps together
         return ""
     return (f"about {found['estimate']:.2g} from the {found['of']} (not the mesh), relative to the largest "
             "displacements")
 
 
 def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: bool) -> int:
-    """Solve a case to the accuracy that it asks for, and say how; return the exit code."""
+    """Solve a case to the accuracy that it requests and print the results; return the exit code."""
     from ..case.units import with_unit
     from ..study.accuracy.control import describe, solve_to_accuracy
     from ..study.goal import Target
@@ -323,13 +324,13 @@ def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: b
 
 
 def _tell_best(session: Session, target: Target) -> None:
-    """Say that there is a result, though not yet the one that was wanted."""
+    """Print the file of the best result when the search is interrupted."""
     if target.written:
         session.note(f"the best so far is in {target.out}; next: {command_line('info', target.out)}")
 
 
 def path_table(accuracy: dict[str, Any], goal: str) -> str:
-    """Return all solves as a table, with the values of the ``goal`` where it has a name."""
+    """Return a table of all solves, with the values of the ``goal`` if it has a name."""
     timed = accuracy["tolerance"] is not None
     rows = [["elements", *(["tolerance"] if timed else []), *([goal] if goal else []), "error about", TIME, "why"]]
     for level in accuracy["path"]:
@@ -342,7 +343,7 @@ def path_table(accuracy: dict[str, Any], goal: str) -> str:
 
 
 def choices(accuracy: dict[str, Any]) -> str:
-    """Return what was chosen for each body that was left open, and why, and the parts of the error."""
+    """Return the chosen element type of each body with element auto and the reason, and the parts of the error."""
     lines = [f"{name}: {chosen['element']}; {chosen['why']}" for name, chosen in accuracy.get("types", {}).items()]
     named = {"model_error": "model", "time_error": "time steps", "steps_error": "load steps",
              "points_error": "points in the frequency"}

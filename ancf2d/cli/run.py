@@ -1,4 +1,4 @@
-"""``ancf2d run``: one case in, one result file out."""
+"""``ancf2d run``: solve a case and write a result file."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
 
 
 def _tell_part(session: Session, out: str, interrupted: bool = False) -> None:
-    """Say where the states are that were reached, and how to go on from them."""
+    """Print where the states of an unfinished run are stored, and how to continue from them."""
     from ..results import part_path, read_checkpoint
 
     part, more = part_path(out), ""

@@ -1,4 +1,4 @@
-"""``ancf2d schema``: the format of case files and of what commands print, for editors, programs and readers."""
+"""``ancf2d schema``: the formats of case files and of the output of commands."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Schema = dict[str, Any]
 
 
 def _is(kind: str, doc: str = "") -> Schema:
-    """Return a value of one JSON type, or null where the type ends in '?'."""
+    """Return the schema of a value of one JSON type, or of that type or null if ``kind`` ends in '?'."""
     name = kind.rstrip("?")
     return {"type": [name, "null"] if kind.endswith("?") else name, **({"description": doc} if doc else {})}
 
@@ -30,7 +30,7 @@ def _named(value: Schema, doc: str = "") -> Schema:
 
 
 def _object(doc: str, optional: Schema | None = None, /, **keys: Schema) -> Schema:
-    """Return an object that has all ``keys`` and may have ``optional`` ones."""
+    """Return the schema of an object that has all ``keys`` and may have ``optional`` ones."""
     return {"type": "object", "description": doc, "properties": {**keys, **(optional or {})}, "required": list(keys)}
 
 
@@ -223,7 +223,7 @@ def _export() -> Schema:
     return _object("an export", _FAILED, file=TEXT, output=TEXT, status=TEXT, bytes=WHOLE)
 
 
-# what each command with --json prints where it succeeds
+# output of each command with --json if it succeeds
 OUTPUTS = {"validate": _validate, "run": _run, "convergence": _convergence, "tradeoff": _tradeoff,
            "sensitivity": _sensitivity, "optimise": _optimise,
            "sweep": _sweep, "fit": _fit, "info": _info, "compare": _compare, "export": _export,
@@ -231,7 +231,7 @@ OUTPUTS = {"validate": _validate, "run": _run, "convergence": _convergence, "tra
 
 
 def output_schema(command: str) -> Schema:
-    """Return the JSON Schema of the object that a command prints with ``--json``, of failures too."""
+    """Return the JSON Schema of the object that a command prints with ``--json``, including failures."""
     failure = _object("a failure", _FAILED, status={"enum": ["failed", "interrupted"]}, reason=TEXT, at=AT)
     return {"$schema": "http://json-schema.org/draft-07/schema#", "title": f"ancf2d {command} --json",
             "anyOf": [OUTPUTS[command](), failure]}
@@ -281,7 +281,7 @@ def _as_text(schema: dict[str, Any]) -> str:
 
 
 def write_schema(path: str | os.PathLike[str], text: str, force: bool) -> None:
-    """Write a schema; ResultsError where that would replace something else, or cannot be done."""
+    """Write a schema to a file. Raises ResultsError if it would replace another file, or cannot be written."""
     from ..results.target import replacing
 
     with replacing(path, force) as private:

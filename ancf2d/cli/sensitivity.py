@@ -1,4 +1,4 @@
-"""``ancf2d sensitivity``: how the goal of a case depends on its numbers."""
+"""``ancf2d sensitivity``: differentiate the goal of a case with respect to its numbers."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def command(session: Session, case: str, paths: tuple[str, ...], output: str | N
 
 
 def report(study: Sensitivity) -> str:
-    """Return a study as people read it: the goal, a row for each number, then what has no derivative."""
+    """Return a study as printed text: the goal, a row for each number, then the numbers without a derivative."""
     from ..case.units import with_unit
 
     head = ["number", "value", "derivative", "error", "elasticity"]

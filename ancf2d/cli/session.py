@@ -1,4 +1,4 @@
-"""What one invocation of the command line knows of itself, and how it prints: words, counts, a progress bar."""
+"""State and output of one invocation of the command line: messages, JSON, a progress bar."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .text import command_line, duration, printable, say, write
 
 @dataclass
 class Session:
-    """The options that every command shares, and what is known of its subject for a failure's JSON object."""
+    """The options shared by all commands, and the subject of the command for the JSON object of a failure."""
 
     arguments: list[str] = field(default_factory=list)
     debug: bool = False
@@ -29,31 +29,31 @@ class Session:
     subject: dict[str, Any] = field(default_factory=dict)
     _printed: bool = False
     _noted: set[str] = field(default_factory=set)
-    parting: Callable[[], None] = lambda: None  # called after an interruption: what is left of the work
+    parting: Callable[[], None] = lambda: None  # called after an interruption; prints the completed part
 
     @property
     def command_line(self) -> str:
-        """The command as it was typed, quoted for a shell."""
+        """The command as typed, quoted for a shell."""
         return command_line(*self.arguments)
 
     def out(self, text: str) -> None:
-        """Print a result to stdout; nothing where JSON alone is wanted, or only errors."""
+        """Print a result to stdout, unless --json or --quiet is given."""
         if not self.json and not self.quiet:
             say(text)
 
     def note(self, text: str) -> None:
-        """Print a remark to stderr, unless only errors are wanted."""
+        """Print a remark to stderr, unless --quiet is given."""
         if not self.quiet:
             say(text, err=True)
 
     def note_once(self, text: str) -> None:
-        """Print a remark to stderr that this invocation has not made yet, such as that kernels are compiled."""
+        """Print a remark to stderr once per invocation, such as that kernels are compiled."""
         if text not in self._noted:
             self._noted.add(text)
             self.note(text)
 
     def detail(self, text: str) -> None:
-        """Print what ``-v`` adds to stderr."""
+        """Print an additional message of ``-v`` to stderr."""
         if self.verbose and not self.quiet:
             say(text, err=True)
 
@@ -62,15 +62,15 @@ class Session:
         self.note(f"warning: {text}")
 
     def print_json(self, value: dict[str, Any]) -> None:
-        """Print the one JSON object of this invocation to stdout, where it was asked for; the first one stands."""
+        """Print the one JSON object of this invocation to stdout, if requested; later objects are ignored."""
         if self.json and not self._printed:
             text = json_text(value)
-            with uninterrupted():  # half of an object is none
+            with uninterrupted():  # an incomplete object cannot be parsed
                 self._printed = True
                 write(text + "\n")
 
     def tell(self, study: Any, text: str, output: str | None, write: Callable[[str], Any]) -> None:
-        """Print what a study found, as JSON or text, with its warnings; with ``output``, ``write`` its file first."""
+        """Print the results of a study as JSON or text, with its warnings; first write its ``output`` file, if any."""
         for warning in study.warnings:
             self.warn(warning)
         if output is not None:
@@ -82,35 +82,35 @@ class Session:
 
     @property
     def shows_progress(self) -> bool:
-        """Whether a progress bar may be drawn: on a terminal only."""
+        """Whether a progress bar may be drawn: only on a terminal."""
         return not self.quiet and sys.stderr is not None and sys.stderr.isatty()
 
 
-PATIENCE = 0.7  # seconds before a bar is worth drawing
+PATIENCE = 0.7  # seconds before a bar is drawn
 STEPS = 1000
-WIDTH = 20  # with the text beside it, a bar fits 80 columns
-REDRAW = 1.0  # seconds after which the text is drawn anew where the bar itself has not moved
+WIDTH = 20  # a bar and the text next to it fit in 80 columns
+REDRAW = 1.0  # seconds after which the text is redrawn although the bar has not moved
 
 
 class Bar:
-    """Shows a share in [0, 1]; appears only after ``PATIENCE`` and only where ``shown``."""
+    """Progress bar of a share in [0, 1]; it appears only after ``PATIENCE`` seconds, and only if ``shown``."""
 
     def __init__(self, label: str, shown: bool) -> None:
         self.label, self.shown = label, shown
         self.started = self.drawn = time.monotonic()
         self.bar: Any = None
         self.done = 0
-        self.pace: tuple[float, Pace] | None = None  # when the first step began, and how fast it goes on since
+        self.pace: tuple[float, Pace] | None = None  # start time of the first step, and the pace since
         self.calm = Calm()
 
     def __enter__(self) -> Bar:
         return self
 
     def update(self, share: float, text: str = "", left: float | None = None) -> None:
-        """Move to a share of the whole; ``text`` and the time left stand beside the bar.
+        """Move to a share of the whole; ``text`` and the remaining time are shown next to the bar.
 
-        ``left`` [s] is that time where it is known better than from how fast the share grows, 0 where nothing tells.
-        It is shown when it has settled.
+        ``left`` [s] is the remaining time, if it is known better than from the growth of the share; 0 if it is unknown.
+        The time is shown once it has settled.
         """
         if not self.shown:
             return
@@ -135,7 +135,7 @@ class Bar:
             self.done, self.drawn = max(now, self.done), moment
 
     def follow(self, share: float, left: float | None) -> None:
-        """Show the progress of a study."""
+        """Update the bar with the progress of a study."""
         self.update(share, left=left)
 
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None,

@@ -1,4 +1,4 @@
-"""``ancf2d sweep``: many variants of one case, in parallel, one table."""
+"""``ancf2d sweep``: run many variants of one case in parallel, with one table of results."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ if TYPE_CHECKING:
     from ..study.sweep_table import Row, Sweep
 
 SAMPLES = 128
-# rows that a table of samples shows
+# greatest number of rows shown for samples
 SHOWN = 10
 
 
 def folder_name(ctx: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
-    """Return a name for a folder; that of a result file, as other commands take it, is a mistake."""
+    """Return the name of a folder. Raises BadParameter for the name of a result file, which other commands take."""
     if value is not None and value.lower().endswith(".h5") and not Path(value).is_dir():
         raise click.BadParameter(f"'{value}' is the name of a file, but a sweep writes sweep.h5 into a folder; "
                                  f"expected for example '{value[:-3] or 'sweep'}'")
@@ -99,7 +99,7 @@ def command(session: Session, case: str, over: tuple[str, ...], pair: bool, samp
 
 def _values(over: tuple[str, ...], pair: bool, sample: tuple[str, ...],
             drawing: tuple[int | None, int | None, str | None]) -> tuple[list[Axis], Design | None]:
-    """Return the axes, or the samples. Raises CaseError with all problems of both, UsageError."""
+    """Return the axes and, with --sample, the design. Raises CaseError with all problems of both, and UsageError."""
     from ..case.axes import read_axes, read_distributions
     from ..study.samples import design
 
@@ -112,7 +112,7 @@ def _values(over: tuple[str, ...], pair: bool, sample: tuple[str, ...],
 
 
 def _check(over: tuple[str, ...], pair: bool, sample: tuple[str, ...], drawing: tuple[Any, ...]) -> None:
-    """Raise the CaseError of options that do not go together."""
+    """Raise CaseError for options that exclude each other."""
     problems = []
     if over and sample:
         problems.append(Problem("--over and --sample are both given", expected="one of them; --set fixes a value"))
@@ -163,7 +163,7 @@ def _tell(session: Session, sweep: Sweep, csv_file: str | None) -> int:
 
 
 def report(sweep: Sweep) -> str:
-    """Return a sweep as people read it: a row per variant, what samples say, then where the results are."""
+    """Return a sweep as printed text: a row per variant, statistics of samples, then the place of the results."""
     from ..case.units import with_unit
     from ..results.records import short_names
     from ..study.sweep_table import shown, value_names
@@ -194,7 +194,7 @@ def report(sweep: Sweep) -> str:
 
 
 def _moments(sweep: Sweep, paths: list[str]) -> list[str]:
-    """Return what samples say: moments, quantiles and shares of the variance of each value."""
+    """Return the table of statistics over samples: moments, quantiles and shares of the variance of each value."""
     from ..case.units import with_unit
     from ..results.records import short_names
     from ..study.sweep_table import value_names

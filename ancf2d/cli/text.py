@@ -1,4 +1,4 @@
-"""Tables and numbers for people to read."""
+"""Printing of text, tables and numbers."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from typing import TextIO
 
 import click
 
-# what a terminal would obey instead of showing: control characters, and those that turn the direction of writing
+# characters that control a terminal: control characters, and those that change the direction of writing
 _COMMANDS = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 
 
 def printable(text: str) -> str:
-    """Return a text as a terminal may be given it: with escapes such as \\x1b in place of what it would obey."""
+    """Return a text that is safe to print on a terminal: escapes such as \\x1b replace control characters."""
     return _COMMANDS.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
 def say(text: str, err: bool = False) -> None:
-    """Print a text, whatever names and titles are in it, to stdout or stderr."""
+    """Print a text to stdout or stderr, with control characters in names and titles escaped."""
     write(printable(text) + "\n", err)
 
 
 def write(text: str, err: bool = False) -> None:
-    """Write a text to stdout or stderr; where its reader has left (``| head``), let the rest of the work go on."""
+    """Write a text to stdout or stderr; go on without the stream if its reader has closed it (``| head``)."""
     try:
         click.echo(text, nl=False, err=err)
     except BrokenPipeError:
@@ -35,7 +35,7 @@ def write(text: str, err: bool = False) -> None:
 
 
 def let_go_of_output() -> None:
-    """Drop what stdout still has to write where it cannot be written: Python would fail once more at its end."""
+    """Discard the buffer of stdout if it cannot be written, because Python would fail again at exit."""
     try:
         sys.stdout.flush()
     except OSError:
@@ -44,12 +44,12 @@ def let_go_of_output() -> None:
 
 def _let_go(stream: TextIO) -> None:
     nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, stream.fileno())  # what is still buffered would fail once more at the end
+    os.dup2(nowhere, stream.fileno())  # otherwise Python would fail at exit when it flushes the buffer
     os.close(nowhere)
 
 
 def command_line(*arguments: object) -> str:
-    """Return a command of ancf2d as it is typed in a shell."""
+    """Return an ancf2d command as typed in a shell."""
     return shlex.join(["ancf2d", *map(str, arguments)])
 
 
@@ -57,23 +57,23 @@ NOTHING = 1e-60
 
 
 def number(value: float | None, digits: int = 6) -> str:
-    """Return a number with few digits; '-' where there is none, 0 where it is what an iteration left of one."""
+    """Return a number with few digits; '-' for none, and 0 for a tiny remainder of an iteration."""
     if value is None or math.isnan(value):
         return "-"
     return f"{value:.{digits}g}" if abs(value) > NOTHING else "0"
 
 
 def rounded(value: float, floor: float, digits: int = 6) -> str:
-    """Return a number that is known no better than ``floor``: less than that is shown as 0."""
+    """Return a number whose uncertainty is ``floor``; smaller values are shown as 0."""
     return "0" if abs(value) <= floor else number(value, digits)
 
 
-# times have up to so many characters: their column is as wide in every run
+# width of times, so that their column is equally wide in every run
 TIME = "time".rjust(8)
 
 
 def table(rows: Sequence[Sequence[str]], left: Sequence[int] = (0,), indent: str = "") -> list[str]:
-    """Return rows of cells as aligned lines: columns in ``left`` to the left, the others to the right."""
+    """Return rows of cells as aligned lines: columns in ``left`` are left-aligned, all others right-aligned."""
     widths = [max((len(row[k]) for row in rows if k < len(row)), default=0) for k in range(max(map(len, rows)))]
     lines = []
     for row in rows:
@@ -83,7 +83,7 @@ def table(rows: Sequence[Sequence[str]], left: Sequence[int] = (0,), indent: str
 
 
 def duration(seconds: float) -> str:
-    """Return a time span in the unit that reads best."""
+    """Return a time span in the most readable unit."""
     # 0.9996 s is 1 s, not 1e+03 ms
     if seconds < 0.9995e-3:
         return f"{1e6 * seconds:.0f} us"

@@ -1,4 +1,4 @@
-"""``ancf2d tradeoff``: what accuracy costs, over element types, meshes, integrators and steps, and its report."""
+"""``ancf2d tradeoff``: the cost of accuracy over element types, meshes, integrators and steps, and its report."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ WIDTH = 100
 
 
 def report(study: Study, command: str) -> str:
-    """Return a study as text: rows, limits, what was left out, and what is recommended; ``command`` runs the case."""
+    """Return a study as text: rows, limits, omitted settings and recommendations; ``command`` runs the case."""
     lines = [study.title] if study.title else []
     lines += [f"{study.goal}: error against measured time", "", *_rows(study), "", *_limits(study)]
     lines += [*_left_out(study), "", *_recommended(study, command)]
@@ -47,7 +47,7 @@ def report(study: Study, command: str) -> str:
 
 
 def _names(study: Study) -> dict[tuple[str, str], str]:
-    """Return how types are called: with their formulation where there are several of it."""
+    """Return the displayed names of types, with the formulation if a type has several."""
     found = dict.fromkeys((r.measured.element, r.measured.formulation) for r in study.rows)
     several = Counter(element for element, _ in found)
     return {(e, f): f"{e}:{f}" if several[e] > 1 and f else e for e, f in found}
@@ -88,14 +88,14 @@ def _text(value: Any) -> str:
 
 
 def error_text(row: Row) -> str:
-    """Return the error of a row; where it is not told, what it is below."""
+    """Return the error of a row, or its upper bound if only that is known."""
     if row.error is not None:
         return f"{row.error:.1e}"
     return "?" if row.error_below is None else f"<{row.error_below:.0e}"
 
 
 def total_text(row: Row) -> str:
-    """Return the most that the error and that of the model are together."""
+    """Return the upper bound of the error and the model error together."""
     return f"{row.judged:.1e}" if math.isfinite(row.judged) else "?"
 
 
@@ -105,7 +105,7 @@ def time_text(row: Row) -> str:
 
 
 def memory_text(count: int | None) -> str:
-    """Return a number of bytes in three digits and seven characters, so that columns keep their width."""
+    """Return a number of bytes with three digits in seven characters, so that all columns have the same width."""
     if count is None:
         return "-"
     size, unit = count / 1e3, "kB"
@@ -154,7 +154,7 @@ def _limits(study: Study) -> list[str]:
 
 
 def model_text(known: Any) -> str:
-    """Return the model error of a series; what it is below where it is not known better."""
+    """Return the model error of a series, or its upper bound if only that is known."""
     if known.model_error is None:
         return "-"
     if known.model_error < known.model_error_bar:
@@ -268,7 +268,7 @@ def command(session: Session, case: str, overrides: tuple[str, ...], jobs: int |
 
 
 def _quadratures(text: str) -> tuple[Any, ...]:
-    """Return the quadratures in ``[2,2],exact``; whether they can be, the case tells."""
+    """Return the quadratures in ``[2,2],exact``; the case checks later whether they are possible."""
     from ..case.axes import read_axes
 
     try:

@@ -1,4 +1,4 @@
-"""``ancf2d validate``: every problem of every case, without solving."""
+"""``ancf2d validate``: list all problems of cases, without solving."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def command(session: Session, cases: tuple[str, ...], overrides: tuple[str, ...]
 
 
 def _check(case: str, overrides: tuple[str, ...], session: Session) -> dict[str, Any]:
-    """Check one case, print its problems and warnings, return what ``--json`` says of it."""
+    """Check one case, print its problems and warnings, and return its entry for ``--json``."""
     from ..study.accuracy.control import check
     from ..study.run import load
 

@@ -1,4 +1,4 @@
-"""``ancf2d view``: an interactive page."""
+"""``ancf2d view``: show results on an interactive page."""
 
 from __future__ import annotations
 

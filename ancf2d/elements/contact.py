@@ -1,8 +1,8 @@
 """Laws of contact between a point of a body and an obstacle: compliant (``contact_layer``), and hard.
 
-A point without a law may stand between nodes, and slide there (``contact_sliding``).
+A point of hard contact may lie between nodes and slide there (``contact_sliding``).
 
-Functions of arrays and numbers alone, which kernels compile as they are.
+Functions of arrays and numbers alone, which the kernels compile unchanged.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ from .point_laws import APART, PointLaw, match_work, work_matrix, work_vector
 
 
 def normal(par, z, nx, ny, work, out, add):  # type: ignore[no-untyped-def]
-    """Set out (fields,) from ``add`` on to the derivative of rho along (nx, ny)."""
+    """Fill out from index ``add`` on with the derivative (fields,) of rho along (nx, ny)."""
     body, pose = count_of(par)
     for a in range(body + pose):
         work[VECTOR + a] = nx * work[BY + a] + ny * work[BY + 8 + a]
@@ -66,7 +66,7 @@ def normal(par, z, nx, ny, work, out, add):  # type: ignore[no-untyped-def]
 
 
 def bent(par, z, nx, ny, k, work, H):  # type: ignore[no-untyped-def]
-    """Add the Hessian of the gap of a fixed point, nu.rho_qq + k A A, to H."""
+    """Add the Hessian nu.rho_qq + k A A of the gap of a fixed point to H."""
     body, pose = count_of(par)
     n = body + pose
     for a in range(n):
@@ -78,7 +78,7 @@ def bent(par, z, nx, ny, k, work, H):  # type: ignore[no-untyped-def]
 
 
 def dragged(par, mem, way, pressed):  # type: ignore[no-untyped-def]
-    """Return the force of friction along s after a slip, and whether it slides, by force or as whoever solves says."""
+    """Return (friction force along s for a slip, whether it slides), by Coulomb's law or as mem[SLIDES] says."""
     if mem[SLIDES] == 0.0:
         return drag(par, way, pressed)
     if mem[SLIDES] == STICKS:
@@ -89,7 +89,7 @@ def dragged(par, mem, way, pressed):  # type: ignore[no-untyped-def]
 
 
 def rub(par, z, nx, ny, k, ds, force, stiff, work, f, H):  # type: ignore[no-untyped-def]
-    """Add a force of friction along s to f, and its derivative at a given pressure to H; leave ds/dq in work (ROW)."""
+    """Add a friction force along s to f, and its derivative at constant pressure to H; leave ds/dq in work (ROW)."""
     body, pose = count_of(par)
     n = body + pose
     for a in range(n):
@@ -108,15 +108,15 @@ def rub(par, z, nx, ny, k, ds, force, stiff, work, f, H):  # type: ignore[no-unt
 
 
 def fields_of(par):  # type: ignore[no-untyped-def]
-    """Return how many fields the curve and the obstacle have."""
+    """Return the number of fields of the curve and the obstacle."""
     _, pose = count_of(par)
     return (3 if int(par[SECTION]) == OF_THETA else 2) * int(par[TERMS]) + pose
 
 
 def speed(work, w, m):  # type: ignore[no-untyped-def]
-    """Return the rate of the place on the obstacle at rates w (m,).
+    """Return the slip rate on the obstacle at rates w (m,).
 
-    Friction takes its force times this: what little the spring holds of it that a point sticks by counts as lost, too.
+    Friction power is the force times this rate, so the small energy in the spring of a sticking point counts as lost.
     """
     rate = 0.0
     for q in range(m):
@@ -125,10 +125,10 @@ def speed(work, w, m):  # type: ignore[no-untyped-def]
 
 
 def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """No penetration: the multiplier, the last field, is minus the force; where it would pull, there is none.
+    """Contact without penetration: the last field is the multiplier, minus the force; a point that would pull is open.
 
-    The stationary point of U + lambda g where it is closed, and of U - lambda^2/(2 c) where it is open, after Alart
-    & Curnier 1991: closed is what has -lambda - c g > 0, unless whoever solves keeps count of that.
+    Closed points are stationary points of U + lambda g, open ones of U - lambda^2/(2 c) (Alart & Curnier 1991). A point
+    is closed if -lambda - c g > 0, unless the solver prescribes its state (mem[HELD]).
     """
     m, c = len(u) - 1, par[STIFFNESS]
     force = -u[m]
@@ -170,22 +170,23 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
 
 
 def hold_back(par, mem, z, nx, ny, k, way, ds, force, work, f, H):  # type: ignore[no-untyped-def]
-    """Add friction under a force across to f and H; return it, and leave ds/dq in work (ROW)."""
+    """Add friction under a normal force to f and H; return the friction force, and leave ds/dq in work (ROW)."""
     held, slides = dragged(par, mem, way, force)
     rub(par, z, nx, ny, k, ds, held, 0.0 if slides else par[STICK], work, f, H)
     if slides:
-        # between equilibria points that slide may pull
+        # between equilibria, the normal force of a sliding point may pull
         m, sign = len(f) - 1, 1.0 if (held if mem[SLIDES] == 0.0 else mem[SLIDES]) < 0.0 else -1.0
         for p in range(m):
-            # the limit grows with the force, which is minus the multiplier
+            # Coulomb's limit grows with the normal force, which is minus the multiplier
             H[p, m] -= sign * par[FRICTION] * work[ROW + p]
     return held
 
 
 def over_step(law, extra):  # type: ignore[no-untyped-def]
-    """Return the forces of a step that do the difference of the energy as work (Gonzalez 1996), from a law.
+    """Return ``mean`` of a law: forces of a step whose work is the difference of the energy (Gonzalez 1996).
 
-    Damping and friction are added as they are in the middle of the step, and take what they do there.
+    Damping and friction are added with their mid-step forces and powers. ``extra`` is the number of multipliers among
+    the fields (0 or 1).
     """
     def mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
         m = len(u1) - extra
@@ -196,7 +197,7 @@ def over_step(law, extra):  # type: ignore[no-untyped-def]
             keep[0, i] = 0.5 * (u0[i] + u1[i])
         if extra == 1:
             keep[0, m] = u1[m]
-        # rates of zero, and no friction: what dissipates is added behind
+        # zero rates and no friction first: dissipative forces are added below
         friction, lost = par[FRICTION], 0.0
         par[FRICTION] = 0.0
         law(p0, keep[0], keep[1], par, a1, mem, f, H, C)
@@ -220,13 +221,13 @@ def over_step(law, extra):  # type: ignore[no-untyped-def]
 
 
 def _settle(par, p0, u, mem, z, pressed):  # type: ignore[no-untyped-def]
-    """Let friction remember where on the obstacle an accepted state holds to, and a motion from where a point presses.
+    """Update, at an accepted state, the friction anchor and, in motion, the gap from which the point presses.
     """
     work = work_vector(WORK)
     stand(par, p0, u, z, work)
     g, nx, ny, _, s, _ = gap_at(par, work[RHO], work[RHO + 1], -1.0)
     if mem[HELD] == BY_CHOICE:
-        # what presses is where it should be, to round-off
+        # the gap of a pressing point is its value FROM, up to round-off
         kept = pressed > 0.0 and mem[FROM] != OUTSIDE
         mem[FROM] = mem[FROM] if kept else 0.0 if pressed > 0.0 else pressed_from(
             mem[FROM], g + par[TOUCH], not is_back(par, nx, ny, work))
@@ -240,7 +241,7 @@ def _settle(par, p0, u, mem, z, pressed):  # type: ignore[no-untyped-def]
 
 
 def accept_hard(p0, u, par, mem):  # type: ignore[no-untyped-def]
-    """Take the accepted state as where the search for the point goes on, and what friction goes on from."""
+    """Update the start of the search for a sliding point, and the friction history, at an accepted state."""
     if mem[FREE] == SLIDING:
         z = least(par, p0, u, mem, -u[len(u) - 1], work_vector(WORK))
         if not np.isnan(z):
@@ -249,7 +250,7 @@ def accept_hard(p0, u, par, mem):  # type: ignore[no-untyped-def]
         pressed = max(-u[len(u) - 1], 0.0)
         _settle(par, p0, u, mem, par[HOME] if mem[FREE] == AT_HOME else mem[PLACE], pressed)
         if mem[HELD] == BY_CHOICE and par[FRICTION] > 0.0:
-            # forces of a step are no impulses: what closes in the next one has those of its impact
+            # forces of a step are not impulses: a point that closes in the next step gets the friction of its impact
             mem[SLIDES] = 0.0 if pressed > 0.0 else CLOSES
 
 

@@ -1,9 +1,9 @@
 """Laws of contact between a point of a body and the curve of an element (``contact_gaps``): compliant, and hard.
 
-Forces are minus N times the pressure, so that the two bodies are in balance, in force and moment. Those of friction are
-along |t| dz/dq, how far the foot point moves on the curve, for the same reason.
+Forces are minus N times the pressure, so that the two bodies are in equilibrium, in force and moment. For the same
+reason, friction acts along |t| dz/dq, the displacement of the foot point on the curve.
 
-Functions of arrays and numbers alone, which kernels compile as they are.
+Functions of arrays and numbers alone, which the kernels compile unchanged.
 """
 
 from __future__ import annotations
@@ -59,17 +59,17 @@ from .point_laws import PointLaw, work_matrix, work_vector
 
 
 def slip_on(other, mem, place, unit):  # type: ignore[no-untyped-def]
-    """Return how far a place is from that which friction holds to, none on another surface."""
+    """Return the slip from the friction anchor to a place, or 0 if the anchor is on another surface."""
     return unit * way_between(other[LOOP], place, mem[ANCHOR]) if mem[ON] == surface_of(other) else 0.0
 
 
 def rub_between(par, p0, u, w, mem, g, z, nx, ny, pressed, damped, own, work, across, rows, f, H,
                 C):  # type: ignore[no-untyped-def]
-    """Add friction to f, H and C; return the power that it takes, and what it changes by with the force across.
+    """Add friction to f, H and C; return its power, and the derivative of its force by the normal force.
 
-    Rows are N, how the force across changes (with the sign turned), B and A; two more are filled, the last with dz/dq.
-    The force across changes by ``damped`` N with rates. With F = R.t,
-    d2z/dq2 = (F_qq + F_qz z_q + z_q F_qz + F_zz z_q z_q)/D; H leaves out what the depth makes of it.
+    Rows 0 to 3 are N, the derivative of the normal force with the sign reversed, B and A; rows 4 and 5 are filled, row
+    5 with dz/dq. The normal force changes by ``damped`` N with rates. With F = R.t,
+    d2z/dq2 = (F_qq + F_qz z_q + z_q F_qz + F_zz z_q z_q)/D; H omits the terms of F that are proportional to the depth.
     """
     other, m, n = par[ORIGIN:], size_of(par), size_of(par) + size_of(par[ORIGIN:])
     at, turn = z if other[END] == 0.0 else other[END], work_matrix(n, n)
@@ -91,7 +91,7 @@ def rub_between(par, p0, u, w, mem, g, z, nx, ny, pressed, damped, own, work, ac
     if not slides:
         stick = par[STICK] * L
     elif mem[SLIDES] != 0.0:
-        # as whoever solves says: between equilibria it may pull
+        # as the solver prescribes: between equilibria the normal force may pull
         share = mem[SLIDES] * par[FRICTION]
     else:
         share = par[FRICTION] if held > 0.0 else -par[FRICTION]
@@ -111,9 +111,9 @@ def rub_between(par, p0, u, w, mem, g, z, nx, ny, pressed, damped, own, work, ac
 
 
 def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """Pressure max(0, -k g - c dg/dt) per length at a point of a body, and its opposite where it is on the other.
+    """Pressure max(0, -k g - c dg/dt) per length at a point of a body, and the opposite force on the other body.
 
-    With friction that is elastic up to Coulomb's limit; at a kink, where no place on the curve moves, there is none.
+    Friction is elastic up to Coulomb's limit; at a kink there is none, because the foot point does not move there.
     """
     own, work, across, rows = work_vector(WORK), work_vector(WORK), work_vector(WORK), work_matrix(6, len(u))
     n, weight, stiffness, damping = len(u), par[WEIGHT], par[STIFFNESS], par[DAMPING]
@@ -135,7 +135,7 @@ def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
         rows[3, p] = rows[1, p]
         for q in range(n):
             slope += H[p, q] * w[q]
-        # of the pressure, with the sign turned
+        # derivative of the pressure, with the sign reversed
         rows[1, p] = weight * (stiffness * rows[0, p] + damping * slope)
     for p in range(n):
         N = rows[0, p]
@@ -151,10 +151,9 @@ def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
 
 
 def press(p0, u, par, mem, f, H, own, work, across, rows):  # type: ignore[no-untyped-def]
-    """Fill f and H of a point that nothing penetrates; return gap, its gradient and the foot point, nan where it is
-    open.
+    """Fill f and H of a hard contact point; return gap, its gradient and the foot point, or NaN if the point is open.
 
-    What whoever solves says is closed goes on along the curve beyond an end of the other body.
+    A point that the solver holds closed continues along the curve beyond an end of the other body.
     """
     m, c = len(u) - 1, par[STIFFNESS]
     force = -u[m]
@@ -178,14 +177,14 @@ def press(p0, u, par, mem, f, H, own, work, across, rows):  # type: ignore[no-un
 
 
 def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """No penetration: the multiplier, the last field, is minus the force; see ``contact.hard``."""
+    """Contact without penetration: the last field is the multiplier, minus the force; see ``contact.hard``."""
     own, work, across, rows = work_vector(WORK), work_vector(WORK), work_vector(WORK), work_matrix(3, len(u) - 1)
     press(p0, u, par, mem, f, H, own, work, across, rows)
     return 0.0, 0.0
 
 
 def hard_rough(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """No penetration, with Coulomb's friction along the other curve; none at a kink, where no place on it moves."""
+    """Contact without penetration, with Coulomb friction along the other curve; none at a kink (fixed foot point)."""
     m, own, work, across = len(u) - 1, work_vector(WORK), work_vector(WORK), work_vector(WORK)
     rows = work_matrix(6, m)
     g, nx, ny, z = press(p0, u, par, mem, f, H, own, work, across, rows)
@@ -193,7 +192,7 @@ def hard_rough(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
             u[m] >= 0.0 and mem[SLIDES] == 0.0):
         return 0.0, 0.0
     for p in range(m):
-        # the force across is an unknown of its own
+        # the normal force is an unknown, so it does not depend on the coordinates
         rows[3, p], rows[1, p] = rows[1, p], 0.0
     power, share = rub_between(par, p0, u, w, mem, g, z, nx, ny, -u[m], 0.0, own, work, across, rows, f, H, C)
     for p in range(m):
@@ -202,7 +201,7 @@ def hard_rough(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
 
 
 def take_side(p0, u, par, mem):  # type: ignore[no-untyped-def]
-    """Keep the side of an axis that the point is on, from where it comes to be beside it."""
+    """Update the side of an axis that the point is on: set when it comes opposite to the axis, 0 beyond its ends."""
     if par[ORIGIN + BOTH] == 0.0:
         return
     if mem[FOUND] != WITHIN:
@@ -215,8 +214,8 @@ def take_side(p0, u, par, mem):  # type: ignore[no-untyped-def]
 
 
 def take_hold(p0, u, par, mem, pressed):  # type: ignore[no-untyped-def]
-    """Let friction remember which place an accepted state holds to, under the force of the layer where ``pressed`` is
-    negative; return the gap."""
+    """Update the friction anchor at an accepted state; return the gap. If ``pressed`` is negative, the normal force
+    of the layer is used."""
     own, work, across = work_vector(WORK), work_vector(WORK), work_vector(WORK)
     behind, mem[BEHIND] = mem[BEHIND], NONE
     g, _, _, z = gap_between(par, p0, u, mem, own, work, across)
@@ -235,23 +234,23 @@ def take_hold(p0, u, par, mem, pressed):  # type: ignore[no-untyped-def]
 
 
 def accept(p0, u, par, mem):  # type: ignore[no-untyped-def]
-    """Keep the side of an axis that the point is on, and what friction of a layer holds."""
+    """Update the side of an axis that the point is on, and the friction anchor of a layer, at an accepted state."""
     take_side(p0, u, par, mem)
     if par[FRICTION] > 0.0:
         g = take_hold(p0, u, par, mem, -1.0)
         if np.isnan(g) or (mem[FOUND] != WITHIN and g >= 0.0):
-            # apart from everything
+            # no contact: the anchor is dropped
             mem[ON] = 0.0
 
 
 def accept_rough(p0, u, par, mem):  # type: ignore[no-untyped-def]
-    """Keep the side of an axis that the point is on, and what friction without a law holds where it is closed."""
+    """Update the side of an axis that the point is on, and the friction anchor if the point is closed."""
     take_side(p0, u, par, mem)
     if par[FRICTION] > 0.0 and mem[FREE] >= 0.0 and mem[HELD] != OPEN:
         pressed = max(-u[len(u) - 1], 0.0)
         take_hold(p0, u, par, mem, pressed)
         if mem[HELD] == BY_CHOICE:
-            # as in ``contact.accept_hard``
+            # same as in ``contact.accept_hard``
             mem[SLIDES] = 0.0 if pressed > 0.0 else CLOSES
 
 

@@ -1,15 +1,15 @@
 """The gap between a point of a body and the curve of an element of another body, or of the same one.
 
-The point rho(q) is on a face, an end or the axis of its element, as in ``contact_geometry``. What it may touch is a
+The point rho(q) is on a face, an end or the axis of its element, as in ``contact_geometry``. It may touch a
 curve c(z) of the other element: a face, the axis, or the straight end of a body. The foot point, where
 R = rho - c(z) is normal to t = c'(z), gives the gap g = nu.R with the unit normal nu out of the body. With the rows
 W = dR/dq, N = nu.W, A = t.W, B = nu.dc'/dq and T = t.t, b = nu.c'', D = T - g b
 
     dz/dq = (A + g B)/D,    d2g/dq2 = nu.R_qq - (A B + B A + (b/T) A A + g B B)/D;
 
-at a kink, where the foot point is the end of an element, g = +-|R| and d2g = nu.R_qq + (tau.W)(tau.W)/g, tau across nu.
+at a kink (foot point at the end of an element), g = +-|R| and d2g = nu.R_qq + (tau.W)(tau.W)/g, tau normal to nu.
 
-Functions of arrays and numbers alone, which kernels compile as they are.
+Functions of arrays and numbers alone, which the kernels compile unchanged.
 """
 
 from __future__ import annotations
@@ -46,38 +46,38 @@ from .contact_geometry import (
     take,
 )
 
-# par from ORIGIN on: section, powers and offset of the other curve at SECTION, TERMS and OFFSET, as of one's own; on
-# which side its outside is (1 left of its way, -1 right); S [m] where it begins, and how far it goes along the body;
-# which of its ends go on as another curve (1 the first, 2 the last); z of the element where it is an end of the body
-# (0 along the body), and heights of its middle and half of it; what of it supports hold in a motion (1 its first end, 2
-# its last one, 4 all)
+# par from ORIGIN on: section, powers and offset of the other curve at SECTION, TERMS and OFFSET, as for the own one;
+# SIGN of its outside (1 left of its direction, -1 right); S [m] where it BEGINS, and its length GOES along the body;
+# which ends are JOINED to another curve (1 the first, 2 the last, 3 both); z of the element if it is an END of the
+# body (0 along the body), with the heights of its MIDDLE and of HALF of it; the part held by supports in a motion
+# (FIXED: 1 its first end, 2 its last one, 4 all)
 SIGN, BEGINS, GOES, JOINED, END, MIDDLE, HALF, FIXED = 3, 4, 5, 6, 7, 8, 9, 11
 CURVE_SIZE = 12
-# and of the point: how deep it may be at most, S [m] of it and how far its element goes, what along the body is too
-# near to touch (with the length of a closed one), at which end it is a corner, whether it touches only what is further
-# on, whether both sides do, into how many pieces the points there divide an element if it leaves contact to these
-# where it is opposite to one (0: it does not), the length of a closed body that it is opposite to (0: it is open), and
-# whether supports hold it in a motion
+# then of the point: its DEEPEST allowed penetration, S [m] of it (OWN) and the length OWN_GOES of its element, the
+# distance APART along the body below which places are too near to touch (with the length ROUND of a closed body), the
+# end whose CORNER it is, whether it touches only places further ONWARD, whether it touches BOTH sides, YIELDS: into
+# how many pieces contact points divide an element to which it leaves contact where it is opposite to one (0: it does
+# not), the length LOOP of the closed body opposite to it (0: open), and whether supports hold it in a motion (RESTS)
 DEEPEST, OWN, OWN_GOES, APART, ROUND, CORNER, ONWARD, BOTH, YIELDS, LOOP, RESTS = range(CURVE_SIZE, CURVE_SIZE + 11)
 BODY_SIZE = CURVE_SIZE + 11
-# mem: z of the foot point, whether it is one (0 there is none), or an end of the element (-1, 1), and of an axis the
-# side of it that the point is on; and which surface (``surface_of``) friction holds it to, at the place ANCHOR
+# mem: z of the FOOT point; whether it was FOUND, within the curve or at an end (constants below); the SIDE of an axis
+# that the point is on; and the surface (``surface_of``) that friction holds it ON, at the place ANCHOR
 FOOT, FOUND, SIDE, ON = range(MEMORY, MEMORY + 4)
 BODY_MEMORY = MEMORY + 4
 NOWHERE, WITHIN, AT_FIRST, AT_LAST = 0.0, 1.0, 2.0, 3.0
-# most iterations for a foot point, and steps below which those that no longer shrink are round-off
+# greatest number of iterations for a foot point; steps below _ROUND that no longer shrink are round-off
 _TRIES, _ROUND = 25, 1e-11
-# how far beyond the ends of an element its polynomial is followed
+# largest |z|: an element's polynomial is used up to here beyond its ends
 REACH = 1.5
 
 
 class Facing(NamedTuple):
-    """Points that may touch bodies, and the curves of these, as flat arrays.
+    """Points that may touch bodies, and the curves of these bodies, as flat arrays.
 
-    item, way : (k,) its place among the point laws, and which curves it may touch; own : (k,) how many of its fields
-    and coordinates are its own, (k, 2); first : (ways + 1,) where the curves of each begin, tree : (ways + 1,) where
-    its tree does; curve : (curves, CURVE_SIZE) constants of a curve; sizes : (curves, 2) its fields and coordinates;
-    dofs, G, p0 and at : (curves, 3) where those of each begin; now, boxes : (., 4) room for fields and tree.
+    item, way : (k,) its number among the point laws, and the set of curves it may touch; own : (k, 2) number of its own
+    fields and coordinates; first : (ways + 1,) where the curves of each set start, tree : (ways + 1,) where
+    its tree starts; curve : (curves, CURVE_SIZE) constants of a curve; sizes : (curves, 2) its fields and coordinates;
+    at : (curves, 3) where its entries of dofs, G and p0 start; now, boxes : (., 4) work arrays for fields and tree.
     """
 
     item: Any
@@ -96,14 +96,14 @@ class Facing(NamedTuple):
 
 
 def size_of(par):  # type: ignore[no-untyped-def]
-    """Return how many fields a curve has."""
+    """Return the number of fields of a curve."""
     return (3 if int(par[SECTION]) == OF_THETA else 2) * int(par[TERMS])
 
 
 def curve_at(par, p0, u, z, work, across):  # type: ignore[no-untyped-def]
     """Fill work at z of a curve; return its derivatives (tx, ty, kx, ky) by z.
 
-    Along an end of a body the section alone changes: ``across`` then has c' and its derivatives.
+    Along an end of a body only the height in the section changes; ``across`` then has c' and its derivatives.
     """
     if par[END] == 0.0:
         stand(par, p0, u, z, work)
@@ -149,7 +149,7 @@ def slope_row(par, z, vx, vy, work, across, out):  # type: ignore[no-untyped-def
 
 
 def bend(par, z, vx, vy, work, H, first):  # type: ignore[no-untyped-def]
-    """Add the second derivative of rho along (vx, vy) to H, rows and columns from ``first`` on."""
+    """Add the second derivative of rho along (vx, vy) to H, in rows and columns from ``first`` on."""
     body, _ = count_of(par)
     for a in range(body):
         for b in range(body):
@@ -158,14 +158,14 @@ def bend(par, z, vx, vy, work, H, first):  # type: ignore[no-untyped-def]
 
 
 def foot_on(par, p0, u, x, y, z, work, across):  # type: ignore[no-untyped-def]
-    """Return z of the foot point of (x, y) on a curve, by Newton's method from z; work is left there."""
+    """Return z of the foot point of (x, y) on a curve, by Newton's method from z; work is filled at the last trial."""
     last = 1.0
     for _ in range(_TRIES):
         tx, ty, kx, ky = curve_at(par, p0, u, z, work, across)
         rx, ry = x - work[RHO], y - work[RHO + 1]
         T = tx * tx + ty * ty
         step = (rx * tx + ry * ty) / max(T - rx * kx - ry * ky, 0.1 * T)
-        # done: to the last digit, within round-off, or as far as the curve is followed
+        # converged: to the last digit, within round-off, or at the limit of the curve
         then = min(max(z + step, -REACH), REACH)
         if abs(step) < 1e-14 or last <= abs(step) < _ROUND or then == z:
             break
@@ -174,7 +174,7 @@ def foot_on(par, p0, u, x, y, z, work, across):  # type: ignore[no-untyped-def]
 
 
 def gap_between(par, p0, u, mem, own, work, across):  # type: ignore[no-untyped-def]
-    """Return (g, nu_x, nu_y, z): gap, its gradient by where the point is, and the foot point; nan where there is none.
+    """Return (g, nu_x, nu_y, z): gap, its gradient by the position of the point, and the foot point; NaN if none.
 
     ``own`` is filled at the point, ``work`` and ``across`` at the foot point.
     """
@@ -202,7 +202,7 @@ def gap_between(par, p0, u, mem, own, work, across):  # type: ignore[no-untyped-
 
 
 def beyond(joined, found):  # type: ignore[no-untyped-def]
-    """Whether a point is beyond an end of its surface, whose corner is a point of contact itself."""
+    """Return whether a point is beyond an end of a surface that no curve continues; its corner is a contact point."""
     return (found == AT_FIRST and joined % 2.0 == 0.0) or (found == AT_LAST and joined < 2.0)
 
 
@@ -240,12 +240,12 @@ def bent_between(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, H):  # 
 
 
 def surface_of(other):  # type: ignore[no-untyped-def]
-    """Return which surface of its body a curve is part of: a face (-1, 1), an end (-2, 2) or the axis (3)."""
+    """Return a number for the surface of a body that a curve belongs to: face (-1, 1), end (-2, 2) or axis (3)."""
     return 3.0 if other[BOTH] > 0.0 else other[SIGN] if other[END] == 0.0 else 2.0 * other[END]
 
 
 def place_on(other, z, tx, ty):  # type: ignore[no-untyped-def]
-    """Return where z is on its surface (S [m], or z of an end), and how far a unit of that is."""
+    """Return the place of z on its surface (S [m], or z on an end), and the length of a unit of it."""
     size = np.sqrt(tx * tx + ty * ty)
     if other[END] != 0.0:
         return z, size
@@ -253,9 +253,9 @@ def place_on(other, z, tx, ty):  # type: ignore[no-untyped-def]
 
 
 def place_opposite(par, p0, u, mem, z, work, across):  # type: ignore[no-untyped-def]
-    """Return the place opposite to a point on its surface, how far a unit of that is, and which surface it is.
+    """Return the place opposite to a point on the other surface, the length of a unit of it, and the surface.
 
-    There is none, nan, at a kink, where no place moves.
+    They are NaN at a kink, where the foot point does not move.
     """
     if mem[FOUND] != WITHIN:
         return np.nan, np.nan, np.nan
@@ -266,6 +266,6 @@ def place_opposite(par, p0, u, mem, z, work, across):  # type: ignore[no-untyped
 
 
 def way_between(loop, place, anchor):  # type: ignore[no-untyped-def]
-    """Return how far a place is from another on the same surface, the short way around one with the length ``loop``."""
+    """Return the distance from anchor to place along a surface, the shorter way around one of length ``loop``."""
     way = place - anchor
     return way - loop * np.floor(way / loop + 0.5) if loop > 0.0 else way

@@ -1,54 +1,53 @@
-"""A curve that an element carries, opposite to an obstacle: the gap, and what its derivatives are made of.
+"""The gap between a curve of an element and an obstacle, and the terms of its derivatives.
 
-The curve is the axis or a face of one element, rho(z) with z from -1 to 1. A law sees its coefficients, in powers of z,
-as fields: x and y of the curve itself; of sections that stay rigid x and y of the axis and, where it is a coordinate,
-the rotation, from which rho = r + y n follows. Behind these stand the fields of the obstacle, where it moves: x, y and
-angle, or x, y and the direction of a rigid body. A hard contact has its multiplier behind all of them.
+The curve is the axis or a face of one element, rho(z) with z from -1 to 1. A law has its coefficients, in powers of z,
+as fields: x and y of the curve itself; or, for sections that stay rigid, x and y of the axis and, if it is a
+coordinate, the rotation, from which rho = r + y n follows. The fields of a moving obstacle come next: x, y and angle,
+or x, y and the direction of a rigid body. A hard contact has its multiplier last.
 
-With X (n,) the position, rotation or tangent at z and the pose of the obstacle, rho(X) is the point as the obstacle
-sees it. Its gap g has the gradient nu (a unit vector) and the Hessian k t t^T, with t across nu and k = 1/distance
+With X (n,) the position, rotation or tangent at z and the pose of the obstacle, rho(X) is the point in the frame of the
+obstacle. Its gap g has the gradient nu (a unit vector) and the Hessian k t t^T, with t normal to nu and k = 1/distance
 from the centre of curvature.
 
-Functions of arrays and numbers alone, which kernels compile as they are.
+Functions of arrays and numbers alone, which the kernels compile unchanged.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-# how rho follows from what an element interpolates: it is that, or an offset from an axis that turns
+# how rho depends on the interpolated fields: it is one of them, or an offset from an axis with rotating sections
 CURVE, OF_THETA, OF_TANGENT = 0, 1, 2
-# how an obstacle moves: it stands still, by x, y and angle, or by x, y and a direction
+# pose of an obstacle: fixed, by x, y and angle, or by x, y and a direction
 STILL, BY_ANGLE, BY_DIRECTION = 0, 1, 2
-# BODY: no obstacle, but another body (contact_gaps)
+# BODY: not an obstacle, but another body (contact_gaps)
 HALF_PLANE, CIRCLE, POLYLINE, BODY = 0, 1, 2, 3
-# par: the place on the body, what acts there, the obstacle's pose in the reference, how a point between nodes yields
-# (``contact_sliding``), its shape and what describes it
+# par: position on the body, constants of the contact, pose of the obstacle in the reference, compliance of a point
+# between nodes (``contact_sliding``), shape of the obstacle and its numbers
 (SECTION, TERMS, OFFSET, HOME, WEIGHT, STIFFNESS, DAMPING, FRICTION, STICK, TOUCH, POSE, POSE_X, POSE_Y, LENGTH, FACE,
  BENDS, SHEARS, SHAPE, ORIGIN) = range(19)
-# mem: where along the element; whether it moves there (0 it stands at home, 1 it slides about a corner, 2 it stands at
-# that place of the beam's curve and 3 of the element's own; -1 and -2 it is out of use, on either curve; -3 supports
-# hold its gap); what of a polyline it is opposite to; the place on the obstacle that friction holds it to; whether it
-# is closed (1) or open (0), which force and gap tell where it is -1, and where it is -2, as it has pulled, only once it
-# is inside; and whether it sticks (2) or slides, with friction of this sign along s (1 or -1), which the forces tell
-# where it is 0; with none in the step of a motion in which it closes, where that is the impact's (3); the force of
-# friction along s that it begins with behind an impact, inf where there was none; and from which gap on it presses
-# (``pressed_from``)
+# mem: PLACE: z along the element; FREE: 0 fixed at home, 1 sliding about a corner, 2 fixed at PLACE on the curve of the
+# beam, 3 on that of the element itself, -1 and -2 not in use (on either curve), -3 supports hold its gap; FEATURE: the
+# part of a polyline opposite to it; ANCHOR: the place on the obstacle that friction holds it to; HELD: closed (1), open
+# (0), decided by force and gap (-1), or the same after it has pulled (-2): it then closes only if it is inside; SLIDES:
+# sticks (2), slides with friction of this sign along s (1 or -1), decided by the forces (0), or without friction in the
+# step of a motion in which it closes, where the impact includes it (3); BEHIND: friction force along s just after an
+# impact, inf if there was none; FROM: the gap from which it presses (``pressed_from``)
 PLACE, FREE, FEATURE, ANCHOR, HELD, SLIDES, BEHIND, FROM = range(8)
 MEMORY = 8
 SUPPORTED, UNUSED_OWN, UNUSED, AT_HOME, SLIDING, STANDING, OWN = -3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0
 STICKS, CLOSES, NONE = 2.0, 3.0, np.inf
 PULLED, BY_CHOICE, OPEN, CLOSED = -2.0, -1.0, 0.0, 1.0
 OUTSIDE, UNTOUCHED = np.inf, -np.inf
-# numbers of work: X, X', X'' (8 each), rho (2), its derivatives by X (2, 8) and (2, 8, 8), small vectors and matrices
+# rows of work: X, X', X'' (8 each), rho (2), its derivatives by X (2, 8) and (2, 8, 8), small vectors and matrices
 AT, AT_1, AT_2, RHO, BY, BY_BY, VECTOR, MATRIX, ROW, OTHER = 0, 8, 16, 24, 26, 42, 170, 226, 290, 330
 WORK = 370
-# a face that looks this much away from an obstacle is the back of what touches (cosine of the angle to its normal)
+# cosine of the angle between face normal and gap gradient: a face turned away by more is the back of a thin body
 BACK = 0.7
 
 
 def count_of(par):  # type: ignore[no-untyped-def]
-    """Return how many entries of X are of the body, and how many of the obstacle."""
+    """Return the numbers of entries of X that belong to the body and to the obstacle."""
     section, pose = int(par[SECTION]), int(par[POSE])
     return 2 + section, (0 if pose == STILL else 2 + pose)
 
@@ -76,7 +75,7 @@ def take(par, p0, u, z, work):  # type: ignore[no-untyped-def]
 
 
 def offset(par, work):  # type: ignore[no-untyped-def]
-    """Fill rho, its gradient and its second derivative by what the element interpolates, in the plane of the scene."""
+    """Fill rho and its first and second derivatives by the interpolated fields, in the global frame."""
     y, section = par[OFFSET], int(par[SECTION])
     for k in range(RHO, VECTOR):
         work[k] = 0.0
@@ -96,7 +95,7 @@ def offset(par, work):  # type: ignore[no-untyped-def]
         work[RHO + 1] += y * e0
         for j in range(2):
             ej = e1 if j == 1 else e0
-            # of e: (1 - e e)/L; n = (-e1, e0)
+            # derivative of e: (1 - e e)/L; n = (-e1, e0)
             d0, d1 = (1.0 - j - e0 * ej) / L, (j - e1 * ej) / L
             work[BY + 2 + j], work[BY + 10 + j] = -y * d1, y * d0
             for k in range(2):
@@ -108,7 +107,7 @@ def offset(par, work):  # type: ignore[no-untyped-def]
 
 
 def seen(par, work):  # type: ignore[no-untyped-def]
-    """Turn rho and its derivatives into those that the obstacle sees, whose motion adds its own."""
+    """Transform rho and its derivatives to the frame of the obstacle, and add derivatives by its pose."""
     pose = int(par[POSE])
     if pose == STILL:
         return
@@ -119,7 +118,7 @@ def seen(par, work):  # type: ignore[no-untyped-def]
     else:
         c, s = work[AT + body + 2] / par[LENGTH], work[AT + body + 3] / par[LENGTH]
     work[RHO], work[RHO + 1] = par[POSE_X] + c * x + s * y, par[POSE_Y] - s * x + c * y
-    # the last fields turn it: d(c, s) by each of them
+    # the last fields rotate the obstacle: d(c, s) by each of them
     for k in range(pose):
         at = body + 2 + k
         if pose == BY_ANGLE:
@@ -147,7 +146,7 @@ def seen(par, work):  # type: ignore[no-untyped-def]
 
 
 def corner(par, i, x, y):  # type: ignore[no-untyped-def]
-    """Return (gap, nu, k, s, ds) opposite to corner i of a polyline."""
+    """Return (gap, nu, k, s, ds) of a point opposite to corner i of a polyline."""
     n, closed, at = int(par[ORIGIN]), par[ORIGIN + 1] > 0.0, ORIGIN + 2
     vx, vy = par[at + 3 * i], par[at + 3 * i + 1]
     dx, dy = x - vx, y - vy
@@ -170,7 +169,7 @@ def corner(par, i, x, y):  # type: ignore[no-untyped-def]
 
 
 def side_of(par, i, x, y):  # type: ignore[no-untyped-def]
-    """Return (gap, nu, k, s, ds) opposite to the line of segment i of a polyline."""
+    """Return (gap, nu, k, s, ds) of a point opposite to the line of segment i of a polyline."""
     n, at = int(par[ORIGIN]), ORIGIN + 2
     j = (i + 1) % n
     ax, ay = par[at + 3 * i], par[at + 3 * i + 1]
@@ -181,7 +180,7 @@ def side_of(par, i, x, y):  # type: ignore[no-untyped-def]
 
 
 def feature_at(par, x, y):  # type: ignore[no-untyped-def]
-    """Return which part of a polyline is nearest: 2 i for segment i, 2 i + 1 for corner i."""
+    """Return the nearest part of a polyline: 2 i for segment i, 2 i + 1 for corner i."""
     n, closed, at = int(par[ORIGIN]), par[ORIGIN + 1] > 0.0, ORIGIN + 2
     best, found = np.inf, 0
     for i in range(n if closed else n - 1):
@@ -202,9 +201,9 @@ def feature_at(par, x, y):  # type: ignore[no-untyped-def]
 
 
 def distance_at(par, x, y, feature):  # type: ignore[no-untyped-def]
-    """Return (g, nu_x, nu_y, k, part): the gap, its gradient and curvature, and the part of a polyline that it is to.
+    """Return (g, nu_x, nu_y, k, part): the gap, its gradient and curvature, and the part of a polyline used.
 
-    That is ``feature``, or the nearest where it is -1.
+    ``feature`` is this part, or -1 for the nearest one.
     """
     shape = int(par[SHAPE])
     if shape == HALF_PLANE:
@@ -212,7 +211,7 @@ def distance_at(par, x, y, feature):  # type: ignore[no-untyped-def]
         return nx * (x - par[ORIGIN]) + ny * (y - par[ORIGIN + 1]), nx, ny, 0.0, 0
     if shape == CIRCLE:
         dx, dy, R = x - par[ORIGIN], y - par[ORIGIN + 1], par[ORIGIN + 2]
-        # a negative radius: from within
+        # a negative radius: the body is inside the circle
         sign = 1.0 if R > 0.0 else -1.0
         D = max(np.sqrt(dx * dx + dy * dy), 1e-12 * abs(R))
         return sign * D - R, sign * dx / D, sign * dy / D, sign / D, 0
@@ -235,16 +234,16 @@ def place_at(par, x, y, part):  # type: ignore[no-untyped-def]
 
 
 def gap_at(par, x, y, feature):  # type: ignore[no-untyped-def]
-    """Return (g, nu_x, nu_y, k, s, ds), as ``distance_at`` and ``place_at`` do."""
+    """Return (g, nu_x, nu_y, k, s, ds), as from ``distance_at`` and ``place_at``."""
     g, nx, ny, k, part = distance_at(par, x, y, feature)
     s, ds = place_at(par, x, y, part)
     return g, nx, ny, k, s, ds
 
 
 def reach(par, p0, u, z):  # type: ignore[no-untyped-def]
-    """Return how far the obstacle may see any point of the curve from that at z; inf where its gap jumps.
+    """Return a bound on the distance of points of the curve from the point at z, for the obstacle; inf if gaps jump.
 
-    No power of z is beyond 1. A gap changes by no more than the way, but beside the ends of an open polyline.
+    It uses |z^j| <= 1. The gap changes by no more than this distance, except at the ends of an open polyline.
     """
     if int(par[SHAPE]) == POLYLINE and par[ORIGIN + 1] <= 0.0:
         return np.inf
@@ -255,7 +254,7 @@ def reach(par, p0, u, z):  # type: ignore[no-untyped-def]
             power *= abs(z)
             away += (1.0 + power) * abs(p0[c * terms + j] + u[c * terms + j])
         square += away * away
-    # of rigid sections: they may turn right round
+    # rigid sections may rotate by any angle
     size = np.sqrt(square) + 2.0 * abs(par[OFFSET])
     if int(par[POSE]) == BY_DIRECTION:
         at = (3 if int(par[SECTION]) == OF_THETA else 2) * terms + 2
@@ -265,7 +264,7 @@ def reach(par, p0, u, z):  # type: ignore[no-untyped-def]
 
 
 def along(par, work, first, order):  # type: ignore[no-untyped-def]
-    """Return drho/dz (order 1) or d2rho/dz2 (order 2), from J and Q by X and X' (from ``first``)."""
+    """Return drho/dz (order 1) or d2rho/dz2 (order 2), from derivatives of rho by X and X' or X'' (at ``first``)."""
     body, _ = count_of(par)
     rx, ry = 0.0, 0.0
     for a in range(body):
@@ -287,9 +286,9 @@ def stand(par, p0, u, z, work):  # type: ignore[no-untyped-def]
 
 
 def spread(par, z, work, first, order, out, add):  # type: ignore[no-untyped-def]
-    """Set out (fields,) from ``add`` on to what entries (n,) by X, at ``first`` of work, are by the fields.
+    """Fill out from index ``add`` with derivatives (fields,) by the fields, from those (n,) by X at ``first`` of work.
 
-    ``order`` 1: by the fields' own derivative by z.
+    With ``order`` 1, the entries of work are derivatives by dX/dz.
     """
     terms, section = int(par[TERMS]), int(par[SECTION])
     body, pose = count_of(par)
@@ -307,7 +306,7 @@ def spread(par, z, work, first, order, out, add):  # type: ignore[no-untyped-def
 
 
 def spread_both(par, z, work, H, first, share):  # type: ignore[no-untyped-def]
-    """Add ``share`` times the matrix (8, 8) by X in work to H, rows and columns from ``first`` on."""
+    """Add ``share`` times the matrix (8, 8) by X in work to H by the fields, in rows and columns from ``first`` on."""
     terms, section = int(par[TERMS]), int(par[SECTION])
     body, pose = count_of(par)
     sets = 3 if section == OF_THETA else 2
@@ -336,21 +335,21 @@ def spread_both(par, z, work, H, first, share):  # type: ignore[no-untyped-def]
 
 
 def opens_by_choice(par, mem, force, g):  # type: ignore[no-untyped-def]
-    """Return whether a point without a law that may choose is open, by a force on it and its gap.
+    """Return whether a hard contact point with a free choice is open, given its force and gap.
 
-    Closed is what has force - c g >= -c TOUCH. What has pulled is open at any gap that is none but for round-off: the
-    force there would close it and pull again.
+    It is closed if force - c g >= -c TOUCH. A point that has pulled is open at any gap that is 0 up to round-off,
+    because the force there would close it and pull again.
     """
     touch = -par[TOUCH] if mem[HELD] == PULLED else par[TOUCH]
     return mem[HELD] < OPEN and force < par[STIFFNESS] * (g - touch)
 
 
 def is_back(par, nx, ny, work):  # type: ignore[no-untyped-def]
-    """Whether the point is on the face that looks away from the obstacle: that of a thin body overlaps, too."""
+    """Return whether the point is on a face that looks away from the obstacle; that of a thin body overlaps it too."""
     if par[FACE] == 0.0:
         return False
     if int(par[SECTION]) == OF_THETA:
-        # across the section, which two elements share at a node
+        # normal of the section, which two elements share at a node
         tx, ty = -work[BY + 2] / par[OFFSET], -work[BY + 10] / par[OFFSET]
     else:
         tx, ty = along(par, work, AT_1, 1)
@@ -358,11 +357,11 @@ def is_back(par, nx, ny, work):  # type: ignore[no-untyped-def]
 
 
 def pressed_from(last, gap, faces):  # type: ignore[no-untyped-def]
-    """Return from which gap on a point presses behind an accepted state, from the same behind the last one.
+    """Return the gap from which a point presses after an accepted state, given its value before.
 
-    Whether it faces the obstacle counts where it comes in: OUTSIDE it presses from 0 on if it does so there. What came
-    in with its back is UNTOUCHED until it faces the obstacle, and presses from the gap on that it has then. So no
-    energy appears or vanishes where a body turns within an obstacle or passes its middle.
+    It matters whether a point faces the obstacle when it enters. A point from OUTSIDE then presses from gap 0 on. One
+    that enters with its back is UNTOUCHED until it faces the obstacle, and then presses from its gap at that time. So
+    no energy appears or vanishes when a body turns inside an obstacle or passes its middle.
     """
     if gap >= 0.0:
         return OUTSIDE

@@ -1,12 +1,12 @@
 """The law of a layer between a curve of an element and an obstacle: pressure and friction at all points of the curve.
 
-The obstacle sees a point rho at q = R^T (rho - x) plus a constant, by its pose (R, x). With the unit vectors nu across
-and t along it there, and its curvature k, the gap has the gradient N = nu.q_u by the fields and the Hessian
-nu.q_uu + k T T, T = t.q_u; the place on the obstacle has ds times T and t.q_uu - k (N T + T N). In q_uu there is how
-sections bend the curve, and how the pose turns it; all else is zero.
+In the frame of the obstacle, with pose (R, x), a point rho is at q = R^T (rho - x) plus a constant. With the unit
+vectors nu normal and t tangential to the obstacle there, and its curvature k, the gap has the gradient N = nu.q_u by
+the fields and the Hessian nu.q_uu + k T T, T = t.q_u; the place on the obstacle has the gradient ds T and, for ds = 1,
+the Hessian t.q_uu - k (N T + T N). q_uu comes from the rotation of sections and of the pose only.
 
-Functions of arrays and numbers alone, which kernels compile as they are: loops count from zero, so that nobody asks
-whether an index counts from the end.
+Functions of arrays and numbers alone, which the kernels compile unchanged. Loops start at zero, so that the compiler
+need not handle negative indices.
 """
 
 from __future__ import annotations
@@ -49,15 +49,15 @@ from .contact_geometry import (
 )
 from .point_laws import APART, work_matrix
 
-# rows of work: the fields, powers of z and their derivatives, N, T, and others by the fields
+# rows of work: the fields, powers of z and their derivatives, N, T, and other derivatives by the fields
 HERE, POWERS, SLOPES, ACROSS, ALONG, FALL, OTHER = range(7)
 ROWS = 7
-# what an obstacle that does not turn sees (``seen``)
+# result of ``seen`` for an obstacle that does not rotate
 PLAIN = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 def slip(par, s, anchor):  # type: ignore[no-untyped-def]
-    """Return how far a place s on the obstacle is from another, the short way around; 0 where there is no other."""
+    """Return the slip from ``anchor`` to s along the obstacle, the shorter way around; 0 if anchor is NaN."""
     if np.isnan(anchor):
         return 0.0
     way = s - anchor
@@ -71,7 +71,7 @@ def slip(par, s, anchor):  # type: ignore[no-untyped-def]
 
 
 def drag(par, way, pressed):  # type: ignore[no-untyped-def]
-    """Return the force of friction along s after a slip, and whether it slides: elastic up to Coulomb's limit."""
+    """Return (friction force along s for a slip, whether it slides): elastic up to Coulomb's limit."""
     force, most = -par[STICK] * way, par[FRICTION] * pressed
     if abs(force) <= most:
         return force, False
@@ -79,15 +79,15 @@ def drag(par, way, pressed):  # type: ignore[no-untyped-def]
 
 
 def sets_of(par):  # type: ignore[no-untyped-def]
-    """Return how many sets of coefficients the curve has, and where the fields of the pose begin."""
+    """Return the number of sets of coefficients of the curve, and the index of the first field of the pose."""
     sets = 3 if int(par[SECTION]) == OF_THETA else 2
     return sets, sets * int(par[TERMS])
 
 
 def stand(par, work, z):  # type: ignore[no-untyped-def]
-    """Fill the powers of z; return rho, drho/dz, and how far it goes with the section: drho by theta or by the tangent.
+    """Fill the powers of z; return rho, drho/dz, and the derivatives of rho by the section (theta or tangent).
 
-    That is of x and y by its first component, and by its second one.
+    The latter are those of x and y by theta or by the first component of the tangent, then by its second component.
     """
     terms, section = int(par[TERMS]), int(par[SECTION])
     xs, ys, P, S = work[HERE, :terms], work[HERE, terms:2 * terms], work[POWERS], work[SLOPES]
@@ -114,7 +114,7 @@ def stand(par, work, z):  # type: ignore[no-untyped-def]
 
 
 def seen(par, fields, x, y):  # type: ignore[no-untyped-def]
-    """Return q, the direction (c, s) of the obstacle, and what q follows where its direction changes (x, y)."""
+    """Return q, the direction (c, s) of the obstacle, and (x, y)/LENGTH, the derivatives of q by this direction."""
     pose = int(par[POSE])
     if pose == BY_ANGLE:
         c, s = np.cos(fields[2]), np.sin(fields[2])
@@ -127,7 +127,7 @@ def seen(par, fields, x, y):  # type: ignore[no-untyped-def]
 
 
 def row_of(par, work, x, y, bends, q, out):  # type: ignore[no-untyped-def]
-    """Set out (fields,) to v.q_u of a vector v as the obstacle sees it."""
+    """Fill out (fields,) with v.q_u for a vector v in the frame of the obstacle."""
     terms, section, pose = int(par[TERMS]), int(par[SECTION]), int(par[POSE])
     P, S, us, vs = work[POWERS], work[SLOPES], out[:terms], out[terms:2 * terms]
     vx, vy = q[2] * x - q[3] * y, q[3] * x + q[2] * y
@@ -150,7 +150,7 @@ def row_of(par, work, x, y, bends, q, out):  # type: ignore[no-untyped-def]
 
 
 def bent_by(par, work, vx, vy, bends):  # type: ignore[no-untyped-def]
-    """Return the second derivatives of v.rho by the section: by theta, or by the tangent twice along x, x and y, y."""
+    """Return the second derivatives of v.rho by the section: by theta, or by the tangent components xx, xy and yy."""
     section, h = int(par[SECTION]), par[OFFSET]
     if section == OF_THETA:
         return vy * bends[0] - vx * bends[1], 0.0, 0.0
@@ -162,7 +162,7 @@ def bent_by(par, work, vx, vy, bends):  # type: ignore[no-untyped-def]
         e0, e1 = e0 + xs[j] * S[j], e1 + ys[j] * S[j]
     L = np.sqrt(e0 * e0 + e1 * e1)
     e0, e1, share = e0 / L, e1 / L, h / (L * L)
-    # e has (3 e e e - e I - I e)/L^2, and n.v = e0 vy - e1 vx
+    # second derivative of e: (3 e e e - e I - I e)/L^2; n.v = e0 vy - e1 vx
     turned = e0 * vy - e1 * vx
     return (share * (3.0 * e0 * e0 * turned - turned - 2.0 * e0 * vy),
             share * (3.0 * e0 * e1 * turned - e1 * vy + e0 * vx),
@@ -170,7 +170,7 @@ def bent_by(par, work, vx, vy, bends):  # type: ignore[no-untyped-def]
 
 
 def bend(par, work, x, y, bends, q, H):  # type: ignore[no-untyped-def]
-    """Add v.q_uu of a vector v as the obstacle sees it to H."""
+    """Add v.q_uu for a vector v in the frame of the obstacle to H."""
     terms, pose, m, row = int(par[TERMS]), int(par[POSE]), len(H), work[OTHER]
     sets, at = sets_of(par)
     if int(par[SECTION]) != CURVE:
@@ -202,7 +202,7 @@ def bend(par, work, x, y, bends, q, H):  # type: ignore[no-untyped-def]
 
 
 def rates(par, work, w, bends, q):  # type: ignore[no-untyped-def]
-    """Return the rate of rho beside the obstacle (2), that of q (2), and of what bends the section (2)."""
+    """Return the rates of rho relative to the obstacle's origin (2), of q (2), and of theta or tangent (2)."""
     terms, section, pose = int(par[TERMS]), int(par[SECTION]), int(par[POSE])
     P, S, us, vs, x, y, a, b = work[POWERS], work[SLOPES], w[:terms], w[terms:2 * terms], 0.0, 0.0, 0.0, 0.0
     for j in range(terms):
@@ -226,7 +226,7 @@ def rates(par, work, w, bends, q):  # type: ignore[no-untyped-def]
 
 
 def fall(par, work, nx, ny, w, moving, bends, q, out):  # type: ignore[no-untyped-def]
-    """Set out (fields,) to the derivative of nu.dq/dt at a given nu, nu.q_uu w."""
+    """Fill out (fields,) with the derivative nu.q_uu w of nu.dq/dt at constant nu."""
     terms, pose = int(par[TERMS]), int(par[POSE])
     sets, at = sets_of(par)
     for j in range(len(out)):
@@ -250,12 +250,12 @@ def fall(par, work, nx, ny, w, moving, bends, q, out):  # type: ignore[no-untype
 
 
 def stiffen(par, work, force, held, stick, share, k, sheared, H, C):  # type: ignore[no-untyped-def]
-    """Add the derivatives of the force of a point to H and C, but for q_uu, from N, T and what ``fall`` filled."""
+    """Add the derivatives of a point's force to H and C, except for q_uu, from N, T and the result of ``fall``."""
     weight, m = par[WEIGHT], len(H)
     N, T, slope = work[ACROSS], work[ALONG], work[FALL]
     stiff, damping = weight * par[STIFFNESS], weight * par[DAMPING]
     for j in range(m):
-        # of the force, with the sign turned
+        # derivative of the normal force, with the sign reversed
         slope[j] = stiff * N[j] + damping * (slope[j] + k * sheared * T[j])
     for i in range(m):
         line, row = H[i], N[i] - share * T[i]
@@ -270,7 +270,7 @@ def stiffen(par, work, force, held, stick, share, k, sheared, H, C):  # type: ig
 
 
 def opposite(par, work):  # type: ignore[no-untyped-def]
-    """Return drho/dz (2), what bends it, what ``seen`` returns, and where the obstacle sees the point, at its home."""
+    """Return drho/dz (2), its derivatives by the section, the result of ``seen``, and the point for the obstacle."""
     x, y, x1, y1, a, b, c, d = stand(par, work, par[HOME])
     q = seen(par, work[HERE, sets_of(par)[1]:], x, y)
     if int(par[POSE]) == STILL:
@@ -279,7 +279,7 @@ def opposite(par, work):  # type: ignore[no-untyped-def]
 
 
 def looks_away(par, x1, y1, nx, ny, bends, q):  # type: ignore[no-untyped-def]
-    """Return whether the point is on the face that looks away from the obstacle: that of a thin body overlaps, too."""
+    """Return whether the point is on a face that looks away from the obstacle; that of a thin body overlaps it too."""
     if par[FACE] == 0.0:
         return False
     if int(par[SECTION]) == OF_THETA:
@@ -289,10 +289,10 @@ def looks_away(par, x1, y1, nx, ny, bends, q):  # type: ignore[no-untyped-def]
 
 
 def apart_by(par, gap, length, q):  # type: ignore[no-untyped-def]
-    """Return by how much fields may change, in sum, before a curve of a length can touch that a gap is opposite to.
+    """Return a sum of changes of fields below which a curve cannot touch; ``length`` bounds the distance of its points.
 
-    A section may turn right round, and where the pose turns, each place moves by its distance. It is half of that, as
-    the direction of a pose need not be of its own length before a step has converged.
+    ``gap`` is that of one point. Sections may rotate by any angle, and a rotation of the pose moves a place by its
+    distance. Half of the gap is used, because the direction of a pose may have another length until a step converges.
     """
     pose, far = int(par[POSE]), 0.5 * (gap - length) - abs(par[OFFSET])
     if pose == STILL:
@@ -302,7 +302,7 @@ def apart_by(par, gap, length, q):  # type: ignore[no-untyped-def]
 
 
 def rubbed(par, place, part, anchor, force):  # type: ignore[no-untyped-def]
-    """Return the force of friction along t, its spring, and what share of the force across it is where it slides."""
+    """Return the friction force along t, its stiffness (sticking) and its ratio to the normal force (sliding)."""
     if par[FRICTION] == 0.0:
         return 0.0, 0.0, 0.0
     s, ds = place_at(par, place[0], place[1], part)
@@ -317,8 +317,8 @@ def rubbed(par, place, part, anchor, force):  # type: ignore[no-untyped-def]
 def layer(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     """Pressure max(0, -k g - c dg/dt) per length at points of a curve, with friction that is elastic up to a limit.
 
-    ``par`` and ``mem`` have a row for each point; f, H and C are of them all. H and C may have no size. Returns
-    (energy, power), or how far the curve is from the obstacle and APART where nothing acts.
+    ``par`` and ``mem`` have a row for each point; f, H and C are sums over them. H and C may have size 0. Returns
+    (energy, power), or (the result of ``apart_by``, APART) if no point acts.
     """
     energy, power, acts, far, m = 0.0, 0.0, False, 0.0, len(u)
     work = work_matrix(ROWS, m)
@@ -366,13 +366,13 @@ def layer(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
 
 
 def layer_at(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """Do as ``layer`` does at one point; return (energy, power), 0 where it is apart."""
+    """Same as ``layer`` for one point; return (energy, power), 0 if it does not act."""
     energy, power = layer(p0, u, w, par.reshape((1, len(par))), a, mem.reshape((1, len(mem))), f, H, C)
     return (0.0, 0.0) if power == APART else (energy, power)
 
 
 def settle(p0, u, par, mem):  # type: ignore[no-untyped-def]
-    """Let points of a curve remember in an accepted state from where they press, and what friction holds them to."""
+    """Update, at an accepted state, the gap from which each point of a curve presses, and its friction anchor."""
     m = len(u)
     work = work_matrix(ROWS, m)
     here = work[HERE]
@@ -394,5 +394,5 @@ def settle(p0, u, par, mem):  # type: ignore[no-untyped-def]
 
 
 def settle_at(p0, u, par, mem):  # type: ignore[no-untyped-def]
-    """Do as ``settle`` at one point."""
+    """Same as ``settle`` for one point."""
     settle(p0, u, par.reshape((1, len(par))), mem.reshape((1, len(mem))))

@@ -1,20 +1,20 @@
-"""Hard contact points between the nodes of a body: how the beam yields there, and where they slide to.
+"""Hard contact points between the nodes of a body: the compliance of the beam there, and where the points slide to.
 
-Between the ends of an element a beam bends under a force p at z more than the element can. It goes c(z) p further,
-c = l^3 x^3 (1 - x)^3/3 EI + l x (1 - x)/kGA at x = 0..1 along the element, as a beam that is clamped at both ends, and
-so the gap is g(q, z) + c(z) p. With the multiplier lambda = -p all follows from
+Under a force p at z between the ends of an element, a beam bends more than the element can. The additional deflection
+is c(z) p, c = l^3 x^3 (1 - x)^3/3 EI + l x (1 - x)/kGA at x = 0..1 along the element, as in a beam clamped at both
+ends, so the gap is g(q, z) + c(z) p. With the multiplier lambda = -p, everything follows from
 
     L = lambda g(q, z) - c(z) lambda^2/2.
 
-A point that slides stands where L is stationary, g_z + c_z p/2 = 0, as where a body lifts off an obstacle; with
-G = g_zz + c_zz p/2 and v = g_qz/G, eliminating z leaves
+A sliding point is where L is stationary, g_z + c_z p/2 = 0, e.g. where a body lifts off an obstacle. With
+G = g_zz + c_zz p/2 and v = g_qz/G, elimination of z leaves
 
     L_qq = lambda (g_qq - g_qz v),  L_q,lambda = g_q - c_z p v/2,  L_lambda,lambda = -c + c_z^2 p/4 G.
 
-With A = t.rho_q, B = nu.rho_qz, T = t.rho_z and the curvature k = 1/D of the gap g_qz = k T A + B; what follows has
-limits at a corner (D = 0) and on a plane (D = inf).
+With A = t.rho_q, B = nu.rho_qz, T = t.rho_z and the curvature k = 1/D of the gap, g_qz = k T A + B; the terms have
+finite limits at a corner (D = 0) and on a plane (D = inf).
 
-Functions of arrays and numbers alone, which kernels compile as they are.
+Functions of arrays and numbers alone, which the kernels compile unchanged.
 """
 
 from __future__ import annotations
@@ -49,14 +49,14 @@ from .contact_geometry import (
 )
 
 TRIES = 30
-# changes of z that round-off may leave; the curvature of the gap where the curve goes through a corner
+# greatest remaining change of z due to round-off; curvature of the gap if the curve passes through a corner
 SETTLED, AT_CORNER = 1e-9, 1e300
-# how far beyond the ends of an element a point may slide before another element has it
+# largest |z| to which a point may slide beyond the ends of its element before it changes to another element
 BEYOND = 1.5
 
 
 def yields(par, z):  # type: ignore[no-untyped-def]
-    """Return c at z and its first two derivatives; 0 beyond the interval of the point."""
+    """Return c at z and its first two derivatives by z; 0 outside the interval of the point."""
     if par[BENDS] == 0.0 or abs(z - par[HOME]) >= par[DAMPING]:
         return 0.0, 0.0, 0.0
     half = par[DAMPING]
@@ -67,7 +67,7 @@ def yields(par, z):  # type: ignore[no-untyped-def]
 
 
 def yields_beside(par, z, at):  # type: ignore[no-untyped-def]
-    """Return how far the beam goes at z under a unit force ``at`` another place of the interval, beyond its curve."""
+    """Return the additional deflection at z under a unit force at another place ``at`` of the interval."""
     if par[BENDS] == 0.0 or max(abs(z - par[HOME]), abs(at - par[HOME])) >= par[DAMPING]:
         return 0.0
     x, a = 0.5 + 0.5 * (z - par[HOME]) / par[DAMPING], 0.5 + 0.5 * (at - par[HOME]) / par[DAMPING]
@@ -78,12 +78,12 @@ def yields_beside(par, z, at):  # type: ignore[no-untyped-def]
 
 
 def at_corner(par, feature):  # type: ignore[no-untyped-def]
-    """Whether what a point is opposite to is the corner of a polyline."""
+    """Return whether points are opposite to a corner of a polyline."""
     return (par[..., SHAPE] == POLYLINE) & (feature % 2 == 1)
 
 
 def slopes(par, z, force, nx, ny, k, work):  # type: ignore[no-untyped-def]
-    """Return (g_z + c_z p/2, G, T, bend) at z, from the normal nu of the gap; bend is G without what k does."""
+    """Return (g_z + c_z p/2, G, T, bend) at z, for the normal nu of the gap; bend is G without the term in k."""
     _, c1, c2 = yields(par, z)
     x1, y1 = along(par, work, AT_1, 1)
     x2, y2 = along(par, work, AT_2, 2)
@@ -92,7 +92,7 @@ def slopes(par, z, force, nx, ny, k, work):  # type: ignore[no-untyped-def]
 
 
 def least(par, p0, u, mem, force, work):  # type: ignore[no-untyped-def]
-    """Return z next to mem[PLACE] where a point slides to under a force, nan where there is none on its element."""
+    """Return z near mem[PLACE] to which a point slides under a force, or NaN if there is none on its element."""
     z, feature, moved = mem[PLACE], mem[FEATURE], 0.0
     corner = at_corner(par, feature)
     for _ in range(TRIES):
@@ -100,11 +100,11 @@ def least(par, p0, u, mem, force, work):  # type: ignore[no-untyped-def]
         _, nx, ny, k, _, _ = gap_at(par, work[RHO], work[RHO + 1], feature)
         slope, G, _, bend = slopes(par, z, force, nx, ny, k, work)
         if corner and k == 0.0:
-            # nothing is nearer than the corner itself
+            # the curve passes through the corner: no place is nearer
             moved = 0.0
             break
         if corner:
-            # D g_z, and the second derivative of D^2/2, which stays positive from far away
+            # D g_z, and the second derivative of D^2/2, which stays positive far from the solution
             x1, y1 = along(par, work, AT_1, 1)
             slope, G = slope / k, max(x1 * x1 + y1 * y1 + bend / k, 0.1 * (x1 * x1 + y1 * y1))
         elif G <= 0.0:
@@ -120,10 +120,10 @@ def least(par, p0, u, mem, force, work):  # type: ignore[no-untyped-def]
 
 
 def foot(par, p0, u, z, work):  # type: ignore[no-untyped-def]
-    """Return the place next to z that is nearest to the centre of a circle, nan where that is not on the element.
+    """Return the place near z that is nearest to the centre of a circle, or NaN if it is not on the element.
 
-    There D^2/2 is stationary, whose second derivative tells the way from far away, too: that of the gap itself does so
-    only from places no further along the curve than the centre is away from it.
+    D^2/2 is stationary there. Its second derivative leads there from far away too; that of the gap does so only from
+    places no further along the curve than the distance of the centre.
     """
     for _ in range(TRIES):
         stand(par, p0, u, z, work)
@@ -142,7 +142,7 @@ def foot(par, p0, u, z, work):  # type: ignore[no-untyped-def]
 
 
 def facing(par, mem, z, force, work):  # type: ignore[no-untyped-def]
-    """Return (g, nu, k, s, ds) at z; at a corner, where it may be 0, nu follows from the tangent of the curve."""
+    """Return (g, nu, k, s, ds) at z; at a corner, where g may be 0, nu follows from the tangent of the curve."""
     g, nx, ny, k, s, ds = gap_at(par, work[RHO], work[RHO + 1], mem[FEATURE])
     if at_corner(par, mem[FEATURE]):
         k = k if k != 0.0 else AT_CORNER
@@ -176,7 +176,7 @@ def bent_free(par, z, nx, ny, k, force, work, H, m):  # type: ignore[no-untyped-
     for a in range(body + pose):
         work[VECTOR + a] = -ny * work[BY + a] + nx * work[BY + 8 + a]
     spread(par, z, work, VECTOR, 0, work, ROW)
-    # of k = 0 all without D
+    # for k = 0, all terms are divided by D
     D, one = (1.0 / k, 1.0) if k != 0.0 else (1.0, 0.0)
     below = one * T * T + bend * D
     for p in range(m):

@@ -1,4 +1,4 @@
-"""What an element type is: polynomials in (x, y) as a basis, and nodal coordinates."""
+"""Definition of an element type: a basis of polynomials in (x, y), and nodal coordinates."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def _parse_term(text: str, sign: float) -> Term:
 
 
 def parse(text: str) -> Polynomial:
-    """Parse a polynomial such as ``x^2 + nu*y^2``; raise ValueError with the offending piece."""
+    """Parse a polynomial such as ``x^2 + nu*y^2``; raise ValueError that names the piece it cannot read."""
     text = str(text).strip()
     terms, position = [], 0
     while position < len(text):
@@ -92,7 +92,7 @@ _GRADIENT = re.compile(r"r(?:_(x*)(y*))?")
 def derivative_order(coordinate: str) -> tuple[int, int]:
     """Return (i, j) of the nodal coordinate d^(i+j) r / dx^i dy^j: ``r_xy`` gives (1, 1).
 
-    Raises ValueError for a name that is no derivative of r.
+    Raises ValueError for a name that is not a derivative of r.
     """
     match = _GRADIENT.fullmatch(coordinate)
     if match is None or coordinate == "r_":
@@ -102,7 +102,7 @@ def derivative_order(coordinate: str) -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class NodeSpec:
-    """One node of an element: its place in [0, 1] along the element and its nodal coordinates."""
+    """One node of an element: its position in [0, 1] along the element and its nodal coordinates."""
 
     at: float
     coordinates: tuple[str, ...]
@@ -112,12 +112,12 @@ class NodeSpec:
 class ElementType:
     """An element of the family r(x, y) = sum_k s_k(x, y) e_k, given by its basis and nodal coordinates.
 
-    ``quadrature`` maps a formulation to the (nx, ny) Gauss points that this type is recommended with
-    (formulations know a rule for every type; an entry here overrides it). ``shear_factor`` is
-    ``timoshenko`` (10 (1 + nu)/(12 + 11 nu)), ``none`` (1) or a number. ``preset`` maps the option
-    ``preset: paper`` to the seed paper's choices; empty if the paper does not use the type. ``slender`` is the element
-    length over height up to which bending does not lock (measured: docs/accuracy.md). ``lobatto`` is the share of the
-    mass that as many Gauss-Lobatto points along the axis integrate as determine the polynomial (the rest is exact).
+    ``quadrature`` maps a formulation to the (nx, ny) Gauss points recommended for this type; it overrides the
+    default rule of the formulation. ``shear_factor`` is ``timoshenko`` (10 (1 + nu)/(12 + 11 nu)), ``none`` (1) or
+    a number. ``preset`` maps the option ``preset: paper`` to the seed paper's choices; it is empty if the paper does
+    not use the type. ``slender`` is the ratio of element length to height up to which bending does not lock (measured:
+    docs/accuracy.md). ``lobatto`` is the share of the mass that is integrated with Gauss-Lobatto points along the axis,
+    as many as determine the polynomial; the rest is integrated exactly.
     """
 
     name: str
@@ -134,7 +134,7 @@ class ElementType:
 
     @cached_property
     def polynomials(self) -> tuple[Polynomial, ...]:
-        """The parsed basis; raises ValueError for text that is no polynomial."""
+        """The parsed basis; raises ValueError for text that is not a polynomial."""
         return tuple(parse(b) for b in self.basis)
 
     @cached_property
@@ -144,7 +144,7 @@ class ElementType:
 
     @property
     def components(self) -> int:
-        """Components per shape function: x, y, and theta where it is a coordinate."""
+        """Components per shape function: x and y, and theta if it is a coordinate."""
         return 3 if self.has_theta else 2
 
     @cached_property
@@ -174,24 +174,24 @@ class ElementType:
 
     @property
     def degree_of_turn(self) -> int:
-        """Highest power of x by which sections turn along the axis."""
+        """Highest power of x in the rotation of the sections along the axis."""
         if self.section_kind == "interpolated":
             return max(t.i for p in self.polynomials for t in p.terms if t.j == 1)
         return self.degree_x if self.has_theta else self.degree_x - 1
 
     @cached_property
     def common_coefficients(self) -> bool:
-        """Whether some basis function ties powers of y to powers of x."""
+        """Whether a basis function couples powers of y to powers of x by a common coefficient."""
         return any(len({(t.i, t.j) for t in p.terms}) > 1 for p in self.polynomials)
 
     @property
     def scales(self) -> bool:
-        """Whether elements of another length, height and Poisson's ratio have shape functions that differ in scale."""
+        """Whether length and height only scale the shape functions, and Poisson's ratio does not enter."""
         return not self.common_coefficients and all(t.nu == 0 for p in self.polynomials for t in p.terms)
 
     @cached_property
     def section_kind(self) -> str:
-        """How a cross-section follows from the coordinates: interpolated, tangent (normal to r_x) or theta."""
+        """How coordinates define a cross-section: interpolated, tangent (normal to r_x) or theta (own rotation)."""
         if self.has_theta:
             return "theta"
         return "interpolated" if self.degree_y > 0 else "tangent"

@@ -1,12 +1,13 @@
-"""Sections of fibres along the axis, each with a uniaxial law of its own: plastic, or nonlinear elastic.
+"""Sections made of fibres along the axis, each with its own uniaxial law: plastic or nonlinear elastic.
 
-A formulation whose strains tell the strain e = eps - y kappa of every fibre can have them. Its section forces are sums
-over Gauss points through the height of each layer, N = sum w s and M = -sum w y s. Kernels have them as those of the
-elastic section, D (eps - eps_i), with internal strains eps_i that bear what the fibres do not: shear stays elastic.
+A formulation can have fibres if its strains give the strain e = eps - y kappa of every fibre. Its section forces are
+sums over Gauss points through the height of each layer, N = sum w s and M = -sum w y s. Kernels see them as forces of
+the elastic section, D (eps - eps_i), with internal strains eps_i for the stress that fibres do not bear; shear stays
+elastic.
 
-The law of a fibre is that of rate-independent plasticity with isotropic and linear kinematic hardening: with the
-plastic strain p and its sum of magnitudes a, |E (e - p) - K p| <= s(a). The return map is exact in a step of one
-direction (Simo & Hughes 1998, section 1.4), and so is its derivative, the consistent tangent.
+The law of a plastic fibre has isotropic and linear kinematic hardening, independent of rate: with the plastic strain p
+and its accumulated magnitude a, |E (e - p) - K p| <= s(a). The return map is exact in a step of one direction (Simo &
+Hughes 1998, section 1.4), and so is its derivative, the consistent tangent.
 """
 
 from __future__ import annotations
@@ -21,24 +22,24 @@ from .formulations.base import Formulation, Free, PointLaw, Rule, Sampler, of_se
 from .section import Section
 from .shape import Array, gauss
 
-# a fibre is plastic that is this much beyond its yield stress: one at the end of an accepted step is not
+# relative excess over the yield stress that counts as yielding: fibres at the end of an accepted step do not
 BEYOND = 1e-10
-# of E: tangent of a fibre that bears no more, so that a section in which all yield leaves a matrix that can be solved.
-# Where two such sections meet at a node, how their hinge is divided between them is not determined: with less than
-# this, what is left of a residual would turn the node further than fibres take to yield and unload
+# share of E: least tangent of a yielding fibre, so that the matrix stays regular if all fibres of a section yield.
+# If two such sections meet at a node, the division of the hinge between them is not determined: with a smaller
+# tangent, the remaining residual would rotate the node by more than fibres need to yield and unload
 LEFT = 1e-6
-# of E: slope in the end below which a section of fibres that yield is a hinge
+# share of E: below this final slope a section of yielding fibres counts as a hinge
 FLOWS = 0.01
-# Gauss points through the height of each layer, where a case says nothing of them
+# default number of Gauss points through the height of each layer
 FIBRES = 16
 
 
 @dataclass(frozen=True)
 class Uniaxial:
-    """The stress of a fibre: E [Pa] at first, then straight lines that begin at ``at`` with ``stress`` and ``slope``.
+    """The stress-strain law of a fibre: first E [Pa], then straight lines from ``at`` with ``stress`` and ``slope``.
 
-    Of an ``elastic`` law, ``at`` are strains from 0 on; else plastic strains from 0 on, where the stress is the yield
-    stress, and ``kinematic`` [Pa] shifts it per plastic strain.
+    In an ``elastic`` law, ``at`` are strains, starting with 0; otherwise plastic strains, starting with 0, ``stress``
+    is the yield stress there, and ``kinematic`` [Pa] shifts the yield surface per plastic strain.
     """
 
     E: float
@@ -50,17 +51,17 @@ class Uniaxial:
 
     @property
     def flows(self) -> bool:
-        """Whether the fibre yields and in the end bears hardly more, so that a section of such can be a hinge."""
+        """Whether the fibre yields with almost no final hardening, so that a section of such fibres can be a hinge."""
         return not self.elastic and self.slope[-1] + self.kinematic < FLOWS * self.E
 
     @property
     def numbers(self) -> list[float]:
-        """All constants in a row, as ``internal`` reads them."""
+        """All constants in one list, in the order that ``internal`` reads."""
         lines = zip(self.at, self.stress, self.slope, strict=True)
         return [float(self.elastic), self.E, self.kinematic, float(len(self.at)), *(v for line in lines for v in line)]
 
     def stress_of(self, e: Array, p: Array) -> Array:
-        """Return the stress [Pa] of fibres strained by e, whose plastic strains are p."""
+        """Return the stress [Pa] of fibres with strains e and plastic strains p."""
         if not self.elastic:
             return self.E * (e - p)
         size = np.abs(e)
@@ -75,14 +76,14 @@ def linear(E: float) -> Uniaxial:
 
 
 def hardening(E: float, stress: float, isotropic: float, kinematic: float) -> Uniaxial:
-    """Return the law of a fibre that yields at a stress and hardens linearly, all in Pa."""
+    """Return the law of a fibre with a yield stress and linear isotropic and kinematic hardening, all in Pa."""
     return Uniaxial(E, (0.0,), (stress,), (isotropic,), kinematic)
 
 
 def curve(E: float, points: tuple[tuple[float, float], ...], elastic: bool) -> Uniaxial:
-    """Return the law of a fibre by points (strain, stress) beyond zero; the last slope goes on.
+    """Return the law of a fibre through points (strain, stress) with positive strain; the last slope continues.
 
-    ``elastic``: it unloads along the curve; else with E, and the curve tells isotropic hardening.
+    ``elastic``: unloading follows the curve; otherwise unloading has slope E and the curve gives isotropic hardening.
     """
     slopes = [(t - s) / (b - a) for (a, s), (b, t) in pairwise([(0.0, 0.0), *points])]
     if elastic:
@@ -99,7 +100,7 @@ def curve(E: float, points: tuple[tuple[float, float], ...], elastic: bool) -> U
 
 
 def _along(ref, law, eps, bend, row, stress, tangent, lanes):  # type: ignore[no-untyped-def]
-    """Fill stress and tangent of an elastic fibre, whose law's numbers stand in ``ref`` from row ``law`` on."""
+    """Fill stress and tangent of an elastic fibre, whose law's numbers start at row ``law`` of ``ref``."""
     line = law + 4
     for _ in range(int(ref[law + 3, 0])):
         at, start, rise = ref[line, 0], ref[line + 1, 0], ref[line + 2, 0]
@@ -113,9 +114,9 @@ def _along(ref, law, eps, bend, row, stress, tangent, lanes):  # type: ignore[no
 
 
 def _yielded(ref, law, eps, bend, row, p, a, over, gone, stress, tangent, lanes):  # type: ignore[no-untyped-def]
-    """Fill stress and tangent of a plastic fibre with plastic strains p and a; ``over`` and ``gone`` become the new.
+    """Fill stress, tangent, and new p and a (``over``, ``gone``) of a plastic fibre with p and a before the step.
 
-    What the stress exceeds that of yielding by is taken line by line of the curve, without a branch in the lanes.
+    The stress in excess of the yield stress is reduced line by line along the curve, without a branch in the lanes.
     """
     E, K, lines = ref[law + 1, 0], ref[law + 2, 0], int(ref[law + 3, 0])
     for k in range(lines):
@@ -146,7 +147,7 @@ def _yielded(ref, law, eps, bend, row, p, a, over, gone, stress, tangent, lanes)
 
 
 def _add_fibre(ref, row, E, eps, bend, p, stress, tangent, new, slope, force, lanes):  # type: ignore[no-untyped-def]
-    """Add what a fibre with plastic strains p bears to the sums of its section, and lacks of the elastic fibre."""
+    """Add a fibre with plastic strains p to the section's sums: its forces, and their deficit to the elastic fibre."""
     n = len(eps)
     for l in range(lanes):
         y, w = ref[row, l], ref[row + 1, l]
@@ -168,16 +169,16 @@ def _add_fibre(ref, row, E, eps, bend, p, stress, tangent, new, slope, force, la
 
 
 def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
-    """Fill the internal strains with their sizes, the fibres' plastic strains p and a, forces and work, and slope.
+    """Fill the internal strains and their sizes, p and a of the fibres, the section forces, and the slope.
 
-    The last of the state are N, M and by how much the internal strains have taken less than those of each step under
-    the stress at its end: they have under the mean of its stresses at both ends.
-    The last reference values of a point are (e_N, e_NM, e_M), the compliance of the elastic section; (y, w, place of
-    the law) of each fibre; the laws; the place of the first fibre, and the number of fibres.
+    The last three numbers of the state are N, M and the accumulated excess of the internal strains' work, counted with
+    the stress at the end of each step, over their work with the mean of the stresses at both ends.
+    The last reference values of a point are (e_N, e_NM, e_M), the compliance of the elastic section; (y, w, row of
+    the law) of each fibre; the laws; the row of the first fibre, and the number of fibres.
     """
     last, n = len(ref) - 1, len(eps)
     bend, first, force = 1 if n == 2 else 2, int(ref[last - 1, 0]), 2 * (n + int(ref[last, 0]))
-    # rows that are filled last
+    # used as work arrays; these rows are filled last
     stress, tangent = new[force + 2], slope[bend, 0]
     for i in range(2 * n):
         for l in range(lanes):
@@ -212,9 +213,9 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
 
 
 def stored(ref: Array, D: Array, eps: Array, state: Array) -> Array:
-    """Return what fibres store beyond the energy of the section's forces in the elastic section; see ``PointLaw``.
+    """Return the energy stored by fibres beyond the energy of the section forces in the elastic section.
 
-    A fibre that yields has E (e - p)^2/2 + K p^2/2, another one its stress summed over its strain.
+    See ``PointLaw``. A plastic fibre stores E (e - p)^2/2 + K p^2/2, an elastic one the integral of its stress.
     """
     row, n = ref[:, 0], eps.shape[-1]
     bend, last = 1 if n == 2 else 2, ref.shape[-1] - 1
@@ -233,7 +234,7 @@ def stored(ref: Array, D: Array, eps: Array, state: Array) -> Array:
 
 
 def _overtold(ref: Array, D: Array, state: Array) -> Array:
-    """Return what the internal strains took less than was told at the ends of steps; see ``PointLaw``."""
+    """Return the excess of the internal strains' work counted with end-of-step stresses; see ``PointLaw``."""
     row, bend = ref[:, 0], 1 if D.shape[-1] == 2 else 2
     first = int(row[0, -2])
     length = D[:, 0, 0] * row[:, first - 3] + D[:, 0, bend] * row[:, first - 2]
@@ -241,7 +242,7 @@ def _overtold(ref: Array, D: Array, state: Array) -> Array:
 
 
 def _energy(numbers: Array, e: Array, p: Array) -> tuple[Array, Array]:
-    """Return energy per volume and stress of fibres strained by e with plastic strains p, by the numbers of a law."""
+    """Return energy per volume and stress of fibres with strains e and plastic strains p, from a law's ``numbers``."""
     elastic, E, K, lines = numbers[0], numbers[1], numbers[2], int(numbers[3])
     if not elastic:
         return 0.5 * E * (e - p) ** 2 + 0.5 * K * p**2, E * (e - p)
@@ -256,7 +257,7 @@ def _energy(numbers: Array, e: Array, p: Array) -> tuple[Array, Array]:
 
 
 def _layers(section: Section) -> list[tuple[Array, Array]]:
-    """Return (bottom, top) of each layer as shares of the height, where sections vary arrays (stations,)."""
+    """Return y [m] of the bottom and top of each layer; arrays (stations,) where the section varies."""
     if not section.layers:
         half = 0.5 * np.asarray(section.height)
         return [(-half, half)]
@@ -264,7 +265,7 @@ def _layers(section: Section) -> list[tuple[Array, Array]]:
 
 
 def places(section: Section, points: int) -> tuple[Array, Array]:
-    """Return y and weights b dy (fibres, stations or 1) of the fibres of a section, ``points`` in each layer."""
+    """Return y and weights b dy (fibres, stations or 1) of all fibres of a section, ``points`` in each layer."""
     x, w = gauss(points)
     y, weight = [], []
     for low, high in _layers(section):
@@ -276,14 +277,14 @@ def places(section: Section, points: int) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class _Sample:
-    """Samples a formulation whose sections have ``points`` fibres in each layer."""
+    """Sampling of a formulation whose sections have ``points`` fibres in each layer."""
 
     base: Formulation
     points: int
 
     def __call__(self, sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
-        """Return (B, ref, D) as ``Formulation.sample`` does."""
-        # formulations without fibres have been refused
+        """Return (B, ref, D) as in ``Formulation.sample``."""
+        # formulations without fibres were refused before
         assert self.base.fibres is not None
         xi, (B, ref, D) = self.base.fibres(sampler, rule)
         section, n = sampler.at(xi), len(xi)
@@ -305,12 +306,12 @@ class _Sample:
 
 @dataclass(frozen=True)
 class _Natural:
-    """What strains such a section when it is free: axial strain, curvature, and strain across where it has one."""
+    """Natural strains of a section with fibres: axial strain and curvature, and of four strains that across."""
 
     base: Formulation
 
     def __call__(self, sampler: Sampler, rule: Rule, free: Free) -> Array:
-        """Return strains (stations, strains) as ``Formulation.natural`` does."""
+        """Return the strains (stations, strains) as in ``Formulation.natural``."""
         assert self.base.fibres is not None
         xi, _ = self.base.fibres(sampler, rule)
         axial, curvature, across = of_section(sampler, free, xi)
@@ -325,7 +326,7 @@ class _Natural:
 def with_fibres(base: Formulation, layers: int, points: int, numbers: int) -> Formulation:
     """Return a formulation whose sections have ``points`` fibres in each of ``layers``.
 
-    ``numbers`` are those of its laws together, each once.
+    ``numbers`` is the total length of its laws' ``numbers``, each law counted once.
     """
     law, fibres = base.law, layers * points
     own = PointLaw(law.fields, law.strains, law.references + 5 + 3 * fibres + numbers, law.strain, law.geometric,
@@ -335,7 +336,7 @@ def with_fibres(base: Formulation, layers: int, points: int, numbers: int) -> Fo
 
 
 def fibres_of(base: Formulation, section: Section, points: int) -> Formulation:
-    """Return a formulation for a section: itself, or that with fibres where the section has laws of its own."""
+    """Return the formulation for a section: unchanged, or with fibres if the section has fibre laws."""
     if not section.laws:
         return base
     numbers = sum(len(law.numbers) for law in dict.fromkeys(section.laws))

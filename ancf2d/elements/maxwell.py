@@ -1,12 +1,12 @@
-"""Generalised Maxwell material: springs with dashpots beside the elastic law of any formulation.
+"""Generalised Maxwell material: springs with dashpots in parallel to the elastic law of any formulation.
 
-With the long-time stiffness D, the stress is D (eps + sum_i g_i h_i), where h_i' + h_i/tau_i = eps': every strain
-relaxes alike, so that Poisson's ratio does not change. A step h in which the strains change linearly is exact,
+With the long-time stiffness D, the stress is D (eps + sum_i g_i h_i), where h_i' + h_i/tau_i = eps'. All strains
+relax alike, so Poisson's ratio does not change. If the strains change linearly in a step h, the solution is exact:
 
     h_i(t + h) = exp(-x) h_i(t) + (1 - exp(-x))/x (eps(t + h) - eps(t)),    x = h/tau_i
 
-(Taylor, Pister & Goudreau 1970; Simo & Hughes 1998, section 10.3). In no time the material answers with
-D (1 + sum_i g_i), after a long one with D. For kernels, -sum_i g_i h_i are internal strains.
+(Taylor, Pister & Goudreau 1970; Simo & Hughes 1998, section 10.3). The instantaneous stiffness is
+D (1 + sum_i g_i), the long-time stiffness D. For the kernels, -sum_i g_i h_i are internal strains.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ import numpy as np
 from .formulations.base import Formulation, PointLaw, Rule, Sampler
 from .shape import Array
 
-# modulus beside the long-time one, and relaxation time [s], of each spring with its dashpot
+# (modulus relative to the long-time one, relaxation time [s]) of each spring with its dashpot
 Terms = tuple[tuple[float, float], ...]
 
 
 def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
-    """Fill the internal strains, h_i of each term, the strains themselves, and what was told too much of what is lost.
+    """Fill the internal strains; the state also gets h_i of each term, the strains, excess work and the time step.
 
-    The last is the upper half of a matrix P (strains, strains): sum D P over it is by how much the internal strains
-    have taken less under the mean of the stresses at both ends of each step than under that at its end. Behind it
-    stands the time step.
+    The excess work is kept as the upper half of a matrix P (strains, strains): sum D P is the accumulated excess of the
+    internal strains' work, counted with the stress at the end of each step, over their work with the mean of the
+    stresses at both ends. The time step is the last number.
 
-    The last reference values of a point are (g_i, tau_i) of each term, and their number.
+    The last reference values of a point are (g_i, tau_i) of each term, and the number of terms.
     """
     n, last, clock = len(eps), len(ref) - 1, len(new) - 1
     terms = int(ref[last, 0])
@@ -69,9 +69,9 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
 
 
 def stored(ref: Array, D: Array, eps: Array, state: Array) -> Array:
-    """Return what springs and the long-time stiffness store beyond eps D eps/2; see ``PointLaw``.
+    """Return the energy stored in all springs beyond eps D eps/2, for elastic strains eps; see ``PointLaw``.
 
-    The strains are eps - q with q = sum g h, so that it is q D q/2 - q D eps + sum g h D h/2.
+    With q = sum g h, the total strains are eps - q, and the result is q D q/2 - q D eps + sum g h D h/2.
     """
     count, n = int(ref[0, 0, -1]), D.shape[-1] // state.shape[2]
     g = ref[0, 0, -1 - 2 * count:-1:2]
@@ -84,23 +84,23 @@ def stored(ref: Array, D: Array, eps: Array, state: Array) -> Array:
 
 
 def _overtold(ref: Array, D: Array, state: Array) -> Array:
-    """Return what the internal strains took less than was told at the ends of steps; see ``PointLaw``."""
+    """Return the excess of the internal strains' work counted with end-of-step stresses; see ``PointLaw``."""
     points = state.shape[2]
     n = D.shape[-1] // points
     i, j = np.triu_indices(n)
-    # no strain of a point bears stress of another
+    # strains of one point cause no stress at another
     own = np.array([D[:, p * n + i, p * n + j] for p in range(points)])
     return np.asarray(np.einsum("espk,psk->es", state[..., -1 - len(i):-1], own))
 
 
 @dataclass(frozen=True)
 class _Sample:
-    """Samples a formulation whose material relaxes."""
+    """Sampling of a formulation whose material relaxes."""
 
     base: Formulation
 
     def __call__(self, sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
-        """Return (B, ref, D) as ``Formulation.sample`` does; each point of a station has all constants."""
+        """Return (B, ref, D) as in ``Formulation.sample``; each point of a station gets all constants."""
         B, ref, D = self.base.sample(sampler, rule)
         terms = sampler.section.maxwell
         points = B.shape[1] // self.base.law.fields
@@ -112,7 +112,7 @@ class _Sample:
 
 @cache
 def relaxing(base: Formulation, terms: int) -> Formulation:
-    """Return a formulation whose material has so many terms; itself where it has none."""
+    """Return a formulation whose material has this number of Maxwell terms; ``base`` itself for 0."""
     if not terms:
         return base
     law = base.law

@@ -1,12 +1,12 @@
-"""Compressible neo-Hookean material in plane stress, for formulations of single points with Green's strain.
+"""Compressible neo-Hookean material in plane stress, for formulations with Green's strain at single points.
 
 W = mu/2 (I_C - 3 - 2 ln J) + lambda/2 (ln J)^2 (Simo & Pister 1984; Bonet & Wood 2008, section 6.4.3). The stretch
 lambda_3 of the thickness follows from sigma_33 = 0: with c = lambda_3^2 and the in-plane C,
 
     mu (c - 1) + lambda/2 (ln det C + ln c) = 0,    S = mu (I - c C^-1),
 
-and dS/dE = mu (2 c lambda/(2 mu c + lambda) C^-1 C^-1 + 2 c M), where M dE = C^-1 dE C^-1. Kernels have it as stress
-D (eps - eps_i) with the internal strains eps_i = eps - D^-1 S, which follow from the strains alone.
+and dS/dE = mu (2 c lambda/(2 mu c + lambda) C^-1 C^-1 + 2 c M), where M dE = C^-1 dE C^-1. For the kernels the stress
+is D (eps - eps_i) with the internal strains eps_i = eps - D^-1 S, which depend on the strains alone.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ import numpy as np
 from .formulations.base import Formulation, PointLaw, Rule, Sampler, rule_points
 from .shape import Array
 
-# Newton's method for the thickness: its function is convex and rises, so that it converges from one side
+# Newton's method for the thickness: the function is convex and increasing, so it converges from one side
 ITERATIONS, CLOSE = 60, 1e-15
 
 
 def _thickness(mu, lam, log_det):  # type: ignore[no-untyped-def]
-    """Return ln c, of which mu (c - 1) + lam/2 (log_det + ln c) = 0."""
+    """Return ln c, the root of mu (c - 1) + lam/2 (log_det + ln c) = 0."""
     x = 0.0
     for _ in range(ITERATIONS):
         step = (mu * np.expm1(x) + 0.5 * lam * (log_det + x)) / (mu * np.exp(x) + 0.5 * lam)
@@ -37,7 +37,7 @@ def _thickness(mu, lam, log_det):  # type: ignore[no-untyped-def]
 def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
     """Fill the internal strains eps - D^-1 S and their slope I - D^-1 dS/dE.
 
-    The last reference values of a point are mu, lambda, E, nu and the shear modulus of D. An inverted point has none.
+    The last reference values of a point are mu, lambda, E, nu and the shear modulus of D. Inverted points get NaN.
     """
     last = len(ref) - 5
     for l in range(lanes):
@@ -48,7 +48,7 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
         det = 1.0 + beyond
         x = _thickness(mu, lam, np.log1p(beyond)) if det > 0.0 and c1 > 0.0 else np.nan
         c, m = np.exp(x), np.expm1(x)
-        # S, by differences that keep the digits of small strains
+        # S, in a form that keeps the digits of small strains
         s1 = mu * (2.0 * e * c2 - g * g - m * c2) / det
         s2 = mu * (2.0 * f * c1 - g * g - m * c1) / det
         s3 = mu * c * g / det
@@ -64,9 +64,9 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
 
 
 def stored(ref: Array, D: Array, eps: Array, state: Array) -> Array:
-    """Return the energy W beyond that of its stress in the stiffness of small strains; see ``PointLaw``.
+    """Return the energy W minus the energy of the same stress with the small-strain stiffness; see ``PointLaw``.
 
-    The stress S = D eps determines the state: C = c (I - S/mu)^-1, and c so that sigma_33 = 0.
+    The stress S = D eps determines the state: C = c (I - S/mu)^-1, with c from sigma_33 = 0.
     """
     mu, lam, _, _, G = (ref[:, 0, k] for k in range(-5, 0))
     weight = D[:, 2, 2] / G
@@ -81,7 +81,7 @@ def stored(ref: Array, D: Array, eps: Array, state: Array) -> Array:
         if not np.any(np.abs(step) > CLOSE * np.abs(x)):
             break
     m, twice_log = np.expm1(x), 3.0 * x - log
-    # tr C - 2, by differences that keep the digits of small strains
+    # tr C - 2, in a form that keeps the digits of small strains
     first = (2.0 * m + trace * (1.0 - m) - 2.0 * det) / left
     own = 0.5 * mu * (first + m - twice_log) + 0.125 * lam * twice_log**2
     return np.asarray(weight * own - 0.5 * np.einsum("esi,sij,esj->es", eps, D, eps))
@@ -89,12 +89,12 @@ def stored(ref: Array, D: Array, eps: Array, state: Array) -> Array:
 
 @dataclass(frozen=True)
 class _Sample:
-    """Samples a formulation whose material is neo-Hookean."""
+    """Sampling of a formulation whose material is neo-Hookean."""
 
     base: Formulation
 
     def __call__(self, sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
-        """Return (B, ref, D) as ``Formulation.sample`` does."""
+        """Return (B, ref, D) as in ``Formulation.sample``."""
         section = sampler.at(rule_points(rule.normal)[0])
         B, ref, D = self.base.sample(sampler, rule)
         E, nu = np.asarray(section.E), np.asarray(section.nu)

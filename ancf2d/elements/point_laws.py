@@ -1,16 +1,16 @@
-"""What laws of springs, dampers, loads that turn and constraints are made of: functions of the motion of a few fields.
+"""Point laws of springs, dampers, rotating loads and constraints: functions of a few fields and their rates.
 
-A law sees fields p = p0 + u with rates w: components of positions, section directions in the frame of their
-reference (p0 = (length, 0)), section rotations, and, last, the multiplier of a constraint. ``forces(p0, u, w, par,
-a, mem, f, H, C)`` returns (energy, dissipated power) and fills what is zero on entry: generalised forces f of elastic
-sign, H = df/du and C = df/dw. ``mean(p0, u0, u1, w, par, a0, a1, mem, f)`` returns the energy at u1 and the dissipated
-power and fills the forces of a step from u0 to u1 with mean rates w: those with a potential do its exact difference as
-work on u1 - u0, and no angular momentum is lost between fields that turn together; of constraints g is met at u1,
-with a discrete gradient that does the work of the change of g. The amplitude a = (value, rate, second rate) is that
-of the load; a field that a signal prescribes holds that signal. ``par`` are constants, ``mem`` the last angles of
-directions whose turns are counted.
+The fields are p = p0 + u with rates w: components of positions, section directions in the frame of their reference
+(p0 = (length, 0)), section rotations, and, last, the multiplier of a constraint. ``forces(p0, u, w, par, a, mem, f,
+H, C)`` returns (energy, dissipated power) and fills generalised forces f (with the sign of elastic forces),
+H = df/du and C = df/dw, all zero on entry. ``mean(p0, u0, u1, w, par, a0, a1, mem, f)`` returns the energy at u1 and
+the dissipated power, and fills the forces of a step from u0 to u1 with mean rates w: forces with a potential do
+exactly its difference as work on u1 - u0, and conserve angular momentum between fields that rotate together;
+constraints satisfy g = 0 at u1, with a discrete gradient that does the work of the change of g. The amplitude
+a = (value, rate, second rate) is that of the load; a field prescribed by a signal has the value of that signal.
+``par`` are constants; ``mem`` holds the last angles of directions whose turns are counted.
 
-Functions of arrays and numbers alone: the kernels compile them as they are.
+The functions use only numbers and arrays, so that the kernels can compile them unchanged.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from typing import Any
 
 import numpy as np
 
-# how a section turns: it does not (the ground), by a field theta, or by two fields of a direction
+# how the rotation of a section is given: none (the ground), a field theta, or two fields of a direction
 GROUND, THETA, DIRECTION = 0, 1, 2
 MAX_PAR, MAX_MEM = 8, 2
-# that prescribe fields of one law
+# greatest number of signals that prescribe fields of one law
 MAX_SIGNALS = 3
-# of a spring or load, beside what places it
+# greatest number of constants of a spring or load, without those that place it
 MAX_CONSTANTS = 5
 
 
 def turn(x, ux, uy, near):  # type: ignore[no-untyped-def]
-    """Return the angle from direction (x, 0) to (x + ux, uy), on the turn nearest to ``near``."""
+    """Return the angle from direction (x, 0) to (x + ux, uy), on the full turn nearest to ``near``."""
     angle = np.arctan2(uy, x + ux)
     return angle + 2.0 * np.pi * np.floor((near - angle) / (2.0 * np.pi) + 0.5)
 
@@ -44,7 +44,7 @@ def half_sine(x):  # type: ignore[no-untyped-def]
 
 
 def turn_hessian(px, py, at, factor, H):  # type: ignore[no-untyped-def]
-    """Add factor d2theta/dp2 of the direction p at fields at, at + 1."""
+    """Add factor d2theta/dp2 to H, where theta is the angle of the direction p in fields at and at + 1."""
     q = factor / (px * px + py * py) ** 2
     H[at, at] += 2.0 * px * py * q
     H[at, at + 1] += (py * py - px * px) * q
@@ -53,10 +53,11 @@ def turn_hessian(px, py, at, factor, H):  # type: ignore[no-untyped-def]
 
 
 def match_work(f, u0, u1, work, after, before, m):  # type: ignore[no-untyped-def]
-    """Scale the force f (m,) in the middle of a step, or one at its ends where f vanishes, to do this work.
+    """Change the mid-step force f (m,) so that it does the given work on u1 - u0; ``after``, ``before``: at its ends.
 
-    So an obstacle pushes along its normal alone. Where that would take more force than at any of the three places, as
-    where a point passes along a curve, the change of f of least size does (Gonzalez 2000).
+    f is scaled (or the force at an end, if f vanishes), so that an obstacle pushes along its normal only. If that would
+    take a larger force than at all three places, e.g. where a point passes along a curve, the least change of f in norm
+    is added instead (Gonzalez 2000).
     """
     along, square, least_work = 0.0, 0.0, work
     middle, end, start = 0.0, 0.0, 0.0
@@ -78,7 +79,7 @@ def match_work(f, u0, u1, work, after, before, m):  # type: ignore[no-untyped-de
 
 
 def with_multiplier(g, u, f, H):  # type: ignore[no-untyped-def]
-    """Turn the gradient in f and the Hessian in H into those of lambda g, lambda the last field."""
+    """Replace the gradient f and Hessian H of g by those of lambda g, where lambda is the last field."""
     m = len(u) - 1
     for i in range(m):
         for j in range(m):
@@ -91,16 +92,16 @@ def with_multiplier(g, u, f, H):  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True)
 class PointLaw:
-    """A law: its forces and those of a step, and what it remembers.
+    """A point law: its forces at a state, its forces over a step, and its history variables.
 
-    ``symmetric`` tells whether H is, ``constraint`` whether the last field is a multiplier. ``accept(p0, u, par, mem)``
-    updates ``mem`` at an accepted state. These may call other functions of numbers and arrays, and make arrays with
-    ``work_vector`` and ``work_matrix``.
+    ``symmetric``: whether H is symmetric; ``constraint``: whether the last field is a multiplier. ``accept(p0, u, par,
+    mem)`` updates ``mem`` at an accepted state. The functions may call other functions of numbers and arrays, and
+    allocate arrays by ``work_vector`` and ``work_matrix``.
 
-    ``along`` and ``accept_along`` do the same for many items that share their fields (``Items.runs``), whose rows
-    ``par`` and ``mem`` then are: forces and energies are sums. ``along`` may be asked for forces alone, with H and C of
-    no size. Where nothing acts it returns the power APART and, in place of the energy, a sum of changes of fields below
-    which nothing can act. ``accept_along`` is given no fields, p0 and u of no size, where it would return that.
+    ``along`` and ``accept_along`` do the same for many items that share their fields (``Items.runs``); ``par`` and
+    ``mem`` then have one row per item, and forces and energies are sums. H and C have size 0 if ``along`` is called for
+    forces only. If no item acts, it returns the power APART and, instead of the energy, a sum of changes of fields
+    below which no item can act. In that case p0 and u of ``accept_along`` have size 0.
     """
 
     name: str
@@ -113,29 +114,29 @@ class PointLaw:
     accept_along: Callable[..., Any] | None = None
 
 
-# the dissipated power that tells that no item acts
+# dissipated power that signals that no item acts
 APART = -np.inf
 
-# formulas of a case by the address that laws know them by, and what evaluates them; kernels have their own of both
+# formulas of a case by the address stored in laws, and the function that evaluates them; compiled laws use others
 FORMULAS: dict[int, Any] = {}
 RUN: list[Callable[..., Any]] = []
 
 
 def formula_at(address):  # type: ignore[no-untyped-def]
-    """Return the formula at an address: ``values`` (n,) of its quantities, ``out`` (1 + n,) of ``evaluate_formula``."""
+    """Return the formula at an address, with ``values`` (n,) of its quantities and ``out`` (1 + n,) for its results."""
     return FORMULAS[int(address)]
 
 
 def evaluate_formula(formula, k, s):  # type: ignore[no-untyped-def]
-    """Fill ``formula.out`` with function k at s and ``formula.values``, and its derivatives by these."""
+    """Fill ``formula.out`` with function k at s and ``formula.values``, and its derivatives by these values."""
     RUN[0](formula.programs, k, s, formula.values, formula.out)
 
 
 def work_vector(n):  # type: ignore[no-untyped-def]
-    """Return zeros (n,), for as long as the law works; not to be called in loops, nor returned."""
+    """Return zeros (n,), valid only during the call of the law; do not call in loops, do not return."""
     return np.zeros(n)
 
 
 def work_matrix(n, m):  # type: ignore[no-untyped-def]
-    """Return zeros (n, m), as ``work_vector`` does."""
+    """Return zeros (n, m), with the same restrictions as ``work_vector``."""
     return np.zeros((n, m))

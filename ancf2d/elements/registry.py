@@ -1,4 +1,4 @@
-"""The one place where element types are listed, each a few lines of data, those of rigid bodies among them."""
+"""The list of all element types, each given by a few lines of data; rigid bodies are included."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _TYPES = (
                 formulation="continuum", quadrature=_TWO, preset=_PAPER, slender=0.5,
                 source=f"{_SEED}, Eqs. (26)-(28)",
                 note="on an arc it curves the reference sections"),
-    # two points along see no strain of x^2 + nu*y^2 and x^3 but what nu adds
+    # with two points along, a combination of x^2 + nu*y^2 and x^3 is detected only through nu
     ElementType("2d2n-nu", ("1", "x", "y", "x*y", "x^2 + nu*y^2", "x^3"), _R_RX_RY,
                 formulation="continuum", quadrature={"continuum": (3, 2)}, slender=40.0,
                 source="2d2n with the Poisson-consistent coefficient",
@@ -68,7 +68,7 @@ MAX_ORDER = (8, 5)
 
 @cache
 def ancf(p: int, q: int) -> ElementType:
-    """Return the member [p, q] of the family: basis x^i y^j (i <= p, j <= q), r, r_y, ... at p + 1 nodes.
+    """Return member [p, q] of the family: basis x^i y^j (i <= p, j <= q) and r, r_y, ... at each of p + 1 nodes.
 
     The nodes are the Gauss-Lobatto points (equidistant for p <= 2). [1, 1] is kerkkanen, [2, 1] vallejo.
     Raises ValueError outside 1 <= p <= 8, 1 <= q <= 5.
@@ -105,7 +105,7 @@ def names() -> tuple[str, ...]:
 
 RIGID_TYPE = ElementType("rigid", ("1", "x"), (NodeSpec(0.0, ("r",)), NodeSpec(1.0, ("r",))), formulation="rigid",
                          source="natural coordinates of Garcia de Jalon & Bayo 1994")
-# its one node, which all elements of a body share, is the place where the body starts: no end of an element
+# all elements of a body share its one node, the frame at the body's start; it is not an end of an element
 RIGID_FRAME = ElementType("rigid", ("1", "x", "y"), (NodeSpec(-1.0, ("r", "r_x", "r_y")),), formulation="rigid",
                           source=RIGID_TYPE.source)
 

@@ -1,4 +1,4 @@
-"""Cross-section and material of a body as the formulations need them."""
+"""Cross-section and material of a body, as used by the formulations."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ class Layer:
 class Section:
     """Section constants: height and width [m], E, k_s mu [Pa], and the stiffnesses and inertias.
 
-    EA, kGA [N], EI [N m^2], rhoA [kg/m], rhoI [kg m], thermal expansion alpha [1/K]; the rectangle height x
-    width stands for the section where a formulation integrates over the body. Each is a number, or, of a section
-    that varies, an array (stations,) at the stations that were asked for. Of ``layers``, ES [N m] couples stretch
-    and bending (N = EA eps - ES kappa, M = EI kappa - ES eps), and rhoS [kg] is the first moment of the mass.
-    ``laws`` are those of its fibres (``fibres.Uniaxial``) layer by layer, empty where all are elastic; ``maxwell`` are
-    (modulus beside E, relaxation time [s]) of a material that relaxes; ``neo_hooke`` tells whether it is hyperelastic.
+    EA, kGA [N], EI [N m^2], rhoA [kg/m], rhoI [kg m], thermal expansion alpha [1/K]. Formulations that integrate over
+    the body use the rectangle height x width. Each constant is a number, or an array (stations,) at the requested
+    stations if the section varies. With ``layers``, ES [N m] couples stretch and bending (N = EA eps - ES kappa,
+    M = EI kappa - ES eps), and rhoS [kg] is the first moment of the mass.
+    ``laws`` are the laws of the fibres (``fibres.Uniaxial``) layer by layer, empty if all are elastic; ``maxwell`` are
+    (modulus relative to E, relaxation time [s]) of a relaxing material; ``neo_hooke``: whether it is hyperelastic.
     """
 
     height: float
@@ -67,7 +67,7 @@ class Section:
 
     @property
     def mu_k(self) -> float:
-        """Shear modulus times shear factor [Pa], as kGA over the area."""
+        """Shear modulus times shear factor [Pa]: kGA divided by the area."""
         return self.kGA / (self.height * self.width)
 
     @property
@@ -76,10 +76,10 @@ class Section:
         return -self.layers[0].bottom if self.layers else 0.5 * self.height
 
     def free(self, axial: Any, curvature: Any, value: Any, gradient: Any) -> tuple[Any, Any, Any]:
-        """Return axial strain, curvature and mean strain across that a section has without force and moment.
+        """Return the axial strain, curvature and mean strain across of a section without force and moment.
 
-        It is strained by ``axial`` and ``curvature``, and its temperature changes by ``value`` + ``gradient`` y. A body
-        that grows alike in all directions keeps its angles, and so the curvature per length of its reference.
+        ``axial`` and ``curvature`` are prescribed strains; the temperature changes by ``value`` + ``gradient`` y. A
+        body that expands equally in all directions keeps its angles, and so its curvature per unit of reference length.
         """
         if not self.layers:
             return axial + self.alpha * value, curvature - self.alpha * gradient, self.alpha * value
@@ -91,22 +91,22 @@ class Section:
                 across * value)
 
     def of_layer(self, y: Any, value: Callable[[Layer], float], otherwise: Any) -> Any:
-        """Return a value of the layer at heights y (n,); of a section without layers what is given."""
+        """Return a value of the layer at each height y (n,), or ``otherwise`` for a section without layers."""
         if not self.layers:
             return otherwise
         tops = np.array([l.top for l in self.layers[:-1]])
         return np.array([value(l) for l in self.layers])[np.searchsorted(tops, y)]
 
 
-# the constants that may vary along a body; the heights and materials of layers do not
+# constants that may vary along a body; the heights and materials of layers cannot
 NO_CONSTANTS = ("layers", "laws", "maxwell", "neo_hooke")
 CONSTANTS = tuple(f.name for f in fields(Section) if f.name not in NO_CONSTANTS)
 
 
 def laminate(width: Any, layers: tuple[Layer, ...], factor: float = 1.0) -> Section:
-    """Return the section of layers; the shear stiffness is that of equilibrium, times ``factor``.
+    """Return the section made of layers; its shear stiffness follows from equilibrium, times ``factor``.
 
-    nu and E are means by stiffness, and alpha the mean over the height. ``width`` may be an array (stations,).
+    nu and E are averaged by stiffness, and alpha over the height. ``width`` may be an array (stations,).
     """
     E, rho = ([sum(getattr(l, name) * l.moment(n) for l in layers) for n in range(3)] for name in ("E", "rho"))
     height = layers[-1].top - layers[0].bottom
@@ -120,9 +120,9 @@ def laminate(width: Any, layers: tuple[Layer, ...], factor: float = 1.0) -> Sect
 
 
 def shear_flow(layers: tuple[Layer, ...], E: tuple[float, float, float], y: Any) -> Any:
-    """Return the shear stress (n,) [Pa] at heights y (n,) per unit of Q, by the equilibrium of what is below.
+    """Return the shear stress (n,) [Pa] at heights y (n,) per unit of Q, by equilibrium of the part below y.
 
-    Without axial force, M' = -Q strains the fibres by (a - c y) Q per length. ``E`` are EA, ES and EI.
+    Without axial force, M' = -Q strains the fibres by (a - c y) Q per unit length. ``E`` are EA, ES and EI.
     """
     det = E[0] * E[2] - E[1] ** 2
     a, c = -E[1] / det, -E[0] / det
@@ -134,7 +134,7 @@ def shear_flow(layers: tuple[Layer, ...], E: tuple[float, float, float], y: Any)
 
 
 def shear_compliance(layers: tuple[Layer, ...], E: tuple[float, float, float]) -> float:
-    """Return 1/kGA of a unit of width by the energy of the shear stress that equilibrium asks for: int tau^2/G dy."""
+    """Return 1/kGA per unit of width by the energy int tau^2/G dy of the shear stress that satisfies equilibrium."""
     x, w = np.polynomial.legendre.leggauss(5)
     total = 0.0
     for l in layers:

@@ -1,4 +1,4 @@
-"""Shape functions of any element of the family, from its basis and nodal coordinates."""
+"""Shape functions of an element type, computed from its basis and nodal coordinates."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .definition import ElementType, derivative_order
 
 Array = NDArray[np.float64]
 
-# of the sets of points at which shape functions are asked for, so many are kept: those of one rule, again and again
+# number of sets of points whose values are cached: the points of a rule are asked for again and again
 KEPT = 32
 
 
@@ -31,9 +31,9 @@ def _monomials(degree: int, t: NDArray, derivative: int) -> NDArray:
 
 
 def _solve(A: NDArray, B: NDArray) -> NDArray:
-    """Gauss elimination with partial pivoting in extended precision, rows scaled to 1 first.
+    """Solve A X = B by Gauss elimination with partial pivoting in extended precision, after scaling each row to 1.
 
-    High orders lose their digits in double; numpy's solve knows no longer type.
+    High orders lose too many digits in double precision, and numpy's solver has no extended type.
     """
     scale = 1 / np.abs(A).max(axis=1, keepdims=True)
     A, B = A * scale, B * scale
@@ -54,7 +54,7 @@ def _solve(A: NDArray, B: NDArray) -> NDArray:
 
 
 def _reduced(basis: NDArray) -> NDArray:
-    """Return a basis of the same span, reduced by Gauss-Jordan in the monomials of xi and eta.
+    """Return a basis of the same space, reduced by Gauss-Jordan elimination in the monomials of xi and eta.
 
     Powers of x counted from the first node are nearly parallel on the element; powers of xi are not.
     """
@@ -77,7 +77,7 @@ class ShapeFunctions:
     nodal coordinates applied to the basis (seed paper, Sec. 2.1). Everything is computed in extended
     precision and rounded once.
 
-    Raises UnsolvableBasisError where the nodal coordinates do not determine the basis.
+    Raises UnsolvableBasisError if the nodal coordinates do not determine the basis.
     """
 
     def __init__(self, element: ElementType, l: float, h: float, nu: float) -> None:
@@ -108,7 +108,7 @@ class ShapeFunctions:
 
     @cached_property
     def orders(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """The orders of the derivatives along x and along y that the nodal coordinates are (n_shape,)."""
+        """Orders of the derivatives along x and along y of each nodal coordinate (n_shape,)."""
         along, across = zip(*(derivative_order(name) for _, name in self.element.functionals), strict=True)
         return np.array(along), np.array(across)
 
@@ -131,7 +131,7 @@ class ShapeFunctions:
         return _kept(self._values, place, lambda: self.exact(at, across, i, j).astype(np.float64)).copy()
 
     def exact(self, xi01: Array, eta: Array, i: int, j: int) -> NDArray:
-        """Return what a call does at arrays of points, in extended precision."""
+        """Return the same as a call, but in extended precision and at points given as arrays."""
         place = (xi01.tobytes(), eta.tobytes(), i, j)
         return _kept(self._exact, place, lambda: self._evaluated(xi01, eta, i, j))
 
@@ -140,17 +140,17 @@ class ShapeFunctions:
             mx = _monomials(self._dx, 2 * xi01.astype(np.longdouble) - 1, i) * (2 / np.longdouble(self.l)) ** i
             return np.einsum("pi,kij->pkj", mx, self._coefficients)
 
-        # of an element whose height varies, points differ in y alone from those of its neighbours
+        # where the height varies, the points of neighbouring elements differ in y only
         polynomials = _kept(self._across, (xi01.tobytes(), i), along)
         my = _monomials(self._dy, eta.astype(np.longdouble), j) * (2 / np.longdouble(self.h)) ** j
         return np.einsum("pkj,pj->pk", polynomials, my)
 
 
 class ScaledShape(ShapeFunctions):
-    """The shape functions of a type for a length and a height, made of those for a length and a height of 1.
+    """The shape functions of a type for any length and height, scaled from those for unit length and height.
 
-    Where each basis function is one power of x times one of y, a change of scale along or across multiplies it by a
-    number, so that the space of functions is the same.
+    This requires that each basis function is a product of one power of x and one of y: a change of length or height
+    then multiplies it by a number and leaves the space of functions the same.
     """
 
     def __init__(self, unit: ShapeFunctions, l: float, h: float) -> None:
@@ -160,7 +160,7 @@ class ScaledShape(ShapeFunctions):
         self._values: dict[Any, Array] = {}
 
     def exact(self, xi01: Array, eta: Array, i: int, j: int) -> NDArray:
-        """Return what a call does at arrays of points, in extended precision."""
+        """Return the same as a call, but in extended precision and at points given as arrays."""
         return self._unit.exact(xi01, eta, i, j) * (self._sizes / (self._scales[0] ** i * self._scales[1] ** j))
 
 
@@ -168,13 +168,13 @@ class ScaledShape(ShapeFunctions):
 def _of_type(key: _SameType, l: float, h: float, nu: float) -> ShapeFunctions:
     if not key.element.scales:
         return ShapeFunctions(key.element, l, h, nu)
-    # no part of a power depends on Poisson's ratio
+    # Poisson's ratio does not enter the basis of these types
     unit = (1.0, 1.0, 0.0)
     return ShapeFunctions(key.element, *unit) if (l, h, nu) == unit else ScaledShape(_of_type(key, *unit), l, h)
 
 
 class _SameType:
-    """An element type, equal to itself alone."""
+    """Cache key of an element type; it compares by identity."""
 
     def __init__(self, element: ElementType) -> None:
         self.element = element
@@ -187,7 +187,7 @@ class _SameType:
 
 
 def shape_functions(element: ElementType, l: float, h: float, nu: float) -> ShapeFunctions:
-    """Return the shape functions of a type for a length, height and Poisson ratio, the same ones where these are.
+    """Return the shape functions of a type for a length, height and Poisson ratio; equal arguments share one object.
 
     Raises UnsolvableBasisError.
     """
@@ -195,7 +195,7 @@ def shape_functions(element: ElementType, l: float, h: float, nu: float) -> Shap
 
 
 def _kept(known: dict[Any, NDArray], place: Any, found: Callable[[], NDArray]) -> NDArray:
-    """Return what is known at a place, or find it, and forget others where they are many."""
+    """Return the cached value for a key, computing it if needed; a full cache is cleared first."""
     if place not in known:
         if len(known) >= KEPT:
             known.clear()
@@ -204,17 +204,18 @@ def _kept(known: dict[Any, NDArray], place: Any, found: Callable[[], NDArray]) -
 
 
 class FrameShape(ShapeFunctions):
-    """The shape functions 1, X and Y of a stretch of a rigid curved body, with X and Y its coordinates in the frame.
+    """The shape functions 1, X and Y of a stretch of a rigid curved body; X and Y are coordinates in the body's frame.
 
-    The frame lies where the body starts, along its axis. ``curve(x, n)`` returns X + i Y and n derivatives by the arc
-    length x [m] from the start of the stretch, each (places,); ``l`` is its length.
+    The frame is at the start of the body, with its first axis along the body axis there. ``curve(x, n)`` returns
+    X + i Y and its first n derivatives by the arc length x [m] from the start of the stretch, each (places,); ``l`` is
+    the length of the stretch.
     """
 
     def __init__(self, element: ElementType, l: float, h: float, curve: Callable[[Array, int], Any]) -> None:
         self.element, self.l, self.h, self._curve = element, l, h, curve
 
     def __call__(self, xi01: Array, eta: Array, i: int = 0, j: int = 0) -> Array:
-        """Return d^(i+j) s_k/dx^i dy^j at points, as ``ShapeFunctions`` does, of r(x, y) = c(x) + y n(x)."""
+        """Return d^(i+j) s_k/dx^i dy^j at points, as in ``ShapeFunctions``, for r(x, y) = c(x) + y n(x)."""
         xi = np.atleast_1d(np.asarray(xi01, dtype=float))
         z, y = self._curve(self.l * xi, i + 1), 0.5 * self.h * np.broadcast_to(eta, xi.shape)
         w = z[i] + 1j * y * z[i + 1] if j == 0 else 1j * z[i + 1] if j == 1 else 0.0 * z[i]
@@ -244,7 +245,7 @@ _legendre = lru_cache(np.polynomial.legendre.leggauss)
 
 @lru_cache
 def _radau(n: int) -> tuple[Array, Array]:
-    """Return the points of ``radau``: those inside are roots of a Jacobi polynomial (Abramowitz & Stegun 25.4.31)."""
+    """Return the points of ``radau``; the inner ones are roots of a Jacobi polynomial (Abramowitz & Stegun 25.4.31)."""
     from scipy.special import roots_jacobi
 
     z, v = roots_jacobi(n - 1, 0, 1)

@@ -1,11 +1,11 @@
-"""A point on the axis of a deformed body: its foot point there, distance and derivatives.
+"""A point on the axis of a deformed body: its foot point, its distance and their derivatives.
 
-Functions of arrays alone, which kernels compile and statics call as they are.
+Functions of arrays alone, compiled by the kernels and called uncompiled in statics.
 
-The axis of an element is r(z) = sum_j c_j z^j, z from -1 to 1. The foot point of p: r'(z).(p - r(z)) = 0; the distance
-g = n.(p - r(z)) with n = r' turned by +90 degrees over |r'| keeps its sign along the body and over time. With the rows
-(row vectors over coordinates q) N = n.W, A = r'.W, B = n.S' of W = S_p - S(z), the foot point's own motion falls out of
-dg = N dq and leaves d2g = -(A B + B A + (c/T) A A + g B B)/D, T = r'.r', c = n.r'', D = T - g c.
+The axis of an element is r(z) = sum_j c_j z^j, z from -1 to 1. The foot point of p satisfies r'(z).(p - r(z)) = 0. The
+distance g = n.(p - r(z)), with n = r'/|r'| turned by +90 degrees, keeps its sign along the body and over time. W = S_p
+- S(z), and the rows (over coordinates q) are N = n.W, A = r'.W, B = n.S'. The motion of the foot point cancels in
+dg = N dq and gives d2g = -(A B + B A + (c/T) A A + g B B)/D, with T = r'.r', c = n.r'', D = T - g c.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ from .shape import Array
 
 Index = NDArray[np.int64]
 
-# how far an element's polynomial is followed beyond its ends: a quarter of its length
+# largest |z|: an element's polynomial is used up to a quarter of its length beyond its ends
 REACH = 1.5
-# the element of a point that is off its body
+# element of a point that is off its body
 OFF = -1
-# how far beyond the end of a body a foot point counts as on it: round-off of a point that rests there
+# largest |z| at the end of a body that counts as on it: allows for round-off of a point at the end
 END = 1.0 + 1e-6
 
 
 class Sliding(NamedTuple):
     """Prismatic joints as flat arrays.
 
-    Per joint (n,): ``multiplier`` full coordinate; ``gap`` distance in the reference [m], which the joint keeps;
-    ``scale`` size of the coordinates it is formed from [m]; ``points`` entries of ``point_dofs`` (., 2) and
-    ``point_weights`` from ``point_first`` on: x and y of the point; ``elements`` entries of ``coef_first`` from
-    ``element_first`` on: where the coefficients (``shapes``, ``terms``) of the element's shape functions as powers of z
-    begin in ``coef``; ``dof_first`` into ``dofs`` (., 2): x and y of each shape function, element by element.
-    ``memory`` (n, 2): element and z of the foot point last accepted; ``on``: whether the joint holds. ``e0`` (n_q,):
-    nodal coordinates in the reference.
+    Per joint (n,): ``multiplier`` full coordinate of the multiplier; ``gap`` distance in the reference [m], which the
+    joint keeps; ``scale`` magnitude of the coordinates that the distance is computed from [m]; ``points`` entries of
+    ``point_dofs`` (., 2) and ``point_weights``, starting at ``point_first``: x and y of the point; ``elements`` entries
+    of ``coef_first``, starting at ``element_first``: where the coefficients (``shapes``, ``terms``) of the element's
+    shape functions as powers of z start in ``coef``; ``dof_first`` into ``dofs`` (., 2): x and y of each shape
+    function, element by element. ``memory`` (n, 2): element and z of the last accepted foot point; ``on``: whether the
+    joint is active. ``e0`` (n_q,): nodal coordinates in the reference.
     """
 
     e0: Array
@@ -61,15 +61,15 @@ class Sliding(NamedTuple):
 
 
 class Moving(NamedTuple):
-    """Point laws at points that move along bodies, s(t) of the way.
+    """Point laws at points that move along bodies, at the share s(t) of the length.
 
-    Per item (k,): ``item`` its place among the point laws; ``mass`` [kg]; ``signal`` the row of s in the amplitudes;
+    Per item (k,): ``item`` its number among the point laws; ``mass`` [kg]; ``signal`` the row of s in the amplitudes;
     ``sign`` and ``base`` (k, 2): its first two fields are base + sign r(s); ``derivatives``: how many derivatives of r
-    by s the fields behind have; ``stretches``: whether the length of p0 is among the constants of the law; ``element``
-    where the point is, OFF where it is off the body; ``begin`` the first element of its body in ``starts``, ``lengths``
-    (shares of the arc length) and ``coef_first``; ``shapes``, ``terms`` of the shape functions, powers of z from
-    ``coef_first`` on in ``coef``; ``dof_first`` into ``dofs`` (., 2): x and y of each shape function, element by
-    element. ``fixed`` : the mass matrix without them, empty where none has a mass.
+    by s the following fields have; ``stretches``: whether the length of p0 is a constant of the law; ``element`` that
+    the point is on, or OFF; ``begin`` the first element of its body in ``starts``, ``lengths`` (shares of the arc
+    length) and ``coef_first``; ``shapes``, ``terms`` of the shape functions, whose powers of z start at ``coef_first``
+    in ``coef``; ``dof_first`` into ``dofs`` (., 2): x and y of each shape function, element by element. ``fixed``: the
+    mass matrix without these masses, empty if none has a mass.
     """
 
     item: Index
@@ -93,7 +93,7 @@ class Moving(NamedTuple):
 
 
 def point_at(table, i, d):  # type: ignore[no-untyped-def]
-    """Return x and y of the point of joint i at displacements d."""
+    """Return x and y of the sliding point of joint i at displacements d."""
     x, y = 0.0, 0.0
     for k in range(table.point_first[i], table.point_first[i] + table.points[i]):
         a, b = table.point_dofs[k, 0], table.point_dofs[k, 1]
@@ -118,7 +118,7 @@ def axis_of(table, i, m, d, out):  # type: ignore[no-untyped-def]
 
 
 def nearest(axis, x, y, z):  # type: ignore[no-untyped-def]
-    """Return z of the foot point of (x, y) on the axis of an element, by Newton's method from z."""
+    """Return z of the foot point of (x, y) on the axis of an element, by Newton's method started at z."""
     for _ in range(50):
         rx, ry, tx, ty, kx, ky = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for j in range(axis.shape[1] - 1, -1, -1):
@@ -130,17 +130,17 @@ def nearest(axis, x, y, z):  # type: ignore[no-untyped-def]
         new = min(max(z + (tx * (x - rx) + ty * (y - ry)) / slope, -REACH), REACH)
         moved = abs(new - z)
         z = new
-        # quadratic: the step after this one is round-off
+        # quadratic convergence: the next step would be round-off
         if moved < 1e-8:
             break
     return z
 
 
 def beyond(one, two, x, y):  # type: ignore[no-untyped-def]
-    """Return whether (x, y) lies beyond the border between an element and the next, by the axes (2, terms) of both.
+    """Return whether (x, y) lies beyond the border between an element (axis ``one``) and the next (axis ``two``).
 
-    The bisector of the two end tangents divides: there both sides have the same distance, also where the axis has a
-    kink, and exactly one of them has the point.
+    The border is the bisector of the two end tangents: there both sides have the same distance, even if the axis has
+    a kink, and every point belongs to exactly one side. Axes are coefficients (2, terms).
     """
     rx, ry, ax, ay, bx, by = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(one.shape[1] - 1, -1, -1):
@@ -153,9 +153,9 @@ def beyond(one, two, x, y):  # type: ignore[no-untyped-def]
 
 
 def foot(table, i, d, axes):  # type: ignore[no-untyped-def]
-    """Return (element, z, (g, nx, ny, tx, ty, c)) of joint i, from the foot point last accepted.
+    """Return (element, z, (g, nx, ny, tx, ty, c)) of joint i, searching from the last accepted foot point.
 
-    ``axes`` (2, 2, terms) to work in.
+    ``axes`` (2, 2, terms) is a work array.
     """
     count, own, other = table.elements[i], axes[0], axes[1]
     x, y = point_at(table, i, d)
@@ -180,7 +180,7 @@ def foot(table, i, d, axes):  # type: ignore[no-untyped-def]
 
 
 def measure(axis, x, y, z):  # type: ignore[no-untyped-def]
-    """Return (g, nx, ny, tx, ty, c) at z of an element: distance, unit normal, r' and n.r''; g nan out of reach."""
+    """Return (g, nx, ny, tx, ty, c) at z: distance, unit normal, r' and n.r''; g is NaN if |z| >= REACH."""
     rx, ry, tx, ty, kx, ky = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(axis.shape[1] - 1, -1, -1):
         kx, ky = kx * z + 2.0 * tx, ky * z + 2.0 * ty
@@ -195,7 +195,7 @@ def measure(axis, x, y, z):  # type: ignore[no-untyped-def]
 
 
 def rows_at(table, i, m, z, nx, ny, tx, ty, dofs, rows):  # type: ignore[no-untyped-def]
-    """Fill the coordinates (k,) that joint i touches at z of element m, and the rows N, A and B (3, k)."""
+    """Fill the coordinates (k,) that joint i acts on at z of element m, and the rows N, A and B (3, k)."""
     k = 0
     for p in range(table.point_first[i], table.point_first[i] + table.points[i]):
         w = table.point_weights[p]
@@ -221,7 +221,7 @@ def rows_at(table, i, m, z, nx, ny, tx, ty, dofs, rows):  # type: ignore[no-unty
 
 
 def second(g, tx, ty, c, rows, out):  # type: ignore[no-untyped-def]
-    """Fill the second derivative of the distance (k, k) from its rows."""
+    """Fill the second derivative (k, k) of the distance, computed from its rows."""
     T = tx * tx + ty * ty
     D = T - g * c
     n = rows.shape[1]

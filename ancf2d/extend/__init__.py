@@ -1,7 +1,7 @@
-"""Springs, loads and formulations of one's own: what a plugin imports. A plugin is one Python file; docs/extending.md.
+"""Names that plugins import to define their own springs, loads and formulations; see docs/extending.md.
 
-A plugin declares the record of a case file and the law in numbers; ancf2d compiles the law and takes it everywhere:
-statics, paths, modes and motion, ``validate``, ``schema`` and the messages on wrong input.
+A plugin is one Python file. It declares the record of a case file and the law as numerical functions; ancf2d compiles
+the law and uses it in statics, paths, modes and motion, in ``validate``, ``schema`` and the messages on wrong input.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ __all__ = [
     "helper", "key", "load", "record", "spring",
 ]
 
-# what the functions of the law of a formulation take
+# arguments of the functions of a formulation's law
 ARGUMENTS = {"strain": ("ref", "u", "eps", "J", "lanes"), "geometric": ("ref", "u", "sigma", "J", "H", "lanes"),
              "internal": ("ref", "eps", "old", "new", "slope", "lanes")}
 
 
 def helper(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Let the functions of a plugin call this one of its own; it is compiled with them."""
+    """Mark a function of a plugin so that its law can call it; it is compiled with the law."""
     from numba.extending import register_jitable
 
     return register_jitable(function)  # type: ignore[no-any-return]
 
 
 def formulation(made: Formulation) -> Formulation:
-    """Register a formulation of the elastic forces, for every element type that it does not refuse.
+    """Register a formulation of the elastic forces for all element types that it does not refuse.
 
-    Raises PluginError where there is one of this name, and where a function of its law takes other arguments.
+    Raises PluginError if the name is taken or a function of its law has other arguments than expected.
     """
     for name, arguments in ARGUMENTS.items():
         function = getattr(made.law, name)

@@ -1,4 +1,4 @@
-"""Finding plugins: files that the command line names, and installed packages with an entry point."""
+"""Finding and loading plugins: files given on the command line, and installed packages with an entry point."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from pathlib import Path
 
 from ..errors import PluginError
 
-# files of plugins, for this process and those that it starts
+# environment variable with the plugin files of this process and its child processes
 VARIABLE = "ANCF2D_PLUGINS"
 GROUPS = ("ancf2d.interactions", "ancf2d.formulations")
 
 
 def add_plugin(path: str) -> None:
-    """Load a plugin file, in processes that this one starts too. Raises PluginError."""
+    """Load a plugin file, in this process and its child processes. Raises PluginError."""
     full = os.path.abspath(path)
     _load_file(full)
     files = _named()
@@ -43,12 +43,12 @@ def load_plugins() -> None:
 
 
 def blame(error: BaseException) -> PluginError | None:
-    """Return what to tell of an error in the code of a plugin, in which it is run or compiled; None for all others."""
+    """Return the PluginError for an error in running or compiling the code of a plugin, or None for all others."""
     modules = [sys.modules.get(point.module) for group in GROUPS for point in entry_points(group=group)]
     files = [*_named(), *(file for file in (getattr(module, "__file__", None) for module in modules) if file)]
     run = [(frame.filename, frame.lineno) for frame in traceback.extract_tb(error.__traceback__)
            if frame.filename in files]
-    # what numba says of a function that it cannot compile
+    # numba's message names the file and line of a function that it cannot compile
     compiled = [(file, line) for file in files for line in re.findall(re.escape(file) + r" \((\d+)\)", str(error))]
     if not run and not compiled:
         return None
@@ -60,7 +60,7 @@ def blame(error: BaseException) -> PluginError | None:
 
 
 def digest() -> str:
-    """Return a digest of the plugin files that are in use."""
+    """Return a digest of the plugin files in use, empty if there are none."""
     found = hashlib.sha256()
     for path in _named():
         found.update(Path(path).read_bytes())
@@ -75,7 +75,7 @@ def _named() -> list[str]:
 def _load_file(path: str) -> None:
     if not os.path.isfile(path):
         raise PluginError(f"the plugin file '{path}' does not exist")
-    # records of a plugin are sent between processes by the name of their module
+    # records of a plugin are pickled by the name of their module, which must be the same in all processes
     name = f"ancf2d_plugin_{Path(path).stem}_{hashlib.sha256(path.encode()).hexdigest()[:8]}"
     spec = util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:

@@ -1,7 +1,7 @@
 """Loads, springs, joints, supports, masses, contact: each kind with its record, its law and its place in the model.
 
-A kind registers its record where it stands, and so do those of plugins (``ancf2d.extend``): reading, schema, reference
-and models take them from there. The order of imports is that of the reference.
+Each kind registers its record in its own module, and so do plugins (``ancf2d.extend``); the reader, the schema, the
+reference and models find them there. The order of imports is the order in the reference.
 """
 
 from .body_loads import Distributed, Eigenstrain, Gravity, Temperature

@@ -1,4 +1,4 @@
-"""Contact of bodies with one another and of a body with itself: the points of the one, the curves of the other."""
+"""Contact of bodies with one another and of a body with itself: points of one body, curves of the other."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ from .contact_curves import (
     spots,
 )
 
-# of the mean height of two bodies: what is deeper is not what a point touches, but the far side
+# relative to the mean height of two bodies: a point that is deeper is not in contact, because the far side is nearer
 DEEPEST = 0.75
-# of the height of a body: what is deeper in it is told as a failure, where half is the most that is possible
+# relative to the height of a body: greater depths are reported as a failure (more than half is impossible)
 THROUGH = 0.4
-# of a height: parts of a body that are nearer along it than this do not touch one another
+# relative to a height: parts of a body whose distance along it is less do not touch one another
 APART = 1.0
-# of a height: steps in which bodies are followed from a joint
+# relative to a height: step along the bodies when searching overlaps near a joint
 LOOK = 0.05
-# places along each curve at which bodies are looked at in the reference
+# number of places along each curve for the geometry check in the reference
 STATIONS = 9
 
 
 def _beside(one: BodyMesh, s: float, two: BodyMesh, t: float) -> float:
-    """Return how far from places s and t [m], which a joint holds together, points of the bodies touch nothing.
+    """Return the distance [m] along two bodies, from joined places s and t [m], within which their points never touch.
 
-    There the bodies overlap: their axes are less than a height apart in the reference, or will be when they fold.
-    Beside a corner of one body, its arms do.
+    The bodies overlap there: their axes are less than a height apart in the reference, or will be when they fold.
+    At a corner of one body, this applies to its two arms.
     """
     height = _mean_height(one, two)
     far, step = 0.5 * APART * height, LOOK * height
@@ -58,7 +58,7 @@ def _beside(one: BodyMesh, s: float, two: BodyMesh, t: float) -> float:
 
 
 def _ways(mesh: BodyMesh, s: float, step: float) -> list[Array]:
-    """Return the points (k, 2) in the reference, a step apart, on both ways along a body from the place s [m]."""
+    """Return points (k, 2) of a body in the reference, at distances ``step``, in both directions from s [m]."""
     length = mesh.plan.length
     return [np.array([mesh.plan.position((s + way * step * k) / length)[0] for k in range(int(room / step) + 1)])
             for way, room in ((1.0, length - s), (-1.0, s)) if room > step]
@@ -69,13 +69,13 @@ def _mean_height(one: BodyMesh, two: BodyMesh) -> float:
 
 
 def _alike(rows: Array) -> list[Index]:
-    """Return which rows are the same."""
+    """Return the groups of equal rows as arrays of their indices."""
     inverse = np.unique(rows, axis=0, return_inverse=True)[1].ravel()
     return [np.flatnonzero(inverse == k) for k in range(inverse.max() + 1)]
 
 
 def _corners(mesh: BodyMesh) -> list[Spot]:
-    """Return the corners at the ends of a body."""
+    """Return the corner spots at the ends of a body."""
     if mesh.plan.closed:
         return []
     return [Spot(ie, z, eta, float(mesh.lengths[ie])) for eta in levels_of(mesh, "surface")
@@ -83,19 +83,19 @@ def _corners(mesh: BodyMesh) -> list[Spot]:
 
 
 def _rank(mesh: BodyMesh) -> tuple[Any, ...]:
-    """Return what tells which of two bodies has the points of contact without a law: elements, the shorter the better.
+    """Return the sort key of two bodies; the first has the points of a hard contact: elastic, then shorter elements.
 
-    Whichever is listed first, it is the same one.
+    The result does not depend on which body is listed first.
     """
     return mesh.plan.rigid, float(mesh.lengths.max()), mesh.plan.name
 
 
 def body_pairs(item: Contact, name: str, one: BodyMesh, two: BodyMesh, extent: float, rapid: float,
                follows: Mapping[int, Any], joined: Sequence[tuple[float, float]] = ()) -> list[BodyPair]:
-    """Return the points of each of two bodies that may touch the other (the same one: of a body with itself).
+    """Return a pair with the points of each of two bodies that may touch the other (the same body: touching itself).
 
-    With a law both bear half the pressure. Without one, only one has points all along, and the other its corners.
-    ``joined`` are the places along each [m] that joints hold together.
+    With a law, each body bears half the pressure. In hard contact, one body has points everywhere, and the other only
+    at its corners. ``joined`` are the places along each [m] that joints connect.
     """
     soft, itself, places = item.law is not None, one is two, [*joined]
     if itself:
@@ -106,7 +106,7 @@ def body_pairs(item: Contact, name: str, one: BodyMesh, two: BodyMesh, extent: f
     for k, (mesh, other) in enumerate([(one, two)] if itself else [(one, two), (two, one)]):
         whole = soft or itself or _rank(mesh) < _rank(other)
         beside = [(at[k], near) for at, near in zip(places, reach, strict=True)]
-        # what may move along an interval, with all of it
+        # a point that may move along an interval counts with all of it
         half = 0.5 * mesh.lengths / pieces_along(mesh)
         chosen = [p for p in _spots(item, mesh, whole)
                   if all(abs(_along(mesh, p) - s) >= near + (half[p.ie] if p.free else 0.0) for s, near in beside)]
@@ -116,7 +116,7 @@ def body_pairs(item: Contact, name: str, one: BodyMesh, two: BodyMesh, extent: f
 
 
 def _spots(item: Contact, mesh: BodyMesh, whole: bool) -> list[Spot]:
-    """Return the places of a body that may touch another one: the whole of it, or its ends."""
+    """Return the spots of a body that may touch another one: on all of it, or only at its ends."""
     if whole:
         return spots(mesh, item.side, item.law is not None, False)
     return _corners(mesh) if item.side == "surface" else [
@@ -124,7 +124,7 @@ def _spots(item: Contact, mesh: BodyMesh, whole: bool) -> list[Spot]:
 
 
 def _sharp_corners(mesh: BodyMesh) -> list[float]:
-    """Return where a body has corners sharper than a right angle [m]: beside these it overlaps itself."""
+    """Return the places [m] of corners sharper than a right angle, at which a body overlaps itself."""
     out = []
     for after, _ in mesh.seams:
         before, k = mesh.piece_of((after - 1) % mesh.plan.count)
@@ -135,26 +135,26 @@ def _sharp_corners(mesh: BodyMesh) -> list[float]:
 
 
 def _along(mesh: BodyMesh, p: Spot) -> float:
-    """Return how far along its body a place is [m]."""
+    """Return the position of a spot along its body [m]."""
     return float(mesh.starts[p.ie] + 0.5 * (p.z + 1.0) * mesh.lengths[p.ie])
 
 
 class BodyPair:
     """Points of a body that may touch another one, or itself, as point laws: see ``contact.ContactPair``.
 
-    ``whole``: whether all of its points, or its corners alone. Coordinates and fields of an item are those of a point
-    and behind them those of the curve that it is opposite to, which changes (``kernels.facing``). ``curves`` are those
-    of the other body, ``reach`` (k, n) all that an item can ever act on.
+    ``whole``: whether it has points everywhere or only at corners. The coordinates and fields of an item are those of
+    its point, followed by those of the curve opposite to it, which changes (``kernels.facing``). ``curves`` are those
+    of the other body, ``reach`` (k, n) all coordinates that an item can ever act on.
     """
 
     frame, fed, signal, size = None, -1, None, facing.BODY_MEMORY
-    # whether its points touch bodies
+    # its points touch bodies,
     on_bodies = True
-    # and stay at places of their own curve
+    # stay at their places on their own curve,
     still = False
-    # what each is opposite to changes
+    # and share no fields, because the curve opposite to each changes
     runs = None
-    # supports leave out none of its spots
+    # no spots are left out because of supports
     driven = None
 
     def __init__(self, item: Contact, name: str, mesh: BodyMesh, other: BodyMesh, extent: float, chosen: list[Spot],
@@ -165,19 +165,19 @@ class BodyPair:
         self.spots, self.whole, self.rapid, self.follows = chosen, whole, rapid, follows or {}
         self.beside = list(beside)
         self.law = COMPLIANT_BODIES if not self.hard else ROUGH_BODIES if item.friction else HARD_BODIES
-        # what is reported is the force on the first body named: none of a body on itself
+        # the reported force is that on the first body named; a body that touches itself has none
         self.sign = 0.0 if item.between is None else 1.0 if item.between[0] == self.body else -1.0
         self.s: Array = np.array([_along(mesh, p) / mesh.plan.length for p in self.spots])
         self.curves = curves_of(other, item.side, self.follows)
         self._items()
 
     def at(self, item: Contact, mesh: BodyMesh, chosen: list[Spot]) -> BodyPair:
-        """Return chosen points of one of the two bodies beside the other, under a contact of the same kind."""
+        """Return chosen points of one of the two bodies as a pair with the other, under a contact of the same kind."""
         other = self.against if mesh is self.mesh else self.mesh
         return BodyPair(item, self.name, mesh, other, self.scale, chosen)
 
     def _items(self) -> None:
-        """Make the items, each opposite to the first curve."""
+        """Create the items, each opposite to the first curve."""
         mesh, opposite = self.mesh, self.curves[0]
         G, start, par = [], [], []
         for p in self.spots:
@@ -206,20 +206,20 @@ class BodyPair:
             self.mem[:, facing.SIDE] = self._sides()
 
     def _places(self, d: Array | None = None) -> Array:
-        """Return where the points are (k, 2) in the reference, or at displacements d (n_full,)."""
+        """Return the positions (k, 2) of the points in the reference, or at displacements d (n_full,)."""
         out, u = np.zeros((len(self.spots), 2)), np.zeros_like(self.p0)
         fields, coords = self.own
         if d is not None:
             u[:, :fields] = np.einsum("kfc,kc->kf", self.G[:, :fields, :coords], d[self.dofs[:, :coords]])
         for rows in self.alike:
-            # those on curves with the same constants together
+            # points on curves with the same constants are evaluated together
             work = np.zeros((geometry.WORK, len(rows)))
             geometry.stand(self.par[rows[0]], self.p0[rows].T, u[rows].T, self.par[rows, geometry.HOME], work)
             out[rows] = work[[geometry.RHO, geometry.RHO + 1]].T
         return out
 
     def _sides(self) -> Array:
-        """Return on which side of the other axis each point is in the reference, 0 beyond its ends."""
+        """Return the side of the other axis on which each point is in the reference, 0 beyond its ends."""
         (a, b), out = self.segments(), np.zeros(len(self.spots))
         for k, p in enumerate(self._places()):
             z = np.clip(np.einsum("nc,nc->n", p - a, b - a) / np.einsum("nc,nc->n", b - a, b - a), 0.0, 1.0)
@@ -229,7 +229,7 @@ class BodyPair:
         return out
 
     def segments(self, d: Array | None = None) -> tuple[Array, Array]:
-        """Return the ends (n, 2) of straight pieces of the other body's curves, in the reference or at d (n_full,)."""
+        """Return the ends (n, 2) of straight segments of the other body's curves in the reference or at d (n_full,)."""
         z, found = np.linspace(-1.0, 1.0, STATIONS), np.zeros((len(self.curves), STATIONS, 2))
         for rows in self.alike_curves:
             some = [self.curves[k] for k in rows]
@@ -249,16 +249,16 @@ class BodyPair:
         return found[:, :-1].reshape(-1, 2), found[:, 1:].reshape(-1, 2)
 
     def overlap(self, d: Array | None = None) -> tuple[float, float]:
-        """Return how deep a point is in the other body at most, and S of it; 0 where none is.
+        """Return the greatest depth of a point in the other body, and S of this point; 0 if there is none.
 
-        In the reference, or at d (n_full,). Less what the pieces may be off the curves.
+        It is taken in the reference, or at d (n_full,), less the possible distance of the segments from the curves.
         """
         if self.item.side == "axis":
             return 0.0, 0.0
         if self.against is self.mesh:
             return self._folded(d)
         (a, b), deepest, at = self.segments(d), 0.0, 0.0
-        # of an arc, a chord is off by as much as the next one turns
+        # the distance of a chord from an arc is bounded by the rotation to the next chord
         turn = np.abs(_cross(b[:-1] - a[:-1], b[1:] - a[1:])) * (np.hypot(*(b[:-1] - a[1:]).T) < 1e-12 * self.scale)
         off = float((turn / np.hypot(*(b - a).T)[:-1])[np.arange(1, len(a)) % (STATIONS - 1) > 0].max(initial=0.0))
         low, high = np.minimum(a, b).min(axis=0), np.maximum(a, b).max(axis=0)
@@ -277,7 +277,7 @@ class BodyPair:
         return deepest, at
 
     def _folded(self, d: Array | None) -> tuple[float, float]:
-        """Return how deep a body is in itself, by the distance of places of its axis, and S of one of them."""
+        """Return the greatest depth of a body in itself, by distances of places of its axis, and S of one of them."""
         from scipy.spatial import cKDTree
 
         mesh, z, height = self.mesh, np.linspace(-1.0, 1.0, STATIONS)[:-1], self.mesh.plan.section.height
@@ -300,9 +300,9 @@ class BodyPair:
         return float(height - near.data[k]), float(s[near.row[k]] / mesh.plan.length)
 
     def pressed_through(self, d: Array) -> str:
-        """Return where a point is so deep in the other body at d (n_full,) that contact may let it through, or nothing.
+        """Return a message if a point is so deep in the other body at d (n_full,) that it may pass through it, else "".
 
-        That is beyond the middle between its faces, nearly: what is deeper is nearer to the far side.
+        The limit is just below half the height: a deeper point is nearer to the far side.
         """
         depth, s = self.overlap(d)
         if depth <= THROUGH * self.against.plan.section.height:
@@ -310,24 +310,24 @@ class BodyPair:
         return f"{self.name}: {self.body} is pressed {depth:.4g} into {self.other} at S = {s:.4g}"
 
     def _law(self, p: Spot) -> tuple[float, float, float, float, float]:
-        """Return length, stiffness, damping, friction and the stiffness of what sticks."""
+        """Return length, stiffness, damping (hard contact: range of z), friction and stick stiffness of a spot."""
         law, section = self.item.law, self.mesh.plan.section
         if law is not None:
-            # the other body, or the other part, bears the other half
+            # the other half of the pressure comes from the points of the other body, or of the other part
             weight = 0.5 * p.weight
             return weight, law.stiffness, law.damping, self.item.friction, weight * law.stiffness
         l, reach, mu = float(self.mesh.lengths[p.ie]), 1.0 / pieces_along(self.mesh), self.item.friction
         if self.mesh.plan.rigid:
-            # in statics it follows the forces of the scene (model/contacts.py)
+            # in statics, the stiffness follows the forces of the scene (model/contacts.py)
             return p.weight, 1.0, reach, mu, float(section.rhoA) * self.mesh.plan.length * self.rapid**2
         return p.weight, section.EI / l**3, reach, mu, STICK * section.EA / l
 
     def _face(self, p: Spot) -> float:
-        # what a compliant contact is integrated over at the end of a body is on none of its faces
+        # Gauss points of a compliant contact at the end of a body are on neither face
         return 0.0 if _is_end(self.mesh, p) and not self.hard else face_of(p, self.item.side)
 
     def _limits(self, p: Spot) -> list[float]:
-        """Return what tells where a point may touch (``contact_bodies``)."""
+        """Return the constants that limit where a point may touch (``contact_gaps``)."""
         itself, length = self.against is self.mesh, self.mesh.plan.length
         height = _mean_height(self.mesh, self.against)
         corner = p.z if _is_end(self.mesh, p) else 0.0
@@ -348,7 +348,7 @@ class BodyPair:
 
     @property
     def meetings(self) -> Index:
-        """All coordinates that meet in an item (k, n): an element of one body, and one of the other."""
+        """All sets of coordinates on which an item can act together (k, n): one element of each body."""
         own = np.unique(self.dofs[:, :self.own[1]], axis=0)
         other = self.against.dofs
         return np.hstack([np.repeat(own, len(other), axis=0), np.tile(other, (len(own), 1))])
@@ -360,12 +360,12 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def _is_end(mesh: BodyMesh, p: Spot) -> bool:
-    """Whether a spot is at an end of its body."""
+    """Return whether a spot is at an end of its body."""
     return not mesh.plan.closed and not p.free and (p.ie, p.z) in ((0, -1.0), (len(mesh.dofs) - 1, 1.0))
 
 
 def facing_table(patches: Sequence[Any]) -> Facing:
-    """Return the table of those point laws, in their order, that touch bodies."""
+    """Return the table of the point laws that touch bodies among the patches of a model, in their order."""
     ways: list[BodyPair] = []
     item: list[int] = []
     way: list[int] = []

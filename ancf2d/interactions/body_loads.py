@@ -39,14 +39,14 @@ from .forces import (
 from .formulas import ALONG_BODY, LOCAL, RATES, density_formula, is_formula, weights_of
 
 Density = tuple[float | Profile, float | Profile]
-# points along, beside those for a constant, that integrate a load that varies
+# Gauss points along the axis for a varying load, in addition to those for a constant one
 VARYING = 4
-# the derivative of r (or theta itself) that a section turns with
+# orders of the derivative of r (or of theta) that gives the rotation of a section
 _TURNS_WITH = {"interpolated": (0, 1), "tangent": (1, 0), "theta": (0, 0)}
 
 
 class Line(NamedTuple):
-    """A force per reference length on a body from S = ``start`` to ``end``; a ``follower`` turns with the axis."""
+    """A force per reference length on a body from S = ``start`` to ``end``; a ``follower`` rotates with the axis."""
 
     body: str
     start: float
@@ -63,9 +63,9 @@ def _element_loads(mesh: BodyMesh, elements: Index, forces: Array) -> tuple[Inde
 
 
 def per_length(density: Density, mesh: BodyMesh, elements: Index, xi: Array) -> Array:
-    """Return both components of a load per length at points xi (p,) or (elements, p) of elements: (2, elements, p).
+    """Return both components (2, elements, p) of a load per length at points xi (p,) or (elements, p) of elements.
 
-    Where they do not vary, they are (2, 1, 1).
+    The shape is (2, 1, 1) if both are constant.
     """
     if all(isinstance(v, float) for v in density):
         return np.array(density, dtype=float)[:, None, None]
@@ -89,7 +89,7 @@ class Gravity:
 
     @property
     def acceleration(self) -> tuple[float, float]:
-        """What everything that has mass is accelerated by, times the amplitude."""
+        """The acceleration of everything that has mass, without the amplitude."""
         return self.value
 
     def add(self, context: LoadContext, out: LoadSet) -> None:
@@ -112,7 +112,7 @@ class Gravity:
 
 
 def _turning(mesh: BodyMesh, elements: Index, xi: Array) -> tuple[Array, Array, Array]:
-    """Return G, p0 and the reference angle of x, y and of how the section turns, at points xi of elements of a class.
+    """Return G, p0 and the reference angle for x, y and section rotation at points xi of elements of one class.
 
     They are (elements, points, fields, n), (elements, points, fields) and (elements, points).
     """
@@ -135,7 +135,7 @@ def _turning(mesh: BodyMesh, elements: Index, xi: Array) -> tuple[Array, Array, 
 
 
 class FormulaLine:
-    """A line load by formula in quantities of the points that it acts on, each a force at a quadrature point.
+    """A line load by formula in quantities of the points that it acts on: one force per quadrature point.
 
     ``dofs`` (elements, n) are its coordinates.
     """
@@ -151,7 +151,7 @@ class FormulaLine:
         self.dofs = np.concatenate([mesh.dofs[elements] for elements, _, _ in cover])
 
     def items(self) -> Items:
-        """Return the forces at the quadrature points, element by element, as tables have them."""
+        """Return the forces at the quadrature points as point items, element by element."""
         return self._items
 
     @cached_property
@@ -177,7 +177,7 @@ class FormulaLine:
 
 
 class FollowerLine:
-    """A line load (tangential, normal) per reference length: a force that turns at each of its quadrature points.
+    """A line load (tangential, normal) per reference length: one force per quadrature point, rotating with the section.
 
     ``dofs`` (elements, n) are its coordinates.
     """
@@ -190,7 +190,7 @@ class FollowerLine:
         self.dofs = np.concatenate([mesh.dofs[elements] for elements, _, _ in cover])
 
     def items(self) -> Items:
-        """Return the forces at the quadrature points, element by element, as tables have them."""
+        """Return the forces at the quadrature points as point items, element by element."""
         return self._items
 
     @cached_property
@@ -213,7 +213,7 @@ class FollowerLine:
 def covered(mesh: BodyMesh, s0: float, s1: float, more: int = 0) -> list[tuple[Index, Array, Array]]:
     """Return (elements, points xi, weights in m) that integrate over [s0, s1] of a body's arc length.
 
-    ``more`` is the number of points beside those for a constant.
+    ``more`` is the number of points in addition to those for a constant.
     """
     x, w = gauss(mesh.plan.element.degree_x + 3 + more)
     out = []
@@ -257,21 +257,21 @@ class Distributed:
 
     @property
     def line(self) -> Line | None:
-        """Where it acts and how much, times the amplitude; none where that depends on the motion."""
+        """Where it acts and its density, without the amplitude; None if the density depends on the motion."""
         return None if is_formula(self.value) else Line(self.on, self.from_, self.to, self.value, self.follower)
 
     @property
     def damped(self) -> bool:
-        """Whether it depends on rates."""
+        """Whether the density depends on rates."""
         return any(not RATES.isdisjoint(value.quantities) for value in self.value if isinstance(value, PointExpression))
 
     @property
     def places(self) -> tuple[str, tuple[float, ...]] | None:
-        """The body, and where along it nodes are wanted beside those of ``line``."""
+        """The body, and the positions on it that need nodes in addition to those of ``line``."""
         return (self.on, (self.from_, self.to)) if is_formula(self.value) else None
 
     def check(self) -> Iterator[Issue]:
-        """Yield an extent that is empty or backward."""
+        """Yield issues for an extent that is empty or reversed, and for formulas that cannot be used."""
         if not self.from_ < self.to:
             yield Issue(("to",), f"{{}}: from must be less than to, got from {self.from_:g} "
                         f"to {self.to:g}")
@@ -349,15 +349,15 @@ class Eigenstrain:
 
     @property
     def places(self) -> tuple[str, tuple[float, ...]]:
-        """The body, and where along it nodes are wanted."""
+        """The body, and the positions on it that need nodes."""
         return _places(self, self.axial, self.curvature)
 
     def check(self) -> Iterator[Issue]:
-        """Yield an extent that is empty or backward, and an eigenstrain of nothing."""
+        """Yield issues for an extent that is empty or reversed, and for an eigenstrain that is zero."""
         yield from _issues(self, "axial and curvature" if self.axial == 0.0 and self.curvature == 0.0 else "")
 
     def add(self, context: LoadContext, out: LoadSet) -> None:
-        """Add what it strains."""
+        """Add the eigenstrain to the natural strains of the body."""
         _add(self, (self.axial, self.curvature, 0.0, 0.0), context, out)
 
 
@@ -380,17 +380,17 @@ class Temperature:
 
     @property
     def places(self) -> tuple[str, tuple[float, ...]]:
-        """The body, and where along it nodes are wanted."""
+        """The body, and the positions on it that need nodes."""
         return _places(self, self.value, self.gradient)
 
     def check(self) -> Iterator[Issue]:
-        """Yield an extent that is empty or backward, and a temperature that stays."""
+        """Yield issues for an extent that is empty or reversed, and for a temperature change that is zero."""
         yield from _issues(self, "value and gradient" if self.value == 0.0 and self.gradient == 0.0 else "")
 
     def add(self, context: LoadContext, out: LoadSet) -> None:
-        """Add what it strains by the thermal expansion of the material."""
+        """Add the thermal strain of the material to the natural strains of the body."""
         section = context.meshes[self.on].plan.section
-        # the mean of layers may be 0
+        # the mean over the layers may be 0
         if not (section.alpha or any(layer.alpha for layer in section.layers)):
             of = ".section.layers.0" if section.layers else ""
             raise LoadError(("on",), f"body '{self.on}' has no thermal expansion",

@@ -36,9 +36,9 @@ from .contact_curves import (
 from .obstacles import Frame
 
 NAME = Name()
-# of friction before it slides, beside the stiffness of an element along its axis
+# stiffness of friction before sliding, relative to the axial stiffness of an element
 STICK = 100.0
-# gaps beside the extent of the scene that count as closed
+# largest gap that counts as closed, relative to the extent of the scene
 TOUCH = 1e-12
 
 
@@ -70,7 +70,7 @@ class Contact:
     name: str | None = key(NAME, "Name", default=None)
 
     def check(self) -> Iterator[Issue]:
-        """Yield what does not say what touches."""
+        """Yield issues for partners that are missing or the same, and for a restitution with a law."""
         if (self.between is None) == (self.self_ is None):
             yield Issue((), "{}: a contact needs two partners, or a body that touches itself", "between or self")
         if self.between is not None and self.between[0] == self.between[1]:
@@ -84,25 +84,26 @@ register("contacts", Contact)
 
 
 class ContactPair:
-    """Contact of a body with an obstacle: its spots as point laws, all of the same number of coordinates.
+    """Contact of a body with an obstacle: its spots as point laws, all with the same number of coordinates.
 
     ``dofs`` (m, n), ``G`` (m, fields, n), ``p0`` (m, fields), ``par`` and ``mem`` (m, .): see ``point_patch.Items``;
-    ``spots`` (m) and their ``s`` (m,) along the body; ``hard``: whether each has a multiplier behind its fields.
+    ``spots`` (m) and their ``s`` (m,) along the body; ``hard``: whether each has a multiplier after its fields.
     ``still``: its points may move along elements to where a body lifts off (``contact_curves``). ``follows`` are the
-    coordinates that are no unknowns, ``rapid`` [1/s] is a rate far above those of a motion, with which a
-    rigid body that sticks yields.
+    coordinates that are not unknowns; ``rapid`` [1/s] is a rate far above those of a motion, which gives the stick
+    stiffness of a rigid body.
     """
 
     # whether its points touch bodies
     on_bodies = False
-    # see ``draw_back``
+    # distance of the surface from its given place; see ``draw_back``
     back = 0.0
-    # of spots that supports alone move, in statics without a law: they have no points; their gaps (m,) in the reference
+    # for hard contact in statics: the spots that only supports move, without contact points, and their reference gaps
+    # (m,)
     driven: tuple[ContactPair, Array] | None = None
 
     @cached_property
     def runs(self) -> Index:
-        """How many spots from each on (m,) are of the same curve of an element, so that they share fields."""
+        """How many spots, counted from each one (m,), are on the same curve of an element and so share fields."""
         out = np.ones(len(self.spots), dtype=np.int64)
         for i in range(len(self.spots) - 2, -1, -1):
             if self.on_curve[i] == self.on_curve[i + 1]:
@@ -124,7 +125,7 @@ class ContactPair:
         dofs, G, start, par = [], [], [], []
         seen = cache(lambda cls, eta: touching_rows(mesh, int(np.flatnonzero(mesh.cls == cls)[0]), eta, item.side,
                                                     self.still))
-        # the element and the height of the curve that each spot is of
+        # element and height of the curve of each spot
         self.on_curve = [(p.ie, eta_at(mesh, p)) for p in self.spots]
         for p, (_, eta) in zip(self.spots, self.on_curve, strict=True):
             own, terms, kind = seen(int(mesh.cls[p.ie]), eta)
@@ -144,55 +145,55 @@ class ContactPair:
         self.mem[:, geometry.FROM] = geometry.OUTSIDE
         self.mem[:, geometry.SLIDES] = geometry.CLOSES if self.hard else 0.0
         self.mem[:, geometry.FREE] = [-1.0 if p.free else 0.0 for p in self.spots]
-        # with a law, friction holds to where the first state is
+        # with a law, friction holds a point to its place in the first state
         self.mem[:, geometry.ANCHOR] = 0.0 if self.hard else np.nan
         self.fed = tuple(self.G.shape[1] - 3 + k for k in range(3)) if frame.kind == geometry.BY_ANGLE else -1
         self.signal = frame.signals or None
         self.scale, self.size = extent, geometry.MEMORY
 
     def at(self, item: Contact, mesh: BodyMesh, chosen: list[Spot]) -> ContactPair:
-        """Return chosen points of the body beside the obstacle, under a contact of the same kind."""
+        """Return chosen points of the body as a pair with the same obstacle, under a contact of the same kind."""
         out = ContactPair(item, self.name, mesh, self.obstacle, self.frame, self.scale, chosen=chosen)
         if self.back > 0.0:
             out.draw_back(self.back)
         return out
 
     def draw_back(self, back: float) -> None:
-        """Let the surface of a smooth obstacle be so far [m] from where it is given, away from bodies."""
+        """Move the surface of a smooth obstacle this distance [m] away from the bodies."""
         shape = self.obstacle.shape(back)
         self.par[:, -len(shape):], self.back = shape, back
 
     def beam_at(self, k: int) -> BeamCurve | None:
-        """Return the curve of the beam at spot k, where it is not the element's own."""
+        """Return the curve of the beam at spot k, or None if it is the curve of the element itself."""
         return beam_curve(self.mesh, self.spots[k], self.item.side, self.still)
 
     def _law(self, p: Spot) -> tuple[float, float, float, float]:
-        """Return stiffness, damping, friction and the stiffness of what sticks."""
+        """Return stiffness, damping (hard contact: range of z), friction and stick stiffness of a spot."""
         mu, law = self.item.friction, self.item.law
         if law is not None:
             return law.stiffness, law.damping, mu, law.stiffness * p.weight
-        # a point that may move looks for where it should be within so much of z
+        # in place of damping: how far in z a movable point searches its place
         reach = 1.0 if self.still else 1.0 / pieces_along(self.mesh)
         section, l = self.mesh.plan.section, float(self.mesh.lengths[p.ie])
         if self.mesh.plan.rigid:
             mass = float(section.rhoA) * self.mesh.plan.length
-            # in statics it follows the forces of the scene (model/contacts.py)
+            # in statics, the stiffness follows the forces of the scene (model/contacts.py)
             return 1.0, reach, mu, mass * self.rapid**2
         return section.EI / l**3, reach, mu, STICK * section.EA / l
 
     def pressed_through(self, d: Array) -> str:
-        """Return nothing: only bodies are thin."""
+        """Return an empty string: a body cannot be pressed through an obstacle."""
         return ""
 
     @property
     def meetings(self) -> Index:
-        """All coordinates that meet in an item (m, n)."""
+        """All coordinates on which an item acts together (m, n)."""
         return self.dofs
 
     reach = meetings
 
     def gaps(self, d: Array, t: float) -> Array:
-        """Return the gap (m,) of each spot at home at displacements d (n_full,)."""
+        """Return the gap (m,) of each spot at its home place at displacements d (n_full,) and t."""
         out, work = np.zeros(len(self.spots)), np.zeros(geometry.WORK)
         given = [signal(t) for signal in self.frame.signals] if self.frame.kind == geometry.BY_ANGLE else []
         for i, par in enumerate(self.par):
@@ -205,7 +206,7 @@ class ContactPair:
 
 
 def _pose_rows(frame: Frame) -> tuple[Index, Array, Array]:
-    """Return the coordinates (n,) of an obstacle's pose, the matrix that gives its fields, and their reference."""
+    """Return the coordinates (n,) of an obstacle's pose, the matrix from them to its fields, and p0 of these fields."""
     coords = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(f.coords for f in frame.fields)]))
     rows = np.zeros((len(frame.fields), len(coords)))
     for row, f in zip(rows, frame.fields, strict=True):
@@ -214,14 +215,14 @@ def _pose_rows(frame: Frame) -> tuple[Index, Array, Array]:
 
 
 class CompliantContact:
-    """The spots of a compliant contact as a spring: a law with potential, damping and friction."""
+    """The spots of a compliant contact as one spring: a law with potential, damping and friction."""
 
     rest = slack = 0.0
     angle = False
     # when it acts: always
     active = None
     sections: tuple[PointRef | None, ...] = ()
-    # what acts along a body has no ends
+    # a load along a body has no end points
     ends: tuple[()] = ()
 
     def __init__(self, pair: Any) -> None:
@@ -232,21 +233,21 @@ class CompliantContact:
         self.breaks: Sequence[int] = range(len(pair.spots)) if pair.mesh.plan.rigid else (0,)
 
     def items(self) -> Items:
-        """Return the law as tables have it."""
+        """Return the law at all spots as point items."""
         p = self.pair
         return Items(self.law, p.dofs, p.G, p.p0, p.par, p.mem, p.signal, p.fed, restitution=math.nan, runs=p.runs,
                      stays=not p.on_bodies)
 
     def keep_in(self, par: Array, mem: Array) -> None:
-        """Keep constants and memory in rows of a table."""
+        """Use rows of a table as constants and memory."""
         self.pair.par, self.pair.mem = par, mem
 
     def tighten(self, share: float) -> None:
-        """Do nothing: what overlaps in the reference presses at once."""
+        """Do nothing: bodies that overlap in the reference press with their full force at once."""
 
 
 class ContactPoint(PointConstraint):
-    """One spot of a contact without a law: its multiplier is minus the force there."""
+    """One spot of a hard contact; its multiplier is minus the contact force."""
 
     def __init__(self, pair: Any, i: int) -> None:
         self.law, self.pair, self.number = pair.law, pair, i
@@ -264,20 +265,20 @@ class ContactPoint(PointConstraint):
         return np.append(self.pair.dofs[self.number], self.multiplier)
 
     def turns_by(self, t: float) -> list[tuple[PointRef, float]]:
-        """Return that no rotation is prescribed."""
+        """Return an empty list: no rotation is prescribed."""
         return []
 
     def opposed(self, d: Array, t: float) -> bool:
-        """Return that no directions have to agree."""
+        """Return False: no directions have to agree."""
         return False
 
     def items(self) -> Items:
-        """Return the law as tables have it."""
+        """Return the law as point items."""
         return super().items()._replace(restitution=self.pair.item.restitution or 0.0,
                                         stays=not self.pair.on_bodies and self.beam is None)
 
     def keep_in(self, par: Array, mem: Array) -> None:
-        """Keep constants and memory in rows of a table."""
+        """Use rows of a table as constants and memory."""
         self.par, self.mem = par, mem
 
 

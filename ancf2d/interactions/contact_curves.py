@@ -1,14 +1,14 @@
-"""Where bodies may touch: places along them, and their curves there as polynomials of each element.
+"""Contact spots of bodies, and their curves there as polynomials of each element.
 
-In statics a point of contact without a law may stand anywhere between the ends of an element. What touches there is
-the curve that a beam has between these: the cubic through them, along their sections but for the mean shear of the
-element. With chord C = r_1 - r_0, directions T of the axis as sections have it and their mean T_m over the element,
+In statics a hard contact point may be anywhere between the ends of an element. It touches with the curve that a beam
+has between them: the cubic through both ends, with the section directions there minus the mean shear of the element.
+With chord C = r_1 - r_0, directions T of the axis given by the sections and their mean T_m over the element,
 
     r(x) = r_0 + x C + l (x (1 - x)^2 (T_0 - T_m) - x^2 (1 - x) (T_1 - T_m)),  x = 0..1.
 
-Under a force at x the beam goes l^3 (x (1 - x))^3/3 EI + l x (1 - x)/kGA beyond it (``elements.contact_sliding``), and
-the ends go where they do in beam theory, to the order of the element: forces that act on the element's own polynomial,
-whose third derivatives are others, move them by errors of the order of l^3.
+Under a force at x, the beam deflects by l^3 (x (1 - x))^3/3 EI + l x (1 - x)/kGA more (``elements.contact_sliding``),
+and the displacements of the ends agree with beam theory to the order of the element. A force on the element's own
+polynomial, with other third derivatives, would displace them with errors of order l^3.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ..elements import contact_geometry as geometry
 from ..elements.shape import Array, gauss
 from ..model.mesh import BodyMesh, Index
 
-# Gauss points of a compliant contact along an element and over the end of a body, and of the mean direction
+# Gauss points of a compliant contact along an element and over the end of a body, and those for the mean direction
 ALONG, ACROSS, MEAN = 4, 3, 6
 # powers of z of x (1 - x)^2 and -x^2 (1 - x) at x = (1 + z)/2
 FIRST, LAST = np.array([1.0, -1.0, -1.0, 1.0]) / 8.0, np.array([-1.0, -1.0, 1.0, 1.0]) / 8.0
@@ -34,9 +34,9 @@ CUBIC = 4
 
 @dataclass(frozen=True)
 class Spot:
-    """A place of a body that may touch: element, z from -1 to 1 along it, eta = 2 y/h off the axis.
+    """A place on a body that may touch: element, z from -1 to 1 along it, eta = 2 y/h off the axis.
 
-    ``weight`` [m] is the length that it stands for; ``free``: it may move along its element.
+    ``weight`` [m] is the length that it represents; ``free``: it may move along its element.
     """
 
     ie: int
@@ -47,7 +47,7 @@ class Spot:
 
 
 def pieces_along(mesh: BodyMesh) -> int:
-    """Return into how many intervals an element is divided: as many as it has positions of the axis of its own."""
+    """Return the number of contact intervals of an element: its nodal vectors r, r_x, ... but for the last node."""
     element = mesh.plan.element
     own = [node for node, name in element.functionals if "y" not in name.partition("_")[2]]
     shared = sum(node == len(element.nodes) - 1 for node in own)
@@ -63,11 +63,11 @@ def levels_of(mesh: BodyMesh, side: str) -> list[float]:
 
 
 def spots(mesh: BodyMesh, side: str, compliant: bool, still: bool) -> list[Spot]:
-    """Return where a body may touch.
+    """Return the spots of a body that may touch.
 
-    A compliant contact is integrated over Gauss points of the faces and ends. One without a law holds the ends of
-    elements and, in motion, what divides them (``pieces_along``); in statics (``still``) one more point is free in each
-    element.
+    A compliant contact is integrated over Gauss points of the faces and ends. A hard contact has spots at the ends of
+    elements and, in motion, at inner positions (``pieces_along``), and a free one in each interval; in statics
+    (``still``) an element is one interval.
     """
     out, count = [], len(mesh.dofs)
     if compliant:
@@ -85,7 +85,7 @@ def spots(mesh: BodyMesh, side: str, compliant: bool, still: bool) -> list[Spot]
         for ie in range(count):
             for i in range(parts):
                 z = -1.0 + 2.0 * i / parts
-                # at a corner between pieces both have the same point of the axis
+                # at a corner, the adjacent pieces share the point of the axis
                 if i > 0 or ie == 0 or side == "surface" or mesh.shares_start[ie]:
                     out.append(Spot(ie, z, eta, float(mesh.lengths[ie]) / parts))
                 out.append(Spot(ie, z + 1.0 / parts, eta, float(mesh.lengths[ie]) / parts, free=True))
@@ -95,14 +95,14 @@ def spots(mesh: BodyMesh, side: str, compliant: bool, still: bool) -> list[Spot]
 
 
 def movable(mesh: BodyMesh, side: str, compliant: bool, follows: Mapping[int, Any], still: bool) -> list[Spot]:
-    """Return where a body may touch but for what supports hold where it is: see ``moves``."""
+    """Return the spots of a body that may touch, without those that supports keep in place (see ``moves``)."""
     return _chosen(mesh, spots(mesh, side, compliant, still), follows, True)
 
 
 def driven(mesh: BodyMesh, side: str, follows: Mapping[int, Any]) -> list[Spot]:
-    """Return where supports alone say where a body without a contact law is.
+    """Return the spots of a body in hard contact whose position only supports determine.
 
-    Of a body whose faces touch also where they say that of its axis, about which a section may turn.
+    If faces touch, this includes spots on the axis held by supports, about which a section may rotate.
     """
     sides = dict.fromkeys((side, "axis"))
     home = [p for each in sides for p in spots(mesh, each, False, True) if not p.free]
@@ -115,7 +115,7 @@ def _chosen(mesh: BodyMesh, some: list[Spot], follows: Mapping[int, Any], moved:
 
 
 def moves(mesh: BodyMesh, spot: Spot, follows: Mapping[int, Any]) -> bool:
-    """Return whether unknowns move a spot in the reference; ``follows`` are the coordinates that are none, with terms.
+    """Return whether unknowns move a spot in the reference; ``follows`` has the terms of all other coordinates.
     """
     eta, dofs = eta_at(mesh, spot), mesh.dofs[spot.ie]
     rows, terms, kind = curve_rows(mesh, spot.ie, eta)
@@ -123,12 +123,12 @@ def moves(mesh: BodyMesh, spot: Spot, follows: Mapping[int, Any]) -> bool:
     parts = rows.reshape(-1, terms, rows.shape[1])
     ways: Array = powers @ parts
     if kind == geometry.OF_TANGENT and eta != 0.0:
-        # a tangent that becomes longer turns nothing
+        # a change of length of the tangent causes no rotation
         slope = (np.arange(terms) * spot.z ** np.maximum(np.arange(terms) - 1, 0)) @ parts
         tangent = slope @ mesh.e0[dofs - mesh.first_dof]
         ways = np.vstack([ways, (tangent[0] * slope[1] - tangent[1] * slope[0]) / np.hypot(*tangent)])
     if kind == geometry.OF_THETA and eta == 0.0:
-        # what turns moves nothing there
+        # rotation does not move points on the axis
         ways = ways[:2]
     least, total = 1e-12 * np.abs(ways).max(), dict[int, Array]()
     for c, way in zip(dofs.tolist(), ways.T, strict=True):
@@ -138,7 +138,7 @@ def moves(mesh: BodyMesh, spot: Spot, follows: Mapping[int, Any]) -> bool:
 
 
 def eta_at(mesh: BodyMesh, spot: Spot) -> float:
-    """Return eta of a spot in the shape functions' height, where the height varies along the body."""
+    """Return eta of a spot relative to the height in the shape functions, if the height varies along the body."""
     if mesh.plan.varying is None:
         return spot.eta
     height = mesh.classes[mesh.cls[spot.ie]].sampler.at(np.array([0.5 * (spot.z + 1.0)])).height
@@ -146,22 +146,22 @@ def eta_at(mesh: BodyMesh, spot: Spot) -> float:
 
 
 def face_of(spot: Spot, side: str) -> float:
-    """Return 1 for the upper face, -1 for the lower one, 0 for the axis and for the end of a body."""
+    """Return 1 for a spot above the axis (upper face), -1 for one below (lower face), 0 on the axis."""
     return 0.0 if side == "axis" or abs(spot.eta) < 1e-12 else math.copysign(1.0, spot.eta)
 
 
 def offset_of(mesh: BodyMesh, eta: float) -> float:
-    """Return how far a curve is off the axis, where sections stay straight."""
+    """Return the distance of a curve from the axis for sections that stay straight, else 0."""
     return 0.0 if mesh.plan.element.section_kind == "interpolated" else 0.5 * eta * mesh.plan.section.height
 
 
 def is_cubic(mesh: BodyMesh) -> bool:
-    """Whether sections turn along an element as those of a beam under forces at its ends."""
+    """Return whether sections rotate along an element as in a beam under forces at its ends."""
     return mesh.plan.element.degree_of_turn > 1
 
 
 def yields_of(mesh: BodyMesh, spot: Spot, still: bool) -> tuple[float, float]:
-    """Return l^3/3 EI and l/kGA of the element that a free spot may stand in, in statics: see ``contact_sliding``."""
+    """Return l^3/3 EI and l/kGA of the interval of a free spot in statics, else zeros; see ``contact_sliding``."""
     section, l = mesh.plan.section, spot.weight
     if not (still and spot.free) or mesh.plan.rigid:
         return 0.0, 0.0
@@ -169,7 +169,7 @@ def yields_of(mesh: BodyMesh, spot: Spot, still: bool) -> tuple[float, float]:
 
 
 def curve_rows(mesh: BodyMesh, ie: int, eta: float) -> tuple[Array, int, int]:
-    """Return the matrix (fields, n_dof) that gives the coefficients of a curve of an element, its powers, its kind."""
+    """Return the matrix (fields, n_dof) from coordinates to coefficients of a curve, its number of powers, its kind."""
     element, shape = mesh.plan.element, mesh.classes[mesh.cls[ie]].shape
     kinds = {"interpolated": geometry.CURVE, "theta": geometry.OF_THETA, "tangent": geometry.OF_TANGENT}
     kind = kinds[element.section_kind]
@@ -184,29 +184,29 @@ def curve_rows(mesh: BodyMesh, ie: int, eta: float) -> tuple[Array, int, int]:
 
 
 def padded(rows: Array, terms: int, wanted: int) -> Array:
-    """Return rows with more powers, all zero."""
+    """Return rows extended by zeros to more powers."""
     out = np.zeros((len(rows) // terms, wanted, rows.shape[1]))
     out[:, :terms] = rows.reshape(-1, terms, rows.shape[1])
     return out.reshape(-1, rows.shape[1])
 
 
 def touching_rows(mesh: BodyMesh, ie: int, eta: float, side: str, still: bool) -> tuple[Array, int, int]:
-    """Return as ``curve_rows`` does the rows of what touches, with as many powers as beams have in statics (``still``).
+    """Return the same as ``curve_rows`` for the touching curve; in statics (``still``) with at least cubic powers.
     """
     rows, terms, kind = curve_rows(mesh, ie, eta)
     if still and not mesh.plan.rigid:
         wanted = max(terms, CUBIC)
         rows, terms = padded(rows, terms, wanted), wanted
-    # the axis whatever the section does
+    # with side axis, the rotation of sections does not matter
     return (rows[:2 * terms], terms, geometry.CURVE) if side == "axis" else (rows, terms, kind)
 
 
 class BeamCurve:
-    """The curve that a beam has between the ends of an element, beside the element's own.
+    """The curve of a beam between the ends of an element, where it differs from the curve of the element.
 
-    Where sections turn by a rotation, x and y of it have -C_y h and C_x h beside the rest, which is linear in the
-    coordinates: ``linear`` (fields, n_dof). ``chord`` (2, n_dof) gives the chord C, and ``bends`` (powers, n_dof) the
-    polynomial h of rotations; ``start``, ``c0`` and ``h0`` are theirs in the reference.
+    For sections with a rotation, x and y contain -C_y h and C_x h in addition to a part that is linear in the
+    coordinates, ``linear`` (fields, n_dof). ``chord`` (2, n_dof) gives the chord C and ``bends`` (powers, n_dof) the
+    polynomial h of rotations; ``start``, ``c0`` and ``h0`` are their values in the reference.
     """
 
     def __init__(self, mesh: BodyMesh, ie: int, eta: float, side: str) -> None:
@@ -218,7 +218,7 @@ class BeamCurve:
         self.linear[:2 * wanted] += straight - axis
         if mesh.plan.element.section_kind == "interpolated":
             turned = _bends(mesh, ie, 1, wanted) * mesh.classes[mesh.cls[ie]].shape.l
-            # along sections with r_y is (r_y, y; -r_y, x)
+            # the direction along the axis is (r_y,y; -r_y,x)
             self.linear[:wanted, 1::nc] += turned
             self.linear[wanted:2 * wanted, 0::nc] -= turned
         else:
@@ -228,8 +228,8 @@ class BeamCurve:
 
 
 def beam_curve(mesh: BodyMesh, spot: Spot, side: str, still: bool) -> BeamCurve | None:
-    """Return the curve of the beam where a free spot may touch with it in statics, and where it is not the element's
-    own."""
+    """Return the beam's curve for a free spot in statics, or None if the spot touches with the curve of the element
+    itself."""
     if not (still and spot.free) or mesh.plan.rigid or mesh.plan.element.section_kind == "tangent":
         return None
     return BeamCurve(mesh, spot.ie, eta_at(mesh, spot), side)
@@ -248,7 +248,7 @@ def _chord(mesh: BodyMesh, ie: int, wanted: int) -> Array:
 def _bends(mesh: BodyMesh, ie: int, across: int, wanted: int) -> Array:
     """Return x (1 - x)^2 (f_0 - f_m) - x^2 (1 - x) (f_1 - f_m) as rows (wanted, shape functions) of powers of z.
 
-    f is what an element interpolates, or its derivative across.
+    f is an interpolated field, or its derivative across the section.
     """
     shape = mesh.classes[mesh.cls[ie]].shape
     x, w = gauss(MEAN)
@@ -260,7 +260,7 @@ def _bends(mesh: BodyMesh, ie: int, across: int, wanted: int) -> Array:
 
 
 class Curve(NamedTuple):
-    """What of a body may be touched: the constants of its law (``contact_bodies``), and the fields of an element."""
+    """A curve of a body that may be touched: constants of its law (``contact_gaps``), and fields of its element."""
 
     constants: Array
     G: Array
@@ -269,7 +269,7 @@ class Curve(NamedTuple):
 
 
 def _across(mesh: BodyMesh, ie: int, z: float, low: float, high: float) -> Array:
-    """Return the matrix (fields, n_dof) that gives the coefficients of an end of an element, across it."""
+    """Return the matrix (fields, n_dof) from coordinates to coefficients of the curve across an end of an element."""
     element, shape = mesh.plan.element, mesh.classes[mesh.cls[ie]].shape
     terms, half, nc = _terms(mesh), 0.25 * (high - low) * mesh.plan.section.height, element.components
     at = (np.array([0.5 * (z + 1.0)]), np.array([0.5 * (low + high)]))
@@ -281,7 +281,7 @@ def _across(mesh: BodyMesh, ie: int, z: float, low: float, high: float) -> Array
 
 
 def _terms(mesh: BodyMesh) -> int:
-    """Return how many powers the curves of a body have."""
+    """Return the number of powers of the curves of a body."""
     return 1 + max(mesh.plan.element.degree_x, mesh.plan.element.degree_y)
 
 
@@ -322,7 +322,7 @@ def curves_of(mesh: BodyMesh, side: str, follows: Mapping[int, Any]) -> list[Cur
 
 
 class _Curves:
-    """Points of a table whose curves have the same numbers of fields and coordinates, as ``BeamCurves`` takes them."""
+    """Points of a table whose curves have the same numbers of fields and coordinates, stacked for ``BeamCurves``."""
 
     def __init__(self, items: list[int], patches: list[Any]) -> None:
         curves = [patch.beam for patch in patches]
@@ -336,9 +336,9 @@ class _Curves:
             for name in ("linear", "start", "chord", "bends", "c0", "h0"))
 
     def at(self, which: Index, own: Any, d: Array) -> tuple[Array, Array]:
-        """Return the rows (k, fields, n) and fields (k, fields) in the reference of those points at d (n_full,).
+        """Return the rows (k, fields, n) and reference fields (k, fields) of points ``which`` at d (n_full,).
 
-        Of the element's ``own`` curve (k,), or of the beam's, whose fields are then those at d.
+        They are those of the element's curve for ``own`` points (k,), else of the beam's curve, linearised about d.
         """
         u, rows, start = d[self.dofs[which]], self.linear[which].copy(), self.start[which].copy()
         chord, bends = self.chord[which], self.bends[which]
@@ -353,7 +353,7 @@ class _Curves:
 
 
 class BeamCurves:
-    """The points of a table of point laws that touch with the curve of the beam or with the element's own."""
+    """The points of a table of point laws that touch with the curve of the beam or with that of the element."""
 
     def __init__(self, patches: Sequence[Any]) -> None:
         groups: dict[tuple[int, ...], tuple[list[int], list[Any]]] = {}
@@ -368,8 +368,8 @@ class BeamCurves:
         self.groups = [_Curves(*group) for group in groups.values()]
 
     def take(self, points: Any, d: Array, unused: bool) -> None:
-        """Write what points touch with at displacements d (n_full,) into the table (``kernels.points.Points``); that of
-        ``unused`` ones, too."""
+        """Write the curves of points at displacements d (n_full,) to the table (``kernels.points.Points``); those of
+        ``unused`` points too, if asked for."""
         for group in self.groups:
             free = points.mem[group.items, geometry.FREE]
             which: Index = np.flatnonzero(unused | (free > 0.0))

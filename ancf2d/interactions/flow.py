@@ -1,8 +1,8 @@
 """Material that moves along a body: a fluid that it carries, or its own material, moving through its supports.
 
-What moves with v along the axis has the velocity r_t + v r_x and the acceleration r_tt + 2 v r_tx + v' r_x + v^2 r_xx.
-By parts over x the last is -v^2 r_x on dr_x in the body and v^2 r_x on dr at the end where material leaves, less that
-where it enters (Hamilton's principle for a system of changing mass: McIver 1973).
+Mass that moves with v along the axis has the velocity r_t + v r_x and the acceleration r_tt + 2 v r_tx + v' r_x +
+v^2 r_xx. Integration by parts over x turns the last term into -v^2 r_x on dr_x in the body, plus v^2 r_x on dr at the
+end where material leaves, minus the same where it enters (Hamilton's principle for changing mass: McIver 1973).
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from ..model.point_patch import Items
 
 
 def flow(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """Inertia of mass that passes a point beside that at rest; fields: r, r_x; par: mass, mass per length at an end.
+    """Inertia forces of mass that passes a point, without those at v = 0; fields: r, r_x.
 
-    a: velocity and its rate.
+    par: mass, mass per length at an end; a: velocity and its rate.
     """
     v, square = a[0], a[0] * a[0]
     for c in range(2):
@@ -43,7 +43,7 @@ def flow(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
 
 
 def flow_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
-    """The same in the middle of the step."""
+    """The same at mid-step."""
     v, rate = 0.5 * (a0[0] + a1[0]), 0.5 * (a0[1] + a1[1])
     for c in range(2):
         tangent = p0[2 + c] + 0.5 * (u0[2 + c] + u1[2 + c])
@@ -53,7 +53,7 @@ def flow_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-de
 
 
 def flow_of_turning(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """Rotary inertia of sections that pass a point, whose rotation is a coordinate; fields: theta, theta_x."""
+    """Rotary inertia of sections with theta that pass a point; fields: theta, theta_x; par and a as in ``flow``."""
     v, square, slope = a[0], a[0] * a[0], p0[1] + u[1]
     f[0] = par[0] * (2.0 * v * w[1] + a[1] * slope) + par[1] * square * slope
     f[1] = -par[0] * square * slope
@@ -62,7 +62,7 @@ def flow_of_turning(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-
 
 
 def flow_of_turning_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
-    """The same in the middle of the step."""
+    """The same at mid-step."""
     v, rate, slope = 0.5 * (a0[0] + a1[0]), 0.5 * (a0[1] + a1[1]), p0[1] + 0.5 * (u0[1] + u1[1])
     f[0] = par[0] * (2.0 * v * w[1] + rate * slope) + par[1] * v * v * slope
     f[1] = -par[0] * v * v * slope
@@ -74,20 +74,20 @@ TURNING = PointLaw("flow_of_turning", flow_of_turning, flow_of_turning_mean, sym
 
 
 class Velocity:
-    """The velocity of small motions and statics, ``factor`` times what the case says."""
+    """The constant velocity in small motions and statics: ``factor`` times the value of the case."""
 
     def __init__(self, value: float) -> None:
         self.value, self.factor = value, 1.0
 
     def __call__(self, t: float) -> float:
-        """Return the velocity, whatever t."""
+        """Return the velocity; t has no effect."""
         return self.factor * self.value
 
 
 class FlowPatch:
-    """One law of what moves along a body, at points of it with masses (``parts``).
+    """One law of the material that moves along a body, at points with masses (``parts``).
 
-    ``dofs`` (elements, n) are its coordinates, ``velocity`` is that along the body, whose rate is part of the forces.
+    ``dofs`` (elements, n) are its coordinates; ``velocity`` is along the body, and its rate enters the forces.
     """
 
     symmetric, by_rate = False, True
@@ -98,7 +98,7 @@ class FlowPatch:
         self._parts = list(parts)
 
     def items(self) -> Items:
-        """Return the law at its points, as tables have it."""
+        """Return the law at its points as point items."""
         return self._items
 
     @cached_property
@@ -124,8 +124,8 @@ class FlowPatch:
 
 
 class MassPoints(NamedTuple):
-    """Points of an element's mass: S and S_x (points, n_shape), mass ``dm`` and rotary inertia ``dI`` of each, or those
-    per length."""
+    """Points of an element's mass: S and S_x (points, n_shape), and mass ``dm`` and rotary inertia ``dI`` of each
+    (or both per length)."""
 
     S: Array
     slope: Array
@@ -134,7 +134,7 @@ class MassPoints(NamedTuple):
 
 
 def mass_points(sampler: Sampler, end: float | None = None) -> MassPoints:
-    """Return what integrates over an element's mass, or over the section at ``end``, xi = 0 or 1, per length."""
+    """Return points that integrate over the mass of an element, or per length over its section at xi = ``end``."""
     along = along_mass(sampler, 1.0) if end is None else (np.array([end]), np.ones(1))
     xi, eta, w = product_points(along, across_mass(sampler))
     rx = sampler.derivative(xi, eta, 1, 0) @ sampler.e0
@@ -146,7 +146,7 @@ def mass_points(sampler: Sampler, end: float | None = None) -> MassPoints:
 
 
 def _ends(mesh: BodyMesh) -> list[tuple[Index, float, float]]:
-    """Return the element, xi and sign of where material enters and leaves; a closed body has neither."""
+    """Return element, xi and sign of the entry and the exit of the material; a closed body has none."""
     if mesh.plan.closed:
         return []
     return [(np.array([0]), 0.0, -1.0), (np.array([len(mesh.dofs) - 1]), 1.0, 1.0)]
@@ -165,7 +165,7 @@ def _of_fluid(mesh: BodyMesh, density: float) -> Iterator[tuple[Index, Array, Ar
 
 
 def _of_body(mesh: BodyMesh, turning: bool) -> Iterator[tuple[Index, Array, Array, Array]]:
-    """Yield what ``_of_fluid`` does of the body's own material; with ``turning`` its rotary inertia."""
+    """Yield the same as ``_of_fluid`` for the body's own material, or with ``turning`` for its rotary inertia."""
     for k, cls in enumerate(mesh.classes):
         at = mass_points(cls.sampler)
         mass = at.dI if turning else at.dm
@@ -188,18 +188,18 @@ class Transport:
     velocity: float | Amplitude = key(VELOCITY, VELOCITY_DOC, example=20)
 
     def patches(self, mesh: BodyMesh, velocity: Callable[[float], float]) -> list[FlowPatch]:
-        """Return the forces of the material that moves."""
+        """Return the forces of the moving material."""
         out = [FlowPatch(mesh, FLOW, _of_body(mesh, False), velocity)]
         if mesh.plan.element.has_theta:
             out.append(FlowPatch(mesh, TURNING, _of_body(mesh, True), velocity))
         return out
 
     def masses(self, mesh: BodyMesh) -> Iterator[tuple[Index, Array]]:
-        """Yield nothing: the mass is that of the body."""
+        """Yield nothing: the mass belongs to the body."""
         yield from ()
 
     def weights(self, mesh: BodyMesh) -> Iterator[tuple[Index, Array]]:
-        """Yield nothing: the weight is that of the body."""
+        """Yield nothing: the weight belongs to the body."""
         yield from ()
 
 
@@ -212,11 +212,11 @@ class Fluid:
     velocity: float | Amplitude = key(VELOCITY, VELOCITY_DOC, example=20)
 
     def patches(self, mesh: BodyMesh, velocity: Callable[[float], float]) -> list[FlowPatch]:
-        """Return the forces of the fluid that moves."""
+        """Return the forces of the moving fluid."""
         return [FlowPatch(mesh, FLOW, _of_fluid(mesh, self.rhoA), velocity)]
 
     def masses(self, mesh: BodyMesh) -> Iterator[tuple[Index, Array]]:
-        """Yield coordinates (m, n) and the matrix (n, n) of the mass that it adds to the elements of each class."""
+        """Yield coordinates (m, n) and the mass matrix (n, n) that the fluid adds to the elements of each class."""
         nc = mesh.plan.element.components
         for elements, S, _, masses in _of_fluid(mesh, self.rhoA):
             m = masses[:, 0]

@@ -1,4 +1,4 @@
-"""Forces and moments at points, and what a load is to a model: dead, turning, or a strain of a free body."""
+"""Forces and moments at points, and the forms of loads in a model: dead, rotating, or natural strains."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ AlongBody = float | Profile
 NAME = Name()
 AMPLITUDE = OneOf(Amplitude)
 AMPLITUDE_DOC = "Factor as a function of load factor or time (default: ramp in static cases, otherwise constant)"
-# places beside S of natural strains that count as the same
+# difference in S of positions of natural strains that count as equal
 SAME = 1e-12
 SPREAD = Choice("uniform", "parabolic")
 SPREAD_DOC = "Spread the force over the section (default: on the axis)"
@@ -39,7 +39,7 @@ SPREAD_DOC = "Spread the force over the section (default: on the axis)"
 
 @dataclass
 class DeadLoad:
-    """A generalised force that depends on load factor or time alone: Q_k = amplitude(t) * values at dofs."""
+    """A generalised force that depends only on load factor or time: Q_k = amplitude(t) * values at dofs."""
 
     dofs: Index
     values: Array
@@ -49,11 +49,11 @@ class DeadLoad:
 
 @dataclass
 class NaturalStrain:
-    """What one load strains a free body by, from S = ``first`` to ``last``, times its amplitude.
+    """The natural strain that one load imposes on a body from S = ``first`` to ``last``, times its amplitude.
 
     ``values`` are axial strain, curvature [1/m], temperature [K] and its gradient [K/m] along the body. ``amount`` (3,)
-    and ``signal`` (1,) are its rows of ``kernels.natural.Natural``. On the way to an equilibrium a ``share`` of its
-    change from the amplitude ``before`` acts.
+    and ``signal`` (1,) are its rows of ``kernels.natural.Natural``. On the way to an equilibrium, only a ``share`` of
+    the change from the amplitude ``before`` acts.
     """
 
     mesh: BodyMesh
@@ -67,12 +67,12 @@ class NaturalStrain:
     share: float = 1.0
 
     def at(self, t: float) -> float:
-        """Return how much of it strains the body at load factor or time t."""
+        """Return the factor of the natural strain at load factor or time t."""
         now = self.amplitude(t)
         return now if self.share == 1.0 else self.before + self.share * (now - self.before)
 
     def places(self) -> Index:
-        """Return for each element 0 where it is not strained, 1 where as all others are, and 2 + its number else."""
+        """Return for each element 0 if it is not strained, 1 if it is strained like all others, else 2 + its number."""
         start, whole = self.mesh.starts, self.mesh.plan.length
         a, b = start / whole, (start + self.mesh.lengths) / whole
         number = np.arange(len(a))
@@ -83,9 +83,9 @@ class NaturalStrain:
         return out
 
     def along(self, element: int, xi: Array) -> Array:
-        """Return the values (4, n) at stations xi (n,) of an element, zero beyond the ends.
+        """Return the values (4, n) at stations xi (n,) of an element, zero outside [first, last].
 
-        Where a profile jumps at an end of the element, they are those within.
+        If a profile jumps at an end of the element, the value inside is used.
         """
         mesh = self.mesh
         whole, start = mesh.plan.length, mesh.starts[element]
@@ -96,7 +96,7 @@ class NaturalStrain:
 
 
 class LoadError(ValueError):
-    """A load that a body cannot bear; ``key`` names what is wrong below the load."""
+    """A load that is impossible on its body; ``key`` is the path of the wrong entry below the load."""
 
     def __init__(self, key: tuple[str, ...], message: str, expected: str = "") -> None:
         super().__init__(message)
@@ -104,9 +104,9 @@ class LoadError(ValueError):
 
 
 class Patch(Protocol):
-    """Forces that depend on the configuration, along coordinates ``dofs`` (m, n): point laws, centrifugal forces.
+    """Forces that depend on the configuration, on coordinates ``dofs`` (m, n): point laws, centrifugal forces.
 
-    ``symmetric`` tells whether their stiffness is.
+    ``symmetric``: whether their stiffness is symmetric.
     """
 
     dofs: Index
@@ -115,10 +115,10 @@ class Patch(Protocol):
 
 @dataclass
 class LoadSet:
-    """Everything that acts on the model; ``springs`` are loads that are stiff, as springs are, before they act.
+    """All loads on the model; ``springs`` are those that have stiffness like springs, even when they do not act yet.
 
-    ``guides`` are the tendons along bodies among them, whose tension the sections of their body do not bear.
-    ``flows`` are forces of material that moves along bodies, which act in the reference, too.
+    ``guides`` are the tendons along bodies among them; the sections of the body do not bear their tension.
+    ``flows`` are forces of material that moves along bodies; they also act in the reference.
     """
 
     dead: list[DeadLoad] = field(default_factory=list)
@@ -131,9 +131,9 @@ class LoadSet:
 
 @dataclass(frozen=True)
 class LoadContext:
-    """What a load needs to find its place: meshes, points, its amplitude, the point masses and flows of the scene.
+    """Data for a load: meshes, points, its amplitude, and the point masses and flows of the scene.
 
-    ``active`` tells when it acts, for what its amplitude does not switch.
+    ``active`` is when it acts, for the parts that its amplitude does not switch.
     """
 
     meshes: dict[str, BodyMesh]
@@ -141,37 +141,37 @@ class LoadContext:
     amplitude: Callable[[float], float]
     masses: Sequence[Any] = ()
     flows: Sequence[Any] = ()
-    # what follows another amplitude
+    # returns the signal of another amplitude
     follow: Callable[[Amplitude], Callable[[float], float]] | None = None
     active: Active | Latch | None = None
 
     def moving(self, at: MovingPoint, value: Sequence[float], gravity: bool = False) -> MovingPatch:
-        """Return a force of fixed direction that moves along a body and follows the amplitude."""
+        """Return a force of fixed direction that moves along a body and is scaled by the amplitude."""
         assert self.follow is not None
         patch = moving_force(self.meshes[at.on], self.follow(at.s), value, self.amplitude)
         patch.gravity = gravity
         return patch
 
     def dead(self, dofs: Index, values: Array, gravity: bool = False) -> DeadLoad:
-        """Return a load of fixed direction that follows the amplitude."""
+        """Return a load of fixed direction that is scaled by the amplitude."""
         return DeadLoad(dofs, values, self.amplitude, gravity)
 
 
 def load(cls: R) -> R:
-    """Register a record as a kind of load; its method ``add(context, out)`` says what acts on the model."""
+    """Register a record as a kind of load; its method ``add(context, out)`` adds its forces to ``out``."""
     return register("loads", cls, ("name", "amplitude"))
 
 
-# what the force of such a load returns
+# values that the force function of a position load returns
 RETURNS = ("fx", "fy", "dfx/dx", "dfx/dy", "dfy/dx", "dfy/dy")
 
 
 def position_load(force: Callable[..., Any], *, potential: bool) -> Callable[[R], R]:
-    """Register a record as a kind of load: a force on a point, as a function of where the point is.
+    """Register a record as a kind of load: a force on a point that is a function of its position.
 
-    ``force(x, y, par)`` returns fx, fy [N] and dfx/dx, dfx/dy, dfy/dx, dfy/dy; ``par`` are what the record's method
-    ``constants()`` returns, at most five numbers. The force is multiplied by the record's amplitude. ``potential``
-    tells whether dfx/dy = dfy/dx: without, the stiffness is not symmetric and buckling looks for flutter. The record
+    ``force(x, y, par)`` returns fx, fy [N] and dfx/dx, dfx/dy, dfy/dx, dfy/dy; ``par`` are the numbers (at most five)
+    that the record's method ``constants()`` returns. The force is multiplied by the record's amplitude. ``potential``:
+    whether dfx/dy = dfy/dx; if not, the stiffness is not symmetric and buckling looks for flutter. The record
     has ``tag`` and the keys ``at`` (kind POINT), ``amplitude`` and ``name``. Raises PluginError.
     """
     def with_force(cls: R) -> R:
@@ -188,7 +188,7 @@ def position_load(force: Callable[..., Any], *, potential: bool) -> Callable[[R]
 
 
 def position_law(name: str, force: Callable[..., Any], potential: bool) -> PointLaw:
-    """Return the law of a load from its force as a function of position, as ``position_load`` has it."""
+    """Return the law of a load whose force is a function of position; see ``position_load``."""
     def forces(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
         fx, fy, xx, xy, yx, yy = force(p0[0] + u[0], p0[1] + u[1], par)
         f[0], f[1] = -a[0] * fx, -a[0] * fy
@@ -196,7 +196,7 @@ def position_law(name: str, force: Callable[..., Any], potential: bool) -> Point
         return 0.0, 0.0
 
     def mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
-        # the force in the middle of the step
+        # the force at mid-step
         a = 0.5 * (a0[0] + a1[0])
         fx, fy, _, _, _, _ = force(p0[0] + 0.5 * (u0[0] + u1[0]), p0[1] + 0.5 * (u0[1] + u1[1]), par)
         f[0], f[1] = -a * fx, -a * fy
@@ -218,7 +218,7 @@ class Force:
     name: str | None = key(NAME, "Name", default=None)
 
     def check(self) -> Iterator[Issue]:
-        """Yield a force that moves and is spread."""
+        """Yield an issue for a force that moves and is spread."""
         if isinstance(self.at, MovingPoint) and self.spread is not None:
             yield Issue(("spread",), "{}.spread: a force that moves along a body acts on its axis", "no spread")
 
@@ -233,7 +233,7 @@ class Force:
 
 
 def follower(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """A force that turns with a section: position, then rotation; par: force in the reference (x, y), how it turns."""
+    """A force that rotates with a section; fields: position, rotation; par: force in the reference, rotation kind."""
     if par[2] == THETA:
         c, s = np.cos(p0[2] + u[2]), np.sin(p0[2] + u[2])
     else:
@@ -251,7 +251,7 @@ def follower(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
 
 
 def follower_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
-    """The force in the middle of the step."""
+    """The force at mid-step."""
     if par[2] == THETA:
         angle = p0[2] + 0.5 * (u0[2] + u1[2])
         c, s = np.cos(angle), np.sin(angle)
@@ -269,7 +269,7 @@ FOLLOWER = PointLaw("follower", follower, follower_mean, symmetric=False)
 
 def follower_force(point: PointRef, value: tuple[float, float], amplitude: Callable[[float], float],
                    spread: str | None = None) -> PointPatch:
-    """Return a force (tangential, normal) along the axes of its section as it turns."""
+    """Return a force (tangential, normal) along the axes of its section, which it follows."""
     kind, fields = turn_fields(point)
     c, s = math.cos(point.angle), math.sin(point.angle)
     reference = (c * value[0] - s * value[1], s * value[0] + c * value[1])
@@ -296,7 +296,7 @@ class FollowerForce:
 
 
 def moment(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """A moment conjugate to the rotation of a direction or to theta; par: moment, how it turns."""
+    """A moment conjugate to the rotation of a direction or to theta; par: moment, rotation kind."""
     M = par[0] * a[0]
     if par[1] == THETA:
         f[0] = -M
@@ -308,7 +308,7 @@ def moment(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
 
 
 def moment_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
-    """The moment in the middle of the step."""
+    """The moment at mid-step."""
     M = 0.5 * (a0[0] + a1[0]) * par[0]
     if par[1] == THETA:
         f[0] = -M
@@ -342,7 +342,7 @@ class Moment:
     name: str | None = key(NAME, "Name", default=None)
 
     def add(self, context: LoadContext, out: LoadSet) -> None:
-        """Add the moment on what turns with its section: Q_k = M dtheta/de."""
+        """Add the moment on the coordinates that rotate its section: Q_k = M dtheta/de."""
         out.patches.append(moment_at(context.point(self.at), self.value, context.amplitude))
 
 
@@ -360,11 +360,11 @@ class Torque:
     name: str | None = key(NAME, "Name", default=None)
 
     def check(self) -> Iterator[Issue]:
-        """Yield ends that cannot be those of a torque."""
+        """Yield issues for ends that are impossible for a torque."""
         yield from check_ends(self.between)
 
     def add(self, context: LoadContext, out: LoadSet) -> None:
-        """Add the moment on each of the sections that is not of the ground."""
+        """Add the moment on each section; an end on the ground gets none."""
         for end, value in zip(self.between, (-self.value, self.value), strict=True):
             if isinstance(end, Point):
                 out.patches.append(moment_at(context.point(end), value, context.amplitude))

@@ -1,4 +1,4 @@
-"""Forces that a case gives by formulas in local quantities: of the points of a body, of the elongation of a spring."""
+"""Forces given by formulas in local quantities: of the points of a body, or of the elongation of a spring."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..elements.point_laws import DIRECTION, GROUND, THETA, PointLaw, evaluate_f
 from ..elements.shape import Array
 from ..model.point_patch import formula_record
 
-# what a load along a body may depend on at each of its points, beside s
+# quantities, besides s, that a load along a body may depend on at each of its points
 LOCAL = ("t", "x", "y", "vx", "vy", "theta")
 RATES = frozenset(("vx", "vy"))
 # Gauss points and weights of [0, 1], for the energy of a spring
@@ -23,9 +23,9 @@ _GAUSS = ((0.01985507175123188, 0.05061426814518813), (0.10166676129318664, 0.11
 
 
 def along_body(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """A force by formula at a point: x, y, then how its section turns; par: weight [m], s, formula, how it turns.
+    """A force by formula at a point; fields: x, y, section rotation; par: weight [m], s, formula, rotation kind.
 
-    The time is in the place of the amplitude's rate.
+    The time is passed as the rate of the amplitude.
     """
     force, kind, weight = formula_at(par[2]), int(par[3]), par[0] * a[0]
     v = force.values
@@ -51,7 +51,7 @@ def along_body(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
 
 
 def along_body_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
-    """The force in the middle of the step."""
+    """The force at mid-step."""
     force, kind, weight = formula_at(par[2]), int(par[3]), 0.5 * par[0] * (a0[0] + a1[0])
     v = force.values
     v[0], v[3], v[4] = 0.5 * (a0[1] + a1[1]), w[0], w[1]
@@ -67,7 +67,7 @@ def along_body_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-unty
 
 
 def count_turn(p0, u, par, mem):  # type: ignore[no-untyped-def]
-    """Set the last angle of a point's section to that at u."""
+    """Update the last angle of a point's section with that at u."""
     if int(par[3]) == DIRECTION:
         mem[0] = turn(p0[2], u[2], u[3], mem[0])
 
@@ -78,7 +78,7 @@ ALONG_BODY = PointLaw("along_body", along_body, along_body_mean, symmetric=False
 def by_formula(s, rate, par):  # type: ignore[no-untyped-def]
     """A spring whose force is a formula beyond ``low`` and ``high``; par: formula, low, high, whether it has an energy.
 
-    The energy is the integral of the force without rate, by 8 Gauss points.
+    The energy is the integral of the force at zero rate, by 8 Gauss points.
     """
     low, high = par[1], par[2]
     if s >= high:
@@ -104,12 +104,12 @@ def spring_formula(text: str) -> Any:
 
 
 def uses_rate(text: str) -> bool:
-    """Whether a spring's formula depends on the rate."""
+    """Return whether a spring's formula depends on the rate."""
     return "v" in quantities_of(text)
 
 
 def density_formula(density: tuple[float | Profile, float | Profile]) -> tuple[Any, bool, bool]:
-    """Return the record of the two components of a load along a body, and whether they depend on theta and on rates."""
+    """Return the record of the two components of a load along a body, and whether they use theta, and rates."""
     trees: list[Tree] = []
     for value in density:
         assert not isinstance(value, ProfileTable)
@@ -120,7 +120,7 @@ def density_formula(density: tuple[float | Profile, float | Profile]) -> tuple[A
 
 
 def is_formula(density: Any) -> bool:
-    """Whether a load along a body depends on quantities of its points."""
+    """Return whether a load along a body depends on quantities of its points."""
     return any(isinstance(value, PointExpression) for value in density)
 
 

@@ -1,4 +1,4 @@
-"""Point masses, the vectors and rotations that carry their inertia, and the centrifugal forces of a steady rotation."""
+"""Point masses, the vectors and rotations that their inertia acts on, and centrifugal forces of a steady rotation."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Mass:
     name: str | None = key(Name(), "Name", default=None)
 
     def check(self) -> Iterator[Issue]:
-        """Yield a moment of inertia that moves along a body."""
+        """Yield an issue for a moving mass with a moment of inertia."""
         if isinstance(self.at, MovingPoint) and self.inertia:
             yield Issue(("inertia",), "{}.inertia: a mass that moves along a body cannot have a moment of inertia",
                         "no inertia")
@@ -43,7 +43,7 @@ register("masses", Mass)
 class MassTerm:
     """Kinetic energy ``inertia`` |sum of weights * rates|^2/2 of one vector (two columns) or one rotation (one).
 
-    ``place`` tells whether the vector is the position of the mass.
+    ``place``: whether the vector is the position of the mass.
     """
 
     inertia: float
@@ -52,13 +52,13 @@ class MassTerm:
 
 
 def mass_terms(mass: Mass, point: PointRef, e: Array | None = None) -> list[MassTerm]:
-    """Return what a point mass acts on: mass on the position, inertia on the section's direction.
+    """Return the mass terms of a point mass: mass on the position, inertia on the direction of the section.
 
-    The inertia is on theta where that is a coordinate. Elsewhere it is on the vector that turns with the section,
-    of unit length in the reference, as the inertia of the beam's own sections is: J |d'|^2/2 is J theta'^2/2 while
-    the vector keeps its length, and the mass matrix is constant. For small motion about ``e`` it is on the rotation
-    alone: what the vector stretches by has the stiffness of the next elements only, and with J a frequency that falls
-    with their length.
+    The inertia acts on theta if that is a coordinate. Otherwise it acts on the vector that rotates with the section, of
+    unit length in the reference, like the inertia of the beam's own sections: J |d'|^2/2 is J theta'^2/2 while
+    the vector keeps its length, and the mass matrix is constant. For small motions about ``e`` it acts on the rotation
+    only: the stretch of the vector has the stiffness of the adjacent elements only, and would add a frequency that
+    falls with the element length.
     """
     terms = [MassTerm(mass.mass, tuple(point.position()), True)]
     if not mass.inertia:
@@ -86,10 +86,10 @@ def mass_block(terms: list[MassTerm]) -> tuple[Index, Array]:
 
 
 class CentrifugalPatch:
-    """Q_k = t omega^2 M (q - about) of many elements that share M: t is the load factor, so omega^2 follows it.
+    """Q_k = t omega^2 M (q - about) of many elements that share M; the load factor t scales omega^2.
 
-    In the plane the rotation of a section is seen from the turning frame without change: rotary inertia about
-    the section's own centre exerts no centrifugal moment, and theta has no part in this M.
+    In the plane, a section has the same rotation relative to the rotating frame: rotary inertia about the centre of the
+    section causes no centrifugal moment, and theta is left out of M.
     """
 
     symmetric = True
@@ -98,7 +98,7 @@ class CentrifugalPatch:
         self.dofs, self.M, self.centre, self.omega2 = dofs, M, centre, omega * omega
 
     def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
-        """Return no elastic energy, -Q_k and its derivative."""
+        """Return the elastic energy (0), -Q_k and its derivative."""
         factor = t * self.omega2
         p = e[self.dofs] - self.centre
         Q = -factor * p @ self.M
@@ -115,7 +115,7 @@ def _without_theta(M: Array, components: int) -> Array:
 
 def centrifugal(meshes: dict[str, BodyMesh], masses: list[tuple[Mass, PointRef]],
                 spin: SteadyRotation) -> list[CentrifugalPatch]:
-    """Return the centrifugal forces on all bodies and point masses of a scene that turns about ``spin.about``."""
+    """Return the centrifugal forces on all bodies and point masses of a scene that rotates about ``spin.about``."""
     patches = []
     for mesh in meshes.values():
         element = mesh.plan.element
@@ -128,7 +128,7 @@ def centrifugal(meshes: dict[str, BodyMesh], masses: list[tuple[Mass, PointRef]]
             patches.append(CentrifugalPatch(mesh.dofs[mesh.cls == k], M, centre, spin.omega))
     for term in (term for mass, point in masses for term in mass_terms(mass, point) if len(term.columns) == 2):
         for (coords, weights), about in zip(term.columns, spin.about, strict=True):
-            # weights . (e - centre) = r - about; directions do not know where the centre is
+            # weights . (e - centre) = r - about; directions do not depend on the centre
             centre = about * weights / (weights @ weights) if term.place else np.zeros(len(weights))
             patches.append(CentrifugalPatch(coords[None, :], term.inertia * np.outer(weights, weights), centre,
                                             spin.omega))

@@ -1,4 +1,4 @@
-"""Joints between bodies as equations: pins, welds, and points on a line of the ground."""
+"""Joints between bodies as equations: pins, welds, and sliders on a line of the ground."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ R = TypeVar("R", bound=type)
 NAME = Name()
 BETWEEN = ListOf(POINT, "points BODY@S", 2)
 
-# a gap in the reference, beside the length of the shortest body joined, or an angle between bodies that go on smoothly
-# that is taken for round-off of the case's numbers
+# taken as round-off of the case's numbers: a gap in the reference, relative to the shortest body joined, or an angle
+# between bodies that continue each other smoothly
 GAP = 1e-6
-# of coordinates themselves
+# round-off of the coordinates themselves
 ROUND_OFF = 1e-15
-# of section constants that are the same but for round-off
+# relative difference of section constants that count as equal
 ALIKE = 1e-9
 
 
 class JointError(ValueError):
-    """A joint that its points cannot have; each of ``problems`` is (key of the entry, message, what was expected)."""
+    """A joint that is impossible at its points; each of ``problems`` is (key of the entry, message, expected value)."""
 
     def __init__(self, problems: list[tuple[tuple[str | int, ...], str, str]]) -> None:
         super().__init__("; ".join(message for _, message, _ in problems))
@@ -47,9 +47,9 @@ class JointError(ValueError):
 
 @dataclass(frozen=True)
 class JointContext:
-    """What a joint needs to find its place: points, meshes, how messages name it, and how much acts at each point.
+    """Data for a joint: points, meshes, its name in messages, and the number of items that act at each point.
 
-    A joint that ``begins`` during a motion joins points wherever they are in the reference.
+    A joint that ``begins`` during a motion may join points that do not coincide in the reference.
     """
 
     point: Callable[[Point], PointRef]
@@ -59,7 +59,7 @@ class JointContext:
     begins: bool = False
 
     def together(self, between: tuple[Point, ...]) -> list[PointRef]:
-        """Return points that coincide in the reference, if they are joined there. Raises JointError where not."""
+        """Return the points of a joint. Raises JointError if they must coincide in the reference and do not."""
         points = [self.point(p) for p in between]
         x, *others = (place_of(p) for p in points)
         problems: list[tuple[tuple[str | int, ...], str, str]] = []
@@ -79,17 +79,17 @@ class JointContext:
 
 
 def place_of(point: PointRef) -> Array:
-    """Return where a point is in the reference (2,)."""
+    """Return the position of a point in the reference (2,)."""
     return np.asarray(point.mesh.plan.position(point.s)[0])
 
 
 def joint(cls: R) -> R:
-    """Register a record as a kind of joint; its method ``add(context, owner, out)`` says what it asks for."""
+    """Register a record as a kind of joint; its method ``add(context, owner, out)`` adds the equations to ``out``."""
     return register("joints", cls)
 
 
 def closable(r: Array, *joined: BodyMesh) -> float:
-    """Return the largest gap at r that a joint between bodies may close [m]: small beside each of them."""
+    """Return the largest gap at r [m] that a joint may close: small compared with each of the joined bodies."""
     return GAP * min(m.plan.length for m in joined) + ROUND_OFF * float(np.abs(r).max())
 
 
@@ -100,7 +100,7 @@ def _share_position(a: PointRef, b: PointRef, owner: str, out: Equations, begins
 
 
 def same_kind(a: PointRef, b: PointRef) -> bool:
-    """Whether bodies can share all coordinates of a node: same type and form, section and material the same there."""
+    """Return whether two bodies can share all nodal coordinates: same type, formulation, section and material."""
     pa, pb = a.mesh.plan, b.mesh.plan
     return (not pa.rigid and pa.element == pb.element and pa.formulation is pb.formulation
             and (pa.section.laws, pa.section.maxwell) == (pb.section.laws, pb.section.maxwell)
@@ -109,7 +109,7 @@ def same_kind(a: PointRef, b: PointRef) -> bool:
 
 
 def _stiffness(point: PointRef) -> list[float]:
-    """Return what makes the stiffness of the section at a point, seen from its own element."""
+    """Return the stiffness constants of the section at a point, taken from the point's own element."""
     section = point.mesh.classes[point.mesh.cls[point.ie]].sampler.at(np.array([point.xi]))
     found = [float(np.atleast_1d(getattr(section, k))[0]) for k in CONSTANTS if k not in ("rhoA", "rhoI", "rhoS")]
     return found + [v for l in section.layers for v in (l.bottom, l.top, l.E, l.nu, l.alpha)]
@@ -117,25 +117,25 @@ def _stiffness(point: PointRef) -> list[float]:
 
 @dataclass(frozen=True)
 class _End:
-    """An end of a body, or of a piece of one, on a way that runs as its axis does (``way`` 1) or against it (-1)."""
+    """An end of a body or piece, on a path that runs in the direction of its axis (``way`` 1) or against it (-1)."""
 
     point: PointRef
     way: int
 
     @property
     def angle(self) -> float:
-        """Direction of the way."""
+        """Direction angle of the path."""
         return self.point.angle + (0.0 if self.way > 0 else math.pi)
 
     @property
     def curvature(self) -> float:
-        """Curvature of the reference along the way [1/m]."""
+        """Curvature of the reference along the path [1/m]."""
         piece, k = self.point.mesh.piece_of(self.point.ie)
         return self.way * float(piece.curvature(piece.l * (k + self.point.xi)))
 
 
 def _end(point: PointRef, into: bool) -> _End | None:
-    """Return the end of its body that a point is, on a way into the body or out of it; None where it is no end."""
+    """Return the end of a body at a point, on a path into or out of the body, or None if the point is not an end."""
     last = point.mesh.plan.count - 1
     if point.ie == last and point.xi == 1.0:
         return _End(point, -1 if into else 1)
@@ -143,27 +143,27 @@ def _end(point: PointRef, into: bool) -> _End | None:
 
 
 def _turns(a: PointRef | _End, b: PointRef | _End) -> bool:
-    """Whether there is a corner between two points that coincide."""
+    """Return whether there is a corner between two points that coincide."""
     return abs(math.remainder(a.angle - b.angle, 2 * math.pi)) > GAP
 
 
 def _goes_on(a: _End, b: _End) -> bool:
-    """Whether a way out of one body goes on in another as in one beam: alike, in the same direction."""
+    """Return whether one body continues the other as the same beam: same kind, same direction."""
     return same_kind(a.point, b.point) and not _turns(a, b)
 
 
 def _bends(a: _End, b: _End) -> bool:
-    """Whether nodes of two ends have derivatives that jump where the curvature does, and it does."""
+    """Return whether the curvature jumps between two ends with nodal coordinates that depend on it."""
     length = max(a.point.mesh.plan.length, b.point.mesh.plan.length)
     return (knows_curvature(a.point.mesh.plan.element) and abs(a.curvature - b.curvature) * length > GAP)
 
 
 def _share_nodes(a: _End, b: _End, kink: bool, owner: str, out: Equations) -> None:
-    """Share the coordinates of the nodes where one beam goes on; derivatives of odd order turn round with its axis.
+    """Share the nodal coordinates of two ends that continue each other; odd derivatives change sign with the axis.
 
-    At a kink, where something acts, sections are shared but strains along the axis are not: derivatives along it are
-    each side's own. What is left to a curve then is the direction of its axis. So it is where nodal coordinates have to
-    do with the curvature, and it jumps.
+    At a kink, where something acts, the sections are shared but axial strains are not: each side has its own
+    derivatives along the axis, and types whose sections are normal to it share the direction of the axis instead. The
+    same holds if the curvature jumps and nodal coordinates depend on it.
     """
     kink = kink or _bends(a, b)
     element = a.point.mesh.plan.element
@@ -173,7 +173,7 @@ def _share_nodes(a: _End, b: _End, kink: bool, owner: str, out: Equations) -> No
 
 
 def _share_coordinates(a: _End, b: _End, chosen: Callable[[int, int], bool], owner: str, out: Equations) -> None:
-    """Share those coordinates d^(i+j) r/dx^i dy^j of two nodes that are chosen by i and j."""
+    """Share those coordinates d^(i+j) r/dx^i dy^j of two nodes for which ``chosen(i, j)`` is true."""
     element = a.point.mesh.plan.element
     nc, beta = element.components, math.remainder(a.angle - b.angle, 2 * math.pi)
     c, s = (0.0 if abs(v) < 1e-15 else v for v in (math.cos(beta), math.sin(beta)))
@@ -204,9 +204,9 @@ def _weld_points(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
 
 
 def _weld_in_line(a: _End, b: _End, owner: str, out: Equations) -> None:
-    """Weld two unlike ends; where they are of one type and in line, their sections also warp alike.
+    """Weld two different ends; if they have one element type and are in line, they also share the warping of sections.
 
-    Left free to warp, a section would turn in the mean beside its direction on the axis, as if there were a hinge.
+    With free warping, a section would rotate in the mean relative to its direction on the axis, as if at a hinge.
     """
     _weld_points(a.point, b.point, owner, out)
     if a.point.mesh.plan.element == b.point.mesh.plan.element and not (a.point.mesh.plan.rigid or _turns(a, b)):
@@ -214,9 +214,9 @@ def _weld_in_line(a: _End, b: _End, owner: str, out: Equations) -> None:
 
 
 def weld_pieces(mesh: BodyMesh, out: Equations) -> None:
-    """Weld the pieces of a body at corners and kinks, and the ends of a closed one.
+    """Weld the pieces of a body at corners and kinks, and the ends of a closed body.
 
-    Where it goes on smoothly, they are one beam.
+    Where the axis continues smoothly, the pieces share all nodal coordinates.
     """
     last, corners = len(mesh.plan.element.nodes) - 1, 0
     for after, kink in mesh.seams:
@@ -249,7 +249,7 @@ class PinJoint:
         return named_twice(self.between)
 
     def add(self, context: JointContext, owner: str, out: Equations) -> None:
-        """Ask that all points have the position of the first."""
+        """Add equations that keep all points at the position of the first."""
         a, *others = context.together(self.between)
         for b in others:
             _share_position(a, b, owner, out, context.begins)
@@ -270,9 +270,9 @@ class WeldJoint:
         return named_twice(self.between)
 
     def add(self, context: JointContext, owner: str, out: Equations) -> None:
-        """Ask that all points have the position and rotation of the first, or that two ends share their nodes.
+        """Add equations that give all points the position and rotation of the first, or share the nodes of two ends.
 
-        Where it begins, strains on its sides are what they are: only position and rotation are shared.
+        A weld that starts during a motion shares only position and rotation, and leaves the strains on its sides alone.
         """
         points = context.together(self.between)
         if context.begins:
@@ -305,7 +305,7 @@ class SliderJoint:
     active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
 
     def add(self, context: JointContext, owner: str, out: Equations) -> None:
-        """Ask that the point keeps its position across the line."""
+        """Add the equation that keeps the distance of the point from the line."""
         point = context.point(self.at)
         c, s = np.array(self.along) / math.hypot(*self.along)
         x, y = place_of(point)

@@ -22,7 +22,7 @@ from ..model.timing import Signal, rates_of
 from .prismatic import axis_coefficients
 
 Course = Callable[[float], float]
-# of the way along a body: what ends on it are not told from
+# tolerance in S for the ends of a body
 NEAR = 1e-12
 
 
@@ -33,7 +33,7 @@ def constant_force(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-d
 
 
 def carried(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """What a mass that moves along a body asks for beside m S^T S q''; par: m; a: s and its rates.
+    """Inertia forces of a mass that moves along a body, except m S^T S q''; par: m; a: s and its rates.
 
     Fields: r, r_s and r_ss. The acceleration of the mass is r_tt + 2 s' r_st + s'' r_s + s'^2 r_ss.
     """
@@ -53,10 +53,10 @@ MASS = PointLaw("carried_mass", carried, _refused, symmetric=False)
 
 
 class MovingPatch:
-    """A law of a point that moves along a body: its first two fields are base + sign r(s(t)) and what ``others`` add.
+    """A law at a point that moves along a body; its first two fields are base + sign r(s(t)), plus those of ``others``.
 
-    ``course`` is s over time, ``signal`` the amplitude of the law, ``mass`` what is carried, ``dofs`` (elements, n) the
-    coordinates that may meet. It acts while 0 <= s <= 1.
+    ``course`` is s over time, ``signal`` the amplitude of the law, ``mass`` the moving mass, ``dofs`` (elements, n) the
+    coordinates that it acts on together. It acts while 0 <= s <= 1.
     """
 
     multiplier, fed, scale, symmetric = -1, -1, 1.0, False
@@ -79,22 +79,22 @@ class MovingPatch:
 
     @cached_property
     def nodes(self) -> Array:
-        """The places S at which elements begin, and the end."""
+        """The positions S of the starts of all elements, and of the end."""
         return np.append(self.mesh.starts / self.mesh.plan.length, 1.0)
 
     def element(self, t: float) -> int:
-        """Return the element that has the point at time t, OFF where it is off the body."""
+        """Return the element that the point is on at time t, or OFF if it is off the body or does not act."""
         return OFF if self.active is not None and not self.active.at(t) else self.under(t)
 
     def under(self, t: float) -> int:
-        """Return the element that has the point at time t, whether it acts or not, OFF where it is off the body."""
+        """Return the element that the point is on at time t, acting or not, or OFF if it is off the body."""
         s = self.course(t)
         if not -NEAR <= s <= 1.0 + NEAR:
             return OFF
         return int(np.clip(np.searchsorted(self.nodes, s, side="right") - 1, 0, len(self.nodes) - 2))
 
     def _place(self, m: int, t: float) -> tuple[float, Array, Array, Array]:
-        """Return xi in element m, the matrix that gives the fields from its coordinates, p0 and constants at time t."""
+        """Return xi in element m, the matrix from its coordinates to the fields, p0 and the constants at time t."""
         n, fields = self.dofs.shape[1], 2 * (1 + self.derivatives)
         G, p0, par = np.zeros((fields, n)), np.zeros(fields), self.par.copy()
         shape, length = self.mesh.classes[self.mesh.cls[m]].shape, self.mesh.plan.length
@@ -103,7 +103,7 @@ class MovingPatch:
         local = self.mesh.e0[self.own[m] - self.mesh.first_dof]
         own = 2 * len(self.own[m])
         for order in range(1 + self.derivatives):
-            # derivatives of shape functions are by the arc length
+            # shape functions are differentiated by the arc length, fields by S
             row = self.sign * shape(np.array([xi]), np.zeros(1), order, 0)[0] * length**order
             for c in range(2):
                 G[2 * order + c, c:own:2] = row
@@ -115,14 +115,14 @@ class MovingPatch:
         return xi, G, p0, par
 
     def items(self) -> Items:
-        """Return the law where its point is at t = 0, as tables have it."""
+        """Return the law at its point at t = 0 as point items."""
         m = self.element(0.0)
         _, G, p0, par = self._place(max(m, 0), 0.0)
         return Items(self.law, self.dofs[max(m, 0)][None], G[None], p0[None], par[None], np.zeros((1, MAX_MEM)),
                      self.signal, on=m != OFF, stays=False)
 
     def acting(self, m: int, t: float, d: Array, v: Array, a: Array) -> tuple[float, Array]:
-        """Return xi in element m and the forces (n_dof,) on its coordinates at t, at d with rates v and a (n_full,)."""
+        """Return xi in element m and the forces (n_dof,) on its coordinates at t, d and rates v and a (n_full,)."""
         xi, G, p0, par = self._place(m, t)
         dofs, k = self.dofs[m], len(p0)
         _, rate, _ = _jet(self.course, t)
@@ -138,7 +138,7 @@ class MovingPatch:
         return xi, full[self.mesh.dofs[m]]
 
     def carried(self, d: Array, v: Array, t: float) -> tuple[float, Array, Array]:
-        """Return mass, position and velocity (2,) of what moves here at d with rates v (n_full,); 0 off the body."""
+        """Return mass, position and velocity (2,) of the moving mass at d and rates v (n_full,); zeros off the body."""
         m = self.element(t) if self.mass else OFF
         if m == OFF:
             return 0.0, np.zeros(2), np.zeros(2)
@@ -147,9 +147,9 @@ class MovingPatch:
         return self.mass, r[:2], (G @ v[self.dofs[m]])[:2] + rates_of(self.course, t)[0] * r[2:4]
 
     def potential(self, d: Array, t: float) -> float:
-        """Return the potential of a constant weight at d (n_full,), from where it is in the reference at t = 0.
+        """Return the potential of a constant weight at d (n_full,), relative to its position in the reference at t = 0.
 
-        0 while it is off the body; what comes onto it from there begins at its end.
+        It is 0 off the body; for a weight that enters later, the reference is the end of the body at which it starts.
         """
         m = self.element(t)
         if m == OFF:
@@ -159,7 +159,7 @@ class MovingPatch:
         return -float(par @ (p0 + G @ d[self.dofs[m]] - plan.position(begins)[0]))
 
     def crossings(self, times: Sequence[float]) -> list[float]:
-        """Return the times between some in which s is smooth at which the point enters another element."""
+        """Return the times at which the point enters another element; s is smooth between the given times."""
         out: list[float] = []
         for a, b in pairwise(times):
             t = _inside(a, b)
@@ -173,24 +173,24 @@ class MovingPatch:
 
 
 def _jet(course: Course | None, t: float) -> tuple[float, float, float]:
-    """Return what a law follows and its two rates, 1 where it follows nothing."""
+    """Return the value of a signal and its first two rates at t; 1, 0, 0 for no signal."""
     return (1.0, 0.0, 0.0) if course is None else (course(t), *rates_of(course, t))
 
 
 _NONE: NDArray[Any] = np.zeros(0)
-# times between two breaks of a course at which it is looked at
+# number of times between two breaks of a course at which it is sampled
 SAMPLES = 1000
 
 
 def _inside(a: float, b: float) -> Array:
-    """Return times between two breaks of a course, near to these and between."""
+    """Return sampling times between two breaks of a course, from just after the first to just before the second."""
     t = np.linspace(a, b, SAMPLES + 2)
     t[[0, -1]] = a + 1e-9 * (b - a), b - 1e-9 * (b - a)
     return t
 
 
 def _root(course: Course, value: float, a: float, b: float) -> float:
-    """Return the time between two others at which a course has a value, to the last digit."""
+    """Return the time between a and b at which a course crosses a value, by bisection to the last digit."""
     below = course(a) < value
     while True:
         middle = a + 0.5 * (b - a)
@@ -203,7 +203,7 @@ def _root(course: Course, value: float, a: float, b: float) -> float:
 
 
 def moving_table(patches: Iterable[Any], row: Callable[[Any], int], fixed: Array) -> Moving:
-    """Return the table of those point laws of a model, in its order, whose points move.
+    """Return the table of the moving point laws among the patches of a model, in their order.
 
     ``row`` gives the row of a signal, ``fixed`` is the mass matrix without them.
     """
@@ -250,13 +250,13 @@ def moving_force(mesh: BodyMesh, course: Course, value: Sequence[float], signal:
 
 
 def never_met(case: Case) -> list[str]:
-    """Return what to say of points of a motion that are never on the body along which they move."""
+    """Return a warning for each moving point of a motion that is never on its body."""
     out = []
     for where, at in case.moving_points.items():
         course, t_end = Signal(at.s), case.solver.end
         ends = [0.0, *(b.t for b in breakpoints(course, 0.0, t_end)), t_end]
         s = [np.array([course(x) for x in _inside(a, b).tolist()]) for a, b in pairwise(ends)]
-        # between breaks it passes over all that lies between
+        # between two breaks a continuous course passes everything between its values
         if all((x > 1.0 + NEAR).all() or (x < -NEAR).all() for x in s):
             least, most = min(x.min() for x in s), max(x.max() for x in s)
             out.append(f"{where}: s is between {least:.6g} and {most:.6g} up to t = {t_end:g} and the point is never "

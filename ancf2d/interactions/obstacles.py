@@ -1,4 +1,4 @@
-"""Obstacles: discs, half planes and polylines that stand still, move by amplitudes or with rigid bodies."""
+"""Obstacles: discs, half planes and polylines that are fixed, move by amplitudes or move with rigid bodies."""
 
 from __future__ import annotations
 
@@ -62,20 +62,20 @@ class Circle:
     check = _held
 
     def free(self, name: str) -> str:
-        """Return where bodies are, in words."""
+        """Return the region of the bodies, in words."""
         return f"inside {name}" if self.inside else f"outside {name}"
 
     @property
     def centre(self) -> tuple[float, float]:
-        """The point about which it turns."""
+        """The centre of its rotation."""
         return self.center
 
     def shape(self, back: float = 0.0) -> list[float]:
-        """Return what the law of contact takes, with the surface drawn ``back`` [m] from bodies."""
+        """Return the shape and its numbers for the contact law, with the surface moved ``back`` [m] from the bodies."""
         return [geometry.CIRCLE, *self.center, (-self.radius if self.inside else self.radius) - back]
 
     def outline(self) -> tuple[Array, bool]:
-        """Return points (n, 2) of its surface, and whether they close."""
+        """Return points (n, 2) of the surface, and whether they form a closed line."""
         phi = np.linspace(0.0, 2.0 * np.pi, 181)[:-1]
         return np.asarray(self.center) + self.radius * np.stack([np.cos(phi), np.sin(phi)], axis=1), True
 
@@ -95,22 +95,22 @@ class HalfPlane:
     check = _held
 
     def free(self, name: str) -> str:
-        """Return where bodies are, in words."""
+        """Return the region of the bodies, in words."""
         return f"on the side of {name} that its normal points to"
 
     @property
     def centre(self) -> tuple[float, float]:
-        """The point about which it turns."""
+        """The centre of its rotation."""
         return self.through
 
     def shape(self, back: float = 0.0) -> list[float]:
-        """Return what the law of contact takes, with the surface drawn ``back`` [m] from bodies."""
+        """Return the shape and its numbers for the contact law, with the surface moved ``back`` [m] from the bodies."""
         size = math.hypot(*self.normal)
         nx, ny = self.normal[0] / size, self.normal[1] / size
         return [geometry.HALF_PLANE, self.through[0] - back * nx, self.through[1] - back * ny, nx, ny]
 
     def outline(self) -> tuple[Array, bool]:
-        """Return two points of its surface (2, 2), one length unit to either side, and False: it goes on."""
+        """Return two points of the surface (2, 2), one length unit to either side, and False (not closed)."""
         _, x, y, nx, ny = self.shape()
         return np.array([[x + ny, y - nx], [x - ny, y + nx]]), False
 
@@ -129,7 +129,7 @@ class PolylineObstacle:
     motion: Motion | None = key(Record(Motion), MOTION_DOC, default=None)
 
     def check(self) -> Iterator[Issue]:
-        """Yield corners that make no walls."""
+        """Yield issues for corners that form no walls."""
         yield from _held(self)
         if self.closed and len(self.points) < 3:
             yield Issue(("points",), "{}.points: a closed polyline has at least 3 corners")
@@ -141,22 +141,22 @@ class PolylineObstacle:
             yield Issue(("points",), "{}.points: the corners enclose no area")
 
     def free(self, name: str) -> str:
-        """Return where bodies are, in words."""
+        """Return the region of the bodies, in words."""
         return f"outside {name}" if self.closed else f"to the left of {name}, from its first point to its last"
 
     @property
     def centre(self) -> tuple[float, float]:
-        """The point about which it turns."""
+        """The centre of its rotation."""
         x, y = np.mean(self.points, axis=0)
         return float(x), float(y)
 
     def corners(self) -> Array:
-        """Return the corners (n, 2), the solid to the right of the way along them."""
+        """Return the corners (n, 2), ordered so that the solid is to the right of the line."""
         points = np.array(self.points)
         return points[::-1] if self.closed and _area(self.points) > 0.0 else points
 
     def shape(self) -> list[float]:
-        """Return what the law of contact takes: corners with the arc length up to each."""
+        """Return the shape and its numbers for the contact law: the corners with the arc length up to each."""
         points = self.corners()
         steps = np.hypot(*np.diff([*points, points[0]], axis=0).T)
         lengths = np.concatenate([[0.0], np.cumsum(steps)])
@@ -164,7 +164,7 @@ class PolylineObstacle:
         return [geometry.POLYLINE, len(points), lengths[-1] if self.closed else -1.0, *table.ravel()]
 
     def outline(self) -> tuple[Array, bool]:
-        """Return the corners (n, 2), and whether they close."""
+        """Return the corners (n, 2), and whether they form a closed line."""
         return self.corners(), self.closed
 
 
@@ -179,7 +179,7 @@ for _kind in (Circle, HalfPlane, PolylineObstacle):
 
 @dataclass(frozen=True)
 class Frame:
-    """How an obstacle stands and moves: the fields that tell its pose, what they follow, and what laws take of them."""
+    """The pose of an obstacle: its fields, the signals that they follow, and its constants in the contact law."""
 
     kind: int
     fields: tuple[Field, ...] = ()
@@ -188,7 +188,7 @@ class Frame:
     length: float = 1.0
 
     def pose(self, d: Array, t: float) -> tuple[float, float, float]:
-        """Return how far the point ``origin`` has moved, and how far the obstacle has turned, at d (n_q,)."""
+        """Return the displacement of the point ``origin`` and the rotation of the obstacle at d (n_q,) and t."""
         if self.kind == geometry.STILL:
             return 0.0, 0.0, 0.0
         if self.kind == geometry.BY_ANGLE:
@@ -199,7 +199,7 @@ class Frame:
 
 
 def frame_of(obstacle: Any, meshes: dict[str, BodyMesh], timing: Any) -> Frame:
-    """Return how an obstacle moves: not, by its amplitudes, or with a rigid body."""
+    """Return the frame of an obstacle: fixed, moved by its amplitudes, or moved by a rigid body."""
     if obstacle.on is not None:
         point = point_ref(meshes[obstacle.on], 0.0)
         _, direction = turn_fields(point)

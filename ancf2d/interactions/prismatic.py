@@ -1,4 +1,4 @@
-"""Prismatic joints: a point stays on the axis of a deformed body, at a place found in the reference."""
+"""Prismatic joints: a point slides on the axis of a deformed body, starting from its foot point in the reference."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ..model.plan import BodyPlan
 from ..model.points import PointRef
 from .joints import NAME, JointContext, JointError, closable, joint, place_of
 
-# of an element: what keeps a foot point between its ends
+# margin, in elements, that keeps a foot point between the ends of its element
 BETWEEN = 1e-12
 
 
@@ -35,7 +35,7 @@ def foot_point(plan: BodyPlan, r: Array) -> tuple[float, float]:
 
 
 def axis_coefficients(mesh: BodyMesh) -> tuple[Index, Array]:
-    """Return where each element's coefficients begin (ne,), and the shape functions on the axis as powers of z."""
+    """Return the start of each element's coefficients (ne,), and the shape functions on the axis as powers of z."""
     element = mesh.plan.element
     parts = []
     for k in mesh.classes:
@@ -50,7 +50,7 @@ def _index(*values: int) -> Index:
 
 
 def _table(point: PointRef, mesh: BodyMesh, s: float) -> Sliding:
-    """Return the table of one joint, whose foot point in the reference is at fraction s of the body."""
+    """Return the table of one joint, whose foot point in the reference is at S = s of the body."""
     element = mesh.plan.element
     e0 = np.zeros(max(m.first_dof + m.n_dofs for m in (point.mesh, mesh)))
     size = mesh.plan.length
@@ -68,14 +68,14 @@ def _table(point: PointRef, mesh: BodyMesh, s: float) -> Sliding:
 
 
 class OnAxis:
-    """A point stays on the axis of a body: its distance from there remains what it is in the reference.
+    """A constraint that keeps the distance of a point from the axis of a body at its value in the reference.
 
-    ``dofs`` (n,): every coordinate of the body and those of the point. ``multiplier`` is its full coordinate, known
-    once a model is numbered.
+    ``dofs`` (n,): all coordinates of the body and those of the point. ``multiplier`` is its full coordinate, set
+    when the model is numbered.
     """
 
     multiplier = -1
-    # when it holds, None for always
+    # when the joint is active, None for always
     active: Active | Latch | None = None
     facing: Callable[[Array], float] | None = None
 
@@ -89,30 +89,30 @@ class OnAxis:
         self.start = self.table.memory.copy()
 
     def _foot(self, d: Array) -> tuple[int, float, tuple[float, ...]]:
-        """Return (element, z, (g, nx, ny, tx, ty, c))."""
+        """Return (element, z, (g, nx, ny, tx, ty, c)) of the foot point at d; see ``sliding.foot``."""
         axes = np.zeros((2, 2, int(self.table.terms[0])))
         m, z, measured = sliding.foot(self.table, 0, d, axes)
         return m, float(z), measured
 
     def foot(self, d: Array) -> tuple[int, float]:
-        """Return the element of the body that has the point at d, and xi there, between the element's ends."""
+        """Return the element of the foot point at d, and xi in it, kept between the ends of the element."""
         m, z, _ = self._foot(d)
         return m, min(max(0.5 * (z + 1.0), BETWEEN), 1.0 - BETWEEN)
 
     def lost(self, **at: float) -> ComputationError:
-        """Return what to say of a point that is off the end of the body, at a time ``t`` where there is one."""
+        """Return the error for a point that has left the end of the body, at a time ``t`` in motions."""
         return ComputationError(f"{self.owner}: {self.label} has slid off the end of {self.body}", at=at,
                                 advice=f"a longer {self.body}, or a stop for {self.label}")
 
     def check(self, d: Array) -> None:
-        """Raise ComputationError where the point is off the end of the body at d."""
+        """Raise ComputationError if the point is beyond an end of the body at d."""
         m, z, (g, *_) = self._foot(d)
         last = int(self.table.elements[0]) - 1
         if math.isnan(g) or (m == 0 and z < -sliding.END) or (m == last and z > sliding.END):
             raise self.lost()
 
     def caught(self, d: Array) -> tuple[Array, float]:
-        """Return element and z (2,) of the foot point at d, of all along the body, and the distance there [m]."""
+        """Return element and z (2,) of the nearest foot point at d on the whole body, and the distance there [m]."""
         table, found = self.table, []
         for m in range(int(table.elements[0])):
             table.memory[0] = m, 0.0
@@ -124,15 +124,15 @@ class OnAxis:
 
     @property
     def touched(self) -> int:
-        """The number of coordinates that the joint touches at a time, without the multiplier."""
+        """The number of coordinates that the joint acts on at a time, without the multiplier."""
         return 2 * int(self.table.points[0] + self.table.shapes[0])
 
     def turns_by(self, t: float) -> list[tuple[PointRef, float]]:
-        """Return that no rotation is prescribed."""
+        """Return an empty list: no rotation is prescribed."""
         return []
 
     def reference_gradient(self) -> Array:
-        """Return the gradient (n,) of g in the reference."""
+        """Return the gradient (n,) of the distance g in the reference."""
         m, z, (_, nx, ny, tx, ty, _) = self._foot(np.zeros(len(self.table.e0)))
         dofs, rows = np.zeros(self.touched, dtype=np.int64), np.zeros((3, self.touched))
         sliding.rows_at(self.table, 0, m, z, nx, ny, tx, ty, dofs, rows)
@@ -142,7 +142,7 @@ class OnAxis:
 
 
 def check_ends(constraints: Iterable[object], d: Array) -> None:
-    """Raise ComputationError where a point has left the body along which it slides."""
+    """Raise ComputationError if a point has left the body along which it slides."""
     for constraint in constraints:
         if isinstance(constraint, OnAxis):
             constraint.check(d)
@@ -151,14 +151,14 @@ def check_ends(constraints: Iterable[object], d: Array) -> None:
 _EMPTY = Sliding(np.zeros(0), _index(), np.zeros(0), np.zeros(0), _index(), _index(), np.zeros((0, 2), np.int64),
                  np.zeros(0), _index(), _index(), _index(), _index(), _index(), np.zeros(0), _index(),
                  np.zeros((0, 2), np.int64), np.zeros((0, 2)), np.zeros(0, dtype=bool))
-# what counts entries of another array, and that array
+# fields that are indices into another array, and that array
 _COUNTS = {"point_first": "point_dofs", "element_first": "coef_first", "coef_first": "coef", "dof_first": "dofs"}
 
 
 def sliding_table(constraints: Iterable[object], e0: Array) -> Sliding:
     """Return the table of the prismatic joints among the constraints of a model with reference coordinates e0.
 
-    Searches begin where the joints are in the reference; the table's memory is its own.
+    Searches start from the foot points in the reference; the table has its own memory.
     """
     joints = [c for c in constraints if isinstance(c, OnAxis)]
     tables = [c.table._replace(multiplier=_index(c.multiplier), memory=c.start,
@@ -186,7 +186,7 @@ class PrismaticJoint:
     active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
 
     def check(self) -> Iterator[Issue]:
-        """Yield a problem where a body would slide along itself."""
+        """Yield an issue for a body that would slide along itself."""
         if self.point.body == self.on:
             yield Issue(("on",), f"{{}}: '{self.on}' cannot slide along itself")
 
@@ -196,7 +196,7 @@ class PrismaticJoint:
         return self.on
 
     def add(self, context: JointContext, owner: str, out: Equations) -> None:
-        """Ask that the point keeps its distance from the axis."""
+        """Add the constraint that keeps the distance of the point from the axis."""
         point, mesh = context.point(self.point), context.meshes[self.on]
         x, y = place_of(point)
         s, gap = foot_point(mesh.plan, np.array([x, y]))

@@ -1,4 +1,4 @@
-"""How a force that is a function of an elongation or angle alone becomes a law of points."""
+"""Point laws made from a force as a function of elongation, or from a moment as a function of an angle."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def over_sine(x):  # type: ignore[no-untyped-def]
 
 
 def stretch_of(p0, u, rest, start):  # type: ignore[no-untyped-def]
-    """Return (x, y, length, length - rest) of p0 + u, the stretch from the displacements."""
+    """Return (x, y, length, length - rest) of p0 + u, with the stretch computed from the displacements."""
     x, y = p0[0] + u[0], p0[1] + u[1]
     L = np.sqrt(x * x + y * y)
     s = start - rest
@@ -28,13 +28,13 @@ def stretch_of(p0, u, rest, start):  # type: ignore[no-untyped-def]
 
 
 def step_of(scalar):  # type: ignore[no-untyped-def]
-    """Return the mean over a step of any function of elongation and rate: its work is the difference of the energy."""
+    """Return the mean force over a step of any force function ``scalar``; its work is the change of the energy."""
     def mean(s0, s1, rate, par):  # type: ignore[no-untyped-def]
         middle, change = 0.5 * (s0 + s1), s1 - s0
         N = scalar(middle, 0.0, par)[1]
         drag = scalar(middle, rate, par)[1] - N
-        # over shorter steps the difference of the energies is round-off; the work of the force in the middle, whose
-        # error grows with the cube of the step, is as exact there
+        # for smaller changes the difference of energies is round-off, and the work of the mid-step force, whose error
+        # is of third order in the change, is as accurate
         if abs(change) > 1e-5 * (abs(s0) + abs(s1)):
             N += (scalar(s1, 0.0, par)[0] - scalar(s0, 0.0, par)[0] - N * change) / change
         return N + drag, drag * rate
@@ -44,9 +44,9 @@ def step_of(scalar):  # type: ignore[no-untyped-def]
 def along(scalar, scalar_mean):  # type: ignore[no-untyped-def]
     """Return the law of a force along p, a function of its elongation; par: rest, reference length, own constants.
 
-    ``scalar(s, rate, par)`` returns energy, force and the force's derivatives by elongation and rate;
-    ``scalar_mean(s0, s1, rate, par)`` the force of a step and the power that it dissipates. Without length there is no
-    direction: no spring force, and the damper acts against any rate.
+    ``scalar(s, rate, par)`` returns energy, force and the derivatives of the force by elongation and rate;
+    ``scalar_mean(s0, s1, rate, par)`` returns the force of a step and the power that it dissipates. At zero length
+    there is no direction: no spring force, and the damper acts against any rate.
     """
     def forces(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
         x, y, L, s = stretch_of(p0, u, par[0], par[1])
@@ -69,7 +69,7 @@ def along(scalar, scalar_mean):  # type: ignore[no-untyped-def]
         return energy, (N - scalar(s, 0.0, par[2:])[1]) * rate
 
     def mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
-        # along the mean of both p over the mean length
+        # acts along the mean of both p, divided by the mean length
         x0, y0, L0, s0 = stretch_of(p0, u0, par[0], par[1])
         x1, y1, L1, s1 = stretch_of(p0, u1, par[0], par[1])
         energy, _, _, c = scalar(s1, 0.0, par[2:])
@@ -84,7 +84,7 @@ def along(scalar, scalar_mean):  # type: ignore[no-untyped-def]
 
 
 def twist(p0, u, par, mem, f):  # type: ignore[no-untyped-def]
-    """Return the angle from a to b less the rest, and how many fields tell it; fill f with its gradient."""
+    """Return the angle from a to b less the rest angle, and its number of fields; fill f with its gradient."""
     angle, at = -par[0], 0
     for end in range(2):
         sign = 2.0 * end - 1.0
@@ -101,7 +101,7 @@ def twist(p0, u, par, mem, f):  # type: ignore[no-untyped-def]
 
 
 def twist_hessian(p0, u, par, H):  # type: ignore[no-untyped-def]
-    """Add the second derivatives of the angle to H."""
+    """Add the second derivatives of the angle from a to b to H."""
     at = 0
     for end in range(2):
         kind = int(par[1 + end])
@@ -111,10 +111,10 @@ def twist_hessian(p0, u, par, H):  # type: ignore[no-untyped-def]
 
 
 def twist_step(p0, u0, u1, par, mem, f):  # type: ignore[no-untyped-def]
-    """Return the angles at both ends of a step and how many fields tell them; fill f with a discrete gradient.
+    """Return the angles at both ends of a step and their number of fields; fill f with a discrete gradient.
 
-    Between two directions it is one of their products v_a x v_b and v_a . v_b, taken at the middle, so that angular
-    momentum is kept; a single direction turns against the ground; theta is linear.
+    Between two directions, it is formed from the products v_a x v_b and v_a . v_b at mid-step, which conserves angular
+    momentum; a single direction is taken against the ground; theta is linear.
     """
     old, new, at = -par[0], -par[0], 0
     for end in range(2):
@@ -140,14 +140,14 @@ def twist_step(p0, u0, u1, par, mem, f):  # type: ignore[no-untyped-def]
 
 
 def about(scalar, scalar_mean):  # type: ignore[no-untyped-def]
-    """Return the law of a moment on the angle from a to b, as ``along``; par: rest, how a and b turn, own constants."""
+    """Return the law of a moment on the angle from a to b; see ``along``. par: rest, rotation kinds of a and b, own."""
     def forces(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
         angle, n = twist(p0, u, par, mem, f)
         rate = 0.0
         for i in range(n):
             rate += f[i] * w[i]
         energy, M, k, c = scalar(angle, rate, par[3:])
-        # the second derivatives of the angle, first by themselves for what they do on the rates
+        # C first holds the second derivatives of the angle, for their product with the rates
         twist_hessian(p0, u, par, C)
         for i in range(n):
             slope = 0.0
@@ -176,7 +176,7 @@ def about(scalar, scalar_mean):  # type: ignore[no-untyped-def]
 
 
 def relative_gradient(p0, u0, u1, change, f):  # type: ignore[no-untyped-def]
-    """Fill f with D: D . (u1 - u0) = change of the angle from direction (p_0, p_1) to direction (p_2, p_3)."""
+    """Fill f with D such that D . (u1 - u0) = change of the angle from direction (p_0, p_1) to direction (p_2, p_3)."""
     ax, ay = p0[0] + 0.5 * (u0[0] + u1[0]), p0[1] + 0.5 * (u0[1] + u1[1])
     bx, by = p0[2] + 0.5 * (u0[2] + u1[2]), p0[3] + 0.5 * (u0[3] + u1[3])
     scale, s, c = 1.0, 0.0, 0.0
@@ -188,13 +188,13 @@ def relative_gradient(p0, u0, u1, change, f):  # type: ignore[no-untyped-def]
         c += 0.5 * ck
         scale *= np.sqrt(sk * sk + ck * ck)
     q = over_sine(change) / scale
-    # q (c ds - s dc) with ds, dc at the middle
+    # q (c ds - s dc) with ds and dc at mid-step
     f[0], f[1] = q * (c * by - s * bx), q * (-c * bx - s * by)
     f[2], f[3] = q * (-c * ay - s * ax), q * (c * ax - s * ay)
 
 
 def count_turns(p0, u, par, mem):  # type: ignore[no-untyped-def]
-    """Set the last angles of a torsion spring's directions to those at u."""
+    """Update the last angles of a torsion spring's directions with those at u."""
     at = 0
     for end in range(2):
         kind = int(par[1 + end])
@@ -206,7 +206,7 @@ def count_turns(p0, u, par, mem):  # type: ignore[no-untyped-def]
 def spring_law(name: str, angle: bool, scalar: Callable[..., Any], mean: Callable[..., Any] | None = None) -> PointLaw:
     """Return the law of a spring from its force as a function of elongation, or of its moment as one of the angle.
 
-    ``scalar`` and ``mean`` are those of ``along``; without ``mean`` a step's force is found from the energy.
+    ``scalar`` and ``mean`` are as in ``along``; without ``mean``, the force of a step is computed from the energy.
     """
     over_step = step_of(scalar) if mean is None else mean
     forces, forces_of_step = (about if angle else along)(scalar, over_step)

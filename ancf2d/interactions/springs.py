@@ -1,4 +1,4 @@
-"""Springs and dampers between points: what a kind of spring is, and the linear ones."""
+"""Springs and dampers between points: the registration of kinds of springs, and the linear ones."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ PULL_DOC = ("Force as a formula in the elongation u [m] and its rate v, in place
             "pulls the ends together")
 TURN_DOC = ("Moment as a formula in u, the relative rotation less angle [rad], and its rate v, in place of stiffness "
             "and damping; a positive moment turns the second end back")
-# what the force of a spring returns
+# values that the force function of a spring returns
 RETURNS = ("energy", "N", "dN/du", "dN/d(rate)")
 End = PointRef | GroundPoint
 
@@ -54,9 +54,9 @@ def _place(end: End) -> list[Field]:
 
 
 class Spring(PointPatch):
-    """A spring and damper; ``slack`` is the length or angle of the reference, where it would not pull.
+    """A spring and damper; ``slack`` is the length or angle in the reference, at which it would not pull.
 
-    ``par`` are the constants of its law behind ``rest``; ``damped`` tells whether rates make forces.
+    ``par`` are the constants of its law, after ``rest``; ``damped``: whether rates cause forces.
     """
 
     def __init__(self, law: PointLaw, fields: list[Field], rest: float, slack: float, par: Sequence[float],
@@ -66,18 +66,18 @@ class Spring(PointPatch):
         self.angle = self.law.accept is not None
 
     def tighten(self, share: float) -> None:
-        """Let it pull in the reference as by a share of the way from slack to its own free length or angle."""
+        """Set the free length or angle to a ``share`` of the way from ``slack`` to ``rest``, its own value."""
         self.par[0] = self.rest if share == 1.0 else self.slack + share * (self.rest - self.slack)
 
 
 def _distance(ends: list[End]) -> list[list[Field]]:
-    """Return what each end has of x and y of the way from the first to the second."""
+    """Return the part of each end in the fields x and y of the vector from the first end to the second."""
     return [[Field(f.coords, sign * f.weights, sign * f.p0) for f in _place(end)]
             for sign, end in zip((-1.0, 1.0), ends, strict=True)]
 
 
 def _turning(ends: list[End]) -> list[list[Field]]:
-    """Return what each end has of the fields that tell how the two sections turn."""
+    """Return the part of each end in the fields for the rotation of the two sections."""
     own = [turns([end if isinstance(end, PointRef) else None])[1] for end in ends]
     return [[*own[0], *(NOTHING for _ in own[1])], [*(NOTHING for _ in own[0]), *own[1]]]
 
@@ -93,7 +93,7 @@ def _of_bodies(ends: list[End], parts: list[list[Field]]) -> list[tuple[PointRef
 
 def along(law: PointLaw, ends: list[End], constants: Sequence[float], damped: bool,
           length: float | None = None) -> Spring:
-    """Return a spring along the line between two points; ``length``: that at which its elongation is zero."""
+    """Return a spring along the line between two points; ``length`` is its free length (default: no elongation now)."""
     parts = _distance(ends)
     fields = _sum(parts)
     start = math.hypot(*(f.p0 for f in fields))
@@ -104,7 +104,7 @@ def along(law: PointLaw, ends: list[End], constants: Sequence[float], damped: bo
 
 def about(law: PointLaw, ends: list[End], constants: Sequence[float], damped: bool,
           angle: float | None = None) -> Spring:
-    """Return a spring on the angle between sections (or the ground), zero at the relative rotation ``angle``."""
+    """Return a spring on the relative rotation of two sections (or the ground), without moment at ``angle``."""
     sections = [end if isinstance(end, PointRef) else None for end in ends]
     kinds, _ = turns(sections)
     counted = [end if kind == DIRECTION else None for end, kind in zip(sections, kinds, strict=True)]
@@ -116,9 +116,9 @@ def about(law: PointLaw, ends: list[End], constants: Sequence[float], damped: bo
 
 def moving_spring(item: Any, meshes: dict[str, BodyMesh], point: Callable[[Point], PointRef],
                   timing: Timing) -> MovingPatch:
-    """Return a spring of the case, one of whose ends moves along a body.
+    """Return a spring of the case with one end that moves along a body.
 
-    Unless the case says otherwise, its length is that between its ends at t = 0 in the reference.
+    Its default free length is the distance between its ends at t = 0 in the reference.
     """
     k = next(k for k, p in enumerate(item.between) if isinstance(p, MovingPoint))
     end, other = item.between[k], item.between[1 - k]
@@ -132,15 +132,15 @@ def moving_spring(item: Any, meshes: dict[str, BodyMesh], point: Callable[[Point
 
 def spring(force: Callable[..., Any], *, on: str = "elongation", damped: bool = False,
            over_step: Callable[..., Any] | None = None) -> Callable[[R], R]:
-    """Register a record as a kind of spring, whose force is a function of the elongation, or of the angle.
+    """Register a record as a kind of spring whose force is a function of the elongation, or of the angle.
 
     ``force(u, rate, par)`` returns the energy, the force N (N, or the moment in N m) and its derivatives dN/du and
-    dN/d(rate), of the elongation u from the reference [m], or with ``on="angle"`` the relative rotation [rad]; ``par``
-    are what the record's method ``constants()`` returns, at most five numbers. ``damped`` tells that N depends on the
-    rate. ``over_step(u0, u1, rate, par)`` returns the force of a step of energy_momentum and the power that it
-    dissipates (default: found from the energy). The record has ``tag`` (its ``type``) and the keys ``between`` (kind
-    ENDS) and ``name``; its method ``rest()`` returns the length or angle at which u is zero, None for that of the
-    reference (default). Raises PluginError.
+    dN/d(rate), where u is the elongation [m], or with ``on="angle"`` the relative rotation [rad]; ``par``
+    are the numbers (at most five) that the record's method ``constants()`` returns. ``damped``: whether N depends on
+    the rate. ``over_step(u0, u1, rate, par)`` returns the force of a step of energy_momentum and the power that it
+    dissipates (default: computed from the energy). The record has ``tag`` (its ``type``) and the keys ``between`` (kind
+    ENDS) and ``name``; its method ``rest()`` returns the length or angle at which u is zero, or None for its value in
+    the reference (default). Raises PluginError.
     """
     if on not in ("elongation", "angle"):
         raise PluginError(f"a spring acts on its elongation or angle, not '{on}'")
@@ -161,17 +161,17 @@ def spring(force: Callable[..., Any], *, on: str = "elongation", damped: bool = 
 
 
 def _check(self: Any) -> Iterator[Issue]:
-    """Yield ends that cannot be those of a spring."""
+    """Yield issues for ends that are impossible for a spring."""
     yield from check_ends(self.between)
 
 
-# springs whose force is a formula
+# laws of springs whose force is a formula, by whether they act on an angle
 FORMULAS = {angle: spring_law("rotational_formula" if angle else "translational_formula", angle, by_formula)
             for angle in (False, True)}
 
 
 def by_force(cls: R) -> R:
-    """Let a spring have the formula ``force`` in the place of its stiffness and damping."""
+    """Give a kind of spring the key ``force``, a formula that replaces stiffness and damping."""
     place = cls.place  # type: ignore[attr-defined]
 
     def with_formula(self: Any, ends: list[End]) -> Spring:
@@ -185,7 +185,7 @@ def by_force(cls: R) -> R:
 
 
 def linear(s, rate, par):  # type: ignore[no-untyped-def]
-    """A spring and damper that act below ``low`` and above ``high``, anywhere if these are 0; par: k, c, low, high.
+    """A spring and damper that act below ``low`` and above ``high``, everywhere if both are 0; par: k, c, low, high.
 
     The force is k (s - high) + c ds/dt above, k (s - low) + c ds/dt below.
     """
@@ -200,7 +200,7 @@ def linear(s, rate, par):  # type: ignore[no-untyped-def]
 
 
 def linear_mean(s0, s1, rate, par):  # type: ignore[no-untyped-def]
-    """The mean of the spring's force over a step, whose work is the difference of the energy, and the damper's."""
+    """The spring's mean force over a step, whose work is the change of the energy, plus the damper's force."""
     k, c, low, high = par[0], par[1], par[2], par[3]
     if min(s0, s1) >= high:
         return 0.5 * k * (s0 + s1 - 2.0 * high) + c * rate, c * rate * rate
@@ -214,12 +214,12 @@ def linear_mean(s0, s1, rate, par):  # type: ignore[no-untyped-def]
 
 
 def _acting(only: str | None, gap: float) -> list[float]:
-    """Return the elongation or angle below which a spring acts, and the one above which it does."""
+    """Return the elongation (or angle) below which a spring acts, and the one above which it acts."""
     return [-math.inf if only == "tension" else -gap, math.inf if only == "compression" else gap]
 
 
 class _SpringOrStop:
-    """What springs with stiffness and damping, or a formula, have in common."""
+    """Common part of springs with stiffness and damping, or a formula."""
 
     between: tuple[Any, ...]
     stiffness: float
@@ -235,11 +235,11 @@ class _SpringOrStop:
 
     @property
     def breaks(self) -> bool:
-        """Whether it acts in a part of its elongations or angles alone."""
+        """Whether the spring acts only in a part of its range of elongation or angle."""
         return self.only is not None or self.gap > 0.0
 
     def check(self) -> Iterator[Issue]:
-        """Yield ends that cannot be, or a spring without any effect."""
+        """Yield issues for impossible ends, and for a spring without any effect."""
         yield from check_ends(self.between)
         if self.force is not None:
             for name in ("stiffness", "damping"):
@@ -249,7 +249,7 @@ class _SpringOrStop:
             yield Issue((), "{}: neither stiffness nor damping is given", "at least one of them > 0, or force")
 
     def constants(self) -> list[float]:
-        """Return the constants of the law: U = k u^2/2 and c du/dt, where it acts; u as in ``rest``."""
+        """Return the constants of the law: U = k u^2/2 and c du/dt where it acts, with u as in ``rest``."""
         return [self.stiffness, self.damping, *_acting(self.only, self.gap)]
 
 
@@ -273,11 +273,11 @@ class TranslationalSpring(_SpringOrStop):
     name: str | None = key(NAME, "Name", default=None)
 
     def rest(self) -> float | None:
-        """Return the length L0; u = L - L0."""
+        """Return the free length L0; u = L - L0."""
         return self.length
 
     def unreachable(self, length: float) -> str:
-        """Return why it never acts where ``length`` is L0, in words; empty where it may."""
+        """Return, in words, why the spring never acts if L0 is ``length``, or an empty string if it may act."""
         if self.only != "compression" or self.gap < length:
             return ""
         nearer = f"more than {self.gap:g} nearer than" if self.gap else "nearer than"
@@ -304,5 +304,5 @@ class RotationalSpring(_SpringOrStop):
     name: str | None = key(NAME, "Name", default=None)
 
     def rest(self) -> float:
-        """Return the angle; u = theta_b - theta_a - angle."""
+        """Return the free angle; u = theta_b - theta_a - angle."""
         return self.angle

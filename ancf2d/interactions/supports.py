@@ -1,4 +1,4 @@
-"""Supports: what each holds or moves, as equations."""
+"""Supports: the equations for the coordinates that each of them holds or moves."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SPREAD_DOC = "Hold the mean of the section with this weight instead of the axis 
 
 
 class SupportError(ValueError):
-    """A support that its point cannot have; ``key`` names the entry."""
+    """A support that is impossible at its point; ``key`` names the entry."""
 
     def __init__(self, key: tuple[str | int, ...], message: str, expected: str = "", near: str = "") -> None:
         super().__init__(message)
@@ -38,7 +38,7 @@ class SupportError(ValueError):
 
 
 def support(cls: R) -> R:
-    """Register a record as a kind of support; its method ``add(point, owner, timing, out)`` says what it asks for."""
+    """Register a record as a kind of support; its method ``add(point, owner, timing, out)`` adds its equations."""
     return register("boundary_conditions", cls, ("at", "name"))
 
 
@@ -53,10 +53,10 @@ def _position_rows(point: PointRef, owner: str, spread: str | None = None) -> li
 
 
 def _hold_strain_free(point: PointRef, owner: str, out: Equations) -> None:
-    """Hold what a clamped beam holds: position, the section's vector r_y, and its warping.
+    """Hold the coordinates that a clamp fixes in a beam: position, the section vector r_y, and the warping.
 
-    Derivatives along the axis (r_x, r_xy) are strains and curvatures, which a clamp leaves free; so it does the
-    components of r_yy, r_yyy, ... across the axis, in which a section thins and swells where it is bent.
+    Derivatives along the axis (r_x, r_xy) are strains and curvatures, which stay free at a clamp. So do the
+    components of r_yy, r_yyy, ... across the axis, by which a section thins and swells in bending.
     """
     out.rows += _position_rows(point, owner)
     columns, _ = point.director()
@@ -70,12 +70,12 @@ def _hold_strain_free(point: PointRef, owner: str, out: Equations) -> None:
 
 
 def _coordinates(point: PointRef) -> list[tuple[int, str]]:
-    """Return the coordinates of the node at a point and their names; where it has two sides, those of both."""
+    """Return the coordinates of the node at a point with their names; for a double node, those of both sides."""
     out: list[tuple[int, str]] = []
     for side in (point, point.before()):
         if side is not None and side.node is not None:
             names = side.mesh.coordinate_names[side.node]
-            # the sides share their sections
+            # both sides share the coordinates of the section
             out += [(dof, name) for dof, name in zip(side.dofs().tolist(), names, strict=True)
                     if side is point or name.startswith("rx")]
     return out
@@ -86,7 +86,7 @@ def _single(dof: int) -> tuple[Index, Array]:
 
 
 def _breathe(point: PointRef, owner: str, out: Equations) -> None:
-    """Hold the mean position and keep the section straight and in direction, free to stretch."""
+    """Hold the mean position and keep the section straight and its direction fixed; it may stretch."""
     element = point.mesh.plan.element
     if element.section_kind != "interpolated":
         raise SupportError(("hold",), f"sections of type {element.name} are rigid and cannot breathe", "section or all")
@@ -134,7 +134,7 @@ class Roller:
     active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
 
     def check(self) -> Iterator[Issue]:
-        """Yield a problem unless exactly one of fixed and normal is given."""
+        """Yield an issue unless exactly one of fixed and normal is given."""
         if (self.fixed is None) == (self.normal is None):
             given = "fixed and normal are both given" if self.fixed else (
                 "the direction is missing")
@@ -170,13 +170,13 @@ class Clamp:
     active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
 
     def add(self, point: PointRef, owner: str, timing: Timing, out: Equations) -> None:
-        """Hold what ``hold`` says, or what a clamp of this element type holds."""
+        """Hold the coordinates chosen by ``hold``, or the default of the element type."""
         hold = self.hold or ("all" if point.mesh.plan.preset == "paper" else None)
         element = point.mesh.plan.element
         if hold == "breathe":
             _breathe(point, owner, out)
         elif point.mesh.plan.rigid:
-            # its direction is held along and across: the length then is too, and needs no multiplier
+            # both components of the direction are held, hence the length too: no multiplier is needed
             out.rows += _position_rows(point, owner)
             columns, _ = point.director()
             out.rows += [Row(*combine((1.0, c)), owner, n) for c, n in zip(columns, ("rx_x", "rx_y"), strict=True)]
@@ -207,13 +207,13 @@ class Fix:
     active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
 
     def check(self) -> Iterator[Issue]:
-        """Yield coordinates that are named twice."""
+        """Yield issues for coordinates that are named twice."""
         for i, name in enumerate(self.coordinates):
             if name in self.coordinates[:i]:
                 yield Issue(("coordinates", i), f"{{}}.coordinates: {name} is named twice")
 
     def add(self, point: PointRef, owner: str, timing: Timing, out: Equations) -> None:
-        """Hold coordinates of the node."""
+        """Hold the named coordinates of the node."""
         if point.node is None:
             raise SupportError(("at",), f"fix holds coordinates of a node, and there is no node at {point.label}",
                                "a node, or a support of type pin, roller or clamp")
@@ -243,7 +243,7 @@ class Prescribed:
     active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
 
     def check(self) -> Iterator[Issue]:
-        """Yield a problem where nothing is prescribed, or the same thing twice."""
+        """Yield issues if nothing is prescribed, or the same motion twice."""
         given = self.motions
         if not given:
             yield Issue((), "{}: nothing is prescribed", "one or more of x, y, ux, uy, angle")
@@ -254,7 +254,7 @@ class Prescribed:
 
     @property
     def motions(self) -> dict[str, float | Amplitude]:
-        """What is prescribed, by its key."""
+        """The prescribed motions by key."""
         return {k: v for k in ("x", "y", "ux", "uy", "angle") if (v := getattr(self, k)) is not None}
 
     def add(self, point: PointRef, owner: str, timing: Timing, out: Equations) -> None:

@@ -1,8 +1,8 @@
-"""The laws of tendons: the length of a string in pieces, and the forces of its tension.
+"""Point laws of tendons: the length of a string as a sum of pieces, and the forces of its tension.
 
-The length is a sum of pieces: the straight way from eyelet to eyelet, or what a short stretch of a body has of the
-guide. A piece is the size of a vector that follows from fields: l + R(a1) (u1, v1) + R(a2) (u2, v2), with R turning by
-an angle or onto a direction.
+A piece is the straight line from eyelet to eyelet, or the part of a guide along a short stretch of a body. Its length
+is the norm of a vector l + R(a1) (u1, v1) + R(a2) (u2, v2) of fields, where R rotates by an angle or to a
+direction.
 """
 
 from __future__ import annotations
@@ -11,26 +11,26 @@ import numpy as np
 
 from ..elements.point_laws import DIRECTION, THETA, PointLaw
 
-# A piece has the fields l, and up to two arms: a direction (or an angle and nothing), u, v, and what it is. That of a
-# guide along sections with an angle is the angle and u alone, with v where the guide rises. A piece that is linear in
-# the coordinates has l alone.
+# The fields of a piece are l and up to two arms: a direction (or an angle and an unused field), u, v, and the kind of
+# rotation. A guide along sections with theta has one short arm: the angle and u, and v if the guide rises. A piece that
+# is linear in the coordinates has only l.
 ARM, SHORT = 5, 3
 
 
 def middle(p0, u0, u1, k):  # type: ignore[no-untyped-def]
-    """Return a field in the middle of two states."""
+    """Return the value of a field halfway between two states."""
     return p0[k] + 0.5 * (u0[k] + u1[k])
 
 
 def arm_of(p0, k, size):  # type: ignore[no-untyped-def]
-    """Return how the arm at field k turns, and the fields u and v, -1 where v is 0."""
+    """Return the kind of rotation of the arm at field k, and the indices of u and v (-1 if v is 0)."""
     if size <= 2 + SHORT:
         return THETA, k + 1, k + 2 if size == 2 + SHORT else -1
     return p0[k + 4], k + 2, k + 3
 
 
 def arm(p0, u0, u1, at, size):  # type: ignore[no-untyped-def]
-    """Return cosine and sine of a direction, and (u, v) turned by it."""
+    """Return cosine and sine of the direction of an arm, and (u, v) rotated to it."""
     kind, i, j = arm_of(p0, at, size)
     c, s = 1.0, 0.0
     if kind == THETA:
@@ -46,7 +46,7 @@ def arm(p0, u0, u1, at, size):  # type: ignore[no-untyped-def]
 
 
 def piece(p0, u0, u1, at, size):  # type: ignore[no-untyped-def]
-    """Return the vector of a piece in the middle of two states."""
+    """Return the vector of a piece halfway between two states."""
     x, y = middle(p0, u0, u1, at), middle(p0, u0, u1, at + 1)
     for k in range(at + 2, at + size, ARM):
         _, _, wx, wy = arm(p0, u0, u1, k, size)
@@ -56,7 +56,7 @@ def piece(p0, u0, u1, at, size):  # type: ignore[no-untyped-def]
 
 
 def slopes(p0, u0, u1, at, size, ex, ey, f):  # type: ignore[no-untyped-def]
-    """Add to f the derivatives of (ex, ey) times the vector of a piece."""
+    """Add the derivatives of (ex, ey) times the vector of a piece to f."""
     f[at] += ex
     f[at + 1] += ey
     for k in range(at + 2, at + size, ARM):
@@ -75,7 +75,7 @@ def slopes(p0, u0, u1, at, size, ex, ey, f):  # type: ignore[no-untyped-def]
 
 
 def curvatures(p0, u, at, size, ex, ey, T, H):  # type: ignore[no-untyped-def]
-    """Add to H the second derivatives of (ex, ey) times the vector of a piece, times T."""
+    """Add the second derivatives of (ex, ey) times the vector of a piece, multiplied by T, to H."""
     for k in range(at + 2, at + size, ARM):
         kind, iu, iv = arm_of(p0, k, size)
         c, s, wx, wy = arm(p0, u, u, k, size)
@@ -104,7 +104,7 @@ def curvatures(p0, u, at, size, ex, ey, T, H):  # type: ignore[no-untyped-def]
 
 
 def moved_arm(p0, u, at, size):  # type: ignore[no-untyped-def]
-    """Return by how much (u, v) turned by a direction differs from the reference, without loss of digits."""
+    """Return the change of an arm's rotated (u, v) from the reference, computed without loss of digits."""
     kind, i, j = arm_of(p0, at, size)
     c, s, turned, less = 1.0, 0.0, 0.0, 0.0
     if kind == THETA:
@@ -125,7 +125,7 @@ def moved_arm(p0, u, at, size):  # type: ignore[no-untyped-def]
 
 
 def stretch_of(p0, u, size):  # type: ignore[no-untyped-def]
-    """Return the length of all pieces less that of the reference, as exact as the displacements are."""
+    """Return the length of all pieces minus that in the reference, as accurate as the displacements."""
     out = 0.0
     for at in range(0, len(p0), size):
         x, y = piece(p0, u, u, at, size)
@@ -142,7 +142,7 @@ def stretch_of(p0, u, size):  # type: ignore[no-untyped-def]
 
 
 def pull(p0, u, size, T, k, f, H, row):  # type: ignore[no-untyped-def]
-    """Fill f with the forces of a tension T, and H with its stiffness; k is dT/dl; ``row`` is room (m,) of zeros."""
+    """Fill f with the forces of a tension T, H with its stiffness; k is dT/dl; ``row`` (m,) is a zeroed work array."""
     for at in range(0, len(p0), size):
         x, y = piece(p0, u, u, at, size)
         L = np.sqrt(x * x + y * y)
@@ -164,7 +164,7 @@ def pull(p0, u, size, T, k, f, H, row):  # type: ignore[no-untyped-def]
 
 
 def pull_over_step(p0, u0, u1, size, T, f):  # type: ignore[no-untyped-def]
-    """Fill f with the forces of a tension T over a step: those of linear pieces do the work T (l1 - l0)."""
+    """Fill f with the forces of a tension T over a step; those of linear pieces do the work T (l1 - l0)."""
     for at in range(0, len(p0), size):
         x0, y0 = piece(p0, u0, u0, at, size)
         x1, y1 = piece(p0, u1, u1, at, size)
@@ -184,19 +184,19 @@ def taut(p0, u, a, par, size):  # type: ignore[no-untyped-def]
 
 
 def tension(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """A given tension; par: tension, fields of a piece."""
+    """Forces of a prescribed tension; par: tension, number of fields of a piece."""
     pull(p0, u, int(par[1]), a[0] * par[0], 0.0, f, H, C[0])
     return 0.0, 0.0
 
 
 def tension_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
-    """The mean tension of the step."""
+    """Forces of the mean tension of a step."""
     pull_over_step(p0, u0, u1, int(par[1]), 0.5 * (a0[0] + a1[0]) * par[0], f)
     return 0.0, 0.0
 
 
 def elastic(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """T = EA (l - l0)/l0, never a push; what winds it up puts energy in; par: those of ``taut``, fields of a piece."""
+    """T = EA (l - l0)/l0, or 0 if slack; winding adds energy. par: as for ``taut``, number of fields of a piece."""
     energy, T, k, by_l0 = taut(p0, u, a[0], par, int(par[3]))
     if k > 0.0:
         pull(p0, u, int(par[3]), T, k, f, H, C[0])
@@ -204,7 +204,7 @@ def elastic(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
 
 
 def elastic_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
-    """The tension over the step whose work is the difference of the energy, at the mean unstretched length."""
+    """Forces of the tension whose work in a step is the change of energy at the mean unstretched length."""
     a, size = 0.5 * (a0[0] + a1[0]), int(par[3])
     before, T0, _, by0 = taut(p0, u0, a, par, size)
     after, T1, _, by1 = taut(p0, u1, a, par, size)

@@ -1,6 +1,6 @@
 """Tendons: strings under tension, guided along a body or through eyelets without friction.
 
-The potential of a tendon is a function of its length alone (``tendon_laws``).
+The potential of a tendon depends on its length only (``tendon_laws``).
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ from .body_loads import VARYING, covered
 from .forces import AMPLITUDE, AMPLITUDE_DOC, NAME, LoadContext, LoadError, LoadSet, load, moment_at
 from .tendon_laws import ELASTIC, TENSION, piece, slopes, taut
 
-# fields of an elastic tendon: the stiffness between all of them is one matrix
+# greatest number of fields of an elastic tendon, which has one stiffness matrix for all of them
 MOST = 504
-# points along an element beside those of line loads; of elastic tendons they are few
+# points along an element in addition to those of line loads; elastic tendons have fewer
 FEW = -2
-# of the body's length: the step by which the slope of a profile is found
+# step for the slope of a profile, relative to the length of the body
 STEP = 1e-6
-# of a guide, over the length of a body: points through which it is drawn
+# number of points of a drawn guide along the whole body
 DRAWN = 40
 
 
 class ElasticTendon(PointPatch):
-    """A tendon with a stiffness: a spring to the rest of the model; ``slack`` is the length where it does not pull."""
+    """A tendon with stiffness, treated as a spring; ``slack`` is the length at which it does not pull."""
 
     damped, angle, breaks = False, False, (0,)
 
@@ -53,7 +53,7 @@ class ElasticTendon(PointPatch):
 
     @property
     def winds(self) -> float:
-        """The strain that its winding up by the load factor would be, were the model rigid."""
+        """The strain that winding from load factor 0 to 1 would cause in a rigid model."""
         amount = 0.0 if self.signal is None else self.signal(1.0) - self.signal(0.0)
         return float(abs(amount * self.par[2]) / self.rest)
 
@@ -65,18 +65,18 @@ class ElasticTendon(PointPatch):
         return float(taut(self.p0, self.G @ d[self.dofs[0]], length, self.par, int(self.par[3]))[1])
 
     def wound(self, d: Array) -> float:
-        """Return the derivative of the tension [N] by the amplitude at displacements d (n_q,), where it rests."""
+        """Return the derivative of the tension [N] by the amplitude, at displacements d (n_q,) and amplitude 0."""
         _, T, k, _ = taut(self.p0, self.G @ d[self.dofs[0]], 0.0, self.par, int(self.par[3]))
         return float(-k * self.par[2] * (1.0 + T / self.par[0]))
 
     def linear_tension(self, d: Array, t: float) -> float:
-        """Return the tension [N] to first order in displacements d (n_q,) about the reference; negative: it pushes."""
+        """Return the tension [N] to first order in displacements d (n_q,) about the reference; it may be negative."""
         length, zero = 1.0 if self.signal is None else self.signal(t), np.zeros_like(d)
         _, T, k, _ = taut(self.p0, np.zeros(len(self.p0)), length, self.par, int(self.par[3]))
         return float(T + k * (self._slopes(zero) @ d[self.dofs[0]]))
 
     def winding(self, d: Array) -> Array:
-        """Return the forces (n,) along its coordinates per unit of the amplitude at displacements d, where it rests."""
+        """Return the forces (n,) on its coordinates per unit of the amplitude, at displacements d and amplitude 0."""
         return np.asarray(-self.wound(d) * self._slopes(d))
 
     def _slopes(self, d: Array) -> Array:
@@ -89,7 +89,7 @@ class ElasticTendon(PointPatch):
         return np.asarray(self.G.T @ f)
 
     def rests(self) -> None:
-        """Let the amplitude be 0: what winds it up is an input of small motions."""
+        """Set the amplitude to 0, because winding is an input of small motions."""
         self.signal = lambda t: 0.0
 
     def tighten(self, share: float) -> None:
@@ -108,22 +108,22 @@ def _scaled(fields: Sequence[Field], factor: float) -> list[Field]:
 
 
 def _raw(point: PointRef, i: int, j: int, components: Sequence[int]) -> list[Field]:
-    """Return components of d^(i+j) r/dx^i dy^j (2 is theta) at a point."""
+    """Return components (2 is theta) of d^(i+j) r/dx^i dy^j at a point as fields."""
     row, e0 = point.shape_row(i, j), point.mesh.e0
     found = (point.columns(row, k) for k in components)
     return [Field(c, w, float(w @ e0[c - point.mesh.first_dof])) for c, w in found]
 
 
 def _turning(point: PointRef, y: float) -> list[Field]:
-    """Return the arm of what lies y off the axis at a point of a type whose sections follow from the axis."""
+    """Return the arm to a place y off the axis at a point, for types whose sections follow from the axis."""
     if point.turns_by_theta:
-        # the section's own angle, at mid-nodes of an arc a little off that of the interpolated axis
+        # the section's own angle, which at mid-nodes of an arc differs a little from that of the interpolated axis
         return [*_raw(point, 0, 0, [2]), NOTHING, NOTHING, _number(y), _number(THETA)]
     return [*_raw(point, 1, 0, [0, 1]), NOTHING, _number(y), _number(DIRECTION)]
 
 
 def _eyelet(point: PointRef | GroundPoint, y: float, sign: float) -> tuple[list[Field], list[Field]]:
-    """Return the place of an eyelet times a sign: what is linear in the coordinates, and the arm across the axis."""
+    """Return the position of an eyelet times a sign: the part linear in the coordinates, and the arm off the axis."""
     if isinstance(point, GroundPoint):
         return [_number(sign * point.x), _number(sign * point.y)], _NO_ARM
     if y == 0.0 or point.mesh.plan.element.section_kind == "interpolated":
@@ -137,13 +137,13 @@ def _plus(a: Field, b: Field) -> Field:
 
 
 class Piece(NamedTuple):
-    """The fields of a piece of a tendon, and what its eyelets on bodies have of them."""
+    """The fields of a piece of a tendon, and the part of them that belongs to each eyelet on a body."""
 
     fields: list[Field]
     ends: list[tuple[PointRef, list[Field]]]
 
     def among(self, before: int, size: int, after: int) -> Piece:
-        """Return the piece with ``size`` fields, and its ends with nothing in the fields of pieces before and after."""
+        """Return the piece extended to ``size`` fields, its ends with empty fields for the pieces before and after."""
         fields = [*self.fields, *[NOTHING] * (size - len(self.fields))]
         ends = [(p, [*[NOTHING] * before, *own, *[NOTHING] * (size - len(own) + after)]) for p, own in self.ends]
         return Piece(fields, ends)
@@ -161,9 +161,10 @@ def spans(eyelets: Sequence[tuple[PointRef | GroundPoint, float]]) -> list[Piece
 
 
 def guided(mesh: BodyMesh, s0: float, s1: float, y: float | Profile, more: int) -> list[Piece]:
-    """Return the pieces of a tendon guided at y off the axis of a body: what stretches at quadrature points have of it.
+    """Return the pieces of a tendon guided at y off the axis of a body: one short stretch per quadrature point.
 
-    Its direction there is d(r + y n)/dx; ``more`` points along each element beside those of line loads.
+    Its direction there is d(r + y n)/dx; ``more`` is the number of points along each element in addition to those of
+    line loads.
     """
     length, kind, out = mesh.plan.length, mesh.plan.element.section_kind, []
     for a, b in pairwise([s0, *(s for s, _ in _breaks(y) if s0 < s < s1), s1]):
@@ -194,8 +195,8 @@ class Guide:
     """A tendon guided along a body from S = ``first`` to ``last`` at ``y`` off its axis.
 
     ``cover`` integrates along it: (elements, points xi, weights in m). ``tension(d, t)`` is its tension [N], and
-    ``wound(d)`` the derivative of that by the amplitude. It depends on the coordinates ``depends``: none where it is
-    given.
+    ``wound(d)`` the derivative of the tension by the amplitude. ``depends`` are the coordinates that the tension
+    depends on, none if it is prescribed.
     """
 
     mesh: BodyMesh
@@ -208,7 +209,7 @@ class Guide:
     depends: Index
 
     def offsets(self, s: Array) -> tuple[Array, Array]:
-        """Return y and dy/dx at places S (n,), 0 for a curve whose tendon is on its axis, with moments at its ends."""
+        """Return y and dy/dx at S (n,); y is 0 for curves, whose tendon is on the axis with moments at its ends."""
         if isinstance(self.y, float):
             on_axis = self.mesh.plan.element.section_kind == "tangent"
             return np.full(len(s), 0.0 if on_axis else self.y), np.zeros(len(s))
@@ -229,7 +230,7 @@ def _breaks(y: float | Profile) -> tuple[tuple[float, int], ...]:
 
 
 def _offset(y: float | Profile, s: float, a: float, b: float) -> tuple[float, float]:
-    """Return y and dy/dS at s between a and b, where it has no kink."""
+    """Return y and dy/dS at s, from values between a and b, where the profile has no kink."""
     if isinstance(y, float):
         return y, 0.0
     h = min(STEP, 0.25 * (b - a))
@@ -268,17 +269,17 @@ class Tendon:
 
     @property
     def places(self) -> tuple[str, list[float]] | None:
-        """The body along which it is guided, and the places S where the guide has kinks."""
+        """The body along which it is guided, and the positions S of kinks of the guide."""
         return None if self.on is None else (self.on, [s for s, _ in _breaks(self.y) if self.from_ < s < self.to])
 
     @property
     def switches(self) -> bool:
-        """Whether it begins and ends as a spring does: the amplitude of an elastic one winds it up, and 0 is no end."""
+        """Whether ``active`` switches it like a spring; the amplitude of an elastic tendon winds it instead."""
         return self.stiffness is not None
 
     @property
     def drawn(self) -> Array | None:
-        """S and y (n, 2) of points of a guide whose distance from the axis varies; both sides of a jump."""
+        """S and y (n, 2) of points of a guide with varying distance from the axis; jumps have points on both sides."""
         if self.on is None or isinstance(self.y, float):
             return None
         ends = [self.from_, *(s for s in self.places[1] if s > self.from_), self.to] if self.places else []
@@ -286,7 +287,7 @@ class Tendon:
         return np.stack([s, values(self.y, s)], axis=1)
 
     def check(self) -> Iterator[Issue]:
-        """Yield what a tendon cannot be."""
+        """Yield issues for an impossible tendon."""
         if (self.on is None) == (not self.through):
             yield Issue((), "{}: a tendon is either guided along a body or runs through eyelets", "either on or "
                         "through")
@@ -308,7 +309,7 @@ class Tendon:
 
     @property
     def points(self) -> tuple[Point, ...]:
-        """The points of bodies that it acts at, beside those that are its eyelets as they stand."""
+        """The points of bodies that it acts at, except for eyelets that are given as points."""
         ends = () if self.on is None else (Point(self.on, self.from_), Point(self.on, self.to))
         return ends + tuple(e.at for e in self.through if isinstance(e, Probe))
 
@@ -328,13 +329,13 @@ class Tendon:
 
     @property
     def _more(self) -> int:
-        """Points along each element beside those of line loads."""
+        """Number of points along each element in addition to those of line loads."""
         return FEW if self.stiffness is not None else 0 if isinstance(self.y, float) else VARYING
 
     def add(self, context: LoadContext, out: LoadSet) -> None:
-        """Add the tendon: each piece by itself where its tension is given, all together where it is elastic.
+        """Add the tendon: one patch per piece if its tension is given, one for all pieces if it is elastic.
 
-        Raises LoadError where its body cannot have it.
+        Raises LoadError if the tendon is impossible on its body.
         """
         pieces = self._pieces(context)
         elastic, given = self._put(context, out, pieces), self.tension or 0.0
@@ -346,7 +347,7 @@ class Tendon:
             out.guides.append(Guide(mesh, self.from_, self.to, self.y, cover, *own))
 
     def _put(self, context: LoadContext, out: LoadSet, pieces: list[Piece]) -> ElasticTendon | None:
-        """Add the pieces, and return the elastic tendon that they are, if it is one."""
+        """Add the pieces; return the elastic tendon that they form, or None if the tension is given."""
         size = max(len(p.fields) for p in pieces)
         if self.stiffness is not None:
             whole = size * len(pieces)
@@ -370,7 +371,8 @@ class Tendon:
             out.patches.append(patch)
         if (self.on is not None and isinstance(self.y, float)
                 and context.meshes[self.on].plan.element.section_kind == "tangent"):
-            # the length of a line y off the axis of an unsheared beam is that of the axis less y times what it turns
+            # a line y off the axis of an unsheared beam is shorter than the axis by y times the change of rotation
+            # between its ends
             for end, sign in ((self.to, 1.0), (self.from_, -1.0)):
                 point = context.point(Point(self.on, end))
                 out.patches.append(moment_at(point, sign * given * self.y, context.amplitude))

@@ -1,4 +1,4 @@
-"""All formulations of the elastic forces; a new one is added here."""
+"""The list of all formulations of the elastic forces; new ones are added here."""
 
 from . import cable, green, reissner, structural
 from .base import Formulation, Rule, Sampler, strains_at

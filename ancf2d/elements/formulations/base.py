@@ -1,9 +1,8 @@
-"""What a formulation is: strains of a few gradient fields, with a constant stiffness between them.
+"""Formulations of the elastic forces: strains as functions of a few gradient fields, with a constant stiffness.
 
-Every elastic energy of this project is U = sum_s 1/2 eps_s^T D_s eps_s over sampling stations s, with
-strains eps(u) of the fields u = B d, d the element's displacements from its reference in the element's
-own frame. A formulation states B, the strain function with its Jacobian, and its second derivatives;
-one kernel does the rest.
+Every linear elastic energy is U = sum_s 1/2 eps_s^T D_s eps_s over sampling stations s, with strains eps(u) of the
+fields u = B d, where d are the element's displacements from its reference in the element's own frame. A formulation
+supplies B, the strain function with its Jacobian, and its second derivatives; one kernel does the rest.
 """
 
 from __future__ import annotations
@@ -22,33 +21,34 @@ from ..shape import Array, ShapeFunctions, gauss, radau
 
 @dataclass(frozen=True)
 class PointLaw:
-    """Strains of one point as functions of its fields; formulations that differ in what they sample may share one.
+    """Strains of one point as functions of its fields; formulations that sample different points may share a law.
 
-    Functions are compiled by the kernels for one point in many lanes: ref (any, lanes), u (fields, lanes), eps and
+    The kernels compile the functions for one point in many lanes: ref (any, lanes), u (fields, lanes), eps and
     sigma (strains, lanes), J (strains, fields, lanes), H (fields, fields, lanes).
 
-    ``strain(ref, u, eps, J, lanes)`` fills eps and J = d eps/du, whose zeros are left alone, J[0, 0] being none.
-    ``geometric(ref, u, sigma, J, H, lanes)`` adds sum_i sigma_i d2 eps_i/du2 to the upper half of H; J is that of
-    ``strain``, unless there is a ``mean``. ``mean(ref, u0, u1, eps0, eps1, J, lanes)`` overwrites the entries of J that
-    ``strain`` fills with those of the discrete Jacobian between two states whose strains are given: J (u1 - u0) =
-    eps1 - eps0, and turning the mid-configuration makes no strain by J (Gonzalez 1996, in quadratic invariants of the
-    position gradients). None where no such form is known: then no time step keeps energy and angular momentum at once.
-    ``quadratic`` are the strains that a stretch by 1 + L makes L + L^2/2, such as those of Green and Lagrange.
+    ``strain(ref, u, eps, J, lanes)`` fills eps and the nonzero entries of J = d eps/du; J[0, 0] must not be zero.
+    ``geometric(ref, u, sigma, J, H, lanes)`` adds sum_i sigma_i d2 eps_i/du2 to the upper half of H; J is from
+    ``strain``, or from ``mean`` if there is one. ``mean(ref, u0, u1, eps0, eps1, J, lanes)`` overwrites the entries of
+    J that ``strain`` fills with those of the discrete Jacobian between two states with given strains: J (u1 - u0) =
+    eps1 - eps0, and a rotation of the mid-configuration causes no strain by J (Gonzalez 1996, in quadratic invariants
+    of the position gradients). None if no such form is known: then no time step conserves both energy and angular
+    momentum. ``quadratic`` lists the strains that are L + L^2/2 under a stretch by 1 + L, such as Green-Lagrange
+    strains.
 
-    A law with memory has so many numbers of ``state`` at each point, all 0 to begin with. The first are its internal
-    strains eps_i, which bear no stress: sigma = D (eps - eps_i). ``internal(ref, eps, old, new, slope, lanes)`` fills
-    the state new (state, lanes) that the strains eps lead to from old, the state at the end of the last accepted step,
-    and slope (strains, strains, lanes) = d eps_i/d eps, whose zeros are left alone; D slope has to be symmetric. At the
-    strains of an accepted step, the new state leads to itself. Where internal strains are sums that cancel, the next
-    numbers of the state, as many, tell how large these are: round-off is a share of them.
-    These may call other functions of numbers and arrays. Of a ``timed`` law the last number of the state is the time
-    since the last accepted state, which solvers set.
-    ``elastic`` tells that internal strains follow from the strains alone: then there is no state to keep.
-    ``stored(ref, D, eps, state)`` returns the energy (elements, stations) that is kept beyond eps^T D eps/2 of the
-    strains eps (elements, stations, points strains) that bear stress; ref (stations, points, any), D (stations, points
+    A law with memory has ``state`` numbers at each point, initially 0. The first are its internal strains eps_i, which
+    bear no stress: sigma = D (eps - eps_i). ``internal(ref, eps, old, new, slope, lanes)`` fills the state new (state,
+    lanes) for the strains eps and the last accepted state old, and the nonzero entries of slope (strains, strains,
+    lanes) = d eps_i/d eps; D slope must be symmetric. With new as old and the same strains, the state must not change.
+    If internal strains are sums with cancellation, the next numbers of the state, one per strain, are the magnitudes
+    of the summands: round-off is a share of them.
+    These functions may call other functions of numbers and arrays. If the law is ``timed``, the last number of the
+    state is the time since the last accepted state, which solvers set.
+    ``elastic``: internal strains depend on the present strains alone, so there is no state to keep.
+    ``stored(ref, D, eps, state)`` returns the stored energy (elements, stations) beyond eps^T D eps/2 of the
+    stress-bearing strains eps (elements, stations, points strains); ref (stations, points, any), D (stations, points
     strains, points strains), state (elements, stations, points, numbers).
-    What internal strains take in a step is told as that under the stress at its end; ``overtold(ref, D, state)`` tells
-    by how much (elements, stations) this is too much so far, where a law knows it.
+    The work of the internal strains in a step is counted with the stress at its end; ``overtold(ref, D, state)``
+    returns the accumulated excess (elements, stations) over the true work, if the law can compute it.
     """
 
     fields: int
@@ -70,7 +70,7 @@ class PointLaw:
 class Rule:
     """Quadrature: Gauss points (along, across) for the normal strains and for shear (usually the same).
 
-    ``lobatto``: the stretch of a curve is sampled at as many Gauss-Lobatto points along.
+    ``lobatto``: the stretch of a curve is sampled at the same number of Gauss-Lobatto points along the axis.
     """
 
     normal: tuple[int, int]
@@ -79,7 +79,7 @@ class Rule:
 
     @property
     def uniform(self) -> bool:
-        """Whether one rule serves both."""
+        """Whether normal strains and shear use the same points."""
         return self.normal == self.shear
 
     def __str__(self) -> str:
@@ -92,12 +92,12 @@ class Rule:
 
 @dataclass(frozen=True)
 class Sampler:
-    """What a formulation samples: shape functions, section and the element's reference in its own frame.
+    """The data that a formulation samples: shape functions, section and the element's reference in its own frame.
 
-    ``e0`` is (n_shape, components): the reference nodal coordinates turned so that the element starts
-    along x. Where the section varies, ``profile`` gives its constants at stations xi (n,), ``section`` is that of the
-    body's mean values, and ``cuts`` are the places xi inside the element where it kinks or jumps. ``peak`` is -1 or 1
-    where the moment of fibres may peak at the start or at the end of the element, else 0.
+    ``e0`` (n_shape, components): the reference nodal coordinates, rotated so that the element starts
+    along x. If the section varies, ``profile`` gives its constants at stations xi (n,), ``section`` has the mean
+    values of the body, and ``cuts`` are the positions xi in the element where the section has a kink or jump. ``peak``
+    is -1 or 1 if the moment of fibres may peak at the start or at the end of the element, else 0.
     """
 
     shape: ShapeFunctions
@@ -108,7 +108,7 @@ class Sampler:
     peak: int = 0
 
     def points(self, n: int) -> tuple[Array, Array]:
-        """Return n points in [0, 1] along and their weights (sum 1): those of Gauss, or of Radau with a peak."""
+        """Return n points in [0, 1] along and their weights (sum 1): Gauss points, or Radau points at a peak."""
         if self.peak == 0 or n < 2:
             return gauss(n)
         x, w = radau(n)
@@ -119,20 +119,20 @@ class Sampler:
         return self.section if self.profile is None else self.profile(xi)
 
     def derivative(self, xi: Array, eta: Array, i: int, j: int) -> Array:
-        """Return d^(i+j) S/dx^i dy^j at points (points, n_shape); eta from -1 to 1 from face to face."""
+        """Return d^(i+j) S/dx^i dy^j (points, n_shape) at points; eta runs from -1 to 1 between the faces."""
         height = self.at(xi).height
         return self.shape(xi, eta * (height / self.shape.h), i, j)
 
     def spread(self, S: Array, component: int) -> Array:
-        """Return shape-function rows (points, n_shape) as rows on the element coordinates of a component."""
+        """Expand shape-function rows (points, n_shape) to rows over all element coordinates, for one component."""
         nc = self.e0.shape[1]
         out = np.zeros((len(S), S.shape[1] * nc))
         out[:, component::nc] = S
         return out
 
     def vectors(self, *fields: Array) -> Array:
-        """Return x and y of vectors, each given by shape-function rows (points, n_shape), as rows on the element
-        coordinates: (points, 2 fields, n_dof)."""
+        """Return rows (points, 2 fields, n_dof) over the element coordinates for x and y of vectors that are given by
+        shape-function rows (points, n_shape)."""
         nc = self.e0.shape[1]
         out = np.zeros((len(fields[0]), 2 * len(fields), fields[0].shape[1] * nc))
         for k, S in enumerate(fields):
@@ -140,19 +140,19 @@ class Sampler:
         return out
 
 
-# what would strain an element if it were free: from stations xi (n,) in [0, 1] to (4, n) axial strain and curvature
-# [1/m], temperature [K] at the axis and its gradient [K/m] across
+# imposed strains of an element: from stations xi (n,) in [0, 1] to (4, n) axial strain, curvature [1/m], temperature
+# change [K] on the axis and its gradient [K/m] across
 Free = Callable[[Array], Array]
 
 
 def of_section(sampler: Sampler, free: Free, xi: Array) -> tuple[Array, Array, Array]:
-    """Return axial strain, curvature and strain across (n,) that sections at xi would have if they were free."""
+    """Return the axial strain, curvature and strain across (n,) of sections at xi under ``free`` without stress."""
     axial, curvature, value, gradient = free(xi)
     return sampler.at(xi).free(axial, curvature, value, gradient)
 
 
-# from strains (..., 3) at points and on the axis below them, and D and D0 of ``green.elasticity``: stress (..., 3) and
-# energy density (...)
+# function of strains (..., 3) at points, strains on the axis at the same x, and D and D0 of ``green.elasticity``, that
+# returns stress (..., 3) and energy density (...)
 StressLaw = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
 
 
@@ -160,21 +160,20 @@ StressLaw = Callable[[Array, Array, Array, Array], tuple[Array, Array]]
 class Formulation:
     """A selectable form of the elastic forces.
 
-    ``refuse(element)`` gives the reason why it makes no sense for a type, or None. ``rule(element)`` is
+    ``refuse(element)`` returns the reason why the formulation does not suit a type, or None. ``rule(element)`` is
     its default quadrature; ``exact(element)`` the rule that integrates a straight element exactly, or
-    None where no finite rule does. ``sample(sampler, rule)`` returns B (stations, fields, n_dof), ref (stations,
-    any) and D (stations, strains, strains) of one element class, quadrature weight and volume included; fields,
-    reference values and strains of a station are those of its points, one after another.
-    ``selective`` tells whether shear may have a rule of its own, ``lobatto`` whether the default rule is such a one.
-    ``fibres(sampler, rule)`` returns the places xi of stations whose strains, the first and the last or third, are the
-    axial strain and the curvature of sections that fibres make, with what ``sample`` returns of them; None where it has
-    no such strains.
-    ``points`` tells whether stations, under one rule and without layers, are its points, each in plane stress and with
-    Green's strain. ``green`` tells whether the strains are Green's in any way.
-    ``stress`` gives stress and energy density where a formulation has them at every point; without one, stress is
-    recovered from the section forces. ``natural(sampler, rule, free)`` returns the strains (stations, strains), in the
-    order of ``sample``, that an element would have if it were free, linear in what strains it; without one, nothing but
-    displacements can strain a body of this formulation.
+    None if no finite rule does. ``sample(sampler, rule)`` returns B (stations, fields, n_dof), ref (stations,
+    any) and D (stations, strains, strains) of one class of elements, including quadrature weight and volume; the
+    fields, reference values and strains of a station are those of its points, one after another.
+    ``selective``: shear may have its own rule; ``lobatto``: the default rule uses Lobatto points.
+    ``fibres(sampler, rule)`` returns the positions xi of the stations, and (B, ref, D) as ``sample`` does, in a form in
+    which the first strain is the axial strain, and the second of two or the third of more the curvature, so that
+    sections can be made of fibres; None if there are no such strains.
+    ``points``: under one rule and without layers, each station is one point in plane stress with Green-Lagrange strain.
+    ``green``: the strains are Green-Lagrange strains of any kind.
+    ``stress`` gives stress and energy density at a point; None: stress is recovered from the section forces.
+    ``natural(sampler, rule, free)`` returns the strains (stations, strains), in the order of ``sample``, of an element
+    without stress under the imposed strains ``free``, linear in these; None: imposed strains are not possible.
     """
 
     name: str
@@ -210,8 +209,8 @@ def strains_at(formulation: Formulation, ref: Array, u: Array) -> tuple[Array, A
 
 @lru_cache
 def rule_points(rule: tuple[int, int]) -> tuple[Array, Array, Array]:
-    """Return xi in [0, 1], eta in [-1, 1] and weights (sum 1) of an nx by ny Gauss rule, x slowest, not to be written
-    to."""
+    """Return xi in [0, 1], eta in [-1, 1] and weights (sum 1) of an nx by ny Gauss rule, x slowest; read-only
+    arrays."""
     found = product_points(gauss(rule[0]), gauss(rule[1]))
     for one in found:
         one.flags.writeable = False
@@ -219,7 +218,7 @@ def rule_points(rule: tuple[int, int]) -> tuple[Array, Array, Array]:
 
 
 def product_points(along: tuple[Array, Array], across: tuple[Array, Array]) -> tuple[Array, Array, Array]:
-    """Return the points and weights of two rules on [0, 1] together, as ``rule_points`` does."""
+    """Return the points and weights of the product of two rules on [0, 1], in the form of ``rule_points``."""
     (x, wx), (y, wy) = along, across
     return np.repeat(x, len(y)), np.tile(2 * y - 1, len(x)), np.outer(wx, wy).ravel()
 

@@ -1,4 +1,4 @@
-"""Euler-Bernoulli formulations of the gradient-deficient cable: engineering and Green axial strain."""
+"""Euler-Bernoulli formulations of the gradient-deficient cable, with engineering or Green axial strain."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ def geometric(ref, u, sigma, J, H, lanes):  # type: ignore[no-untyped-def]
 
 
 def mean(ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-def]
-    """Discrete Jacobian between two states, by differences of A = r_s.r_s and C = r_s x r_ss at the mid-configuration.
+    """Fill the discrete Jacobian between two states, from changes of A = r_s.r_s and C = r_s x r_ss at the middle.
 
-    |r_s|^2 = A gives d|r_s| = dA/(|r_s|_0 + |r_s|_1); kappa A = C gives dkappa = (dC - kappa_m dA)/A_m, m the mean.
+    A = |r_s|^2 gives d|r_s| = dA/(|r_s|_0 + |r_s|_1); kappa A = C gives dkappa = (dC - kappa_m dA)/A_m, m the mean.
     """
     for l in range(lanes):
         px, py, qx, qy = ref[0, l], ref[1, l], ref[2, l], ref[3, l]
@@ -103,7 +103,7 @@ def green_geometric(ref, u, sigma, J, H, lanes):  # type: ignore[no-untyped-def]
 
 
 def green_mean(ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-def]
-    """Discrete Jacobian between two states: as ``mean``, with kappa |r_s|^3 = C."""
+    """Fill the discrete Jacobian between two states; same as ``mean``, with kappa |r_s|^3 = C."""
     for l in range(lanes):
         px, py, qx, qy = ref[0, l], ref[1, l], ref[2, l], ref[3, l]
         x0, y0, x1, y1 = px + u0[0, l], py + u0[1, l], px + u1[0, l], py + u1[1, l]
@@ -121,30 +121,30 @@ def green_mean(ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-de
 
 def _stations(sampler: Sampler, points: tuple[Array, Array], parts: tuple[float, float],
               ) -> tuple[Array, Array, Array]:
-    """Sample at points the parts (of EA and EI) of the stiffness."""
+    """Sample the given parts (of EA and EI) of the stiffness at points (xi, weights)."""
     xi, w = points
     zero = np.zeros_like(xi)
     Sx, Sxx = sampler.derivative(xi, zero, 1, 0), sampler.derivative(xi, zero, 2, 0)
     rx, rxx = Sx @ sampler.e0, Sxx @ sampler.e0
     j0 = np.hypot(rx[:, 0], rx[:, 1])[:, None]
-    # d/ds = (1/j0) d/dx along a reference whose interpolated |r_x| is not quite 1
+    # d/ds = (1/j0) d/dx, because the interpolated |r_x| of the reference is not exactly 1
     dj0 = np.sum(rx * rxx, axis=1, keepdims=True) / j0
     fields = (Sx / j0, Sxx / j0**2 - Sx * dj0 / j0**3)
     B = sampler.vectors(*fields)
     ref = np.hstack([S @ sampler.e0 for S in fields])
     ds = w * j0[:, 0] * sampler.shape.l
     s = sampler.at(xi)
-    # EA (eps - e kappa)^2 with e = ES/EA, and what is left of EI
+    # the stretch part has EA (eps - e kappa)^2 with e = ES/EA, the curvature part the rest of EI
     EI = parts[1] * s.EI + (parts[0] - parts[1]) * s.ES**2 / s.EA
     return B, ref, coupled(diagonal(ds, parts[0] * s.EA, EI), ds, parts[0] * s.ES, 0, 1)
 
 
 def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
-    """Sample stretch and curvature at Gauss points, or the stretch at Gauss-Lobatto points.
+    """Sample stretch and curvature at Gauss points, or only the curvature there and the stretch at Lobatto points.
 
-    Those at the nodes ask the same of both neighbours: n elements of degree 3 have 2 n + 1 stretches, which their
-    4 n + 4 coordinates can keep at zero while they bend, and no motion is without strain. At Gauss points three for
-    each element lock, and two leave a stretch that they do not see.
+    Neighbours share the Lobatto points at their nodes: n elements of degree 3 have 2 n + 1 stretches, which their
+    4 n + 4 coordinates can keep at zero in bending, and no motion is without strain. With Gauss points, three per
+    element lock, and two miss one stretch.
     """
     n = rule.normal[0]
     if not rule.lobatto:
@@ -153,16 +153,16 @@ def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
 
 
 def fibres(sampler: Sampler, rule: Rule) -> tuple[Array, tuple[Array, Array, Array]]:
-    """Sample stretch and curvature together, which the fibres couple: at Gauss-Lobatto points as the stretch alone is.
+    """Sample stretch and curvature, which fibres couple, at the same points: Lobatto points if the stretch uses them.
 
-    Those of the curvature of degree 3 are exact there too.
+    The curvature energy of cubic elements is integrated exactly there too.
     """
     points = (lobatto if rule.lobatto else gauss)(rule.normal[0])
     return points[0], _stations(sampler, points, (1.0, 1.0))
 
 
 def natural(sampler: Sampler, rule: Rule, free: Free) -> Array:
-    """Return axial strain and curvature dtheta/ds."""
+    """Return the natural axial strain and curvature dtheta/ds at the stations of ``sample``."""
     n = rule.normal[0]
     parts = []
     for xi, _ in (lobatto(n), gauss(n)) if rule.lobatto else (gauss(n),):
@@ -172,7 +172,7 @@ def natural(sampler: Sampler, rule: Rule, free: Free) -> Array:
 
 
 def green_natural(sampler: Sampler, rule: Rule, free: Free) -> Array:
-    """Return the stretch, and the spatial curvature to first order: that of the reference falls as it stretches."""
+    """Return the natural stretch and spatial curvature, to first order: stretch reduces the reference curvature."""
     n = rule.normal[0]
     xi = np.concatenate([lobatto(n)[0], gauss(n)[0]]) if rule.lobatto else gauss(n)[0]
     rx, rxx = (sampler.derivative(xi, np.zeros_like(xi), k, 0) @ sampler.e0 for k in (1, 2))

@@ -1,6 +1,6 @@
 """Continuum formulations in Green-Lagrange strain: full, enhanced and strain split.
 
-One strain function serves them all; they differ by the constant matrix between the sampled strains.
+They share one strain function and differ in the constant matrix between the sampled strains.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from ..section import Section, shear_flow
 from ..shape import Array, gauss
 from .base import Formulation, Free, PointLaw, Rule, Sampler, cross, join, of_section, rule_points
 
-# points across a layer that integrate squares of its shear stress
+# points per layer that integrate the square of its shear stress exactly
 POINTS = 6
 
 
 def strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
-    """Green-Lagrange strain (eps_tt, eps_nn, 2 eps_tn) from the displacement gradient.
+    """Fill the Green-Lagrange strain (eps_tt, eps_nn, 2 eps_tn) from the displacement gradient.
 
-    With a = u_,t and b = u_,n: eps_tt = t.a + a.a/2 and so on; written in displacements, small strain of
-    stiff beams keeps its digits.
+    With a = u_,t and b = u_,n: eps_tt = t.a + a.a/2 and so on. Formulas in displacements keep the digits of the small
+    strains of stiff beams.
     """
     for l in range(lanes):
         ax, ay, bx, by = u[0, l], u[1, l], u[2, l], u[3, l]
@@ -48,7 +48,7 @@ def geometric(ref, u, sigma, J, H, lanes):  # type: ignore[no-untyped-def]
 
 
 def mean(ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-def]
-    """Discrete Jacobian between two states: that of the mid-configuration, as the strain is quadratic (Simo 1992)."""
+    """Fill the discrete Jacobian between two states: that of mid-configuration, for a quadratic strain (Simo 1992)."""
     for l in range(lanes):
         fx, fy = ref[0, l] + 0.5 * (u0[0, l] + u1[0, l]), ref[1, l] + 0.5 * (u0[1, l] + u1[1, l])
         gx, gy = ref[2, l] + 0.5 * (u0[2, l] + u1[2, l]), ref[3, l] + 0.5 * (u0[3, l] + u1[3, l])
@@ -74,7 +74,7 @@ def elasticity(section: Section) -> tuple[Array, Array]:
 
 
 def _points(sampler: Sampler, xi: Array, eta: Array) -> tuple[Array, Array, Array]:
-    """Return B (points, 4, n_dof), ref (points, 4) and det J0 (points) at points of an element."""
+    """Return B (points, 4, n_dof), ref (points, 4) and det J0 (points,) at points of an element."""
     Sx, Sy = sampler.derivative(xi, eta, 1, 0), sampler.derivative(xi, eta, 0, 1)
     rx, ry = Sx @ sampler.e0, Sy @ sampler.e0
     det = cross(rx, ry)
@@ -86,12 +86,12 @@ def _points(sampler: Sampler, xi: Array, eta: Array) -> tuple[Array, Array, Arra
     return sampler.vectors(st, sn), np.hstack([t, n]), det
 
 
-# of D, what is left without shear
+# selects the entries of D without shear
 _NORMAL = np.outer([1.0, 1.0, 0.0], [1.0, 1.0, 0.0])
 
 
 def _across(section: Section, points: int) -> tuple[Array, Array]:
-    """Return eta of so many Gauss points across a section, across each of its layers, and their weights (sum 1)."""
+    """Return eta of Gauss points across a section (this number in each of its layers) and their weights (sum 1)."""
     y, w = gauss(points)
     if not section.layers:
         return 2 * y - 1, w
@@ -101,7 +101,7 @@ def _across(section: Section, points: int) -> tuple[Array, Array]:
 
 
 def _rule_points(sampler: Sampler, rule: tuple[int, int]) -> tuple[Array, Array, Array]:
-    """Return xi, eta and weights (sum 1) of a rule, whose points across are those of each layer; x slowest."""
+    """Return xi, eta and weights (sum 1) of a rule, x slowest; with layers, it has rule[1] points in each of them."""
     if not sampler.section.layers:
         return rule_points(rule)
     (x, wx), (eta, wy) = gauss(rule[0]), _across(sampler.section, rule[1])
@@ -109,7 +109,7 @@ def _rule_points(sampler: Sampler, rule: tuple[int, int]) -> tuple[Array, Array,
 
 
 def _elasticity_at(sampler: Sampler, xi: Array, eta: Array) -> tuple[Array, Array]:
-    """Return D and D0 at points. Those of layers have the nu of the section, whose stretch across is one for all."""
+    """Return D and D0 at points. Layers use nu of the section, because they share one stretch across."""
     section = sampler.at(xi)
     if not section.layers:
         return elasticity(section)
@@ -121,7 +121,7 @@ def _elasticity_at(sampler: Sampler, xi: Array, eta: Array) -> tuple[Array, Arra
 
 def _stations(sampler: Sampler, rule: tuple[int, int], choose: Callable[[Array, Array], Array],
               ) -> tuple[Array, Array, Array]:
-    """Sample with the stiffness that is chosen of D and D0."""
+    """Return (B, ref, D) at the points of a rule, with the stiffness that ``choose`` forms from D and D0."""
     xi, eta, w = _rule_points(sampler, rule)
     B, ref, det = _points(sampler, xi, eta)
     section = sampler.at(xi)
@@ -130,12 +130,12 @@ def _stations(sampler: Sampler, rule: tuple[int, int], choose: Callable[[Array, 
 
 
 def _centroid(section: Section) -> float:
-    """Return eta of the centroid of stiffness: 0, or beside the axis of layers."""
+    """Return eta of the centroid of stiffness: 0, or off the axis for layers."""
     return 2.0 * section.ES / (section.EA * section.height) if section.layers else 0.0
 
 
 def sample_continuum(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
-    """Sample U = 1/2 int eps^T D eps dV; with a selective rule the shear entry has points of its own."""
+    """Sample U = 1/2 int eps^T D eps dV; with a selective rule the shear entry has its own points."""
     if sampler.section.layers:
         return sample_layers(sampler, rule)
     if rule.uniform:
@@ -145,7 +145,7 @@ def sample_continuum(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]
 
 
 def sample_enhanced(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
-    """Sample the enhanced form: D0 over the volume, D - D0 on the axis only, of layers on the line of centroids."""
+    """Sample the enhanced form: D0 over the volume, D - D0 on the axis only (with layers, on the line of centroids)."""
     x, w = gauss(rule.normal[0])
     B, ref, det = _points(sampler, x, np.full(len(x), _centroid(sampler.section)))
     section = sampler.at(x)
@@ -158,7 +158,7 @@ def sample_enhanced(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
 
 
 def _split_points(sampler: Sampler, rule: Rule) -> tuple[Array, Array]:
-    """Return xi and eta of points that share x, of which the first is on the axis, of layers at their centroid."""
+    """Return xi and eta of the points at each x; the first of them is on the axis, or at the centroid of layers."""
     x, (eta, _) = gauss(rule.normal[0])[0], _across(sampler.section, rule.normal[1])
     return np.repeat(x, len(eta) + 1), np.tile(np.concatenate([[_centroid(sampler.section)], eta]), len(x))
 
@@ -166,7 +166,7 @@ def _split_points(sampler: Sampler, rule: Rule) -> tuple[Array, Array]:
 def sample_strain_split(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
     """Sample the strain split: U = 1/2 int (e^T D0 e + e_c^T (D - D0) e) dV, e_c the strain on the axis.
 
-    This is Patel & Shabana's energy with its symmetric part: points that share x form one station.
+    This energy gives the symmetric part of Patel & Shabana's stress. The points at one x form one station.
     """
     nx, wx, wy = rule.normal[0], gauss(rule.normal[0])[1], _across(sampler.section, rule.normal[1])[1]
     ny = len(wy)
@@ -187,11 +187,11 @@ def sample_strain_split(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Arr
 
 
 def natural_at(sampler: Sampler, free: Free, xi: Array, eta: Array, even: bool = False) -> Array:
-    """Return what points (n, 3) of a free element are stretched by along and across, without shear.
+    """Return the natural strains (n, 3) along and across, without shear, of points of an element without stress.
 
-    Fibres of a curved reference are shorter on its inner side, so that a curvature stretches them more. Temperature
-    stretches alike in all directions as far as the section can: its gradient needs a y^2 of its own, and sections whose
-    y^2 is tied to x^2 stretch across as they bend. With ``even`` all layers stretch alike across.
+    Fibres on the inner side of a curved reference are shorter, so the same curvature strains them more. Temperature
+    causes the same strain in all directions as far as the section allows: its gradient needs an independent y^2, and
+    sections with y^2 coupled to x^2 stretch across as they bend. With ``even``, all layers have the same strain across.
     """
     axial, curvature, value, gradient = free(xi)
     section, element = sampler.at(xi), sampler.shape.element
@@ -208,7 +208,7 @@ def natural_at(sampler: Sampler, free: Free, xi: Array, eta: Array, even: bool =
 
 
 def _fibres(sampler: Sampler, xi: Array, eta: Array) -> Array:
-    """Return the length of the axis over that of the fibre at points of a curved reference (n,)."""
+    """Return the length of the axis divided by that of the fibre at points of a curved reference (n,)."""
     length, axis = (np.linalg.norm(sampler.derivative(xi, at, 1, 0) @ sampler.e0[:, :2], axis=1)
                     for at in (eta, 0.0 * eta))
     shares: Array = axis / length
@@ -216,8 +216,8 @@ def _fibres(sampler: Sampler, xi: Array, eta: Array) -> Array:
 
 
 def natural_on_axis(sampler: Sampler, free: Free, xi: Array) -> Array:
-    """Return what the axis (n, 3) of a free element is stretched by; of layers the line of their centroids, with which
-    they are stretched as a whole."""
+    """Return the natural strains (n, 3) on the axis; with layers, on the line of centroids, with the free strain of the
+    whole section."""
     eta = np.full(len(xi), _centroid(sampler.section))
     out = natural_at(sampler, free, xi, eta, even=True)
     if sampler.section.layers:
@@ -227,7 +227,7 @@ def natural_on_axis(sampler: Sampler, free: Free, xi: Array) -> Array:
 
 
 def _tied(sampler: Sampler) -> float:
-    """Return the factor of y^2 in a basis function beside that of x^2, 0 where none has both."""
+    """Return the factor of y^2 relative to that of x^2 in the basis function that has both, or 0 if there is none."""
     for p in sampler.shape.element.polynomials:
         factors = {(t.i, t.j): t.coefficient * sampler.section.nu**t.nu for t in p.terms}
         if {(2, 0), (0, 2)} <= set(factors):
@@ -236,10 +236,10 @@ def _tied(sampler: Sampler) -> float:
 
 
 def _jumps(sampler: Sampler, eta: Array, w: Array) -> Array:
-    """Return strains (points, m) that jump from layer to layer, and that no section of the type can follow.
+    """Return strain modes (points, m) that jump between layers and that no section of the type can follow.
 
-    In each layer they are polynomials as the strain across of the type is, without those of the whole section.
-    Neighbours of one stiffness and expansion are one layer.
+    In each layer they are polynomials of the same degree as the type's strain across, less polynomials over the whole
+    section. Adjacent layers with the same stiffness and expansion count as one layer.
     """
     layers, degree = sampler.section.layers, sampler.shape.element.degree_y - 1
     kinds = np.cumsum([k > 0 and (l.E, l.nu, l.alpha) != (m.E, m.nu, m.alpha)
@@ -255,10 +255,10 @@ def _jumps(sampler: Sampler, eta: Array, w: Array) -> Array:
 
 
 def _shear_share(sampler: Sampler, apart: bool) -> float:
-    """Return the shear factor that gives layers kGA, whose shear strain is what sections of the type can have of it.
+    """Return the factor k for which layers with shear moduli k G have the stiffness kGA in a section of the type.
 
-    Equilibrium asks for tau(y). A section is strained by the polynomial in y that does the same work; where layers
-    strain ``apart``, each as it likes, tau itself becomes that polynomial.
+    Equilibrium requires tau(y). The section's shear strain is the polynomial in y that does the same work; if layers
+    strain independently (``apart``), the shear stress is this polynomial.
     """
     section, degree = sampler.section, sampler.shape.element.degree_y
     eta, w = _across(section, POINTS)
@@ -272,11 +272,11 @@ def _shear_share(sampler: Sampler, apart: bool) -> float:
 
 
 def sample_layers(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
-    """Sample a section of layers: the points at one place along are one station.
+    """Sample a section of layers; all points at one x form one station.
 
-    Across, each layer stretches and shears as its own stiffness asks, not as polynomials over the whole section can:
-    strains that jump at the interfaces (``_jumps``) are added, and eliminated by their own equilibrium (enhanced
-    assumed strains; Simo & Rifai 1990). Their mean over the section is zero.
+    Across the section, each layer stretches and shears according to its own stiffness, which polynomials over the whole
+    section cannot: strain modes that jump at the interfaces (``_jumps``) are added and eliminated by their own
+    equilibrium (enhanced assumed strains; Simo & Rifai 1990). Their mean over the section is zero.
     """
     nx, section = rule.normal[0], sampler.section
     xi, eta, w = _rule_points(sampler, rule.normal)
@@ -302,9 +302,9 @@ def sample_layers(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
 
 
 def natural_continuum(sampler: Sampler, rule: Rule, free: Free) -> Array:
-    """Return the natural strains at the points of the rule, or of the two rules."""
+    """Return the natural strains at the points of the rule, or of both rules if it is selective."""
     found = _natural_over(sampler, rule, free, even=False)
-    # layers at one place along are one station
+    # all layers at one x form one station
     return found.reshape(rule.normal[0], -1) if sampler.section.layers else found
 
 
@@ -314,13 +314,13 @@ def _natural_over(sampler: Sampler, rule: Rule, free: Free, even: bool) -> Array
 
 
 def natural_enhanced(sampler: Sampler, rule: Rule, free: Free) -> Array:
-    """Return the natural strains of the volume, then those of the axis."""
+    """Return the natural strains of the points in the volume, then of those on the axis."""
     axis = natural_on_axis(sampler, free, gauss(rule.normal[0])[0])
     return np.concatenate([_natural_over(sampler, rule, free, even=True), axis])
 
 
 def natural_strain_split(sampler: Sampler, rule: Rule, free: Free) -> Array:
-    """Return the natural strains of the points that share x, the axis first."""
+    """Return the natural strains at each x, the point on the axis first."""
     xi, eta = _split_points(sampler, rule)
     nx = rule.normal[0]
     found = natural_at(sampler, free, xi, eta, even=True).reshape(nx, -1, 3)
@@ -360,16 +360,16 @@ def _refuse_split(element: ElementType) -> str | None:
 
 
 def _default_rule(element: ElementType) -> tuple[int, int]:
-    """Return as many points along as powers of x: the fewest without hidden zero-energy modes.
+    """Return one point along per power of x: the fewest without hidden zero-energy modes.
 
-    Of the linear elements only the one with straight sections gets by with a single point.
+    Among linear elements, only one with straight sections can use a single point.
     """
     along = 2 if element.degree_x == 1 and element.degree_y > 1 else element.degree_x
     return along, element.degree_y + 1
 
 
 def _exact(element: ElementType) -> tuple[int, int]:
-    """Return the rule exact for the quartic energy of a straight element."""
+    """Return the rule that integrates the quartic energy of a straight element exactly."""
     terms = [t for p in element.polynomials for t in p.terms]
     dx = max([t.i - 1 for t in terms if t.i > 0] + [t.i for t in terms if t.j > 0])
     dy = max([t.j for t in terms if t.i > 0] + [t.j - 1 for t in terms if t.j > 0])

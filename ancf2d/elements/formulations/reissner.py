@@ -10,9 +10,9 @@ from .base import Formulation, Free, PointLaw, Rule, Sampler, coupled, diagonal,
 
 
 def strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
-    """Strains Gamma = R^T r_s less that of the reference, and theta_,s (Simo & Vu-Quoc 1986).
+    """Fill the strains Gamma = R^T r_s, less that of the reference, and theta_,s (Simo & Vu-Quoc 1986).
 
-    R^T - 1 is written with 2 sin^2(theta/2), so that small rotations keep their digits.
+    R^T - 1 is written with 2 sin^2(theta/2), which keeps the digits of small rotations.
     """
     for l in range(lanes):
         px, py, c0, s0 = ref[0, l], ref[1, l], ref[2, l], ref[3, l]
@@ -32,7 +32,7 @@ def strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
 
 
 def geometric(ref, u, sigma, J, H, lanes):  # type: ignore[no-untyped-def]
-    """Add sum_i sigma_i d2 eps_i/du2; cosine and sine of the section are those in J."""
+    """Add sum_i sigma_i d2 eps_i/du2; J holds the cosine and sine of the section's angle."""
     for l in range(lanes):
         C, S = J[0, 0, l], J[0, 1, l]
         hx, hy = -sigma[0, l] * S - sigma[1, l] * C, sigma[0, l] * C - sigma[1, l] * S
@@ -42,7 +42,7 @@ def geometric(ref, u, sigma, J, H, lanes):  # type: ignore[no-untyped-def]
 
 
 def _stations(sampler: Sampler, n: int, parts: tuple[float, ...]) -> tuple[Array, Array, Array]:
-    """Sample at n points the parts (of EA, kGA and EI) of the stiffness."""
+    """Sample the given parts (of EA, kGA and EI) of the stiffness at n points."""
     xi, w = sampler.points(n)
     zero = np.zeros_like(xi)
     S, Sx = sampler.derivative(xi, zero, 0, 0), sampler.derivative(xi, zero, 1, 0)
@@ -59,7 +59,7 @@ def _stations(sampler: Sampler, n: int, parts: tuple[float, ...]) -> tuple[Array
 
 
 def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
-    """Sample EA, kGA, EI at the reduced rule; a selective rule gives the shear strain points of its own."""
+    """Sample EA, kGA, EI with the reduced rule; with a selective rule the shear strain has its own points."""
     if rule.uniform:
         return _stations(sampler, rule.normal[0], (1.0, 1.0, 1.0))
     return join(_stations(sampler, rule.normal[0], (1.0, 0.0, 1.0)),
@@ -67,7 +67,7 @@ def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
 
 
 def natural(sampler: Sampler, rule: Rule, free: Free) -> Array:
-    """Return axial strain, no shear, and curvature."""
+    """Return the natural strains at the stations of ``sample``: axial strain, no shear, and curvature."""
     parts = []
     for n, _ in (rule.normal,) if rule.uniform else (rule.normal, rule.shear):
         axial, curvature, _ = of_section(sampler, free, sampler.points(n)[0])
@@ -76,7 +76,7 @@ def natural(sampler: Sampler, rule: Rule, free: Free) -> Array:
 
 
 def fibres(sampler: Sampler, rule: Rule) -> tuple[Array, tuple[Array, Array, Array]]:
-    """Return the stations of ``sample``, each of which has the strains of fibres."""
+    """Return the positions and stations of ``sample``; each of them has axial strain and curvature."""
     rules = (rule.normal,) if rule.uniform else (rule.normal, rule.shear)
     return np.concatenate([sampler.points(n)[0] for n, _ in rules]), sample(sampler, rule)
 

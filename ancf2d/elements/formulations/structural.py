@@ -1,4 +1,4 @@
-"""Structural formulation: Reissner's strains from ANCF coordinates, on the axis."""
+"""Structural formulation: Reissner's strain measures from ANCF coordinates, on the axis."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from .base import Formulation, Free, PointLaw, Rule, Sampler, coupled, diagonal,
 
 
 def strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
-    """Strains (Gamma_1, Gamma_2, kappa, E_yy) less those of the reference.
+    """Fill the strains (Gamma_1, Gamma_2, kappa, E_yy) less those of the reference.
 
     With L = |r_y|: Gamma_1 = r_s x r_y/L, Gamma_2 = r_s . r_y/L, kappa = r_y x r_ys/L^2,
-    E_yy = L^2/2 (Nachbagauer et al. 2011); each difference is formed from products of displacements.
+    E_yy = L^2/2 (Nachbagauer et al. 2011). Differences are formed from products of displacements to keep digits.
     """
     for l in range(lanes):
         px, py, qx, qy = ref[0, l], ref[1, l], ref[2, l], ref[3, l]
@@ -74,7 +74,7 @@ def geometric(ref, u, sigma, J, H, lanes):  # type: ignore[no-untyped-def]
 
 
 def mean(ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-def]
-    """Discrete Jacobian between two states, by differences of invariants at the mid-configuration.
+    """Fill the discrete Jacobian between two states, from changes of invariants at the mid-configuration.
 
     With A = r_y.r_y, L^2 = A: Gamma L = r_s x r_y or r_s . r_y gives dGamma = (d(Gamma L) - Gamma_m dL)/L_m with
     dL = dA/(L_0 + L_1); kappa A = r_y x r_ys gives dkappa = (d(kappa A) - kappa_m dA)/A_m, m the mean.
@@ -103,7 +103,7 @@ def mean(ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-def]
 
 def _stations(sampler: Sampler, points: tuple[Array, Array],
               parts: tuple[float, ...]) -> tuple[Array, Array, Array]:
-    """Sample at points the parts (of EA, kGA, EI and EA across) of the stiffness."""
+    """Sample the given parts (of EA, kGA, EI and EA across) of the stiffness at points (xi, weights)."""
     xi, w = points
     zero = np.zeros_like(xi)
     Sx, Sy, Sxy = (sampler.derivative(xi, zero, i, j) for i, j in ((1, 0), (0, 1), (1, 1)))
@@ -119,16 +119,16 @@ def _stations(sampler: Sampler, points: tuple[Array, Array],
 
 
 def _terms(sampler: Sampler) -> int:
-    """Return how many terms the polynomial of r_y has along the axis, at least 2."""
+    """Return the number of terms of r_y as a polynomial along the axis, at least 2."""
     return 1 + max(1, *(t.i for p in sampler.shape.element.polynomials for t in p.terms if t.j > 0))
 
 
 def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
-    """Sample EA, kGA, EI at the reduced rule and the section stretch at as many Lobatto points as r_y has terms.
+    """Sample EA, kGA, EI with the reduced rule and the section stretch at as many Lobatto points as r_y has terms.
 
-    A straight section stretches with E A (its frequency is sqrt(12 E/rho)/h). At the reduced points a stretch
-    that alternates from node to node would have no stiffness; between the nodes the interpolated r_y is shorter
-    than 1 wherever it turns, so that Gauss points of full order would lock.
+    A straight section stretches with E A (its frequency is sqrt(12 E/rho)/h). At the reduced points, a stretch that
+    alternates from node to node would have no stiffness. Between the nodes, the interpolated r_y is shorter than 1
+    where it rotates, so Gauss points of full order would lock.
     """
     parts = [_stations(sampler, sampler.points(rule.normal[0]), (1.0, 1.0 if rule.uniform else 0.0, 1.0, 0.0)),
              _stations(sampler, lobatto(_terms(sampler)), (0.0, 0.0, 0.0, 1.0))]
@@ -138,7 +138,7 @@ def sample(sampler: Sampler, rule: Rule) -> tuple[Array, Array, Array]:
 
 
 def _places(sampler: Sampler, rule: Rule) -> Array:
-    """Return the places xi of the stations of ``sample``."""
+    """Return the positions xi of the stations of ``sample``."""
     points = [sampler.points(rule.normal[0]), lobatto(_terms(sampler))]
     if not rule.uniform:
         points.append(sampler.points(rule.shear[0]))
@@ -146,14 +146,14 @@ def _places(sampler: Sampler, rule: Rule) -> Array:
 
 
 def natural(sampler: Sampler, rule: Rule, free: Free) -> Array:
-    """Return axial strain, no shear, curvature, and strain across."""
+    """Return the natural axial strain, no shear, curvature, and strain across at the stations of ``sample``."""
     xi = _places(sampler, rule)
     axial, curvature, across = of_section(sampler, free, xi)
     return np.stack([axial, np.zeros_like(xi), curvature, across], axis=1)
 
 
 def fibres(sampler: Sampler, rule: Rule) -> tuple[Array, tuple[Array, Array, Array]]:
-    """Return the stations of ``sample``, each of which has the strains of fibres."""
+    """Return the positions and stations of ``sample``; each of them has axial strain and curvature."""
     return _places(sampler, rule), sample(sampler, rule)
 
 
