@@ -124,8 +124,7 @@ def no_sewn() -> Sewn:
 def sew(points: Points, T: csr_matrix, slots: Callable[[Index, Index], Index]) -> Points:
     """Return a table with the couplings of curves, and of hard contact points with friction, to the unknowns z.
 
-    ``T`` : (n_full, n) with d = T z; ``slots(i, j)`` : places of the entries (i, j), j <= i, of the matrix of the
-    unknowns.
+    ``T`` : (n_full, n) with d = T z; ``slots(i, j)`` : places of entries (i, j), j <= i, in the matrix of the unknowns.
     """
     begin, unknown, rows, spans, slot = np.zeros((len(points.forces) + 1, 3), dtype=np.int64), [], [], [], []
     following, rubs = 0, (points.restitution >= 0.0) & (points.par[:, FRICTION] > 0.0)
@@ -191,7 +190,7 @@ class Batch:
         self._energy, self._shape = np.zeros(m), (m, n, n)
 
     def amplitudes(self, t: float, rates: bool = False) -> Array:
-        """Return the signals (k, 3) at t; time derivatives are 0 unless ``rates``, except that clocked signals give
+        """Return the signals (k, 3) at t; time derivatives are 0 unless ``rates``, but clocked signals always give
         t."""
         return np.array([(s(t), *(rates_of(s, t) if rates or isinstance(s, Clocked) else (0.0, 0.0)))
                          for s in self.signals]).reshape(-1, 3)
@@ -261,8 +260,7 @@ def _damped(parts: Iterable[Any]) -> list[Batch]:
 class Interactions:
     """Everything in a model that exerts forces, except its elements and dead loads.
 
-    ``points`` are its point laws in the order springs, loads, flows, constraints; ``e0`` (n_q,) the reference
-    coordinates.
+    ``points`` are its point laws in the order springs, loads, flows, constraints; ``e0`` (n_q,) reference coordinates.
     """
 
     def __init__(self, springs: Sequence[PointPatch], loads: Sequence[Patch], constraints: Sequence[Constraint],
@@ -348,8 +346,7 @@ class Interactions:
         return out[:, len(self.e0):]
 
     def take_hold(self, d: Array, t: float) -> None:
-        """Update contacts that have a law and friction with the initial state d (n_full,) at t, where friction then
-        sticks."""
+        """Set missing friction anchors of contacts with a law to the initial state d (n_full,) at t."""
         for batch in self.springs:
             if batch.rubs:
                 batch.accept(d, t)
