@@ -125,8 +125,7 @@ class Smooth:
         return length
 
     def _panels(self, edges: Array) -> Array:
-        """Return panel edges between which the length is exact and the curve turns, and changes its speed, only
-        little."""
+        """Return panel edges: each panel has an exact length, a small turn and little change of speed."""
         a, b, done = edges[:-1], edges[1:], [edges]
         whole = size = 0.0
         for _ in range(HALVINGS):
@@ -294,8 +293,7 @@ def curve(geometry: CurveGeometry) -> list[Smooth]:
 
 
 def _smooth_stretches(trees: list[Tree], taylor: Callable[[Array, int], Series]) -> list[Break]:
-    """Return the starts of the smooth stretches of a curve, and its end: derivatives jump where a condition
-    switches."""
+    """Return the starts of the smooth stretches of a curve, and its end; a condition switches at each of them."""
     places = [b for tree in trees for b in switches(tree, 0.0, 1.0) if b.t < 1.0]
     out = [Break(0.0, 0, 0.0)]
     for b in sorted(places, key=lambda b: b.t):

@@ -17,8 +17,7 @@ MANY = 8192
 
 
 class Pool:
-    """Bodies with the same element, formulation, quadrature and damping time ``tau`` [s]; their elements are numbered
-    consecutively, body after body.
+    """Bodies with the same element, formulation, quadrature and damping time ``tau`` [s], their elements in a row.
 
     ``classes`` contains the classes of all bodies, each once; ``cls`` (ne,), ``dofs`` (ne, n_dof) and ``turn`` (ne or
     1, 2) are the same as in ``BodyMesh``.
@@ -78,8 +77,7 @@ class Pool:
 
     @cached_property
     def turn(self) -> Array:
-        """Cosine and sine of each element's direction (ne, 2); one row (1, 2) if all elements have the same
-        direction."""
+        """Cosine and sine of each element's direction (ne, 2), or (1, 2) if all are equal."""
         if len(self.meshes) == 1:
             return self.meshes[0].turn
         return np.concatenate([np.broadcast_to(mesh.turn, (len(mesh.dofs), 2)) for mesh in self.meshes])
@@ -102,8 +100,7 @@ def _joined(parts: list[Any]) -> Any:
 
 
 def damping_time(case: Case, name: str) -> float:
-    """Return the damping time tau [s] of a body in the stress D (eps + tau d eps/dt): Kelvin-Voigt plus Rayleigh's
-    beta."""
+    """Return the damping time tau [s] of a body in D (eps + tau d eps/dt): Kelvin-Voigt plus Rayleigh's beta."""
     damping, material = case.damping, case.bodies[name].material
     beta = damping.rayleigh.beta if damping else 0.0
     return beta + (material.damping.kelvin_voigt if material and material.damping else 0.0)

@@ -88,8 +88,7 @@ def combine(*parts: tuple[float, tuple[Index, Array]]) -> tuple[Index, Array]:
 
 
 def along(columns: list[tuple[Index, Array]], x: float, y: float) -> tuple[Index, Array]:
-    """Return the component of a planar vector along (x, y); components of the direction that are round-off count as
-    0."""
+    """Return the component of a planar vector along (x, y); round-off in the direction counts as 0."""
     x, y = (0.0 if abs(v) < 1e-15 else v for v in (x, y))
     return combine((x, columns[0]), (y, columns[1]))
 
@@ -190,8 +189,7 @@ def direction_prescribed(point: PointRef, signal: Course, owner: str) -> PointCo
 
 
 def keep_lengths(mesh: BodyMesh, out: Equations) -> None:
-    """Add the constraints of a rigid body: constant lengths of its pieces; for a frame |r_x| = 1 and r_y = r_x
-    rotated."""
+    """Add the equations of a rigid body: constant lengths of pieces; for a frame |r_x| = 1 and r_y = r_x rotated."""
     if not mesh.plan.rigid:
         return
     if mesh.plan.element is RIGID_FRAME:

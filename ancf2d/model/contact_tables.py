@@ -47,8 +47,7 @@ BETWEEN, ROUGH = 1e-6, 40.0
 class ContactTable:
     """The points of a contact with an obstacle, with their current history variables.
 
-    ``fixed`` (m,) marks the points whose gap supports hold; ``supported`` (m, 2) the ends of intervals that touch
-    because of this.
+    ``fixed`` (m,) marks points whose gap supports hold; ``supported`` (m, 2) ends of intervals that touch due to this.
     """
 
     def __init__(self, constraints: Iterable[Any], pair: Any) -> None:
@@ -96,10 +95,8 @@ class ContactTable:
         self.curves.take(self.table, d, True)
 
     def stands(self, k: int, feature: float) -> float:
-        """Return the value of mem[FREE] for point k between nodes, opposite to a part (``feature``) of the obstacle.
-
-        At a corner it slides along its element; elsewhere it stands at a place of the curve that it is on.
-        """
+        """Return mem[FREE] of point k between nodes, opposite to a part (``feature``) of the obstacle: it slides at a
+        corner; elsewhere it stands at a place of the curve that it is on."""
         point = self.points[k]
         if at_corner(point.par, feature):
             return SLIDING
@@ -126,8 +123,7 @@ class ContactTable:
         return out
 
     def look_at_supports(self, d: Array, t: float, near: float) -> None:
-        """Update ``supported``: which interval ends without a force, held by supports, are closer than ``near`` at
-        d."""
+        """Update ``supported``: which interval ends, held by supports, are closer than ``near`` at d (n_full,)."""
         for side in range(2):
             end = self.ends[:, side]
             if self.fixed[end[end >= 0]].any():
@@ -208,8 +204,7 @@ class ContactTable:
         return mem[ANCHOR]
 
     def deepest(self, d: Array, t: float) -> tuple[Array, Array, Array]:
-        """Return the largest penetration (m,) within the interval of each movable point, its z, and the part of the
-        obstacle."""
+        """Return the largest penetration (m,) in each movable point's interval, its z, and the part of the obstacle."""
         from ..kernels.contact import deepest
 
         table, amps = self.at(d, t)
@@ -250,8 +245,7 @@ class ContactTable:
 
     @staticmethod
     def _of_unit(table: Record, d: Array, amps: Array, multiplier: float, friction: float) -> Array:
-        """Return the forces of elastic sign (m, n) of points with the given multiplier, without local compliance of
-        curves."""
+        """Return the forces of elastic sign (m, n) of points with a given multiplier, without compliance of curves."""
         from ..kernels.points import point_matrices
 
         m, unit = len(table.forces), d.copy()
@@ -278,8 +272,7 @@ class ContactTable:
         return np.zeros(len(self.points), dtype=bool)
 
     def crossed(self, before: tuple[Array, float], d: Array, t: float) -> bool:
-        """Return whether a point passes through the obstacle between the state ``before`` (n_full,), with its time, and
-        d at t."""
+        """Return whether a point passes through the obstacle from ``before`` (state and time) to d (n_full,) at t."""
         from ..kernels.contact import obstacle_crossed
 
         amps = self.at(*before)[1]
@@ -341,12 +334,8 @@ class BodyTable(ContactTable):
         return np.array([beyond(*row) for row in zip(joined, found, strict=True)], dtype=bool)
 
     def stand(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None = None) -> tuple[Array, Array, Any]:
-        """Return the gap of each point (m,), its place on the other body (m, 3), and whether it is opposite to that
-        body.
-
-        The gap is infinite where nothing is opposite; for the places see ``kernels.facing``. Points beyond an end of
-        the other body are not opposite to it.
-        """
+        """Return the gap of each point (m,), infinite where nothing is opposite, its place on the other body (m, 3; see
+        ``kernels.facing``), and whether something other than an end of that body is opposite."""
         from ..kernels.facing import body_gaps
 
         table, _ = self._placed(d, t, at)

@@ -149,8 +149,7 @@ class Contacts:
                                  f"{REACH:g} times its length: they touch only if a support moves it there")
 
     def _lies_on_it(self, pair: ContactPair, depth: float) -> bool:
-        """Return whether a body may overlap an obstacle by ``depth`` [m], because its elements only approximate its
-        curve."""
+        """Return whether elements may overlap an obstacle by ``depth`` [m], as they only approximate their curve."""
         solver = self.case.solver
         if not (pair.hard and OVERLAP * self.extent < depth < SLIGHT * self.extent
                 and any(p.kappa != 0.0 for p in pair.mesh.plan.pieces)):
@@ -180,11 +179,10 @@ class Contacts:
 
 
 def hold_rigid_bodies(model: Any, acts: Interactions) -> None:
-    """Set the sticking stiffness of rigid bodies in statics: all loads together stretch it by at most 1e-6 of the
-    extent.
+    """Set the sticking stiffness of rigid bodies in statics: all loads together stretch it by 1e-6 of the extent at
+    most.
 
-    It is also at least 100 times the stiffness of the stiffest spring or element, as prescribed motions can press
-    without loads.
+    It is at least 100 times that of the stiffest spring or element: motions can press without loads, too.
     """
     held = [c for c in model.constraints
             if isinstance(c, ContactPoint) and c.par[FRICTION] > 0.0 and c.par[STIFF] == 0.0]

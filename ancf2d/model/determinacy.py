@@ -51,10 +51,7 @@ def own_motions(mesh: BodyMesh, e0: Array) -> Array:
 
 def _held(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint], springs: list[Spring],
           e0: Array, centres: list[Array], sizes: list[float]) -> Array:
-    """Return the normalised coefficients (equations, 3 bodies) of equations and springs on rigid motions of the bodies.
-
-    Rotations are multiplied by the body's length. Rows that only consist of round-off are left out.
-    """
+    """Return coefficients (equations, 3 bodies) of equations and springs on rigid motions; rotations times length."""
     first = np.array([m.first_dof for m in meshes])
     found = [(r.coords, r.coefs) for r in rows]
     found += [(c.dofs, c.reference_gradient()) for c in constraints]
@@ -79,8 +76,7 @@ def _held(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint]
 
 
 def _stiffness(spring: Spring) -> float:
-    """Return the magnitude of a spring's stiffness before cancellation; one within a rigid body has only its
-    round-off."""
+    """Return the size of a spring's stiffness before terms cancel, as they do within a rigid body up to round-off."""
     _, H, _ = spring.forces(np.zeros(len(spring.G)), 0.0)
     return max(float(np.abs(H).max() * np.abs(spring.G).max() ** 2), 1e-300)
 
@@ -217,10 +213,7 @@ def linear_row(c: Constraint) -> Row:
 
 
 def drop_repeated(elimination: Elimination, equations: Equations, supports: set[str]) -> list[PointConstraint]:
-    """Remove the redundant constraints from ``equations``; return those of them that prescribe a motion.
-
-    A redundant constraint whose reaction is indeterminate adds a warning.
-    """
+    """Remove redundant constraints, with warnings; return those among them that prescribe a motion."""
     repeats = _Repeated(elimination, equations)
     # constraints that act only for a while cannot replace others
     found = [c for c in equations.constraints if isinstance(c, PointConstraint) and c.active is None and repeats(c)]

@@ -23,8 +23,7 @@ FRONT, FOUR, DIVIDED, ALONE, CHANGED, HANDED = 12.0, 4.0, 1.6, 3.0, 0.1, 0.2
 
 @cache
 def cost(pivots: int, below: int) -> float:
-    """Return the cost of a front that eliminates ``pivots`` unknowns above ``below`` rows, in updates of 4 x 4
-    blocks."""
+    """Return the cost of a front of ``pivots`` unknowns above ``below`` rows, in updates of 4 x 4 blocks."""
     total = FRONT + 0.5 * HANDED * below**2
     for k in range(0, pivots - pivots % 4, 4):
         blocks = -(-(pivots + below - k - 4) // 4)

@@ -30,8 +30,7 @@ def pair(a: int, b: int) -> Pair:
 
 
 def first_and_others(nc: int, positions: list[int]) -> tuple[list[int], list[list[int]]]:
-    """Return the x and y coordinates of the first position, and those of the others; positions : their shape
-    functions."""
+    """Return x and y of the first position, and of the others; positions : numbers of their shape functions."""
     first, *others = ([k * nc, k * nc + 1] for k in positions)
     return first, others
 
@@ -186,8 +185,8 @@ def with_states(groups: list[Record], states: Array | None = None) -> tuple[list
 def with_given(groups: list[Record]) -> tuple[list[Record], Array, Array]:
     """Return groups whose relaxing laws can use given internal strains instead of their own.
 
-    Also return the arrays of given strains and of the strains the laws would take (2, k), one group after another, and
-    the slopes (groups,).
+    Also return the given strains and those that the laws would take (2, k), group after group, and the slopes
+    (groups,).
     """
     laws, memories = ([getattr(group.values, name) for group in groups] for name in ("law", "memory"))
     sizes = [x.states.size // law.state * law.strains if law.timed else 0

@@ -168,8 +168,7 @@ class BodyMesh:
         return np.array(found * (piece.count // len(found)))
 
     def classes_in(self, plan: BodyPlan) -> dict[float, ElementClass]:
-        """Return the classes of elements that another plan of the body leaves unchanged, by the start of the element
-        [m]."""
+        """Return the classes of elements that another plan of the body leaves unchanged, by element start [m]."""
         own = self.plan
         if own.varying is None or plan.varying is None or plan.pieces != own.pieces or any(
                 getattr(plan, name) != getattr(own, name) for name in ("element", "formulation", "rule", "name")):
@@ -181,8 +180,7 @@ class BodyMesh:
                                                            strict=True)}
 
     def _samplers_of(self, piece: Piece) -> list[Sampler]:
-        """Return the samplers of a piece's elements with the mean section; a single one if the curvature is
-        constant."""
+        """Return the samplers of a piece's elements with the mean section; only one for constant curvature."""
         plan = self.plan
         key = (piece.l, piece.kappa) if self._alike(piece) else (piece.l, piece.axis, piece.begin)
         if plan.element is RIGID_FRAME:
@@ -246,8 +244,7 @@ class BodyMesh:
         return out
 
     def tile(self, pattern: Sequence[float]) -> Array:
-        """Return one value per element coordinate repeated over all elements of the body (n_dofs,), shared nodes
-        once."""
+        """Return values per element coordinate repeated over all elements of the body (n_dofs,), shared nodes once."""
         parts: list[Array] = []
         for piece in self.plan.pieces:
             if piece.shared:
@@ -366,8 +363,7 @@ class BodyMesh:
 
     @property
     def can_part(self) -> bool:
-        """Whether the faces of compressed neighbours can separate: common coefficients, and elements shorter than
-        high."""
+        """Whether faces of compressed neighbours can separate: common coefficients, and elements shorter than high."""
         return self.plan.element.common_coefficients and bool(
             np.any(self.lengths < np.transpose(self.sections(np.array([0.5])).height)))
 

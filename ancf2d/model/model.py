@@ -126,9 +126,8 @@ class Model:
     def relaxing(self) -> tuple[Index, Array]:
         """Places of relaxing laws in ``states`` (m, 8), and their Maxwell terms (n, 2): modulus and time [s].
 
-        A row of the first array is (group, first number in ``states``, number of points, numbers of a point, strains of
-        a point, first term, number of terms, first strain of the group when those of all points are numbered in a row).
-        Groups with the same Maxwell terms share these.
+        Rows of the first are (group, first number, points, numbers of a point, strains, first term, terms, first of the
+        strains of all points); groups with the same Maxwell terms share these.
         """
         runs, terms, first, strains = list[list[int]](), list[tuple[float, float]](), 0, 0
         places = dict[tuple[tuple[float, float], ...], int]()
@@ -289,8 +288,7 @@ class Model:
 
     @cached_property
     def feedback(self) -> Feedback:
-        """The signals that depend on the motion; empty if there are none. Raises CaseError for a probe that cannot be
-        used."""
+        """The signals that depend on the motion, possibly none. Raises CaseError for a probe that cannot be used."""
         from .feedback import Feedback
 
         return Feedback(self, list(getattr(self.timing, "answers", {}).values()))
@@ -302,8 +300,7 @@ class Model:
 
     @property
     def hinges(self) -> bool:
-        """Whether fibres can yield until they bear hardly any more stress, so that a section becomes a plastic
-        hinge."""
+        """Whether fibres yield until they bear hardly more stress, so that a section becomes a plastic hinge."""
         return any(law.flows for pool in self.pools for law in pool.plan.section.laws)
 
     @property
@@ -313,8 +310,7 @@ class Model:
 
     @property
     def patches(self) -> list[Patch]:
-        """All springs, loads and flows whose forces depend on the configuration; the elements themselves are not
-        included."""
+        """All springs, loads and flows with forces that depend on the configuration; without the elements."""
         return [*self.springs, *self.loads.patches, *self.loads.flows]
 
 

@@ -26,8 +26,7 @@ LEFT = 1e-8
 
 
 class Source:
-    """The data that determine the numbering: dependent coordinates, and the couplings of elements, forces and
-    constraints."""
+    """The data behind a numbering: dependent coordinates, and the couplings of elements, forces and constraints."""
 
     def __init__(self, said: list[Any], coupled: list[Index]) -> None:
         self.said, self.coupled = said, coupled

@@ -41,10 +41,8 @@ def position_fields(point: PointRef, spread: str | None = None) -> list[Field]:
 
 
 def turn_fields(point: PointRef) -> tuple[int, list[Field]]:
-    """Return how the section at a point turns (THETA or DIRECTION) and its fields.
-
-    They are theta, or the components of its direction along and across the reference direction.
-    """
+    """Return how the section at a point turns, and its fields: theta, or the components of its direction along and
+    across the reference direction."""
     if point.turns_by_theta:
         return THETA, [Field(*point.theta())]
     (x, y), angle = point.director()
@@ -268,8 +266,7 @@ def turns(ends: Sequence[PointRef | None]) -> tuple[list[int], list[Field]]:
 
 
 def check_facing(constraints: Iterable[object], d: Array, t: float) -> None:
-    """Raise ComputationError if a section at d (n_full,) is opposite to the direction in which a constraint holds
-    it."""
+    """Raise ComputationError if a section at d (n_full,) is opposite to where a constraint holds it."""
     for constraint in constraints:
         if isinstance(constraint, PointConstraint) and constraint.opposed(d, t):
             raise ComputationError(

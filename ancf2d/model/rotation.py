@@ -34,8 +34,7 @@ class Rotation:
         self.V[0, :len(cx)], self.V[1, len(cx):] = wx, wy
 
     def value(self, e: Array, d: Array, near: float = 0.0) -> float:
-        """Return theta on the turn nearest to ``near``, computed from displacements to keep the digits of small
-        angles."""
+        """Return theta on the turn nearest to ``near``; small angles keep their digits, computed from displacements."""
         if self.point.turns_by_theta:
             return float(self.weights @ d[self.dofs])
         v, dv = self.V @ e[self.dofs], self.V @ d[self.dofs]
@@ -95,8 +94,7 @@ class Course:
         return bool(gradients.any()) and float((gradients * np.abs(d[self.coordinates])).max()) < SMALL
 
     def angles(self, d: Array) -> Array:
-        """Return theta (elements, stations) at d, continuous along the body; the first value is the one nearest to
-        0."""
+        """Return theta (elements, stations) at d, continuous along the body; the first one is nearest to 0."""
         rows, (x, y) = self._reference
         dx, dy = self._along(rows, d[self.coordinates])
         angles = np.arctan2(x * dy - y * dx, x * (x + dx) + y * (y + dy))

@@ -28,8 +28,7 @@ def memory(model: Model) -> list[Array]:
 
 
 def recall(model: Model, kept: list[Array], slide: bool = False) -> None:
-    """Restore the history variables of contact points; with ``slide``, points at places of lift-off become sliding
-    ones."""
+    """Restore the history variables of contact points; with ``slide``, points at places of lift-off slide."""
     for one, mem in zip(model.contact_tables, kept, strict=True):
         for own, row in zip(_remembered(one), mem, strict=True):
             own[:len(row)] = row

@@ -99,9 +99,10 @@ class Energies:
 def kept_energy(model: Model, d: Array, t: float) -> tuple[float, float, float]:
     """Return energies [J] stored in materials at d (n_full,) and t beyond sigma^T D^-1 sigma/2.
 
-    They are those of inelastic laws, then of elastic laws with memory: of springs in Maxwell terms, of kinematic
-    hardening, of residual stress in partly yielded sections, and of curves on unloading (``PointLaw.stored``). The
-    third number is the excess in the dissipated work reported at the ends of steps (``PointLaw.overtold``).
+    They are those of inelastic laws, then of elastic laws with internal strains: of springs in Maxwell terms, of
+    kinematic hardening, of residual stress in partly yielded sections, and of curves on unloading
+    (``PointLaw.stored``). The third number is by how much the work of internal strains, found with the stresses at the
+    ends of steps, is too large (``PointLaw.overtold``).
     """
     found = [0.0, 0.0, 0.0]
     for pool, group in zip(model.pools, model.groups, strict=True):

@@ -49,8 +49,7 @@ HALVED = 3
 
 @dataclass
 class Bracket:
-    """The interval of possible places of a point, from the directions of its steps; ``halved`` counts halved steps in a
-    row."""
+    """The interval of possible places of a point, from its last steps; ``halved`` counts halved steps in a row."""
 
     z: float
     ends: list[float] = field(default_factory=lambda: [-math.inf, math.inf])
@@ -109,10 +108,8 @@ def open_point(point: ContactPoint, d: Array) -> None:
 
 
 def choose_curves(one: ContactTable, course: Course) -> int:
-    """Set the curve of each movable point: the element's own inside a contact zone, elsewhere that of the beam.
-
-    Return the number of closed points that have left the zone; they are added to ``course.left``.
-    """
+    """Set the curve of movable points: the element's own inside a contact zone, elsewhere the beam's; return how many
+    closed ones have left the zone, and add them to ``course.left``."""
     inside, before = one.inside(np.array([p.mem[HELD] > 0.0 for p in one.points])), len(course.left)
     for k in np.flatnonzero(one.free).tolist():
         mem = one.points[k].mem
@@ -259,8 +256,7 @@ def _allowed(place: _Place, z: float, d: Array) -> float:
 
 
 def _room(place: _Place, z: float) -> float:
-    """Return z, or the end of the interval before it if there is neither a fixed point nor a free one beyond this
-    end."""
+    """Return z, or the end of the interval before it if no fixed point and no free next one is beyond this end."""
     par, up = place.point.par, z > place.point.par[HOME]
     if abs(z - par[HOME]) <= par[DAMPING] + BEYOND or place.one.ends[place.k, int(up)] >= 0 or _following(place, z):
         return z

@@ -33,8 +33,7 @@ class Crew:
         self.pool = ThreadPoolExecutor(min(threads(), most)) if min(threads(), most) > 1 else None
 
     def total(self, work: Callable[[Any], Any]) -> float:
-        """Return the sum of ``work`` over all groups (None counts as zero); ``work`` must release the GIL to run in
-        parallel."""
+        """Return the sum of ``work`` over all groups (None counts as zero); ``work`` runs without the GIL."""
         total = 0.0
         for stage in self.stages:
             found = map(work, stage) if self.pool is None or len(stage) == 1 else self.pool.map(work, stage)
