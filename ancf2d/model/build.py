@@ -227,7 +227,7 @@ class _Builder:
             except LoadError as error:
                 self.report(("loads", i, *error.key), f"loads.{i}: {error}", error.expected)
         for one in self.inputs.values():
-            # tendons that are inputs keep their initial length at rest
+            # tendons that are inputs have zero amplitude in the state of linearisation
             for tendon in one.springs:
                 tendon.rests()
             self.loads.springs += one.springs
@@ -316,7 +316,7 @@ class _Builder:
         if not motions and not self.springs and not constraints:
             self.held = held
         if motions and self.case.contacts:
-            # the loads decide what a body rests on
+            # only the loads determine what a body rests on
             motions = []
         if motions and weighs(self.case):
             # gravity can hold motions with rotation; others have no equilibrium, or infinitely many

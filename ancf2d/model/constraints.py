@@ -271,7 +271,7 @@ class Motion:
 
     @property
     def starts(self) -> bool:
-        """Whether it acts at t = 0."""
+        """Return whether it acts at t = 0."""
         return self.window is None or self.window.at(0.0)
 
     @property

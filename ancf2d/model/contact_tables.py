@@ -91,7 +91,7 @@ class ContactTable:
         return coords, Q, energy, K
 
     def turn_to(self, d: Array) -> None:
-        """Update the curves that the points are on to d (n_full,)."""
+        """Update the curves that the points are on to d (n_full,); the obstacle opposite needs no search."""
         self.curves.take(self.table, d, True)
 
     def stands(self, k: int, feature: float) -> float:

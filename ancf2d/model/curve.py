@@ -48,7 +48,7 @@ class Piece:
 
     @property
     def shared(self) -> bool:
-        """Whether its first node is the last node of the piece before."""
+        """Return whether its first node is the last node of the piece before."""
         return self.continues and not self.kink
 
     @property

@@ -208,7 +208,7 @@ class Batch:
 
     @property
     def rubs(self) -> bool:
-        """Whether there is a contact with a law and friction."""
+        """Return whether there is a contact with a law and friction."""
         return any(isinstance(p, CompliantContact) and p.pair.item.friction > 0.0 for p in self.patches)
 
     def matrices(self, d: Array, t: float, linear: bool = False, v: Array | None = None
@@ -384,8 +384,8 @@ class Interactions:
 def of_interactions(model: Any, steps: bool, problem: Any) -> list[Callable[[], object]]:
     """Return functions that compile the laws of springs, loads, constraints and contacts, and the contact search.
 
-    Forces come first, and what shares parts with them last: parallel processes would compile the shared parts twice.
-    ``steps`` : whether forces over a step are needed, too; ``problem`` : type of the records that kernels take.
+    Forces come first, and functions that share parts with them last: parallel processes would compile these parts
+    twice. ``steps`` : whether forces over a step are needed, too; ``problem`` : type of the records that kernels take.
     """
     patches = (*model.springs, *model.loads.patches, *model.loads.flows, *model.constraints)
     laws = {p.items().law: None for p in patches if isinstance(p, HasItems)}

@@ -337,7 +337,7 @@ class BodyMesh:
 
     @cached_property
     def shares_start(self) -> NDArray[np.bool_]:
-        """Whether each element shares its first node with the last one of the element before (ne,)."""
+        """Return whether each element shares its first node with the last one of the element before (ne,)."""
         return np.concatenate([[False], self.nodes[1:, 0] == self.nodes[:-1, -1]])
 
     def element_at(self, s: float) -> tuple[int, float, float]:
@@ -363,7 +363,7 @@ class BodyMesh:
 
     @property
     def can_part(self) -> bool:
-        """Whether faces of compressed neighbours can separate: common coefficients, and elements shorter than high."""
+        """Return whether faces of compressed neighbours can separate: common coefficients, elements shorter than high."""
         return self.plan.element.common_coefficients and bool(
             np.any(self.lengths < np.transpose(self.sections(np.array([0.5])).height)))
 

@@ -184,12 +184,12 @@ class Model:
 
     @property
     def winds(self) -> bool:
-        """Whether forces depend on full turns: there are torsion springs on sections without theta."""
+        """Return whether forces depend on full turns: there are torsion springs on sections without theta."""
         return any(end is not None for spring in self.springs for end in spring.sections)
 
     @property
     def sided(self) -> bool:
-        """Whether there are unilateral constraints: contacts without a law."""
+        """Return whether there are unilateral constraints: contacts without a law."""
         return any(contact.hard for contact in self.contacts)
 
     @cached_property
@@ -202,7 +202,7 @@ class Model:
 
     @property
     def symmetric(self) -> bool:
-        """Whether the tangent is symmetric: follower forces and friction have no potential."""
+        """Return whether the tangent is symmetric: follower forces and friction have no potential."""
         return symmetric(self.loads, self.contacts)
 
     def prescribed(self, t: float, out: Array, order: int = 0) -> None:
@@ -220,7 +220,7 @@ class Model:
 
     @cached_property
     def moves(self) -> bool:
-        """Whether some linear row prescribes a motion."""
+        """Return whether some linear row prescribes a motion."""
         return any(r.signal is not None for r in self.rows)
 
     def displacements(self, z: Array, t: float, out: Array | None = None) -> Array:
@@ -295,17 +295,17 @@ class Model:
 
     @property
     def hardens(self) -> bool:
-        """Whether a fibre law is inelastic."""
+        """Return whether a fibre law is inelastic."""
         return any(not law.elastic for pool in self.pools for law in pool.plan.section.laws)
 
     @property
     def hinges(self) -> bool:
-        """Whether fibres yield until they bear hardly more stress, so that a section becomes a plastic hinge."""
+        """Return whether fibres yield until they bear hardly more stress, so that a section becomes a plastic hinge."""
         return any(law.flows for pool in self.pools for law in pool.plan.section.laws)
 
     @property
     def latches(self) -> list[Latch]:
-        """The latches of the case: items that a condition switches on or off."""
+        """The latches, which switch items on and off by conditions."""
         return list(getattr(self.timing, "latches", {}).values())
 
     @property

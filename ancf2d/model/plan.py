@@ -37,8 +37,8 @@ from .own_element import DefinitionError, own_element, undetermined
 from .profiles import VaryingSection, load_breaks, profile_breaks
 from .section import SectionError, is_axis_type, resolve_section, rigid_section, with_memory
 
-MAX_BODIES = 1000  # the check that nothing moves freely takes a minute for as many
-SHORT = 0.1  # angle by which an element of a rigid curved body turns about [rad]
+MAX_BODIES = 1000  # checking this many for free motions takes a minute
+SHORT = 0.1  # approximate turn of one element of a rigid curved body [rad]
 WIDE = 1.0  # angle of an arc [rad] that is too wide for one element
 MAX_COORDINATES = 32_000_000  # of all bodies together: a million elements of most types fit
 
@@ -73,7 +73,7 @@ class BodyPlan:
 
     @property
     def rigid(self) -> bool:
-        """Whether the body is rigid, without strain energy."""
+        """Return whether the body is rigid, without strain energy."""
         return self.formulation is RIGID
 
     @property

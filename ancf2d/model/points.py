@@ -101,7 +101,7 @@ class PointRef:
 
     @property
     def turns_by_theta(self) -> bool:
-        """Whether the section rotation is a coordinate."""
+        """Return whether the section rotation is a coordinate."""
         return self.mesh.plan.element.has_theta
 
     def theta(self) -> tuple[Index, Array]:

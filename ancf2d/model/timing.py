@@ -172,7 +172,7 @@ class PathTiming(Timing):
     """Timing along a path: the load factor scales what has no amplitude; the rest is constant at its value for t = 1.
 
     While ``preloading``, t scales the constant part from the reference and the rest is absent: a path starts at load
-    factor 0 from the equilibrium of the constant part. ``constant`` tells whether there is such a part.
+    factor 0 from the equilibrium of the constant part. ``constant``: whether there is such a part.
     """
 
     def __init__(self) -> None:

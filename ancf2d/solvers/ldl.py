@@ -57,14 +57,14 @@ class Multipliers:
 
     @cached_property
     def moved(self) -> NDArray[np.bool_]:
-        """Whether each unknown (n,) is a coordinate (True) or a multiplier."""
+        """Return whether each unknown (n,) is a coordinate (True) or a multiplier."""
         out: NDArray[np.bool_] = np.ones(len(self.weights), dtype=bool)
         out[self.multiplier] = False
         return out
 
     @property
     def alone(self) -> bool:
-        """Whether constraints alone determine the configuration: there are as many as coordinates."""
+        """Return whether constraints alone determine the configuration: there are as many as coordinates."""
         return not self.open and 2 * len(self.multiplier) >= len(self.weights)
 
     def stiffness(self, g: Array, diagonal: Array) -> Array:
@@ -182,8 +182,8 @@ class Symmetric(ABC):
         np.add.at(flat, self.at(m.index[a], m.index[b]), pull[a] * g[b])
 
     def add_pulls(self, moves: Array, out: Array) -> None:
-        """Add bounds of the forces that gamma makes of errors ``moves`` (m,) of the constraints to those of unknowns
-        (n,).
+        """Add bounds of the forces that gamma makes of errors ``moves`` (m,) of constraints to the entries (n,) of
+        ``out``.
 
         Nothing is added before the first factorisation, or if constraints alone determine the configuration.
         """

@@ -62,7 +62,7 @@ class TangentMatrix(Protocol):
 
     @property
     def knows_inertia(self) -> bool:
-        """Whether the negative pivots of the last factors count the negative eigenvalues of a symmetric matrix."""
+        """Return whether the negative pivots of the last factors count the negative eigenvalues, if symmetric."""
         ...
 
 

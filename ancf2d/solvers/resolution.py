@@ -150,8 +150,7 @@ class _Body:
         return stored, max(abs(asked - stored) - allowed, 0.0) * self._held(N, forces[..., 2])
 
     def added(self, state: State, motion: Array, Q: Array, a: Array | None) -> Array:
-        """Return the section forces (m, k, 3) of a small motion (n_full,), from its elastic forces Q and
-        accelerations."""
+        """Return the section forces (m, k, 3) that a small motion (n_full,) adds, with its forces Q and rates a."""
         size = float(np.abs(self.model.weights * motion[:self.model.n_q]).max()) / self.model.extent
         h = SMALL / size if size > 0.0 else 1.0
         ends = [self.forces(replace(state, d=state.d + s * motion, Q=state.Q + s * Q, linear=False, about=state.d,

@@ -159,7 +159,7 @@ class System:
         return Balance(Q, F, R, float(energy))
 
     def noise(self, d: Array, t: float) -> Array:
-        """Return a bound of the round-off in the residual at d (n_unknowns,)."""
+        """Return a bound of the round-off in the residual at d (n_unknowns,); the next call overwrites it."""
         n, out = self.model.numbering, self._sizes
         np.abs(self._dead_loads(t), out=out)
         self.model.set_natural(t)
@@ -346,7 +346,7 @@ class System:
 
     @property
     def knows_inertia(self) -> bool:
-        """Whether the last negative pivots count the negative eigenvalues: only if no rows were exchanged."""
+        """Return whether the last negative pivots count the negative eigenvalues: only if no rows were exchanged."""
         return self.model.symmetric and self.matrix.knows_inertia
 
     def norm(self, z: Array) -> float:
