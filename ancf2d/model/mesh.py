@@ -363,7 +363,7 @@ class BodyMesh:
 
     @property
     def can_part(self) -> bool:
-        """Return whether faces of compressed neighbours can separate: common coefficients, elements shorter than high."""
+        """Return whether faces of compressed neighbours can separate: common coefficients, and shorter than high."""
         return self.plan.element.common_coefficients and bool(
             np.any(self.lengths < np.transpose(self.sections(np.array([0.5])).height)))
 
