@@ -44,8 +44,7 @@ from .timing import InputTiming, PathTiming, Signal, TimeTiming, Timing
 
 
 def timing_of(case: Case) -> Timing:
-    """Return the timing of a case: what loads and prescribed motions follow, with and without an amplitude of their
-    own."""
+    """Return the timing of a case: the signals of loads and prescribed motions, with or without an amplitude."""
     if (case.solver.scales and not case.flows) or case.solver.on_path:
         return PathTiming()
     return TimeTiming() if case.solver.timed else Timing()

@@ -179,8 +179,7 @@ class Contacts:
 
 
 def hold_rigid_bodies(model: Any, acts: Interactions) -> None:
-    """Set the sticking stiffness of rigid bodies in statics: all loads together stretch it by 1e-6 of the extent at
-    most.
+    """Set the sticking stiffness of rigid bodies in statics: all loads stretch it by 1e-6 of the extent at most.
 
     It is at least 100 times that of the stiffest spring or element: motions can press without loads, too.
     """

@@ -190,8 +190,7 @@ class Batch:
         self._energy, self._shape = np.zeros(m), (m, n, n)
 
     def amplitudes(self, t: float, rates: bool = False) -> Array:
-        """Return the signals (k, 3) at t; time derivatives are 0 unless ``rates``, but clocked signals always give
-        t."""
+        """Return the signals (k, 3) at t; time derivatives are 0 without ``rates``, but clocked signals give t."""
         return np.array([(s(t), *(rates_of(s, t) if rates or isinstance(s, Clocked) else (0.0, 0.0)))
                          for s in self.signals]).reshape(-1, 3)
 

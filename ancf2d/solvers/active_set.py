@@ -92,8 +92,7 @@ def begin(system: System, d: Array, t: float) -> None:
 
 
 def _reduced(system: System, dofs: Any, gradient: Array) -> tuple[Array, bool]:
-    """Return a gap's gradient on the unknowns (n_unknowns,), and whether it is not zero: supports may hold the
-    point."""
+    """Return a gap's gradient by the unknowns (n_unknowns,), and whether it is nonzero: supports may hold the point."""
     num = system.model.numbering
     full = np.zeros(len(num.place))
     np.add.at(full, dofs, gradient)
@@ -341,8 +340,7 @@ def _grown(spots: list[Spot], d: Array, accepted: tuple[Array, float], t: float)
 
 
 def _close(s: Spot, force: float, d: Array) -> int:
-    """Close a point with its force and return its number; for a place between fixed points, use a free point of its
-    element.
+    """Close a point with its force and return its number; between fixed points, use a free point of the element.
 
     If all are in use, the nearest one moves to the resultant of both forces: one point replaces two that approached the
     place of contact from either side. With friction, the one with the smallest force moves to the new place.

@@ -139,8 +139,7 @@ def lying(model: Model, mesh: BodyMesh, state: State) -> Any:
 
 
 def _ends_on(mesh: BodyMesh, S: Array, touching: Any, reach: float, held: bool) -> Any:
-    """Return which elements (m,) have touching points within ``reach`` [m] of both ends, from points at S (k,) of a
-    body.
+    """Return which elements (m,) have touching points, at S (k,) of a body, within ``reach`` [m] of both ends.
 
     With ``held``, one end may have no point at all.
     """

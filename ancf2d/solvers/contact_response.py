@@ -103,8 +103,7 @@ class Response:
         return self.num.reduce(full, np.zeros(len(self.num.place)))
 
     def settled(self, limit: float) -> dict[int, float] | None:
-        """Return the opening of closed points and the forces on open ones, by number, that make the state
-        complementary.
+        """Return, by number, openings of closed points and forces on open ones that make the state complementary.
 
         Start from the points that pull or penetrate by more than ``limit``, and add those that violate the conditions
         then. None if there is no such state nearby.

@@ -167,7 +167,7 @@ class _Forces(NamedTuple):
         return W
 
     def complementary(self) -> tuple[Array, Array, Array, Array] | None:
-        """Return normal forces (n - r,), friction in both directions (r,) and slips (r,), or None if Lemke's method
+        """Return normal forces (n - r,), friction forth and back (r,) and slips (r,), or None if Lemke's method
         fails."""
         n, r = len(self.none), len(self.rubs)
         W = self._compliance()
@@ -211,8 +211,7 @@ class _Forces(NamedTuple):
         return out
 
     def balanced(self, found: tuple[Array, Array, Array, Array]) -> tuple[Array, Any, Array]:
-        """Return x (n,) for the resulting set, which entries are closed (n,), and the signs of sliding friction
-        (n,)."""
+        """Return x (n,) for the set found, which entries are closed (n,), and signs of sliding friction (n,)."""
         n, (pressed, forth, back, slips) = len(self.none), found
         closed, signs = np.zeros(n, dtype=bool), np.zeros(n)
         closed[np.setdiff1d(np.arange(n), self.rubs)] = pressed > 0.0

@@ -68,8 +68,7 @@ class BodyLayer:
         self.balances = not (solver.moves or solver.on_path)
 
     def off(self, state: State) -> tuple[float, float, float]:
-        """Return the position error of the bodies in a state, their overlap, and the overlap for the forces at its
-        points."""
+        """Return the position error of bodies in a state, their overlap, and the overlap for their points' forces."""
         force, depth, d, t = np.zeros(2), 0.0, state.d, state.side
         found = [[one.nodal(d, np.zeros_like(d), t, False, self.balances) for one in tables]
                  for tables in (self.few, self.many)]

@@ -68,8 +68,7 @@ class Multipliers:
         return not self.open and 2 * len(self.multiplier) >= len(self.weights)
 
     def stiffness(self, g: Array, diagonal: Array) -> Array:
-        """Return gamma (m,) for the rows of G with entries g (k,): as stiff as the unknowns on which they act, in any
-        units.
+        """Return gamma (m,) for rows of G with entries g (k,): as stiff as what they act on, in any units.
 
         Rows that act on nothing stiff (bars between bars) are as stiff as the rows with which they share unknowns.
         """
@@ -182,8 +181,7 @@ class Symmetric(ABC):
         np.add.at(flat, self.at(m.index[a], m.index[b]), pull[a] * g[b])
 
     def add_pulls(self, moves: Array, out: Array) -> None:
-        """Add bounds of the forces that gamma makes of errors ``moves`` (m,) of constraints to the entries (n,) of
-        ``out``.
+        """Add bounds of gamma's forces for errors ``moves`` (m,) of constraints to those of the unknowns, ``out`` (n,).
 
         Nothing is added before the first factorisation, or if constraints alone determine the configuration.
         """

@@ -122,8 +122,7 @@ def choose_curves(one: ContactTable, course: Course) -> int:
 
 
 def _enclosed(one: ContactTable, course: Course) -> list[int]:
-    """Return the closed points on the beam's curve that are now inside a contact zone, except those in
-    ``course.left``."""
+    """Return the closed points on the beam's curve now inside a contact zone, except those in ``course.left``."""
     held = np.array([p.mem[HELD] > 0.0 for p in one.points])
     inside = one.inside(held) & held & one.pair.cubic
     return [k for k in np.flatnonzero(inside).tolist()

@@ -119,8 +119,7 @@ class GeneralBand:
 
 
 class GeneralSparse:
-    """Compressed rows with SuperLU, for wide unsymmetric bands; rows are exchanged with ``exchange``, or if
-    necessary."""
+    """Compressed rows with SuperLU, for wide unsymmetric bands; rows are exchanged with ``exchange`` or if needed."""
 
     def __init__(self, n: int, rows: Array, columns: Array, exchange: bool = False) -> None:
         from scipy.sparse import coo_matrix

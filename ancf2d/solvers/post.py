@@ -148,8 +148,7 @@ def place_rate(point: PointRef, v: Array, theta: float, omega: float) -> Array:
 
 
 def reactions(model: Model, state: State) -> dict[str, dict[str, float]]:
-    """Return fx, fy and the moment of each support on its body, about its point, and of each obstacle, about its
-    centre."""
+    """Return fx, fy and moment of each support on its body, about its point, and of obstacles about their centre."""
     lam, _ = equilibrium_rows(model, state)
     d = state.d[:model.n_q]
     e = model.e0 if state.linear else model.e0 + d
