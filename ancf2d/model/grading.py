@@ -28,7 +28,7 @@ SAME = 1e-10
 
 @dataclass(frozen=True)
 class Ratio:
-    """Element lengths in a geometric series, from start to end of the body in the given ``ratio`` (end to start).
+    """Element lengths in a geometric series; ``ratio`` is the length at the end over that at the start of the body.
 
     phi(x) = (ratio^x - 1)/(ratio - 1).
     """

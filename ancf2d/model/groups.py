@@ -185,8 +185,8 @@ def with_states(groups: list[Record], states: Array | None = None) -> tuple[list
 def with_given(groups: list[Record]) -> tuple[list[Record], Array, Array]:
     """Return groups whose relaxing laws can use given internal strains instead of their own.
 
-    Also return the given strains and those that the laws would take (2, k), group after group, and the slopes
-    (groups,).
+    Also return the given strains and those increments of them that dissipate energy (2, k), group after group, and
+    slopes.
     """
     laws, memories = ([getattr(group.values, name) for group in groups] for name in ("law", "memory"))
     sizes = [x.states.size // law.state * law.strains if law.timed else 0

@@ -101,8 +101,8 @@ def kept_energy(model: Model, d: Array, t: float) -> tuple[float, float, float]:
 
     They are those of inelastic laws, then of elastic laws with internal strains: of springs in Maxwell terms, of
     kinematic hardening, of residual stress in partly yielded sections, and of curves on unloading
-    (``PointLaw.stored``). The third number is by how much the work of internal strains, found with the stresses at the
-    ends of steps, is too large (``PointLaw.overtold``).
+    (``PointLaw.stored``). The third is the excess of the dissipation that steps report with the stress at their ends
+    (``PointLaw.overtold``).
     """
     found = [0.0, 0.0, 0.0]
     for pool, group in zip(model.pools, model.groups, strict=True):
