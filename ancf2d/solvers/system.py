@@ -117,8 +117,7 @@ class System:
 
     def patches(self, d: Array, t: float, elastic: bool = False, linear: bool = False
                 ) -> Iterator[tuple[float, Array, Array, Index]]:
-        """Yield (energy, Q, K, dofs) of springs, flows, constraints and, unless ``elastic``, of turning or moving
-        loads.
+        """Yield energy, Q, K and dofs of springs, flows, constraints and, unless ``elastic``, turning or moving loads.
 
         ``linear``: constraints are linearised about the reference.
         """
