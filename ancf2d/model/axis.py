@@ -1,4 +1,4 @@
-"""Axes of bodies as curves by arc length: arcs and lines, splines through points, curves given by expressions."""
+"""Axes of bodies as curves by arc length: arcs and lines, splines through points, and curves given by expressions."""
 
 from __future__ import annotations
 
@@ -18,22 +18,21 @@ from ..case.syntax import Tree, syntax
 from ..elements.shape import Array, gauss
 from .breakpoints import Break, switches
 
-# Gauss points of a panel; its length is known to so much of the whole curve's
+# Gauss points of a panel; accuracy of its length relative to the whole curve
 POINTS, EXACT = 16, 2e-15
-# a panel turns by less than this [rad], and its speed changes by less than this factor
+# largest turn of a panel [rad], and largest ratio of the speeds on it
 TURN, SPEED = 1.0, 2.0
 PANELS, HALVINGS = 20_000, 36
-# where panels are divided, and expressions at first: no place where a case would have a corner
+# where panels are divided, and first edges for expressions: places where a case is unlikely to have a corner
 DIVIDED, FIRST = 0.5278640450004206, (0.0, 0.2763932022500211, 0.4836, 0.7639320225002102, 1.0)
-# derivatives of a curve that are compared where a condition switches, and by how much they may differ; switches closer
-# than this are one
+# number of derivatives compared where a condition switches, and their tolerance; smallest distance of switches
 JUMPS, SAME, TOUCH = 4, 1e-9, 1e-9
-# of the whole: ends of a closed curve, and directions there [rad], that are apart by less are together
+# tolerance of ends [relative to the length] and directions [rad] that must coincide
 CLOSED = 1e-6
 
 
 class AxisError(ValueError):
-    """A geometry that is no smooth curve; ``key`` names what is wrong below the geometry."""
+    """A geometry that is not a smooth curve; ``key`` is the path of the faulty entry below the geometry."""
 
     def __init__(self, key: tuple[str | int, ...], message: str, expected: str = "") -> None:
         super().__init__(message)
@@ -41,10 +40,10 @@ class AxisError(ValueError):
 
 
 class Axis(Protocol):
-    """A smooth curve by arc length s [m] from its start; as complex numbers x + iy where so said."""
+    """A smooth curve by arc length s [m] from its start."""
 
     def place(self, s: Array) -> tuple[Array, Array]:
-        """Return points (...) as complex numbers, and tangent angles (...) counted through full turns."""
+        """Return points (...) as complex numbers x + iy, and tangent angles (...) counted through full turns."""
         ...
 
     def derivatives(self, s: Array, n: int) -> NDArray[np.complex128]:
@@ -90,12 +89,12 @@ class Bend:
 
 
 class Smooth:
-    """A curve z(u) = x + iy of a parameter u, by arc length to round-off.
+    """A curve z(u) = x + iy of a parameter u, by arc length accurate to round-off.
 
-    ``taylor(u, n)`` gives its Taylor coefficients (n + 1, places); ``edges`` are values of u from one end to the other
-    between which it has all derivatives. Between them the curve is divided into panels until Gauss points give the
-    length of each exactly; places are then found by Newton's method. Of directions at its start that differ by full
-    turns it has the one next to ``angle``. Raises AxisError where the curve jumps, has a corner, or stands still.
+    ``taylor(u, n)`` returns its Taylor coefficients (n + 1, places); ``edges`` are increasing values of u, from one end
+    to the other, between which z is smooth. The curve is divided into panels until Gauss points give the length of each
+    exactly; places are then found by Newton's method. The tangent angle at the start is counted to be nearest to
+    ``angle``. Raises AxisError where the curve jumps, has a corner or zero velocity.
     """
 
     def __init__(self, taylor: Callable[[Array, int], Series], edges: Array, variable: str = "s",
@@ -120,13 +119,13 @@ class Smooth:
         return rate
 
     def _length(self, a: Array, b: Array) -> Array:
-        """Return the lengths from a (...) to b (...), by one set of Gauss points each."""
+        """Return the lengths from a (...) to b (...), each by one set of Gauss points."""
         u = a[..., None] + (b - a)[..., None] * self._x
         length: Array = (b - a) * (np.abs(self._rate(u)) @ self._w)
         return length
 
     def _panels(self, edges: Array) -> Array:
-        """Return edges between which the length is exact, the curve turns little, and its speed changes little."""
+        """Return panel edges: each panel has an exact length, a small turn and little change of speed."""
         a, b, done = edges[:-1], edges[1:], [edges]
         whole = size = 0.0
         for _ in range(HALVINGS):
@@ -182,7 +181,7 @@ class Smooth:
         return z[0].reshape(way.shape), theta.reshape(way.shape)
 
     def derivatives(self, s: Array, n: int) -> NDArray[np.complex128]:
-        """Return d^k r/ds^k for k = 1 ... n: d/ds is 1/|dz/du| d/du."""
+        """Return d^k r/ds^k for k = 1 ... n, with d/ds = 1/|dz/du| d/du."""
         way = np.asarray(s, dtype=float)
         z = self._taylor(self._at(way.ravel())[0], n)
         rate = derivative(z)
@@ -214,7 +213,7 @@ class Smooth:
 
     @cached_property
     def ends(self) -> tuple[complex, complex, float]:
-        """The first and the last point, and the direction at the first one."""
+        """The first and the last point, and the direction at the first point."""
         z, theta = self.place(np.array([0.0, self.length]))
         return complex(z[0]), complex(z[1]), float(theta[0])
 
@@ -225,7 +224,7 @@ class Smooth:
 
 
 def check_closed(start: complex, end: complex, turned: float, length: float) -> None:
-    """Raise AxisError where a closed curve does not end where it starts, in the direction in which it starts."""
+    """Raise AxisError unless a closed curve ends where it starts and in the direction in which it starts."""
     if abs(end - start) > CLOSED * length:
         raise AxisError(("closed",), f"the curve is closed, but it ends at ({end.real:.6g}, {end.imag:.6g}), "
                         f"{abs(end - start):.3g} away from its start ({start.real:.6g}, {start.imag:.6g})",
@@ -236,8 +235,8 @@ def check_closed(start: complex, end: complex, turned: float, length: float) -> 
 
 
 def spline(geometry: Spline) -> tuple[list[Smooth], list[float]]:
-    """Return the curve through the points of a spline, and the arc lengths of the points between its ends."""
-    # only splines need it
+    """Return the curve through the points of a spline, and the arc lengths of its inner points."""
+    # imported only for splines
     from scipy.interpolate import CubicSpline
 
     points = [complex(*p) for p in geometry.points]
@@ -268,9 +267,9 @@ def spline(geometry: Spline) -> tuple[list[Smooth], list[float]]:
 
 
 def curve(geometry: CurveGeometry) -> list[Smooth]:
-    """Return the curve that a body's expressions in s describe, parted where its derivatives jump.
+    """Return the curve given by a body's expressions in s, divided where its derivatives jump.
 
-    Raises AxisError where it jumps itself, or has a corner.
+    Raises AxisError where the curve itself jumps or has a corner.
     """
     x, y = syntax(geometry.x, "s"), syntax(geometry.y, "s")
 
@@ -279,7 +278,7 @@ def curve(geometry: CurveGeometry) -> list[Smooth]:
 
     found: list[Smooth] = []
     for first, last in pairwise(_smooth_stretches([x, y], taylor)):
-        # up to the end of a stretch, conditions are what they are within it
+        # on a stretch, conditions keep their values up to its end
         edges = first.t + np.array(FIRST) * (last.before - first.t)
         part = Smooth(lambda s, n, a=first.t, b=last.before: taylor(np.clip(s, a, b), n),  # type: ignore[misc]
                       edges, angle=found[-1].last_angle if found else None)
@@ -294,7 +293,7 @@ def curve(geometry: CurveGeometry) -> list[Smooth]:
 
 
 def _smooth_stretches(trees: list[Tree], taylor: Callable[[Array, int], Series]) -> list[Break]:
-    """Return where stretches of a curve begin, and where it ends: conditions switch there, and derivatives jump."""
+    """Return the starts of the smooth stretches of a curve, and its end; a condition switches at each of them."""
     places = [b for tree in trees for b in switches(tree, 0.0, 1.0) if b.t < 1.0]
     out = [Break(0.0, 0, 0.0)]
     for b in sorted(places, key=lambda b: b.t):
@@ -306,7 +305,7 @@ def _smooth_stretches(trees: list[Tree], taylor: Callable[[Array, int], Series])
 
 
 def _check_goes_on(before: Smooth, after: Smooth, s: float) -> None:
-    """Raise AxisError where one stretch of a curve does not go on from the one before in its direction."""
+    """Raise AxisError unless a stretch of a curve starts at the end of the one before, in the same direction."""
     gap, corner = abs(after.ends[0] - before.ends[1]), abs(after.ends[2] - before.last_angle)
     if gap > CLOSED * (before.length + after.length) or corner > CLOSED:
         raise AxisError((), f"the curve jumps, has a corner or has zero velocity near s = {s:.6g}",

@@ -1,4 +1,4 @@
-"""Bodies that are alike, so that what is done element by element is done for all of them at once."""
+"""Pools of bodies of the same kind, whose elements are processed together."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from ..elements.shape import Array
 from .classes import ElementClass
 from .mesh import STATIONS, BodyMesh, Index
 
-# a body of so many elements is alone, so that threads can share it out
+# a body with at least this many elements forms a pool of its own, which threads can divide
 MANY = 8192
 
 
 class Pool:
     """Bodies with the same element, formulation, quadrature and damping time ``tau`` [s], their elements in a row.
 
-    ``classes`` are those of all bodies, each once; ``cls`` (ne,), ``dofs`` (ne, n_dof), ``turn`` (ne or 1, 2) as of
-    ``BodyMesh``.
+    ``classes`` contains the classes of all bodies, each once; ``cls`` (ne,), ``dofs`` (ne, n_dof) and ``turn`` (ne or
+    1, 2) are the same as in ``BodyMesh``.
     """
 
     def __init__(self, meshes: list[BodyMesh], tau: float) -> None:
@@ -29,7 +29,7 @@ class Pool:
 
     @property
     def kind(self) -> tuple[Any, ...]:
-        """What makes the arrays of classes of other elements as large as these; a formulation samples each layer."""
+        """A key of the shape of the class arrays: pools with equal keys have arrays of equal shape per class."""
         plan = self.plan
         return id(plan.element), plan.formulation.name, plan.formulation.law, plan.rule, len(plan.section.layers)
 
@@ -51,9 +51,9 @@ class Pool:
         return {}
 
     def along_axis(self, fields: tuple[tuple[int, int], ...]) -> Array:
-        """Return the rows (classes, fields x stations, n_dof) that give fields at ``STATIONS`` from coordinates.
+        """Return the rows (classes, fields x stations, n_dof) that map coordinates to fields at ``STATIONS``.
 
-        A field is the number of its shape functions in ``axis_rows`` and its component.
+        A field is a pair: which of the three matrices in ``axis_rows``, and the component.
         """
         if fields not in self._along:
             nc, stations = self.plan.element.components, len(STATIONS)
@@ -77,19 +77,19 @@ class Pool:
 
     @cached_property
     def turn(self) -> Array:
-        """Cosine and sine of each element's direction (ne, 2), or of that of all (1, 2)."""
+        """Cosine and sine of each element's direction (ne, 2), or (1, 2) if all are equal."""
         if len(self.meshes) == 1:
             return self.meshes[0].turn
         return np.concatenate([np.broadcast_to(mesh.turn, (len(mesh.dofs), 2)) for mesh in self.meshes])
 
     @cached_property
     def first(self) -> Index:
-        """The number of the first element of each body."""
+        """The number of the first element of each body in the pool."""
         return np.concatenate([[0], np.cumsum([len(mesh.dofs) for mesh in self.meshes])])[:-1]
 
     @cached_property
     def axis_rows(self) -> list[tuple[Array, Array, Array]]:
-        """dS/dx, dS/dy and S (stations, n_shape) at ``STATIONS`` on the axis, for each class of elements."""
+        """dS/dx, dS/dy and S (stations, n_shape) at ``STATIONS`` on the axis, for each class."""
         axis = np.zeros(len(STATIONS))
         return [(c.shape(STATIONS, axis, 1, 0), c.shape(STATIONS, axis, 0, 1), c.shape(STATIONS, axis))
                 for c in self.classes]
@@ -100,14 +100,14 @@ def _joined(parts: list[Any]) -> Any:
 
 
 def damping_time(case: Case, name: str) -> float:
-    """Return tau [s] of a body in stress D (eps + tau d eps/dt): the material's own and Rayleigh's beta."""
+    """Return the damping time tau [s] of a body in D (eps + tau d eps/dt): Kelvin-Voigt plus Rayleigh's beta."""
     damping, material = case.damping, case.bodies[name].material
     beta = damping.rayleigh.beta if damping else 0.0
     return beta + (material.damping.kelvin_voigt if material and material.damping else 0.0)
 
 
 def make_pools(case: Case, meshes: dict[str, BodyMesh]) -> list[Pool]:
-    """Return the bodies that deform, alike ones together."""
+    """Return the deformable bodies in pools; large bodies form pools of their own."""
     pools: list[Pool] = []
     found: dict[Any, Pool] = {}
     for name, mesh in meshes.items():
@@ -125,7 +125,7 @@ def make_pools(case: Case, meshes: dict[str, BodyMesh]) -> list[Pool]:
 
 
 def place_of(pools: list[Pool], mesh: BodyMesh) -> tuple[int, int]:
-    """Return the number of a body's pool, and that of the body's first element in it."""
+    """Return the number of a body's pool, and the number of the body's first element in the pool."""
     for k, pool in enumerate(pools):
         for other, first in zip(pool.meshes, pool.first.tolist(), strict=True):
             if other is mesh:

@@ -1,4 +1,4 @@
-"""Where signals are not smooth: time steps must end there, or they lose their order."""
+"""Times at which signals are not smooth: time steps must end there, or they lose their order."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from ..case.programs import Function
 from ..elements.shape import Array
 from .timing import Signal
 
-# times that switches are looked for between, ten to a switch, and how many at most
+# number of times between which switches are searched, at least ten for each switch, and the largest number
 SAMPLES, TO_A_SWITCH, MOST_SAMPLES = 20001, 10, 2000001
 SMOOTH = 3
-# times that turns of a smooth signal are looked for between
+# number of times between which turning points of a smooth signal are searched
 TURNS = 2001
-# times between two breaks at which polynomials, and other functions, are compared
+# number of times between two breaks at which polynomials, and other functions, are compared
 BETWEEN, CLOSELY = 5, 1000
 CLOSE = 1e-12
 _COMPARE = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq,
@@ -33,9 +33,9 @@ _FUNCTIONS = {"sin": np.sin, "cos": np.cos, "exp": np.exp, "sqrt": np.sqrt, "abs
 
 
 class Break(NamedTuple):
-    """A jump of the value (order 0), of the first or of the second derivative by t.
+    """A jump of the value (order 0), or of the first or second time derivative.
 
-    At ``t`` a signal is what it is after the break, at ``before``, the float below, what it was until then.
+    A signal has its value after the break at ``t``, and its value before it at ``before``, the preceding float.
     """
 
     t: float
@@ -44,9 +44,9 @@ class Break(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """A time in which signals are smooth: what they are from ``first`` to ``last``, in steps that end at ``stop``.
+    """A time interval in which signals are smooth: evaluated from ``first`` to ``last``, in steps that end at ``stop``.
 
-    Where ``stop`` is a break, ``last`` is the float before it and ``first`` of the next piece the one behind it.
+    Where ``stop`` is a break, ``last`` is the float before it, and ``first`` of the next piece is the break.
     """
 
     first: float
@@ -55,14 +55,14 @@ class Piece(NamedTuple):
 
 
 def piece_at(all_pieces: Sequence[Piece], t: float) -> Piece:
-    """Return the piece that a time is in: at a break the one before it."""
+    """Return the piece that contains a time; at a break the one before it."""
     return all_pieces[bisect_left(all_pieces, t, key=lambda piece: piece.last)]
 
 
 def pieces(signals: Iterable[Signal], t_end: float, more: Iterable[Break] = ()) -> list[Piece]:
-    """Return the pieces of a motion from 0 to t_end, between the breaks of any of its signals, and ``more``.
+    """Return the pieces of a motion from 0 to t_end, divided at the breaks of its signals and at ``more``.
 
-    Breaks that 0 cannot be told from lie before the first piece; one that t_end cannot be told from ends the last.
+    Breaks within round-off of 0 come before the first piece; one within round-off of t_end ends the last.
     """
     near, first = CLOSE * t_end, math.nextafter(0.0, 1.0)
     out: list[Piece] = []
@@ -77,17 +77,17 @@ def pieces(signals: Iterable[Signal], t_end: float, more: Iterable[Break] = ()) 
 
 
 def instants(interval: float, t_end: float, each: int = 1) -> Array:
-    """Return the times between 0 and t_end after every so many intervals."""
+    """Return the multiples of ``each`` intervals strictly between 0 and t_end."""
     count = int(np.floor(t_end / (each * interval) * (1.0 + CLOSE)))
     times = interval * np.arange(each, each * count + 1, each, dtype=float)
     return times[times < t_end * (1.0 - CLOSE)]
 
 
 def telling_times(courses: Iterable[Callable[[float], float]], t0: float, t1: float) -> list[float]:
-    """Return times in [t0, t1] at which functions that agree are one: at breaks, beside them and between them.
+    """Return times in [t0, t1] such that functions equal at all of them are equal: at, just before and between breaks.
 
-    Ramps and tables are polynomials between breaks, and what is no signal is linear. Sines and expressions are analytic
-    there, and are looked at more closely.
+    Between breaks, ramps and tables are polynomials, and other functions than signals are linear. Sines and expressions
+    are analytic there and need more times.
     """
     if t1 == t0:
         return [t0]
@@ -101,7 +101,7 @@ def telling_times(courses: Iterable[Callable[[float], float]], t0: float, t1: fl
 
 
 def jumps(signal: Signal, t0: float, t1: float) -> list[float]:
-    """Return the times in (t0, t1] where the value itself jumps."""
+    """Return the times in (t0, t1] at which the value itself jumps."""
     return [b.t for b in breakpoints(signal, t0, t1) if b.order == 0]
 
 
@@ -109,8 +109,9 @@ def jumps(signal: Signal, t0: float, t1: float) -> list[float]:
 def breakpoints(signal: Signal, t0: float, t1: float) -> tuple[Break, ...]:
     """Return the breaks of a signal in (t0, t1], in order.
 
-    Those of ramps and tables are exact. The switches of an expression (comparisons, conditions, abs) are looked for
-    between ``SAMPLES`` times, more where they are many, and at every number that it names, and found to the last digit.
+    Those of ramps and tables are exact. The switches of an expression (comparisons, conditions, abs) are searched
+    between ``SAMPLES`` times, more if there are many, and at every number in the expression, and located to the last
+    digit.
     """
     amplitude = signal.amplitude
     if signal.factor == 0.0 or amplitude is None or amplitude.scale == 0.0:
@@ -128,26 +129,26 @@ def breakpoints(signal: Signal, t0: float, t1: float) -> tuple[Break, ...]:
 
 
 def case_breaks(case: Case, t0: float, t1: float) -> list[Break]:
-    """Return the breaks of all amplitudes of a case in (t0, t1), in order: a way that is remembered turns there."""
+    """Return the breaks of all amplitudes of a case in (t0, t1), in order, where a path-dependent history can turn."""
     found = dict.fromkeys(value for _, value, _ in walk(case) if isinstance(value, Function))
     breaks = _merged([b for a in found for b in breakpoints(Signal(a), t0, t1)], t1)
     return [b for b in breaks if b.t < t1]
 
 
 def case_stops(case: Case, t0: float, t1: float, turns: bool = True, more: Iterable[float] = ()) -> list[Break]:
-    """Return the breaks of ``case_breaks``, in order, with other places in (t0, t1), which are of order SMOOTH.
+    """Return the breaks of ``case_breaks``, in order, with other times in (t0, t1), which have the order SMOOTH.
 
-    These are where amplitudes turn back, if ``turns`` are asked for, and ``more``.
+    These are the turning points of amplitudes, if ``turns`` is true, and ``more``.
     """
     others = [*(_turns(case, t0, t1) if turns else ()), *(t for t in more if t0 < t < t1)]
     return _merged([*case_breaks(case, t0, t1), *(Break(t, SMOOTH, t) for t in others)], t1)
 
 
 def _turns(case: Case, t0: float, t1: float) -> list[float]:
-    """Return where amplitudes of a case that are no polynomials turn back between their breaks in (t0, t1), in order.
+    """Return the turning points of a case's amplitudes, except polynomials, between their breaks in (t0, t1), in order.
 
-    Turns are looked for between as many times as switches are, and found to round-off; of a stretch where an amplitude
-    stays as it is, both ends are taken.
+    They are searched between ``TURNS`` times and located to round-off; of an interval in which an amplitude is
+    constant, both ends are returned.
     """
     from scipy.optimize import brentq
 
@@ -157,7 +158,7 @@ def _turns(case: Case, t0: float, t1: float) -> list[float]:
         signal, t = Signal(amplitude), np.linspace(t0, t1, TURNS)
         rates = np.array([signal.derivatives(x)[1] for x in t.tolist()])
         for k in np.flatnonzero(rates[:-1] * rates[1:] < 0.0).tolist():
-            # the rate jumps where it turns at a break
+            # at a break where it turns, the rate jumps, and the root is this jump
             x = brentq(lambda x, of=signal: of.derivatives(x)[1], t[k], t[k + 1], xtol=CLOSE * (t1 - t0))
             found.append(float(x))
         rests = rates == 0.0
@@ -166,7 +167,7 @@ def _turns(case: Case, t0: float, t1: float) -> list[float]:
 
 
 def _merged(breaks: Iterable[Break], t1: float) -> list[Break]:
-    """Return breaks in order, with those that touch, up to round-off, as one of the lowest order."""
+    """Return breaks in order; those that coincide up to round-off become one of the lowest order."""
     out: list[Break] = []
     for b in sorted(breaks, key=lambda b: (b.before, b.t)):
         if out and b.before - out[-1].t <= CLOSE * abs(t1):
@@ -177,7 +178,7 @@ def _merged(breaks: Iterable[Break], t1: float) -> list[Break]:
 
 
 def _size(amplitude: Function, t0: float, t1: float) -> float:
-    """Return how large the value becomes."""
+    """Return an estimate of the largest magnitude of the value."""
     if amplitude.tree is not None:
         with np.errstate(all="ignore"):
             v = np.abs(amplitude.scale * _Trace(np.linspace(t0, t1, 101)).value(amplitude.tree))
@@ -186,13 +187,13 @@ def _size(amplitude: Function, t0: float, t1: float) -> float:
 
 
 def _order(signal: Signal, before: float, after: float, size: float, span: float) -> int:
-    """Return the lowest derivative that differs between two times next to each other, SMOOTH where none does."""
+    """Return the lowest derivative that differs between two neighbouring times, or SMOOTH if none does."""
     sides = np.array([signal.derivatives(t) for t in (before, after)])
     change, largest = np.abs(sides[1] - sides[0]), np.max(np.abs(sides), axis=0)
     moved = 2.0 * (after - before) * largest[1] if math.isfinite(largest[1]) else 0.0
     for order in range(SMOOTH):
         scale = max(largest[order], size)
-        # written so that a derivative without a value counts as a break
+        # written such that a derivative without a value counts as a break
         if not change[order] <= 1e-10 * scale + (moved if order == 0 else 0.0):
             return order
         size /= span
@@ -200,7 +201,7 @@ def _order(signal: Signal, before: float, after: float, size: float, span: float
 
 
 def switches(tree: syntax.Tree, t0: float, t1: float) -> list[Break]:
-    """Return neighbouring floats between which a switch of the expression changes, in (t0, t1]."""
+    """Return the pairs of neighbouring floats in (t0, t1] between which a switch of the expression changes."""
     named = [x for x in _traced(tree, np.array([t0])).named if t0 < x < t1]
     near = [math.nextafter(x, way) for x in named for way in (-math.inf, math.inf)]
     samples = SAMPLES
@@ -218,14 +219,14 @@ def switches(tree: syntax.Tree, t0: float, t1: float) -> list[Break]:
     while len(low):
         a, b = _first_change(tree, low, high)
         found += [Break(after, 0, before) for before, after in zip(a.tolist(), b.tolist(), strict=True)]
-        # between there and the next sample there may be more
+        # there may be more changes before the next sample
         more = np.any(_patterns(tree, b) != _patterns(tree, high), axis=0)
         low, high = b[more], high[more]
     return found
 
 
 def _first_change(tree: syntax.Tree, low: Array, high: Array) -> tuple[Array, Array]:
-    """Return neighbouring floats in each interval, the first with the pattern of its beginning, the second without."""
+    """Return neighbouring floats in each interval: the last with the pattern of its start, and the first without."""
     a, b, start = low.copy(), high.copy(), _patterns(tree, low)
     while True:
         middle = a + 0.5 * (b - a)
@@ -241,7 +242,7 @@ def _patterns(tree: syntax.Tree, t: Array) -> Array:
 
 
 class _Trace:
-    """Evaluates an expression at many times at once and notes how its switches stand."""
+    """Evaluate an expression at many times at once and record the states of its switches."""
 
     def __init__(self, t: Array) -> None:
         self.t = t
@@ -249,7 +250,7 @@ class _Trace:
         self.named: set[float] = set()
 
     def note(self, state: Any, *operands: Array) -> None:
-        """Note a switch: on, off, or without a value. It may stand in a branch that is not taken."""
+        """Record a switch as on, off or without a value; it may be in a branch that is not taken."""
         self.pattern.append(np.where(np.any(np.isnan(operands), axis=0), 2, state))
 
     def value(self, tree: syntax.Tree) -> Array:
@@ -261,7 +262,7 @@ class _Trace:
             case syntax.Time():
                 return self.t
             case syntax.Quantity():
-                # not known beforehand: what depends on it switches while the motion runs
+                # unknown beforehand: conditions on it are events of the running motion
                 return np.full(len(self.t), np.nan)
             case syntax.Negative(operand):
                 return -self.value(operand)
@@ -284,7 +285,7 @@ class _Trace:
                 return np.where(np.isnan(asked), np.nan, np.where(asked != 0.0, a, b))
 
     def comparison(self, first: syntax.Tree, rest: tuple[tuple[str, syntax.Tree], ...]) -> Array:
-        """Return where each operand compares with the one before it."""
+        """Return 1 where all comparisons of a chain hold, else 0; nan where an operand has no value."""
         left, result = self.value(first), np.ones(len(self.t))
         for op, operand in rest:
             right = self.value(operand)

@@ -1,4 +1,4 @@
-"""Case -> Model, collecting every problem on the way."""
+"""Build a model from a case, and collect every problem."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ from .timing import InputTiming, PathTiming, Signal, TimeTiming, Timing
 
 
 def timing_of(case: Case) -> Timing:
-    """Return what loads and prescribed motions follow, with and without an amplitude of their own."""
+    """Return the timing of a case: the signals of loads and prescribed motions, with or without an amplitude."""
     if (case.solver.scales and not case.flows) or case.solver.on_path:
         return PathTiming()
     return TimeTiming() if case.solver.timed else Timing()
 
 
 def must_be_held(case: Case) -> bool:
-    """Return whether the solver looks for an equilibrium, so that nothing may move freely."""
+    """Return whether the solver needs an equilibrium, so that no rigid motion may be free."""
     if case.solver.vibrates:
         # at frequency 0 the response is an equilibrium
         return getattr(case.solver, "about", "") == "static" or 0.0 in getattr(case.solver, "hz", ())
@@ -59,7 +59,7 @@ def must_be_held(case: Case) -> bool:
 
 
 def weighs(case: Case) -> bool:
-    """Return whether the solver follows a mechanism to where gravity holds it."""
+    """Return whether the solver can find the equilibrium of a mechanism under gravity."""
     solver = case.solver
     static = solver.vibrates or (isinstance(solver, Static) and not solver.on_path)
     return static and solver.course[1] > 0.0 and any(
@@ -67,7 +67,7 @@ def weighs(case: Case) -> bool:
 
 
 def support_names(case: Case) -> list[str]:
-    """Return the name of each support, its point where it has none, made unique."""
+    """Return a unique name for each support: its own, or that of its point."""
     names: dict[str, None] = {}
     met: dict[str, int] = {}
     for support in case.boundary_conditions:
@@ -80,7 +80,7 @@ def support_names(case: Case) -> list[str]:
 
 
 class _Builder:
-    """Collects meshes, equations, loads and problems of one case."""
+    """Meshes, equations, loads and problems of one case while its model is built."""
 
     def __init__(self, loaded: LoadedCase, moving: bool, like: Model | None, exactly: bool) -> None:
         self.loaded, self.case = loaded, loaded.case
@@ -105,29 +105,29 @@ class _Builder:
         if self.problems:
             raise CaseError(self.problems)
         self.e0: Array = np.concatenate([m.e0 for m in self.meshes.values()])
-        # whether all bodies lie as in that model
+        # the model ``like``, if all bodies have the same reference, else None
         self.lies = like if like is not None and list(known) == list(self.meshes) and all(
             mesh.e0 is known[name].e0 for name, mesh in self.meshes.items()) else None
         self.extent = reference_extent(self.plans) if self.lies is None else self.lies.extent
         self.equations = Equations()
         self.loads = LoadSet()
-        # loads that are inputs do not act: by name
+        # loads that are inputs, by name; they do not act
         self.inputs: dict[str, LoadSet] = {}
         self.springs: list[Any] = []
         self.supports: list[tuple[str, PointRef]] = []
         self.timing = timing_of(self.case)
         self.hangs = False
-        # the linear equations that let no body move freely, where these are all
+        # the linear equations, if they alone leave no body free to move
         self.held: tuple[Any, ...] | None = None
         self.warnings: list[str] = []
 
     def warn(self) -> None:
-        """Tell what users should know of meshes."""
+        """Add the warnings about meshes, and store them with each mesh."""
         for mesh in self.meshes.values():
             if mesh.told is None:
                 mesh.told = [warnings_of(mesh.plan), *([text for text in [warning(mesh)] if text] for warning in (
                     locking_warning, hidden_warning, hinge_warning))]
-        # each kind of warning of all bodies
+        # sorted by kind of warning, then by body
         self.warnings += [text for kind in zip(*(mesh.told or () for mesh in self.meshes.values()), strict=True)
                           for texts in kind for text in texts]
 
@@ -151,7 +151,7 @@ class _Builder:
                 self._take(own, support.active, point)
 
     def _take(self, own: Equations, active: Active | None, point: PointRef | None = None) -> None:
-        """Take the equations of a support or joint, those that begin or end as constraints that can be let go."""
+        """Add the equations of a support or joint; those that engage or release become constraints."""
         self.equations.warnings += own.warnings
         if active is None:
             self.equations.rows += own.rows
@@ -161,11 +161,11 @@ class _Builder:
 
     @cached_property
     def weights(self) -> Array:
-        """Displacement that a unit of each nodal coordinate stands for (n_q,) [m]."""
+        """Displacement [m] that one unit of each nodal coordinate stands for (n_q,)."""
         return np.concatenate([m.weights for m in self.meshes.values()])
 
     def size(self, coordinate: int) -> float:
-        """Return the natural magnitude of a coordinate for a unit displacement."""
+        """Return the magnitude of a coordinate for a unit displacement."""
         return 1.0 / self.weights.item(coordinate)
 
     def add_joints(self) -> None:
@@ -226,7 +226,7 @@ class _Builder:
             except LoadError as error:
                 self.report(("loads", i, *error.key), f"loads.{i}: {error}", error.expected)
         for one in self.inputs.values():
-            # springs that are wound up stay where they are, at rest
+            # tendons that are inputs have zero amplitude in the state of linearisation
             for tendon in one.springs:
                 tendon.rests()
             self.loads.springs += one.springs
@@ -237,15 +237,15 @@ class _Builder:
             self.loads.patches.extend(centrifugal(self.meshes, masses, self.case.steady_rotation))
 
     def check_motions(self) -> None:
-        """Look for prescribed motions that no body can follow."""
+        """Report prescribed motions that no body can follow."""
         solver = self.case.solver
         moving = solver.moves
-        # a path raises its constant motion from the reference before it begins; a static solution ends where it is told
+        # a path first applies its constant motion from the reference; a static solution only needs the final value
         from_reference = ((self.case.initial is None or self.case.initial.from_ == "rest") if moving
                           else isinstance(solver, Static) and not solver.on_path)
         names = [n for n, _ in self.supports]
         for motion in motions(self.equations):
-            # a static displacement or angle may well begin at a step
+            # a static displacement or angle may jump in the first step
             starts = from_reference and (moving or motion.key in ("x", "y")) and motion.starts
             found = [motion.start_problem(self.extent)] if starts else []
             found += [motion.jump_problem(solver.end)] if moving else []
@@ -253,7 +253,7 @@ class _Builder:
                 self.report(("boundary_conditions", names.index(motion.owner), motion.key), message, expected)
 
     def drop_repeated(self, elimination: Elimination) -> None:
-        """Take off the constraints that repeat others."""
+        """Remove constraints that repeat others; report those among them that prescribe a motion."""
         names = [n for n, _ in self.supports]
         for constraint in drop_repeated(elimination, self.equations, set(names)):
             self.report(("boundary_conditions", names.index(constraint.owner), "angle"),
@@ -261,9 +261,9 @@ class _Builder:
                         "a single support that holds or moves it")
 
     def check_equations(self, elimination: Elimination) -> None:
-        """Look for equations that contradict others, and tell what is held twice.
+        """Report contradictory equations, and warn of redundant ones.
 
-        In linear statics, constraints are linear too: those that repeat others are taken off.
+        In linear statics, constraints are linear, too; redundant ones are removed.
         """
         equations = self.equations
         rows, linear = equations.rows, len(equations.rows)
@@ -289,7 +289,7 @@ class _Builder:
         equations.constraints = [c for k, c in enumerate(equations.constraints, linear) if k not in combined]
 
     def add_contacts(self, elimination: Elimination) -> list[ContactPair | BodyPair]:
-        """Add contacts, after everything that holds bodies in the reference."""
+        """Add the contacts, after all supports and joints."""
         self.frames = {name: frame_of(obstacle, self.meshes, self.timing)
                        for name, obstacle in self.case.obstacles.items()}
         found = Contacts(self.case, self.meshes, self.frames, self.e0, self.extent, elimination.dependents,
@@ -315,10 +315,10 @@ class _Builder:
         if not motions and not self.springs and not constraints:
             self.held = held
         if motions and self.case.contacts:
-            # what a body rests on is known only once the loads press it there
+            # only the loads determine what a body rests on
             motions = []
         if motions and weighs(self.case):
-            # gravity holds what turns; what only slides or falls has no equilibrium, or any number of them
+            # gravity can hold motions with rotation; others have no equilibrium, or infinitely many
             motions = free_motions(*scene, sliding=True)
             self.hangs = not motions
         for motion in motions:
@@ -331,13 +331,12 @@ class _Builder:
 
 
 def build_model(loaded: LoadedCase, moving: bool = False, like: Model | None = None, beside: bool = False) -> Model:
-    """Return the model of a case; raises CaseError with every problem that the model shows.
+    """Return the model of a case; raises CaseError with all problems.
 
-    ``moving`` gives a static case the meshes of a motion. ``like`` is a model of the same case with other values: what
-    these leave alone is shared with it. The model is the same with and without, bit for bit. ``beside`` tells that it
-    is for differences between the two, where a number of the case changes a little: then more is shared, with other
-    digits, and what was told and checked of ``like`` is not told and checked again. numpy only: nothing is compiled
-    here.
+    ``moving`` gives a static case the meshes of a motion. ``like`` is a model of the same case with other values; what
+    these do not change is shared, and the model is the same as without, bit for bit. ``beside`` is for differences
+    between the two models, with slightly different values: more is shared, digits may differ, and warnings and checks
+    of ``like`` are not repeated. numpy only: nothing is compiled here.
     """
     b = _Builder(loaded, moving, like, exactly=not beside)
     known = like if beside else None

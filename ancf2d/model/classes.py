@@ -1,4 +1,4 @@
-"""Classes of elements that share their shape functions and reference, and the mass of an element."""
+"""Classes of elements that share their shape functions and reference, and their mass matrices."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from ..elements.registry import RIGID_FRAME, RIGID_TYPE
 from ..elements.shape import Array, ShapeFunctions, gauss, lobatto
 
 T = TypeVar("T")
-# points along, beside those for a constant section, that integrate the mass of one that varies; of a rigid body
+# additional points along a section that varies, to integrate its mass; points along a rigid body
 MORE, RIGID_POINTS = 3, 20
 
 
 @dataclass(frozen=True)
 class ElementClass:
-    """Elements that share their shape functions and reference up to a rotation: same length and curvature.
+    """Elements with the same shape functions and, up to a rotation, the same reference: equal length and curvature.
 
-    ``key`` tells classes of bodies alike apart: section, length to the digits that a mesh has, curvature (the axis and
-    the place on it where that changes along the element), and the body's name and the place S of an element along which
-    the section varies. ``turn`` is the angle by which its axis turns.
+    ``key`` distinguishes the classes within a pool. It has the section, the length rounded to mesh accuracy, the
+    curvature (or, if that changes along the element, the axis and the place on it) and, if the section varies along the
+    element, the body's name and the element's start. ``turn`` is the angle by which the axis turns along the element.
     """
 
     sampler: Sampler
@@ -53,7 +53,7 @@ class ElementClass:
         return {}
 
     def once(self, key: Any, find: Callable[[], T]) -> T:
-        """Return what ``find`` does of the class alone, once for a key: models that have the class share it."""
+        """Return the result of ``find`` for the class, computed once per key; models that share the class share it."""
         if key not in self._found:
             self._found[key] = find()
         found: T = self._found[key]
@@ -66,8 +66,8 @@ class ElementClass:
 
 
 class Volume(NamedTuple):
-    """What integrates over the mass of an element: S (points, n_shape), mass ``dm`` and rotary inertia ``dI``
-    (points,) that each point stands for."""
+    """Quadrature of the mass of an element: S (points, n_shape), mass ``dm`` and rotary inertia ``dI`` (points,) of
+    each point."""
 
     S: Array
     dm: Array
@@ -75,14 +75,14 @@ class Volume(NamedTuple):
 
 
 def over_body(sampler: Sampler, upto: float = 1.0, ends: bool = False) -> Volume:
-    """Return what integrates over an element.
+    """Return the mass quadrature of an element.
 
-    ``upto`` ends the volume at a fraction of the element's length. With ``ends`` points along are those of Gauss and
-    Lobatto, as many as determine the polynomial: S^T S is of one degree too much for them.
+    ``upto`` ends the volume at a fraction of the element's length. With ``ends``, the points along the element are the
+    degree + 1 Gauss-Lobatto points, which integrate S^T S inexactly (one degree short).
     """
     element = sampler.shape.element
     along = lobatto(element.degree_x + 1) if ends else along_mass(sampler, upto)
-    # the mass of a rigid body is on its axis, with a rotary inertia
+    # a rigid body has its mass on the axis, and a rotary inertia
     on_axis = element.degree_y == 0 or element is RIGID_FRAME
     xi, eta, w = product_points(along, (np.array([0.5]), np.ones(1)) if on_axis else across_mass(sampler))
     rx = sampler.derivative(xi, eta, 1, 0) @ sampler.e0
@@ -92,7 +92,7 @@ def over_body(sampler: Sampler, upto: float = 1.0, ends: bool = False) -> Volume
 
 
 def along_mass(sampler: Sampler, upto: float) -> tuple[Array, Array]:
-    """Return points and weights from 0 to ``upto`` that integrate S^T S times the mass per length."""
+    """Return points and weights on [0, ``upto``] that integrate S^T S times the mass per length."""
     element = sampler.shape.element
     if sampler.profile is None:
         x, w = gauss(RIGID_POINTS if element is RIGID_FRAME else element.degree_x + 2)
@@ -104,12 +104,13 @@ def along_mass(sampler: Sampler, upto: float) -> tuple[Array, Array]:
 
 
 def mass_matrix(sampler: Sampler, volume: Volume | None = None) -> Array:
-    """Return the mass M = int rho S^T S dV of one element, in its own frame: (n_dof, n_dof).
+    """Return the mass matrix M = int rho S^T S dV of one element in its own frame (n_dof, n_dof).
 
-    It is exact but for the share ``lobatto`` of an element of degree p along x, for which p/(p + 1) carries waves best:
-    their speeds are then off by the power 2 p + 2 of their wave number, not 2 p (Ainsworth & Wajid 2010).
-    Beams with theta carry rhoA at r and rhoI at theta; a rigid bar has its rhoI at r_x, of unit length, a frame half of
-    it at each of its axes; the cable has no rotary inertia. ``volume`` is that of ``over_body``, where it is known.
+    It is exact except for the share ``lobatto`` that is integrated at the Lobatto points. The share p/(p + 1) for
+    degree p along x is best for waves: the error of their speed has order 2 p + 2 in the wave number, not 2 p
+    (Ainsworth & Wajid 2010). Beams with theta have rhoA at r and rhoI at theta; a rigid bar has its rhoI at r_x, of
+    unit length, a frame half of it at each of its axes; the cable has no rotary inertia. ``volume`` is the result of
+    ``over_body`` if known.
     """
     element, nc = sampler.shape.element, sampler.e0.shape[1]
     S, dm, dI = volume or over_body(sampler)

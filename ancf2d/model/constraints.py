@@ -1,4 +1,4 @@
-"""Supports and joints as equations between coordinates, and what a prescribed motion must be to be followed."""
+"""Supports and joints as equations between coordinates, and checks of prescribed motions."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ TURNED = "relative rotation"
 class Row:
     """A linear equation: sum of coefs * d[coords] = signal(t), or 0 without a signal.
 
-    ``owner`` is the support or joint it belongs to, ``holds`` what it holds, in words. ``vector`` has the columns of
-    x and y of what it holds along an angle, which turns with the section until that is caught. ``apart``: how far
-    from it a joint is in the reference that begins elsewhere.
+    ``owner`` is the support or joint that it belongs to, ``holds`` says in words what it holds. If it holds a vector
+    along an angle, ``vector`` has the columns of x and y of this vector and the angle; the direction turns with the
+    section until the support engages. ``apart`` is the violation in the reference of a joint that engages later.
     """
 
     coords: Index
@@ -42,7 +42,7 @@ class Row:
     apart: float = 0.0
 
     def value(self, t: float, order: int = 0) -> float:
-        """Return the right-hand side at load factor or time t, or its first or second derivative by time."""
+        """Return the right-hand side at load factor or time t, or its first or second time derivative."""
         if order > 0:
             return rates_of(self.signal, t)[order - 1]
         return 0.0 if self.signal is None else self.signal(t)
@@ -60,17 +60,17 @@ class Constraint(Protocol):
     facing: Callable[[Array], float] | None
 
     def reference_gradient(self) -> Array:
-        """Return the gradient (n,) in the reference, where nothing is prescribed yet."""
+        """Return the gradient (n,) in the reference, before any prescribed motion."""
         ...
 
     def turns_by(self, t: float) -> list[tuple[PointRef, float]]:
-        """Return the sections whose rotation is prescribed, whole turns included, with what it is at t."""
+        """Return the sections whose rotation is prescribed and their rotations at t, including full turns."""
         ...
 
 
 @dataclass
 class Equations:
-    """What supports and joints ask for, and what their user should know."""
+    """The equations of supports and joints, and warnings about them."""
 
     rows: list[Row] = field(default_factory=list)
     constraints: list[Constraint] = field(default_factory=list)
@@ -88,13 +88,13 @@ def combine(*parts: tuple[float, tuple[Index, Array]]) -> tuple[Index, Array]:
 
 
 def along(columns: list[tuple[Index, Array]], x: float, y: float) -> tuple[Index, Array]:
-    """Return the component of a planar vector along (x, y); exact zeros of a direction leave no column."""
+    """Return the component of a planar vector along (x, y); round-off in the direction counts as 0."""
     x, y = (0.0 if abs(v) < 1e-15 else v for v in (x, y))
     return combine((x, columns[0]), (y, columns[1]))
 
 
 def at_angle(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """A direction at the angle of another field, and beyond it by mem[0]: p x (cos, sin)(theta) = 0."""
+    """Direction that follows the angle of another field plus mem[0]: p x (cos, sin)(theta) = 0."""
     x, y = p0[0] + u[0], p0[1] + u[1]
     c, s = np.cos(p0[2] + u[2] + mem[0]), np.sin(p0[2] + u[2] + mem[0])
     g = x * s - y * c
@@ -105,7 +105,7 @@ def at_angle(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
 
 
 def at_angle_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
-    """Products of means; sine and cosine change by what they do over the chord."""
+    """Discrete gradient of ``at_angle``: means, and the chord slopes of sine and cosine."""
     t0, t1, lam = p0[2] + u0[2] + mem[0], p0[2] + u1[2] + mem[0], u1[3]
     xm, ym = p0[0] + 0.5 * (u0[0] + u1[0]), p0[1] + 0.5 * (u0[1] + u1[1])
     chord = half_sine(t1 - t0)
@@ -126,7 +126,7 @@ def aligned(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
 
 
 def aligned_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
-    """The gradient in the middle: exact of a quadratic form."""
+    """Discrete gradient: the gradient at the midpoint, which is exact for a quadratic form."""
     lam = u1[4]
     f[0], f[1] = lam * (p0[3] + 0.5 * (u0[3] + u1[3])), -lam * (p0[2] + 0.5 * (u0[2] + u1[2]))
     f[2], f[3] = -lam * (p0[1] + 0.5 * (u0[1] + u1[1])), lam * (p0[0] + 0.5 * (u0[0] + u1[0]))
@@ -135,7 +135,7 @@ def aligned_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped
 
 
 def fixed_length(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """A distance that stays: (|p|^2 - L^2)/(2 L) = 0 from the displacements; par: L."""
+    """Constant distance: (|p|^2 - L^2)/(2 L) = 0, computed from the displacements; par: L."""
     L = par[0]
     f[0], f[1] = (p0[0] + u[0]) / L, (p0[1] + u[1]) / L
     H[0, 0], H[1, 1] = 1.0 / L, 1.0 / L
@@ -144,7 +144,7 @@ def fixed_length(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def
 
 
 def fixed_length_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
-    """The gradient in the middle: exact of a quadratic form."""
+    """Discrete gradient: the gradient at the midpoint, which is exact for a quadratic form."""
     L, lam = par[0], u1[2]
     for i in range(2):
         f[i] = lam * (p0[i] + 0.5 * (u0[i] + u1[i])) / L
@@ -166,7 +166,7 @@ def _aligned(p: Array) -> float:
 
 
 def directions_aligned(a: PointRef, b: PointRef, owner: str) -> PointConstraint:
-    """Two section directions keep the angle of the reference."""
+    """Return the constraint that two section directions keep their reference angle."""
     (_, fields_a), (_, fields_b) = turn_fields(a), turn_fields(b)
     scale = fields_a[0].p0 * fields_b[0].p0
     return PointConstraint(ALIGNED, [*fields_a, *fields_b], [], owner, TURNED, scale,
@@ -174,7 +174,7 @@ def directions_aligned(a: PointRef, b: PointRef, owner: str) -> PointConstraint:
 
 
 def direction_at_theta(a: PointRef, b: PointRef, owner: str) -> PointConstraint:
-    """The section direction of a follows the rotation coordinate of b."""
+    """Return the constraint that the section direction of a follows the rotation coordinate of b."""
     _, fields = turn_fields(a)
     _, theta = turn_fields(b)
     return PointConstraint(AT_ANGLE, [*fields, *theta], [], owner, TURNED, fields[0].p0,
@@ -182,14 +182,14 @@ def direction_at_theta(a: PointRef, b: PointRef, owner: str) -> PointConstraint:
 
 
 def direction_prescribed(point: PointRef, signal: Course, owner: str) -> PointConstraint:
-    """The section direction of a point stands at the angle signal(t) from its reference."""
+    """Return the constraint that the section direction of a point is at the angle signal(t) from its reference."""
     _, fields = turn_fields(point)
     return PointConstraint(AT_ANGLE, [*fields, NOTHING], [], owner, "rotation", fields[0].p0, signal, fed=2,
                            facing=_at_angle, sections=[point])
 
 
 def keep_lengths(mesh: BodyMesh, out: Equations) -> None:
-    """Ask that the pieces of a rigid body keep their lengths; of a frame that r_y is r_x turned, which is linear."""
+    """Add the equations of a rigid body: constant lengths of pieces; for a frame |r_x| = 1 and r_y = r_x rotated."""
     if not mesh.plan.rigid:
         return
     if mesh.plan.element is RIGID_FRAME:
@@ -208,7 +208,7 @@ def keep_lengths(mesh: BodyMesh, out: Equations) -> None:
 
 
 def share_direction(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
-    """Ask that two rigid bars keep their angle and the ratio of their lengths, which is linear."""
+    """Add the linear equations that two rigid bars keep their angle and the ratio of their lengths."""
     (to_a, at_a), (to_b, at_b) = a.director(), b.director()
     c, s = math.cos(at_a - at_b), math.sin(at_a - at_b)
     for axis, one, (x, y) in zip("xy", to_a, ((c, -s), (s, c)), strict=True):
@@ -217,7 +217,7 @@ def share_direction(a: PointRef, b: PointRef, owner: str, out: Equations) -> Non
 
 
 def align(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
-    """Ask that the sections at a and b keep their relative angle."""
+    """Add the equation that the sections at a and b keep their relative angle."""
     if a.turns_by_theta and b.turns_by_theta:
         coords, coefs = combine((1.0, a.theta()), (-1.0, b.theta()))
         out.rows.append(Row(coords, coefs, owner, TURNED))
@@ -230,12 +230,12 @@ def align(a: PointRef, b: PointRef, owner: str, out: Equations) -> None:
 
 
 def hold_along(columns: list[tuple[Index, Array]], angle: float, owner: str, holds: str) -> Row:
-    """Return the equation that holds a planar vector of a section along a direction, which turns with the section."""
+    """Return the row that holds a planar vector of a section along a direction, which turns with the section."""
     return Row(*along(columns, math.cos(angle), math.sin(angle)), owner, holds, None, (columns, angle))
 
 
 def hold_rotation(point: PointRef, owner: str, out: Equations) -> None:
-    """Ask that the section at a point keeps its reference direction."""
+    """Add the row that the section at a point keeps its reference direction."""
     if point.turns_by_theta:
         coords, coefs = point.theta()
     else:
@@ -245,7 +245,7 @@ def hold_rotation(point: PointRef, owner: str, out: Equations) -> None:
 
 
 def prescribe_rotation(point: PointRef, signal: Course, owner: str, out: Equations) -> None:
-    """Ask that the section at a point turns by signal(t) from its reference direction."""
+    """Add the equation that the section at a point rotates by signal(t) from its reference direction."""
     if point.turns_by_theta:
         coords, coefs = point.theta()
         out.rows.append(Row(coords, coefs, owner, "rotation", signal))
@@ -253,7 +253,7 @@ def prescribe_rotation(point: PointRef, signal: Course, owner: str, out: Equatio
         out.constraints.append(direction_prescribed(point, signal, owner))
 
 
-# the keys of prescribed motions by what their equations hold
+# key of a prescribed motion in the case, by ``holds`` of its equation
 MOTIONS = {"x": "x", "y": "y", "ux": "ux", "uy": "uy", "rotation": "angle"}
 _WORDS = {"x": "prescribed x", "y": "prescribed y", "ux": "prescribed displacement ux",
           "uy": "prescribed displacement uy", "angle": "prescribed angle"}
@@ -261,17 +261,17 @@ _WORDS = {"x": "prescribed x", "y": "prescribed y", "ux": "prescribed displaceme
 
 @dataclass(frozen=True)
 class Motion:
-    """One prescribed motion: how far a position or angle is from the reference; ``key`` is its entry in the case."""
+    """One prescribed motion: the change of a position or angle from the reference; ``key`` is its entry in the case."""
 
     owner: str
     key: str
     course: Course
-    # when it acts, None for always
+    # when it acts; None: always
     window: Active | Latch | None = None
 
     @property
     def starts(self) -> bool:
-        """Whether it acts from the start."""
+        """Return whether it acts at t = 0."""
         return self.window is None or self.window.at(0.0)
 
     @property
@@ -280,7 +280,7 @@ class Motion:
         return f"{self.owner}: the {_WORDS[self.key]}"
 
     def start_problem(self, extent: float) -> tuple[str, str] | None:
-        """Return message and what is expected of a motion that would tear its body at the first step."""
+        """Return message and expectation if the motion does not start at the reference, or None."""
         try:
             away = self.course(0.0)
         except ComputationError as error:
@@ -293,9 +293,9 @@ class Motion:
         return f"{self.name} starts at {away:.6g}", "0 at t = 0"
 
     def jump_problem(self, t_end: float) -> tuple[str, str] | None:
-        """Return message and what is expected of a motion that would ask for an infinite velocity."""
+        """Return message and expectation if the motion jumps, which would need an infinite velocity, or None."""
         begin, end = (-math.inf, math.inf) if self.window is None else self.window.times
-        # what waits for a condition may begin at any time
+        # a motion that waits for a condition may start at any time
         first = max(begin, 0.0) if begin < math.inf else 0.0
         found = jumps(self.course, first, min(end, t_end)) if isinstance(self.course, Signal) else []
         found = [t for t in found if first < t < end]

@@ -1,4 +1,4 @@
-"""The points of one contact as kernels take them: gaps, and where a body is deepest in what it touches."""
+"""Tables of the points of one contact for the kernels: gaps, and where a body penetrates most."""
 
 from __future__ import annotations
 
@@ -39,15 +39,15 @@ from .interactions import point_table
 from .mesh import Index
 from .timing import rates_of
 
-# depth beside closed points that counts as none where curves are not cubic, beside the extent of the scene, and beside
-# what their forces would do in the middle of an element
+# depth between closed points that counts as none where curves are not cubic, relative to the extent of the scene, and
+# relative to the deflection that their forces would cause in the middle of an element
 BETWEEN, ROUGH = 1e-6, 40.0
 
 
 class ContactTable:
-    """The points of a contact with an obstacle, with what they remember at the moment.
+    """The points of a contact with an obstacle, with their current history variables.
 
-    ``fixed`` (m,) are those whose gap supports hold; ``supported`` (m, 2) tells which ends of intervals touch so.
+    ``fixed`` (m,) marks points whose gap supports hold; ``supported`` (m, 2) ends of intervals that touch due to this.
     """
 
     def __init__(self, constraints: Iterable[Any], pair: Any) -> None:
@@ -59,11 +59,11 @@ class ContactTable:
         self.size = pair.size
         self.curves = BeamCurves(self.patches)
         self.fixed, self.supported = (np.zeros((len(self.points), *n), dtype=bool) for n in ((), (2,)))
-        # the gaps that supports leave fixed points from which motion starts, where these are negative
+        # gaps of fixed points where a motion starts, if negative
         self.within = np.zeros(len(self.points))
 
     def at(self, d: Array, t: float) -> tuple[Record, Array]:
-        """Return the table and the amplitudes at t, at d (n_full,)."""
+        """Return the table, updated to the state d (n_full,), and the amplitudes at t."""
         mem = [p.mem[:self.size] for p in self.points] if self.points else self.pair.mem[:, :self.size]
         self.table.mem[:, :self.size] = mem
         amps = np.array([(s(t), *rates_of(s, t)) for s in self.signals]).reshape(-1, 3)
@@ -72,11 +72,10 @@ class ContactTable:
 
     def nodal(self, d: Array, v: Array, t: float, rub: bool, stiff: bool = False
               ) -> tuple[Index, Array, Array, Array]:
-        """Return the coordinates (m, n) that each point acts on, its forces (m, n) of elastic sign there, its energy
-        (m,) and, if ``stiff``, its stiffness (m, n, n) at d and v (n_full,).
+        """Return coordinates (m, n), forces of elastic sign (m, n), energy (m,) and stiffness (m, n, n) of each point.
 
-        Those of its own element first, then those of what it is opposite to. Without friction where it does not
-        ``rub``.
+        At d and v (n_full,). The coordinates of a point's own element come first, then those of what it touches. The
+        stiffness is empty unless ``stiff``. Without ``rub``, friction is left out.
         """
         from ..kernels.points import point_matrices
 
@@ -92,12 +91,12 @@ class ContactTable:
         return coords, Q, energy, K
 
     def turn_to(self, d: Array) -> None:
-        """Let points touch with the curves that they have at d (n_full,): what they are opposite to is an obstacle."""
+        """Update the curves that the points are on to d (n_full,); the obstacle opposite needs no search."""
         self.curves.take(self.table, d, True)
 
     def stands(self, k: int, feature: float) -> float:
-        """Return how point k between others touches a part of what it is opposite to: it slides about a corner, and
-        elsewhere stands at a place of the curve that it is on."""
+        """Return mem[FREE] of point k between nodes, opposite to a part (``feature``) of the obstacle: it slides at a
+        corner; elsewhere it stands at a place of the curve that it is on."""
         point = self.points[k]
         if at_corner(point.par, feature):
             return SLIDING
@@ -110,7 +109,7 @@ class ContactTable:
 
     @cached_property
     def ends(self) -> Any:
-        """The points at home at both ends of the interval of each that may move (m, 2), -1 where there is none."""
+        """The fixed points at both ends of the interval of each movable point (m, 2), -1 where there is none."""
         mesh, half = self.pair.mesh, self.pair.par[:, DAMPING]
         count, closed = len(mesh.dofs), mesh.plan.closed
         known = {(p.ie, round(p.z, 9), p.eta): k for k, p in enumerate(self.pair.spots) if not p.free}
@@ -124,7 +123,7 @@ class ContactTable:
         return out
 
     def look_at_supports(self, d: Array, t: float, near: float) -> None:
-        """Look which ends of intervals that supports hold touch at d (n_full,), up to ``near``: they bear no force."""
+        """Update ``supported``: which interval ends, held by supports, are closer than ``near`` at d (n_full,)."""
         for side in range(2):
             end = self.ends[:, side]
             if self.fixed[end[end >= 0]].any():
@@ -136,10 +135,10 @@ class ContactTable:
                 self.supported[list(at), side] = np.abs(gap[list(at)]) <= near
 
     def inside(self, held: Any) -> Any:
-        """Return which intervals (m,) between points at home are inside a contact zone.
+        """Return which intervals (m,) between fixed points are inside a contact zone.
 
-        ``held`` (m,) tells which points are closed. Inside, the next interval on either side has a closed point between
-        its ends, or is closed at both of them, or there is none behind a closed end.
+        ``held`` (m,) marks the closed points. An interval is inside if on either side the next interval has a closed
+        point between its ends or is closed at both of them, or if there is no interval beyond a closed end.
         """
         free, ends = np.flatnonzero(self.free), self.ends[self.free]
         closed, none = (held[ends] & (ends >= 0)) | self.supported[free], len(held)
@@ -156,17 +155,17 @@ class ContactTable:
         return out
 
     def slack(self, held: Any, force: Array) -> Array:
-        """Return the depth (m,) between the ends of elements that counts as none.
+        """Return the penetration (m,) between the ends of elements that counts as none.
 
-        ``held`` and ``force`` (m,) tell which points are closed. Where curves are not cubic, beside a closed point its
-        force would bend the beam by some of this.
+        ``held`` marks the closed points, ``force`` (m,) has their forces. Where curves are not cubic, the forces of
+        neighbouring closed points cause part of this penetration by bending the beam.
         """
         free, out = np.flatnonzero(self.free), np.zeros(len(held))
         if not self.pair.still or self.pair.cubic:
             return out
         ends, par = self.ends[free], self.pair.par[free]
         closed = held[ends] & (ends >= 0)
-        # what supports hold has no point
+        # ends that supports hold have no closed point
         near = (closed | self.supported[free]).any(axis=1)
         soft = par[:, BENDS] / 64.0 + par[:, SHEARS] / 4.0
         out[free] = np.where(near, BETWEEN * self.pair.scale + ROUGH * soft * np.where(
@@ -174,13 +173,13 @@ class ContactTable:
         return out
 
     def gaps(self, d: Array, t: float) -> tuple[Array, Any]:
-        """Return the gap of each point (m,) where it stands, and whether its face is the one that touches."""
+        """Return the gap of each point (m,) at its current place, and whether its face can touch there."""
         return self.stand(d, t)[::2]
 
     def stand(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None = None) -> tuple[Array, Array, Any]:
-        """Return the gap of each point (m,), where on the obstacle it is, and whether its face is the one that touches.
+        """Return the gap of each point (m,), its place on the obstacle, and whether its face can touch there.
 
-        Points between others are where they stand, or ``at`` a place, as ``gradients``.
+        Movable points are at their current place, or at the one given in ``at`` (see ``gradients``).
         """
         from ..kernels.contact import contact_gaps
 
@@ -190,22 +189,22 @@ class ContactTable:
         return gap, along, faces
 
     def slip(self, k: int, now: Any, before: Any) -> float:
-        """Return how far point k has slid on the obstacle from one place to another."""
+        """Return how far point k has slid along the obstacle from ``before`` to ``now``."""
         return float(slip(self.points[k].par, now, before))
 
     def beside(self, place: Any, way: float) -> Any:
-        """Return the place on the obstacle this far from another one."""
+        """Return the place on the obstacle at distance ``way`` from another."""
         return place + way
 
     def anchor(self, k: int, held: Any = None) -> Any:
-        """Return the place that friction holds point k to; that it is ``held`` to from now on, if given."""
+        """Return the place at which friction holds point k; set it to ``held`` first if given."""
         mem = self.points[k].mem
         if held is not None:
             mem[ANCHOR] = held
         return mem[ANCHOR]
 
     def deepest(self, d: Array, t: float) -> tuple[Array, Array, Array]:
-        """Return how deep the body is within the interval of each point that may move (m,), at which z, in what."""
+        """Return the largest penetration (m,) in each movable point's interval, its z, and the part of the obstacle."""
         from ..kernels.contact import deepest
 
         table, amps = self.at(d, t)
@@ -216,26 +215,26 @@ class ContactTable:
 
     def gradients(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None = None
                   ) -> tuple[Any, Array, Array]:
-        """Return coordinates (m, n), gradients (m, n) and gaps (m,) of points at d (n_full,).
+        """Return coordinates (m, n), gradients of the gap (m, n) and gaps (m,) of the points at d (n_full,).
 
-        Those between others are where they stand, or ``at`` a place z with the part of the obstacle opposite.
+        Movable points are at their current place, or at the (z, part of the obstacle) given in ``at``.
         """
         table, amps = self._placed(d, t, at)
         table.mem[:, HELD] = 1.0
         dofs = table.dofs.reshape(len(table.forces), -1).copy()
-        # of gaps alone, without friction
+        # forces of the gap's multiplier alone, without friction
         Q = self._of_unit(table, d, amps, 1.0, 0.0)
         return dofs[:, :-1], Q[:, :-1], Q[:, -1]
 
     def slips(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None = None) -> Array:
-        """Return what the place on the obstacle changes by with the coordinates (m, n) of points, as ``gradients``."""
+        """Return the gradients (m, n) of the places on the obstacle; arguments as of ``gradients``."""
         table, amps = self._placed(d, t, at)
         table.mem[:, HELD], table.mem[:, SLIDES] = 1.0, 1.0
         Q = self._of_unit(table, d, amps, -1.0, 0.0) - self._of_unit(table, d, amps, -1.0, 1.0)
         return Q[:, :-1]
 
     def _placed(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None) -> tuple[Record, Array]:
-        """Return the table and the amplitudes, with points ``at`` a place z of their element, as ``gradients``."""
+        """Return table and amplitudes, with the points in ``at`` moved to their given places (see ``gradients``)."""
         table, amps = self.at(d, t)
         for k, (place, feature) in (at or {}).items():
             table.mem[k, PLACE], table.mem[k, FEATURE] = place, feature
@@ -246,7 +245,7 @@ class ContactTable:
 
     @staticmethod
     def _of_unit(table: Record, d: Array, amps: Array, multiplier: float, friction: float) -> Array:
-        """Return the forces of elastic sign (m, n) of points with this multiplier, whose curves yield nothing."""
+        """Return the forces of elastic sign (m, n) of points with a given multiplier, without compliance of curves."""
         from ..kernels.points import point_matrices
 
         m, unit = len(table.forces), d.copy()
@@ -260,7 +259,7 @@ class ContactTable:
         return Q
 
     def lean(self, d: Array, t: float) -> tuple[Array, Array]:
-        """Return g_z and g_zz (m,) of points that stand between others."""
+        """Return g_z and g_zz (m,) of points between nodes."""
         from ..kernels.contact import lean
 
         table, amps = self.at(d, t)
@@ -269,22 +268,22 @@ class ContactTable:
         return slope, bend
 
     def past(self, d: Array, t: float) -> Any:
-        """Return that no point (m,) is beyond an end of an obstacle, which has none."""
+        """Return that no point (m,) is beyond an end: obstacles have none."""
         return np.zeros(len(self.points), dtype=bool)
 
     def crossed(self, before: tuple[Array, float], d: Array, t: float) -> bool:
-        """Whether a point passes through what it may touch from one state (n_full,) at a time to another at t."""
+        """Return whether a point passes through the obstacle from ``before`` (state and time) to d (n_full,) at t."""
         from ..kernels.contact import obstacle_crossed
 
         amps = self.at(*before)[1]
         return bool(obstacle_crossed(self.table, before[0], amps, d, self.at(d, t)[1], self.pair.scale))
 
     def along(self) -> Array:
-        """Return S (m,) on the first body named of each point."""
+        """Return S (m,) of each point on the first body of the contact."""
         return self.places(self.pair.mesh)
 
     def opposite(self) -> Array:
-        """Return S (m,) on the other body of the place opposite to each point: none of an obstacle."""
+        """Return S (m,) of the place opposite to each point on the other body: NaN, as an obstacle has none."""
         return np.full(len(self.pair.spots), np.nan)
 
     def places(self, mesh: Any) -> Array:
@@ -297,9 +296,9 @@ class ContactTable:
 
 
 class BodyTable(ContactTable):
-    """The points of a body that may touch another one, or itself."""
+    """The points of a contact of a body with another body or with itself."""
 
-    # whether those alone that may have a force are asked what they are opposite to
+    # whether to search the opposite element only for points that can have a force
     near = False
 
     def __init__(self, constraints: Iterable[Any], pair: Any) -> None:
@@ -307,19 +306,19 @@ class BodyTable(ContactTable):
         self.facing = Record(facing_table(self.patches))
 
     def turn_to(self, d: Array) -> None:
-        """Let points act on the elements that they are opposite to at d (n_full,)."""
+        """Find the element opposite to each point at d (n_full,), and use its coordinates."""
         from ..kernels.facing import face
 
         face(self.facing, self.table, d, self.near)
 
     def keep_sides(self, d: Array, t: float) -> None:
-        """Let points with a law keep the side of an axis that they are on in an accepted state d (n_full,) at t."""
+        """Store, for points with a law, the side of an axis that they are on in the accepted state d (n_full,) at t."""
         table, amps = self.at(d, t)
         point_accept(table, d, amps)
         self.pair.mem[:, :self.size] = table.mem[:, :self.size]
 
     def crossed(self, before: tuple[Array, float], d: Array, t: float) -> bool:
-        """Do as ``ContactTable.crossed``."""
+        """Same as ``ContactTable.crossed``, for bodies."""
         from ..kernels.body_passages import bodies_cross
 
         return bool(bodies_cross(self.facing, self.table, before[0], d))
@@ -330,13 +329,13 @@ class BodyTable(ContactTable):
 
     @staticmethod
     def _ended(table: Record) -> Any:
-        """Return which points (m,) of a table that was turned to a state are beyond an end of the other body."""
+        """Return which points (m,) of an updated table are beyond an end of the other body."""
         joined, found = table.par[:, ORIGIN + JOINED], table.mem[:, FOUND]
         return np.array([beyond(*row) for row in zip(joined, found, strict=True)], dtype=bool)
 
     def stand(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None = None) -> tuple[Array, Array, Any]:
-        """Return the gap of each point (m,), infinite where nothing is opposite, the place there (``kernels.facing``:
-        m, 3), and where something is that is not an end of the other body."""
+        """Return the gap of each point (m,), infinite where nothing is opposite, its place on the other body (m, 3; see
+        ``kernels.facing``), and whether something other than an end of that body is opposite."""
         from ..kernels.facing import body_gaps
 
         table, _ = self._placed(d, t, at)
@@ -345,24 +344,24 @@ class BodyTable(ContactTable):
         return gap, places, np.isfinite(gap) & ~self._ended(table)
 
     def slip(self, k: int, now: Array, before: Array) -> float:
-        """Return how far point k has slid from one place (3,) to another, none on another surface."""
+        """Return how far point k has slid from one place (3,) to another; 0 if they are on different surfaces."""
         if now[2] != before[2]:
             return 0.0
         return float(now[1] * way_between(self.points[k].par[ORIGIN + LOOP], now[0], before[0]))
 
     def beside(self, place: Array, way: float) -> Array:
-        """Return the place (3,) on the other body this far from another one."""
+        """Return the place (3,) on the other body at distance ``way`` from another."""
         return place + np.array([way / place[1], 0.0, 0.0])
 
     def anchor(self, k: int, held: Array | None = None) -> Array:
-        """Return the place (3,) that friction holds point k to; that it is ``held`` to from now on, if given."""
+        """Return the place (3,) at which friction holds point k; set it to ``held`` first if given."""
         mem = self.points[k].mem
         if held is not None:
             mem[ANCHOR], mem[ON] = held[0], held[2]
         return np.array([mem[ANCHOR], 0.0, mem[ON]])
 
     def deepest(self, d: Array, t: float) -> tuple[Array, Array, Array]:
-        """Do as ``ContactTable.deepest``."""
+        """Same as ``ContactTable.deepest``, for bodies; the last array is 0."""
         from ..kernels.facing import body_deepest
 
         table, n = self.at(d, t)[0], len(self.table.forces)
@@ -371,16 +370,16 @@ class BodyTable(ContactTable):
         return depth, place, np.zeros(n)
 
     def along(self) -> Array:
-        """Return S (m,) on the first body named: of the points, or of the places opposite to them."""
+        """Return S (m,) on the first body of the contact: of the points, or of the places opposite to them."""
         return self.places(self.pair.mesh) if self.pair.sign >= 0.0 else self.opposite()
 
     def opposite(self) -> Array:
-        """Return S (m,) on the other body of the place opposite to each point, as it was found last."""
+        """Return S (m,) of the place opposite to each point on the other body, as last found."""
         par, mem = self.table.par[:, ORIGIN:], self.table.mem
         out: Array = (par[:, BEGINS] + 0.5 * (mem[:, FOOT] + 1.0) * par[:, GOES]) / self.pair.against.plan.length
         return out
 
 
 def contact_table(constraints: Iterable[Any], pair: ContactPair | BodyPair) -> ContactTable:
-    """Return the points of one contact."""
+    """Return the table of one contact."""
     return BodyTable(constraints, pair) if pair.on_bodies else ContactTable(constraints, pair)

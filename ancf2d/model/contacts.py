@@ -1,4 +1,4 @@
-"""The contacts of a case: their points, and what the reference shows of them."""
+"""The contacts of a case: their points, and checks of their reference configuration."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from .mesh import BodyMesh
 if TYPE_CHECKING:
     from .interactions import Interactions
 
-# of what may overlap, beside the extent of a model
+# largest overlap in the reference, relative to the extent of a model
 OVERLAP = 1e-9
-# the same of what elements that follow a curve may overlap by
+# the same for elements that only approximate a curve
 SLIGHT = 1e-5
-# the same with a law, beside the length of a body: it may be meant to press from the start
+# the same with a law, relative to the length of a body: such an overlap may be intended
 DEEP = 0.01
-# lengths of a body that is held beyond which it reaches nothing
+# lengths of a held body beyond which it cannot reach an obstacle
 REACH = 2.5
-# slip of a rigid body that sticks under all forces of the scene, beside its extent; load factors that are looked at
+# slip of a sticking rigid body under all forces of the scene, relative to its extent; number of load factors sampled
 SLIP, FACTORS = 1e-6, 16
-# of what sticks, beside the rate of steps; share of a motion that steps of unknown length are taken for
+# rate of sticking bodies relative to that of time steps; assumed step, as a share of t_end, if dt is not given
 RAPID, AT_LEAST = 1e3, 1e-3
 
 
 def rapid_rate(case: Case) -> float:
-    """Return a rate far above what the steps of a motion follow [1/s], 0 in statics."""
+    """Return a rate [1/s] far above what the time steps of a motion resolve; 0 in statics."""
     if not isinstance(case.solver, Dynamic):
         return 0.0
     return RAPID / (case.solver.dt or AT_LEAST * case.solver.t_end)
@@ -45,11 +45,11 @@ def rapid_rate(case: Case) -> float:
 
 @dataclass
 class Contacts:
-    """Points of contact in pairs of what touches, as constraints (without a law) and springs (with one).
+    """The contact points of all contact pairs, as constraints (without a law) and springs (with a law).
 
-    ``e0`` (n_q,) is the reference, ``extent`` its size, ``follows`` are the coordinates that are no unknowns (see
-    ``numbering.Dependent``), ``begin`` is the time or load factor of the reference. ``problems`` are paths in the case,
-    messages and what was expected.
+    ``e0`` (n_q,) is the reference, ``extent`` its size, ``follows`` the dependent coordinates (see
+    ``numbering.Dependent``), ``begin`` the time or load factor of the reference. ``problems`` are (path in the case,
+    message, what was expected).
     """
 
     case: Case
@@ -81,7 +81,7 @@ class Contacts:
     def _pairs(self, i: int, item: Any) -> list[Any]:
         body, other = (item.self_, item.self_) if item.between is None else item.between
         name = item.name or f"{body}-{other}"
-        # friction holds a point to where it does not stay then
+        # contact points move along elements only in statics by load steps
         still = (not isinstance(self.case.solver, Dynamic) and item.law is None
                  and getattr(self.case.solver, "method", "newton") == "newton")
         if body in self.case.obstacles:
@@ -111,24 +111,24 @@ class Contacts:
         return pairs
 
     def _joined(self, body: str, other: str) -> list[tuple[float, float]]:
-        """Return the places along two bodies [m] that joints hold together."""
+        """Return the pairs of places [m] on two bodies that joints hold together."""
         at = [named_points(joint) for joint in self.case.joints if joint.active is None or not joint.active.begins]
         return [(p.s * self.meshes[body].plan.length, q.s * self.meshes[other].plan.length)
                 for points in at for p in points for q in points if (p.body, q.body) == (body, other) and p != q]
 
     def _tell_heights(self, i: int, item: Any) -> None:
-        """Warn of faces where no section says how far they are from the axis."""
+        """Warn if a body without a section touches with its faces, whose distance from the axis is then assumed."""
         bodies = [name for name in item.between or () if name in self.meshes] if item.side == "surface" else []
         self.warnings += [f"contacts.{i}: {name} has no section, so its faces are taken to be "
                           f"{0.5 * self.meshes[name].plan.section.height:.3g} from its axis. Give it a section, or use "
                           "side: axis" for name in bodies if self.case.bodies[name].section is None]
 
     def _look(self, i: int, pair: ContactPair) -> None:
-        """Look for a body that overlaps an obstacle in the reference, or that cannot reach it."""
+        """Report a body that overlaps an obstacle in the reference, or that cannot reach it."""
         gaps = pair.gaps(np.zeros(len(self.e0)), self.begin)
         k, obstacle = int(np.argmin(gaps)), self.case.obstacles[pair.other]
         if self._lies_on_it(pair, -gaps[k]):
-            # equilibria are free of the overlap; a motion has to begin so
+            # equilibria remove the overlap; a motion must start with it, so the surface is shifted
             if isinstance(self.case.solver, Dynamic):
                 pair.draw_back(-gaps[k])
         elif pair.hard and gaps[k] < -OVERLAP * self.extent:
@@ -149,7 +149,7 @@ class Contacts:
                                  f"{REACH:g} times its length: they touch only if a support moves it there")
 
     def _lies_on_it(self, pair: ContactPair, depth: float) -> bool:
-        """Return whether a body may overlap an obstacle by ``depth`` [m], as its elements are not quite its curve."""
+        """Return whether elements may overlap an obstacle by ``depth`` [m], as they only approximate their curve."""
         solver = self.case.solver
         if not (pair.hard and OVERLAP * self.extent < depth < SLIGHT * self.extent
                 and any(p.kappa != 0.0 for p in pair.mesh.plan.pieces)):
@@ -159,7 +159,7 @@ class Contacts:
         return isinstance(solver, Static | QuasiStatic) and not solver.on_path
 
     def _tell_depth(self, i: int, pair: ContactPair | BodyPair, depth: float, s: float) -> None:
-        """Warn of a law that presses hard from the start."""
+        """Warn if a contact with a law starts with a large overlap."""
         if depth > DEEP * pair.mesh.plan.length:
             other = "itself" if pair.other == pair.body else pair.other
             self.warnings.append(f"contacts.{i}: {pair.body} and {other} overlap in the reference, by up to "
@@ -167,7 +167,7 @@ class Contacts:
                                  "apart unless this is meant")
 
     def _look_at_bodies(self, i: int, pairs: list[BodyPair]) -> None:
-        """Look for bodies that overlap in the reference."""
+        """Report bodies that overlap in the reference."""
         found = [(*pair.overlap(), pair) for pair in pairs]
         depth, s, pair = max(found, key=lambda one: one[0])
         if not pair.hard:
@@ -179,9 +179,9 @@ class Contacts:
 
 
 def hold_rigid_bodies(model: Any, acts: Interactions) -> None:
-    """Let rigid bodies stick in statics by a spring that all loads together stretch by 1e-6 of the extent at most.
+    """Set the sticking stiffness of rigid bodies in statics: all loads stretch it by 1e-6 of the extent at most.
 
-    It is also 100 times as stiff as the stiffest spring or element, through which motions may press without loads.
+    It is at least 100 times that of the stiffest spring or element: motions can press without loads, too.
     """
     held = [c for c in model.constraints
             if isinstance(c, ContactPoint) and c.par[FRICTION] > 0.0 and c.par[STIFF] == 0.0]

@@ -1,4 +1,4 @@
-"""The axes of bodies in pieces, each divided into elements that are equally long."""
+"""Axes of bodies in pieces, each divided into equally long elements."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from .grading import Grading, runs
 
 Array = NDArray[np.float64]
 
-# of an element: a point that is closer to a node is at the node
+# distance, relative to an element, below which a point is at a node
 AT_NODE = 1e-9
-# of a body's length: points that are closer share one node, as a shorter element would spoil the arithmetic
+# distance, relative to the body's length, below which points share one node; shorter elements are inaccurate
 TOGETHER = 1e-5
-# of curvature times a body's length: what differs by less is round-off
+# difference of curvature times body length below which it is round-off
 JUMP = 1e-9
-# stretches of a rigid curved body
+# least and largest number of stretches of a rigid curved body
 LEAST, LONGEST = 4, 400
-# shares of a count that differ by less are equal, whatever round-off says
+# shares of a count that differ by less are equal up to round-off
 ALIKE = 1e-6
 
 
 @dataclass(frozen=True)
 class Piece:
-    """A stretch of an axis: where it begins on it [m], its length and count of elements.
+    """A stretch of an axis: where it starts on it [m], its length and number of elements.
 
-    ``s0`` is the arc length of the body where it begins; ``continues``: whether it follows the piece before smoothly;
-    ``kink``: whether derivatives along the axis can jump where it begins.
+    ``s0`` is the arc length of the body at its start; ``continues``: whether it continues the piece before smoothly;
+    ``kink``: whether derivatives along the axis can jump at its start.
     """
 
     axis: Axis
@@ -48,7 +48,7 @@ class Piece:
 
     @property
     def shared(self) -> bool:
-        """Whether its first node is the last one of the piece before."""
+        """Return whether its first node is the last node of the piece before."""
         return self.continues and not self.kink
 
     @property
@@ -58,17 +58,17 @@ class Piece:
 
     @property
     def kappa(self) -> float | None:
-        """Curvature dtheta/ds [1/m] where it is the same all along, 0 for a straight piece; else None."""
+        """Constant curvature dtheta/ds [1/m] (0 for a straight piece), or None if it varies."""
         return self.axis.kappa if isinstance(self.axis, Bend) else None
 
     @property
     def angle(self) -> float:
-        """Direction in which it begins."""
+        """Direction at its start."""
         return float(self.axis.place(np.array(self.begin))[1])
 
     @property
     def start(self) -> Array:
-        """The point (2,) where it begins."""
+        """The point (2,) at its start."""
         return self.position(0.0)[0]
 
     def position(self, s: float | NDArray[np.floating]) -> tuple[Array, Array]:
@@ -102,11 +102,11 @@ def _pair(z: Any) -> Array:
 
 
 def share_count(lengths: Sequence[float], count: int) -> list[int]:
-    """Share ``count`` elements among pieces in proportion to their lengths, at least one each.
+    """Divide ``count`` elements among pieces in proportion to their lengths, at least one each.
 
-    What rounding down leaves goes to the largest remainders. Of pieces that are alike to round-off those in the middle
-    come first, in pairs from there on, so that shares are symmetric wherever they can be. Raises OverflowError where
-    the lengths together are no number.
+    What remains after rounding down goes to the largest remainders. Of pieces equal up to round-off, those in the
+    middle come first, in pairs, so that shares are symmetric where possible. Raises OverflowError if the total length
+    is not finite.
     """
     total = sum(lengths)
     if not math.isfinite(count * total):
@@ -123,7 +123,7 @@ def share_count(lengths: Sequence[float], count: int) -> list[int]:
 
 
 def _from_the_middle(places: list[int], number: int) -> list[int]:
-    """Return up to ``number`` of the places, the ones in the middle, symmetric where that can be."""
+    """Return up to ``number`` of the places, from the middle outwards, symmetric where possible."""
     m = len(places)
     if number >= m:
         return places
@@ -174,9 +174,9 @@ def _path(geometry: PathGeometry) -> list[Piece]:
 
 @lru_cache(maxsize=256)
 def _undivided(geometry: Geometry) -> tuple[tuple[Piece, ...], tuple[float, ...]]:
-    """Return the pieces of a body's geometry, one element each, and arc lengths where derivatives jump within them.
+    """Return the pieces of a geometry, one element each, and the arc lengths inside them where derivatives jump.
 
-    Raises AxisError where it is no curve.
+    Raises AxisError if the geometry is not a smooth curve.
     """
     if isinstance(geometry, Line):
         return tuple(_straight_pieces([geometry.start, geometry.end])), ()
@@ -193,14 +193,14 @@ def _undivided(geometry: Geometry) -> tuple[tuple[Piece, ...], tuple[float, ...]
 
 
 def knots(geometry: Geometry) -> list[float]:
-    """Return the places S where elements of a smooth axis should end: the points of a spline.
+    """Return the places S at which elements of a smooth axis should end: the points of a spline.
 
     Derivatives of the curvature jump there, and elements across them would lose their order.
     """
     try:
         pieces, found = _undivided(geometry)
     except (AxisError, ArithmeticError):
-        return []  # told where the body is resolved
+        return []  # reported when the body is resolved
     return [s / (pieces[-1].s0 + pieces[-1].length) for s in found]
 
 
@@ -213,9 +213,9 @@ def jumps(geometry: Geometry) -> list[float]:
 
 
 def short_pieces(geometry: Geometry, turn: float) -> tuple[Piece, ...]:
-    """Return the pieces of a smooth geometry cut into stretches that turn by about ``turn`` [rad], ``LONGEST`` at most.
+    """Return a smooth geometry in stretches that turn by about ``turn`` [rad], at most about ``LONGEST`` of them.
 
-    Ends of stretches are where derivatives jump, too. Raises AxisError where the geometry is no curve.
+    Stretches also end where derivatives jump. Raises AxisError if the geometry is not a smooth curve.
     """
     whole, places = _undivided(geometry)
     length = whole[-1].s0 + whole[-1].length
@@ -226,23 +226,23 @@ def short_pieces(geometry: Geometry, turn: float) -> tuple[Piece, ...]:
 
 
 def _up(x: float) -> int:
-    """Return the least whole number that is not less than x, but for what counts as equal."""
+    """Return x rounded up, except that x up to round-off above an integer gives this integer."""
     return math.ceil(x * (1.0 - ALIKE))
 
 
 def is_closed(geometry: Geometry) -> bool:
-    """Whether the end of a geometry is its start."""
+    """Return whether the geometry is a closed curve."""
     return isinstance(geometry, Spline | CurveGeometry | PathGeometry) and geometry.closed
 
 
 def turning(geometry: Geometry) -> float:
-    """Return the angle [rad] by which the smooth pieces of a geometry turn in all, either way."""
+    """Return the total absolute angle [rad] by which the smooth pieces of a geometry turn."""
     return sum(p.axis.turning if isinstance(p.axis, Smooth) else abs(p.kappa or 0.0) * p.length
                for p in _undivided(geometry)[0])
 
 
 def _split(piece: Piece, places: list[float]) -> list[Piece]:
-    """Return a piece as several that continue one another, from one of its places (arc lengths) to the next."""
+    """Return a piece divided at places (arc lengths); the parts continue one another."""
     if not places:
         return [piece]
     return [replace(piece, begin=piece.begin + a, length=b - a, s0=piece.s0 + a,
@@ -251,9 +251,9 @@ def _split(piece: Piece, places: list[float]) -> list[Piece]:
 
 
 def _inside(pieces: Sequence[Piece], nodes: Sequence[float]) -> list[list[float]]:
-    """Return for each piece the arc lengths within it of nodes, given as fractions S of the body's arc length.
+    """Return for each piece the nodes inside it as arc lengths; nodes are given as fractions S of the body.
 
-    A node that is closer than ``TOGETHER`` to an end of a piece, or to the one before it, is that one.
+    Nodes closer than ``TOGETHER`` to an end of the piece, or to the node before, are left out.
     """
     length = pieces[-1].s0 + pieces[-1].length
     out: list[list[float]] = []
@@ -272,9 +272,9 @@ def _stretches(whole: Sequence[Piece], nodes: Sequence[float]) -> list[Piece]:
 
 
 def stretches(geometry: Geometry, nodes: Sequence[float], grading: Grading | None = None) -> list[float]:
-    """Return the lengths of what corners and ``nodes`` (fractions S of the body's arc length) cut a geometry into.
+    """Return the lengths of the stretches between corners and ``nodes`` (fractions S of the body's arc length).
 
-    Of graded elements these are not lengths, but what elements are shared by; then the nodes given cut it, too.
+    With a grading, return their shares of the elements instead; its given nodes divide the geometry, too.
     """
     whole = _undivided(geometry)[0]
     if grading is None:
@@ -284,20 +284,20 @@ def stretches(geometry: Geometry, nodes: Sequence[float], grading: Grading | Non
 
 
 def _ends(pieces: Sequence[Piece]) -> Array:
-    """Return the places S where pieces begin, and 1."""
+    """Return the places S where the pieces start, and 1."""
     ends = np.array([*(p.s0 for p in pieces), pieces[-1].s0 + pieces[-1].length])
     return ends / ends[-1]
 
 
 def pieces_of(geometry: Geometry, count: int, nodes: Sequence[float] = (), refine: int = 1,
               kinks: Sequence[float] = (), grading: Grading | None = None) -> tuple[Piece, ...]:
-    """Return the pieces of a body's geometry with ``count`` elements in all, more only where there are more pieces.
+    """Return the pieces of a geometry with ``count`` elements in all, or more if there are more pieces.
 
-    A piece is split at each of ``nodes`` (fractions S of the body's arc length), unless all of them are ends of the
-    equal elements that the pieces have without; then it is split at ``kinks`` alone, which are some of them. Every
-    element is then divided into ``refine`` ones. Graded elements are pieces of their own where they differ.
+    Pieces are divided at ``nodes`` (fractions S of the body's arc length), unless all of these are nodes of equal
+    elements anyway; then only at ``kinks``, a subset of them. Every element is divided into ``refine`` equal ones.
+    Graded elements of different length become separate pieces.
     """
-    # bodies that differ in other things have the same ones
+    # cached: several bodies may have equal arguments
     return _pieces_of(geometry, count, tuple(nodes), refine, tuple(kinks), grading)
 
 
@@ -319,14 +319,14 @@ def _pieces_of(geometry: Geometry, count: int, nodes: tuple[float, ...], refine:
     if grading is None:
         parts = [replace(p, count=refine * p.count) for p in parts]
     length = whole[-1].s0 + whole[-1].length
-    # where a closed axis ends, it begins
+    # the start of a closed axis is its end, too
     at = [s * length for s in kinks] + ([0.0] if is_closed(geometry) and 1.0 in kinks else [])
     return tuple(replace(p, kink=(p.s0 > 0.0 or is_closed(geometry)) and any(
         abs(sigma - p.s0) <= TOGETHER * length for sigma in at)) for p in parts)
 
 
 def _graded(some: Sequence[Piece], count: int, refine: int, grading: Grading) -> list[Piece]:
-    """Return stretches divided into graded elements, ``count`` times ``refine`` in all: pieces of equal ones."""
+    """Return stretches divided into ``count`` times ``refine`` graded elements; each piece has equal elements."""
     ends = _ends(some)
     x, length = grading.shares(ends), some[-1].s0 + some[-1].length
     counts = share_count(np.diff(x).tolist(), max(count, len(some)))
@@ -341,16 +341,16 @@ def _graded(some: Sequence[Piece], count: int, refine: int, grading: Grading) ->
 
 
 def _cut(piece: Piece, places: list[float]) -> list[Piece]:
-    """Return a piece of equal elements, split at some of their nodes."""
+    """Return a piece of equal elements, divided at some of their nodes."""
     ends = [0, *(round(sigma / piece.l) for sigma in places), piece.count]
     return [replace(p, count=b - a) for p, (a, b) in zip(_split(piece, [n * piece.l for n in ends[1:-1]]),
                                                         pairwise(ends), strict=True)]
 
 
 def peaks(pieces: Sequence[Piece], acting: Sequence[float]) -> list[int]:
-    """Return for each element -1 or 1 where a moment may peak at its start or its end alone, else 0.
+    """Return for each element -1 or 1 if the moment may peak only at its start or only at its end, else 0.
 
-    It may at the ends of a body and of its pieces that do not share a node, and where something acts at a node.
+    Moments may peak at the ends of a body, at nodes that its pieces do not share, and where something acts at a node.
     """
     starts = np.concatenate([p.s0 + p.l * np.arange(p.count) for p in pieces])
     length = pieces[-1].s0 + pieces[-1].length

@@ -1,8 +1,8 @@
-"""Rigid motions that nothing holds, found without solving, and what is held more often than once.
+"""Rigid motions that nothing resists, found without solving, and redundant constraints.
 
-Two multipliers for one motion make the tangent singular. Only what is held in every position counts in
-``drop_repeated``: equations that happen to agree in the reference do not. Linear theory about the reference knows no
-other position, and ``linear_row`` gives its equations.
+Two multipliers for the same motion make the tangent singular. ``drop_repeated`` removes only constraints that are
+redundant in every configuration; equations that coincide only in the reference stay. Linear theory knows the reference
+alone, and ``linear_row`` gives its equations.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ from .mesh import BodyMesh, Index
 from .numbering import Elimination
 from .point_patch import PointConstraint
 
-# a linear function of the unknowns, two of them as one complex; prescribed motion of row r as the unknown -1 - r
+# a linear function of the unknowns, a pair of functions as one complex function; the key -1 - r is the prescribed
+# motion of row r
 Terms = dict[int, complex]
-# relative difference of coefficients that count as equal
+# relative difference below which coefficients count as equal
 EQUAL = 1e-9
 
 
@@ -32,7 +33,7 @@ def rigid_motion(mesh: BodyMesh, coords: Index, e: Array, centre: Array) -> Arra
     coords = np.asarray(coords)
     kinds = mesh.kinds[coords - mesh.first_dof]
     out = np.zeros((len(coords), 3))
-    # x and y of r, theta, then x and y of a gradient, which turns but does not move
+    # x and y of r, theta, then x and y of a gradient, which rotates but does not translate
     x, y, u, v = (coords[kinds == kind] for kind in (0, 1, 3, 4))
     out[kinds == 0, 0] = out[kinds == 1, 1] = out[kinds == 2, 2] = 1.0
     out[kinds == 0, 2], out[kinds == 1, 2] = -(e[x + 1] - centre[1]), e[y - 1] - centre[0]
@@ -41,7 +42,7 @@ def rigid_motion(mesh: BodyMesh, coords: Index, e: Array, centre: Array) -> Arra
 
 
 def own_motions(mesh: BodyMesh, e0: Array) -> Array:
-    """Return the rates (n_dofs, 3) of a body's coordinates in rigid motions about its middle, in the reference."""
+    """Return the rates (n_dofs, 3) of a body's coordinates for rigid motions about its middle, in the reference."""
     if mesh.motions is None:
         coords = np.arange(mesh.first_dof, mesh.first_dof + mesh.n_dofs)
         mesh.motions = rigid_motion(mesh, coords, e0, np.asarray(mesh.plan.position(0.5)[0]))
@@ -50,7 +51,7 @@ def own_motions(mesh: BodyMesh, e0: Array) -> Array:
 
 def _held(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint], springs: list[Spring],
           e0: Array, centres: list[Array], sizes: list[float]) -> Array:
-    """Return what each equation and spring sees of the rigid motions (equations, 3 bodies), rotations by length."""
+    """Return coefficients (equations, 3 bodies) of equations and springs on rigid motions; rotations times length."""
     first = np.array([m.first_dof for m in meshes])
     found = [(r.coords, r.coefs) for r in rows]
     found += [(c.dofs, c.reference_gradient()) for c in constraints]
@@ -69,13 +70,13 @@ def _held(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint]
         np.add.at(out[:, 3 * b - 3:3 * b], equation[part], each)
         np.maximum.at(terms, equation[part], np.abs(each).max(axis=1))
     norm = np.abs(out).max(axis=1)
-    # what is left of terms that cancel (a rigid length, a spring within a body) holds nothing
+    # terms that cancel, as for a rigid length or a spring within a body, resist no motion; only round-off is left
     some = norm > 1e-12 * terms
     return out[some] / norm[some, None]
 
 
 def _stiffness(spring: Spring) -> float:
-    """Return how stiff a spring's law is beside its coordinates; one within a rigid body has round-off of it."""
+    """Return the size of a spring's stiffness before terms cancel, as they do within a rigid body up to round-off."""
     _, H, _ = spring.forces(np.zeros(len(spring.G)), 0.0)
     return max(float(np.abs(H).max() * np.abs(spring.G).max() ** 2), 1e-300)
 
@@ -100,8 +101,8 @@ def _describe(meshes: list[BodyMesh], motion: Array, centres: list[Array], sizes
 
 
 def _kernel(A: Array) -> Array:
-    """Return what A (m, n) maps to nothing, as orthonormal rows (k, n)."""
-    # all of vt, whose last rows these are, but no more of u than there are columns
+    """Return an orthonormal basis, as rows (k, n), of the null space of A (m, n)."""
+    # all of vt, whose last rows span the null space, but no more of u than there are columns
     _, s, vt = np.linalg.svd(A, full_matrices=A.shape[0] < A.shape[1])
     rank = int((s > 1e-9 * s[0]).sum()) if len(s) else 0
     return vt[rank:]
@@ -111,7 +112,7 @@ def free_motions(meshes: list[BodyMesh], rows: list[Row], constraints: list[Cons
                  e0: Array, sliding: bool = False) -> list[str]:
     """Return a sentence for each independent rigid motion that no support, joint or spring resists.
 
-    With ``sliding``, only for those in which no body turns.
+    With ``sliding``, consider only motions in which no body rotates.
     """
     centres = [np.asarray(m.plan.position(0.5)[0]) for m in meshes]
     sizes = [m.plan.length for m in meshes]
@@ -119,7 +120,7 @@ def free_motions(meshes: list[BodyMesh], rows: list[Row], constraints: list[Cons
     null = _kernel(held) if len(held) else np.eye(3 * len(meshes))
     if sliding:
         null = _kernel(null[:, 2::3].T) @ null
-    # reduced row echelon form: one body's motion at a time, as far as they are independent
+    # reduced row echelon form, so that each sentence involves as few bodies as possible
     null = null.copy()
     for k in range(len(null)):
         large = np.abs(null[k:]) > 1e-9 * np.abs(null[k:]).max()
@@ -132,14 +133,14 @@ def free_motions(meshes: list[BodyMesh], rows: list[Row], constraints: list[Cons
 
 
 class _Names:
-    """Numbers for linear functions that are equal to round-off."""
+    """Numbers for linear functions; functions that are equal up to round-off have the same number."""
 
     def __init__(self) -> None:
         self.known: dict[frozenset[int], list[tuple[int, Terms]]] = {}
         self.count = 1
 
     def __call__(self, terms: Terms) -> int:
-        """Return the number of a function: that of an earlier one where they are equal."""
+        """Return the number of a function, the same as that of an equal earlier one."""
         alike = self.known.setdefault(frozenset(terms), [])
         size = max(map(abs, terms.values()))
         for number, other in alike:
@@ -151,7 +152,7 @@ class _Names:
 
 
 class _Repeated:
-    """Looks at constraints one by one, with what supports and joints have made dependent on other coordinates."""
+    """Check constraints one after another for redundancy, given the dependent coordinates of supports and joints."""
 
     def __init__(self, elimination: Elimination, equations: Equations) -> None:
         self.dependents, self.rows = elimination.dependents, equations.rows
@@ -173,12 +174,12 @@ class _Repeated:
         return {k: v for k, v in out.items() if abs(v) > 1e-12 * size}
 
     def _section(self, terms: Terms) -> int:
-        """Return the number of what turns a section: 0 where nothing does."""
+        """Return the number of the function that rotates a section, or 0 if the section cannot rotate."""
         size = max(map(abs, terms.values()), default=0.0)
         return self.sections(terms) if any(abs(v.imag) > 1e-12 * size for v in terms.values()) else 0
 
     def _ends(self, c: PointConstraint) -> list[int]:
-        """Return the sections that a constraint joins: directions by what turns them, angles by theta."""
+        """Return the numbers of the two sections that a constraint joins, found from their directions or theta."""
         out = []
         for k in range(0, 4 if c.law.name == "aligned" else 2, 2):
             terms = self._terms(c, [(k, 1.0), (k + 1, 1.0j)])
@@ -193,10 +194,10 @@ class _Repeated:
         return section
 
     def __call__(self, c: PointConstraint) -> bool:
-        """Return whether a constraint repeats others."""
+        """Return whether a constraint repeats earlier ones."""
         if c.holds == LENGTH:
             terms, known = self._terms(c, [(0, 1.0), (1, 1.0j)]), self.lengths.count
-            # bars that keep their angle and the ratio of their lengths are one function, turned and scaled
+            # bars that keep their angle and the ratio of their lengths have the same function up to rotation and scale
             return not terms or self.lengths({k: v / complex(*c.p0[:2]) for k, v in terms.items()}) < known
         a, b = map(self._root, self._ends(c))
         self.joined.update({max(a, b): min(a, b)} if a != b else {})
@@ -204,7 +205,7 @@ class _Repeated:
 
 
 def linear_row(c: Constraint) -> Row:
-    """Return what a constraint asks for in linear theory about the reference."""
+    """Return the linear equation of a constraint about the reference."""
     gradient = c.reference_gradient()
     if isinstance(c, PointConstraint) and c.signal is not None:
         return Row(c.dofs, gradient / -c.slopes()[c.fed], c.owner, c.holds, c.signal)
@@ -212,9 +213,9 @@ def linear_row(c: Constraint) -> Row:
 
 
 def drop_repeated(elimination: Elimination, equations: Equations, supports: set[str]) -> list[PointConstraint]:
-    """Take off the constraints that repeat others; return those among them that prescribe a motion."""
+    """Remove redundant constraints, with warnings; return those among them that prescribe a motion."""
     repeats = _Repeated(elimination, equations)
-    # what begins or ends holds nothing in between
+    # constraints that act only for a while cannot replace others
     found = [c for c in equations.constraints if isinstance(c, PointConstraint) and c.active is None and repeats(c)]
     equations.constraints = [c for c in equations.constraints if not any(c is f for f in found)]
     for c in found:

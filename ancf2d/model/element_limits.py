@@ -1,4 +1,4 @@
-"""What elements cannot follow: bending where they lock, transverse load, large turns along their length, inversion."""
+"""Limits of elements: locking in bending, transverse load, large turns along their length, inversion."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from .mesh import STATIONS, BodyMesh, Index, straight
 from .model import Model
 from .plan import default_rule
 
-# of the bending stiffness: below it, the excess is left to the documents
+# share of the bending stiffness below which no warning is given
 TOLD = 0.05
-# of the strain across, where a body has no length; with it, the strain does depend on Poisson's ratio a little
+# the same for the transverse strain, for a body of no length; for others the strain itself depends on Poisson's ratio
 TOLD_ACROSS = 0.02
-# of the energy that a motion has with the default quadrature: below it, other points do not see the motion
+# share of the default quadrature's energy below which a quadrature misses a motion
 UNSEEN = 0.02
-# Types that are too stiff in bending where they are slender are so by about 0.011 (turn l/h)^2 of it, measured with
-# omar and patel: a twentieth of the slenderness that is safe where little turns, 40, leaves 4 %.
+# Types that lock when slender are too stiff by about 0.011 (turn l/h)^2, measured with omar and patel: 4 % at a
+# twentieth of the slenderness 40 that is safe for small turns.
 SAFE = 0.05
 
 
 def thickness_excess(mesh: BodyMesh) -> float:
-    """Return how much stiffer in bending a straight element is for Poisson's ratio, as a share of EI; 0 if it can thin.
+    """Return the share of EI by which Poisson's ratio stiffens a straight element in bending; 0 if it can thin.
 
-    A section that stays straight, bent by (-x y, 0), has no strain across; a law that couples it with the strain along
-    then resists by E/(1 - nu^2) in place of E. Of a section of one elastic material, the share depends on nu alone:
-    it is that of an element as long as it is high, of unit width and E.
+    A section that stays straight, bent by (-x y, 0), has no transverse strain; a law that couples it with the axial
+    strain then resists by E/(1 - nu^2) instead of E. For a section of one elastic material the share depends on nu
+    alone, and is computed for an element as long as high, of unit width and E.
     """
     plan = mesh.plan
     if plan.rigid or plan.element.section_kind != "interpolated" or plan.element.degree_y > 1:
@@ -51,7 +51,7 @@ def thickness_excess(mesh: BodyMesh) -> float:
 
 @lru_cache
 def _excess(shape: ShapeFunctions, formulation: Formulation, rule: Rule, section: Section) -> float:
-    """Return what ``thickness_excess`` does of an element with these shape functions."""
+    """Return the result of ``thickness_excess`` for an element with these shape functions."""
     sampler = straight(shape, section)
     gain = _energy(sampler, formulation, rule) - _energy(replace(sampler, section=replace(section, nu=0.0)),
                                                          formulation, rule)
@@ -59,13 +59,13 @@ def _excess(shape: ShapeFunctions, formulation: Formulation, rule: Rule, section
 
 
 def _energy(sampler: Sampler, formulation: Formulation, rule: Rule) -> float:
-    """Return the energy of an element of this section, bent by (-x y, 0) with unit curvature."""
+    """Return the strain energy of an element of this section that is bent by (-x y, 0) with unit curvature."""
     element, l = sampler.shape.element, sampler.shape.l
     bent = {"r_y": lambda x: -x, "r_xy": lambda x: -1.0}
     e = np.array([[bent[name](element.nodes[i].at * l) if name in bent else 0.0, 0.0]
                   for i, name in element.functionals]).ravel()
     B, ref, D = formulation.sample(sampler, rule)
-    # so small that strains are linear
+    # small enough for linear strains
     small, energy = 1e-9 / (l + sampler.section.height), 0.0
     for s in range(len(B)):
         eps, _ = strains_at(formulation, ref[s], B[s] @ (small * e))
@@ -74,10 +74,10 @@ def _energy(sampler: Sampler, formulation: Formulation, rule: Rule) -> float:
 
 
 def arc_excess(mesh: BodyMesh) -> tuple[float, ElementClass | None]:
-    """Return how much stiffer in bending a curved element is than a straight one of its length, and which it is.
+    """Return how much stiffer in bending the worst curved element is than a straight one, and its class.
 
-    Moments on both ends of an arc change its curvature alone. A section whose direction is interpolated linearly cannot
-    follow a curved axis without being stretched: with omar and patel the share is about 0.07 (turn l/h)^2.
+    End moments change only the curvature of an arc. A section whose direction is interpolated linearly cannot follow a
+    curved axis without being stretched: for omar and patel the share is about 0.07 (turn l/h)^2.
     """
     worst = max(mesh.classes, key=lambda one: abs(one.turn) * one.shape.l)
     if mesh.plan.rigid or mesh.plan.element.section_kind != "interpolated" or worst.turn == 0.0:
@@ -86,7 +86,7 @@ def arc_excess(mesh: BodyMesh) -> tuple[float, ElementClass | None]:
 
 
 def _bent(mesh: BodyMesh, sampler: Sampler) -> float:
-    """Return by how much unit moments turn the ends of an element towards each other."""
+    """Return the relative rotation of an element's ends under opposite unit end moments."""
     rows = sampler.derivative(np.array([0.0, 1.0]), np.zeros(2), 0, 1)
     r_y = rows @ sampler.e0
     load = np.zeros((2, len(sampler.e0), 2))
@@ -97,9 +97,9 @@ def _bent(mesh: BodyMesh, sampler: Sampler) -> float:
 
 
 def _response(mesh: BodyMesh, sampler: Sampler, loads: Array) -> Array:
-    """Return the displacements (n_dof, ...) of an element alone under loads that balance."""
+    """Return the displacements (n_dof, ...) of a free element under self-equilibrated loads."""
     K = _stiffness(mesh, sampler, mesh.plan.rule)
-    # coordinates differ in units by powers of the height
+    # the units of coordinates differ by powers of the height
     size = 1.0 / np.sqrt(np.diag(K))
     return np.asarray((size * np.linalg.lstsq(size[:, None] * K * size, (size * loads.T).T, rcond=1e-13)[0].T).T)
 
@@ -115,9 +115,9 @@ def _stiffness(mesh: BodyMesh, sampler: Sampler, rule: Rule) -> Array:
 
 
 def hidden_motions(mesh: BodyMesh) -> int:
-    """Return how many motions of an element its quadrature barely sees, beside the default one of its type.
+    """Return the number of motions of an element that its quadrature misses but the type's default one does not.
 
-    The element is as long as it is high: points that leave out shear then are no cure for locking.
+    The element is as long as high, so that a quadrature that omits shear against locking is judged fairly.
     """
     plan = mesh.plan
     usual = default_rule(plan.element, plan.formulation)
@@ -125,22 +125,20 @@ def hidden_motions(mesh: BodyMesh) -> int:
         return 0
     sampler = mesh.straight(mesh.classes[0], plan.section.height)
     K, K_usual = _stiffness(mesh, sampler, plan.rule), _stiffness(mesh, sampler, usual)
-    # coordinates differ in units by powers of the height
+    # the units of coordinates differ by powers of the height
     size = 1.0 / np.sqrt(np.diag(K_usual))
     energies, motions = np.linalg.eigh(size[:, None] * K_usual * size)
-    # all but the rigid ones, of unit energy
+    # all but the rigid motions, scaled to unit energy
     motions = size[:, None] * motions[:, 3:] / np.sqrt(energies[3:])
     return int((np.linalg.eigvalsh(motions.T @ K @ motions) < UNSEEN).sum())
 
 
 def error_across(mesh: BodyMesh) -> float:
-    """Return how far a body shorter than it is high strays from Hooke's law where it is loaded across.
+    """Return the relative error of the strains of a short body (length <= height) under transverse load.
 
-    A load in proportion to y, as that of turning, with a mean stress of h^2/12, stretches an element across by b,
-    which does not depend on Poisson's ratio, and along by -nu h^2/(12 E). The error is the larger one of the two, as a
-    share of what stretches across. A section whose stretch
-    along varies with y^2 escapes a coupling with the strain of the axis alone; in longer bodies, shear keeps it from
-    that.
+    A load proportional to y, as in rotation, with a mean stress of h^2/12, strains an element across by b, independent
+    of Poisson's ratio, and along by -nu h^2/(12 E). The larger of both relative errors is returned. A section whose
+    axial strain varies with y^2 escapes a Poisson coupling on the axis alone; in longer bodies, shear prevents this.
     """
     plan = mesh.plan
     if plan.rigid or plan.element.section_kind != "interpolated" or plan.element.degree_y < 2 \
@@ -155,7 +153,7 @@ def error_across(mesh: BodyMesh) -> float:
 
 
 def _stretched(mesh: BodyMesh, sampler: Sampler, section: Section) -> tuple[float, float]:
-    """Return the mean strains along and across of an element of this section under a load in proportion to y."""
+    """Return the mean strains along and across of an element of this section under a load proportional to y."""
     plan, shape = mesh.plan, sampler.shape
     xi, eta, w = rule_points((plan.element.degree_x + 1, plan.element.degree_y + 1))
     S = shape(xi, eta, 0, 0)
@@ -167,7 +165,7 @@ def _stretched(mesh: BodyMesh, sampler: Sampler, section: Section) -> tuple[floa
 
 
 def hidden_warning(mesh: BodyMesh) -> str | None:
-    """Return what to say of a body whose quadrature has too few points, None where it has not."""
+    """Return a warning for a body whose quadrature has too few points, or None."""
     plan, hidden = mesh.plan, hidden_motions(mesh)
     if not hidden:
         return None
@@ -178,7 +176,7 @@ def hidden_warning(mesh: BodyMesh) -> str | None:
 
 
 def locking_warning(mesh: BodyMesh) -> str | None:
-    """Return what to say of a body that Poisson's ratio makes wrong across or in bending, None where it does not."""
+    """Return a warning for a body that Poisson's ratio or curvature makes too stiff or inaccurate, or None."""
     excess, across, plan = thickness_excess(mesh), error_across(mesh), mesh.plan
     if across > TOLD_ACROSS * (1.0 + (plan.length / plan.section.height) ** 2):
         return (f"bodies.{plan.name}: {plan.element.name} in formulation {plan.formulation.name} is {100 * across:.3g} "
@@ -201,15 +199,15 @@ def locking_warning(mesh: BodyMesh) -> str | None:
 
 
 def hinge_warning(mesh: BodyMesh) -> str | None:
-    """Return a warning where hinges of fibres that flow cannot lie at the places where moments peak, else None.
+    """Return a warning for a body whose plastic hinges cannot form where the moment peaks, or None.
 
-    They lie at stations: in the middle of an element that has one, and inside where the ends bear little.
+    Hinges form at stations: in the middle of an element with one station, or inside where the ends have little weight.
     """
     plan = mesh.plan
     one = plan.rule.normal[0] == 1
     if not any(law.flows for law in plan.section.laws) or not (one or plan.rule.lobatto):
         return None
-    # of the distance of two hinges, one at each end
+    # share of the distance between two hinges, one at each end
     lost = 1.0 if one else 2 / 3
     much = f"by {100 * lost / (plan.count - lost):.2g} %" if plan.count > 1 else "by far"
     place = "half" if one else "a third of"
@@ -219,7 +217,7 @@ def hinge_warning(mesh: BodyMesh) -> str | None:
 
 
 def coarse_warnings(model: Model, d: Array) -> list[str]:
-    """Return what to say of bodies that in a state d (n_full,) bend further than their elements follow."""
+    """Return warnings about bodies that in the state d (n_full,) bend more than their elements can follow."""
     e = model.e0 + d[:model.n_q]
     return [text for mesh in model.meshes.values() if (text := _warning(mesh, model.e0, e))]
 
@@ -251,15 +249,15 @@ def _bend(mesh: BodyMesh, e: Array) -> Array:
     return angles[1] - angles[0]
 
 
-# elements are looked at in blocks that the caches hold
+# number of elements per block, which fits the caches
 BLOCK = 2048
 
 
 def _orientation(pool: Pool, some: slice | Index, e: Array, before: Array | None) -> Array:
-    """Return what must stay positive along the axis of some elements (elements, stations), from their coordinates.
+    """Return what must stay positive along the axis of some elements (elements, stations), given their coordinates.
 
-    The area dr/dx x dr/dy where sections are interpolated, the stretch along the section's normal where theta turns
-    them, and for sections normal to the axis its direction beside that of the state ``before`` (or None).
+    This is the area dr/dx x dr/dy for interpolated sections, the stretch along the section's normal for sections with
+    theta, and for sections normal to the axis the scalar product of its tangent with that of ``before`` (1 if None).
     """
     kind = pool.plan.element.section_kind
     if kind == "interpolated":
@@ -280,9 +278,9 @@ AXIS = ((0, 0), (0, 1))
 
 
 def _fields(pool: Pool, some: slice | Index, q: Array, wanted: tuple[tuple[int, int], ...]) -> list[Array]:
-    """Return fields (elements, stations) each, as ``Pool.along_axis`` names them.
+    """Return the fields ``wanted`` (elements, stations) each, named as in ``Pool.along_axis``.
 
-    All of them are one product of matrices with the coordinates q (elements, n_dof).
+    All are computed as one matrix product with the coordinates q (elements, n_dof).
     """
     rows, stations = pool.along_axis(wanted), len(STATIONS)
     values = q @ rows[0].T if len(rows) == 1 else np.einsum("esk,ek->es", rows[pool.cls[some]], q)
@@ -290,9 +288,9 @@ def _fields(pool: Pool, some: slice | Index, q: Array, wanted: tuple[tuple[int, 
 
 
 def inverted(model: Model, d: Array, before: Array | None = None) -> str | None:
-    """Return which element is inverted at d (n_full,), in words; None where none is.
+    """Return a message about an inverted element at d (n_full,), or None if there is none.
 
-    ``before`` is the state one step before, from which no axis turns by more than a right angle.
+    ``before`` is the state one step earlier, from which no axis may turn by more than a right angle.
     """
     for pool in model.pools:
         for first in range(0, len(pool.dofs), BLOCK):
@@ -324,7 +322,7 @@ def any_inverted(model: Model, states: Array) -> bool:
 
 
 def _told(pool: Pool, ie: int, station: float) -> str:
-    """Return in words where an element is inverted."""
+    """Return a message that says where an element is inverted."""
     k = int(np.searchsorted(pool.first, ie, side="right")) - 1
     mesh, ie = pool.meshes[k], ie - int(pool.first[k])
     s = (mesh.starts[ie] + station * mesh.lengths[ie]) / mesh.plan.length
@@ -332,7 +330,7 @@ def _told(pool: Pool, ie: int, station: float) -> str:
 
 
 def check_inverted(model: Model, d: Array, before: Array | None, t: float) -> None:
-    """Raise ComputationError where an element is inverted."""
+    """Raise ComputationError if an element is inverted."""
     found = inverted(model, d, before)
     if found is not None:
         raise ComputationError(found, at={"factor": float(f"{t:.6g}")},

@@ -1,4 +1,4 @@
-"""What answers a motion: quantities of probes, controllers with their states, and signals that depend on them."""
+"""Feedback from the motion: quantities of probes, controllers with their states, and signals that depend on them."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from .points import PointRef, dot
 from .rotation import Rotation
 from .timing import Answer, Signal
 
-# how a quantity follows from coordinates (kernels.motion.feedback has the same numbers)
+# how a quantity depends on the coordinates (same numbers as in kernels.motion.feedback)
 POSITION, RATE, ANGLE, SPIN = range(4)
-# of an interval: times so near to an instant are it
+# tolerance for instants, as a share of the interval
 NEAR = 1e-9
 
 
 class Quantity(NamedTuple):
-    """A quantity of a motion: kind, coordinates with weights, and what it is in the reference."""
+    """A quantity of a motion: its kind, its coordinates with weights, and its value in the reference (in ``along``)."""
 
     kind: int
     along: Field
@@ -37,7 +37,7 @@ class Quantity(NamedTuple):
 
 
 class Waiting(NamedTuple):
-    """A condition that something waits for to begin (``after``) or to end (``until``); without a latch, the motion."""
+    """A condition that starts (``after``) or ends (``until``) an action; without a latch, it ends the motion."""
 
     latch: Latch | None
     which: str
@@ -45,10 +45,10 @@ class Waiting(NamedTuple):
 
 
 class Feedback:
-    """The quantities of a model's motion that something depends on, its controllers, and the conditions it waits for.
+    """The quantities of a motion on which something depends, its controllers, and the conditions that are monitored.
 
-    ``names`` are those of quantities, then of states; ``meaning`` tells of each name its number or, of controllers, the
-    tree of the output. ``states`` are the names of controllers' states, CONTROLLER:STATE.
+    ``names`` are those of the quantities, then of the states; ``meaning`` maps a name to its number or, for a
+    controller, to the tree of its output. ``states`` are the names of controller states, CONTROLLER:STATE.
     """
 
     def __init__(self, model: Any, answers: list[Answer]) -> None:
@@ -64,8 +64,8 @@ class Feedback:
         self.names = [*told, *self.states]
         self.meaning: dict[str, int | Tree] = {name: k for k, name in enumerate(self.names)}
         self.meaning |= {name: c.output for name, c in self.controllers.items()}
-        # of what is evaluated again and again: programs beside the functions that they are of, and the order of
-        # controllers that act at once
+        # caches: programs, with the functions that they evaluate, and the order of controllers that act at the same
+        # time
         self._made: dict[tuple[int, ...], tuple[Any, jets.Programs]] = {}
         self._in_turn: dict[tuple[str, ...], list[str]] = {}
 
@@ -75,7 +75,7 @@ class Feedback:
 
     @property
     def rank(self) -> int:
-        """How many signals and states answer the motion."""
+        """Number of signals and states that depend on the motion."""
         return len(self.answers) + len(self.states)
 
     @cached_property
@@ -85,7 +85,7 @@ class Feedback:
 
     @property
     def switches(self) -> list[Signal]:
-        """The expressions of controllers, which may switch at times known beforehand."""
+        """The expressions of controllers as signals, which may switch at times known beforehand."""
         texts: list[str] = []
         for c in self.model.case.controllers.values():
             texts += [c.input] if isinstance(c, Pid) else [*c.rate.values(), c.output]
@@ -93,16 +93,16 @@ class Feedback:
 
     @cached_property
     def sampled(self) -> dict[str, float]:
-        """The intervals of the controllers that act at instants."""
+        """The sampling intervals of the discrete-time controllers."""
         return {name: c.sample for name, c in self.controllers.items() if c.sample is not None}
 
     def instants(self, t_end: float) -> list[Break]:
-        """Return the times in (0, t_end) at which controllers act."""
+        """Return the times in (0, t_end) at which controllers sample."""
         times = sorted({k * step for step in self.sampled.values() for k in range(1, math.ceil(t_end / step))})
         return [Break(t, 0, math.nextafter(t, -math.inf)) for t in times]
 
     def due(self, t: float) -> list[str]:
-        """Return the controllers that act at t, those that others use before these."""
+        """Return the controllers that sample at t, each after those that it depends on."""
         found = tuple(name for name, step in self.sampled.items()
                       if abs(t / step - round(t / step)) < NEAR * max(t / step, 1.0))
         if found not in self._in_turn:
@@ -125,13 +125,13 @@ class Feedback:
         return out
 
     def programs(self) -> jets.Programs:
-        """Return the programs of all signals that answer the motion, of rates of states, conditions and margins."""
+        """Return the programs of all signals that depend on the motion, then of state rates, conditions and margins."""
         functions = [*((a.amplitude, a.factor) for a in self.answers),
                      *((tree, 1.0) for tree in (*self.rates, *self.asked, *map(margin, self.asked)))]
         return state_programs(functions, self.meaning, len(self.names))  # type: ignore[arg-type]
 
     def values(self, d: Array, v: Array, turned: Array, states: Array) -> Array:
-        """Return all quantities and states at d with rates v (n_full,), the bodies turned by ``turned`` (bodies,)."""
+        """Return all quantities and states at d with rates v (n_full,), for bodies turned by ``turned`` (bodies,)."""
         model, d = self.model, d[:self.model.n_q]
         e = model.e0 + d
         out = np.zeros(len(self.names))
@@ -147,20 +147,20 @@ class Feedback:
         return out
 
     def _program(self, functions: list[Any]) -> jets.Programs:
-        """Return the programs of (function or tree, factor), made once."""
+        """Return the programs of (function or tree, factor), compiled once."""
         key = tuple(id(function) for function, _ in functions)
         if key not in self._made:
             self._made[key] = functions, state_programs(functions, self.meaning, len(self.names))
         return self._made[key][1]
 
     def evaluate(self, trees: Mapping[str, Tree], t: float, values: Array) -> dict[str, float]:
-        """Return the values of some trees. Raises ComputationError, with the name of the one that has none."""
+        """Return the values of some trees. Raises ComputationError with the name of one that has none."""
         program = self._program([(tree, 1.0) for tree in trees.values()])
         return {name: self._finite(value_at(program, k, t, values.tolist())[0], name, t, values)
                 for k, name in enumerate(trees)}
 
     def initial(self, d: Array, v: Array, turned: Array) -> Array:
-        """Return the states of controllers at t = 0, at d with rates v (n_full,)."""
+        """Return the controller states at t = 0, at d with rates v (n_full,)."""
         out = np.zeros(len(self.states))
         for c in self.controllers.values():
             values = self.values(d, v, turned, out)
@@ -169,7 +169,7 @@ class Feedback:
         return out
 
     def sample(self, t: float, due: list[str], values: Array) -> Array:
-        """Return the states of controllers after some of them have acted at t; ``values`` are those of ``values``."""
+        """Return the controller states after the controllers ``due`` have sampled at t; ``values`` are those before."""
         out = values.copy()
         for name in due:
             c = self.controllers[name]
@@ -184,7 +184,7 @@ class Feedback:
                                                for state in c.rates}} for name, c in self.controllers.items()}
 
     def look(self, t: float, values: Array) -> None:
-        """Let signals have the values of a state. Raises ComputationError where one has none."""
+        """Evaluate the signals at a state. Raises ComputationError for one without a value."""
         for answer in self.answers:
             assert answer.amplitude is not None
             if isinstance(answer.amplitude, Gated) and not answer.amplitude.latch.at(t):
@@ -195,14 +195,14 @@ class Feedback:
             answer.level[0] = self._finite(found, answer.amplitude.described(), t, values)
 
     def check(self, t: float, values: Array) -> None:
-        """Raise the ComputationError of a signal, a rate, an output or a condition that has no value."""
+        """Raise ComputationError if a signal, rate, output or condition has no value."""
         self.look(t, values)
         self.holding(t, values)
         for c in self.controllers.values():
             self.evaluate(c.rates, t, values)
 
     def holding(self, t: float, values: Array) -> list[bool]:
-        """Return which conditions hold. Raises the ComputationError of one that has no value."""
+        """Return which conditions hold. Raises ComputationError for one without a value."""
         named = {f"the condition '{c.text}'": tree for c, tree in zip(self.conditions, self.asked, strict=True)}
         found = self.evaluate(named, t, values)
         return [found[f"the condition '{c.text}'"] != 0.0 for c in self.conditions]
@@ -216,7 +216,7 @@ class Feedback:
                                at={"t": t, **used}, advice="guard the expression with 'a if c else b'")
 
     def _origins(self, t: float, values: Array) -> Iterator[str]:
-        """Yield what controllers are given that has no value, first what others follow from."""
+        """Yield the controller expressions without a value, those that others depend on first."""
         for name in self._ordered(tuple(self.controllers)):
             for what, tree in self.controllers[name].given.items():
                 if not math.isfinite(value_at(self._program([(tree, 1.0)]), 0, t, values.tolist())[0]):
@@ -224,7 +224,7 @@ class Feedback:
 
 
 def _conditions(model: Any) -> Iterator[Waiting]:
-    """Yield the conditions that things wait for, and the motion last."""
+    """Yield the conditions of all latches, then the one that ends the motion."""
     for latch in model.latches:
         for which in ("after", "until"):
             text = getattr(latch.active, which)
@@ -236,7 +236,7 @@ def _conditions(model: Any) -> Iterator[Waiting]:
 
 
 def quantity_of(model: Any, name: str) -> Quantity:
-    """Return a quantity PROBE.QUANTITY of a model. Raises CaseError for a point that is not on an axis."""
+    """Return the quantity PROBE.QUANTITY of a model. Raises CaseError for a point off the axis of a rigid section."""
     probe, _, what = name.partition(".")
     place = model.case.output.probes[probe]
     point = model.point(place.at, place.y)
@@ -266,9 +266,10 @@ def _off_axis(model: Any, probe: str) -> CaseError:
 
 
 def margin(tree: Tree) -> Tree:
-    """Return what is above 0, or at 0, where a condition holds; the farther below, the farther it is from that.
+    """Return a tree that is >= 0 where a condition holds and below 0 elsewhere, as a measure of the distance from it.
 
-    It is smooth where what is compared is. Products of comparisons are and, sums are or; -1 is all there is of others.
+    It is smooth where the compared expressions are. Products of comparisons mean "and", sums "or"; the margin of other
+    trees is -1.
     """
     match tree:
         case Comparison(left, rest):
@@ -287,7 +288,7 @@ def margin(tree: Tree) -> Tree:
 
 
 def _extreme(op: str, parts: Sequence[Tree]) -> Tree:
-    """Return the smallest (<) or largest (>) of some."""
+    """Return the smallest (<) or largest (>) of several trees."""
     out, *rest = parts
     for part in rest:
         out = Choice(Comparison(out, ((op, part),)), out, part)

@@ -1,9 +1,9 @@
-"""Nested elimination of branched frames: which unknowns are taken out together, and what they reach.
+"""Multifrontal elimination of branched frames: which unknowns are eliminated together, and which they couple to.
 
-Unknowns are ordered by least degree, which takes a frame apart from its free ends, along its members and into its
-loops. Those that are taken out at once, and the later ones that they reach, are a front; the fronts are a tree, in
-which each adds what is left of it to its parent (Duff & Reid 1983, The multifrontal solution of indefinite sparse
-symmetric linear equations). All of this follows from the mesh, once.
+Unknowns are ordered by minimum degree, which eliminates a frame from its free ends along its members and into its
+loops. The unknowns that are eliminated together and the later ones that they couple to form a front. The fronts form a
+tree, in which each adds its Schur complement to its parent (Duff & Reid 1983, The multifrontal solution of indefinite
+sparse symmetric linear equations). All of this depends only on the mesh and is done once.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ import numpy as np
 from ..kernels.matrices.layout import Fronts
 from .mesh import Index
 
-# what fronts cost beside a block of 4 x 4 numbers that loses four pivots: a front, four pivots, a block that they
-# divide, a pivot alone, a number that it changes, a number handed to the parent (measured)
+# measured costs relative to updating a block of 4 x 4 numbers with four pivots: a front, four pivots, dividing a block
+# by them, a single pivot, a number that it changes, a number passed to the parent
 FRONT, FOUR, DIVIDED, ALONE, CHANGED, HANDED = 12.0, 4.0, 1.6, 3.0, 0.1, 0.2
 
 
 @cache
 def cost(pivots: int, below: int) -> float:
-    """Return what a front costs that takes out so many pivots above so many rows, in blocks of 4 x 4 numbers."""
+    """Return the cost of a front of ``pivots`` unknowns above ``below`` rows, in updates of 4 x 4 blocks."""
     total = FRONT + 0.5 * HANDED * below**2
     for k in range(0, pivots - pivots % 4, 4):
         blocks = -(-(pivots + below - k - 4) // 4)
@@ -34,18 +34,18 @@ def cost(pivots: int, below: int) -> float:
 
 
 def band_cost(n: int, half_bandwidth: int) -> float:
-    """Return what a band costs, in the same measure."""
+    """Return the cost of factoring a band, in the same unit."""
     blocks = -(-half_bandwidth // 4)
     return 0.25 * n * (FOUR + DIVIDED * blocks + 0.5 * blocks * (blocks + 1))
 
 
 def fronts_cost(fronts: Fronts) -> float:
-    """Return what all fronts cost."""
+    """Return the total cost of the fronts."""
     return sum(cost(int(s), int(u)) for s, u in zip(np.diff(fronts.first), np.diff(fronts.start), strict=True))
 
 
 def _alike(n: int, sets: list[Index]) -> Index:
-    """Return labels (n,): unknowns that are in the same rows of the same sets have the same one."""
+    """Return labels (n,), equal for unknowns that occur in the same rows of the same sets."""
     random, marks = np.random.default_rng(1), np.zeros(n, dtype=np.uint64)
     for rows in sets:
         used = rows >= 0
@@ -56,7 +56,7 @@ def _alike(n: int, sets: list[Index]) -> Index:
 
 
 def _graph(count: int, labels: Index, sets: list[Index]) -> Any:
-    """Return which labels meet in a row of a set, as compressed rows with the diagonal."""
+    """Return the graph of labels that share a row of a set, as a sparse matrix with the diagonal."""
     from scipy.sparse import coo_matrix, identity
 
     rows, columns, first = [], [], 0
@@ -72,9 +72,9 @@ def _graph(count: int, labels: Index, sets: list[Index]) -> Any:
 
 
 def least_degree(n: int, sets: list[Index]) -> Index:
-    """Return the position of each of n unknowns that meet in the rows of ``sets``: those of fewest neighbours first.
+    """Return the position (n,) of each unknown in a minimum-degree order; unknowns couple in the rows of ``sets``.
 
-    The order is that of SuperLU's multiple minimum degree for what stands alike.
+    The order is that of SuperLU's multiple minimum degree; equally coupled unknowns are next to each other.
     """
     from scipy.sparse.linalg import splu
 
@@ -89,14 +89,14 @@ def least_degree(n: int, sets: list[Index]) -> Index:
 
 
 def make_fronts(position: Index, sets: list[Index]) -> tuple[Fronts, Index]:
-    """Return the fronts of unknowns that are taken out by ``position`` (n,), and the positions that go with them.
+    """Return the fronts of unknowns that are eliminated in the order ``position`` (n,), and their final positions.
 
-    These differ from ``position`` where the order makes no difference: every front's pivots stand together.
+    These differ from ``position`` only where the order does not matter: the pivots of a front are consecutive.
     """
     n = len(position)
     order = np.argsort(position)
     labels = _alike(n, sets)[order]
-    # runs of unknowns alike are taken out together
+    # equally coupled unknowns are eliminated together, as a run
     ends = np.append(np.flatnonzero(np.diff(labels)) + 1, n)
     runs = [order[a:b] for a, b in zip(np.append(0, ends[:-1]), ends, strict=True)]
     run_of = np.empty(n, dtype=np.int64)
@@ -108,7 +108,7 @@ def make_fronts(position: Index, sets: list[Index]) -> tuple[Fronts, Index]:
 
 
 def _reached(graph: Any) -> list[set[int]]:
-    """Return what each run reaches when it is taken out: later neighbours, and what earlier ones left it."""
+    """Return the later runs that each run couples to when it is eliminated, fill-in included."""
     out: list[set[int]] = []
     children: list[list[int]] = [[] for _ in range(graph.shape[0])]
     for j in range(graph.shape[0]):
@@ -122,7 +122,7 @@ def _reached(graph: Any) -> list[set[int]]:
 
 
 def _merged(sizes: list[int], reached: list[set[int]]) -> tuple[dict[int, list[int]], dict[int, int]]:
-    """Return the runs of each front by its last run, and the front's parent; children join where that costs less."""
+    """Return the runs of each front by its last run, and the parents; merge children where this costs less."""
     below = [sum(sizes[k] for k in r) for r in reached]
     pivots, parent = list(sizes), {j: min(r) if r else -1 for j, r in enumerate(reached)}
     members: dict[int, list[int]] = {}
@@ -138,7 +138,7 @@ def _merged(sizes: list[int], reached: list[set[int]]) -> tuple[dict[int, list[i
                 for k in children[c]:
                     parent[k] = j
                 children[j] += children[c]
-        # those that joined are no children any more
+        # merged children are no longer children
         children[j] = [c for c in children[j] if c in parent]
         children[parent[j]].append(j)
     return members, parent
@@ -146,7 +146,7 @@ def _merged(sizes: list[int], reached: list[set[int]]) -> tuple[dict[int, list[i
 
 def _numbered(members: dict[int, list[int]], parent: dict[int, int], runs: list[Index], sizes: list[int],
               reached: list[set[int]], position: Index) -> tuple[Fronts, Index]:
-    """Return the fronts in an order that has children right before their parents, and all positions."""
+    """Return the fronts, numbered so that children come right before their parents, and the final positions."""
     order = _children_first(parent)
     final, first = np.empty(len(position), dtype=np.int64), [0]
     for j in order:
@@ -169,12 +169,12 @@ def _numbered(members: dict[int, list[int]], parent: dict[int, int], runs: list[
 
 
 def _children_first(parent: dict[int, int]) -> list[int]:
-    """Return the fronts, each right behind the last of its children."""
+    """Return the fronts in postorder, each right after the last of its children."""
     children: dict[int, list[int]] = {}
     for j in sorted(parent, reverse=True):
         children.setdefault(parent[j], []).append(j)
     out, stack = [], list(children.get(-1, []))
-    # parents before children, then all turned round
+    # parents before children, then reversed
     while stack:
         out.append(stack.pop())
         stack += children.get(out[-1], [])

@@ -1,7 +1,7 @@
-"""Meshes of unequal elements: a map of a body's axis, of which all elements take equal shares.
+"""Meshes with unequal elements, defined by a map of the body's axis.
 
-A body has the map S = phi(x) from 0..1 to 0..1, and n elements end at phi(k/n). A mesh of 2 n elements then has all
-nodes of one of n, and refined meshes keep their proportions.
+A body has the map S = phi(x) from 0..1 to 0..1, and n elements end at phi(k/n). A mesh of 2 n elements then contains
+all nodes of the one of n, and refined meshes keep their proportions.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from .profiles import breaks, values
 
 Array = NDArray[np.float64]
 
-# cells of a profile of lengths that are integrated on their own, points in each, and steps of Newton's method
+# number of cells in which a profile of lengths is integrated, points in each, and steps of Newton's method
 CELLS, POINTS, STEPS = 256, 8, 4
-# lengths of elements that differ by less, relative, are the same
+# relative difference below which element lengths are equal
 SAME = 1e-10
 
 
 @dataclass(frozen=True)
 class Ratio:
-    """Elements whose length changes evenly along the body, to ``ratio`` times that at the start: in a geometric series.
+    """Element lengths in a geometric series; ``ratio`` is the length at the end over that at the start of the body.
 
     phi(x) = (ratio^x - 1)/(ratio - 1).
     """
@@ -37,19 +37,19 @@ class Ratio:
     nodes = ()
 
     def places(self, x: Array) -> Array:
-        """Return S at shares x of the elements."""
+        """Return the places S = phi(x)."""
         log = math.log(self.ratio)
         return x if log == 0.0 else np.expm1(x * log) / math.expm1(log)
 
     def shares(self, s: Array) -> Array:
-        """Return the shares of the elements that lie before places S."""
+        """Return x with S = phi(x), the share of the elements before a place S."""
         log = math.log(self.ratio)
         return s if log == 0.0 else np.log1p(s * math.expm1(log)) / log
 
 
 @dataclass(frozen=True)
 class Lengths:
-    """Elements as long, relative to one another, as a profile h(s) says: dx/ds is proportional to 1/h."""
+    """Element lengths proportional to a profile h(s): dx/ds is proportional to 1/h."""
 
     profile: Profile
     nodes = ()
@@ -67,14 +67,14 @@ class Lengths:
         return (b - a) * ((1.0 / values(self.profile, at.ravel()).reshape(at.shape)) @ w)
 
     def shares(self, s: Array) -> Array:
-        """Return the shares of the elements that lie before places S."""
+        """Return x with S = phi(x), the share of the elements before a place S."""
         ends, whole = self._table
         k = np.clip(np.searchsorted(ends, s, side="right") - 1, 0, len(ends) - 2)
         found: Array = (whole[k] + self._integral(ends[k], np.asarray(s, dtype=float))) / whole[-1]
         return found
 
     def places(self, x: Array) -> Array:
-        """Return S at shares x of the elements."""
+        """Return the places S = phi(x)."""
         ends, whole = self._table
         share = whole / whole[-1]
         k = np.clip(np.searchsorted(share, x, side="right") - 1, 0, len(ends) - 2)
@@ -87,21 +87,21 @@ class Lengths:
 
 @dataclass(frozen=True)
 class Nodes:
-    """Nodes that are given: between two of them elements are equally long."""
+    """Given nodes, with elements of equal length between two of them."""
 
     given: tuple[float, ...]
 
     @property
     def nodes(self) -> tuple[float, ...]:
-        """The places S between the ends that must be nodes."""
+        """The places S inside the body that must be nodes."""
         return self.given[1:-1]
 
     def places(self, x: Array) -> Array:
-        """Return S at shares x of the elements."""
+        """Return the places S = phi(x)."""
         return np.interp(x, np.linspace(0.0, 1.0, len(self.given)), self.given)
 
     def shares(self, s: Array) -> Array:
-        """Return the shares of the elements that lie before places S."""
+        """Return x with S = phi(x), the share of the elements before a place S."""
         return np.interp(s, self.given, np.linspace(0.0, 1.0, len(self.given)))
 
 
@@ -118,12 +118,12 @@ def _of(nodes: object, grading: float | Profile | None) -> Grading | None:
 
 
 def grading_of(spec: Element) -> Grading | None:
-    """Return how the lengths of a body's elements differ, None where they are equal."""
+    """Return the grading of a body's elements, or None if they are equally long."""
     return _of(spec.nodes, spec.grading)
 
 
 def too_short(spec: Element, lengths: list[float], least: float) -> tuple[tuple[str, str], str, str] | None:
-    """Return the key, why, and what is expected where a case asks for elements too unequal to compute with."""
+    """Return key, message and expectation if the elements are too unequal for floating-point arithmetic, else None."""
     if isinstance(spec.nodes, tuple):
         key, shortest, beside = "nodes", float(np.diff(spec.nodes).min()), "the body"
     elif spec.grading is not None:
@@ -135,6 +135,6 @@ def too_short(spec: Element, lengths: list[float], least: float) -> tuple[tuple[
 
 
 def runs(lengths: Array) -> list[tuple[float, int]]:
-    """Return the length and the number of neighbours of equal length, in order."""
+    """Return length and number of elements for each run of equally long neighbours, in order."""
     ends = [0, *(np.flatnonzero(np.abs(np.diff(lengths)) > SAME * lengths[1:]) + 1).tolist(), len(lengths)]
     return [(float(lengths[a:b].sum()), b - a) for a, b in pairwise(ends)]

@@ -1,4 +1,4 @@
-"""Bodies as kernel groups: sampled laws with element classes, and how they are worked on in batches."""
+"""Pools as kernel groups: laws sampled for each element class, and the plan of work in batches."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ Pair = tuple[int, int]
 
 
 def pair(a: int, b: int) -> Pair:
-    """Return an entry of a symmetric matrix by the row and column of its lower half."""
+    """Return an entry of a symmetric matrix as (row, column) in its lower half."""
     return max(a, b), min(a, b)
 
 
 def first_and_others(nc: int, positions: list[int]) -> tuple[list[int], list[list[int]]]:
-    """Return x and y of the first position, and those of the others; positions : their shape functions."""
+    """Return x and y of the first position, and of the others; positions : numbers of their shape functions."""
     first, *others = ([k * nc, k * nc + 1] for k in positions)
     return first, others
 
 
 def made(n: int, first: list[int]) -> list[Pair]:
-    """Return the entries of n coordinates that do not follow from others."""
+    """Return the entries of the lower half, for n coordinates, that are computed and do not follow from others."""
     return [(a, b) for a in range(n) for b in range(a + 1) if a not in first and b not in first]
 
 
 def following(n: int, nc: int, positions: list[int], entries: Index) -> tuple[list[Pair], Index]:
-    """Return the entries that follow from those that are made (m, 2), and ``following`` of ``kernels.lanes.Plan``.
+    """Return the entries that follow from the computed ones (m, 2), and ``following`` of ``kernels.lanes.Plan``.
 
-    Where there are just two positions nothing is summed up, and nothing rounded.
+    With just two positions there is nothing to sum, so nothing is rounded.
     """
     first, others = first_and_others(nc, positions)
     number = {(int(a), int(b)): k for k, (a, b) in enumerate(entries)}
@@ -64,27 +64,27 @@ def following(n: int, nc: int, positions: list[int], entries: Index) -> tuple[li
 
 
 def _sum(target: int, sources: list[int]) -> list[tuple[int, int, int]]:
-    """Return the rules for an entry that is less by all sources: two of them at once, then one by one."""
+    """Return the rules for an entry that is minus the sum of all sources: two at once, then one by one."""
     return [(target, sources[0], sources[min(1, len(sources) - 1)]), *((target, target, k) for k in sources[2:])]
 
 
-# products of all classes are kept up to this many entries (32 MB), and made anew for each batch beyond
+# products of all classes are stored up to this many entries (32 MB); beyond, each batch computes its own
 KEPT = 4_000_000
-# matrices of up to so many entries are made whole, though with zeros: one product costs less than several small ones
+# matrices with up to this many entries are computed whole, with their zeros: one product is faster than several
 WHOLE = 2000
-# products of matrices with so many multiplications are never shared between threads, whose number would show in digits
+# BLAS never divides products of so few multiplications among threads, whose number would change the digits
 ALONE = 200_000
-# what round-off makes of numbers that are the same: shape functions are scaled by the mean height of a body
+# relative round-off of equal numbers: shape functions are scaled by the mean height of a body
 ROUNDED = 1e-15
-# of a law's arrays (classes, parts, ...): the axes along which values are of one size
+# axes of a law's arrays (classes, parts, ...) along which values have one magnitude
 _COMPARED = {"B": (1, 3, 4), "ref": (1, 2, 3), "D": (1, 4)}
 
 
 def make_group(pool: Pool, natural: list[NaturalStrain], like: tuple[Pool, Record] | None = None) -> Record:
-    """Return the kernel group (``Group``) of bodies alike, their elements one body after another.
+    """Return the kernel group (``Group``) of a pool.
 
-    ``natural`` are the loads that strain bodies which are free; those of other bodies count nowhere. ``like`` are other
-    bodies and their group, from which classes that are the same are taken.
+    ``natural`` are all natural-strain loads; those of other bodies are ignored. ``like`` is another pool with its
+    group, whose classes are reused where they are the same.
     """
     plan, point = pool.plan, pool.plan.formulation.law
     nc = plan.element.components
@@ -116,12 +116,12 @@ def _sampled_classes(pool: Pool, classes: Sequence[ElementClass]) -> tuple[Array
 
 
 def _in_parts_of_law(B: Array, ref: Array, D: Array, parts: int) -> tuple[Array, Array, Array]:
-    """Return B, ref and D as a ``Law`` has them."""
+    """Return B, ref and D in the layout of a ``Law``."""
     return _in_parts(B, parts, 2), _in_parts(ref, parts, 2), _in_parts(D, parts, 3, 0.0)
 
 
 def _law_like(pool: Pool, other: Pool, group: Record) -> tuple[Law, Plan]:
-    """Return law and plan of bodies of which some classes are those of another group."""
+    """Return law and plan of a pool, with the sampled classes of another pool's group where they are the same."""
     old, plan = group.values.law, group.values.plan
     place = {id(c): k for k, c in enumerate(other.classes)}
     source = [place.get(id(c), -1) for c in pool.classes]
@@ -139,7 +139,7 @@ def _law_like(pool: Pool, other: Pool, group: Record) -> tuple[Law, Plan]:
 
 
 def _with_products(law: Law, plan: Plan) -> Plan:
-    """Return a plan with the products of all classes, where these are not too many."""
+    """Return a plan with the stored products of all classes, unless these are too many."""
     size = plan.products.shape[1]
     kept = len(law.B) if len(law.B) * size <= KEPT else 0
     plan = plan._replace(products=np.zeros((kept, size)))
@@ -149,7 +149,7 @@ def _with_products(law: Law, plan: Plan) -> Plan:
 
 
 def _rows(old: Array, new: Array, source: Sequence[int], at: Sequence[int], parts: int) -> Array:
-    """Return the parts of classes: those of ``source`` in the old ones, or, at places ``at``, the new ones."""
+    """Return the parts of classes: from ``source`` in the old ones, or the new ones at places ``at``."""
     if len(at) == len(source):
         return new
     old, new = (x.reshape(-1, parts, *x.shape[1:]) for x in (old, new))
@@ -159,7 +159,7 @@ def _rows(old: Array, new: Array, source: Sequence[int], at: Sequence[int], part
 
 
 def _memory(law: Law, point: PointLaw, parts: int, elements: int) -> Memory:
-    """Return what elements remember that have not been strained yet; a timed law has had all time since."""
+    """Return the initial history variables of elements; those of a timed law are fully relaxed."""
     if not law.state or point.elastic:
         return no_memory()
     stations, points = parts * law.B.shape[2], law.B.shape[1] // law.fields
@@ -170,7 +170,7 @@ def _memory(law: Law, point: PointLaw, parts: int, elements: int) -> Memory:
 
 
 def with_states(groups: list[Record], states: Array | None = None) -> tuple[list[Record], Array]:
-    """Return groups that remember ``states`` (all in a row), or a copy of what they do, and that array."""
+    """Return groups that use ``states`` (all in one array), by default a copy of their own, and this array."""
     if states is None:
         states = np.concatenate([np.zeros(0), *(g.values.memory.states.ravel() for g in groups)])
     out, at = [], 0
@@ -183,9 +183,10 @@ def with_states(groups: list[Record], states: Array | None = None) -> tuple[list
 
 
 def with_given(groups: list[Record]) -> tuple[list[Record], Array, Array]:
-    """Return groups whose laws may be given internal strains, those that relax.
+    """Return groups whose relaxing laws can use given internal strains instead of their own.
 
-    With these strains and what they have taken (2, k), one group after another, and their slopes (groups,).
+    Also return the given strains and those increments of them that dissipate energy (2, k), group after group, and
+    slopes.
     """
     laws, memories = ([getattr(group.values, name) for group in groups] for name in ("law", "memory"))
     sizes = [x.states.size // law.state * law.strains if law.timed else 0
@@ -200,25 +201,25 @@ def with_given(groups: list[Record]) -> tuple[list[Record], Array, Array]:
 
 
 def with_trials(groups: list[Record]) -> list[Record]:
-    """Return groups that also keep what they would remember of the state whose forces were last asked for."""
+    """Return groups that also store the trial history variables of the last state whose forces were computed."""
     memories = [group.values.memory for group in groups]
     return [group.replaced(memory=memory._replace(trial=np.empty_like(memory.states))) if memory.states.size else group
             for group, memory in zip(groups, memories, strict=True)]
 
 
 def _with_room(plan: Plan) -> Plan:
-    """Return how batches are worked on, with room of their own."""
+    """Return a plan with work arrays of its own."""
     return plan._replace(held=np.full_like(plan.held, -1), work=np.zeros_like(plan.work))
 
 
 def apart(group: Record) -> Record:
-    """Return a group that writes nothing to what others read: with room, and amounts of natural strains, of its own."""
+    """Return a copy of a group that shares no written array: with own work arrays and amounts of natural strains."""
     natural = group.values.natural
     return group.replaced(plan=_with_room(group.values.plan), natural=natural._replace(amount=natural.amount.copy()))
 
 
 def of_elements(group: Record, which: Index | slice) -> Record:
-    """Return a group of some elements, with room of its own to work in."""
+    """Return a group of some elements, with work arrays of its own."""
     plan = _with_room(group.values.plan)
     turn = np.ascontiguousarray(group.turn[which]) if len(group.turn) > 1 else group.turn
     return group.replaced(cls=np.ascontiguousarray(group.cls[which]), turn=turn, plan=plan,
@@ -228,9 +229,9 @@ def of_elements(group: Record, which: Index | slice) -> Record:
 
 
 def unlike(groups: Sequence[Record]) -> Index:
-    """Return which elements (m,) can have other forces in one of several groups of the same elements, at the same d.
+    """Return the elements (m,) whose forces can differ between several groups of the same elements, at equal d.
 
-    Elements with natural strains are among them: signals tell how large these are.
+    Elements with natural strains are included, as signals set these.
     """
     first, *others = (group.values for group in groups)
     found = np.full(len(first.dofs), any(len(group.natural.pattern) > 0 for group in groups))
@@ -270,21 +271,21 @@ def _blocks(B: Array, nc: int, entries: list[tuple[int, int]]) -> tuple[Index, I
 
 
 def _component(rows: Array, nc: int) -> int:
-    """Return the component of the coordinates that a field is made of."""
+    """Return the component of the coordinates that a field depends on."""
     (found,) = {int(a) % nc for a in np.nonzero(np.any(rows, axis=(0, 1)))[0]}
     return found
 
 
 def _parts(stations: int, blocks: Index) -> int:
-    """Return into how many parts stations are cut: each fits the lanes and one processor."""
+    """Return the number of parts that the stations are divided into, so that each fits the lanes and one thread."""
     together = min(LANES, max(1, ALONE // int(np.max(blocks[:, 1] * blocks[:, 3]))))
     return -(-stations // together)
 
 
 def _in_parts(x: Array, parts: int, axis: int, weight: float = 1.0) -> Array:
-    """Return sampled values (classes, stations, ...) as (classes parts, ...) with the stations moved to an axis.
+    """Return sampled values (classes, stations, ...) as (classes parts, ...) with the stations moved to ``axis``.
 
-    The last part is filled up with copies of a station times ``weight``.
+    The last part is padded with copies of the first station times ``weight``.
     """
     length = -(-x.shape[1] // parts)
     missing = parts * length - x.shape[1]
@@ -307,14 +308,14 @@ def _plan(law: Law, parts: int, nc: int, blocks: Index, pairs: Index, entries: I
 
 
 def _coupled(law: Law) -> Index:
-    """Return whether D couples points (points, points) of a station."""
+    """Return whether D couples the points (points, points) of a station."""
     points, ns = law.B.shape[1] // law.fields, law.D.shape[1]
     D = np.abs(law.D).max(axis=(0, 3)).reshape(points, ns // points, points, ns // points)
     return (D.max(axis=(1, 3)) > 0.0).astype(np.int64)
 
 
 def _vectors(law: Law, nc: int) -> Index:
-    """Return the fields (v, 2) that are x and y of a vector: the same functions of the x and of the y coordinates."""
+    """Return the pairs of fields (v, 2) that are x and y of a vector: the same functions of the x and y coordinates."""
     x, y = law.B[..., 0::nc], law.B[..., 1::nc]
     left, found = set(range(law.B.shape[1])), []
     for i in range(law.B.shape[1]):
@@ -327,7 +328,7 @@ def _vectors(law: Law, nc: int) -> Index:
 
 
 def _natural(pool: Pool, loads: list[NaturalStrain], parts: int) -> Natural:
-    """Return the natural strains of the elements of a pool, whose stations come in parts."""
+    """Return the natural strains of a pool, its stations divided into parts."""
     own = [load for load in loads if any(load.mesh is mesh for mesh in pool.meshes)]
     if not own:
         return no_natural()
@@ -353,9 +354,9 @@ def _natural(pool: Pool, loads: list[NaturalStrain], parts: int) -> Natural:
 
 
 def _sampled(pool: Pool, load: NaturalStrain, cls: int, element: int, strained: bool) -> Array:
-    """Return the natural strains (stations, strains of all points) of an element of a class."""
+    """Return the natural strains (stations, strains of all points) of one element of a class."""
     natural, rule = pool.plan.formulation.natural, pool.plan.rule
-    # a formulation without one has been refused
+    # the model builder refuses natural strains for other formulations
     assert natural is not None
     return natural(pool.classes[cls].sampler, rule,
                    lambda xi: load.along(element, xi) if strained else np.zeros((4, len(xi))))

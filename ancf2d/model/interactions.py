@@ -1,4 +1,4 @@
-"""Springs, loads that turn or move and constraints of a model in tables, which the kernels evaluate."""
+"""Tables of the springs, turning and moving loads and constraints of a model, which the kernels evaluate."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ from .timing import Clocked, rates_of
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-# energy, forces (m, n), stiffness (m, n, n) and coordinates (m, n) of m things with n coordinates each
+# energy, forces (m, n), stiffness (m, n, n) and coordinates (m, n) of m items with n coordinates each
 Evaluated = tuple[float, Array, Array, Index]
 
 
 @runtime_checkable
 class HasItems(Protocol):
-    """A point law, or many of one kind, as tables have it."""
+    """A point law, or many of one kind, in the layout of tables."""
 
     def items(self) -> Items:
-        """Return the law and what it acts on."""
+        """Return the law and the items that it acts on."""
         ...
 
 
 def _joined(parts: list[Any], dtype: type) -> tuple[Index, Array]:
-    """Return where each part begins (n + 1,), and all parts one after another."""
+    """Return the start of each part (n + 1,) and the concatenated parts."""
     starts = np.zeros(len(parts) + 1, dtype=np.int64)
     starts[1:] = np.cumsum([p.size for p in parts])
     return starts, np.concatenate([np.zeros(0), *(p.ravel() for p in parts)]).astype(dtype)
@@ -54,9 +54,9 @@ def _joined(parts: list[Any], dtype: type) -> tuple[Index, Array]:
 
 def point_table(patches: Sequence[HasItems], signals: list[Any] | None = None,
                 steps: bool = False) -> Points:
-    """Return the table of point laws; with ``steps`` it also knows their forces over a step.
+    """Return the table of point laws; with ``steps`` it includes their forces over a step.
 
-    What they follow is appended to ``signals``, whose rows they refer to; what is there already is not repeated.
+    Signals that are new are appended to ``signals``; the table refers to them by number.
     """
     signals = [] if signals is None else signals
     known = {id(s): k for k, s in enumerate(signals)}
@@ -97,9 +97,9 @@ def point_table(patches: Sequence[HasItems], signals: list[Any] | None = None,
 
 
 def _spans(items: Sequence[Items]) -> Index:
-    """Return the fields (coordinates of all items, 2), from the first to behind the last one, that each moves.
+    """Return for each coordinate of all items the range of fields [first, end) that it affects (coordinates, 2).
 
-    All fields where G changes.
+    The range is all fields if G changes.
     """
     found = [np.zeros((0, 2), dtype=np.int64)]
     for p in items:
@@ -109,23 +109,22 @@ def _spans(items: Sequence[Items]) -> Index:
 
 
 def _span(rows: Array) -> Index:
-    """Return the first and behind the last entry that is not zero of each row (..., m), all where there is none."""
+    """Return the range [first, end) of nonzero entries of each row (..., m), all entries if there is none."""
     used = rows != 0.0
     return np.stack([used.argmax(axis=-1), rows.shape[-1] - used[..., ::-1].argmax(axis=-1)], axis=-1)
 
 
 def no_sewn() -> Sewn:
-    """Return that no curves act on anything: all are of its type."""
+    """Return an empty ``Sewn`` table, with the same types as a full one."""
     none, index = np.zeros(0), np.zeros(0, dtype=np.int64)
     return Sewn(np.zeros((0, 3), dtype=np.int64), index, none, np.zeros((0, 2), dtype=np.int64), index, none,
                 np.zeros(0, dtype=bool), 0)
 
 
 def sew(points: Points, T: csr_matrix, slots: Callable[[Index, Index], Index]) -> Points:
-    """Return a table that knows what its curves, and points that rub without a law, act on of the unknowns z.
+    """Return a table with the couplings of curves, and of hard contact points with friction, to the unknowns z.
 
-    ``T`` : (n_full, n) with d = T z; ``slots(i, j)`` : where the entries (i, j), j <= i, of the matrix of the unknowns
-    are.
+    ``T`` : (n_full, n) with d = T z; ``slots(i, j)`` : places of entries (i, j), j <= i, in the matrix of the unknowns.
     """
     begin, unknown, rows, spans, slot = np.zeros((len(points.forces) + 1, 3), dtype=np.int64), [], [], [], []
     following, rubs = 0, (points.restitution >= 0.0) & (points.par[:, FRICTION] > 0.0)
@@ -135,7 +134,7 @@ def sew(points: Points, T: csr_matrix, slots: Callable[[Index, Index], Index]) -
             continue
         following, n = i + int(points.run[i]), int(points.dof[i + 1] - points.dof[i])
         if rubs[i] and points.par[i, SHAPE] == BODY:
-            # what it acts on changes
+            # the coordinates of the body that it touches change
             begin[i + 1, 2] += n * (n + 1) // 2
             continue
         parts = [slice(*T.indptr[c:c + 2]) for c in points.dofs[points.dof[i]:points.dof[i + 1]]]
@@ -163,9 +162,9 @@ def turning_table(turns: Turns) -> Turning:
 
 
 class Batch:
-    """Point laws that touch equally many coordinates each, evaluated together; ``dofs`` (m, n).
+    """Point laws with equally many coordinates each, evaluated together; ``dofs`` (m, n).
 
-    Constants and remembered angles of the laws are those of the table from now on.
+    ``par`` and ``mem`` of the laws become views of the table.
     """
 
     def __init__(self, patches: Sequence[HasItems]) -> None:
@@ -175,7 +174,7 @@ class Batch:
         self.table = Record(point_table(patches, self.signals))
         self.facing, self.curves = Record(facing_table(patches)), BeamCurves(patches)
         m = len(self.table.forces)
-        # where bodies touch, these change
+        # in contacts between bodies, these change
         self.dofs: Index = self.table.dofs.reshape(m, -1)
         at = 0
         self.timed: list[tuple[int, Any]] = []
@@ -191,57 +190,57 @@ class Batch:
         self._energy, self._shape = np.zeros(m), (m, n, n)
 
     def amplitudes(self, t: float, rates: bool = False) -> Array:
-        """Return the signals (k, 3) at t; their derivatives by time are 0 unless asked for, or they tell the time."""
+        """Return the signals (k, 3) at t; time derivatives are 0 without ``rates``, but clocked signals give t."""
         return np.array([(s(t), *(rates_of(s, t) if rates or isinstance(s, Clocked) else (0.0, 0.0)))
                          for s in self.signals]).reshape(-1, 3)
 
     def turn_to(self, d: Array) -> None:
-        """Let points touch with the curves that they have at d (n_full,), and what they are opposite to there."""
+        """Update the curves of contact points, and the elements opposite to them, to d (n_full,)."""
         self.curves.take(self.table, d, False)
         if len(self.facing.item):
             face(self.facing, self.table, d, False)
 
     def accept(self, d: Array, t: float) -> None:
-        """Let laws remember the accepted state d (n_full,) at t."""
+        """Update the history variables of the laws with the accepted state d (n_full,) at t."""
         self.turn_to(d)
         point_accept(self.table, d, self.amplitudes(t))
 
     @property
     def rubs(self) -> bool:
-        """Whether there is contact with a law and friction."""
+        """Return whether there is a contact with a law and friction."""
         return any(isinstance(p, CompliantContact) and p.pair.item.friction > 0.0 for p in self.patches)
 
     def matrices(self, d: Array, t: float, linear: bool = False, v: Array | None = None
                  ) -> tuple[float, Array, Array, Array]:
-        """Return energy, forces (m, n), stiffness and damping (m, n, n) at d with rates v (n_full,), at rest without.
+        """Return energy, forces (m, n), stiffness and damping (m, n, n) at d with rates v (n_full,), 0 if None.
 
-        ``linear``: constraints are those of linear theory about the reference.
+        ``linear``: constraints are linearised about the reference.
         """
         Q, K, C = np.empty(self._shape[:2]), np.empty(self._shape), np.empty(self._shape)
         self._fill(d, t, linear, np.zeros_like(d) if v is None else v, Q, K, C)
         return float(self._energy.sum()), Q, K, C
 
     def _fill(self, d: Array, t: float, linear: bool, v: Array, Q: Array, K: Array, C: Array) -> None:
-        """Fill the energies, and what ``matrices`` returns: K and C of no size are left out."""
+        """Fill the energies and the arrays that ``matrices`` returns; empty K and C are left out."""
         for k, active in self.timed:
             self.table.on[k] = active.at(t)
         self.turn_to(d)
         point_matrices(self.table, d, v, self.amplitudes(t, self.by_rate), linear, self._energy, Q, K, C)
 
     def energy(self, d: Array, t: float, worked: bool = False) -> float:
-        """Return the energy at rest at d (n_full,); see ``Interactions.energy``."""
+        """Return the energy at d (n_full,) without rates; see ``Interactions.energy``."""
         nothing = np.empty((0, *self._shape[1:]))
         self._fill(d, t, False, np.zeros_like(d), np.empty(self._shape[:2]), nothing, nothing)
         contact = (self.table.restitution != -1.0) & (self.table.fed[:, 0] < 0)
         return float(self._energy[~contact if worked else slice(None)].sum())
 
     def evaluate(self, e: Array, d: Array, t: float) -> tuple[float, Array, Array]:
-        """Return energy, forces (m, n) and stiffness (m, n, n) at rest at d (n_full,)."""
+        """Return energy, forces (m, n) and stiffness (m, n, n) at d (n_full,) without rates."""
         return self.matrices(d, t)[:3]
 
 
 def batches(patches: Iterable[Any]) -> list[Any]:
-    """Return point laws that are alike together, and what else there is as it is."""
+    """Return point laws with equally many coordinates in batches, and all other patches unchanged."""
     alike: dict[int, list[Any]] = {}
     others = []
     for p in patches:
@@ -258,9 +257,9 @@ def _damped(parts: Iterable[Any]) -> list[Batch]:
 
 
 class Interactions:
-    """Everything of a model that exerts forces beside its elements and dead loads.
+    """Everything in a model that exerts forces, except its elements and dead loads.
 
-    ``points`` are its point laws in the order springs, loads, constraints; ``e0`` (n_q,) its reference coordinates.
+    ``points`` are its point laws in the order springs, loads, flows, constraints; ``e0`` (n_q,) reference coordinates.
     """
 
     def __init__(self, springs: Sequence[PointPatch], loads: Sequence[Patch], constraints: Sequence[Constraint],
@@ -271,7 +270,7 @@ class Interactions:
         self.joints = [c for c in constraints if isinstance(c, OnAxis)]
         self.sliding = Record(sliding_table(self.joints, e0))
 
-    # batches take the machine code of their laws, which other kernels can be compiled beside
+    # batches load the compiled laws, so they are made only on demand; other kernels can be compiled meanwhile
     @cached_property
     def springs(self) -> list[Batch]:
         """The springs."""
@@ -279,12 +278,12 @@ class Interactions:
 
     @cached_property
     def loads(self) -> list[Any]:
-        """Loads that turn, or whose place changes."""
+        """The loads that turn or move."""
         return batches(self._parts[1])
 
     @cached_property
     def held(self) -> list[Batch]:
-        """The constraints of points."""
+        """The constraints at points."""
         return batches(c for c in self._parts[2] if isinstance(c, PointConstraint))
 
     @cached_property
@@ -294,20 +293,20 @@ class Interactions:
 
     @cached_property
     def rows(self) -> list[slice]:
-        """Where the items of each of ``points`` are in their table."""
+        """The rows of each of ``points`` in their common table."""
         counts = [len(p.items().mem) for p in self.points]
         return [slice(end - count, end) for end, count in zip(np.cumsum(counts).tolist(), counts, strict=True)]
 
     @property
     def memory(self) -> list[tuple[slice, Array]]:
-        """The same, with what they remember (items, numbers)."""
+        """The rows of each of ``points``, with its history variables (items, numbers)."""
         return [(rows, p.items().mem) for rows, p in zip(self.rows, self.points, strict=True)]
 
     def patches(self, d: Array, t: float, elastic: bool = False, linear: bool = False) -> Iterator[Evaluated]:
-        """Yield energy, Q, K and coordinates of springs, constraints and, unless ``elastic``, of loads.
+        """Yield energy, Q, K and coordinates of springs, flows, constraints and, unless ``elastic``, of loads.
 
-        At rest at d (n_full,). ``linear``: constraints are those of linear theory about the reference. Raises
-        ComputationError where a point has left the body that it slides on.
+        At d (n_full,) without rates. ``linear``: constraints are linearised about the reference. Raises
+        ComputationError if a point has left the body on which it slides.
         """
         e = self.e0 + d[:len(self.e0)]
         for batch in [*self.springs, *self.flows, *([] if elastic else self.loads)]:
@@ -315,7 +314,7 @@ class Interactions:
         yield from self.constraints(d, t, linear)
 
     def constraints(self, d: Array, t: float, linear: bool = False) -> Iterator[Evaluated]:
-        """Yield energy (none), Q, K and coordinates of constraints, the multiplier last, as ``patches`` does."""
+        """Yield energy (0), Q, K and coordinates of constraints, the multiplier last; arguments as of ``patches``."""
         for batch in self.held:
             _, Q, K, _ = batch.matrices(d, t, linear)
             yield 0.0, Q, K, batch.dofs
@@ -346,7 +345,7 @@ class Interactions:
         return out[:, len(self.e0):]
 
     def take_hold(self, d: Array, t: float) -> None:
-        """Let friction of contact with a law hold to where a first state d (n_full,) at t is, but for what it has."""
+        """Set missing friction anchors of contacts with a law to the initial state d (n_full,) at t."""
         for batch in self.springs:
             if batch.rubs:
                 batch.accept(d, t)
@@ -354,22 +353,22 @@ class Interactions:
     def energy(self, d: Array, t: float, worked: bool = False) -> float:
         """Return the energy of the springs at d (n_full,) or (n_q,).
 
-        ``worked``: without that of contacts with what no signal moves, which is counted by states and not by its work.
+        ``worked``: without contacts that no signal moves, whose energy is evaluated from states and not from work.
         """
         return sum(batch.energy(d, t, worked) for batch in self.springs)
 
     @cached_property
     def drags(self) -> list[Batch]:
-        """Loads that depend on rates, with others that are evaluated together with them."""
+        """Batches of loads among which some depend on rates."""
         return _damped(self.loads)
 
     @cached_property
     def dampers(self) -> list[Batch]:
-        """Springs and loads that depend on rates, with others that are evaluated together with them."""
+        """Batches of springs and loads among which some depend on rates."""
         return [*_damped(self.springs), *self.drags]
 
     def rate_forces(self, d: Array, v: Array, t: float, linear: bool = False) -> Iterator[tuple[Array, Index]]:
-        """Yield the forces (m, n) that rates v (n_full,) cause at d and t, and coordinates (m, n).
+        """Yield the forces (m, n) that rates v (n_full,) cause at d and t, and their coordinates (m, n).
 
         ``linear``: to first order in v.
         """
@@ -382,10 +381,10 @@ class Interactions:
 
 
 def of_interactions(model: Any, steps: bool, problem: Any) -> list[Callable[[], object]]:
-    """Return what compiles the laws of springs, loads, constraints and contacts, and what finds what touches.
+    """Return functions that compile the laws of springs, loads, constraints and contacts, and the contact search.
 
-    Forces come first, and what shares parts with them last: processes that do both at once compile these twice.
-    ``steps`` : whether forces of a step are wanted too; ``problem`` : the type of the records that kernels take.
+    Forces come first, and functions that share parts with them last: parallel processes would compile these parts
+    twice. ``steps`` : whether forces over a step are needed, too; ``problem`` : type of the records that kernels take.
     """
     patches = (*model.springs, *model.loads.patches, *model.loads.flows, *model.constraints)
     laws = {p.items().law: None for p in patches if isinstance(p, HasItems)}

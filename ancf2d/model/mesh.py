@@ -23,9 +23,9 @@ from .plan import BodyPlan
 from .profiles import SectionsAlong, alike_along
 
 Index = NDArray[np.int64]
-# where along an element its axis is looked at
+# stations along an element at which its axis is examined
 STATIONS = np.array([0.0, 0.5, 1.0])
-# what meshes share whose nodes are in the same places, and stand for the same coordinates
+# attributes that meshes with the same nodes and coordinates share
 LAID_OUT = ("dofs", "nodes", "turn", "e0", "n_dofs", "n_nodes", "piece_first", "kinds", "coordinate_names", "starts",
             "lengths", "angles", "shares_start", "motions", "at_nodes", "_references", "_located")
 
@@ -37,14 +37,14 @@ def straight(shape: ShapeFunctions, section: Section) -> Sampler:
 
 
 def _named(element: ElementType) -> list[tuple[float, str]]:
-    """Return where each nodal coordinate is, and which it is."""
+    """Return the place along the element and the name of each vector-valued nodal coordinate."""
     return [(element.nodes[i].at, name) for i, name in element.functionals]
 
 
 def _reference(element_nodes: list[tuple[float, str]], piece: Piece, theta: bool) -> Array:
     """Return the reference coordinates (n, n_shape, components) of the elements of a piece, each in its own frame.
 
-    There it starts at 0 along x. Where the curvature is the same all along, they are those of one element.
+    In its frame an element starts at the origin along x. For constant curvature, return one element for all (n = 1).
     """
     n = piece.count
     if piece.kappa is not None:
@@ -66,12 +66,12 @@ def _reference(element_nodes: list[tuple[float, str]], piece: Piece, theta: bool
 class BodyMesh:
     """The mesh of one body.
 
-    Elements of a piece share end nodes, and so do pieces that continue one another; at the corners of a polyline and at
-    kinks each piece has a node of its own, and they are welded. Coordinates run node by node. ``dofs`` is (ne, n_dof),
-    ``cls`` (ne,), ``turn`` (ne or 1, 2), ``e0`` the reference values (n_dofs,) of the coordinates first_dof,
-    first_dof + 1, ... Classes of ``like``, a mesh of the same body with other numbers, are taken where they are the
-    same, and all else that follows from places alone where these are. Unless ``exactly``, classes whose shape functions
-    are scaled by another mean height are the same, too: they differ by round-off.
+    Elements of a piece share end nodes, and so do pieces that continue one another; at corners of a polyline and at
+    kinks each piece has a node of its own, and these are welded. Coordinates are numbered node by node. ``dofs`` is
+    (ne, n_dof), ``cls`` (ne,), ``turn`` (ne or 1, 2), ``e0`` (n_dofs,) the reference values of the coordinates
+    first_dof, first_dof + 1, ... ``like`` is a mesh of the same body with other numbers: its classes are reused where
+    they are equal, and its layout where nodes and numbering are. Without ``exactly``, classes are also reused if only
+    the mean height, which scales the shape functions, differs; they then differ by round-off.
     """
 
     def __init__(self, plan: BodyPlan, first_dof: int, first_node: int, like: BodyMesh | None = None,
@@ -80,27 +80,27 @@ class BodyMesh:
         self.node_sizes = [plan.element.components * sum(c != "theta" for c in n.coordinates)
                            for n in plan.element.nodes]
         self.stride = sum(self.node_sizes[:-1])
-        # points that were asked for, by S and y (``points.point_ref``)
+        # cache of ``points.point_ref``, by S and y
         self.points: dict[tuple[float, float], Any] = {}
         self.classes: list[ElementClass] = []
         self._samplers: dict[tuple[Any, ...], list[Sampler]] = {}
-        # what users should know of it, once it was asked for
+        # warnings about the mesh, once computed
         self.told: list[list[str]] | None = None
-        # what positions and directions at nodes are made of, once it was asked for (``points.PointRef``)
+        # cache of ``points.PointRef`` for positions and directions at nodes
         self.at_nodes: dict[tuple[Any, ...], Any] = {}
-        # what ``determinacy.own_motions`` returns, once it was asked for
+        # cache of ``determinacy.own_motions``
         self.motions: Array | None = None
         self._known = {} if like is None or (exactly and like.plan.section != plan.section) else like.classes_in(plan)
         # reference coordinates of elements, each in its own frame
         self._references: dict[tuple[Any, ...], Array] = {}
-        # elements of points that were asked for, by S
+        # cache of ``element_at``, by S
         self._located: dict[float, tuple[int, float, float]] = {}
         if like is not None and like._places == self._places:
             vars(self).update({name: value for name, value in vars(like).items() if name in LAID_OUT})
         else:
             self._lay_out()
         keys: dict[tuple[Any, ...], int] = {}
-        # fibres alone are sampled where moments peak; nodes are among Lobatto points
+        # fibres are sampled where the moment peaks; Lobatto points include the nodes and need no such shift
         sought = bool(plan.section.laws) and not plan.rule.lobatto
         found = peaks(plan.pieces, plan.acting) if sought else [0] * plan.count
         self.cls: Index = np.concatenate([self._classes_of(piece, keys, found[first:first + piece.count])
@@ -108,11 +108,11 @@ class BodyMesh:
 
     @property
     def _places(self) -> tuple[Any, ...]:
-        """What tells where nodes are, and the numbers of nodes and coordinates."""
+        """Key of the layout: where the nodes are, and the numbers of nodes and coordinates."""
         return id(self.plan.element), self.first_dof, self.first_node, self.plan.pieces
 
     def _lay_out(self) -> None:
-        """Find nodes and coordinates, with their reference values."""
+        """Set nodes, coordinates and their reference values."""
         element, pieces = self.plan.element, self.plan.pieces
         dofs, turn, nodes, e0 = [], [], [], []
         dof, node = self.first_dof, self.first_node
@@ -138,7 +138,7 @@ class BodyMesh:
         self.n_dofs, self.n_nodes = dof - self.first_dof, node - self.first_node
 
     def _classes_of(self, piece: Piece, keys: dict[tuple[Any, ...], int], peak: list[int]) -> Index:
-        """Return the classes (n,) of the elements of a piece, those that are new added."""
+        """Return the classes (n,) of the elements of a piece; add new ones to ``classes``."""
         found, samplers, turns = [], self._samplers_of(piece), piece.turns
         length, mean, varying = float(f"{piece.l:.13e}"), self.plan.section, self.plan.varying
         begin: Array = piece.s0 + piece.l * np.arange(piece.count, dtype=float)
@@ -168,7 +168,7 @@ class BodyMesh:
         return np.array(found * (piece.count // len(found)))
 
     def classes_in(self, plan: BodyPlan) -> dict[float, ElementClass]:
-        """Return the classes of elements that are the same in another plan of the body, by where they begin [m]."""
+        """Return the classes of elements that another plan of the body leaves unchanged, by element start [m]."""
         own = self.plan
         if own.varying is None or plan.varying is None or plan.pieces != own.pieces or any(
                 getattr(plan, name) != getattr(own, name) for name in ("element", "formulation", "rule", "name")):
@@ -180,7 +180,7 @@ class BodyMesh:
                                                            strict=True)}
 
     def _samplers_of(self, piece: Piece) -> list[Sampler]:
-        """Return the samplers of a piece's elements, with the mean section; one where its curvature is constant."""
+        """Return the samplers of a piece's elements with the mean section; only one for constant curvature."""
         plan = self.plan
         key = (piece.l, piece.kappa) if self._alike(piece) else (piece.l, piece.axis, piece.begin)
         if plan.element is RIGID_FRAME:
@@ -193,11 +193,11 @@ class BodyMesh:
         return self._samplers[key]
 
     def _alike(self, piece: Piece) -> bool:
-        """Whether all elements of a piece have the same reference but for a rotation."""
+        """Return whether all elements of a piece have the same reference up to a rotation."""
         return piece.kappa is not None and self.plan.element is not RIGID_FRAME
 
     def _frame_sampler(self, piece: Piece) -> Sampler:
-        """Return the sampler of a piece, one element, of a rigid body that has a frame where it starts."""
+        """Return the sampler of a piece (one element) of a rigid body whose frame is at the body's start."""
         plan, first = self.plan, self.plan.pieces[0]
         origin, turn = complex(*first.start), np.exp(-1j * first.angle)
 
@@ -211,13 +211,13 @@ class BodyMesh:
         return Sampler(shape, np.stack([e0.real, e0.imag], axis=1), plan.section)
 
     def straight(self, one: ElementClass, length: float | None = None) -> Sampler:
-        """Return the sampler of a straight element of a class's length, or of the given one, with the mean section."""
+        """Return the sampler of a straight element of ``length`` (default: that of the class) with the mean section."""
         plan = self.plan
         shape = shape_functions(plan.element, length or one.shape.l, plan.section.height, plan.section.nu)
         return straight(shape, plan.section)
 
     def uniform(self, one: ElementClass) -> Sampler:
-        """Return the sampler of a class with the body's mean section all along."""
+        """Return the sampler of a class with the body's mean section along the whole element."""
         return replace(one.sampler, section=self.plan.section, profile=None, cuts=())
 
     def _reference_values(self, piece: Piece) -> Array:
@@ -244,7 +244,7 @@ class BodyMesh:
         return out
 
     def tile(self, pattern: Sequence[float]) -> Array:
-        """Repeat a value per element coordinate over the body's coordinates (n_dofs,), shared nodes once."""
+        """Return values per element coordinate repeated over all elements of the body (n_dofs,), shared nodes once."""
         parts: list[Array] = []
         for piece in self.plan.pieces:
             if piece.shared:
@@ -280,7 +280,7 @@ class BodyMesh:
 
     @cached_property
     def kinds(self) -> NDArray[np.int8]:
-        """What each coordinate is (n_dofs,): 0, 1 for x, y of r; 2 for theta; 3, 4 for x, y of a gradient."""
+        """Kind of each coordinate (n_dofs,): 0, 1 for x, y of r; 2 for theta; 3, 4 for x, y of a gradient."""
         nc = self.plan.element.components
         pattern = [m if name == "r" else m + 3 for _, name in self.plan.element.functionals for m in range(nc)]
         return self.tile(pattern).astype(np.int8)
@@ -304,11 +304,11 @@ class BodyMesh:
 
     @cached_property
     def angles(self) -> Array:
-        """Angle of the reference tangent at which each element starts (ne,)."""
+        """Angle of the reference tangent at the start of each element (ne,)."""
         return np.concatenate([p.position(p.l * np.arange(p.count))[1] for p in self.plan.pieces])
 
     def piece_of(self, ie: int) -> tuple[Piece, int]:
-        """Return the piece that has an element, and the element's number in it."""
+        """Return the piece that contains an element, and the element's number in the piece."""
         k = int(np.searchsorted(self.piece_first, ie, side="right")) - 1
         return self.plan.pieces[k], ie - self.piece_first[k]
 
@@ -337,7 +337,7 @@ class BodyMesh:
 
     @cached_property
     def shares_start(self) -> NDArray[np.bool_]:
-        """Whether each element shares its first node with the last one of the element before (ne,)."""
+        """Return whether each element shares its first node with the last one of the element before (ne,)."""
         return np.concatenate([[False], self.nodes[1:, 0] == self.nodes[:-1, -1]])
 
     def element_at(self, s: float) -> tuple[int, float, float]:
@@ -363,15 +363,15 @@ class BodyMesh:
 
     @property
     def can_part(self) -> bool:
-        """Whether neighbours share less than their sections, and are short enough to part where they are compressed."""
+        """Return whether faces of compressed neighbours can separate: common coefficients, and shorter than high."""
         return self.plan.element.common_coefficients and bool(
             np.any(self.lengths < np.transpose(self.sections(np.array([0.5])).height)))
 
     @property
     def seams(self) -> list[tuple[int, bool]]:
-        """Where pieces have nodes of their own: the first element behind, and whether strains can jump there.
+        """The first element after each node that pieces do not share, and whether strains can jump there.
 
-        That is where a closed body ends, too.
+        For a closed body this includes its start.
         """
         return [(first, p.kink) for first, p in zip(self.piece_first, self.plan.pieces, strict=True)
                 if (first > 0 or self.plan.closed) and not p.shared]

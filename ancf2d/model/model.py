@@ -1,4 +1,4 @@
-"""A case as arrays: everything that a solver needs, and nothing that the scene does not require."""
+"""The arrays that a solver needs, made from a case."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 def symmetric(loads: LoadSet, contacts: Sequence[ContactPair | BodyPair] = ()) -> bool:
-    """Return whether loads and contacts leave the tangent symmetric: follower forces and friction have no potential."""
+    """Return whether loads and contacts keep the tangent symmetric: follower forces and friction have no potential."""
     return (not loads.flows and all(p.symmetric for p in loads.patches)
             and not any(c.item.friction for c in contacts))
 
@@ -41,8 +41,8 @@ def symmetric(loads: LoadSet, contacts: Sequence[ContactPair | BodyPair] = ()) -
 class Model:
     """Bodies, connections, loads and numbering of one case.
 
-    ``e0`` (n_q,) are the reference nodal coordinates; nodal coordinates are e0 + d. ``loaded`` is where the case
-    came from, for what can be told to be wrong with it only later on.
+    ``e0`` (n_q,) are the reference nodal coordinates; the current ones are e0 + d. ``loaded`` is the case with its
+    source positions, for problems that are found only after the model is built.
     """
 
     case: Case
@@ -59,16 +59,16 @@ class Model:
     timing: Timing
     warnings: list[str] = field(default_factory=list)
     loaded: LoadedCase | None = None
-    # whether only gravity holds it, so that the reference is a mechanism
+    # only gravity holds the model: the reference is a mechanism
     hangs: bool = False
-    # the loads that are inputs of small motions, by name: they are not among ``loads``
+    # the loads that are inputs of small motions, by name; they are not in ``loads``
     inputs: dict[str, LoadSet] = field(default_factory=dict)
     contacts: list[ContactPair | BodyPair] = field(default_factory=list)
-    # how obstacles stand and move
+    # reference pose and motion of each obstacle, by name
     frames: dict[str, Frame] = field(default_factory=dict)
-    # a model that it shares meshes and classes of elements with
+    # a model with which it shares meshes and classes of elements
     like: Model | None = None
-    # the linear equations that were found to let no body move freely
+    # the linear equations that were found to leave no body free to move
     held: tuple[Any, ...] | None = None
 
     @property
@@ -96,17 +96,17 @@ class Model:
 
     @property
     def groups(self) -> list[Any]:
-        """The element groups as the kernels take them (imports numba)."""
+        """The element groups in the form that the kernels need (imports numba)."""
         return self._groups[0]
 
     @property
     def states(self) -> Array:
-        """What elements whose laws have a memory remember of the last accepted state, which solvers write to."""
+        """History variables of the elements at the last accepted state, in one array; solvers update it."""
         return self._groups[1]
 
     @contextmanager
     def remembering(self, states: Array | None) -> Iterator[None]:
-        """Let elements remember, for a while, what ``states`` had at another time; None for what they remember now."""
+        """Replace the elements' history variables by ``states`` within the context; None keeps the current ones."""
         now = self.states.copy() if states is not None else None
         if states is not None:
             self.states[:] = states
@@ -118,20 +118,20 @@ class Model:
 
     @cached_property
     def clocks(self) -> Index:
-        """Where ``states`` hold the time since the last accepted state, of laws that relax."""
+        """Places in ``states`` of the time since the last accepted state, one for each point of a law that relaxes."""
         runs = [first + size - 1 + size * np.arange(points) for _, first, points, size, *_ in self.relaxing[0].tolist()]
         return np.concatenate([np.zeros(0, dtype=np.int64), *runs])
 
     @cached_property
     def relaxing(self) -> tuple[Index, Array]:
-        """Where ``states`` hold what relaxes, and the terms (m, 2), modulus and time [s].
+        """Places of relaxing laws in ``states`` (m, 8), and their Maxwell terms (n, 2): modulus and time [s].
 
-        Rows of the former are (group, first number, points, numbers of a point, strains, first term, terms, first of
-        the strains of all points); groups that relax alike have the same terms.
+        Rows of the first are (group, first number, points, numbers of a point, strains, first term, terms, first of the
+        strains of all points); groups with the same Maxwell terms share these.
         """
         runs, terms, first, strains = list[list[int]](), list[tuple[float, float]](), 0, 0
         places = dict[tuple[tuple[float, float], ...], int]()
-        # groups take the machine code of elements, which other kernels can be compiled beside
+        # making groups loads the element kernels, which models without relaxing laws do not need here
         relaxes = any(pool.plan.formulation.law.timed for pool in self.pools)
         for k, (pool, group) in enumerate(zip(self.pools, self.groups, strict=True) if relaxes else ()):
             law, size, own = pool.plan.formulation.law, group.values.memory.states.size, pool.plan.section.maxwell
@@ -146,69 +146,69 @@ class Model:
         return np.array(runs, dtype=np.int64).reshape(-1, 8), np.array(terms).reshape(-1, 2)
 
     def set_step(self, h: float) -> None:
-        """Set the time [s] since the last accepted state, of laws that relax: infinite where all has relaxed."""
+        """Set the time [s] since the last accepted state of laws that relax; infinite means fully relaxed."""
         self.states[self.clocks] = h
 
     @property
     def maxwell(self) -> list[tuple[tuple[float, float], ...]]:
-        """The Maxwell terms of materials that relax, each set of them once."""
+        """The distinct sets of Maxwell terms of the materials."""
         return [terms for terms in dict.fromkeys(m.plan.section.maxwell for m in self.meshes.values()) if terms]
 
     @property
     def remembers(self) -> list[str]:
-        """The bodies whose formulation has a memory, so that their forces depend on the way to a state."""
+        """The bodies whose law has inelastic history variables, so that their forces depend on the path to a state."""
         laws = {m.plan.name: m.plan.formulation.law for m in self.meshes.values()}
         return [name for name, law in laws.items() if law.state and not law.elastic]
 
     @cached_property
     def pools(self) -> list[Pool]:
-        """The bodies of each group."""
+        """The pools: bodies of the same kind, one pool for each element group."""
         return make_pools(self.case, self.meshes)
 
     @cached_property
     def weights(self) -> Array:
-        """Displacement that a unit of each nodal coordinate stands for (n_q,) [m]."""
+        """Displacement [m] that one unit of each nodal coordinate stands for (n_q,)."""
         return np.concatenate([m.weights for m in self.meshes.values()])
 
     @cached_property
     def straining(self) -> Array:
-        """Weights of Newton's increments (n_q,) [m]: displacements, or what strains as much in slender elements."""
+        """Weights of Newton's increments (n_q,) [m]: displacements, or in slender elements an equally large strain."""
         from .numbering import straining_weights
 
         return np.concatenate([straining_weights(m, self.extent) for m in self.meshes.values()])
 
     @cached_property
     def turns(self) -> Turns:
-        """How rotations are counted through full turns."""
+        """The counter of full turns of the bodies."""
         return Turns(self.meshes)
 
     @property
     def winds(self) -> bool:
-        """Whether forces depend on whole turns: those of torsion springs on sections without theta."""
+        """Return whether forces depend on full turns: there are torsion springs on sections without theta."""
         return any(end is not None for spring in self.springs for end in spring.sections)
 
     @property
     def sided(self) -> bool:
-        """Whether constraints may be open: contacts without a law."""
+        """Return whether there are unilateral constraints: contacts without a law."""
         return any(contact.hard for contact in self.contacts)
 
     @cached_property
     def contact_tables(self) -> list[ContactTable]:
-        """The points of each contact as the kernels take them (imports numba)."""
+        """The tables of contact points, one for each contact (imports numba)."""
         from .contact_tables import contact_table
 
-        self.interactions  # noqa: B018  the tables take constants that are known then
+        self.interactions  # noqa: B018  the tables need constants that this sets
         return [contact_table(self.constraints, pair) for pair in self.contacts]
 
     @property
     def symmetric(self) -> bool:
-        """Whether the tangent is symmetric (follower forces have no potential, nor has friction)."""
+        """Return whether the tangent is symmetric: follower forces and friction have no potential."""
         return symmetric(self.loads, self.contacts)
 
     def prescribed(self, t: float, out: Array, order: int = 0) -> None:
         """Add the right-hand sides of prescribed motion at t to the dependent coordinates of ``out``.
 
-        ``order`` 1 and 2 are those of their rates and second rates over time.
+        ``order`` 1 and 2 add their first and second time derivatives instead.
         """
         values: dict[int, float] = {}
         for coord, dependent in self.elimination.dependents.items():
@@ -220,7 +220,7 @@ class Model:
 
     @cached_property
     def moves(self) -> bool:
-        """Whether some linear row prescribes a motion."""
+        """Return whether some linear row prescribes a motion."""
         return any(r.signal is not None for r in self.rows)
 
     def displacements(self, z: Array, t: float, out: Array | None = None) -> Array:
@@ -242,21 +242,21 @@ class Model:
         return out
 
     def set_natural(self, t: float | None, rates: dict[int, float] | None = None) -> None:
-        """Let the natural strains of the elements be those at load factor or time t; None lets there be none.
+        """Set the natural strains of the elements to those at load factor or time t, or to zero if t is None.
 
-        ``rates`` are those of the loads by their number among ``loads.natural``; all others are 0.
+        ``rates`` maps numbers of ``loads.natural`` to the rates of these loads; all other rates are 0.
         """
         for k, load in enumerate(self.loads.natural):
             load.amount[:] = 0.0 if t is None else load.at(t)
             load.amount[1] = rates.get(k, 0.0) if rates else 0.0
 
     def gravity_potential(self, d: Array, t: float) -> float:
-        """Return the potential of gravity, measured from the reference."""
+        """Return the potential of gravity relative to the reference."""
         return -sum(float(load.values @ d[load.dofs]) * load.amplitude(t)
                     for load in self.loads.dead if load.gravity)
 
     def coordinate_names(self) -> list[str]:
-        """Return 'ry_x of beam at S = 0.25' and the like for every nodal coordinate (n_q,)."""
+        """Return a label such as 'ry_x of beam at S = 0.25' for every nodal coordinate (n_q,)."""
         out = [""] * self.n_q
         for body, mesh in self.meshes.items():
             nodes = zip(mesh.coordinate_names, mesh.plan.element.nodes, strict=True)
@@ -268,17 +268,17 @@ class Model:
         return out
 
     def describe_coordinate(self, full: int) -> str:
-        """Return the name of a nodal coordinate."""
+        """Return the label of a nodal coordinate."""
         return self.coordinate_names()[full]
 
     def describe_multiplier(self, number: int) -> str:
-        """Return the name of the multiplier of constraint ``number``."""
+        """Return the label of the multiplier of constraint ``number``."""
         constraint = self.constraints[number]
         return f"the multiplier of {constraint.owner} ({constraint.holds})"
 
     @cached_property
     def interactions(self) -> Interactions:
-        """Springs, loads that turn or move and constraints as the kernels take them (imports numba)."""
+        """Springs, turning and moving loads and constraints in the form that the kernels need (imports numba)."""
         from .contacts import hold_rigid_bodies
         from .interactions import Interactions
 
@@ -288,29 +288,29 @@ class Model:
 
     @cached_property
     def feedback(self) -> Feedback:
-        """What answers the motion, empty where nothing does. Raises CaseError for a probe that cannot be used."""
+        """The signals that depend on the motion, possibly none. Raises CaseError for a probe that cannot be used."""
         from .feedback import Feedback
 
         return Feedback(self, list(getattr(self.timing, "answers", {}).values()))
 
     @property
     def hardens(self) -> bool:
-        """Whether fibres yield."""
+        """Return whether a fibre law is inelastic."""
         return any(not law.elastic for pool in self.pools for law in pool.plan.section.laws)
 
     @property
     def hinges(self) -> bool:
-        """Whether fibres yield that in the end bear hardly more, so that a section of such turns as a hinge."""
+        """Return whether fibres yield until they bear hardly more stress, so that a section becomes a plastic hinge."""
         return any(law.flows for pool in self.pools for law in pool.plan.section.laws)
 
     @property
     def latches(self) -> list[Latch]:
-        """What tells when things act that wait for conditions."""
+        """The latches, which switch items on and off by conditions."""
         return list(getattr(self.timing, "latches", {}).values())
 
     @property
     def patches(self) -> list[Patch]:
-        """Everything that depends on the configuration beside the elements."""
+        """All springs, loads and flows with forces that depend on the configuration; without the elements."""
         return [*self.springs, *self.loads.patches, *self.loads.flows]
 
 

@@ -1,4 +1,4 @@
-"""The unknowns of a model: coordinates that linear equations leave, d = T z + P b, and their places in the matrix."""
+"""The unknowns of a model, d = T z + P b after elimination of the linear equations, and their places in the matrix."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from .constraints import Constraint, Row
 from .fronts import Fronts, band_cost, fronts_cost, least_degree, make_fronts
 from .mesh import BodyMesh, Index
 
-# fronts are tried where there are so many unknowns and a band is wider than so many times an element's; they are taken
-# where the band costs so much more, in statics and in motion, whose kernels are compiled anew for them
+# fronts are tried for at least this many unknowns and a band wider than this many element widths; they are used if the
+# band costs this many times as much, in statics and in motion, where other kernels must be compiled for them
 FEW, LOOSE, WORTH = 200, 1.5, (1.2, 3.0)
-# a hundred times what is left of increments, beside the scene's extent
+# a hundred times the remaining Newton increments, relative to the scene's extent
 LEFT = 1e-8
 
 
 class Source:
-    """What places of unknowns follow from: dependent coordinates, and what elements, forces and constraints couple."""
+    """The data behind a numbering: dependent coordinates, and the couplings of elements, forces and constraints."""
 
     def __init__(self, said: list[Any], coupled: list[Index]) -> None:
         self.said, self.coupled = said, coupled
@@ -38,12 +38,12 @@ class Source:
 
 @dataclass(frozen=True)
 class Numbering:
-    """Which full coordinates are unknown, held or dependent, and where the unknowns stand in the matrix.
+    """The full coordinates that are unknown, held or dependent, and the places of the unknowns in the matrix.
 
-    Full coordinates are the nodal coordinates (n_q) followed by one multiplier per nonlinear constraint.
-    ``place`` (n_full,): position of an unknown, -1 where held, -2 - k for dependent k, whose unknowns are
-    ``index[indptr[k]:indptr[k+1]]`` with factors ``value``. ``free`` (n_unknowns,): the full coordinate at
-    each position. ``fronts``: how the unknowns are taken out where that costs less than a band.
+    Full coordinates are the nodal coordinates (n_q) followed by one multiplier per nonlinear constraint. ``place``
+    (n_full,): position of an unknown; -1 if held; -2 - k for dependent k, which depends on the unknowns
+    ``index[indptr[k]:indptr[k+1]]`` with factors ``value``. ``free`` (n_unknowns,): the full coordinate at each
+    position. ``fronts``: the elimination order of the unknowns if it costs less than a band, else None.
     """
 
     n_q: int
@@ -66,37 +66,37 @@ class Numbering:
 
     @cached_property
     def places(self) -> Places:
-        """Where coordinates are among the unknowns, as kernels take it."""
+        """The places of coordinates among the unknowns, in the form that kernels need."""
         return Places(self.place, self.indptr, self.index, self.value)
 
     @cached_property
     def where(self) -> slice | Index:
-        """Return ``free``, as a slice where unknowns stand one behind the other: it reads without a copy."""
+        """``free``, as a slice if it is contiguous, which reads without a copy."""
         first, count = int(self.free[0]) if len(self.free) else 0, len(self.free)
         return slice(first, first + count) if np.array_equal(self.free, np.arange(first, first + count)) else self.free
 
     @cached_property
     def owner(self) -> Index:
-        """Return which of ``dependent`` each of ``index`` belongs to."""
+        """For each entry of ``index``, the number of its dependent coordinate."""
         return np.repeat(np.arange(len(self.dependent)), np.diff(self.indptr))
 
     def reduce(self, full: Array, less: Array | None = None, out: Array | None = None) -> Array:
-        """Return T^T applied to full forces, or to their difference from others: (n_unknowns,), in ``out`` if given."""
+        """Return T^T full, or T^T (full - less) (n_unknowns,), in ``out`` if given."""
         out = np.empty(self.n_unknowns) if out is None else out
         if less is None:
             out[:] = full[self.where]
         else:
             np.subtract(full[self.where], less[self.where], out=out)
-        # coordinates that are held follow no unknown
+        # held coordinates depend on no unknown
         if len(self.index):
             dependent = full[self.dependent] if less is None else full[self.dependent] - less[self.dependent]
             np.add.at(out, self.index, self.value * dependent[self.owner])
         return out
 
     def reduce_sizes(self, full: Array) -> Array:
-        """Return |T|^T applied to what full forces (n_full,) are at most: bounds of what ``reduce`` makes of them.
+        """Return |T|^T full, for upper bounds ``full`` (n_full,) of forces: upper bounds of what ``reduce`` returns.
 
-        They are written to, where unknowns stand one behind the other.
+        May overwrite ``full``.
         """
         out = full[self.where]
         if len(self.index):
@@ -104,7 +104,7 @@ class Numbering:
         return out
 
     def expand(self, z: Array, out: Array) -> None:
-        """Write T z into the free and dependent full coordinates of ``out`` (right-hand sides not included)."""
+        """Write T z to the free and dependent full coordinates of ``out``, without the right-hand sides."""
         out[self.where] = z
         if len(self.dependent):
             sums = np.zeros(len(self.dependent))
@@ -115,7 +115,7 @@ class Numbering:
 
 @dataclass
 class Dependent:
-    """A coordinate that follows: sum of factors * unknown coordinates + sum of factors * right-hand sides."""
+    """A dependent coordinate: sum of factors * unknown coordinates + sum of factors * right-hand sides."""
 
     terms: dict[int, float]
     rhs: dict[int, float]
@@ -125,8 +125,8 @@ class Dependent:
 class Elimination:
     """Reduced row echelon form of the linear rows.
 
-    ``dependents`` maps a coordinate to what it follows; ``redundant`` lists rows that repeat others, with
-    the combination of right-hand sides that must vanish.
+    ``dependents`` maps a coordinate to its expression; ``redundant`` lists the rows that depend on others, with the
+    combination of right-hand sides that must vanish.
     """
 
     dependents: dict[int, Dependent] = field(default_factory=dict)
@@ -144,10 +144,10 @@ def _substitute(terms: dict[int, float], rhs: dict[int, float], done: dict[int, 
 
 
 def eliminate(rows: list[Row], size: Callable[[int], float]) -> Elimination:
-    """Solve the rows one by one for the coordinate that moves most; keep everything reduced.
+    """Solve each row for the coordinate with the largest displacement; keep all rows fully reduced.
 
-    ``size(coordinate)`` is the natural magnitude of a coordinate for a unit displacement, which makes the
-    choice independent of units.
+    ``size(coordinate)`` is the magnitude of a coordinate for a unit displacement, which makes the choice independent of
+    units.
     """
     out = Elimination()
     done = out.dependents
@@ -179,9 +179,9 @@ def eliminate(rows: list[Row], size: Callable[[int], float]) -> Elimination:
 
 
 def inconsistent(elimination: Elimination, rows: list[Row], t0: float, t1: float) -> list[int]:
-    """Return the redundant rows whose right-hand sides contradict the others somewhere from t0 to t1.
+    """Return the redundant rows whose right-hand sides contradict others somewhere between t0 and t1.
 
-    They are compared as functions, at ``telling_times`` of what they follow.
+    They are compared as functions, at ``telling_times`` of their signals.
     """
     bad = []
     for number, rhs in elimination.redundant:
@@ -238,8 +238,8 @@ def _cuthill_mckee(n: int, sets: list[Index]) -> Index:
 def order_unknowns(n: int, sets: list[Index], narrow: int) -> tuple[Index, int]:
     """Return the position of each unknown and the half-bandwidth.
 
-    ``sets`` are arrays (m, k) of unknowns that meet in one matrix entry, -1 for none. ``narrow`` is the
-    bandwidth that a single chain has: where the natural order reaches it, nothing is reordered.
+    ``sets`` are arrays (m, k) of coupled unknowns, one set per row, -1 for none. If the natural order is as narrow as
+    ``narrow``, the bandwidth of a single chain, nothing is reordered.
     """
     natural = np.arange(n, dtype=np.int64)
     width = half_bandwidth(natural, sets)
@@ -252,7 +252,7 @@ def order_unknowns(n: int, sets: list[Index], narrow: int) -> tuple[Index, int]:
 
 
 def _meeting(dofs: Index, natural: Index, terms: dict[int, list[int]]) -> list[Index]:
-    """Return which unknowns meet in the rows of ``dofs`` (m, n), dependents expanded."""
+    """Return the sets of unknowns that couple in the rows of ``dofs`` (m, n), dependents expanded."""
     rows = natural[dofs]
     sets = [np.where(rows >= 0, rows, -1)]
     expanded: dict[int, list[list[int]]] = {}
@@ -273,10 +273,10 @@ def _expand(coords: Index, natural: Index, terms: dict[int, list[int]]) -> list[
 
 
 def _after_coordinates(position: Index, multipliers: list[list[int]], n: int) -> Index:
-    """Return the positions of unknowns and multipliers, each multiplier right behind the last of its coordinates.
+    """Return the positions of unknowns and multipliers, each multiplier right after the last of its coordinates.
 
-    Of a positive definite matrix that is bordered by constraints no leading block is singular then, and LDL^T needs
-    no pivoting.
+    A positive definite matrix that is bordered by constraints then has no singular leading block, and LDL^T needs no
+    pivoting.
     """
     keys = position.astype(float)
     extra = []
@@ -290,10 +290,10 @@ def _after_coordinates(position: Index, multipliers: list[list[int]], n: int) ->
 
 def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[Constraint], patches: list[Patch],
            n_q: int, moving: bool = False, nested: bool = True, like: Numbering | None = None) -> Numbering:
-    """Return the numbering of a model; reorders only where the natural order is not already the narrowest.
+    """Return the numbering of a model; reorder the unknowns only if the natural order is not the narrowest.
 
-    Fronts take the place of a band where they cost less, if ``nested`` allows them; in motion (``moving``) they have to
-    save more. Places are those of ``like`` where they follow from the same.
+    Fronts are used instead of a band if ``nested`` allows them and they cost less; in motion (``moving``) they must
+    save more. The places of ``like`` are reused if its ``source`` is equal.
     """
     dependents = sorted(elimination.dependents)
     follow = ((c, *elimination.dependents[c].terms) for c in dependents)
@@ -308,7 +308,7 @@ def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[C
     free = np.flatnonzero(natural == 0)
     natural[free] = np.arange(len(free))
     terms = {c: [int(natural[k]) for k in elimination.dependents[c].terms] for c in dependents}
-    # points of contact on one curve have the same coordinates
+    # contact points on one curve have the same coordinates
     touched = [*(m.dofs for m in meshes), *(np.unique(p.dofs, axis=0) for p in patches)]
     sets = [s for dofs in touched for s in _meeting(dofs, natural, terms)]
     multipliers = [_expand(c.dofs, natural, terms) for c in constraints]
@@ -337,11 +337,11 @@ def number(meshes: list[BodyMesh], elimination: Elimination, constraints: list[C
 
 
 def straining_weights(mesh: BodyMesh, extent: float) -> Array:
-    """Return weights (n_dofs,) by which Newton's increments may be judged, in a scene of such an extent [m].
+    """Return weights (n_dofs,) by which Newton's increments are judged, in a scene of the given extent [m].
 
-    A section that turns or stretches by itself strains by w/(h/2), w its weight; over an element of length l so does a
-    displacement of w l/(h/2), which is what it counts as in slender elements: EA times strains that are left has to be
-    small beside the bending stiffness EI/l^2 = EA (h/l)^2/12.
+    A section that turns or stretches strains by w/(h/2), with w its weight; over an element of length l so does a
+    displacement of w l/(h/2), which is therefore its weight in slender elements: EA times the remaining strains must be
+    small compared with the bending stiffness EI/l^2 = EA (h/l)^2/12.
     """
     half, l = mesh.plan.section.height / 2, max(p.l for p in mesh.plan.pieces)
     longer = max(1.0, min(l, LEFT * extent * 3.0 * (l / half) ** 2) / half) if half > 0.0 else 1.0

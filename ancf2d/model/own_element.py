@@ -1,4 +1,4 @@
-"""Element types that users describe in files, and whether their coordinates determine their basis."""
+"""Element types that users describe in files, and the check that their coordinates determine their basis."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TINY = 1e-300
 
 def basis_values(element: ElementType, length: float, nu: float, xi: Array, eta: Array, i: int = 0,
                  j: int = 0) -> Array:
-    """Return d^(i+j) p/dxi^i deta^j of the basis (points, functions), lengths in half an element of height 1."""
+    """Return d^(i+j) p/dxi^i deta^j of the basis (points, functions), for lengths in half an element of height 1."""
     terms = [p.coefficients(nu, length, 0.5) for p in element.polynomials]
     out = np.zeros((len(xi), len(terms)))
     for k, polynomial in enumerate(terms):
@@ -45,7 +45,7 @@ def _orthonormal(element: ElementType, length: float, nu: float) -> Array:
 
 
 def condition(element: ElementType, length: float, nu: float) -> float:
-    """Return the condition number of the nodal coordinates applied to an orthonormal basis of the same span."""
+    """Return the condition number of the nodal coordinates on an orthonormal basis of the same space."""
     R = _orthonormal(element, length, nu)
     independent = np.linalg.cond(R / np.linalg.norm(R, axis=0).clip(TINY))
     if not independent < SINGULAR:
@@ -55,7 +55,7 @@ def condition(element: ElementType, length: float, nu: float) -> float:
 
 
 def interpolation_matrix(element: ElementType, length: float, nu: float) -> Array:
-    """Return A_ij = L_i(p_j), nodal coordinates times basis, in half an element's length and height, rows of size 1."""
+    """Return A_ij = L_i(p_j), nodal coordinate i of basis function j, for half an element as unit, rows normalised."""
     rows = []
     for node, name in element.functionals:
         i, j = derivative_order(name)
@@ -70,12 +70,12 @@ def rank(element: ElementType, length: float, nu: float) -> int:
     return int(np.linalg.matrix_rank(interpolation_matrix(element, length, nu), tol=1e-10))
 
 
-# length, height and nu at which a basis is tried: none of them special
+# length, height and nu for a trial of the basis: generic values
 TRIAL = (1.0, 0.5, 0.3)
 
 
 class DefinitionError(ValueError):
-    """A description that is no element: ``problems`` holds (path in the file, what is wrong, what was expected)."""
+    """A description that is not a valid element; ``problems`` are (path in the file, message, what was expected)."""
 
     def __init__(self, problems: list[tuple[tuple[Any, ...], str, str]]) -> None:
         super().__init__("; ".join(message for _, message, _ in problems))
@@ -83,9 +83,9 @@ class DefinitionError(ValueError):
 
 
 def own_element(definition: ElementDefinition, source: str = "") -> ElementType:
-    """Return the element type that a definition describes; ``source`` is the file that it stands in.
+    """Return the element type of a definition; ``source`` is the file that contains it.
 
-    Raises DefinitionError with all that is wrong. Whether the coordinates determine the basis is not asked here.
+    Raises DefinitionError with all problems. Whether the coordinates determine the basis is not checked here.
     """
     problems: list[tuple[tuple[Any, ...], str, str]] = []
     polynomials = _polynomials(definition, problems)
@@ -109,7 +109,7 @@ def own_element(definition: ElementDefinition, source: str = "") -> ElementType:
 
 
 def undetermined(element: ElementType) -> str | None:
-    """Return why the nodal coordinates do not determine the basis, None where they do."""
+    """Return the reason why the nodal coordinates do not determine the basis, or None if they do."""
     try:
         ShapeFunctions(element, *TRIAL)
     except UnsolvableBasisError as error:
@@ -130,7 +130,7 @@ def _polynomials(definition: ElementDefinition, problems: list[tuple[tuple[Any, 
 
 
 def _coordinates(definition: ElementDefinition) -> Iterator[tuple[tuple[Any, ...], str, str]]:
-    """Yield what is wrong with the nodes."""
+    """Yield the problems of the nodes."""
     nodes = definition.nodes
     for i, node in enumerate(nodes):
         for j, name in enumerate(node.coordinates):

@@ -1,4 +1,4 @@
-"""Each body of a case resolved: its element type, formulation, quadrature, section and pieces (no arrays yet)."""
+"""Each body of a case resolved: element type, formulation, quadrature, section and pieces (no arrays yet)."""
 
 from __future__ import annotations
 
@@ -37,19 +37,19 @@ from .own_element import DefinitionError, own_element, undetermined
 from .profiles import VaryingSection, load_breaks, profile_breaks
 from .section import SectionError, is_axis_type, resolve_section, rigid_section, with_memory
 
-MAX_BODIES = 1000  # the check that nothing moves freely takes a minute for as many
-SHORT = 0.1  # angle by which an element of a rigid curved body turns about [rad]
+MAX_BODIES = 1000  # checking this many for free motions takes a minute
+SHORT = 0.1  # approximate turn of one element of a rigid curved body [rad]
 WIDE = 1.0  # angle of an arc [rad] that is too wide for one element
 MAX_COORDINATES = 32_000_000  # of all bodies together: a million elements of most types fit
 
 @dataclass(frozen=True)
 class BodyPlan:
-    """A body with everything chosen that a mesh needs.
+    """A body with all choices made that a mesh needs.
 
-    ``asked`` is the number of elements that the case gives it, ``acting`` the places S where something acts on it or
-    varies with a kink or jump. ``section`` is that of the mean values where it varies along the body: then ``varying``
-    has it at each place, and ``cuts`` are the places S where it kinks or jumps. ``closed``: whether its end is
-    welded to its start. ``source`` is all that the plan follows from.
+    ``asked`` is the number of elements in the case, ``acting`` the places S where something acts on the body or varies
+    with a kink or jump. If the section varies, ``section`` has its mean values, ``varying`` the section at each place
+    and ``cuts`` the places S of its kinks and jumps. ``closed``: whether the end is welded to the start. ``source``
+    contains all inputs of the plan.
     """
 
     name: str
@@ -73,7 +73,7 @@ class BodyPlan:
 
     @property
     def rigid(self) -> bool:
-        """Whether the body has no strain, and so no law."""
+        """Return whether the body is rigid, without strain energy."""
         return self.formulation is RIGID
 
     @property
@@ -83,20 +83,20 @@ class BodyPlan:
 
     @property
     def coordinates(self) -> int:
-        """Number of nodal coordinates, but for the last node of each piece."""
+        """Number of nodal coordinates, without the last node of each piece."""
         sizes = [sum(self.element.components for c in n.coordinates if c != "theta") for n in self.element.nodes]
         return self.count * sum(sizes[:-1])
 
     @property
     def split(self) -> list[float]:
-        """Places S where something acts and elements meet that are unequal or each have strains of their own."""
+        """Places S where something acts between elements of unequal length or with separate strains."""
         ends = (p.s0 / self.length for p in self.pieces if p.continues)
         return [s for s in ends if any(abs(s - at) <= TOGETHER for at in self.acting)]
 
     def locate(self, s: float) -> tuple[int, float]:
         """Return (piece, arc length within it) of the point at fraction s of the body's arc length.
 
-        Where two pieces meet it is the second one that continues the first, and the first one of a corner.
+        Where two pieces meet, return the second if it continues the first, else (at a corner) the first.
         """
         sigma, limit = s * self.length, 1e-12 * self.length
         k = bisect_right(self.pieces, sigma + limit, lo=1, key=lambda p: p.s0) - 1
@@ -173,7 +173,7 @@ def _rule(chosen: Any, element: ElementType, formulation: Formulation, curved: b
 
 
 def default_rule(element: ElementType, formulation: Formulation) -> Rule:
-    """Return the rule of a type in a formulation where the case gives none."""
+    """Return the default quadrature of a type in a formulation."""
     points = element.quadrature.get(formulation.name, formulation.rule(element))
     return Rule(points, points, formulation.lobatto)
 
@@ -189,9 +189,9 @@ def acting_at(case: Case) -> Counter[Point]:
 def acting_points(case: Case, named: Iterable[Point] | None = None) -> dict[str, list[float]]:
     """Return the places S of each body where something acts, in order.
 
-    They are all points that supports, joints, springs, masses and loads name, the ends of line loads, and the kinks and
-    jumps of what varies along the body. Those of probes are none; nor is where a point slides along the body. The
-    points of splines are among them. ``named`` are the points of ``acting_at``, where these are known.
+    These are all points that supports, joints, springs, masses and loads name, the ends of line loads, the kinks and
+    jumps of what varies along the body, and the points of splines; not the points of probes, nor places where a point
+    slides. ``named`` are the points of ``acting_at``, if known.
     """
     found: dict[str, set[float]] = {name: {s for s, _ in profile_breaks(body)} for name, body in case.bodies.items()}
     for point in acting_at(case) if named is None else named:
@@ -208,34 +208,34 @@ def acting_points(case: Case, named: Iterable[Point] | None = None) -> dict[str,
 
 
 def has_regular_nodes(spec: Element) -> bool:
-    """Whether the elements of a body are equally long, wherever something acts; so they are in the paper."""
+    """Return whether elements are equally long regardless of where something acts, as in the paper."""
     return spec.nodes == "regular" if spec.nodes is not None else spec.preset == "paper"
 
 
 def _with_kinks(element: ElementType, moving: bool) -> bool:
-    """Whether strains along the axis can jump at a node only where each side has its own.
+    """Return whether strains along the axis can jump at a node only if each side has its own coordinates.
 
-    Nodes of a curve then need a multiplier that keeps their direction, which integrators of motions pay dearly for.
+    For curves, such nodes need a multiplier that aligns their directions, which makes motions expensive; then False.
     """
     shared = any(derivative_order(name)[0] > 0 for _, name in element.functionals)
     return shared and not (moving and element.section_kind == "tangent")
 
 
 def _of_layers(element: ElementType) -> str:
-    """Return the formulation of a type whose section has layers: its own, if it integrates over them or the axis."""
+    """Return the default formulation of a type for layers: its own if it integrates over them or on the axis."""
     if is_axis_type(element) or element.formulation in ("continuum", "structural"):
         return element.formulation
     return "structural" if FORMULATIONS["structural"].refuse(element) is None else "continuum"
 
 
 def knows_curvature(element: ElementType) -> bool:
-    """Whether nodal coordinates have to do with the curvature of the axis, so that they jump where it does."""
+    """Return whether nodal coordinates depend on the curvature of the axis, so that they jump where it does."""
     return any(i > 0 and i + j > 1 for i, j in (derivative_order(name) for _, name in element.functionals))
 
 
 def plan_body(name: str, body: Body, definition: ElementDefinition | None = None,
               acting: Sequence[float] = (), points: Sequence[float] = (), moving: bool = False) -> BodyPlan:
-    """Resolve one body, on which something acts at the places S ``acting``, at ``points`` of them concentrated.
+    """Resolve one body; ``acting`` are the places S where something acts, ``points`` those of concentrated actions.
 
     Raises RefusedError, SectionError or CaseError with the reason.
     """
@@ -252,7 +252,7 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
     assert spec.number is not None  # a flexible body without one is refused
     refine, grading = spec.refine or 1, grading_of(spec)
     free, breaks = not has_regular_nodes(spec), profile_breaks(body)
-    # where the section jumps, each side has strains of its own; those of theta have no coordinates at nodes
+    # where the section jumps, each side has its own strains; types with theta have no strains as nodal coordinates
     own = [] if element.has_theta else [s for s, jump in breaks if jump]
     kinks = [*own, *(points if _with_kinks(element, moving) else ())] if free else []
     kinks += jumps(body.geometry) if knows_curvature(element) else []
@@ -278,7 +278,7 @@ def plan_body(name: str, body: Body, definition: ElementDefinition | None = None
 
 
 def _plan_rigid(name: str, body: Body) -> BodyPlan:
-    """Resolve a rigid body, whatever its count: a bar per straight piece, or short stretches of a curve in a frame."""
+    """Resolve a rigid body, ignoring its count: a bar per straight piece, or short stretches of a curve in a frame."""
     for key in ("formulation", "quadrature", "shear_factor", "preset", "nodes", "grading", "refine"):
         if getattr(body.element, key) is not None:
             raise RefusedError(("element", key), f"bodies.{name}: a rigid body does not deform, so {key} has no effect",
@@ -292,9 +292,10 @@ def _plan_rigid(name: str, body: Body) -> BodyPlan:
 
 def plan_bodies(loaded: LoadedCase, moving: bool = False, known: Mapping[str, BodyPlan] | None = None
                 ) -> tuple[dict[str, BodyPlan], list[Problem]]:
-    """Resolve every body of a case; return the plans that could be made and all problems found.
+    """Resolve every body of a case; return the successful plans and all problems.
 
-    ``moving`` asks for the meshes of a motion where the solver is static. ``known`` plans are taken where they fit.
+    ``moving`` requests meshes for a motion even if the solver is static. Plans of ``known`` with equal input are
+    reused.
     """
     plans, problems = {}, []
     points, solver = acting_at(loaded.case), loaded.case.solver
@@ -333,7 +334,7 @@ def plan_bodies(loaded: LoadedCase, moving: bool = False, known: Mapping[str, Bo
 
 
 def _check_mass(plan: BodyPlan) -> None:
-    """Raise SectionError where the mass lies off an axis whose type has its mass there."""
+    """Raise SectionError if the centre of mass is off the axis but the element type has its mass on the axis."""
     section = plan.section
     if is_axis_type(plan.element) and abs(section.rhoS) > 1e-9 * section.rhoA * section.height:
         off = section.rhoS / section.rhoA
@@ -343,9 +344,9 @@ def _check_mass(plan: BodyPlan) -> None:
 
 
 def _computable(plan: BodyPlan) -> BodyPlan:
-    """Return a plan. Raises RefusedError where its length or section is beyond what numbers can hold."""
+    """Return a plan unchanged; raise RefusedError if its length or section exceeds the floating-point range."""
     section, power = plan.section, plan.length**4
-    # the last is the square of the scale of its frequencies
+    # the third is the square of the scale of its frequencies
     sizes = (power, 1.0 / power, section.EI / (section.rhoA * power) if section.rhoA else 0.0,
              *(1.0 / p.l for p in plan.pieces), *(p.kappa or 0.0 for p in plan.pieces), section.height,
              section.width, section.EA, section.kGA, section.EI, section.rhoA, section.rhoI)
@@ -359,7 +360,7 @@ def _incomputable(name: str) -> str:
 
 
 def warnings_of(plan: BodyPlan) -> list[str]:
-    """Return what a user of this body should know but need not change."""
+    """Return warnings about a body's mesh, which a user need not act on."""
     out = []
     if plan.count > plan.asked > 0:
         out.append(f"bodies.{plan.name}: element.count {plan.asked} is less than the number of stretches between "

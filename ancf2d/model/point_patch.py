@@ -1,4 +1,4 @@
-"""Springs, loads that turn and constraints at points: a law (``elements.point_laws``) over fields of coordinates."""
+"""Springs, turning loads and constraints at points: a law (``elements.point_laws``) on fields of coordinates."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ..errors import ComputationError, PluginError
 from .mesh import Index
 from .points import PointRef, dot
 
-# each record by its address, with the formulas as the case has them and the names of the quantities
+# each formula record by its address, with the texts of the formulas and the names of the quantities
 _TOLD: dict[float, tuple[Any, Sequence[str], Sequence[str]]] = {}
 
 
@@ -35,14 +35,14 @@ NOTHING = Field(np.zeros(0, dtype=np.int64), np.zeros(0))
 
 
 def position_fields(point: PointRef, spread: str | None = None) -> list[Field]:
-    """Return x and y of a point."""
+    """Return the fields x and y of a point."""
     first = point.mesh.first_dof
     return [Field(*c, dot((c[0] - first, c[1]), point.mesh.e0)) for c in point.position(spread)]
 
 
 def turn_fields(point: PointRef) -> tuple[int, list[Field]]:
-    """Return how the section at a point turns, and the fields that tell: theta, or its direction along and across
-    that of the reference."""
+    """Return how the section at a point turns, and its fields: theta, or the components of its direction along and
+    across the reference direction."""
     if point.turns_by_theta:
         return THETA, [Field(*point.theta())]
     (x, y), angle = point.director()
@@ -54,7 +54,7 @@ def turn_fields(point: PointRef) -> tuple[int, list[Field]]:
 
 
 def table_of(fields: Sequence[Field]) -> tuple[Index, Array, Array]:
-    """Return the coordinates (n,) of some fields, the matrix (m, n) that gives them from d, and p0 (m,)."""
+    """Return the coordinates (n,) of some fields, the matrix (m, n) from d to the fields, and p0 (m,)."""
     used = [f.coords[f.weights != 0.0] for f in fields]
     coords = np.unique(np.concatenate(used)).astype(np.int64)
     G = np.zeros((len(fields), len(coords)))
@@ -65,13 +65,13 @@ def table_of(fields: Sequence[Field]) -> tuple[Index, Array, Array]:
 
 
 class Items(NamedTuple):
-    """A law over m sets of n coordinates each, as tables have it.
+    """A law for m sets of n coordinates each, in the layout of tables.
 
-    dofs : (m, n); G : (m, fields, n); p0 : (m, fields); par : (m, constants); mem : (m, numbers); what they follow (or
-    up to three signals) and the fields that it prescribes, their multiplier and the size of their terms
-    (``PointPatch``), and whether they act; what an impact returns of the rate of one-sided constraints (nan: a contact
-    with a law of its own; -1: no contact); how many sets from each on have the same fields (m,), None: no two have;
-    whether G stays as it is.
+    dofs : (m, n); G : (m, fields, n); p0 : (m, fields); par : (m, constants); mem : (m, numbers); signal : its signal
+    or up to three; fed : the fields that these prescribe; multiplier, scale : as of ``PointConstraint``; on : whether
+    the sets act; restitution : share of the gap rate after an impact (nan: a contact with a law; -1: no contact); runs
+    : (m,) number of sets, from each on, with the same fields, or None if no two have the same; stays : whether G is
+    constant.
     """
 
     law: PointLaw
@@ -91,9 +91,10 @@ class Items(NamedTuple):
 
 
 def constants_of(item: Any, force: Callable[..., Any], returns: Sequence[str]) -> list[float]:
-    """Return the constants of the law of a record, whose ``force`` (of two numbers and these) ``returns`` so much.
+    """Return the constants of a record's law, after a trial call of its ``force``, which ``returns`` these quantities.
 
-    Raises PluginError where they are too many, or no numbers, and where the force takes or returns something else.
+    Raises PluginError if there are too many constants, if they are not numbers, or if the force takes or returns
+    something else.
     """
     name, given = type(item).__name__, item.constants()
     try:
@@ -102,7 +103,7 @@ def constants_of(item: Any, force: Callable[..., Any], returns: Sequence[str]) -
         raise PluginError(f"{name}.constants() returns {given!r}; expected a list of numbers") from None
     if len(found) > MAX_CONSTANTS:
         raise PluginError(f"{name}.constants() returns {len(found)} numbers; expected at most {MAX_CONSTANTS}")
-    # at 0 it may have no value
+    # the force may have no value at 0
     with np.errstate(all="ignore"), suppress(ArithmeticError):
         try:
             out = force(0.0, 0.0, np.array(found))
@@ -120,17 +121,16 @@ class PointPatch:
     """A law without multiplier: forces and stiffness along ``dofs`` (1, n); fields are p0 + G d[dofs[0]].
 
     ``par`` are the constants of the law, ``signal`` its amplitude (None: 1), ``fed`` the field that the signal
-    prescribes (-1: none), ``mem`` the last angles of directions whose turns are counted, those of ``sections`` (None
-    where nothing has to be counted); ``symmetric`` tells whether the stiffness is.
+    prescribes (-1: none). ``mem`` has the last angles of the directions of ``sections`` (None: no turns to count).
+    ``symmetric``: whether the stiffness is symmetric.
     """
 
     multiplier = -1
     scale = 1.0
-    # when it acts, None for always; the first of its items that act on one side alone, or from a gap on, each with
-    # those behind it (0: all of them)
+    # when it acts (None: always); first numbers of runs of items that are unilateral or have a gap (0: all items)
     active: Active | Latch | None = None
     breaks: Sequence[int] = ()
-    # points of bodies that it acts at, with what each has of the fields, where they are told apart
+    # the points of bodies at which it acts, with the fields of each, where they are known separately
     ends: Sequence[tuple[PointRef, Sequence[Field]]] = ()
 
     def __init__(self, law: PointLaw, fields: Sequence[Field], par: Sequence[float],
@@ -145,26 +145,25 @@ class PointPatch:
 
     @property
     def coordinates(self) -> Index:
-        """Every full coordinate that the law acts on."""
+        """All full coordinates that the law acts on."""
         return self.dofs[0]
 
     @property
     def rows(self) -> Array:
-        """The matrix that gives the fields from the coordinates."""
+        """The matrix from the coordinates to the fields."""
         return self.G
 
     def items(self) -> Items:
-        """Return the law as tables have it."""
+        """Return the law in the layout of tables."""
         return Items(self.law, self.coordinates[None], self.rows[None], self.p0[None], self.par[None], self.mem[None],
                      self.signal, self.fed, self.multiplier, self.scale)
 
     def keep_in(self, par: Array, mem: Array) -> None:
-        """Keep constants and last angles in rows of a table."""
+        """Replace ``par`` and ``mem`` by rows of a table."""
         self.par, self.mem = par, mem
 
     def forces(self, u: Array, t: float, rates: Array | None = None) -> tuple[Array, Array, Array]:
-        """Return f, H and C at fields p0 + u (m,) and their rates, at rest without; ``u`` gets the field that is
-        prescribed."""
+        """Return f, H and C at fields p0 + u (m,) and their rates (default 0); set the prescribed field in ``u``."""
         m = len(self.p0)
         a = np.array([1.0 if self.signal is None else self.signal(t), 0.0, 0.0])
         if self.fed >= 0:
@@ -176,9 +175,9 @@ class PointPatch:
 
     def at_ends(self, wanted: Callable[[PointRef], bool], d: Array, v: Array | None, t: float,
                 linear: bool = False) -> Iterator[tuple[PointRef, Array]]:
-        """Yield those of its ``ends`` that are wanted, and the forces (n_q,) exerted there at d (n_q,) and rates v.
+        """Yield the wanted points of ``ends`` and the forces (n_q,) exerted there at d (n_q,) with rates v.
 
-        With ``linear`` they are those to first order about the reference.
+        With ``linear``, the forces are linearised about the reference.
         """
         ends = [(point, fields) for point, fields in self.ends if wanted(point)]
         if not ends or (self.active is not None and not self.active.at(t)):
@@ -203,9 +202,9 @@ class PointPatch:
 class PointConstraint(PointPatch):
     """A law g(d, t) = 0 with a multiplier, the last of its fields; ``dofs`` (n,) are the coordinates without it.
 
-    ``owner`` is the support or joint it belongs to, ``holds`` what it holds, in words; ``scale`` the size of the terms
-    of g. ``multiplier`` is the full coordinate of the multiplier, known once a model is numbered. ``facing`` tells from
-    the fields by its sign whether two directions agree (None: there are none).
+    ``owner`` is the support or joint that it belongs to, ``holds`` says in words what it holds; ``scale`` is the size
+    of the terms of g. ``multiplier`` is the full coordinate of the multiplier, set when the model is numbered.
+    ``facing`` is a function of the fields, positive where two directions agree (None: there are none).
     """
 
     def __init__(self, law: PointLaw, fields: Sequence[Field], par: Sequence[float], owner: str, holds: str,
@@ -217,32 +216,32 @@ class PointConstraint(PointPatch):
 
     @property
     def coordinates(self) -> Index:
-        """Every full coordinate that the law acts on, the multiplier last."""
+        """All full coordinates that the law acts on, the multiplier last."""
         return np.append(self.dofs, self.multiplier)
 
     @property
     def rows(self) -> Array:
-        """The matrix that gives the fields from the coordinates, the multiplier last."""
+        """The matrix from the coordinates to the fields, the multiplier last."""
         m, n = self.G.shape
         out = np.zeros((m, n + 1))
         out[:, :n], out[-1, -1] = self.G, 1.0
         return out
 
     def turns_by(self, t: float) -> list[tuple[PointRef, float]]:
-        """Return the sections whose rotation is prescribed, whole turns included, with what it is at t."""
+        """Return the sections whose rotation is prescribed and their rotations at t, including full turns."""
         if self.signal is None:
             return []
         return [(point, self.signal(t)) for point in self.sections if point is not None]
 
     def opposed(self, d: Array, t: float) -> bool:
-        """Whether directions that should agree stand against each other at d (n_full,): g vanishes there too."""
+        """Return whether directions that should agree are opposite at d (n_full,); g vanishes there, too."""
         p = self.p0 + self.G @ d[self.dofs]
         if self.fed >= 0 and self.signal is not None:
             p[self.fed] = self.signal(t)
         return self.facing is not None and self.facing(p) < 0.0
 
     def slopes(self) -> Array:
-        """Return dg/dp (m,) for the fields p in the reference, where nothing is prescribed yet."""
+        """Return dg/dp (m,) for the fields p in the reference, before any prescribed motion."""
         u = np.zeros(len(self.p0))
         u[-1] = 1.0
         f, H = np.zeros_like(u), np.zeros((len(u), len(u)))
@@ -251,13 +250,13 @@ class PointConstraint(PointPatch):
         return f
 
     def reference_gradient(self) -> Array:
-        """Return the gradient (n,) of g in the reference, where nothing is prescribed yet."""
+        """Return the gradient (n,) of g in the reference, before any prescribed motion."""
         gradient: Array = self.G.T @ self.slopes()
         return gradient
 
 
 def turns(ends: Sequence[PointRef | None]) -> tuple[list[int], list[Field]]:
-    """Return how each end turns and the fields of all; None is the ground."""
+    """Return how each end turns and the fields of all ends; None is the ground."""
     kinds, fields = [], []
     for end in ends:
         kind, more = (GROUND, []) if end is None else turn_fields(end)
@@ -267,7 +266,7 @@ def turns(ends: Sequence[PointRef | None]) -> tuple[list[int], list[Field]]:
 
 
 def check_facing(constraints: Iterable[object], d: Array, t: float) -> None:
-    """Raise ComputationError where a section stands opposite to where a constraint holds it, at d (n_full,)."""
+    """Raise ComputationError if a section at d (n_full,) is opposite to where a constraint holds it."""
     for constraint in constraints:
         if isinstance(constraint, PointConstraint) and constraint.opposed(d, t):
             raise ComputationError(
@@ -278,9 +277,9 @@ def check_facing(constraints: Iterable[object], d: Array, t: float) -> None:
 
 
 def formula_record(trees: Sequence[Tree], names: Sequence[str], texts: Sequence[str]) -> Any:
-    """Return functions of local quantities as a record, which laws know by its ``address`` from now on.
+    """Return a record of functions of local quantities, and register it under its ``address`` for laws.
 
-    ``texts`` are the functions as messages tell them.
+    ``texts`` are the functions as shown in messages.
     """
     from ..kernels.compiled_laws import formula
     from ..kernels.lowlevel.records import Record
@@ -294,7 +293,7 @@ def formula_record(trees: Sequence[Tree], names: Sequence[str], texts: Sequence[
 
 
 def check_formulas(patches: Iterable[Any], d: Array, v: Array, t: float) -> None:
-    """Raise the ComputationError of a formula without a value among point laws, at d with rates v (n_full,)."""
+    """Raise ComputationError if a formula among point laws has no value at d with rates v (n_full,)."""
     for items in (patch.items() for patch in patches):
         for k, par in enumerate(items.par):
             found = [x for x in par.tolist() if x in _TOLD]

@@ -1,4 +1,4 @@
-"""A point of a body in terms of its coordinates: position, section direction, rotation."""
+"""A point of a body as a function of the coordinates: position, section direction, rotation."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from .mesh import BodyMesh, Index
 
 @dataclass(frozen=True)
 class PointRef:
-    """The point at fraction ``s`` of a body, on the axis unless ``eta`` = 2 y/h says otherwise, h of the mean section.
+    """The point at fraction ``s`` of a body, on the axis unless ``eta`` = 2 y/h differs from 0 (h of the mean section).
 
-    ``node`` is the index of the element's node there, or None between nodes; ``angle`` the reference angle
-    of the tangent.
+    ``node`` is the index of the element's node there, or None between nodes; ``angle`` the reference angle of the
+    tangent.
     """
 
     mesh: BodyMesh
@@ -33,7 +33,7 @@ class PointRef:
 
     @property
     def label(self) -> str:
-        """The point as case files write it."""
+        """The point in the notation of case files."""
         return f"{self.mesh.plan.name}@{self.s:g}"
 
     def shape_row(self, i: int = 0, j: int = 0, spread: str | None = None) -> Array:
@@ -44,7 +44,7 @@ class PointRef:
 
     @cached_property
     def _rows(self) -> dict[tuple[int, int, str | None], Array]:
-        """What ``shape_row`` returned, which is asked for again and again."""
+        """Cache of ``shape_row``, which is called often."""
         return {}
 
     def _shape_row(self, i: int, j: int, spread: str | None) -> Array:
@@ -60,7 +60,7 @@ class PointRef:
             eta = 2 * y - 1
             weight = w if spread == "uniform" else 1.5 * w * (1 - eta**2)
             row = weight @ sampler.derivative(np.full(6, self.xi), eta, i, j)
-        # coordinates of different kinds have different units: what counts is what they move
+        # coordinates have different units: compare the displacements that they cause
         moves = np.abs(row) / self.mesh.shape_weights
         row[moves < 1e-14 * moves.max()] = 0.0
         return row
@@ -70,7 +70,7 @@ class PointRef:
         return self.node is not None and self.eta == 0.0
 
     def _of_places(self, what: str, found: Callable[[], Any]) -> Any:
-        """Return what is found here; at nodes it follows from places alone, and meshes with the same ones share it."""
+        """Return the result of ``found``; at nodes it is cached and shared by meshes with the same nodes."""
         if not self._on_node:
             return found()
         known, key = self.mesh.at_nodes, (what, self.ie, self.node, self.s)
@@ -79,7 +79,7 @@ class PointRef:
         return known[key]
 
     def columns(self, row: Array, component: int) -> tuple[Index, Array]:
-        """Return (coordinates, weights) of one component of what a row of shape functions gives."""
+        """Return (coordinates, weights) of one component of the vector that a row of shape functions interpolates."""
         nc = self.mesh.plan.element.components
         used = np.flatnonzero(row)
         return self.mesh.dofs[self.ie, used * nc + component], row[used]
@@ -92,7 +92,7 @@ class PointRef:
 
     @cached_property
     def _at_point(self) -> list[tuple[Index, Array]]:
-        """The position without spread, which every stored state asks for anew."""
+        """The position without spread, cached for every stored state."""
         found: list[tuple[Index, Array]] = self._of_places("position", lambda: self._both(self.shape_row()))
         return found
 
@@ -101,7 +101,7 @@ class PointRef:
 
     @property
     def turns_by_theta(self) -> bool:
-        """Whether the section rotation is a coordinate."""
+        """Return whether the section rotation is a coordinate."""
         return self.mesh.plan.element.has_theta
 
     def theta(self) -> tuple[Index, Array]:
@@ -111,8 +111,8 @@ class PointRef:
     def director(self) -> tuple[list[tuple[Index, Array]], float]:
         """Return (coordinates, weights) of x and y of the vector that turns with the section, and its reference angle.
 
-        r_y where there is one, r_x for the cable. Between the nodes of an arc the interpolated vector is a little off
-        the curve's own direction; the angle is the vector's, so that the reference meets what is asked of it.
+        The vector is r_y, or r_x for the cable. Between the nodes of an arc the interpolated vector deviates a little
+        from the curve's own direction; the angle is that of the vector, so that equations are met in the reference.
         """
         columns, angle = self._of_places("director", self._director)
         return list(columns), angle
@@ -127,14 +127,14 @@ class PointRef:
         return columns, angle + math.atan2(c * y - s * x, c * x + s * y)
 
     def before(self) -> PointRef | None:
-        """Return the end of the element before, where strains along the axis can jump here; None where they cannot."""
+        """Return the end of the element before if strains along the axis can jump here, else None."""
         if self.node != 0 or (self.ie, True) not in self.mesh.seams:
             return None
         last = len(self.mesh.plan.element.nodes) - 1
         return PointRef(self.mesh, self.s, (self.ie - 1) % self.mesh.plan.count, 1.0, self.angle, last, self.eta)
 
     def dofs(self) -> Index:
-        """Return all coordinates of the node here, or of the element where it is no node."""
+        """Return all coordinates of the node here, or of the element if there is no node."""
         if self.node is not None:
             return self.mesh.node_dofs(self.ie, self.node)
         return self.mesh.dofs[self.ie]
@@ -142,7 +142,7 @@ class PointRef:
 
 @lru_cache
 def _own(functionals: tuple[tuple[int, str], ...], node: int, i: int, j: int) -> Array | None:
-    """Return derivatives of shape functions (n_shape,) at a node where one of its coordinates is these; else None."""
+    """Return the unit row (n_shape,) if a nodal coordinate at a node is this derivative, else None."""
     found = [k for k, (at, name) in enumerate(functionals) if at == node and derivative_order(name) == (i, j)]
     return np.eye(len(functionals))[found[0]] if found else None
 
@@ -157,5 +157,5 @@ def point_ref(mesh: BodyMesh, s: float, y: float = 0.0) -> PointRef:
 
 
 def dot(columns: tuple[Index, Array], e: Array) -> float:
-    """Return sum of weight * coordinate."""
+    """Return the sum of weight * coordinate."""
     return float(columns[1] @ e[columns[0]])

@@ -1,4 +1,4 @@
-"""What varies along a body: where it kinks and jumps, and the section constants as functions of place."""
+"""Quantities that vary along a body: their kinks and jumps, and section constants as functions of place."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from ..elements.shape import Array, gauss
 from .breakpoints import breakpoints
 from .timing import Signal
 
-# of a body's length: what is told on one side of a jump lies this far from it
+# distance from a jump, relative to the body's length, at which one of its sides is evaluated
 SIDE = 1e-12
-# the same, of stretches that touch
+# tolerance for touching stretches, relative to the body's length
 SAME = 1e-9
-# of the larger one: slopes of a table that differ by less are one straight line
+# relative difference below which slopes of a table form a straight line
 STRAIGHT = 1e-9
-# places along an element at which its section is compared: one that is the same there does not vary
+# places along an element at which its section is compared: if equal at all, it does not vary
 PLACES = np.linspace(0.0, 1.0, 9)
-# sections at so many sets of stations are kept, each of so many elements, which are found at once
+# number of stored evaluations (each for one set of stations and a block of elements); elements in a block
 KNOWN, TOGETHER = 32, 512
 # profiles whose jumps make the strains jump
 STIFF = ("height", "width", "A", "I", "EA", "kGA", "EI", "E")
@@ -43,7 +43,7 @@ def breaks(profile: Profile) -> tuple[tuple[float, int], ...]:
 def _corners(table: ProfileTable) -> Iterator[tuple[float, int]]:
     s, v, last = table.s, table.value_, len(table.s) - 1
     steps = zip(pairwise(s), pairwise(v), strict=True)
-    # of the stretch before each place, and behind the last
+    # slope of the stretch before each place, and after the last
     slopes = [0.0, *((d - c) / (b - a) if b > a else 0.0 for (a, b), (c, d) in steps), 0.0]
     for i, place in enumerate(s):
         if not 0.0 < place < 1.0:
@@ -64,13 +64,13 @@ def values(profile: float | Profile, s: Array) -> Array:
         return np.full(len(s), float(profile))
     found: Array = profile.scale * series(profile.tree, s, 0)[0]
     if not np.isfinite(found).all():
-        # tells why, or is infinite only in a branch that is not taken
+        # this raises the reason, or finds values that are infinite only in a branch that is not taken
         found = np.array([profile.value(x) for x in s.tolist()])
     return found
 
 
 def _interpolated(table: ProfileTable, s: Array) -> Array:
-    """Return the values (n,) of a table at places s (n,), as ``ProfileTable.value`` does."""
+    """Return the values (n,) of a table at places s (n,); same as ``ProfileTable.value``."""
     places, v = np.array(table.s), np.array(table.value_)
     i = np.searchsorted(places, s, side="right") - 1
     inner = (i >= 0) & (i < len(places) - 1)
@@ -93,13 +93,13 @@ def mean(profile: Profile) -> float:
 
 
 def profiles_of(record: Any) -> dict[str, Profile]:
-    """Return the values of a section or a material that vary, by their keys."""
+    """Return the profiles among the values of a section or material, by their keys."""
     found = {} if record is None else {f.name: getattr(record, f.name) for f in fields(record)}
     return {name: v for name, v in found.items() if isinstance(v, ProfileExpression | ProfileTable)}
 
 
 def with_numbers(body: Body, number: Callable[[Profile], Any]) -> Body:
-    """Return a body with a number, or an array, in the place of each profile of its section and material."""
+    """Return a body with each profile of its section and material replaced by a number or an array."""
     parts: dict[str, Any] = {}
     for name in ("section", "material"):
         part = getattr(body, name)
@@ -120,41 +120,41 @@ def profile_breaks(body: Body) -> list[tuple[float, bool]]:
 
 
 def load_breaks(line: Any) -> list[float]:
-    """Return the places S where a load along a body (a ``Line``) begins, ends, kinks or jumps."""
+    """Return the places S where a load along a body (a ``Line``) starts, ends, kinks or jumps."""
     inner = {s for v in line.density if not isinstance(v, float) for s, _ in breaks(v) if line.start < s < line.end}
     return sorted({line.start, line.end} | inner)
 
 
 @dataclass(frozen=True)
 class VaryingSection:
-    """The section of a body of which something varies; ``resolve`` makes constants of a body without profiles."""
+    """The section of a body that varies along it; ``resolve`` returns the constants of a body without profiles."""
 
     body: Body
     resolve: Callable[[Body], Section]
 
     def at(self, s: Array, first: float | Array = 0.0, last: float | Array = 1.0) -> Section:
-        """Return the constants at places s (n,) of stretches from ``first`` to ``last``: arrays where they vary.
+        """Return the constants at places s (n,) of stretches from ``first`` to ``last``; arrays if they vary.
 
-        Where the section jumps at an end of a stretch, they are those within.
+        Where the section jumps at an end of a stretch, the values are those inside.
         """
         inside = np.clip(s, first + SIDE, np.maximum(last - SIDE, first + SIDE))
         return self.resolve(with_numbers(self.body, lambda p: values(p, inside)))
 
     @cached_property
     def mean(self) -> Section:
-        """The section of the mean values, by which sizes are judged."""
+        """The section of the mean values, used to judge sizes."""
         return self.resolve(with_numbers(self.body, mean))
 
     @property
     def lowest(self) -> float:
-        """The least height at 101 places."""
+        """The smallest height at 101 places."""
         return float(np.min(self.at(np.linspace(0.0, 1.0, 101)).height))
 
 
 def alike_along(one: Body, other: Body, begin: Array, length: Array) -> NDArray[np.bool_]:
-    """Return where two bodies have the same section and material: at which stretches (n,), given by their places S.
+    """Return for each stretch (n,) of two bodies, given by places S, whether section and material are equal on it.
 
-    Tables are compared between their places; of other values that differ it is not asked where they do.
+    Tables with the same places are compared piece by piece; if other values differ, no stretch counts as equal.
     """
     same = np.ones(len(begin), dtype=bool)
     for name in ("section", "material"):
@@ -173,7 +173,7 @@ def alike_along(one: Body, other: Body, begin: Array, length: Array) -> NDArray[
 
 
 def _unlike(one: ProfileTable, other: ProfileTable) -> Iterator[tuple[float, float]]:
-    """Yield the stretches between places on which two tables with the same places differ."""
+    """Yield the intervals between places on which two tables with the same places differ."""
     s = (-np.inf, *one.s, np.inf)
     ends = [(t.value_[0], *t.value_, t.value_[-1]) for t in (one, other)]
     slopes = [((), *t.slopes[:-1], ()) if t.smooth else ((),) * (len(t.s) + 1) for t in (one, other)]
@@ -183,23 +183,23 @@ def _unlike(one: ProfileTable, other: ProfileTable) -> Iterator[tuple[float, flo
 
 
 class SectionsAlong:
-    """The sections of elements of one length, of a body of which something varies.
+    """The sections of equally long elements of a body whose section varies.
 
-    ``starts`` (n,) are the places S where they begin, ``l`` their length and ``cuts`` where the body kinks or jumps, as
-    fractions of the body's length.
+    ``starts`` (n,) are the places S where they start, ``l`` their length and ``cuts`` the kinks and jumps of the body,
+    all as fractions of the body's length.
     """
 
     def __init__(self, varying: VaryingSection, starts: Array, l: float, cuts: Sequence[float]) -> None:
         self.varying, self.starts, self.l, self.cuts = varying, starts, l, cuts
         self.known: dict[Any, dict[str, Any]] = {}
-        # of the element that was asked for last
+        # number of the last evaluated element, and its sections by their stations
         self.last, self.now = -1, dict[bytes, Section]()
 
     def _together(self, block: int, xi: Array) -> dict[str, Any]:
-        """Return the constants at stations of a block of elements: arrays (elements, stations) where they vary."""
+        """Return the constants at stations of a block of elements; arrays (elements, stations) if they vary."""
         place = (block, xi.tobytes())
         if place not in self.known:
-            # the same few stations of one element after another are asked for, again and again
+            # elements are evaluated one after another, always at the same few stations
             if len(self.known) >= KNOWN:
                 self.known.clear()
             a = self.starts[block * TOGETHER:(block + 1) * TOGETHER, None]
@@ -222,7 +222,7 @@ class SectionsAlong:
         return self.now[place]
 
     def of(self, ie: int) -> tuple[Section, Callable[[Array], Section] | None, tuple[float, ...]]:
-        """Return the section of an element that does not vary, or the mean one with a function of xi and its cuts."""
+        """Return an element's section if constant; else the mean section, a function of xi and the element's cuts."""
         a, k = float(self.starts[ie]), ie % TOGETHER
         cuts = tuple(x for s in self.cuts if 1e-9 < (x := (s - a) / self.l) < 1.0 - 1e-9)
         at = self._together(ie // TOGETHER, PLACES)

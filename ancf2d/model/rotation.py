@@ -1,4 +1,4 @@
-"""The rotation of the section at a point, its derivatives by the coordinates, and its whole turns."""
+"""The rotation of the section at a point, its derivatives with respect to the coordinates, and its full turns."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from .mesh import BodyMesh, Index
 from .point_patch import DIRECTION, PointPatch, turn_fields
 from .points import PointRef, point_ref
 
-# rotation and strain below which no section can be on another turn than its neighbours
+# rotation and strain below which all sections of a body are on the same turn
 SMALL = 0.5
 
 
 class Rotation:
-    """theta of a point: of r_y, of r_x for the cable, or the coordinate itself; 0 in the reference.
+    """theta at a point: of r_y, of r_x for the cable, or the coordinate theta; 0 in the reference.
 
-    ``dofs`` (n,) are the coordinates it depends on.
+    ``dofs`` (n,) are the coordinates that it depends on.
     """
 
     def __init__(self, point: PointRef) -> None:
@@ -34,7 +34,7 @@ class Rotation:
         self.V[0, :len(cx)], self.V[1, len(cx):] = wx, wy
 
     def value(self, e: Array, d: Array, near: float = 0.0) -> float:
-        """Return theta on the turn nearest to ``near``, from displacements, so that small angles keep their digits."""
+        """Return theta on the turn nearest to ``near``; small angles keep their digits, computed from displacements."""
         if self.point.turns_by_theta:
             return float(self.weights @ d[self.dofs])
         v, dv = self.V @ e[self.dofs], self.V @ d[self.dofs]
@@ -43,7 +43,7 @@ class Rotation:
         return angle + 2 * math.pi * round((near - angle) / (2 * math.pi))
 
     def linear(self, e0: Array, d: Array) -> float:
-        """Return theta of the linear theory: dtheta/de at the reference times d."""
+        """Return the linearised theta: dtheta/de in the reference times d."""
         return float(self.gradient(e0) @ d[self.dofs])
 
     def gradient(self, e: Array) -> Array:
@@ -61,7 +61,7 @@ class Rotation:
 
 
 class Course:
-    """How sections turn along a body, of a type whose directions tell it and not theta."""
+    """Rotations of the sections along a body; for types with directions instead of theta."""
 
     def __init__(self, mesh: BodyMesh) -> None:
         self.mesh = mesh
@@ -73,7 +73,7 @@ class Course:
         return np.array([cls.shape(xi, np.zeros_like(xi), i, j) for cls in self.mesh.classes])
 
     def _along(self, rows: Array, q: Array) -> Array:
-        """Return x and y (2, elements, stations) of what rows give of the body's coordinates q (n_dofs,)."""
+        """Return x and y (2, elements, stations) of the product of rows with the body's coordinates q (n_dofs,)."""
         mesh = self.mesh
         values = q[mesh.dofs - mesh.first_dof]
         parts = [values[:, k::mesh.plan.element.components] for k in (0, 1)]
@@ -83,27 +83,27 @@ class Course:
 
     @cached_property
     def _reference(self) -> tuple[Array, Array]:
-        """The rows that give the sections' directions, and these in the reference."""
+        """The rows that give the directions of the sections, and these directions in the reference."""
         across = self.mesh.plan.element.section_kind == "interpolated"
         rows = self._rows(self.xi, *((0, 1) if across else (1, 0)))
         return rows, self._along(rows, self.mesh.e0)
 
     def small(self, d: Array) -> bool:
-        """Whether all sections stand about as in the reference, so that none can be on another turn than the others."""
+        """Return whether rotations and strains are so small that all sections are on the same turn."""
         gradients = self.mesh.gradients
         return bool(gradients.any()) and float((gradients * np.abs(d[self.coordinates])).max()) < SMALL
 
     def angles(self, d: Array) -> Array:
-        """Return theta (elements, stations) at d without a jump along the body; the first is the one nearest to 0."""
+        """Return theta (elements, stations) at d, continuous along the body; the first one is nearest to 0."""
         rows, (x, y) = self._reference
         dx, dy = self._along(rows, d[self.coordinates])
         angles = np.arctan2(x * dy - y * dx, x * (x + dx) + y * (y + dy))
         return np.unwrap(angles.ravel()).reshape(angles.shape)
 
     def follow(self, before: Array, turned: float, d: Array) -> float:
-        """Return theta at S = 0 at d after a state ``before``, where it was ``turned``.
+        """Return theta at S = 0 at d, given its value ``turned`` at the state ``before``.
 
-        Of all sections the one that moved least tells on which turn they are.
+        The full turns are found at the section that moved least between the two states.
         """
         old, new = self.angles(before), self.angles(d)
         old += whole_turns(turned - old[0, 0])
@@ -114,7 +114,7 @@ class Course:
         return float(new[0, 0] + whole_turns(old[ie, -end] - new[ie, -end]))
 
     def near(self, point: PointRef, d: Array, turned: float) -> float:
-        """Return theta next to a point at d, where it is ``turned`` at S = 0."""
+        """Return theta near a point at d, if it is ``turned`` at S = 0."""
         angles = self.angles(d)
         k = int(np.argmin(np.abs(self.xi - point.xi)))
         return float(angles[point.ie, k] + whole_turns(turned - angles[0, 0]))
@@ -128,10 +128,10 @@ def whole_turns(angle: float) -> float:
 class Turns:
     """Rotations of all sections, counted through full turns.
 
-    What has to be known of a state beside its coordinates is ``turned`` (bodies,): theta at S = 0 of each body. The
-    others follow, as theta has no jumps along a body. ``counted`` are the bodies where directions tell it, with the
-    fields ``along`` and ``across`` of ``turn_fields``: those of body counted[i] are weights of d[dofs] from begin[i] to
-    begin[i + 1], ``length`` that of the direction.
+    The state needed besides the coordinates is ``turned`` (bodies,): theta at S = 0 of each body. All other rotations
+    follow, as theta is continuous along a body. ``counted`` are the bodies with directions instead of theta, with the
+    fields ``along`` and ``across`` of ``turn_fields``: for body counted[i] they are weights of d[dofs] from begin[i] to
+    begin[i + 1]; ``length`` is the length of the direction.
     """
 
     def __init__(self, meshes: dict[str, BodyMesh]) -> None:
@@ -148,7 +148,7 @@ class Turns:
         self.length = np.array([a.p0 for a, _ in fields])
 
     def at(self, d: Array, near: Array) -> Array:
-        """Return ``turned`` at d; where it is counted, on the turn nearest to that of ``near`` (counted,)."""
+        """Return ``turned`` at d; for counted bodies on the turn nearest to ``near`` (counted,)."""
         out = np.zeros(len(self.courses))
         for k, field in self.by_theta:
             out[k] = field.weights @ d[field.coords]
@@ -159,17 +159,17 @@ class Turns:
         return out
 
     def follow(self, before: Array, turned: Array, d: Array) -> Array:
-        """Return ``turned`` at d, a load step after a state ``before``, also where sections turn far in between."""
+        """Return ``turned`` at d, one load step after the state ``before``, also if sections rotate far in between."""
         near = [turned[k] if self.courses[k].small(d) and self.courses[k].small(before)
                 else self.courses[k].follow(before, float(turned[k]), d) for k in self.counted]
         return self.at(d, np.array(near))
 
     def hold(self, point: PointRef, angle: float, e: Array, d: Array, turned: Array) -> None:
-        """Put the body of a point, in ``turned``, on the turn on which the section there is at the angle."""
+        """Add full turns to ``turned`` for the body of a point, so that the section there is nearest to the angle."""
         turned[self.number[point.mesh.plan.name]] += whole_turns(angle - self.theta(Rotation(point), e, d, turned))
 
     def from_reference(self, d: Array) -> Array:
-        """Return ``turned`` at d, of which nothing else is known."""
+        """Return ``turned`` at d if no other state than the reference is known."""
         return self.follow(np.zeros_like(d), np.zeros(len(self.courses)), d)
 
     def theta(self, rotation: Rotation, e: Array, d: Array, turned: Array) -> float:
@@ -182,14 +182,14 @@ class Turns:
         return rotation.value(e, d, near)
 
     def recall(self, springs: Iterable[PointPatch], e: Array, d: Array, turned: Array) -> None:
-        """Let torsion springs count on from a state."""
+        """Set the stored angles of torsion springs to those of a state."""
         for spring in springs:
             for k, end in enumerate(spring.sections):
                 spring.mem[k] = 0.0 if end is None else self.theta(Rotation(end), e, d, turned)
 
 
 class Kinds:
-    """Full coordinates by what they are: ``x`` of positions and gradients (their y is next), ``theta``, ``place``.
+    """Full coordinates by kind: ``x`` of positions and gradients (their y is next), ``theta``, ``place``.
 
     ``place`` are those of ``x`` that are positions.
     """
@@ -206,7 +206,7 @@ class Kinds:
         out[self.place + 1] += vy
 
     def rotation(self, out: Array, e: Array, omega: float, about: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Add the rates of nodal coordinates e (n_q,) that turn about a point: omega x them; omega for theta."""
+        """Add the rates of nodal coordinates e (n_q,) in a rotation with rate omega about a point to ``out``."""
         out[self.x] -= omega * e[self.x + 1]
         out[self.x + 1] += omega * e[self.x]
         out[self.theta] += omega

@@ -1,4 +1,4 @@
-"""Section and material of a case -> the constants that a formulation needs, or the reasons why not."""
+"""Section constants that a formulation needs, from section and material of the case; or why a section is refused."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from ..elements.shape import Array, gauss
 from .curve import Piece
 from .profiles import VaryingSection, profile_breaks, profiles_of
 
-# height over length that a rigid body without a section is drawn with
+# height over length in figures, for a rigid body without a section
 DRAWN = 0.05
-# of the constants of a section: products of several of them stay within what floating-point numbers hold
+# range of section constants within which products of several of them are floating-point numbers
 LEAST, MOST = 1e-100, 1e100
-# places along a body at which a section that varies is checked, and points between two cuts of a rigid one
+# number of places at which a varying section is checked; points of a rigid body between two cuts
 CHECKED, POINTS = 101, 20
 
 
 class SectionError(ValueError):
-    """A section that an element cannot have; ``key`` names what is wrong below the body."""
+    """A section that an element cannot have; ``key`` is the path of the faulty entry below the body."""
 
     def __init__(self, key: tuple[str | int, ...], message: str, expected: str = "") -> None:
         super().__init__(message)
@@ -36,7 +36,7 @@ class SectionError(ValueError):
 
 
 def shear_factor(value: str | float | None, element: ElementType, nu: float) -> float:
-    """Return k_s: a number, ``timoshenko``, ``none`` (1), or the type's own default."""
+    """Return k_s from a number, ``timoshenko``, ``none`` (1) or, if None, the type's default."""
     chosen = element.shear_factor if value is None else value
     if isinstance(chosen, str):
         return timoshenko(nu) if chosen == "timoshenko" else 1.0
@@ -44,15 +44,16 @@ def shear_factor(value: str | float | None, element: ElementType, nu: float) -> 
 
 
 def is_axis_type(element: ElementType) -> bool:
-    """Whether the type takes stiffnesses as given: cable and the geometrically exact beams."""
+    """Return whether the type uses given stiffnesses directly: cable and the geometrically exact beams."""
     return element.section_kind in ("tangent", "theta")
 
 
 def resolve_section(body: Body, element: ElementType, formulation: Formulation, k: str | float | None,
                     ) -> tuple[Section, VaryingSection | None]:
-    """Return the section constants of a body, and as functions of place where they vary: then those of the means.
+    """Return the section constants of a body, and the section as a function of place if it varies (else None).
 
-    Raises SectionError for what the element or arithmetic cannot have.
+    The constants of a varying section are its means. Raises SectionError for what the element or arithmetic cannot
+    have.
     """
     laws = _laws_of(body, element, formulation)
 
@@ -68,7 +69,7 @@ def resolve_section(body: Body, element: ElementType, formulation: Formulation, 
 
 
 def _laws_of(body: Body, element: ElementType, formulation: Formulation) -> tuple[Uniaxial, ...]:
-    """Return the laws of the fibres in each layer of a section, none where all are linear. Raises SectionError."""
+    """Return the fibre law of each layer of a section; empty if all are linear. Raises SectionError."""
     layers = isinstance(body.section, Layers)
     materials = [l.material for l in body.section.layers] if isinstance(body.section, Layers) else [body.material]
     found = [k for k, m in enumerate(materials) if m is not None and m.fibres]
@@ -86,7 +87,7 @@ def _laws_of(body: Body, element: ElementType, formulation: Formulation) -> tupl
 
 
 def _terms_of(body: Body) -> tuple[tuple[float, float], ...]:
-    """Return modulus and time of each Maxwell term of a body's material; layers have the same ones."""
+    """Return modulus and time of each Maxwell term of a body's material; all layers have the same terms."""
     material = body.section.layers[0].material if isinstance(body.section, Layers) else body.material
     return tuple((term.modulus, term.time) for term in (material.viscoelastic or ())) if material is not None else ()
 
@@ -102,7 +103,7 @@ def _law(material: Material) -> Uniaxial:
 
 
 def _neo_hookean(spec: Any, formulation: Formulation, rule: Rule) -> Formulation:
-    """Return a formulation for a neo-Hookean material. Raises SectionError for what it cannot have."""
+    """Return the formulation for a neo-Hookean material. Raises SectionError if the element cannot have it."""
     at, known = ("material", "law"), [f.name for f in FORMULATIONS.values() if f.points]
     if not formulation.points:
         raise SectionError(at, f"formulation {formulation.name} does not support the law neo_hooke, which needs "
@@ -118,9 +119,9 @@ def _neo_hookean(spec: Any, formulation: Formulation, rule: Rule) -> Formulation
 
 
 def with_memory(spec: Any, formulation: Formulation, section: Section, rule: Rule) -> tuple[Formulation, Rule]:
-    """Return formulation and rule of a section whose stress is another than D times strain; those given for others.
+    """Return formulation and rule for a material with fibre, Maxwell or neo-Hookean law; the given ones if linear.
 
-    ``spec`` is the element of the case. Of fibres there are as many as points across. Raises SectionError where these
+    ``spec`` is the element of the case. There is one fibre at each point across a layer. Raises SectionError if these
     are too few to bend.
     """
     if section.neo_hooke:
@@ -140,7 +141,7 @@ def _varies(body: Body) -> bool:
 
 
 def _check_range(section: Section) -> None:
-    """Raise SectionError where constants are beyond what arithmetic can hold."""
+    """Raise SectionError if a section constant is too small or too large for floating-point arithmetic."""
     constants = {"A": section.height * section.width, "EA": section.EA, "kGA": section.kGA, "EI": section.EI}
     if np.any(section.rhoA):
         constants["rhoA"] = section.rhoA
@@ -158,7 +159,7 @@ def _resolved(body: Any, element: ElementType, formulation: Formulation, k: str 
     if isinstance(body.section, Layers):
         return _from_layers(body.section, k)
     material = body.material
-    # a case without them is refused
+    # the case checks refuse bodies without them
     assert material is not None
     assert material.E is not None
     E, nu = material.E, material.nu or 0.0
@@ -222,23 +223,24 @@ def _from_stiffness(s: Any, element: ElementType, formulation: Formulation, alph
 
 
 def _inertias(s: Any) -> tuple[Any, Any]:
-    """Return rhoA and rhoI of a section given by stiffnesses, 0 where it has no mass."""
+    """Return rhoA and rhoI of a section given by stiffnesses; 0 if it has no mass."""
     rhoA = 0.0 if s.rhoA is None else s.rhoA
     return rhoA, s.rhoI if s.rhoI is not None else rhoA * s.EI / s.EA
 
 
 def _first(wrong: Any, *values: Any) -> tuple[float, ...] | None:
-    """Return values where something is wrong first, of numbers or of arrays; None where nothing is."""
+    """Return the values at the first place where ``wrong`` is true, or None if there is none; numbers or arrays."""
     found = np.flatnonzero(np.atleast_1d(wrong))
     return tuple(float(np.broadcast_to(v, np.shape(np.atleast_1d(wrong)))[found[0]]) for v in values) if len(
         found) else None
 
 
 def rigid_section(body: Body, pieces: tuple[Piece, ...]) -> tuple[Section, VaryingSection | None]:
-    """Return the section of a rigid body, and as functions of place where it varies: then that of the means.
+    """Return the section of a rigid body, and the section as a function of place if it varies (else None).
 
-    Its mass and inertia are spread so that they are what the case says: a given mass as the section's own, or as its
-    area, a given inertia evenly. An inertia below that of a mass that is spread along the body makes rhoI negative.
+    Mass and inertia of the body are those of the case. A given mass is distributed as the density of the section, or as
+    its area if it has none; a given inertia fixes a constant rhoI, negative if it is below that of the distributed
+    mass.
     """
     length = pieces[-1].s0 + pieces[-1].length
     own = VaryingSection(body, lambda b: _rigid(b, length))
@@ -262,7 +264,7 @@ def rigid_section(body: Body, pieces: tuple[Piece, ...]) -> tuple[Section, Varyi
 
 
 def _rigid(body: Any, length: float) -> Section:
-    """Return the section of a rigid body as its section and density make it."""
+    """Return the section of a rigid body from its geometry and density alone."""
     given, kind = body.section, type(body.section)
     h: Any = DRAWN * length
     b, rhoA, rhoI = h, 0.0, 0.0

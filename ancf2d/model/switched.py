@@ -1,7 +1,7 @@
-"""Supports and joints that begin or end during a motion: their equations as constraints, which can be let go.
+"""Supports and joints that engage or release during a motion: their equations as constraints with multipliers.
 
-What is eliminated cannot be let go, so that these have multipliers. A support that begins holds its point where it is:
-laws remember where that was.
+Eliminated equations cannot be released, so these have multipliers. A support that engages holds its point where it is
+then; its law stores that value as a history variable.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ from .constraints import ALIGNED, AT_ANGLE, TURNED, Constraint, Equations, Row
 from .point_patch import NOTHING, Field, PointConstraint, turn_fields
 from .points import PointRef, dot
 
-# beside the size of its terms: how far off a joint may be that begins
+# largest violation of a joint that engages, relative to the size of its terms
 CLOSED = 1e-6
 
 
 def held(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """A linear function of coordinates that is what is prescribed: u - b - where it was caught = 0."""
+    """Linear function of coordinates held at its value when caught plus the prescribed change: u - b - mem[0] = 0."""
     f[0], f[1] = 1.0, -1.0
     with_multiplier(p0[0] + u[0] - p0[1] - u[1] - mem[0], u, f, H)
     return 0.0, 0.0
 
 
 def held_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
-    """It is linear."""
+    """Same as ``held``, which is linear."""
     f[0], f[1] = u1[2], -u1[2]
     f[2] = p0[0] + u1[0] - p0[1] - u1[1] - mem[0]
     return 0.0, 0.0
 
 
 def held_angle(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """A direction at the angle from its reference at which it was caught: p x (cos, sin) = 0."""
+    """Direction held at the angle from its reference at which it was caught: p x (cos, sin) = 0."""
     c, s = np.cos(mem[0]), np.sin(mem[0])
     f[0], f[1] = s, -c
     with_multiplier((p0[0] + u[0]) * s - (p0[1] + u[1]) * c, u, f, H)
@@ -45,7 +45,7 @@ def held_angle(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
 
 
 def held_angle_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
-    """It is linear."""
+    """Same as ``held_angle``, which is linear."""
     c, s = np.cos(mem[0]), np.sin(mem[0])
     f[0], f[1] = u1[2] * s, -u1[2] * c
     f[2] = (p0[0] + u1[0]) * s - (p0[1] + u1[1]) * c
@@ -53,9 +53,10 @@ def held_angle_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-unty
 
 
 def held_along(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """A vector along a direction that a section had when it was caught: p . (cos, sin) is what it was there.
+    """Component of a vector along a direction, held: p . (cos, sin) = mem[1].
 
-    Fields: the vector, and what tells how the section turns, which is not held; par: the direction in the reference.
+    mem: angle of the direction and value of the component, both when caught. Fields: the vector, and the direction of
+    the section, which is not held; par: angle of the direction in the reference.
     """
     c, s = np.cos(mem[0]), np.sin(mem[0])
     f[0], f[1] = c, s
@@ -64,7 +65,7 @@ def held_along(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
 
 
 def held_along_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
-    """It is linear."""
+    """Same as ``held_along``, which is linear."""
     c, s = np.cos(mem[0]), np.sin(mem[0])
     f[0], f[1] = u1[4] * c, u1[4] * s
     f[4] = (p0[0] + u1[0]) * c + (p0[1] + u1[1]) * s - mem[1]
@@ -72,7 +73,7 @@ def held_along_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-unty
 
 
 def held_aligned(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
-    """Two directions at the angle between them at which they were caught: p_a x R(-mem) p_b = 0."""
+    """Two directions held at the angle between them when caught: p_a x R(-mem) p_b = 0."""
     c, s = np.cos(mem[0]), np.sin(mem[0])
     ax, ay, bx, by = p0[0] + u[0], p0[1] + u[1], p0[2] + u[2], p0[3] + u[3]
     f[0], f[1], f[2], f[3] = by * c - bx * s, -bx * c - by * s, -ax * s - ay * c, ax * c - ay * s
@@ -83,7 +84,7 @@ def held_aligned(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def
 
 
 def held_aligned_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-untyped-def]
-    """The gradient in the middle: exact of a quadratic form."""
+    """Discrete gradient: the gradient at the midpoint, which is exact for a quadratic form."""
     c, s, lam = np.cos(mem[0]), np.sin(mem[0]), u1[4]
     ax, ay = p0[0] + 0.5 * (u0[0] + u1[0]), p0[1] + 0.5 * (u0[1] + u1[1])
     bx, by = p0[2] + 0.5 * (u0[2] + u1[2]), p0[3] + 0.5 * (u0[3] + u1[3])
@@ -102,16 +103,16 @@ HELD_ALIGNED = PointLaw("held_aligned", held_aligned, held_aligned_mean, constra
 
 def switched(own: Equations, window: Active | Latch | None, size: Callable[[int], float], extent: float,
              point: PointRef | None = None) -> list[Constraint]:
-    """Return the equations of a support, at a point, or of a joint as constraints that act when ``window`` tells.
+    """Return the equations of a support at a point, or of a joint, as constraints that act within ``window``.
 
-    ``size(coordinate)`` is the natural magnitude of a coordinate for a unit displacement, ``extent`` that of the scene.
+    ``size(coordinate)`` is the magnitude of a coordinate for a unit displacement, ``extent`` the size of the scene.
     """
     out: list[Constraint] = [*(_constraint(row, size, extent, point) for row in own.rows), *own.constraints]
     for c in out:
         if isinstance(c, PointConstraint) and c.law is ALIGNED:
             c.law = HELD_ALIGNED
         c.active = window
-        # what has been let go may stand anywhere
+        # after a release the directions may be anything
         c.facing = None
     return out
 
@@ -137,9 +138,9 @@ def _scale(row: Row, size: Callable[[int], float], extent: float) -> float:
 
 
 def catch(c: PointConstraint, d: Array, t: float) -> None:
-    """Let a constraint remember what it holds at d (n_full,) at t, where it begins.
+    """Store in a constraint that engages what it holds at d (n_full,) and t.
 
-    What is prescribed goes on from there: by what it changes.
+    A prescribed motion continues from there by its change.
     """
     p, given = c.p0 + c.G @ d[c.dofs], 0.0 if c.signal is None else c.signal(t)
     if c.law is HELD:
@@ -155,7 +156,7 @@ def catch(c: PointConstraint, d: Array, t: float) -> None:
 
 
 def is_off(c: PointConstraint, d: Array) -> float:
-    """Return how far the points of a joint are apart, beside the size of its terms; it may begin at any angle."""
+    """Return how far apart the points of a joint are, relative to the size of its terms; its angle may be any."""
     if c.law is not HELD or c.holds == TURNED:
         return 0.0
     return float(abs(c.p0[0] + c.G[0] @ d[c.dofs])) / c.scale

@@ -1,4 +1,4 @@
-"""When loads and prescribed motions act: their signals over the load factor or time, and what they must be."""
+"""Signals of loads and prescribed motions over the load factor or time, and the times at which these act."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from ..case.programs import Function
 
 @dataclass(frozen=True)
 class Signal:
-    """offset + factor * amplitude(t) over time; without an amplitude, constant 1 stands in its place.
+    """A function offset + factor * amplitude(t) of time, with amplitude 1 if None.
 
-    Kernels take signals as programs, which also give the two rates.
+    Kernels evaluate signals as programs, which also return the two derivatives.
     """
 
-    # whether only the motion tells its value; whether it tells the time in the place of its rate
+    # fed: the value depends on the motion; clocked: ``derivatives`` returns the time instead of the rate
     fed = clocked = False
 
     amplitude: Function | None = None
@@ -27,15 +27,15 @@ class Signal:
     offset: float = 0.0
 
     def __call__(self, t: float) -> float:
-        """Return the value at time t; ComputationError where an expression has none."""
+        """Return the value at time t; raises ComputationError if an expression has none."""
         return self.offset + self.factor * (1.0 if self.amplitude is None else self.amplitude.value(t))
 
     def rate(self, t: float) -> float:
-        """Return the derivative by t, at a corner the one to its right; ComputationError where there is none."""
+        """Return the time derivative, at a corner the one to its right; raises ComputationError if there is none."""
         return 0.0 if self.amplitude is None else self.factor * self.amplitude.rate(t)
 
     def derivatives(self, t: float) -> tuple[float, float, float]:
-        """Return the value at time t and its first two derivatives, nan where there is none."""
+        """Return the value at time t and its first two derivatives, nan where undefined."""
         if self.amplitude is None:
             return self.offset + self.factor, 0.0, 0.0
         value, rate, second = self.amplitude.jet(t)
@@ -44,28 +44,28 @@ class Signal:
 
 @dataclass(frozen=True)
 class Answer(Signal):
-    """A signal that is a function of quantities of the motion; it has the value of the state last looked at."""
+    """A signal that depends on quantities of the motion; its value is that of the last evaluated state."""
 
     fed = True
 
     level: list[float] = field(default_factory=lambda: [math.nan], compare=False)
 
     def __call__(self, t: float) -> float:
-        """Return the value at the state last looked at."""
+        """Return the value at the last evaluated state."""
         return self.level[0]
 
     def rate(self, t: float) -> float:
-        """Return 0: the motion tells how it changes."""
+        """Return 0: the rate depends on the motion."""
         return 0.0
 
     def derivatives(self, t: float) -> tuple[float, float, float]:
-        """Return the value at the state last looked at."""
+        """Return the value at the last evaluated state, with zero rates."""
         return self.level[0], 0.0, 0.0
 
 
 @dataclass(frozen=True)
 class Clocked(Signal):
-    """A signal that tells the time in the place of its rate: what loads follow that are formulas in t."""
+    """A signal that has the time instead of its rate, for loads that are formulas in t."""
 
     clocked = True
 
@@ -75,7 +75,7 @@ class Clocked(Signal):
 
 
 def rates_of(course: Callable[[float], float] | None, t: float) -> tuple[float, float]:
-    """Return the first two derivatives by time of what a load or motion follows; only signals have any."""
+    """Return the first two time derivatives of a load's or motion's course; 0 if it is no signal."""
     return course.derivatives(t)[1:] if isinstance(course, Signal) else (0.0, 0.0)
 
 
@@ -83,28 +83,28 @@ Course = Callable[[float], float]
 
 
 class Timing:
-    """What a load or motion follows: the load factor where it has no amplitude of its own, else that amplitude."""
+    """Timing over a load factor: without an amplitude of their own, loads and motions follow the load factor."""
 
     def __call__(self, t: float) -> float:
-        """Return what stands for a missing amplitude at load factor or time t."""
+        """Return the default amplitude at load factor or time t."""
         return t
 
     def follow(self, amplitude: Amplitude | None) -> Course:
-        """Return the factor on a load."""
+        """Return the factor of a load."""
         return self if amplitude is None else amplitude.value
 
     def window(self, active: Active | None) -> Active | Latch | None:
-        """Return what tells when something acts."""
+        """Return the window in which something acts."""
         return active
 
     def factor(self, load: Any) -> Course:
-        """Return the factor on a load, zero while it does not act."""
+        """Return the factor of a load, zero while it does not act."""
         return self.follow(amplitude_of(load, self.window(getattr(load, "active", None))))
 
     def motion(self, value: float | Amplitude, start: float) -> Course:
-        """Return how far a prescribed motion is from ``start``, its value in the reference.
+        """Return the change of a prescribed motion from ``start``, its value in the reference.
 
-        A number is reached by what stands for a missing amplitude.
+        A plain number is reached in proportion to the default amplitude.
         """
         if isinstance(value, int | float):
             way = float(value) - start
@@ -113,15 +113,14 @@ class Timing:
 
     @contextmanager
     def preload(self) -> Iterator[None]:
-        """Return a block in which t raises what is constant: nothing here."""
+        """Return a context in which t scales the constant part; here it has no effect."""
         yield
 
 
 class TimeTiming(Timing):
-    """Over time: what has no amplitude is constant. Everything is a Signal, which kernels can evaluate.
+    """Timing over time: without an amplitude, loads are constant. Everything is a Signal, which kernels can evaluate.
 
-    ``answers`` are those that are functions of the motion, each once, ``latches`` tell when things act that wait for
-    conditions.
+    ``answers`` are the signals that depend on the motion, each once; ``latches`` switch what waits for conditions.
     """
 
     def __init__(self) -> None:
@@ -129,26 +128,26 @@ class TimeTiming(Timing):
         self.latches: dict[Active, Latch] = {}
 
     def window(self, active: Active | None) -> Active | Latch | None:
-        """Return what tells when something acts: of what waits for the same conditions, the same."""
+        """Return the window in which something acts; items that wait for the same conditions share one latch."""
         if active is None or not active.waits:
             return active
         return self.latches.setdefault(active, Latch(active))
 
     def follow(self, amplitude: Amplitude | None) -> Signal:
-        """Return the factor on a load."""
+        """Return the factor of a load."""
         if amplitude is not None and amplitude.quantities:
             return self.answers.setdefault(amplitude, Answer(amplitude))
         return Signal(amplitude)
 
     def motion(self, value: float | Amplitude, start: float) -> Signal:
-        """Return how far a prescribed motion is from ``start``; a number is the value at all times."""
+        """Return the change of a prescribed motion from ``start``; a plain number is constant in time."""
         if isinstance(value, int | float):
             return Signal(None, float(value), -start)
         return Signal(value, 1.0, -start)
 
 
 class Drive:
-    """What a prescribed motion follows that is an input of small motions: it rests, and ``amplitude`` oscillates."""
+    """A prescribed motion that is an input of small motions: at rest, with oscillation ``amplitude``."""
 
     def __init__(self, name: str, amplitude: float) -> None:
         self.name, self.amplitude = name, amplitude
@@ -159,21 +158,21 @@ class Drive:
 
 
 class InputTiming(Timing):
-    """For motions that are inputs: they rest in the state about which they move."""
+    """Timing of motions that are inputs of small motions: at rest in the state of linearisation."""
 
     def __init__(self, name: str) -> None:
         self.name = name
 
     def motion(self, value: float | Amplitude, start: float) -> Drive:
-        """Return the motion whose amplitude is the number prescribed, or the scale of what it follows over time."""
+        """Return the motion whose amplitude is the prescribed number, or the scale of its amplitude over time."""
         return Drive(self.name, float(value) if isinstance(value, int | float) else value.scale)
 
 
 class PathTiming(Timing):
-    """Along a path the load factor scales what has no amplitude; the rest is constant, at its value for t = 1.
+    """Timing along a path: the load factor scales what has no amplitude; the rest is constant at its value for t = 1.
 
-    While ``preloading``, t raises the constant part from the reference and the rest is absent: a path begins
-    at load factor 0 from the equilibrium of what is constant. ``constant`` tells whether there is any.
+    While ``preloading``, t scales the constant part from the reference and the rest is absent: a path starts at load
+    factor 0 from the equilibrium of the constant part. ``constant``: whether there is such a part.
     """
 
     def __init__(self) -> None:
@@ -184,11 +183,11 @@ class PathTiming(Timing):
         return 0.0 if self.preloading else t
 
     def follow(self, amplitude: Amplitude | None) -> Course:
-        """Return the factor on a load, raised from 0 while preloading where it is constant."""
+        """Return the factor of a load; while preloading, a constant one is scaled by t."""
         return self if amplitude is None else self._hold(amplitude.value(1.0))
 
     def motion(self, value: float | Amplitude, start: float) -> Course:
-        """Return how far a prescribed motion is from ``start``, raised from 0 while preloading where it is constant."""
+        """Return the change of a prescribed motion from ``start``; while preloading, a constant one is scaled by t."""
         if isinstance(value, int | float):
             return super().motion(value, start)
         return self._hold(value.value(1.0) - start)
@@ -199,7 +198,7 @@ class PathTiming(Timing):
 
     @contextmanager
     def preload(self) -> Iterator[None]:
-        """Let t raise the constant part inside the block."""
+        """Return a context in which t scales the constant part."""
         self.preloading = True
         try:
             yield

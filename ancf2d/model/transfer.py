@@ -1,4 +1,4 @@
-"""Displacements of one mesh on another one of the same bodies."""
+"""Transfer of displacements from one mesh to another of the same bodies."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from ..elements.shape import Array
 from .mesh import BodyMesh, Index
 from .model import Model
 
-# of an element: how far inside of it its ends are looked up
+# distance from the ends of an element, relative to its length, at which the old element is searched
 NODE_MARGIN = 1e-6
 
 
 def transferred(d: Array, old: Model, new: Model) -> Array | None:
-    """Return full coordinates (n_full,) of a model that has the displacements d of another one, None where it cannot.
+    """Return full coordinates (n_full,) of the model ``new`` with the displacements d of ``old``, or None.
 
-    Nodal coordinates are read from the shape functions of the old mesh; multipliers are kept where there are as many.
-    None where bodies have other element types.
+    Nodal coordinates are evaluated by the shape functions of the old mesh; multipliers are kept if there are equally
+    many. None if names or element types of bodies differ.
     """
     if list(old.meshes) != list(new.meshes):
         return None
@@ -34,9 +34,9 @@ def transferred(d: Array, old: Model, new: Model) -> Array | None:
 
 
 def renumbered(d: Array, dofs: Iterable[Index], model: Model) -> Array:
-    """Return values (n_q,) of nodal coordinates that the same elements had under other numbers ``dofs``, body by body.
+    """Return nodal values (n_q,) given for other numbers ``dofs`` of the same elements, body by body.
 
-    A node that had two sides gets their mean.
+    A node that was doubled before gets the mean of both values.
     """
     total, count = np.zeros(model.n_q), np.zeros(model.n_q)
     for before, mesh in zip(dofs, model.meshes.values(), strict=True):
@@ -50,7 +50,7 @@ def _alike(old: BodyMesh, new: BodyMesh) -> bool:
 
 
 def _transfer(d: Array, old: BodyMesh, new: BodyMesh, out: Array) -> None:
-    """Fill in the coordinates of a body: displacements and their derivatives at its nodes."""
+    """Fill in the coordinates of one body: displacements and their derivatives at its nodes."""
     element = new.plan.element
     if new.plan.rigid:
         # its mesh is always the same
@@ -60,7 +60,7 @@ def _transfer(d: Array, old: BodyMesh, new: BodyMesh, out: Array) -> None:
     for c, (node, name) in enumerate(element.functionals):
         at = element.nodes[node].at
         s = new.starts + at * new.lengths
-        # where two elements of the old mesh meet, the one that this element overlaps
+        # at a node of the old mesh, take the element that this element overlaps
         inner = new.starts + (NODE_MARGIN + (1.0 - 2.0 * NODE_MARGIN) * at) * new.lengths
         ie = np.clip(np.searchsorted(old.starts, inner, side="right") - 1, 0, old.plan.count - 1)
         xi = np.clip((s - old.starts[ie]) / old.lengths[ie], 0.0, 1.0)

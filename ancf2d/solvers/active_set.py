@@ -1,13 +1,14 @@
-"""Which points of contact are closed: complementarity of gaps and forces, solved exactly for the linearised state.
+"""Closed contact points from the complementarity of gaps and forces, solved exactly for the linearised state.
 
-Of a state and its tangent, gaps g and forces p of points respond linearly to each other. What is closed follows from
+About a state, gaps g and forces p of the points depend linearly on each other by the tangent. The closed points follow
+from
 
     w = b + M z,  w >= 0, z >= 0, w z = 0
 
-where w are the forces of the points that were closed and the gaps of those that were open, and z what they answer to:
-how far a closed point opens, and the force on an open one. Lemke's method finds it in a finite number of pivots, also
-where more points touch than a body has coordinates there (Lemke 1965; Cottle, Pang & Stone, The Linear Complementarity
-Problem, 2009, section 4.4). No combination of open and closed points comes twice.
+with the forces of closed and the gaps of open points in w, and in z their conjugates: the opening of closed points and
+the forces on open ones. Lemke's method finds the solution in a finite number of pivots, also if more points touch than
+a body has coordinates there (Lemke 1965; Cottle, Pang & Stone, The Linear Complementarity Problem, 2009, section 4.4).
+No combination of open and closed points occurs twice.
 """
 
 from __future__ import annotations
@@ -31,26 +32,26 @@ if TYPE_CHECKING:
     from ..model.model import Model
     from .system import System
 
-# penetration that counts as none, beside the extent of the scene
+# penetration that counts as none, relative to the extent of the scene
 PENETRATION = 5e-9
-# places along an element (z from -1 to 1) that are the same
+# distance in z (-1 to 1) of places along an element that count as equal
 SAME = 1e-9
-# equilibria on the way to one where nothing changes, before that is given up
+# largest number of equilibria until nothing changes
 ROUNDS = 40
-# share of a gap's gradient that supports leave where it is more than round-off
+# share of a gap's gradient on the unknowns below which it is round-off: supports hold the point
 MOVES = 1e-9
-# of gradients of gaps: pivots up to which they depend on others, and what is added to pivots that may be 0
+# for gradients of gaps: pivots up to which they depend on others; addition to pivots that may be 0
 DEPENDENT_GAPS, NO_PIVOT = 1e-8, 1e-14
-# times that points beside closed ones are closed, too, where a body would buckle between those
+# number of times that neighbours of closed points are closed, too, if a body would buckle between these
 GROWN = 3
 
 
 class Way(NamedTuple):
-    """How to find from an equilibrium what opens and closes, sticks and slides next.
+    """A strategy to find from an equilibrium the points that open and close, stick and slide next.
 
-    Friction changes at each equilibrium, or ``together`` with what opens and closes; the tangent is that of sliding
-    points that are ``stuck`` (``friction.sticking``), or that go on sliding. Places between nodes move to where a body
-    lifts off, or all stay.
+    Friction changes at each equilibrium or, with ``together``, jointly with opening and closing. With ``stuck``,
+    sliding points stick in the tangent (``friction.sticking``); else they go on sliding. With ``moves``, places between
+    nodes move to where a body lifts off.
     """
 
     stuck: bool = True
@@ -58,14 +59,13 @@ class Way(NamedTuple):
     moves: bool = True
 
 
-# the first one is fast; where it goes in circles, one of the others often does not. Without friction, all that let
-# places move are the same
+# the first one is fast; if it cycles, one of the others often does not; without friction, the first three are equal
 WAYS = (Way(), Way(stuck=False), Way(together=True), Way(moves=False), Way(stuck=False, moves=False),
         Way(together=True, moves=False))
 
 
 def begin(system: System, d: Array, t: float) -> None:
-    """Close the points of contact that touch in the first state d (n_full,), and open the others."""
+    """Close the contact points that touch in the first state d (n_full,), and open the others."""
     if system.accepted is None:
         system.accepted = d.copy(), t
     first = [one for one in system.model.contact_tables
@@ -92,8 +92,7 @@ def begin(system: System, d: Array, t: float) -> None:
 
 
 def _reduced(system: System, dofs: Any, gradient: Array) -> tuple[Array, bool]:
-    """Return the gradient (n_unknowns,) of a gap by the unknowns from that by its coordinates (n,), and whether it
-    moves: supports may hold what is next to an obstacle where it is."""
+    """Return a gap's gradient by the unknowns (n_unknowns,), and whether it is nonzero: supports may hold the point."""
     num = system.model.numbering
     full = np.zeros(len(num.place))
     np.add.at(full, dofs, gradient)
@@ -102,8 +101,7 @@ def _reduced(system: System, dofs: Any, gradient: Array) -> tuple[Array, bool]:
 
 
 def check_supports(system: System, d: Array, t: float) -> None:
-    """Raise ComputationError where supports have moved a point into an obstacle without a law, or that into the point.
-    """
+    """Raise ComputationError if supports have moved a point into an obstacle without a law, or the obstacle into it."""
     limit, into = PENETRATION * system.model.extent, list[tuple[Any, int]]()
     for one in system.model.contact_tables:
         if one.pair.hard and one.fixed.any():
@@ -117,9 +115,9 @@ def check_supports(system: System, d: Array, t: float) -> None:
 
 
 def driven_into(model: Model, d: Array, t: float, depth: float) -> list[tuple[Any, int]]:
-    """Return pairs and numbers of points that supports alone move and that are deeper than ``depth`` in an obstacle.
+    """Return (pair, number) of points that only supports move and that are deeper than ``depth`` in an obstacle.
 
-    What is inside from the beginning on is on the other side of it.
+    Points that are inside in the reference do not count.
     """
     driven = [one.pair.driven for one in model.contact_tables if one.pair.driven is not None]
     return [(pair, k) for pair, start in driven
@@ -127,7 +125,7 @@ def driven_into(model: Model, d: Array, t: float, depth: float) -> list[tuple[An
 
 
 def blocked(into: Iterable[tuple[Any, int]], at: dict[str, Any]) -> ComputationError:
-    """Return what to say where supports or joints hold points, of pairs and by number, in what these touch."""
+    """Return the error for points, given as (pair, number), that supports or joints press into their obstacles."""
     found = [f"{pair.body} into {pair.other} at S = {pair.s[k]:.4g}" for pair, k in into]
     return ComputationError(
         f"supports or joints press {' or '.join(dict.fromkeys(found))}, and nothing can give way", at=at,
@@ -135,9 +133,9 @@ def blocked(into: Iterable[tuple[Any, int]], at: dict[str, Any]) -> ComputationE
 
 
 def _independent(rows: list[tuple[Any, Array]]) -> Any:
-    """Return which gaps (m,) do not follow from others, by the unknowns that change them and unit gradients.
+    """Return which gaps (m,) are independent, from the unknowns and entries of their unit gradients.
 
-    The factors of R R^T + e I have pivots of about e for rows of R that depend on those before them.
+    The factors of R R^T + e I have pivots of about e for rows of R that depend on earlier ones.
     """
     from scipy.sparse import csr_array, eye_array
     from scipy.sparse.linalg import splu
@@ -152,7 +150,7 @@ def _independent(rows: list[tuple[Any, Array]]) -> Any:
 
 
 def _depths(one: ContactTable, d: Array, t: float) -> tuple[Array, Array, Array]:
-    """Return how deep the body is in its obstacle at open points, or between points (m,), where, and in what."""
+    """Return the penetration at open points and between points (m,), its z, and the part of the obstacle."""
     free = one.free
     depth, place, feature = one.deepest(d, t)
     gap, faces = one.gaps(d, t)
@@ -165,18 +163,18 @@ def _depths(one: ContactTable, d: Array, t: float) -> tuple[Array, Array, Array]
 
 
 def depth_of(one: ContactTable, d: Array, t: float) -> float:
-    """Return how deep a body is in what it touches without a law [m], at points or between them, at d (n_full,)."""
+    """Return the largest penetration [m] of a contact without a law, at points or between them, at d (n_full,)."""
     return float(_depths(one, d, t)[0].max(initial=0.0))
 
 
 def overlap(model: Model, d: Array, t: float) -> float:
-    """Return how deep bodies are in what they touch without a law [m] at d (n_full,)."""
+    """Return the largest penetration [m] of all contacts without a law at d (n_full,)."""
     return max((depth_of(one, d, t) for one in model.contact_tables if one.pair.hard), default=0.0)
 
 
 def _look(one: ContactTable, d: Array, t: float, depths: tuple[Array, Array, Array], home: bool,
           accepted: tuple[Array, float]) -> list[Spot]:
-    """Return the points that are closed, those at home that may close and, unless ``home``, places between them."""
+    """Return the closed points, the fixed points that may close and, unless ``home``, new places between them."""
     depth, place, feature = depths
     free, held = one.free, np.array([p.mem[HELD] > 0.0 for p in one.points])
     _, faces = one.gaps(d, t)
@@ -195,9 +193,10 @@ def _look(one: ContactTable, d: Array, t: float, depths: tuple[Array, Array, Arr
 
 def _rubs(one: ContactTable, d: Array, t: float, accepted: tuple[Array, float],
           at: dict[int, tuple[float, float]] | None = None) -> tuple[Any, Any]:
-    """Return how the places of points on the obstacle move with coordinates, and how far they have come.
+    """Return the gradients of the points' places on the obstacle, and their slips.
 
-    That is since the accepted state, or from where closed points stick to. Without friction, there is None of both.
+    The slip is that since the accepted state or, for closed points, from their anchor. Without friction, gradients are
+    None and slips 0.
     """
     m = len(one.points)
     if not one.pair.item.friction:
@@ -209,24 +208,24 @@ def _rubs(one: ContactTable, d: Array, t: float, accepted: tuple[Array, float],
 
 
 def _beside(one: ContactTable, k: int) -> list[int]:
-    """Return the free points of the same curve of the same element as point k, that one first."""
+    """Return the movable points of the same element and curve as point k, that one first."""
     here = one.pair.spots[k]
     return sorted((j for j, p in enumerate(one.pair.spots) if p.free and (p.ie, p.eta) == (here.ie, here.eta)),
                   key=lambda j: j != k)
 
 
 def _there(one: ContactTable, k: int, place: float, feature: float) -> bool:
-    """Whether a free point in use already stands at a place, or turns about the same corner."""
+    """Return whether a movable point in use is already at a place, or at the same corner."""
     mems = [one.points[j].mem for j in _beside(one, k) if one.points[j].mem[HELD] > 0.0]
     return any(mem[FEATURE] == feature if mem[FREE] == SLIDING else abs(mem[PLACE] - place) < SAME for mem in mems)
 
 
 def exchange(system: System, d: Array, t: float, course: Course, way: Way = WAYS[0]
              ) -> tuple[int, float]:
-    """Open and close points of contact at an equilibrium d (n_full,), and move d to where that leads by the tangent.
+    """Open and close contact points at an equilibrium d (n_full,), and move d along by the tangent.
 
-    Returns the number of changes, and the largest depth [m]; ``course`` gathers what has come of points between others
-    on the way to this equilibrium. One without changes is an equilibrium of bodies and obstacles, whatever led there.
+    Return the number of changes, and the largest penetration [m]; ``course`` is the state of movable points on the way
+    to this equilibrium. Without changes, d is an equilibrium of bodies and obstacles, however it was reached.
     """
     limit = PENETRATION * system.model.extent
     hard = [one for one in system.model.contact_tables if one.pair.hard]
@@ -245,17 +244,17 @@ def exchange(system: System, d: Array, t: float, course: Course, way: Way = WAYS
     pulled = (pulls > PULL * np.abs(pulls).max(initial=0.0)).any()
     if not off and not (way.together and rubs) and worst <= limit and not pulled:
         return turned or slide(system, sliding, d, t, course) or sum(come_inside(one, course) for one in sliding), worst
-    # first the points at home, as those between follow from them
+    # fixed points first, as those between depend on them
     home = any((depth[~one.free] > limit).any() for one, (depth, _, _) in zip(hard, depths, strict=True))
     accepted = system.accepted or (d, t)
     spots = [s for one, depth in zip(hard, depths, strict=True) for s in _look(one, d, t, depth, home, accepted)]
     changed = turned + off + _settle(system, d, t, spots, limit, way)
-    # where the tangent leads to the same again; forces that it has just moved are not yet those of an equilibrium
+    # if the tangent leads back to the same set, friction may change; forces just moved are not yet in equilibrium
     return changed or sum(turn(*rub) for rub in rubs) or int(pulled), worst
 
 
 def _let_off(one: ContactTable, d: Array, t: float) -> int:
-    """Open points that have slid beyond an end of the other body, whose corner may close; return how many."""
+    """Open points that have slid beyond an end of the other body, whose corner may close instead; return how many."""
     off = [one.points[k] for k in np.flatnonzero(one.past(d, t)) if one.points[k].mem[HELD] > 0.0]
     for point in off:
         open_point(point, d)
@@ -263,11 +262,11 @@ def _let_off(one: ContactTable, d: Array, t: float) -> int:
 
 
 def _settle(system: System, d: Array, t: float, spots: list[Spot], limit: float, way: Way) -> int:
-    """Open and close points so that gaps and forces of the linearised state are complementary; return how many.
+    """Open and close points such that gaps and forces of the linearised state are complementary; return how many.
 
-    Where nothing helps, the point that pulls most opens, or else the deepest one closes.
+    If that fails, open the point with the largest pull or, if none pulls, close the deepest one.
     """
-    # what closes has slid since then
+    # slip of closing points is measured from the accepted state
     accepted = system.accepted or (d.copy(), t)
     changed = 0
     slides: dict[int, float] = {}
@@ -298,10 +297,9 @@ def _settle(system: System, d: Array, t: float, spots: list[Spot], limit: float,
 
 def _answer(system: System, d: Array, t: float, spots: list[Spot], limit: float, way: Way,
             accepted: tuple[Array, float]) -> tuple[list[Spot], dict[int, float], dict[int, float]] | None:
-    """Return spots, which of them open or close by which amount, and how others slide; move d (n_full,) there.
+    """Return the spots, the openings and forces of those that change, and friction states; move d (n_full,) along.
 
-    Where a body would buckle between its closed points, those beside them are closed first. None where the tangent
-    leads nowhere.
+    If a body would buckle between its closed points, their neighbours are closed first. None if there is no solution.
     """
     kind, most = (RoughResponse, 0) if way.together else (Response, GROWN)
     tried = spots
@@ -309,7 +307,7 @@ def _answer(system: System, d: Array, t: float, spots: list[Spot], limit: float,
     for more in range(most + 1):
         response = kind(system, d, t, tried, way.stuck)
         found = None if response.unstable and more < most else response.settled(limit)
-        # not where what has been closed opens again, and nothing else changes
+        # not if the points that were closed open again and nothing else changes
         if found is not None and (not more or set(found) != grown):
             system.model.displacements(d[system.model.numbering.where] + response.step(found), t, out=d)
             return tried, found, response.slides
@@ -322,7 +320,7 @@ def _answer(system: System, d: Array, t: float, spots: list[Spot], limit: float,
 
 
 def _grown(spots: list[Spot], d: Array, accepted: tuple[Array, float], t: float) -> list[Spot]:
-    """Return the points with those at home beside closed ones closed, too."""
+    """Return the spots, with the fixed neighbours of closed ones closed, too."""
     curves: dict[tuple[int, float], list[tuple[float, int]]] = {}
     for k, s in enumerate(spots):
         spot = s.one.pair.spots[s.k]
@@ -342,10 +340,10 @@ def _grown(spots: list[Spot], d: Array, accepted: tuple[Array, float], t: float)
 
 
 def _close(s: Spot, force: float, d: Array) -> int:
-    """Close a point with its force, and return its number; between those at home any of its element not in use does.
+    """Close a point with its force and return its number; between fixed points, use a free point of the element.
 
-    Where all are, the nearest moves to where the resultant of both forces acts: one point in place of two, which have
-    come from either side of where the body touches; with friction that with the least force moves.
+    If all are in use, the nearest one moves to the resultant of both forces: one point replaces two that approached the
+    place of contact from either side. With friction, the one with the smallest force moves to the new place.
     """
     k, points, place = s.k, s.one.points, s.place
     if s.one.pair.spots[k].free:
@@ -355,7 +353,7 @@ def _close(s: Spot, force: float, d: Array) -> int:
         k = unused[0] if unused else min(
             beside, key=lambda j: -d[points[j].multiplier] if rubs else abs(points[j].mem[PLACE] - place))
         mem, more = points[k].mem, -d[points[k].multiplier]
-        # what turns about a corner of the obstacle has one place, and what rubs has come to its own from somewhere
+        # a point at a corner has a fixed place, and one with friction an anchor of its own
         if not (unused or rubs) and force > 0.0 < more and SLIDING not in (mem[FREE], s.one.stands(k, s.feature)):
             force, place = force + more, (force * place + more * float(mem[PLACE])) / (force + more)
         stand_at(s.one, k, place, s.feature)

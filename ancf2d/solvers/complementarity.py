@@ -1,4 +1,4 @@
-"""Problems of linear complementarity: w = q + M z with w >= 0, z >= 0 and w z = 0, by Lemke's method.
+"""Linear complementarity problems w = q + M z with w >= 0, z >= 0 and w z = 0, solved by Lemke's method.
 
 C. E. Lemke, Bimatrix equilibrium points and mathematical programming, Management Science 11 (1965) 681-689; R. W.
 Cottle, J.-S. Pang, R. E. Stone, The Linear Complementarity Problem, 2009, section 4.4.
@@ -12,16 +12,15 @@ import numpy as np
 
 from ..elements.shape import Array
 
-# pivots per unknown; what counts as none of numbers whose diagonal is 1, so that rows depend on each other; ratios that
-# are equal
+# pivots per unknown; zero relative to a unit diagonal, where rows are dependent; tolerance of equal ratios
 PIVOTS, DEPENDENT, EQUAL = 20, 1e-12, 1e-12
 
 
 def lemke(M: Array, q: Array) -> Array | None:
     """Return z >= 0 (n,) with w = q + M z >= 0 and w z = 0, by Lemke's method with the lexicographic rule.
 
-    M (n, n) has been scaled to entries of about 1 on its diagonal. None where there is no solution along its way, as
-    there always is for positive semidefinite M if there is one at all.
+    M (n, n) must be scaled to diagonal entries of about 1. None if the method finds no solution; for positive
+    semidefinite M it finds one if there is any.
     """
     n = len(q)
     if (q >= 0.0).all():
@@ -50,13 +49,13 @@ def lemke(M: Array, q: Array) -> Array | None:
     try:
         z[closed] = np.linalg.solve(M[np.ix_(closed, closed)], -q[closed])
     except np.linalg.LinAlgError:
-        # rows that depend on each other: any of the solutions
+        # dependent rows: take any of the solutions
         z[closed] = T[at, -1]
     return np.maximum(z, 0.0)
 
 
 def lemke_from(M: Array, q: Array, start: Any) -> Array | None:
-    """Return z as ``lemke`` does, on a way that begins where z of ``start`` (n,) and w of the others are not 0."""
+    """Return z as ``lemke``, starting from z of ``start`` (n,) and w of the other entries being nonzero."""
     on, off = np.flatnonzero(start), np.flatnonzero(~start)
     try:
         to = np.linalg.inv(M[np.ix_(on, on)])
@@ -76,7 +75,7 @@ def lemke_from(M: Array, q: Array, start: Any) -> Array | None:
 
 
 def _leaves(T: Array, basis: Any, entering: int, n: int) -> int:
-    """Return the row whose variable the entering one drives out first, -1 where there is none."""
+    """Return the row whose variable leaves the basis when ``entering`` enters, or -1 if there is none."""
     column = T[:, entering]
     rows = np.flatnonzero(column > DEPENDENT)
     for key in (2 * n + 1, *range(n)):

@@ -1,4 +1,4 @@
-"""What touches in a state: forces, contact zones, what points remember."""
+"""Contact in a state: forces, contact zones and history variables of the points."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 
 
 def memory(model: Model) -> list[Array]:
-    """Return a copy of what the points of contact remember, to go back to."""
-    model.interactions  # noqa: B018  tables that hold it are made with them
+    """Return a copy of the history variables of all contact points."""
+    model.interactions  # noqa: B018  this makes the tables that hold them
     return [np.array([row[:one.size] for row in _remembered(one)]) for one in model.contact_tables]
 
 
 def recall(model: Model, kept: list[Array], slide: bool = False) -> None:
-    """Let points of contact remember what they did; those that stand where a body lifts off ``slide`` with it."""
+    """Restore the history variables of contact points; with ``slide``, points at places of lift-off slide."""
     for one, mem in zip(model.contact_tables, kept, strict=True):
         for own, row in zip(_remembered(one), mem, strict=True):
             own[:len(row)] = row
@@ -37,21 +37,21 @@ def recall(model: Model, kept: list[Array], slide: bool = False) -> None:
 
 
 def stays_behind(model: Model) -> bool:
-    """Return whether a force acts at a place between points at home that no equation moves with a number.
+    """Return whether a force acts at a movable place that is fixed in the equations and chosen only between equilibria.
 
-    Between equilibria such places are chosen anew, where a body is deepest: on another body, and inside a contact zone.
+    Such places are where a body penetrates most: on another body, and inside a contact zone.
     """
     return any(mem[HELD] > 0.0 and (mem[FREE] == OWN or (mem[FREE] == STANDING and not one.pair.still))
                for one in model.contact_tables if one.pair.hard for mem in _remembered(one))
 
 
 def _remembered(one: ContactTable) -> list[Array]:
-    """Return what each point of a contact remembers, to be written to: those with a law have it in one table."""
+    """Return views of the history variables of each point of a contact; points with a law share one table."""
     return [p.mem for p in one.points] if one.points else list(one.pair.mem)
 
 
 def recall_rows(model: Model, rows: Array) -> None:
-    """Let points of contact remember what a table of all point laws (items, numbers) of a model does."""
+    """Set the history variables of contact points from a table of all point laws (items, numbers)."""
     for patch, at in zip(model.interactions.points, model.interactions.rows, strict=True):
         if isinstance(patch, CompliantContact):
             size = patch.pair.size
@@ -62,10 +62,10 @@ def recall_rows(model: Model, rows: Array) -> None:
 
 
 class Touch(NamedTuple):
-    """What one contact does in a state.
+    """Gaps and forces of one contact in a state.
 
-    ``gap`` (m,) [m], ``force`` (m, 2) on the body that the points are of and ``moment`` (m,) about the origin of each
-    point, ``s`` (m,) along the body that is named first. Gaps up to ``near`` are closed.
+    ``gap`` (m,) [m], ``force`` (m, 2) on the body of the points and ``moment`` (m,) about the origin for each point,
+    ``s`` (m,) along the first body of the contact. Gaps up to ``near`` are closed.
     """
 
     pair: ContactPair
@@ -77,22 +77,22 @@ class Touch(NamedTuple):
 
     @property
     def closed(self) -> Any:
-        """Which points bear a force (m,)."""
+        """Which points have a force (m,)."""
         return np.hypot(*self.force.T) > 0.0
 
     @property
     def touching(self) -> Any:
-        """Which points touch (m,): they bear a force or, without a law, have no gap, as what just lies there."""
+        """Which points touch (m,): those with a force or, without a law, with zero gap."""
         return self.closed | (self.gap <= self.near) if self.pair.hard else self.closed
 
 
 def touches(model: Model, state: State) -> list[Touch]:
-    """Return what each contact of a model does in a state."""
+    """Return gaps and forces of each contact of a model in a state."""
     return [_touch(model, one, state) for one in model.contact_tables]
 
 
 def nodal_forces_of_points(one: ContactTable, state: State, rub: bool = True) -> tuple[Index, Array]:
-    """Return coordinates (m, n) and forces (m, n) of the points of a contact in a state: see ``ContactTable.nodal``."""
+    """Return coordinates (m, n) and forces (m, n) of the points of a contact in a state; see ``ContactTable.nodal``."""
     v = np.zeros(len(state.d))
     if state.v is not None:
         v[:len(state.v)] = state.v
@@ -100,9 +100,9 @@ def nodal_forces_of_points(one: ContactTable, state: State, rub: bool = True) ->
 
 
 def forces_of_points(model: Model, one: ContactTable, state: State, rub: bool = True) -> tuple[Array, Array]:
-    """Return the force (m, 2) of each point of a contact on its body and its moment (m,) about the origin.
+    """Return the force (m, 2) of each point of a contact on its body, and its moment (m,) about the origin.
 
-    Without friction where it does not ``rub``.
+    Without ``rub``, friction is left out.
     """
     mesh = one.pair.mesh
     coords, Q = nodal_forces_of_points(one, state, rub)
@@ -122,7 +122,7 @@ def _touch(model: Model, one: ContactTable, state: State) -> Touch:
 
 
 def check_pressed(model: Model, d: Array, at: dict[str, float]) -> None:
-    """Raise ComputationError where bodies are pressed so deep into one another that contact may let them through."""
+    """Raise ComputationError if bodies overlap so deeply that contact may let them pass."""
     for pair in model.contacts:
         if told := pair.pressed_through(d):
             law = "more elements where they touch" if pair.hard else "a stiffer law or none"
@@ -131,7 +131,7 @@ def check_pressed(model: Model, d: Array, at: dict[str, float]) -> None:
 
 
 def check_crossed(model: Model, d: Array, last: tuple[Array, float], t: float) -> None:
-    """Raise ComputationError where a body has passed through what it touches since the last state, with its time."""
+    """Raise ComputationError if a body has passed through its partner since the last state (with its time)."""
     for one in model.contact_tables:
         if one.crossed(last, d, t):
             raise ComputationError(f"{one.pair.name}: {one.pair.body} passes through {one.pair.other}",
@@ -139,7 +139,7 @@ def check_crossed(model: Model, d: Array, last: tuple[Array, float], t: float) -
 
 
 def contact_report(model: Model, state: State) -> list[dict[str, Any]]:
-    """Return force, moment about the origin and contact zone of each contact of a model, as ``--json`` has them."""
+    """Return force, moment about the origin and contact zone of each contact of a model, for ``--json``."""
     of: dict[int, list[Touch]] = {}
     for touch in touches(model, state):
         of.setdefault(id(touch.pair.item), []).append(touch)
@@ -147,7 +147,7 @@ def contact_report(model: Model, state: State) -> list[dict[str, Any]]:
 
 
 def _row(parts: list[Touch]) -> dict[str, Any]:
-    """Return the entry of one contact, of which either body may have points."""
+    """Return the entry of one contact; both bodies may have points."""
     first, last = (np.concatenate(ends) for ends in zip(*map(_stretches, parts), strict=True))
     fx, fy = sum(touch.pair.sign * touch.force.sum(axis=0) for touch in parts)
     return {"name": parts[0].pair.name, "force": [float(fx), float(fy)],
@@ -157,10 +157,10 @@ def _row(parts: list[Touch]) -> dict[str, Any]:
 
 
 def _stretches(touch: Touch) -> tuple[Array, Array]:
-    """Return where along the body that is named first the stretches (k,) begin and end for which touching points stand.
+    """Return start and end along the first body of the stretches (k,) that the touching points represent.
 
-    Without a law, and on the end of a body, these are the points themselves. Others of a law stand for lengths, one
-    after another in an element.
+    Without a law, and on an end of a body, these are the points themselves. Other points with a law represent lengths,
+    in order along an element.
     """
     pair, first, last = touch.pair, touch.s.copy(), touch.s.copy()
     if not pair.hard and pair.sign >= 0.0:
@@ -174,7 +174,7 @@ def _stretches(touch: Touch) -> tuple[Array, Array]:
 
 
 def _lengths(pair: ContactPair) -> Array:
-    """Return the lengths of the axis (m,) for which the points of a law stand: none for those on an end."""
+    """Return the length of the axis (m,) that each point with a law represents, 0 on an end."""
     along = levels_of(pair.mesh, pair.item.side)
     return np.array([p.weight if p.eta in along else 0.0 for p in pair.spots])
 
@@ -182,7 +182,7 @@ def _lengths(pair: ContactPair) -> Array:
 def _length(pair: ContactPair, touch: Touch) -> float:
     """Return the length of the reference axis along which a body touches.
 
-    Of points that nothing is between, it is the length from one to the next; a compliant contact has lengths.
+    Without a law it is the distance between neighbouring points that touch; with a law, points represent lengths.
     """
     if not pair.hard:
         return float(_lengths(pair)[touch.touching].sum())
@@ -197,7 +197,7 @@ def _length(pair: ContactPair, touch: Touch) -> float:
 
 
 def obstacle_reactions(model: Model, state: State) -> dict[str, dict[str, float]]:
-    """Return what each obstacle does to the bodies: force, and moment about its centre where that is in the state."""
+    """Return the force and moment of each obstacle on the bodies; the moment is about its centre in the state."""
     out: dict[str, dict[str, float]] = {
         name: {"fx": 0.0, "fy": 0.0, "m": 0.0} for name in model.case.obstacles
         if any(pair.other == name for pair in model.contacts)}
@@ -215,7 +215,7 @@ def obstacle_reactions(model: Model, state: State) -> dict[str, dict[str, float]
 
 
 def obstacle_motions(model: Model, state: State) -> dict[str, dict[str, float]]:
-    """Return how far each obstacle that follows amplitudes has moved and turned about its centre in a state."""
+    """Return displacement and rotation about its centre of each obstacle that follows amplitudes."""
     out = {}
     for name, frame in model.frames.items():
         if frame.signals:
@@ -225,7 +225,7 @@ def obstacle_motions(model: Model, state: State) -> dict[str, dict[str, float]]:
 
 
 def centre_at(pair: ContactPair, d: Array, t: float, obstacle: Any) -> tuple[float, float]:
-    """Return where the centre of an obstacle is at d (n_q,) and t."""
+    """Return the position of an obstacle's centre at d (n_q,) and t."""
     x, y, angle = pair.frame.pose(d, t)
     (ox, oy), (cx, cy) = pair.frame.origin, obstacle.centre
     c, s = np.cos(angle), np.sin(angle)

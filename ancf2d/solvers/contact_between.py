@@ -1,8 +1,9 @@
-"""Whether a body is where its obstacles let it be between its points of contact, over the states of a run.
+"""Check over a run that bodies do not penetrate obstacles, or lose pressure, between their contact points.
 
-A layer yields D under its pressure, the integral of k D over what overlaps, which grows with D^(3/2) on round surfaces.
-The points of an element sum up another pressure, G in place of F: under that the layer would yield D (G/F)^(2/3). The
-difference is how far the body is off. Without a law it is all of the depth that a motion leaves between fixed points.
+A layer yields D under its pressure, the integral F of k D over the overlap, which grows as D^(3/2) on round surfaces.
+The points of an element sum up to another pressure G, under which the layer would yield D (G/F)^(2/3). The difference
+is the error in the body's position. Without a law the error is the whole penetration that a motion leaves between fixed
+points.
 """
 
 from __future__ import annotations
@@ -21,13 +22,13 @@ from .threads import largest
 if TYPE_CHECKING:
     from ..model.contact_tables import ContactTable
 
-# share of the largest displacement, and of the radius of a disc, that a body may be off without a word
+# share of the largest displacement, and of the radius of a disc, above which an error gives a warning
 OFF, SMALL = 0.01, 0.1
 POWER = 2.0 / 3.0
 
 
 class _Layer:
-    """The faces or the axis of a body along an obstacle with a law: an interval for each element."""
+    """The faces or the axis of a body on an obstacle with a law: one interval for each element."""
 
     def __init__(self, known: ContactTable) -> None:
         from ..model.contact_tables import contact_table
@@ -40,14 +41,14 @@ class _Layer:
         pair.par[:, HOME], pair.par[:, DAMPING] = 0.0, 1.0
         self.half: Array = 0.5 * np.tile(mesh.lengths, len(levels))
         self.table = contact_table((), pair)
-        # the ends of the body, where it may be deepest without being level with the obstacle, and their intervals
+        # the ends of the body, where it may be deepest without being parallel to the surface, and their intervals
         ends = [] if self.closed else [Spot(ie, z, eta, lengths[ie]) for eta in levels
                                        for ie, z in ((0, -1.0), (last, 1.0))]
         self.ends = [(k // 2 * self.count + p.ie, p.z) for k, p in enumerate(ends)]
         self.tips = contact_table((), known.pair.at(item, mesh, ends)) if ends else None
 
     def off(self, state: State) -> tuple[float, float, float]:
-        """Return how far the body is off in a state, how deep it is there, and what the layer would yield."""
+        """Return the position error of the body in a state, its depth there, and the depth for the summed forces."""
         from ..kernels.contact import overlaps
 
         d, t = state.d, state.side
@@ -74,14 +75,14 @@ class _Layer:
 
 
 class Between:
-    """How far bodies have been off what they touch between their points of contact.
+    """Largest position errors of bodies between their contact points during a run.
 
-    Without a law, load steps add points on obstacles there, and paths tell of every depth themselves.
+    Without a law, load steps add points on obstacles there, and paths report such depths themselves.
     """
 
     def __init__(self, model: Model) -> None:
         self.model, solver = model, model.case.solver
-        # those that may be off, with what looks at them: layers on obstacles, between bodies, obstacles without a law
+        # contacts with possible errors, and their checks: layers on obstacles, between bodies, obstacles without a law
         self.looks: list[tuple[Any, Any]] = []
         for one in model.contact_tables if model.contacts and (solver.moves or solver.balances) else ():
             pair = one.pair
@@ -94,12 +95,12 @@ class Between:
 
                 halves: list[Any] = [other for other in model.contact_tables if other.pair.item is pair.item]
                 self.looks.append((pair, BodyLayer(model, halves)))
-        # the largest displacement; where a body was furthest off, and where most beside the radius of a disc: how far,
-        # how deep, what the layer would yield, when, and in which contact
+        # the largest displacement; the largest error, and the largest relative to the radius of a disc, each as: error,
+        # depth, depth for the summed forces, time, number of the contact
         self.moved, self.most, self.share = 0.0, np.zeros(5), np.zeros(5)
 
     def take(self, state: State) -> None:
-        """Look at the next state."""
+        """Check the next state."""
         if not self.looks or state.linear:
             return
         from .active_set import depth_of
@@ -120,13 +121,12 @@ class Between:
 
     @property
     def error(self) -> float:
-        """How far a body was off, beside the largest displacement or the radius of a disc, where that is told; else 0.
-        """
+        """Largest error relative to the largest displacement or the radius of a disc, if it gives a warning; else 0."""
         off, small = float(self.most[0]) / self.moved if self.moved > 0.0 else 0.0, float(self.share[0])
         return max(off if off > OFF else 0.0, small if small > SMALL else 0.0)
 
     def warnings(self) -> list[str]:
-        """Return what is to be said of the whole run."""
+        """Return the warnings for the whole run."""
         if self.error == 0.0:
             return []
         of_all = self.most[0] > OFF * self.moved
@@ -145,9 +145,9 @@ class Between:
         return [f"{pair.name}: at {when} {what}. Use {fewer}"]
 
     def kept(self) -> list[Any]:
-        """Return what is kept in checkpoints."""
+        """Return the values to store in checkpoints."""
         return [self.moved, self.most.tolist(), self.share.tolist()]
 
     def go_on(self, kept: list[Any]) -> None:
-        """Take up what was kept."""
+        """Restore the values of a checkpoint."""
         self.moved, self.most[:], self.share[:] = kept

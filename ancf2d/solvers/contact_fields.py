@@ -1,8 +1,8 @@
-"""Pressure, traction and gap along a body that touches something, on its lower and its upper face.
+"""Contact pressure, traction and gap on the lower and upper face of a body.
 
-Forces of points are shared between the two places beside each (nodes, and what divides an element between them), so
-that force and moment stay what they are, and divided by the length that a place stands for. Between places all is
-linear. Gaps are those of the stations themselves.
+The force of each point is divided between its two neighbouring places (nodes, and divisions of an element), such that
+force and moment are preserved, and divided by the length that a place represents. Between places the fields are linear.
+Gaps are those of the stations themselves.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from .contact import forces_of_points
 if TYPE_CHECKING:
     from .state import State
 
-# of a body: places along it that are the same
+# distance of equal places along a body, relative to its length
 SAME = 1e-9
 
 
 class ContactFields:
-    """Reads the pressure and traction [force/length] and the gap [length] of one body from states.
+    """Evaluate the pressure and traction [force/length] and the gap [length] of one body for states.
 
-    Each is (ne, nx, 2, 1): at stations ``xi`` (nx,) of the elements, of lower and upper face. What touches the axis
-    counts to the face that it is before. What presses on the ends along the axis is left out; where nothing is opposite
-    the gap is nan.
+    Each is (ne, nx, 2, 1): at stations ``xi`` (nx,) of the elements, on the lower and upper face. Contact of the axis
+    counts for the face on its side. Pressure along the axis on the ends is left out. The gap is nan where nothing is
+    opposite.
     """
 
     def __init__(self, model: Model, mesh: BodyMesh, xi: Array) -> None:
@@ -52,7 +52,7 @@ class ContactFields:
                         for pair in self._stations(item)]
 
     def _stations(self, item: Contact) -> list[Any]:
-        """Return the stations as points of one contact, which bear nothing."""
+        """Return the stations as points of one contact, without forces."""
         spots = [Spot(ie, 2.0 * x - 1.0, eta, 0.0) for eta in levels_of(self.mesh, item.side)
                  for ie in range(len(self.mesh.dofs)) for x in self.xi.tolist()]
         known = next(one.pair for one in self.tables if one.pair.item is item)
@@ -92,7 +92,7 @@ class ContactFields:
         return pressure, traction
 
     def _add(self, sums: Array, state: State, S: Array, face: Array, normal: Array, along: Array) -> None:
-        """Add forces (m, 2) across and along what they touch, at S (m,), to those of the places."""
+        """Add normal and tangential forces (m, 2) at S (m,) to those of the places."""
         for k in np.flatnonzero(np.hypot(*normal.T) + np.hypot(*along.T) > 0.0).tolist():
             s = float(S[k]) * self.mesh.plan.length
             t = self._direction(state, s)
@@ -118,9 +118,9 @@ class ContactFields:
 
 
 def lying(model: Model, mesh: BodyMesh, state: State) -> Any:
-    """Return which elements (m,) of a body touch something without a law with both ends.
+    """Return which elements (m,) of a body touch something without a law at both ends.
 
-    So does an end that has no point, as supports hold it next to an obstacle.
+    An end also counts if it has no point because supports hold it next to an obstacle.
     """
     out: Any = np.zeros(len(mesh.dofs), dtype=bool)
     for one in model.contact_tables:
@@ -139,7 +139,7 @@ def lying(model: Model, mesh: BodyMesh, state: State) -> Any:
 
 
 def _ends_on(mesh: BodyMesh, S: Array, touching: Any, reach: float, held: bool) -> Any:
-    """Return which elements (m,) have points that touch within reach [m] of both ends, from points at S (k,) of a body.
+    """Return which elements (m,) have touching points, at S (k,) of a body, within ``reach`` [m] of both ends.
 
     With ``held``, one end may have no point at all.
     """

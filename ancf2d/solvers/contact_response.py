@@ -1,4 +1,4 @@
-"""How contact forces and gaps answer to each other at an equilibrium, by its tangent, and what is closed then."""
+"""Linear response of contact forces and gaps at an equilibrium, and the points that are closed according to it."""
 
 from __future__ import annotations
 
@@ -17,18 +17,17 @@ if TYPE_CHECKING:
     from ..model.contact_tables import ContactTable
     from .system import System
 
-# pulls beside the largest force that count as none
+# pull, relative to the largest force, that counts as none
 PULL = 1e-9
-# compliance beside that of an element: what has no more is held by other points
+# compliance, relative to that of an element, below which other points already hold a point
 HELD_ALREADY = 1e-10
 
 
 class Spot(NamedTuple):
-    """A point that is closed, or may have to be.
+    """A contact point that is closed or may have to close.
 
-    ``row`` (n,) is the gradient of its gap by ``dofs`` (n,); one between the points at home stands at ``place``.
-    Where there is friction, ``slope`` (n,) is how its place on the obstacle moves with them, ``way`` how far it is from
-    where it sticks to.
+    ``row`` (n,) is the gradient of its gap with respect to ``dofs`` (n,); a movable point is at ``place``. With
+    friction, ``slope`` (n,) is the gradient of its place on the obstacle, and ``way`` its distance from its anchor.
     """
 
     one: ContactTable
@@ -44,22 +43,22 @@ class Spot(NamedTuple):
 
     @property
     def soft(self) -> float:
-        """What an open point between others yields under a unit force beyond the polynomial of its element."""
+        """Compliance of an open movable point beyond that of its element's polynomial."""
         if self.held or not self.one.pair.spots[self.k].free or self.one.stands(self.k, self.feature) == OWN:
             return 0.0
         return yields(self.point.par, self.place)[0]
 
     @property
     def point(self) -> ContactPoint:
-        """The point whose multiplier is its force, before a free one has been chosen for it."""
+        """The point whose multiplier is the force; for a movable place, before a free point is chosen."""
         return self.one.points[self.k]
 
 
 class Response:
-    """How forces of closed points and gaps of open ones answer to each other at a state, by its tangent.
+    """Linear response at a state: changes of the forces of closed points and of the gaps of open ones.
 
-    Points that slide stick in that tangent where they are ``stuck``. ``base`` (n_unknowns,) leads to balance where
-    nothing opens or closes; forces and gaps are then ``b`` (m,).
+    With ``stuck``, sliding points stick in the tangent. ``base`` (n_unknowns,) is the Newton step to balance if nothing
+    opens or closes; ``b`` (m,) are forces and gaps after it.
     """
 
     def __init__(self, system: System, d: Array, t: float, spots: list[Spot], stuck: bool) -> None:
@@ -79,17 +78,17 @@ class Response:
         self.stiff = np.array([s.point.par[STIFFNESS] for s in spots])
         self.b = np.where(self.held, self.force, [s.gap for s in spots]) + self.told(self.base)
         self.steps: dict[int, Array] = {}
-        # how spots with friction slide or stick then
+        # friction state (slides, with its sign, or sticks) of spots after the change
         self.slides: dict[int, float] = {}
 
     def told(self, z: Array) -> Array:
-        """Return what forces of closed points and gaps of open ones (m,) change by with the unknowns."""
+        """Return the changes of forces of closed points and gaps of open ones (m,) for a change z of the unknowns."""
         full = np.zeros(len(self.num.place))
         self.num.expand(z, full)
         return np.where(self.held, -z[self.at], self.rows @ full)
 
     def answer(self, k: int) -> Array:
-        """Return what they change by where closed point k opens by 1, or a force of 1 acts at the open one."""
+        """Return the changes (m,) if the closed point k opens by 1, or if a force of 1 acts on the open point k."""
         rhs = np.zeros(len(self.base))
         if self.held[k]:
             rhs[self.at[k]] = 1.0
@@ -104,10 +103,10 @@ class Response:
         return self.num.reduce(full, np.zeros(len(self.num.place)))
 
     def settled(self, limit: float) -> dict[int, float] | None:
-        """Return how far closed points open, and the forces on open ones, so that both are complementary.
+        """Return, by number, openings of closed points and forces on open ones that make the state complementary.
 
-        Begins with the points that pull or are deeper than ``limit``, and adds what is wrong then. None where there
-        is no such state nearby.
+        Start from the points that pull or penetrate by more than ``limit``, and add those that violate the conditions
+        then. None if there is no such state nearby.
         """
         size = np.where(self.held, PULL * np.abs(self.force).max(initial=0.0), limit)
         working: list[int] = []
@@ -129,12 +128,12 @@ class Response:
                 z = solved
                 w = self.b + answers @ z
         found = {k: float(a) for k, a in zip(working, z, strict=True) if a > 0.0}
-        # a force on an open point pulls it into the obstacle: nothing holds that point
+        # a force on an open point that pulls it into the obstacle: no other point holds it
         pulled_in = any(self.told(self.steps[k])[k] * self.stiff[k] < -HELD_ALREADY for k in passed)
         return None if pulled_in and not found else found
 
     def _complementary(self, M: Array, working: Any) -> Array | None:
-        # stiffnesses and compliances, each beside the largest of its kind
+        # stiffnesses and compliances, each relative to the largest of its kind
         own, closed = np.abs(np.diag(M)), self.held[working]
         most = np.where(closed, own[closed].max(initial=0.0), own[~closed].max(initial=0.0))
         scale: Array = 1.0 / np.sqrt(np.maximum(own, DEPENDENT * most))
@@ -142,5 +141,5 @@ class Response:
         return None if z is None else scale * z
 
     def step(self, found: dict[int, float]) -> Array:
-        """Return how that moves the unknowns (n_unknowns,)."""
+        """Return the change of the unknowns (n_unknowns,) for these openings and forces."""
         return self.base + sum((a * self.steps[k] for k, a in found.items()), np.zeros(len(self.base)))

@@ -1,4 +1,4 @@
-"""The discrete model of a case for solvers and integrators of one's own: residual, tangents, mass and probes."""
+"""The discrete model of a case for external solvers and integrators: residual, tangents, mass and probes."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 
 
 class DiscreteModel:
-    """The equations of a case over its unknowns z: R(z, t) = 0 in statics, M z'' + R(z, z', t) = 0 in motion.
+    """The equations of a case for its unknowns z: R(z, t) = 0 in statics, M z'' + R(z, z', t) = 0 in motion.
 
     The ``n`` unknowns are the displacements of the nodal coordinates that supports and joints leave free, in the order
-    of ``e0``, followed by one multiplier for each constraint that cannot be eliminated. ``names`` tells them apart.
-    R holds internal forces less loads, so K = dR/dz is the tangent stiffness; the row of a multiplier holds its
+    of ``e0``, followed by one multiplier for each constraint that cannot be eliminated. ``names`` lists them. R
+    contains internal forces minus loads, so K = dR/dz is the tangent stiffness; the row of a multiplier contains its
     constraint g, so R = 0 means that the constraint is met. t is the load factor, but the time in dynamic cases. In
     dynamic cases R includes damping and the inertia of prescribed motion; in ``linear_static`` R is linear.
 
@@ -41,13 +41,13 @@ class DiscreteModel:
     also have all nodal displacements (nq,), such as ``Solution.d[-1]``; ``d`` then has to meet the supports.
 
     All methods raise ValueError for arrays of another shape, TypeError for complex ones, and ComputationError where an
-    amplitude has no value at t or a point has left the body that it slides on.
+    amplitude has no value at t or a point has left the body on which it slides.
 
-    Torsion springs on sections without theta count whole turns, and prismatic joints follow their point, from one
-    evaluation to the next. Fibres that yield are evaluated as if strained from the reference at once.
+    Torsion springs on sections without theta count full turns, and prismatic joints follow their point, from one
+    evaluation to the next. Fibres that yield are evaluated as if strained from the reference in one step.
 
-    Raises CaseError where a case has what no function R(z, z', t) tells: states of controllers and materials,
-    conditions, friction, impacts; or what this R leaves out: loads and masses that move along bodies, feedback, drag.
+    Raises CaseError if no function R(z, z', t) describes the case: states of controllers and materials, conditions,
+    friction, impacts; or if this R leaves something out: loads and masses that move along bodies, feedback, drag.
     """
 
     def __init__(self, model: Model) -> None:
@@ -56,7 +56,7 @@ class DiscreteModel:
         if left:
             raise CaseError(left)
         self._model, self._system, num = model, System(model), model.numbering
-        # where each unknown, in the order of the nodal coordinates, stands in the matrices of the system
+        # order of the nodal coordinates: the place of each unknown in the matrices of the system
         self._order: Index = np.argsort(num.free)
         self._moving = model.case.solver.moves
         self._linear = model.case.solver.linear
@@ -81,37 +81,37 @@ class DiscreteModel:
 
     @property
     def multipliers(self) -> Index:
-        """The indices (m,) of the multipliers among the unknowns, the last ones."""
+        """The indices (m,) of the multipliers among the unknowns, at the end."""
         return np.arange(self.n - self._model.numbering.n_multipliers, self.n)
 
     @property
     def warnings(self) -> list[str]:
-        """What the model warns of, such as elements that lock."""
+        """The warnings about the model, such as elements that lock."""
         return list(self._model.warnings)
 
     @cached_property
     def names(self) -> list[str]:
-        """The names of the unknowns, each once: ``"ry_x of beam at S = 0.25"``; S is the fraction of the arc length."""
+        """The unique names of the unknowns: ``"ry_x of beam at S = 0.25"``; S is the fraction of the arc length."""
         model, met, out = self._model, Counter[str](), []
         every = [*model.coordinate_names(), *map(model.describe_multiplier, range(len(model.constraints)))]
         for name in (every[full] for full in model.numbering.free[self._order].tolist()):
             met[name] += 1
-            # where two sides of a node have coordinates of their own
+            # two sides of a node may have coordinates of their own
             out.append(name if met[name] == 1 else f"{name} ({met[name]})")
         return out
 
     def expand(self, z: ArrayLike, t: float = 1.0, order: int = 0) -> Array:
-        """Return the displacements of all nodal coordinates (nq,), those that supports and joints tell included.
+        """Return the displacements of all nodal coordinates (nq,), including those that supports and joints determine.
 
-        ``e0 + expand(z, t)`` are the nodal coordinates. With ``order`` 1 or 2, ``z`` are rates or second rates of the
-        unknowns, and so is what is returned.
+        ``e0 + expand(z, t)`` are the nodal coordinates. With ``order`` 1 or 2, ``z`` and the result are first or second
+        rates.
         """
         if order not in (0, 1, 2):
             raise ValueError(f"order is {order!r}; expected 0, 1 or 2")
         return self._full(self._unknowns(z, "z", t, order), t, order)[:self._model.n_q]
 
     def _unknowns(self, given: ArrayLike, what: str, t: float, order: int = 0) -> Array:
-        """Return unknowns (n,), or their rates, as the system has them."""
+        """Return unknowns (n,), or their rates, in the order of the system."""
         found = np.asarray(given)
         if np.iscomplexobj(found):
             raise TypeError(f"{what} is complex; use real numbers")
@@ -131,7 +131,7 @@ class DiscreteModel:
         raise ValueError(f"{what} has the shape {found.shape}; expected ({self.n},), the unknowns{other}")
 
     def _full(self, z: Array, t: float, order: int = 0) -> Array:
-        """Return d (n_full,) or its rates from those of the unknowns as the system has them; multipliers have none."""
+        """Return d (n_full,) or its rates from the unknowns in the order of the system; multipliers have no rates."""
         if order == 0:
             return self._model.displacements(z, t)
         out = np.zeros(len(self._reference))
@@ -144,12 +144,12 @@ class DiscreteModel:
     # ------------------------------------------------------------------ residual and its derivatives
 
     def residual(self, d: ArrayLike, v: ArrayLike | None = None, t: float = 1.0) -> Array:
-        """Return R (n,) at the unknowns d with rates v (none: at rest), at load factor or time t."""
+        """Return R (n,) at the unknowns d with rates v (default 0), at load factor or time t."""
         rates = np.zeros(self.n) if v is None else self._unknowns(v, "v", t, 1)
         return self._residual(self._full(self._unknowns(d, "d", t), t), rates, t)
 
     def _residual(self, d: Array, rates: Array, t: float) -> Array:
-        """Return R (n,) at d (n_full,) with rates (n,) of the unknowns as the system has them."""
+        """Return R (n,) at d (n_full,), for rates (n,) of the unknowns in the order of the system."""
         num, driven = self._model.numbering, self._moving and self._model.moves
         R = self._rest(d, t)
         if rates.any() or driven:
@@ -159,7 +159,7 @@ class DiscreteModel:
         return R[self._order]
 
     def _rest(self, d: Array, t: float) -> Array:
-        """Return R (n,) at rest, as the system has it."""
+        """Return R (n,) without rates, in the order of the system."""
         system, zero = self._system, self._reference
         if not self._linear:
             return system.forces(d, t).R
@@ -172,13 +172,13 @@ class DiscreteModel:
         return self._rates(d, v, t, lambda: self._M, self._linear)
 
     def _inertia(self, a: Array) -> Array:
-        """Return the forces of inertia (n_full,) that second rates a (n_full,) cause."""
+        """Return the inertia forces (n_full,) of second rates a (n_full,)."""
         out, n_q = np.zeros(len(a)), self._model.n_q
         out[:n_q] = self._M @ a[:n_q]
         return out
 
     def tangent(self, d: ArrayLike, t: float = 1.0) -> csc_array:
-        """Return K = dR/dd (n, n) at rest, multipliers included; it is symmetric unless loads follow the body."""
+        """Return K = dR/dd (n, n) without rates, multipliers included; it is symmetric unless loads follow the body."""
         full = self._full(self._unknowns(d, "d", t), t)
         if self._linear:
             self._system.assemble(self._reference, t, load_stiffness=False)
@@ -188,7 +188,7 @@ class DiscreteModel:
         return self._ordered(stored(self._model, matrix, matrix.values))
 
     def damping(self, d: ArrayLike, t: float = 1.0) -> csc_array:
-        """Return C = dR/dv (n, n) at rest: springs' and materials' damping, Coriolis forces."""
+        """Return C = dR/dv (n, n) without rates: damping of springs and materials, Coriolis forces."""
         full = self._reference if self._linear else self._full(self._unknowns(d, "d", t), t)
         viscous = self._rates.viscous_matrix(full)
         C = self._rates.plain_damping(full, t, self._mass if self._rates.alpha else None) + self._rates.turning(t)
@@ -200,9 +200,9 @@ class DiscreteModel:
 
     @property
     def mass(self) -> csc_array:
-        """The constant mass matrix M (n, n), that of motions; multipliers have none.
+        """The constant mass matrix M (n, n) of motions; rows of multipliers are zero.
 
-        Raises ComputationError where a body has no density.
+        Raises ComputationError if a body has no density.
         """
         return self._reduced_mass.copy()
 
@@ -217,7 +217,7 @@ class DiscreteModel:
 
     @cached_property
     def _mass(self) -> csc_array:
-        """The mass matrix (n, n) as the system has it."""
+        """The mass matrix (n, n) in the order of the system."""
         from scipy.sparse import csc_array
 
         T = unknowns_to_coordinates(self._model)
@@ -230,10 +230,11 @@ class DiscreteModel:
     # ------------------------------------------------------------------ motion
 
     def initial(self) -> tuple[Array, Array]:
-        """Return the unknowns and their rates (n,) at t = 0 of a dynamic case, as ``initial`` gives them.
+        """Return the unknowns and their rates (n,) at t = 0 of a dynamic case, as given by ``initial``.
 
-        Rates are what supports and joints leave of those that are given; multipliers are 0. Raises ComputationError in
-        other cases, and where a static equilibrium to start from is not found; CaseError where a file is not of use.
+        The given rates are projected onto the constraints of supports and joints; multipliers are 0. Raises
+        ComputationError in other cases, and if a static equilibrium to start from is not found; CaseError if a file is
+        unusable.
         """
         if not self._moving:
             raise ComputationError("only dynamic cases have an initial state", advice="solver: {type: dynamic, ...}")
@@ -247,10 +248,10 @@ class DiscreteModel:
     def accelerations(self, d: ArrayLike, v: ArrayLike, t: float) -> tuple[Array, Array]:
         """Return the second rates (n,) of the unknowns at d with rates v at time t, and the multipliers (m,).
 
-        The accelerations meet M a + R(d, v, t) = 0 with these multipliers, whatever ``d`` has for them, and the second
-        derivatives of all constraints. Multipliers have none: zero there. With y = [d, v], y' = [v, a].
+        The accelerations satisfy M a + R(d, v, t) = 0 with these multipliers, regardless of those in ``d``, and the
+        second derivatives of all constraints. The entries of multipliers are zero. With y = [d, v], y' = [v, a].
 
-        Raises ComputationError where the mass matrix is singular or constraints hold the same motion twice.
+        Raises ComputationError if the mass matrix is singular or constraints hold the same motion twice.
         """
         z, rates = self._unknowns(d, "d", t), self._unknowns(v, "v", t, 1)
         full = self._full(z, t)
@@ -261,9 +262,9 @@ class DiscreteModel:
         return self._with_constraints(-R, rows, -second[1])
 
     def _constraints(self, d: Array, v: Array, driven: Array, t: float) -> tuple[Array, Array]:
-        """Return the gradients G (m, n) of the constraints g(d, t) = 0, and what keeps them (2, m).
+        """Return the gradients G (m, n) of the constraints g(d, t) = 0, and their rate terms (2, m).
 
-        These are g_t and v^T g_qq v + 2 g_qt v + g_tt at d with rates v, each with G ``driven`` (all (n_full,)) added.
+        These are g_t and v^T g_qq v + 2 g_qt v + g_tt at d with rates v, each plus G ``driven`` (all (n_full,)).
         """
         m, found = len(self._model.constraints), self._model.interactions
         if not m:
@@ -307,10 +308,10 @@ class DiscreteModel:
     # ------------------------------------------------------------------ probes
 
     def probe(self, name: str, d: ArrayLike, v: ArrayLike | None = None, t: float = 1.0) -> dict[str, float]:
-        """Return what a probe of the case shows at d: x, y, ux, uy and theta; with v also vx, vy and omega.
+        """Return the values of a probe at d: x, y, ux, uy and theta; with v also vx, vy and omega.
 
-        ``theta`` counts from the reference; a body that turns as a whole may be a number of full turns further. Raises
-        ValueError for a name that is not one of the case's probes.
+        ``theta`` is relative to the reference; for a body that rotates as a whole it may lack full turns. Raises
+        ValueError for an unknown probe.
         """
         if name not in self._observer.probes:
             known = ", ".join(self._observer.probes) or "none"
@@ -325,7 +326,7 @@ class DiscreteModel:
 
 
 def _left_out(model: Model) -> Iterator[tuple[tuple[Any, ...], str]]:
-    """Yield the path of everything in a case that the residual does not contain, and what to tell of it."""
+    """Yield path and message for everything in a case that the residual does not contain."""
     case, over_time = model.case, model.case.solver.timed
     for group in ("boundary_conditions", "joints", "springs", "masses", "loads"):
         for k, item in enumerate(getattr(case, group)):
@@ -342,7 +343,7 @@ def _left_out(model: Model) -> Iterator[tuple[tuple[Any, ...], str]]:
 
 
 def _beyond(item: Any, holds: bool) -> Iterator[str]:
-    """Yield why R(z, z', t) does not contain an item of a case; ``holds``: it is a support or joint."""
+    """Yield why R(z, z', t) cannot contain an item of a case; ``holds``: it is a support or joint."""
     active = getattr(item, "active", None)
     if active is not None and (holds or active.waits):
         yield "it waits for a condition" if active.waits else "it is let go"
@@ -351,7 +352,7 @@ def _beyond(item: Any, holds: bool) -> Iterator[str]:
         if isinstance(value, MovingPoint):
             yield "it moves along a body"
         elif isinstance(value, PointExpression):
-            # quantities of the point that the load acts on
+            # its quantities are those of the load's own point
             continue
         elif getattr(value, "quantities", ()):
             yield f"it depends on {', '.join(value.quantities)}"

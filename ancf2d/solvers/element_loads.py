@@ -1,4 +1,4 @@
-"""Loads on elements other than from their neighbours: multipliers of supports and joints, forces between nodes."""
+"""Loads on elements other than at their ends: multipliers of supports and joints, and forces between nodes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .contact import nodal_forces_of_points
 from .linear import full_mass, inertia_rates
 from .state import State
 
-# what is nearer to an end of its element than this share of it acts there
+# distance from an end of the element, relative to its length, within which a force acts at the end
 NODE = 1e-9
 
 
@@ -37,12 +37,12 @@ class Inside(NamedTuple):
 
 
 def is_inside(point: PointRef, mesh: BodyMesh) -> bool:
-    """Whether a point is one of this body, and between the ends of its element."""
+    """Return whether a point is on this body and between the ends of its element."""
     return point.mesh is mesh and 0.0 < point.xi < 1.0
 
 
 def equilibrium_rows(model: Model, state: State) -> tuple[Array, Array]:
-    """Return the multipliers of the linear rows and what they leave of the residual (n_q,)."""
+    """Return the multipliers of the linear rows and the residual (n_q,) that they balance."""
     R = (state.Q - state.F)[:model.n_q]
     moves = inertia_rates(model, state)
     if moves is not None:
@@ -53,13 +53,13 @@ def equilibrium_rows(model: Model, state: State) -> tuple[Array, Array]:
     held = np.concatenate([r.coords for r in rows])
     coords, index = np.unique(held, return_inverse=True)
     owner = np.repeat(np.arange(len(rows)), [len(r.coords) for r in rows])
-    # coordinates of different kinds have different units: their forces are compared as what acts on a displacement
+    # coordinates have different units: compare forces as acting on displacements
     data = np.concatenate([r.coefs for r in rows]) / model.weights[held]
     sizes = np.sqrt(np.bincount(owner, data**2, len(rows)))
     data /= sizes[owner]
     b = R[coords] / model.weights[coords]
     if len(coords) == len(held):
-        # no two rows hold the same coordinate: they are at right angles
+        # no two rows share a coordinate: they are orthogonal
         lam = np.asarray(np.bincount(owner, data * b[index], len(rows)), dtype=float)
     elif len(rows) * len(coords) <= 4_000_000:
         A = np.zeros((len(coords), len(rows)))
@@ -92,15 +92,15 @@ def constraint_forces(model: Model, state: State) -> list[tuple[Index, Array]]:
 
 
 def acting_inside(model: Model, mesh: BodyMesh, state: State) -> list[Inside]:
-    """Return what loads, springs, supports and joints do to a body between the ends of its elements."""
+    """Return the forces of loads, springs, supports, joints and contacts on a body between the ends of its elements."""
     return [*_loads(model, mesh, state), *_springs(model, mesh, state), *_held(model, mesh, state),
             *_moving(model, mesh, state), *_by_formula(model, mesh, state), *_touching(model, mesh, state)]
 
 
 def reach(model: Model, mesh: BodyMesh, ie: int, state: State) -> Index | None:
-    """Return the coordinates and multipliers that element ``ie`` and what springs and joints do inside it depend on.
+    """Return all coordinates and multipliers on which element ``ie`` and the forces inside it depend.
 
-    None where supports or joints without multipliers hold it there: their forces depend on the whole model.
+    None if supports or joints without multipliers hold it there: their forces depend on the whole model.
     """
     coords, owners = [mesh.dofs[ie]], {owner for owner, k, _ in _places(model, mesh, state) if k == ie}
     for patch in [*model.springs, *(p for p in model.loads.patches if isinstance(p, PointPatch))]:
@@ -117,7 +117,7 @@ def reach(model: Model, mesh: BodyMesh, ie: int, state: State) -> Index | None:
 def _loads(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
     d = _displacements(model, state)
     for load in model.case.loads:
-        # the body first: a place along it takes a while to find
+        # body first: finding a place along it is slow
         named = [model.point(p) for p in named_points(load) if p.body == mesh.plan.name]
         if not any(is_inside(point, mesh) for point in named):
             continue
@@ -153,7 +153,7 @@ def _at_ends(patch: PointPatch, mesh: BodyMesh, d: Array, v: Array | None, state
 
 
 def _moving(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
-    """Yield what is exerted at points that move along the body."""
+    """Yield the forces of loads and masses that move along the body."""
     if state.v is None or state.a is None:
         return
     for patch in model.loads.patches:
@@ -162,11 +162,11 @@ def _moving(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
 
 
 def _by_formula(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
-    """Yield the forces of line loads by formula, each at a quadrature point."""
+    """Yield the forces of line loads given by formulas, one for each quadrature point."""
     lines = [p for p in model.loads.patches if isinstance(p, FormulaLine) and p.mesh is mesh]
     if not lines:
         return
-    from ..model.interactions import batches  # with the kernels of point laws
+    from ..model.interactions import batches  # imports the kernels of point laws
 
     for patch in lines:
         [batch] = batches([patch])
@@ -176,7 +176,7 @@ def _by_formula(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
 
 
 def _touching(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
-    """Yield what contact does at its points, those of the body and those of others that it is opposite to."""
+    """Yield the contact forces at the body's own points, and those of other bodies' points on it."""
     if not model.contacts:
         return
     element = {int(first): ie for ie, first in enumerate(mesh.dofs[:, 0])}
@@ -211,7 +211,7 @@ def _places(model: Model, mesh: BodyMesh, state: State) -> list[tuple[str, int, 
 
 
 def _held(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
-    """Yield what supports and joints do."""
+    """Yield the forces of supports and joints."""
     places = _places(model, mesh, state)
     if not places:
         return
@@ -229,7 +229,7 @@ def _held(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
 
 
 def _displacements(model: Model, state: State) -> Array:
-    """Return the displacements (n_q,) that a state's forces act at: none where it is linear."""
+    """Return the displacements (n_q,) at which a state's forces are evaluated: 0 for linear states."""
     return np.zeros(model.n_q) if state.linear else state.d[:model.n_q]
 
 

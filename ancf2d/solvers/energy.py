@@ -1,4 +1,4 @@
-"""Energies and momentum of a moving model, and the energy that materials store besides that of small strains."""
+"""Energies and momentum of a moving model, and the energy stored in materials beyond that of linear elasticity."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ if TYPE_CHECKING:
 
 
 def is_constant(amplitude: Callable[[float], float]) -> bool:
-    """Whether what a load of a dynamic case follows has the same value at all times."""
+    """Return whether the amplitude of a load in a dynamic case is constant in time."""
     return isinstance(amplitude, Signal) and (amplitude.amplitude is None or amplitude.amplitude.constant)
 
 
 def has_potential(load: DeadLoad | MovingPatch) -> bool:
-    """Whether a load counts as potential energy, and not by the work it does: gravity that is constant."""
+    """Return whether a load has a potential energy (constant gravity); others are counted by their work."""
     amplitude = load.signal if isinstance(load, MovingPatch) else load.amplitude
     return load.gravity and amplitude is not None and is_constant(amplitude)
 
 
 def constant_loads(model: Model, loads: Iterable[DeadLoad]) -> Array:
-    """Return the forces (n_full,) of loads that do not vary."""
+    """Return the forces (n_full,) of constant loads."""
     out = np.zeros(len(model.numbering.place))
     for load in loads:
         np.add.at(out, load.dofs, load.values * load.amplitude(0.0))
@@ -42,10 +42,10 @@ def constant_loads(model: Model, loads: Iterable[DeadLoad]) -> Array:
 
 
 class Energies:
-    """Kinetic, strain and potential energy and the momentum of one model at states (d, v) in full coordinates.
+    """Kinetic, strain and potential energy and momentum of a model at states (d, v) in full coordinates.
 
-    ``kinetic`` and ``momentum`` are those of bodies and what rests on them, ``carried`` has both of masses that move
-    along bodies.
+    ``kinetic`` and ``momentum`` include bodies and fixed masses; ``carried`` has both for masses that move along
+    bodies.
     """
 
     def __init__(self, model: Model) -> None:
@@ -68,7 +68,7 @@ class Energies:
         return 0.5 * float(v @ (self.M @ v))
 
     def carried(self, d: Array, v: Array, t: float) -> tuple[float, Array]:
-        """Return kinetic energy and momentum (3,), as ``momentum`` has it, of masses that move along bodies at t."""
+        """Return kinetic energy and momentum (3,) (see ``momentum``) of masses that move along bodies at t."""
         energy, momentum = 0.0, np.zeros(3)
         for patch in self.moving:
             mass, r, rate = patch.carried(d, v, t)
@@ -77,18 +77,18 @@ class Energies:
         return energy, momentum
 
     def potential(self, d: Array) -> float:
-        """Return the potential of gravity that is constant on what rests on bodies, measured from the reference."""
+        """Return the potential of constant gravity on bodies and fixed masses, relative to the reference."""
         return -float(self.gravity @ d)
 
     def lifted(self, d: Array, t: float) -> float:
-        """Return the potential of gravity that is constant on masses that move along bodies at t."""
+        """Return the potential of constant gravity on masses that move along bodies at t."""
         return sum(patch.potential(d, t) for patch in self.weights)
 
     def momentum(self, d: Array, v: Array) -> tuple[float, float, float]:
         """Return the linear momentum px, py and the angular momentum about the origin.
 
-        With m the momenta M v of the coordinates: sums over positions, and over e x m of all vectors plus those of
-        theta.
+        With the momenta m = M v of the coordinates, these are sums over positions, and over e x m of all vectors plus
+        those of theta.
         """
         n_q = self.model.n_q
         m, e, x = self.M @ v[:n_q], self.model.e0 + d[:n_q], self.kinds.x
@@ -97,11 +97,12 @@ class Energies:
 
 
 def kept_energy(model: Model, d: Array, t: float) -> tuple[float, float, float]:
-    """Return what materials keep [J] at d (n_full,) and t beyond sigma^T D^-1 sigma/2: those that remember, and others.
+    """Return energies [J] stored in materials at d (n_full,) and t beyond sigma^T D^-1 sigma/2.
 
-    It is that of springs in Maxwell terms, of kinematic hardening, of stress within sections that have yielded in part,
-    and of curves that are followed back. Every law tells its own (``PointLaw.stored``). The third is what was told too
-    much of what internal strains have taken (``PointLaw.overtold``).
+    They are those of inelastic laws, then of elastic laws with internal strains: of springs in Maxwell terms, of
+    kinematic hardening, of residual stress in partly yielded sections, and of curves on unloading
+    (``PointLaw.stored``). The third is the excess of the dissipation that steps report with the stress at their ends
+    (``PointLaw.overtold``).
     """
     found = [0.0, 0.0, 0.0]
     for pool, group in zip(model.pools, model.groups, strict=True):
@@ -112,7 +113,7 @@ def kept_energy(model: Model, d: Array, t: float) -> tuple[float, float, float]:
         states = memory.states.copy()
         alone: Any = Record(group.values._replace(memory=memory._replace(states=states)))
         model.set_natural(t)
-        # states that have been accepted lead to themselves
+        # accepted states map to themselves
         commit(alone, d)
         eps, _ = shape = np.zeros((2, len(group.dofs), *_stations_of(group, law)))
         stations(alone, d, *shape)
@@ -124,7 +125,7 @@ def kept_energy(model: Model, d: Array, t: float) -> tuple[float, float, float]:
 
 
 def internal_energy(model: Model) -> float:
-    """Return eps_i^T D eps_i/2 [J] of the internal strains that elements remember, as of the last accepted state."""
+    """Return the energy eps_i^T D eps_i/2 [J] of the internal strains eps_i at the last accepted state."""
     found = 0.0
     for pool, group in zip(model.pools, model.groups, strict=True):
         law = pool.plan.formulation.law
@@ -137,14 +138,14 @@ def internal_energy(model: Model) -> float:
 
 
 def _stations_of(group: Any, law: PointLaw) -> tuple[int, int]:
-    """Return how many stations an element has, and how many strains a station."""
+    """Return the number of stations of an element, and the number of strains at a station."""
     return group.plan.parts * group.law.B.shape[2], group.law.B.shape[1] // law.fields * law.strains
 
 
 def _classes(group: Any, law: PointLaw, states: Array) -> Iterator[tuple[Any, Array, Array, Array]]:
-    """Yield the elements (k,) of each class with what is constant of their stations, and what these remember.
+    """Yield the elements (k,) of each class with their constants and history variables at the stations.
 
-    That is ref (stations, points, any), D (stations, strains, strains) and the state (k, stations, points, numbers).
+    These are ref (stations, points, any), D (stations, strains, strains) and the states (k, stations, points, numbers).
     """
     parts, (n, strains) = group.plan.parts, _stations_of(group, law)
     ref, D = (np.moveaxis(x, -1, 1).reshape(len(x) // parts, n, *x.shape[1:-1]) for x in (group.law.ref, group.law.D))

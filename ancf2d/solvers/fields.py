@@ -1,4 +1,4 @@
-"""The fields over the bodies that a case may ask for, and how a state gives them."""
+"""Fields over the bodies that a case may request, and their evaluation for a state."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from ..model.model import Model
 if TYPE_CHECKING:
     from .state import State
 
-# of half the height: how far from an interface of layers its two sides are told
+# distance from an interface of layers at which its two sides are evaluated, relative to half the height
 SIDE = 1e-9
-ALONG, ACROSS = 5, 5  # least stations along and across an element, its ends and faces included
+ALONG, ACROSS = 5, 5  # least number of stations along and across an element, including its ends and faces
 
 
 @dataclass(frozen=True)
 class Field:
-    """A field over the bodies: component names, units (with {F}, {L}, {T}), what it is.
+    """A field over the bodies: component names, units (with {F}, {L}, {T}) and description.
 
-    ``over``: over the height too, not only along the axis; ``part``: which entry of what is computed it is; ``kept``:
-    whether it is in what a run keeps beside displacements, so that these alone do not tell it; ``faces``: on the lower
-    and upper face alone.
+    ``over``: also over the height, not only along the axis; ``part``: its entry in the computed results; ``kept``:
+    whether it depends on history variables that a run stores, not on displacements alone; ``faces``: only on the lower
+    and upper face.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Field:
 
 
 _FORCE = "of the section, by equilibrium"
-# the one place where a field is added
+# the only place where a field is added
 FIELDS: dict[str, Field] = {f.name: f for f in (
     Field("N", ("N",), "{F}", f"axial force {_FORCE}, tension positive", False, 0),
     Field("Q", ("Q",), "{F}", f"shear force {_FORCE}, along its y axis", False, 1),
@@ -68,7 +68,7 @@ FIELDS: dict[str, Field] = {f.name: f for f in (
 
 
 def field_problems(model: Model, names: Sequence[str] | None = None) -> list[Problem]:
-    """Return why fields, those that a case asks for unless they are named, cannot be told of its bodies."""
+    """Return the problems of named fields, by default those a case requests, that its bodies cannot have."""
     case, source = model.case, None if model.loaded is None else model.loaded.source
     wanted = case.output.fields if names is None else names
     if source is None:
@@ -93,7 +93,7 @@ def field_problems(model: Model, names: Sequence[str] | None = None) -> list[Pro
 class BodyFields:
     """The fields of one body: stations ``xi`` (nx,) along each element, ``eta`` (ny,) across.
 
-    ``fibres`` are the stations (ne, nx) of its fibres along each element, where it has some.
+    ``fibres`` are the stations (ne, nx) of its fibres along each element, if it has any.
     """
 
     body: str
@@ -104,7 +104,7 @@ class BodyFields:
     fibres: Array | None = None
 
     def along(self, field: Field) -> Array:
-        """Return the stations (nx,) of a field along each element, or (ne, nx) where each has its own."""
+        """Return the stations of a field along each element: (nx,), or (ne, nx) if they differ between elements."""
         return self.fibres if field.over and self.fibres is not None else self.xi
 
     def across(self, field: Field) -> Array:
@@ -113,7 +113,7 @@ class BodyFields:
 
 
 class FieldReader:
-    """Reads the fields that a case asks for, or that are named, from states."""
+    """Evaluate for states the fields that a case requests, or those given by name."""
 
     def __init__(self, model: Model, names: Sequence[str] | None = None) -> None:
         chosen = [FIELDS[name] for name in dict.fromkeys(model.case.output.fields if names is None else names)]
@@ -129,7 +129,7 @@ class FieldReader:
     def read(self, state: State) -> dict[tuple[str, str], Array]:
         """Return by (body, field) the values (ne, nx, ny, components).
 
-        ny = 1 of what is known along the axis only, 2 of what is known of the faces.
+        ny = 1 for fields along the axis, 2 for fields on the faces.
         """
         with self.model.remembering(state.memory):
             return {(body.body, field.name): values for body, read in self._readers
@@ -142,7 +142,7 @@ def fibre_stations(mesh: BodyMesh) -> Array:
 
 
 def _where_fibres_bear(mesh: BodyMesh, sampler: Sampler) -> Array:
-    """Return the stations (nx,) of an element at which fibres bear normal force and moment, the first ones of all."""
+    """Return the stations (nx,) for normal force and moment of an element with fibres, which come first."""
     plan = mesh.plan
     assert plan.formulation.fibres is not None
     return plan.formulation.fibres(sampler, plan.rule)[0][:plan.rule.normal[0]]

@@ -1,9 +1,9 @@
 """Coulomb friction of contact without a law in statics: which closed points stick and which slide.
 
-A point that sticks is held to a place on the obstacle by a spring so stiff that its slip counts as none. One that
-slides bears the friction coefficient times its normal force, against the slip since the last accepted state. Between
-equilibria what sticks beyond its limit begins to slide, and what slides along its friction sticks (the return mapping
-of plasticity; Wriggers, Computational Contact Mechanics, 2006, section 5.2).
+A spring so stiff that its slip is negligible holds a sticking point to a place on the obstacle. A sliding point bears
+the friction coefficient times its normal force, against the slip since the last accepted state. Between equilibria,
+sticking points beyond their limit start to slide, and sliding points that move with their friction force stick (return
+mapping as in plasticity; Wriggers, Computational Contact Mechanics, 2006, section 5.2).
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from ..errors import ComputationError
 if TYPE_CHECKING:
     from ..model.contact_tables import ContactTable
 
-# what friction may exceed its limit by, beside the largest limit, and slip beside the extent of the scene that is none
+# tolerance of the friction limit, relative to the largest limit; slip, relative to the scene's extent, that is none
 EXCESS, NO_SLIP = 1e-9, 1e-14
 
 
 def hold(one: ContactTable, which: Iterable[int], d: Array, accepted: tuple[Array, float], t: float) -> None:
-    """Let friction hold points that close at d (n_full,) to where on the obstacle they were in the accepted state.
+    """Anchor points that close at d (n_full,) to their places on the obstacle in the accepted state.
 
     Raises ComputationError at a corner.
     """
@@ -37,7 +37,7 @@ def hold(one: ContactTable, which: Iterable[int], d: Array, accepted: tuple[Arra
             raise ComputationError(f"{one.pair.name}: a body slides over a corner of {one.pair.other}, where friction "
                                    "without a contact law is undefined", at={"factor": float(f"{t:.6g}")},
                                    advice="a circle in place of the corner, or a contact law")
-        # what was opposite to nothing is held to where it closes
+        # a point with nothing opposite before is anchored where it closes
         one.anchor(k, now[k] if np.isnan(before[k]).any() else before[k])
         point.mem[SLIDES], way = STICKS, one.slip(k, now[k], before[k])
         if abs(way) > NO_SLIP * point.scale and abs(way) * point.par[STICK] > _limit(point, d):
@@ -49,8 +49,8 @@ def _limit(point: Any, d: Array) -> float:
 
 
 def wrong_way(one: ContactTable, d: Array, t: float) -> dict[int, float]:
-    """Return which closed points stick beyond their limit at an equilibrium d (n_full,), or slide along their friction,
-    and how they should slide or stick."""
+    """Return the closed points that stick beyond their limit at an equilibrium d (n_full,), or slide with their
+    friction force, and their right friction state."""
     now = one.stand(d, t)[1]
     closed = [k for k, p in enumerate(one.points) if p.mem[HELD] > 0.0]
     largest = max((_limit(one.points[k], d) for k in closed), default=0.0)
@@ -66,7 +66,7 @@ def wrong_way(one: ContactTable, d: Array, t: float) -> dict[int, float]:
 
 
 def turn(one: ContactTable, to: dict[int, float]) -> int:
-    """Let points slide with friction of a sign, or stick; return how many do otherwise than before."""
+    """Set the friction state of points: sliding with a sign, or sticking; return how many change."""
     changed = sum(one.points[k].mem[SLIDES] != how for k, how in to.items())
     for k, how in to.items():
         one.points[k].mem[SLIDES] = how
@@ -78,17 +78,17 @@ def _sliding(one: ContactTable) -> list[int]:
 
 
 def _stick(one: ContactTable, k: int, now: Any, d: Array) -> None:
-    """Let a point that slides at a place stick there by the friction that it has."""
+    """Let a sliding point stick at its place, with the friction force that it has."""
     point = one.points[k]
     one.anchor(k, one.beside(now, point.mem[SLIDES] * _limit(point, d) / point.par[STICK]))
     point.mem[SLIDES] = STICKS
 
 
 def stick_one(tables: Iterable[ContactTable], d: Array, t: float, accepted: tuple[Array, float]) -> bool:
-    """Let the point stick that has slid least to d (n_full,), if any slides; return whether one does.
+    """Let the sliding point with the least slip up to d (n_full,) stick; return whether there is one.
 
-    Where all that touches slides and nothing else holds a body, no force resists its rigid motion. Friction of two
-    points may hold it between them in many places; in this one it has moved least.
+    If all touching points slide and nothing else holds a body, no force resists its rigid motion. Friction of two
+    points may hold it in many places; in this one it has moved least.
     """
     slid = []
     for one in tables:
@@ -104,9 +104,9 @@ def stick_one(tables: Iterable[ContactTable], d: Array, t: float, accepted: tupl
 
 @contextmanager
 def sticking(tables: Iterable[ContactTable], d: Array, t: float) -> Iterator[None]:
-    """Let points that slide at d (n_full,) stick by the friction that they have there, for as long as this lasts.
+    """Let the points that slide at d (n_full,) stick within this context, with the friction forces that they have.
 
-    The tangent is then that of a stable state: friction that goes on in one direction pushes a body on.
+    The tangent is then that of a stable state, whereas sliding friction would push a body further on.
     """
     kept = []
     for one in tables:

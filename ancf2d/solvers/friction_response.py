@@ -1,13 +1,13 @@
-"""What opens, closes, sticks and slides in contact with friction, found together.
+"""Opening, closing, sticking and sliding of contacts with friction, found together.
 
-Of a state and its tangent, forces across N and along the obstacle T = T+ - T- of all points have ways that they do work
-on, z across and slip s since the last accepted state, by a compliance. With the coefficient mu,
+About a state, the normal forces N and the tangential forces T = T+ - T- of all points are related by a compliance to
+their conjugates: the gaps z and the slips s since the last accepted state. With the coefficient mu,
 
-    z >= 0 answers to N >= 0, s + l >= 0 to T+ >= 0, l - s >= 0 to T- >= 0, mu N - T+ - T- >= 0 to l >= 0
+    z >= 0 complementary to N >= 0, s + l >= 0 to T+ >= 0, l - s >= 0 to T- >= 0, mu N - T+ - T- >= 0 to l >= 0
 
-is a problem of linear complementarity that Lemke's method solves wherever the compliance is positive semidefinite
-(D. E. Stewart & J. C. Trinkle, International Journal for Numerical Methods in Engineering 39, 1996; A. Klarbring,
-Ingenieur-Archiv 60, 1990).
+is a linear complementarity problem that Lemke's method solves if the compliance is positive semidefinite (D. E. Stewart
+& J. C. Trinkle, International Journal for Numerical Methods in Engineering 39, 1996; A. Klarbring, Ingenieur-Archiv 60,
+1990).
 """
 
 from __future__ import annotations
@@ -24,16 +24,15 @@ from .contact_response import HELD_ALREADY, Response, Spot
 if TYPE_CHECKING:
     from .system import System
 
-# stiffness beside the largest of its kind that counts as this: of what nothing but contact holds
+# least stiffness, relative to the largest of its kind, of bodies that only contact holds
 LOOSE = 1e-6
 
 
 class RoughResponse(Response):
-    """How forces and gaps answer where there is friction, and what opens, closes, sticks and slides then.
+    """Linear response with friction, and the points that open, close, stick and slide according to it.
 
-    In the tangent closed points stick, by the forces that they have at the moment. Numbers below that of the spots (m,)
-    are those of forces and ways across, and those from there on of forces and slips along the obstacle, one for each of
-    the spots that friction acts on, ``rough``.
+    In the tangent, closed points stick with their current forces. Numbers below the number of spots (m,) are normal
+    forces and gaps; those from there on are tangential forces and slips of the spots with friction, ``rough``.
     """
 
     def __init__(self, system: System, d: Array, t: float, spots: list[Spot], stuck: bool = True) -> None:
@@ -44,7 +43,7 @@ class RoughResponse(Response):
         self.mu, self.spring = (np.array([p.par[key] for p in points]) for key in (FRICTION, STICK))
         way, held = np.array([spots[k].way for k in self.rough]), np.array([spots[k].held for k in self.rough])
         self.signs = signs = np.array([p.mem[SLIDES] for p in points])
-        # forces along the obstacle, and slip since the last accepted state
+        # tangential forces, and slip since the last accepted state
         drag = np.where(held, np.where(signs == STICKS, -self.spring * way,
                                        -signs * self.mu * np.array([d[p.multiplier] for p in points])), 0.0)
         slip = way + drag / self.spring
@@ -58,14 +57,14 @@ class RoughResponse(Response):
         self.total = self.base
 
     def _along(self, z: Array) -> Array:
-        """Return what forces of friction of closed points, and the slip of open ones, change by with the unknowns."""
+        """Return how unknowns z change the tangential forces of closed points and the slips of open ones."""
         full = np.zeros(len(self.num.place))
         self.num.expand(z, full)
         out: Array = np.where(self.held[self.rough], -self.spring, 1.0) * (self.slopes @ full)
         return out
 
     def _column(self, k: int) -> Array:
-        """Return what all of them change by where k does: how far a closed point opens or slips, or a force."""
+        """Return the changes of all entries for a unit of entry k: opening or slip of a closed point, or a force."""
         m = len(self.held)
         if k < m:
             own = np.append(self.answer(k), np.zeros(len(self.rough)))
@@ -79,10 +78,10 @@ class RoughResponse(Response):
         return own
 
     def settled(self, limit: float) -> dict[int, float] | None:
-        """Return the forces of spots that close or open; ``slides`` tells which others slide, which way, and stick.
+        """Return the forces of spots that close or open; ``slides`` then has the friction states of the closed spots.
 
-        Begins with closed points and those deeper than ``limit``, and adds those that are deep then. None where there
-        is no such state nearby.
+        Start from the closed points and those deeper than ``limit``, and add those that are deep then. None if there is
+        no such state nearby.
         """
         m = len(self.held)
         acts, new = np.flatnonzero(self.sticks).tolist(), np.flatnonzero(~self.held & (self.b[:m] < -limit)).tolist()
@@ -111,14 +110,14 @@ class RoughResponse(Response):
         return {k: float(force[j]) for k, j in at.items() if k < m and closed[j] != self.held[k]}
 
     def step(self, found: dict[int, float]) -> Array:
-        """Return how that moves the unknowns (n_unknowns,)."""
+        """Return the change of the unknowns (n_unknowns,)."""
         return self.total
 
 
 class _Forces(NamedTuple):
-    """Forces of contact and the ways that they do work on, n of each, as functions of x (n,): ``forces`` x + ``none``
-    and ``ways`` x + ``begin``. ``rubs`` are numbers of forces of friction, ``across`` those of the points' own force
-    across, ``mu`` the coefficients. x is the way where a point is ``held`` (n,), and the force itself elsewhere."""
+    """Contact forces and their conjugates (gaps, slips), n of each, as functions of x (n,): ``forces`` x + ``none`` and
+    ``ways`` x + ``begin``. ``rubs`` are numbers of friction forces, ``across`` those of the normal forces of the same
+    points, ``mu`` the coefficients. x is the gap or slip where a point is ``held`` (n,), and the force elsewhere."""
 
     forces: Array
     none: Array
@@ -134,7 +133,7 @@ class _Forces(NamedTuple):
 
     @classmethod
     def of(cls, response: RoughResponse, acts: list[int], columns: Array) -> _Forces:
-        """Return those of numbers of a response."""
+        """Return the problem for some entries of a response."""
         m, one = len(response.held), np.eye(len(acts))
         way, at = response.sticks[acts], {k: j for j, k in enumerate(acts)}
         told, b, begin = columns[acts], response.b[acts], response.begin[acts]
@@ -148,7 +147,7 @@ class _Forces(NamedTuple):
                    response.signs[[acts[j] - m for j in rubs]])
 
     def _compliance(self) -> Array:
-        """Return what the ways change by with the forces (n, n); what nothing but contact holds is held by little."""
+        """Return the change of gaps and slips with the forces (n, n); bodies held by contact alone are held softly."""
         held, free = np.flatnonzero(self.held), np.flatnonzero(~self.held)
         H = self.forces[np.ix_(held, held)]
         most = np.abs(np.diag(H)).max(initial=0.0) or 1.0
@@ -168,8 +167,8 @@ class _Forces(NamedTuple):
         return W
 
     def complementary(self) -> tuple[Array, Array, Array, Array] | None:
-        """Return forces across (n - r,), of friction forth and back (r,), and slips (r,), None where Lemke's method
-        does not find them."""
+        """Return normal forces (n - r,), friction forth and back (r,) and slips (r,), or None if Lemke's method
+        fails."""
         n, r = len(self.none), len(self.rubs)
         W = self._compliance()
         offset = self.begin - W @ self.none
@@ -195,14 +194,14 @@ class _Forces(NamedTuple):
         return None if z is None else (z[:n_n], z[n_n:n_n + r], z[n_n + r:n_n + 2 * r], z[n_n + 2 * r:])
 
     def _present(self, normals: Any) -> Any:
-        """Return which forces and slips of the problem are not 0 where all points go on as they do."""
+        """Return which forces and slips of the problem are nonzero if all points keep their states."""
         held, sticks = self.held[self.rubs], self.slides == STICKS
         forth = np.where(held & sticks, self.none[self.rubs] >= 0.0,
                          np.where(held, self.slides > 0.0, self.begin[self.rubs] <= 0.0))
         return np.concatenate([self.held[normals], forth, ~forth, ~(held & sticks)])
 
     def _repeated(self, closed: Any) -> list[int]:
-        """Return which closed points others hold already: of an element, those between its points at home go first."""
+        """Return the closed points that others already hold; of an element, those between its fixed points first."""
         W, out = self._compliance(), []
         for k in closed[np.argsort(self.between[closed], kind="stable")].tolist():
             if W[k, k] * self.stiff[k] < HELD_ALREADY:
@@ -212,8 +211,7 @@ class _Forces(NamedTuple):
         return out
 
     def balanced(self, found: tuple[Array, Array, Array, Array]) -> tuple[Array, Any, Array]:
-        """Return x (n,) where what bears forces does, whether it is closed (n,), and the signs of friction that slides
-        (n,)."""
+        """Return x (n,) for the set found, which entries are closed (n,), and signs of sliding friction (n,)."""
         n, (pressed, forth, back, slips) = len(self.none), found
         closed, signs = np.zeros(n, dtype=bool), np.zeros(n)
         closed[np.setdiff1d(np.arange(n), self.rubs)] = pressed > 0.0

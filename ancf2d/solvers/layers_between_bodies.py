@@ -1,8 +1,8 @@
-"""How far bodies with a layer between them are off because their points of contact do not see all of it.
+"""Errors in the positions of bodies with a layer between them, because their contact points do not see all of it.
 
-Both bodies bear half of the pressure, each at points of its own. A layer is summed up here over many more points, as
-near to one another as it takes to see the ends and corners of the other body. In statics, one step of Newton's method
-with their forces and stiffness tells where the bodies would be.
+Both bodies bear half of the pressure, each at points of its own. Here the layer is integrated over many more points,
+dense enough for the ends and corners of the other body. In statics, one Newton step with their forces and stiffness
+gives the error.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from .system import System
 if TYPE_CHECKING:
     from ..interactions.body_contact import BodyPair
 
-# intervals over the height of a body, of two Gauss points each; most of them along a face
+# intervals of two Gauss points each over the height of a body; largest number of them along a face
 FINE, MOST = 4, 1024
-# of a depth to a force, as that of round surfaces
+# exponent of the depth as a function of the force, for round surfaces
 POWER = 2.0 / 3.0
 
 
 def _places(pair: BodyPair) -> list[Spot]:
-    """Return many places along the elements of a body that have points of contact, and across its ends."""
+    """Return many places along the elements of a body that have contact points, and across its ends."""
     mesh, levels, (x, w) = pair.mesh, levels_of(pair.mesh, pair.item.side), gauss(2)
     step = min(mesh.plan.section.height, pair.against.plan.section.height) / FINE
     most = max(MOST // len(mesh.dofs), 2)
@@ -54,7 +54,7 @@ def _places(pair: BodyPair) -> list[Spot]:
 
 
 class BodyLayer:
-    """The layer of one contact between bodies: ``known`` are its points of contact, of either body."""
+    """The layer of one contact between bodies; ``known`` are the tables of its contact points on either body."""
 
     def __init__(self, model: Model, known: list[BodyTable]) -> None:
         self.model = model
@@ -68,14 +68,13 @@ class BodyLayer:
         self.balances = not (solver.moves or solver.on_path)
 
     def off(self, state: State) -> tuple[float, float, float]:
-        """Return how far the bodies are off in a state, how deep they are in one another, and what the layer would
-        yield there under the forces at its points."""
+        """Return the position error of bodies in a state, their overlap, and the overlap for their points' forces."""
         force, depth, d, t = np.zeros(2), 0.0, state.d, state.side
         found = [[one.nodal(d, np.zeros_like(d), t, False, self.balances) for one in tables]
                  for tables in (self.few, self.many)]
         for k, tables in enumerate((self.few, self.many)):
             for one, (_, _, energy, _) in zip(tables, found[k], strict=True):
-                # k w g^2/2 of the depth g
+                # the energy is k w g^2/2 for the depth g
                 stiffness = one.pair.par[:, WEIGHT] * one.pair.par[:, STIFFNESS]
                 force[k] += np.sqrt(2.0 * stiffness * energy).sum()
                 depth = max(depth, float(np.sqrt(2.0 * energy / stiffness).max()))
@@ -87,7 +86,7 @@ class BodyLayer:
         return self._moves(state, found) if self.balances else abs(depth - yields), depth, yields
 
     def _moves(self, state: State, found: list[list[Any]]) -> float:
-        """Return how far the forces of many points in place of few would move the bodies [m]."""
+        """Return the displacement [m] of the bodies if the forces of many points replace those of the few."""
         model, num, d = self.model, self.model.numbering, state.d
         self.system = system = self.system or System(model)
         system.count_from((d.copy(), model.turns.from_reference(d) if state.turned is None else state.turned))

@@ -1,4 +1,4 @@
-"""Symmetric matrices with our own LDL^T, which exchanges no rows: bands and fronts, bordered by constraints or not."""
+"""Symmetric matrices with our own LDL^T without row exchanges: bands and fronts, with or without constraints."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from ..kernels.matrices.layout import Fronts, entries
 from ..kernels.matrices.matrix import Nested, SymBand, band_product
 from ..model.mesh import Index
 
-# a pivot below this share of the terms it is the difference of is round-off
+# a pivot below this share of the terms whose difference it is counts as zero
 SINGULAR = 4e-16
-# what constraints add to the stiffness, beside that of the unknowns that they act on
+# factor for the stiffness that constraints add, relative to that of the unknowns on which they act
 STIFF = 10.0
-# stiffness beside the largest one of the matrix, both as forces over displacements, that counts as none
+# stiffness relative to the largest of the matrix, both as force per displacement, that counts as none
 NO_STIFFNESS = 1e-12
-# and the most that they add beside the stiffness by which they yield
+# largest product of this added stiffness and the compliance of a yielding constraint
 MOST = 0.5
-# what stands for it where there is none at all, so large that round-off of forces moves nothing [N/m]
+# replaces a missing stiffness; so large that round-off of forces moves nothing [N/m]
 RIGID = 1e15
 
 
 @dataclass(frozen=True)
 class Pivots:
-    """What a factorisation tells: the unknown where it broke (or -1), negative and smallest relative pivots."""
+    """Results of a factorisation: unknown where it failed (or -1), number of negative and smallest relative pivot."""
 
     bad: int
     negative: int
@@ -40,12 +40,12 @@ class Pivots:
 
 @dataclass(frozen=True)
 class Multipliers:
-    """The multipliers of a symmetric matrix [K, G^T; G, 0] and the unknowns that each acts on, one after the other.
+    """The multipliers of a symmetric matrix [K, G^T; G, 0] and the unknowns on which each acts.
 
     ``multiplier`` (m,) are their positions, ``index`` (k,) those of the unknowns in their rows of G, ``owner`` (k,) the
-    multiplier that each belongs to; ``weights`` (n,) the displacement that a unit of an unknown stands for, 0 for
-    multipliers. ``open``: whether some rows of G may vanish, those of contacts that are open; ``loads``: all of the
-    model over its extent [N/m].
+    multiplier of each; ``weights`` (n,) the displacement that a unit of an unknown stands for, 0 for multipliers.
+    ``open``: whether some rows of G may vanish, as those of open contacts; ``loads``: sum of all loads of the model
+    over its extent [N/m].
     """
 
     multiplier: Index
@@ -57,26 +57,26 @@ class Multipliers:
 
     @cached_property
     def moved(self) -> NDArray[np.bool_]:
-        """Whether each unknown (n,) is a coordinate, and no multiplier."""
+        """Return whether each unknown (n,) is a coordinate (True) or a multiplier."""
         out: NDArray[np.bool_] = np.ones(len(self.weights), dtype=bool)
         out[self.multiplier] = False
         return out
 
     @property
     def alone(self) -> bool:
-        """Whether constraints alone say where everything is: there are as many as coordinates."""
+        """Return whether constraints alone determine the configuration: there are as many as coordinates."""
         return not self.open and 2 * len(self.multiplier) >= len(self.weights)
 
     def stiffness(self, g: Array, diagonal: Array) -> Array:
-        """Return gamma (m,) for the rows of G with entries g (k,): as stiff as what they act on, in any units.
+        """Return gamma (m,) for rows of G with entries g (k,): as stiff as what they act on, in any units.
 
-        Rows that act on nothing stiff (bars between bars) are as stiff as the rows that they share unknowns with.
+        Rows that act on nothing stiff (bars between bars) are as stiff as the rows with which they share unknowns.
         """
         moves = self.weights > 0.0
         sizes = np.abs(diagonal)
         sizes[moves] /= self.weights[moves] ** 2
         largest = float(sizes[moves].max(initial=0.0))
-        # what would not bear the loads before anything has gone far out of sight is round-off of their directions
+        # a stiffness that could not bear the loads without huge displacements is round-off of their directions
         largest = largest if largest > NO_STIFFNESS * self.loads else RIGID
         weights, sizes = self.weights[self.index], np.where(sizes > NO_STIFFNESS * largest, sizes, 0.0)
         scaled, m = (g / weights) ** 2, len(self.multiplier)
@@ -84,11 +84,11 @@ class Multipliers:
         left = np.bincount(self.owner, scaled, m) > 0.0
         while left.any():
             known = sizes[self.index]
-            # what is not stiff itself is taken for stiff: else an entry of round-off beside it would say all
+            # unknowns without stiffness count as stiff: else an entry of round-off next to them would dominate
             given = np.bincount(self.owner, scaled / np.where(known > 0.0, known, largest), m)
             found = left & (np.bincount(self.owner, scaled * (known > 0.0), m) > 0.0)
             if not found.any():
-                # no stiffness anywhere near: any number does
+                # no stiffness anywhere near: any number will do
                 found = left
             gamma[found] = STIFF / given[found]
             new = found[self.owner]
@@ -98,14 +98,13 @@ class Multipliers:
 
 
 class Symmetric(ABC):
-    """A symmetric matrix with our own LDL^T, which exchanges no rows; the pivot signs give the inertia.
+    """A symmetric matrix with our own LDL^T, without row exchanges; the signs of the pivots give the inertia.
 
-    Multipliers make it indefinite. Factored is [K + G^T gamma G, G^T; G, 0], which has the same inertia, as it is
-    congruent, and the same solution, once gamma G^T times the multipliers' part is added to the other part of the
-    right-hand side (Golub & Greif 2003). Where K is positive definite on what the constraints leave free,
-    K + G^T gamma G is so altogether. As each multiplier stands behind all unknowns that it acts on, no pivot then
-    vanishes. Constraints that yield have -c for a 0; theirs becomes -c/(1 - gamma c), and what is solved for is
-    1 - gamma c times the multiplier.
+    Multipliers make it indefinite. We factor [K + G^T gamma G, G^T; G, 0], which is congruent and so has the same
+    inertia, and the same solution once gamma G^T times the multipliers' part is added to the other part of the
+    right-hand side (Golub & Greif 2003). If K is positive definite on the null space of G, K + G^T gamma G is positive
+    definite. As each multiplier comes after all unknowns on which it acts, no pivot vanishes then. Constraints that
+    yield have -c instead of 0; it becomes -c/(1 - gamma c), and the solution contains 1 - gamma c times the multiplier.
     """
 
     values: Array
@@ -120,34 +119,34 @@ class Symmetric(ABC):
 
     @abstractmethod
     def at(self, i: Index, j: Index) -> Index:
-        """Return where entries (i, j), j <= i, are among the values."""
+        """Return the places of entries (i, j), j <= i, among the values."""
 
     @abstractmethod
     def diagonal(self, values: Array) -> Array:
-        """Return the diagonal of a matrix with such entries, stored as this one."""
+        """Return the diagonal of a matrix with the given values, stored as this one."""
 
     @abstractmethod
     def product(self, values: Array, x: Array) -> Array:
-        """Return A x of a matrix with such entries, stored as this one."""
+        """Return A x for a matrix with the given values, stored as this one."""
 
     @abstractmethod
     def _factored(self) -> tuple[int, int, float]:
-        """Factor the values in place; return what ``Pivots`` holds."""
+        """Factor the values in place; return the entries of ``Pivots``."""
 
     @abstractmethod
     def _solved(self, x: Array) -> None:
-        """Solve with the factors in place."""
+        """Solve in place with the factors."""
 
     def clear(self) -> None:
         """Set every entry to zero."""
         self.values.fill(0.0)
 
     def read(self, i: Index, j: Index) -> Array:
-        """Return the entries (i, j) of the matrix as it was assembled, before it is factored."""
+        """Return the entries (i, j) of the assembled matrix, before it is factored."""
         return self.values.reshape(-1)[self.at(np.maximum(i, j), np.minimum(i, j))]
 
     def drop_multipliers(self, values: Array) -> None:
-        """Set the rows of the multipliers to zero in a matrix with such entries, stored as this one."""
+        """Set the rows of the multipliers to zero in a matrix with the given values, stored as this one."""
         if self.multipliers is not None:
             values.reshape(-1)[self.rows] = 0.0
 
@@ -161,7 +160,7 @@ class Symmetric(ABC):
         return Pivots(*self._factored())
 
     def _stiffen(self, m: Multipliers) -> None:
-        """Add gamma g g^T of each multiplier, and keep gamma g."""
+        """Add gamma g g^T of each multiplier, and store gamma g."""
         flat = self.values.reshape(-1)
         g, diagonal = flat[self.rows], self.diagonal(self.values).copy()
         gamma, yields = m.stiffness(g, diagonal), np.maximum(-diagonal[m.multiplier], 0.0)
@@ -172,7 +171,7 @@ class Symmetric(ABC):
         used = np.flatnonzero(g)
         owner, count = m.owner[used], np.bincount(m.owner[used], minlength=len(m.multiplier))
         first = np.cumsum(count) - count
-        # each entry of a row with each of the same row
+        # all pairs of entries of the same row
         many = count[owner]
         one = np.repeat(np.arange(len(used)), many)
         other = np.arange(len(one)) - np.repeat(np.cumsum(many) - many, many) + np.repeat(first[owner], many)
@@ -182,9 +181,9 @@ class Symmetric(ABC):
         np.add.at(flat, self.at(m.index[a], m.index[b]), pull[a] * g[b])
 
     def add_pulls(self, moves: Array, out: Array) -> None:
-        """Add the sizes of the forces that gamma makes of what constraints move (m,) to those of unknowns (n,).
+        """Add bounds of gamma's forces for errors ``moves`` (m,) of constraints to those of the unknowns, ``out`` (n,).
 
-        None before the first factors, and none where constraints alone say where everything is.
+        Nothing is added before the first factorisation, or if constraints alone determine the configuration.
         """
         m = self.multipliers
         if m is not None and self.pull is not None and not m.alone:
@@ -198,8 +197,8 @@ class Symmetric(ABC):
         if m is None:
             self._solved(x)
         elif m.alone:
-            # the constraints move everything, whatever the forces; multipliers bear what forces and stiffness ask for,
-            # and have no part of gamma, beside which they may be round-off
+            # the constraints determine all displacements, regardless of the forces; the multipliers then balance forces
+            # and stiffness, without a part of gamma, compared with which they may be round-off
             x[m.moved] = 0.0
             self._solved_with(m, x)
             x[m.multiplier] = 0.0
@@ -218,7 +217,7 @@ class Symmetric(ABC):
 
     @property
     def knows_inertia(self) -> bool:
-        """Return True."""
+        """Return True: rows are never exchanged."""
         return True
 
 
@@ -232,7 +231,7 @@ class SymmetricBand(Symmetric):
         super().__init__(n, multipliers)
 
     def at(self, i: Index, j: Index) -> Index:
-        """Return where entries (i, j), j <= i, are among the values."""
+        """Return the places of entries (i, j), j <= i, among the values."""
         return i * self.bw + self.bw + j
 
     def _factored(self) -> tuple[int, int, float]:
@@ -262,7 +261,7 @@ class SymmetricFronts(Symmetric):
         super().__init__(len(fronts.owner), multipliers)
 
     def at(self, i: Index, j: Index) -> Index:
-        """Return where entries (i, j), j <= i, are among the values."""
+        """Return the places of entries (i, j), j <= i, among the values."""
         return entries(self.fronts, i, j)
 
     def _factored(self) -> tuple[int, int, float]:

@@ -1,9 +1,9 @@
-"""Where points of contact between nodes slide to: the places where a body lifts off, as unknowns beside its positions.
+"""Places along elements at which a body lifts off, where contact points between nodes slide to.
 
-A point at z with the force p lets nothing through where its gap g + c(z) p is 0 (``elements.contact_sliding``), and is
-at the right place where the beam is tangent to what it touches, sigma = g_z + c_z p/2 = 0: there the energy of the
-equilibrium that it leads to is largest. Between equilibria, all places of a scene take a step of Newton's method for
-this, in which positions and forces follow the places by the tangent.
+A point at z with the force p does not penetrate if its gap g + c(z) p is 0 (``elements.contact_sliding``). It is at the
+right place if the beam is tangent to the surface there, sigma = g_z + c_z p/2 = 0, which maximises the energy of the
+equilibrium. Between equilibria, all places of a scene take a Newton step for this condition; positions and forces
+change with the places by the tangent.
 """
 
 from __future__ import annotations
@@ -35,21 +35,21 @@ if TYPE_CHECKING:
     from ..model.contact_tables import ContactTable
     from .system import System
 
-# half the difference in z that gradients are differentiated with
+# half the step in z for finite differences of gradients
 DIFFERENCE = 1e-4
-# changes of z that count as none; the largest at a time; and beyond the end of an interval
+# change of z that counts as none; largest change at a time; tolerance at the end of an interval
 SETTLED, LARGEST, BEYOND = 1e-5, 0.6, 1e-9
-# of the way to a closed point that is left in a step, and what is left of it where that point opens
+# share of the distance to a closed point that is left after a step; smallest remainder before that point opens
 NEARER, MEETS = 0.2, 0.02
-# curvature beside that of the gap alone below which a place is moved no further
+# least curvature in a Newton step, relative to that of the gap alone
 FLAT = 1e-3
-# steps to an end of a bracket that are halved before that end is forgotten
+# number of consecutive halved steps after which an end of a bracket is dropped
 HALVED = 3
 
 
 @dataclass
 class Bracket:
-    """Between which places a point has to stand, by the steps from where it was last; ``halved`` steps in a row."""
+    """The interval of possible places of a point, from its last steps; ``halved`` counts halved steps in a row."""
 
     z: float
     ends: list[float] = field(default_factory=lambda: [-math.inf, math.inf])
@@ -57,9 +57,9 @@ class Bracket:
     side: int = 0
 
     def step(self, step: float) -> float:
-        """Return a step from z that stays within, half of the way to an end that it would pass.
+        """Return a step from z that stays in the bracket: half of the distance to an end that it would pass.
 
-        An end that is passed again and again, or reached, is one no longer: other points have moved meanwhile.
+        An end is dropped if it is passed repeatedly or reached, as other points may have moved.
         """
         side = int(step > 0.0)
         self.ends[1 - side], self.halved, self.side = self.z, self.halved if side == self.side else 0, side
@@ -75,18 +75,18 @@ class Bracket:
 
 @dataclass
 class Course:
-    """What has come of points between others on the way to one equilibrium.
+    """State of the movable contact points on the way to one equilibrium.
 
-    ``left`` are those that have come out of a contact zone, or were let go; ``brackets`` are where they move.
+    ``left`` are those that have left a contact zone or were opened; ``brackets`` limit those that move.
     """
 
     left: set[ContactPoint] = field(default_factory=set)
     brackets: dict[ContactPoint, Bracket] = field(default_factory=dict)
 
     def limited(self, place: _Place, step: float) -> float:
-        """Return a step of a place within its bracket.
+        """Return the step of a place, limited by its bracket.
 
-        Where others open and close as places move, slopes jump, and Newton's method might go to and fro for ever.
+        Slopes jump as other points open and close, so that Newton's method might cycle.
         """
         bracket = self.brackets.get(place.point)
         if bracket is None or bracket.z != place.z:
@@ -95,21 +95,21 @@ class Course:
 
 
 def stand_at(one: ContactTable, k: int, place: float, feature: float) -> None:
-    """Let point k stand at z = ``place`` of its element, opposite to a part of the obstacle."""
+    """Put point k at z = ``place`` of its element, opposite to a part (``feature``) of the obstacle."""
     mem = one.points[k].mem
     mem[FREE], mem[PLACE], mem[FEATURE] = one.stands(k, feature), place, feature
 
 
 def open_point(point: ContactPoint, d: Array) -> None:
-    """Let a point bear nothing from now on."""
+    """Open a point, with zero force."""
     point.mem[HELD], d[point.multiplier] = 0.0, 0.0
     if point.mem[FREE] > 0.0:
         point.mem[FREE] = UNUSED_OWN if point.mem[FREE] == OWN else UNUSED
 
 
 def choose_curves(one: ContactTable, course: Course) -> int:
-    """Let points between others touch with the curve of the element inside a contact zone, and with that of the beam
-    elsewhere; return how many closed ones have come out of the zone, and add them to ``course.left``."""
+    """Set the curve of movable points: the element's own inside a contact zone, elsewhere the beam's; return how many
+    closed ones have left the zone, and add them to ``course.left``."""
     inside, before = one.inside(np.array([p.mem[HELD] > 0.0 for p in one.points])), len(course.left)
     for k in np.flatnonzero(one.free).tolist():
         mem = one.points[k].mem
@@ -122,8 +122,7 @@ def choose_curves(one: ContactTable, course: Course) -> int:
 
 
 def _enclosed(one: ContactTable, course: Course) -> list[int]:
-    """Return the closed points that stand on the curve of the beam and have come to be inside a contact zone, but for
-    those that have left one."""
+    """Return the closed points on the beam's curve now inside a contact zone, except those in ``course.left``."""
     held = np.array([p.mem[HELD] > 0.0 for p in one.points])
     inside = one.inside(held) & held & one.pair.cubic
     return [k for k in np.flatnonzero(inside).tolist()
@@ -131,8 +130,7 @@ def _enclosed(one: ContactTable, course: Course) -> list[int]:
 
 
 def come_inside(one: ContactTable, course: Course) -> int:
-    """Let closed points that have come to be inside a contact zone touch with the curve of the element; return how
-    many."""
+    """Move closed points that are now inside a contact zone to the element's own curve; return how many."""
     found = _enclosed(one, course)
     for k in found:
         one.points[k].mem[FREE] = OWN
@@ -140,9 +138,9 @@ def come_inside(one: ContactTable, course: Course) -> int:
 
 
 def let_go(one: ContactTable, d: Array, course: Course) -> int:
-    """Open points beside closed ones that say more, where sections do not turn as a beam's; return how many.
+    """Open movable points next to closed fixed ones where curves are not cubic; return how many.
 
-    Those that close again, as the body is too deep without them, stay: they are in ``course.left`` then.
+    Points that close again, because the body would penetrate without them, stay: they are then in ``course.left``.
     """
     gone = 0
     for k, point in enumerate(one.points if not one.pair.cubic else ()):
@@ -156,7 +154,7 @@ def let_go(one: ContactTable, d: Array, course: Course) -> int:
 
 
 class _Place:
-    """A point between others that stands at z = ``z`` under ``force``.
+    """A movable point at z = ``z`` with its ``force``.
 
     ``slope`` and ``bend`` are g_z and g_zz, ``turn`` (n_full,) is g_qz; ``c1`` and ``c2`` are derivatives of c.
     """
@@ -169,17 +167,17 @@ class _Place:
 
     @property
     def sigma(self) -> float:
-        """How far the beam is from being tangent to what it touches there."""
+        """Residual of tangency between beam and surface at the point."""
         return self.slope + 0.5 * self.c1 * self.force
 
     @property
     def own(self) -> float:
-        """Return the derivative of sigma by z, where nothing else moves."""
+        """Derivative of sigma with respect to z, everything else fixed."""
         return self.bend + 0.5 * self.c2 * self.force
 
 
 def _places(one: ContactTable, d: Array, t: float, course: Course) -> list[_Place]:
-    """Return the points of a contact that stand between others, but for those that a contact zone encloses."""
+    """Return the movable closed points of a contact, except those inside a contact zone."""
     enclosed = _enclosed(one, course)
     own = [k for k, p in enumerate(one.points) if p.mem[HELD] > 0.0 and p.mem[FREE] == STANDING and k not in enclosed]
     if not own:
@@ -196,9 +194,9 @@ def _places(one: ContactTable, d: Array, t: float, course: Course) -> list[_Plac
 
 
 def slide(system: System, hard: list[ContactTable], d: Array, t: float, course: Course) -> int:
-    """Move points between others to where bodies are tangent to what they touch, and the state d (n_full,) with them.
+    """Move the contact points towards tangency of beam and surface, and the equilibrium d (n_full,) with them.
 
-    Returns how many have moved. d is an equilibrium.
+    Return how many points have moved.
     """
     places = [p for one in hard for p in _places(one, d, t, course)]
     if not places:
@@ -230,7 +228,7 @@ def slide(system: System, hard: list[ContactTable], d: Array, t: float, course: 
 
 
 def _step(S: Array, sigma: Array, force: Array, own: Array) -> Array:
-    """Return how far places move: uphill in energy, by Newton's method where that leads there."""
+    """Return the steps of the places: Newton's method, modified to go uphill in energy."""
     weight = np.sqrt(np.maximum(force, 0.0))
     H = weight[:, None] * S / np.where(weight > 0.0, weight, 1.0)
     values, modes = np.linalg.eigh(0.5 * (H + H.T))
@@ -241,7 +239,7 @@ def _step(S: Array, sigma: Array, force: Array, own: Array) -> Array:
 
 
 def _allowed(place: _Place, z: float, d: Array) -> float:
-    """Return z, or what is nearer by so much that no closed point is passed; one that is next opens instead."""
+    """Return z, or a place nearer by, such that no closed fixed point is passed; one that is close opens instead."""
     point = place.point
     for end, side in zip(place.one.ends[place.k].tolist(), (-1.0, 1.0), strict=True):
         if end < 0 or place.one.points[end].mem[HELD] <= 0.0:
@@ -257,7 +255,7 @@ def _allowed(place: _Place, z: float, d: Array) -> float:
 
 
 def _room(place: _Place, z: float) -> float:
-    """Return z, or the end of the interval before it where supports hold what is there and the next has no room."""
+    """Return z, or the end of the interval before it if no fixed point and no free next one is beyond this end."""
     par, up = place.point.par, z > place.point.par[HOME]
     if abs(z - par[HOME]) <= par[DAMPING] + BEYOND or place.one.ends[place.k, int(up)] >= 0 or _following(place, z):
         return z
@@ -265,7 +263,7 @@ def _room(place: _Place, z: float) -> float:
 
 
 def _following(place: _Place, z: float) -> tuple[int, float] | None:
-    """Return the point of the next interval and its place where z is beyond this one; None where it bears already."""
+    """Return the movable point of the next interval and its place for z beyond this interval; None if it is closed."""
     pair, up, ie = place.one.pair, 1.0 if z > place.point.par[HOME] else -1.0, place.one.pair.spots[place.k].ie
     here, count = pair.spots[place.k], len(pair.mesh.dofs)
     if abs(here.z + 2.0 * up * place.point.par[DAMPING]) > 1.0:
@@ -279,14 +277,14 @@ def _following(place: _Place, z: float) -> tuple[int, float] | None:
 
 
 def _move(place: _Place, z: float, d: Array, t: float) -> None:
-    """Let a point stand at z; beyond its interval that of the next takes its place, or the one between both.
+    """Move a point to z; beyond its interval, the movable point of the next one or the fixed one between takes over.
 
-    Friction holds what touches there now to where it would have held it: what rolls on has not slid.
+    The friction anchor moves along, so that rolling causes no slip.
     """
     point, points, one = place.point, place.one.points, place.one
     rubs = one.pair.item.friction > 0.0
     held = one.anchor(place.k) - one.stand(d, t)[1][place.k] if rubs else 0.0
-    # where others have moved to meanwhile
+    # others may have moved meanwhile
     z = _room(place, z)
     j = place.k
     if abs(z - point.par[HOME]) <= point.par[DAMPING] + BEYOND:

@@ -1,4 +1,4 @@
-"""Tangent and mass matrices of the unknowns: bands where the mesh is a chain, fronts or rows elsewhere."""
+"""Tangent and mass matrices of the unknowns: bands for chains, fronts or compressed rows for others."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
 
-# beyond this multiple of an element's own width, general sparse factors are cheaper than a general band
+# a band wider than this many element widths costs more than general sparse factors
 WIDE_BAND = 4
-# of the largest entry in a column: a diagonal entry as large as this is the pivot
+# a diagonal entry is the pivot if it is at least this share of the largest entry in its column
 PIVOT = 0.1
 
 
 class TangentMatrix(Protocol):
-    """A matrix that kernels add to, and that can be factored and solved."""
+    """A matrix that kernels assemble, and that can be factored and solved."""
 
     target: Any
     values: Array
@@ -49,25 +49,25 @@ class TangentMatrix(Protocol):
         ...
 
     def product(self, values: Array, x: Array) -> Array:
-        """Return A x of a symmetric matrix A with such entries, stored as this one."""
+        """Return A x for a symmetric matrix A with the given values, stored as this one."""
         ...
 
     def diagonal(self, values: Array) -> Array:
-        """Return the diagonal of a matrix with such entries, stored as this one."""
+        """Return the diagonal of a matrix with the given values, stored as this one."""
         ...
 
     def read(self, i: Index, j: Index) -> Array:
-        """Return the entries (i, j) of the matrix as it was assembled, before it is factored."""
+        """Return the entries (i, j) of the assembled matrix, before it is factored."""
         ...
 
     @property
     def knows_inertia(self) -> bool:
-        """Whether the negative pivots of the last factors count the negative eigenvalues of a symmetric matrix."""
+        """Return whether the negative pivots of the last factors count the negative eigenvalues, if symmetric."""
         ...
 
 
 class GeneralBand:
-    """Band that is not symmetric (follower forces), by LAPACK's LU with row exchanges."""
+    """Unsymmetric band (follower forces), by LAPACK's LU with row exchanges."""
 
     def __init__(self, n: int, bw: int) -> None:
         self.bw = bw
@@ -109,7 +109,7 @@ class GeneralBand:
         return values[:, 2 * self.bw]
 
     def read(self, i: Index, j: Index) -> Array:
-        """Return the entries (i, j) of the matrix as it was assembled, before it is factored."""
+        """Return the entries (i, j) of the assembled matrix, before it is factored."""
         return self.values[j, 2 * self.bw + i - j]
 
     @property
@@ -119,7 +119,7 @@ class GeneralBand:
 
 
 class GeneralSparse:
-    """Compressed rows with SuperLU, for wide general bands; ``exchange`` rows for large pivots, or where it must be."""
+    """Compressed rows with SuperLU, for wide unsymmetric bands; rows are exchanged with ``exchange`` or if needed."""
 
     def __init__(self, n: int, rows: Array, columns: Array, exchange: bool = False) -> None:
         from scipy.sparse import coo_matrix
@@ -144,12 +144,12 @@ class GeneralSparse:
         self.values.fill(0.0)
 
     def factor(self) -> Pivots:
-        """Factor: P_r K P_c = L U; unless rows are exchanged, the signs of the pivots tell the inertia."""
+        """Factor: P_r K P_c = L U; without row exchanges, the signs of the pivots give the inertia."""
         from scipy.sparse.linalg import splu
 
         K = self._matrix().tocsc()
         scale = np.abs(K.diagonal())
-        # an order for K + K^T fills the factors where rows leave it
+        # an ordering for K + K^T gives much fill-in if rows are exchanged
         order, threshold = ("COLAMD", PIVOT) if self.exchange else ("MMD_AT_PLUS_A", 0.0)
         try:
             self.lu = splu(K, permc_spec=order, diag_pivot_thresh=threshold,
@@ -189,7 +189,7 @@ class GeneralSparse:
 
 
 def matrix_of_one(kind: type) -> TangentMatrix:
-    """Return a matrix of a kind with one unknown."""
+    """Return a matrix of the given kind with one unknown."""
     if kind is GeneralSparse:
         return GeneralSparse(1, np.zeros(1), np.zeros(1))
     if kind is SymmetricFronts:
@@ -198,7 +198,7 @@ def matrix_of_one(kind: type) -> TangentMatrix:
 
 
 def pattern(model: Model) -> tuple[Array, Array]:
-    """Return the row and column of every entry that an element or patch can touch."""
+    """Return the row and column of every entry to which an element or patch can contribute."""
     num = model.numbering
     rows, columns = [], []
     sets = [m.dofs for m in model.meshes.values()] + [p.dofs for p in model.patches]
@@ -225,7 +225,7 @@ def _terms(num: Numbering, i: int) -> Index:
 
 
 def _multipliers(model: Model) -> Multipliers | None:
-    """Return the multipliers of a model in its matrix, None where it has none."""
+    """Return the multipliers of a model in its matrix, or None if it has none."""
     if not model.constraints:
         return None
     num = model.numbering
@@ -233,7 +233,7 @@ def _multipliers(model: Model) -> Multipliers | None:
     weights: Array = np.zeros(num.n_unknowns)
     coordinates = num.free < num.n_q
     weights[coordinates] = model.weights[num.free[coordinates]]
-    # all of its dead loads at the last factor or time
+    # all dead loads at the last load factor or time
     dead = model.external(getattr(model.case.solver, "t_end", 1.0))[:model.n_q]
     return Multipliers(num.place[num.n_q:], np.concatenate(reached),
                        np.repeat(np.arange(len(reached)), [len(r) for r in reached]), weights, bool(model.contacts),
@@ -241,7 +241,7 @@ def _multipliers(model: Model) -> Multipliers | None:
 
 
 def make_matrix(model: Model) -> TangentMatrix:
-    """Return an empty tangent of the kind that suits the model's bandwidth and symmetry."""
+    """Return an empty tangent matrix of the kind that suits the model's bandwidth and symmetry."""
     num = model.numbering
     n, bw = num.n_unknowns, min(num.half_bandwidth, max(num.n_unknowns - 1, 0))
     if model.symmetric or n == 0:  # LAPACK takes no empty band
@@ -259,11 +259,10 @@ def point_masses(model: Model, e: Array | None = None) -> Iterator[tuple[Index, 
 
 
 def assemble_mass(model: Model, matrix: TangentMatrix, e: Array | None = None) -> None:
-    """Fill ``matrix`` with T^T M T, M = int rho S^T S dV and the point masses; multipliers have none.
+    """Fill ``matrix`` with T^T M T, M = int rho S^T S dV plus the point masses; rows of multipliers are zero.
 
-    With ``e`` (n_q,) it is that of small motion about these coordinates.
-
-    Scalar shape functions: an element's M is the same in every frame, so each class has one.
+    With ``e`` (n_q,) it is that of small motions about these coordinates. As shape functions are scalar, an element's M
+    is the same in every frame, so each class has one.
     """
     places = model.numbering.places
     matrix.clear()
@@ -281,17 +280,17 @@ def assemble_mass(model: Model, matrix: TangentMatrix, e: Array | None = None) -
 def full_mass(model: Model, e: Array | None = None) -> csr_matrix:
     """Return the constant mass matrix M (n_q, n_q) of all nodal coordinates, point masses included.
 
-    With ``e`` (n_q,) it is that of small motion about these coordinates.
+    With ``e`` (n_q,) it is that of small motions about these coordinates.
     """
     masses = ((coords[None, :], M) for coords, M in point_masses(model, e))
     return scattered([*_element_masses(model), *masses], model.n_q)
 
 
 def coriolis_matrix(model: Model, omega: float) -> csr_matrix:
-    """Return 2 omega G (n_q, n_q), G = int rho S^T J S dV with J the quarter turn: the Coriolis forces of a frame that
-    turns with ``omega``.
+    """Return 2 omega G (n_q, n_q), G = int rho S^T J S dV with J the quarter turn: the Coriolis forces in a frame that
+    rotates with ``omega``.
 
-    Sections turn in the frame as they do outside: theta has no part in it.
+    Rotations of sections are the same in both frames: theta has no Coriolis terms.
     """
     blocks = []
     for mesh in model.meshes.values():
@@ -323,7 +322,7 @@ def _element_masses(model: Model) -> Iterator[tuple[Index, Array]]:
 
 
 def scattered(blocks: Iterable[tuple[Index, Array]], n: int) -> csr_matrix:
-    """Return the matrix (n, n) that is the sum of blocks: coordinates (m, k) and matrices (m, k, k), or one for all."""
+    """Return the sum (n, n) of blocks: coordinates (m, k) and matrices (m, k, k), or one matrix for all."""
     from scipy.sparse import coo_matrix
 
     rows, columns, values = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
@@ -339,7 +338,7 @@ def scattered(blocks: Iterable[tuple[Index, Array]], n: int) -> csr_matrix:
 
 
 def unknowns_to_coordinates(model: Model) -> csr_matrix:
-    """Return T (n_q, n): nodal coordinates from unknowns, without what is prescribed."""
+    """Return T (n_q, n) from unknowns to nodal coordinates, without prescribed motions."""
     from scipy.sparse import csr_matrix
 
     num = model.numbering
@@ -351,7 +350,7 @@ def unknowns_to_coordinates(model: Model) -> csr_matrix:
 
 
 def inertia_rates(model: Model, state: State) -> Array | None:
-    """Return a + alpha v (n_q,), so that M times it are the forces of inertia and of Rayleigh's alpha; None at rest."""
+    """Return a + alpha v (n_q,): M times it are the inertia forces plus Rayleigh's alpha; None in statics."""
     if state.a is None:
         return None
     a, damping = state.a[:model.n_q], model.case.damping
@@ -361,11 +360,11 @@ def inertia_rates(model: Model, state: State) -> Array | None:
 
 
 def dense(A: Array, p: Record) -> Array:
-    """Return a matrix, stored as ``kernels.matrices.symmetric`` has it, in full, with what feedback adds."""
+    """Return a dense matrix from one stored as in ``kernels.matrices.symmetric``, including the terms of feedback."""
     n, rank, states = len(p.coordinate), p.rank, p.feedback.states
     tail = 0
     if rank:
-        from ..kernels.motion.feedback import tail_size  # with the kernels of motion, which statics does without
+        from ..kernels.motion.feedback import tail_size  # loads the kernels of motion, which statics does not need
 
         tail = tail_size(n, rank, states)
     base, out = A[:len(A) - tail], np.zeros((n, n))

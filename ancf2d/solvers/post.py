@@ -1,4 +1,4 @@
-"""What a state means to its user: probes, reactions, section forces, energies, balance of forces."""
+"""Results of a state: probes, reactions, section forces, energies, balance of forces."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ FORCES = ("N", "Q", "M")
 
 
 def asks_for_forces(case: Case) -> bool:
-    """Whether goal, expected values or fields name a section force."""
+    """Return whether goal, expected values or fields of a case name a section force."""
     named = [q.quantity for q in (case.goal, *case.expected) if q is not None]
     return any(q in FORCES for q in named) or any(f in FORCES for f in case.output.fields)
 
 
 class Observer:
-    """Reads the probes of a case from states; without ``forces`` no section forces."""
+    """Evaluate the probes of a case for states; without ``forces`` no section forces."""
 
     def __init__(self, model: Model, forces: bool = True) -> None:
         self.model = model
@@ -36,14 +36,14 @@ class Observer:
         self._sections: dict[str, SectionForces] = {}
 
     def observe(self, state: State) -> dict[str, dict[str, float]]:
-        """Return x, y, ux, uy, theta of every probe; vx, vy, omega of states that move; N, Q, M where asked for."""
-        # linear theory knows no turns
+        """Return x, y, ux, uy, theta of every probe; in motion also vx, vy, omega; N, Q, M if requested."""
+        # linear theory has no full turns
         turned = np.zeros(0) if state.linear else turns_of(self.model, state)
         with self.model.remembering(state.memory):
             return {name: self.read(name, state, turned) for name in self.probes}
 
     def read(self, name: str, state: State, turned: Array) -> dict[str, float]:
-        """Return what ``observe`` does of one probe, with the bodies' turns (bodies,) of ``turns_of``."""
+        """Return the values of one probe (see ``observe``), given the bodies' turns (bodies,) of ``turns_of``."""
         point, rotation, d = self.probes[name], self.rotations[name], state.d[:self.model.n_q]
         e = self.model.e0 + d
         theta = rotation.linear(self.model.e0, d) if state.linear else self.model.turns.theta(rotation, e, d, turned)
@@ -61,7 +61,7 @@ class Observer:
 
 
     def slopes(self, name: str, quantity: str, state: State) -> tuple[Index, Array, Array]:
-        """Return coordinates (m,), and what changes of them and of their rates (m,) do to a quantity but N, Q, M."""
+        """Return coordinates (m,), and the derivatives (m,) of a quantity (not N, Q, M) by them and by their rates."""
         point, rotation = self.probes[name], self.rotations[name]
         e = self.model.e0 + state.d[:self.model.n_q]
         by_theta = rotation.gradient(e)
@@ -82,7 +82,7 @@ class Observer:
 
 
 def _turning_rate(rotation: Rotation, e: Array, v: Array) -> Array:
-    """Return what changes of coordinates (m,) do to the rate of a rotation, by differences of its gradient."""
+    """Return the derivatives (m,) of a rotation rate by the coordinates, from differences of its gradient."""
     out = np.zeros(len(rotation.dofs))
     for k, i in enumerate(rotation.dofs.tolist()):
         h, moved = 1e-3 * (float(np.abs(e[rotation.dofs]).max()) or 1.0), e.copy()
@@ -94,10 +94,10 @@ def _turning_rate(rotation: Rotation, e: Array, v: Array) -> Array:
 
 def _carried_slopes(point: PointRef, rotation: Rotation, rate: bool, axis: int, theta: float, e: Array, state: State,
                     of_axis: tuple[Index, Array], by_theta: Array) -> tuple[Index, Array, Array]:
-    """Return what ``Observer.slopes`` does of a place, or its rate, off the axis of a section that is rigid."""
+    """Return the result of ``Observer.slopes`` for a point off the axis of a rigid section, or its rate."""
     y, angle = 0.5 * point.eta * point.mesh.plan.section.height, point.angle + theta
     coords = np.concatenate([of_axis[0], rotation.dofs])
-    # of the normal (-sin, cos), its derivative by the angle and the next one
+    # derivative of the normal (-sin, cos) with respect to the angle, and the second one
     turned, again = ((-np.cos(angle), -np.sin(angle))[axis], (np.sin(angle), -np.cos(angle))[axis])
     of_place = np.concatenate([of_axis[1], y * turned * by_theta])
     if not rate:
@@ -114,7 +114,7 @@ def turns_of(model: Model, state: State) -> Array:
 
 
 def _carried(point: PointRef) -> bool:
-    """Whether a point off the axis goes with a section that is rigid."""
+    """Return whether a point off the axis moves with a rigid section."""
     return point.eta != 0.0 and point.mesh.plan.element.section_kind != "interpolated"
 
 
@@ -123,12 +123,12 @@ def _on_axis(point: PointRef) -> PointRef:
 
 
 def place(point: PointRef, e0: Array, d: Array, theta: float, linear: bool) -> tuple[Array, Array]:
-    """Return the reference position (2,) and displacement (2,) of a point, off the axis too."""
+    """Return the reference position (2,) and displacement (2,) of a point, on or off the axis."""
     carried = _carried(point)
     columns = (_on_axis(point) if carried else point).position()
     r0, u = np.array([dot(c, e0) for c in columns]), np.array([dot(c, d) for c in columns])
     if carried:
-        # a section that is rigid: y times the change of its normal
+        # rigid section: y times the change of its normal
         y = 0.5 * point.eta * point.mesh.plan.section.height
         normal = np.array([-np.sin(point.angle), np.cos(point.angle)])
         r0 = r0 + y * normal
@@ -138,7 +138,7 @@ def place(point: PointRef, e0: Array, d: Array, theta: float, linear: bool) -> t
 
 
 def place_rate(point: PointRef, v: Array, theta: float, omega: float) -> Array:
-    """Return the velocity (2,) of a point, off the axis too."""
+    """Return the velocity (2,) of a point, on or off the axis."""
     carried = _carried(point)
     out = np.array([dot(c, v) for c in (_on_axis(point) if carried else point).position()])
     if carried:
@@ -148,8 +148,7 @@ def place_rate(point: PointRef, v: Array, theta: float, omega: float) -> Array:
 
 
 def reactions(model: Model, state: State) -> dict[str, dict[str, float]]:
-    """Return fx, fy and the moment that each support exerts on its body, about its point, and each obstacle, about its
-    centre."""
+    """Return fx, fy and moment of each support on its body, about its point, and of obstacles about their centre."""
     lam, _ = equilibrium_rows(model, state)
     d = state.d[:model.n_q]
     e = model.e0 if state.linear else model.e0 + d
@@ -187,9 +186,9 @@ def energies(model: Model, state: State) -> dict[str, float]:
 
 
 def unbalanced_forces(model: Model, state: State) -> float:
-    """Return the sum of the forces that a state leaves without balance [force]: no force in it is known better.
+    """Return the sum of the unbalanced forces of a state [force]: no force in it is more accurate.
 
-    They are the residuals of the free positions (coordinates r), as absolute values.
+    They are the absolute residuals of the free positions (coordinates r).
     """
     numbering = model.numbering
     positions = np.concatenate([mesh.kinds < 2 for mesh in model.meshes.values()])

@@ -1,4 +1,4 @@
-"""Linear solves with all digits that the model holds, beyond those of its assembled matrix."""
+"""Linear solves with the full accuracy of the model, beyond that of its assembled matrix."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 
 from ..elements.shape import Array
 
-# relative corrections that small are round-off of the result itself
+# relative corrections that are round-off of the result itself
 GOAL = 1e-15
-# rounds begin from the residual itself; within one, conjugate directions gain this factor in so many steps at most
+# number of rounds, each from a new residual; reduction of the error per round, and largest number of its steps
 ROUNDS, GAIN, STEPS = 5, 1e-4, 20
-# what is known no better may be round-off alone
+# results with a larger relative error may be round-off alone
 DOUBTFUL = 1e-8
 
 Map = Callable[[Array], Array]
@@ -20,26 +20,26 @@ Map = Callable[[Array], Array]
 
 def refined(apply: Map, precondition: Map, norm: Callable[[Array], float], b: Array, floor: float,
             still: Callable[[], float] = lambda: 0.0) -> tuple[Array, float]:
-    """Return z with A z = b, and how far z is known, relative to its size: no better than ``floor``.
+    """Return z with A z = b, and its relative error, which is at least ``floor``.
 
-    ``apply`` is A with all its digits (through the strains), ``precondition`` solves with the factors of the assembled
-    matrix, in which round-off of the stiff motions can hide the soft ones of long or many elements. Where z is in doubt
-    and no larger than ``still()``, what round-off of the forces alone does, nothing moves. z is not finite where the
-    factors are not.
+    ``apply`` is A with full accuracy (through the strains). ``precondition`` solves with the factors of the assembled
+    matrix, where round-off of stiff motions can hide the soft ones of long bodies or many elements. If z is inaccurate
+    and no larger than ``still()``, the effect of round-off in the forces, nothing moves. z is not finite if the factors
+    are not.
     """
     z, known = _refined(apply, precondition, norm, b, floor)
     if known > DOUBTFUL and np.isfinite(norm(y := precondition(b))) and norm(y) <= still():
-        # what there is to know is in multipliers
+        # only the multipliers are nonzero
         return y, 0.0
     return z, known
 
 
 def _refined(apply: Map, precondition: Map, norm: Callable[[Array], float], b: Array, floor: float,
              ) -> tuple[Array, float]:
-    """Return z and how far it is known.
+    """Return z and its relative error.
 
-    Where plain refinement would not contract, conjugate directions with the factors do: one step for each motion that
-    is wrong in them. Where these do not find the solution either, no digit is known: infinity.
+    Where simple refinement would not converge, conjugate gradients with the factors do, with one step for each motion
+    that is wrong in the factors. If they fail, too, the error is infinite.
     """
     z, known = np.zeros_like(b), np.inf
     for _ in range(ROUNDS):
@@ -52,7 +52,7 @@ def _refined(apply: Map, precondition: Map, norm: Callable[[Array], float], b: A
             # nothing moves: y corrects the multipliers
             return z + y, 0.0
         if change <= max(GOAL, 0.1 * floor) * size:
-            # the norm does not see multipliers, which y may still correct by much
+            # the norm ignores multipliers, to which y may still be a large correction
             return z + y, max(change / size, floor)
         if size > 0.0 and change >= 0.5 * known * size:
             return z, max(known, floor)
@@ -66,11 +66,11 @@ def _refined(apply: Map, precondition: Map, norm: Callable[[Array], float], b: A
 
 def _directions(apply: Map, precondition: Map, norm: Callable[[Array], float], r: Array, y: Array,
                 ) -> tuple[Array, bool]:
-    """Return an approximate A^-1 r by preconditioned conjugate gradients, and whether it is one (y = M^-1 r)."""
+    """Return an approximate A^-1 r by preconditioned conjugate gradients, and whether they converged (y = M^-1 r)."""
     z, p, wanted = np.zeros_like(r), y, GAIN * norm(y)
     rho = float(r @ y)
     if rho == 0.0:
-        # multipliers alone can do no work: plain refinement
+        # only multipliers are nonzero, and these do no work: simple refinement
         return y, True
     for _ in range(STEPS):
         Ap = apply(p)
@@ -82,7 +82,7 @@ def _directions(apply: Map, precondition: Map, norm: Callable[[Array], float], r
         y = precondition(new)
         if norm(y) <= wanted:
             return z, True
-        # Polak and Ribiere's form, as the factors are not exactly symmetric in finite digits
+        # Polak-Ribiere formula, because of round-off the factors are not exactly symmetric
         rho, beta = float(new @ y), float((new - r) @ y) / rho
         if rho == 0.0:
             return z, True

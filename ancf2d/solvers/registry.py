@@ -1,4 +1,4 @@
-"""Which solver a case asks for; a further solver is one entry here."""
+"""The solver of each case; a new solver is one entry here."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def _static(model: Model, spec: Static, start: Start | None = None) -> Iterator[
         return solve_path(model, spec)
     from .statics.static import solve_static
 
-    # newton ends at nothing but a load factor: the schema refuses the rest
+    # newton ends only at a load factor: the schema refuses everything else
     end = spec.until.value if isinstance(spec.until, LoadFactor) else 1.0
     return solve_static(model, spec.steps, spec.tolerance, spec.max_iterations, end, start, spec.factors or ())
 
@@ -87,7 +87,7 @@ def _dynamic(model: Model, spec: Dynamic, kept: Checkpoint | None = None) -> Ite
     return solve_dynamic(model, spec, kept)
 
 
-# a third argument: the checkpoint that states over time go on from, the guess that statics begins with
+# optional third argument: a checkpoint to continue from (over time), or an initial guess (statics)
 SOLVERS: dict[type, Callable[..., Iterator[State]]] = {
     LinearStatic: _linear, Static: _static, QuasiStatic: _quasi_static, Eigen: _eigen,
     FrequencyResponse: _frequency_response, StateSpace: _state_space, Buckling: _buckling, Dynamic: _dynamic,
@@ -95,7 +95,7 @@ SOLVERS: dict[type, Callable[..., Iterator[State]]] = {
 
 
 def left_out(case: Case) -> list[str]:
-    """Return what a case says that its solver leaves out of the computation, in words."""
+    """Return messages about parts of a case that its solver leaves out."""
     if isinstance(case.solver, FrequencyResponse | StateSpace):
         out = _idle(case, case.solver.about, "motions", " other than inputs")
         fields = [name for name in case.output.fields if name not in ("N", "Q", "M")]
@@ -126,7 +126,7 @@ def left_out(case: Case) -> list[str]:
 
 
 def _idle(case: Case, about: str, what: str, but: str) -> list[str]:
-    """Return what of a case does not act where motions (``what``) are ``about`` the reference; inputs do (``but``)."""
+    """Return a message if motions (``what``) about the reference make loads, ``but`` not inputs, ineffective."""
     if about != "reference" or case.steady_rotation is not None:
         return []
     loads = any(load.name not in case.inputs for load in case.loads)
@@ -138,7 +138,7 @@ def _idle(case: Case, about: str, what: str, but: str) -> list[str]:
 
 
 def initial_state(model: Model) -> State:
-    """Return the reference, from which static paths start."""
+    """Return the reference state, from which static paths start."""
     zero = np.zeros(len(model.numbering.place))
     with model.timing.preload():
         d = model.displacements(zero[:model.numbering.n_unknowns], 0.0)
@@ -146,9 +146,9 @@ def initial_state(model: Model) -> State:
 
 
 def solve(model: Model, kept: Checkpoint | Start | None = None) -> Iterator[State]:
-    """Yield the states of a model's solver, from a checkpoint (over time) or a guess (static) where one is given.
+    """Yield the states of a model's solver, from a checkpoint (over time) or an initial guess (statics) if given.
 
-    Raises ComputationError where the computation fails.
+    Raises ComputationError if the computation fails.
     """
     start = () if kept is None else (kept,)
     states = SOLVERS[type(model.case.solver)](model, model.case.solver, *start)
@@ -156,7 +156,7 @@ def solve(model: Model, kept: Checkpoint | Start | None = None) -> Iterator[Stat
 
 
 def _with_memory(model: Model, states: Iterator[State]) -> Iterator[State]:
-    """Yield states with what elements remember in each, which they are read with later on."""
+    """Yield states with the history variables of elements, which later evaluations need."""
     for state in states:
         state.memory = model.states.copy()
         yield state

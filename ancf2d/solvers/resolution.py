@@ -1,10 +1,10 @@
-"""Whether the mesh is fine enough: section forces by equilibrium, compared with what the elements store.
+"""Check that the mesh is fine enough: section forces by equilibrium, compared with the stored energy of elements.
 
-Section forces in balance with the loads (and with inertia) have the complementary energy
-U* = int N^2/EA + Q^2/kGA + M^2/EI ds/2 of a body; its elements store U. On a fine mesh both are the same. Their
-difference is the energy of what separates the two (Prager and Synge 1947): where supports leave the section forces
-determinate, it is the error of the deflection under the loads, and of the square of a frequency. Natural strains eps*
-move what is free of stress, as loads of the work int eps*^T D eps* do: the difference counts beside half of this.
+Section forces in balance with the loads (and with inertia) have the complementary energy U* = int N^2/EA + Q^2/kGA +
+M^2/EI ds/2 of a body; its elements store U. On a fine mesh both are equal. Their difference is the energy of the error
+(Prager and Synge 1947): where supports leave the section forces determinate, it is the relative error of the deflection
+under the loads, and of the square of a frequency. Natural strains eps* displace bodies without stress, like loads with
+the work int eps*^T D eps*: the difference is then relative to half of this.
 """
 
 from __future__ import annotations
@@ -30,43 +30,43 @@ from .small_motions.relaxing import VIBRATES
 from .state import State
 from .system import System
 
-# Gauss points along an element: M is of second degree in x under a line load, its square of fourth
+# Gauss points along an element: M is quadratic in x under a line load, its square quartic
 STATIONS = 3
-# of a deflection or frequency: what is told. A thick continuum differs from a beam by up to 0.03
+# relative error of a deflection or frequency that gives a warning; a thick continuum differs from a beam by up to 0.03
 TOLD = 0.08
-# the same of a load factor, of whose error elements with a straight axis show half
+# the same for a load factor; elements with a straight axis show half of its error
 TOLD_BUCKLING = 0.04
-# of the largest energy of a motion, in the mean over time: what is told. Positions are then off by 1 % or more
+# the same for the mean unresolved energy of a motion, relative to its largest energy; positions then err by 1 % or more
 UNFOLLOWED = 1e-3
-# states of a motion that are looked at
+# number of states of a motion that are checked
 LOOKS = 20
-# elements of a model that are looked at: of more, a sample, of each body at least so many
+# largest number of elements that are checked, as a sample, and the least number for each body
 MOST, LEAST = 5_000, 100
-# bodies and elements of models that are not looked at where they have more of both: it would take seconds
+# models with more bodies and more elements than these are not checked, which would take seconds
 BODIES, MANY = 100, 20_000
-# bodies that are looked at: of more, a sample, since each takes about 10 ms
+# largest number of bodies that are checked, as a sample, since each takes about 10 ms
 LOOKED = 50
-# heights below which supports and loads at the ends disturb all of a body: of sections that bend, of straight ones that
-# change their height, and of rigid ones
+# length in heights below which end effects disturb the whole body: for sections that bend, for straight ones that
+# change their height, and for rigid ones
 SHORT = {"bending": 2.0, "straight": 0.5, "rigid": 0.0}
-# displacement, beside the extent of the model, by which small motions are differentiated
+# displacement, relative to the extent of the model, for differentiating small motions
 SMALL = 1e-4
-# of a frequency or load factor: the most that is lost to be told as a number
+# largest share of a frequency or load factor that is reported as lost
 WHOLE = 0.99
-# times the strain: share by which the energy of a law of Green-Lagrange strains differs from that of a linear one
+# times the strain: relative difference of the energies of Green-Lagrange and linear strains
 LARGE_STRAIN = 3.0
-# strain that is round-off, of a body as long as it is high
+# strain that is round-off, for a body as long as high
 FAINT = 1e-13
-# the kinds of modes that beams have; of those that are off, so many are named
+# kinds of modes of beams; largest number of inaccurate modes in a message
 KINDS, SHOWN = ("bending", "axial", "shear"), 3
 ADVICE = "Use more elements, or --accuracy with a goal; ancf2d convergence shows the error"
 
 
 @dataclass
 class _Body:
-    """One body: its section forces at Gauss points, and the compliances that make energies of them.
+    """One body: its section forces at Gauss points, and the compliances for their energy.
 
-    ``stands_for``: how many bodies it is a sample of.
+    ``stands_for``: number of bodies that it represents as a sample.
     """
 
     model: Model
@@ -99,9 +99,9 @@ class _Body:
         return out
 
     def energies(self, state: State) -> tuple[float, float]:
-        """Return U, and by how much the mesh fails to follow U*; both 0 where they are round-off.
+        """Return U and the part of the energy that the mesh does not resolve, |U* - U|; both 0 if they are round-off.
 
-        Elements that lie on something are left out: forces at their ends stand for the pressure along them.
+        Elements that lie on an obstacle are left out: forces at their ends represent the pressure along them.
         """
         if not self.model.contacts:
             return self._energies(state)
@@ -123,7 +123,7 @@ class _Body:
         return stored, max(abs(asked - stored) - allowed, 0.0) * self._held(forces[..., 0], forces[..., 2])
 
     def natural(self, state: State) -> float:
-        """Return eps*^T D eps*/2, which the natural strains of a state would store if nothing moved."""
+        """Return eps*^T D eps*/2, the energy of a state's natural strains if nothing moved."""
         if not any(load.mesh is self.mesh for load in self.model.loads.natural):
             return 0.0
         alone = nodal_forces(self.model, self.mesh, state, self.some, self.forces.apart(self.some))[2]
@@ -134,10 +134,10 @@ class _Body:
         return self.weight * energy
 
     def motion(self, state: State, shape: Array, forces: Array, N: Array) -> tuple[float, float]:
-        """Return what ``energies`` returns, of a small motion (n_q,) about a state.
+        """Return the same as ``energies`` for a small motion (n_q,) about a state.
 
-        ``forces`` (m, k, 3) are the section forces that the motion adds, N (m, k) those of the state. U is what the
-        strains of the motion store; what the state's forces do in it is not among it.
+        ``forces`` (m, k, 3) are the section forces that the motion adds, N (m, k) those of the state. U is the energy
+        of the strains of the motion, without the work of the state's forces in it.
         """
         dofs = self.mesh.dofs[self.some]
         _, energy, alone = nodal_forces(self.model, self.mesh, state, self.some, self.forces.apart(self.some))
@@ -151,7 +151,7 @@ class _Body:
         return stored, max(abs(asked - stored) - allowed, 0.0) * self._held(N, forces[..., 2])
 
     def added(self, state: State, motion: Array, Q: Array, a: Array | None) -> Array:
-        """Return the section forces (m, k, 3) that a small motion (n_full,) adds, with its elastic forces and rates."""
+        """Return the section forces (m, k, 3) that a small motion (n_full,) adds, with its forces Q and rates a."""
         size = float(np.abs(self.model.weights * motion[:self.model.n_q]).max()) / self.model.extent
         h = SMALL / size if size > 0.0 else 1.0
         ends = [self.forces(replace(state, d=state.d + s * motion, Q=state.Q + s * Q, linear=False, about=state.d,
@@ -163,20 +163,20 @@ class _Body:
         return self.forces(state, self.some)[..., 0]
 
     def _asked(self, forces: Array) -> float:
-        """Return U*."""
+        """Return U* of section forces."""
         return float(np.einsum("ek,ekc->", self.ds, 0.5 * forces**2 * self.compliance))
 
     def _large(self, stored: float) -> float:
-        """Return the share of the energy that is off by the size of the strains which store U, in the mean."""
+        """Return the relative error of the energy U due to large Green-Lagrange strains, from the mean strain."""
         if not self.mesh.plan.formulation.green:
             return 0.0
         rigidity = self.stands_for * self.mesh.plan.section.EA * self.mesh.plan.length
         return LARGE_STRAIN * math.sqrt(2.0 * stored / rigidity)
 
     def _held(self, N: Array, M: Array) -> float:
-        """Return the share of a deflection within elements that is left where tension pulls it straight.
+        """Return the share of a deflection within elements that remains under tension.
 
-        A beam on the length l that bends by M in a half wave deflects by M l^2/pi^2/(EI + N l^2/pi^2).
+        A beam of length l that bends by M in a half wave deflects by M l^2/pi^2/(EI + N l^2/pi^2).
         """
         pulled = np.maximum(N, 0.0) * (self.lengths / math.pi) ** 2 * self.compliance[..., 2]
         weight = self.ds * M**2
@@ -184,9 +184,9 @@ class _Body:
         return float((weight / (1.0 + pulled)).sum()) / total if total > 0.0 else 1.0
 
     def _stored(self, state: State, energy: float) -> float:
-        """Return the strain energy of a state, of whose elements it is ``energy``.
+        """Return the strain energy of the body, given that of the checked elements.
 
-        It is that of the strains eps + tau d eps/dt where a viscous stress is among the forces.
+        With a viscous stress it is that of the strains eps + tau d eps/dt.
         """
         mesh, n_q, tau = self.mesh, self.model.n_q, self.forces.tau
         if state.linear or state.v is None or not tau:
@@ -198,7 +198,7 @@ class _Body:
 
 
 def _bodies(model: Model) -> dict[str, _Body]:
-    # layers that strain each other store energy without section forces
+    # layers can strain each other, which stores energy without section forces
     found = [(name, mesh) for name, mesh in model.meshes.items()
              if has_section_forces(mesh) and not mesh.plan.section.layers
              and mesh.plan.length > _shortest(mesh) * mesh.plan.section.height]
@@ -208,7 +208,7 @@ def _bodies(model: Model) -> dict[str, _Body]:
 
 
 def _shortest(mesh: BodyMesh) -> float:
-    """Return how many heights a body must be longer than to be judged as a beam."""
+    """Return the length in heights above which a body can be judged as a beam."""
     element = mesh.plan.element
     if element.section_kind != "interpolated":
         return SHORT["rigid"]
@@ -216,14 +216,15 @@ def _shortest(mesh: BodyMesh) -> float:
 
 
 class Resolution:
-    """Looks at the states of a model, and tells where its mesh does not follow them."""
+    """Check the states of a model, and report where its mesh does not resolve them."""
 
     def __init__(self, model: Model) -> None:
         self.model, self.solver = model, model.case.solver
-        # what solves to an accuracy judges its meshes itself
+        # runs with a prescribed accuracy judge their meshes themselves
         few = len(model.meshes) <= BODIES or model.n_elements <= MANY
         self.looks = few and model.case.accuracy is None
-        # of a motion: energy that the mesh does not follow, summed over looks; the largest energy; when to look again
+        # of a motion: unresolved energy of each body, summed over checks; largest energy; number of checks; time of the
+        # next
         self.lost: dict[str, float] = {}
         self.energy, self.count, self.next = 0.0, 0, 0.0
 
@@ -232,7 +233,7 @@ class Resolution:
         return _bodies(self.model)
 
     def take(self, state: State) -> None:
-        """Look at a state of a motion, unless the last look was a short time ago."""
+        """Check a state of a motion, unless the last check was shortly before."""
         if not self.looks or state.v is None or state.t <= self.next:
             return
         self.next = state.t + 0.999 * self.solver.end / LOOKS
@@ -244,15 +245,15 @@ class Resolution:
             self.lost[name] = self.lost.get(name, 0.0) + body.energies(state)[1]
 
     def kept(self) -> dict[str, Any]:
-        """Return what goes into a checkpoint."""
+        """Return the values for a checkpoint."""
         return {"lost": dict(self.lost), "energy": self.energy, "count": self.count, "next": self.next}
 
     def go_on(self, kept: dict[str, Any]) -> None:
-        """Go on from a checkpoint."""
+        """Restore the values of a checkpoint."""
         self.lost, self.energy, self.count, self.next = (kept[k] for k in ("lost", "energy", "count", "next"))
 
     def warnings(self, state: State) -> list[str]:
-        """Return what to say of the last state, of its modes, or of the motion that it ends."""
+        """Return the warnings about the last state, its modes, or the motion that it ends."""
         if not self.looks or self.solver.scales:
             return []
         if self.solver.moves:
@@ -277,7 +278,7 @@ class Resolution:
         lost = {name: gap for name, (_, gap) in found.items()}
         n_q = self.model.n_q
         within = sum(max(stored, self._bodies[name].natural(state)) for name, (stored, _) in found.items())
-        # what has yielded or crept moves bodies that bear no load
+        # plastic and creep strains displace bodies that bear no load
         stored = max(within, 0.5 * abs(float(state.F[:n_q] @ state.d[:n_q])), internal_energy(self.model))
         off = _share(sum(lost.values()), stored)
         if off <= TOLD:
@@ -293,7 +294,7 @@ class Resolution:
         shapes = _Shapes(model, state)
         off, told = {}, dict.fromkeys(shapes.bodies, 0.0)
         for mode, shape in zip(state.report["frequencies"], state.arrays["modes/shapes"][0], strict=True):
-            # omega^2 of the undamped mode, where damping has the same share in all of it
+            # omega^2 of the undamped mode, if damping affects all of it equally
             squared = mode["omega"]**2 + mode.get("growth", 0.0)**2
             if mode["kind"] not in KINDS or mode["omega"] <= VIBRATES * math.sqrt(squared):
                 continue
@@ -305,10 +306,10 @@ class Resolution:
         return self._off("modes: frequencies have errors:", off, told)
 
     def of_buckling(self, start: State, u: Array, h: float, factors: Array, shapes: Array) -> list[str]:
-        """Return what to say of load factors and their shapes (m, n_q), which loads without a potential do not have.
+        """Return warnings about load factors and their shapes (m, n_q), which have none for loads without a potential.
 
-        ``start``: the state without the loads that the factor scales, u (n_full,) the linear response to them, h the
-        factor by which their effect on the motion is differentiated.
+        ``start``: the state without the loads that the factor scales; u (n_full,) the linear response to them; h the
+        factor with which their effect on the motion is differentiated.
         """
         if not self.looks:
             return []
@@ -323,7 +324,7 @@ class Resolution:
         return self._off("load factors, which are too large:", off, told)
 
     def _off(self, what: str, off: dict[str, float], told: dict[str, float]) -> list[str]:
-        """Return the warning of modes or load factors that are off, with where they are so most."""
+        """Return the warning about inaccurate modes or load factors, with the body that contributes most."""
         if not off:
             return []
         worst = ", ".join(f"{name} by about {_percent(error)} %" for name, error in list(off.items())[:SHOWN])
@@ -331,13 +332,13 @@ class Resolution:
         return [f"the mesh is too coarse for some of the {what} {worst}{more}{self._where(told)}. {ADVICE}"]
 
     def _where(self, lost: dict[str, float]) -> str:
-        """Return ' (body rod, 4 elements)' for the body that the mesh follows least, where there are several."""
+        """Return ' (most in bodies.rod, 4 elements)' for the body with the largest error, if there are several."""
         name = max(lost, key=lambda k: lost[k])
         return f" (most in bodies.{name}, {self.model.meshes[name].plan.count} elements)" if len(lost) > 1 else ""
 
 
 class _Shapes:
-    """Small motions about a state, or about where the linear response u to a load factor has moved it."""
+    """Small motions about a state, or about its linear continuation by the response u to a load factor."""
 
     def __init__(self, model: Model, state: State, u: Array | None = None, h: float = 0.0) -> None:
         self.model, self.h, self.bodies, self.system = model, h, _bodies(model), System(model)
@@ -348,9 +349,9 @@ class _Shapes:
             base, *(replace(base, t=base.t + s, side=base.t + s, d=base.d + s * u) for s in (h, -h))]
 
     def lost(self, shape: Array, squared: float | None, factor: float = 0.0) -> tuple[float, dict[str, float]]:
-        """Return by which share the mesh makes omega^2 or the load factor too large, and the parts of each body in it.
+        """Return the share by which the mesh overestimates omega^2 or the load factor, and each body's part of it.
 
-        ``shape`` (n_q,); ``squared`` is omega^2, None where nothing vibrates.
+        ``shape`` (n_q,); ``squared`` is omega^2, None if nothing vibrates.
         """
         base, motion = self.states[0], np.zeros(len(self.states[0].d))
         motion[:len(shape)] = shape
@@ -368,7 +369,7 @@ class _Shapes:
         return min(share, WHOLE), {name: lost / whole for name, (_, lost) in found.items()} if whole > 0.0 else {}
 
     def _followed(self, values: list[Array], factor: float) -> Array:
-        """Return what values at the states are at a load factor, to first order."""
+        """Return values at a load factor, to first order, from those at the states."""
         return values[0] if len(values) == 1 else values[0] + factor / (2.0 * self.h) * (values[1] - values[2])
 
 

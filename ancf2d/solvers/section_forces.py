@@ -1,4 +1,4 @@
-"""Section forces N, Q, M along a body, by equilibrium of each element's part before (or behind) the section."""
+"""Section forces N, Q, M along a body, from the equilibrium of each element's part before (or after) the section."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from .element_loads import Inside, acting_inside, is_inside
 from .linear import inertia_rates
 from .state import State
 
-BLOCK = 2048  # elements at a time: bounds the memory of element matrices and sampled loads
-KEPT = 8  # groups of elements that are kept, of elements of several shapes
-SAME = 1e-12  # of a body's length: places that are closer are one
-POINTS = 6  # Gauss points of line loads on an element or its part
+BLOCK = 2048  # number of elements per block, which limits the memory of element matrices and sampled loads
+KEPT = 8  # number of cached element groups, for elements of several shapes
+SAME = 1e-12  # tolerance for places along a body, relative to its length
+POINTS = 6  # Gauss points of line loads on an element or a part of it
 
 
 def _cross(a: Array, b: Array) -> Array:
@@ -37,12 +37,12 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def has_section_forces(mesh: BodyMesh) -> bool:
-    """Whether the body has section forces: a rigid one has no law that would tell them."""
+    """Return whether the body has section forces: a rigid one has no law that determines them."""
     return not mesh.plan.rigid
 
 
 def apart(model: Model, mesh: BodyMesh, chosen: Index) -> Any:
-    """Return the group of chosen elements (m,) in which each has coordinates of its own, so that nothing is summed."""
+    """Return the group of chosen elements (m,), each with coordinates of its own, so that no forces are summed."""
     pool, first = place_of(model.pools, mesh)
     group, dofs, some = model.groups[pool], mesh.dofs[chosen], first + np.asarray(chosen)
     own = np.arange(dofs.size).reshape(dofs.shape)
@@ -57,7 +57,7 @@ def nodal_forces(model: Model, mesh: BodyMesh, state: State, chosen: Index, alon
                  ) -> tuple[Array, float, Any]:
     """Return the elastic forces (m, n) of chosen elements on their coordinates, their strain energy, and their group.
 
-    It is that of ``apart``, which may be given.
+    The group is that of ``apart``; it may be given as ``alone``.
     """
     alone, dofs = alone or apart(model, mesh, chosen), mesh.dofs[chosen]
     d, Q = state.d[:model.n_q][dofs].ravel(), np.zeros(dofs.size)
@@ -79,7 +79,7 @@ def nodal_forces(model: Model, mesh: BodyMesh, state: State, chosen: Index, alon
 
 
 def natural_rates(model: Model, state: State, order: int = 0) -> dict[int, float]:
-    """Return the amplitudes of natural strains in a state by the number of their load, or their rates over time."""
+    """Return the amplitudes of natural strains in a state by the number of their load, or (``order`` 1) their rates."""
     rates = [rates_of(load.amplitude, state.side)[0] if order else load.amplitude(state.side)
              for load in model.loads.natural]
     return dict(enumerate(rates))
@@ -88,9 +88,9 @@ def natural_rates(model: Model, state: State, order: int = 0) -> dict[int, float
 class SectionForces:
     """N, Q, M of one body at the same stations ``xi`` (k,) in [0, 1] of every element.
 
-    The element's nodal forces, less what loads and inertia on it contribute to them, are the forces at its ends: in
-    balance with them whatever the formulation's stresses are worth. Loads, masses, springs, supports and joints between
-    nodes act at their points, and evenly along the element what its inner nodes are out of balance by.
+    The element's nodal forces, minus the consistent forces of loads and inertia on it, are the forces at its ends, in
+    balance regardless of the accuracy of the formulation's stresses. Loads, masses, springs, supports and joints
+    between nodes act at their points; the imbalance of inner nodes is distributed evenly along the element.
     """
 
     def __init__(self, model: Model, mesh: BodyMesh, xi: Array) -> None:
@@ -101,7 +101,7 @@ class SectionForces:
         self.is_r = np.array([name == "r" for _, name in element.functionals])
         self.first_node = np.array([node == 0 for node, _ in element.functionals])
         self.last_node = np.array([node == len(element.nodes) - 1 for node, _ in element.functionals])
-        # elements that differ in section alone are looked at together
+        # elements that differ only in section are processed together
         kinds: dict[Any, int] = {}
         kind = [kinds.setdefault((id(c.shape), c.sampler.cuts, c.sampler.profile is None), len(kinds))
                 for c in mesh.classes]
@@ -109,13 +109,13 @@ class SectionForces:
         points = [(item, model.point(item.at)) for item in model.case.resting_masses]
         self.point_masses = [(p, mass_terms(item, p)) for item, p in points if is_inside(p, mesh)]
         self.inside: list[Inside] = []
-        # strain energy of the elements that were looked at last, without that of a viscous stress
+        # strain energy of the last evaluated elements, without that of a viscous stress
         self.energy = 0.0
         self.along = gauss(POINTS)
         self._apart: dict[bytes, Any] = {}
 
     def apart(self, chosen: Index) -> Any:
-        """Return the group of ``apart``, which is kept for some elements that are asked for again."""
+        """Return the group of ``apart``, cached for repeated sets of elements."""
         key = np.asarray(chosen).tobytes()
         if key not in self._apart:
             if len(self._apart) >= KEPT:
@@ -130,13 +130,13 @@ class SectionForces:
 
     @cached_property
     def volumes(self) -> list[list[Volume]]:
-        """What integrates over the mass of each class before each station, and of all of it."""
+        """For each class, the mass quadratures of its part before each station, and of the whole element."""
         return [[over_body(c.sampler, x) for x in (*self.xi, 1.0)] for c in self.mesh.classes]
 
     def __call__(self, state: State, elements: Index | None = None) -> Array:
         """Return N (tension) along the section's x axis, Q along its y axis, M counter-clockwise: (m, k, 3).
 
-        They are those of the elements (m,), by default of all.
+        These are for the given elements (m,), by default for all.
         """
         every = np.arange(len(self.mesh.dofs)) if elements is None else elements
         self.inside, self.energy = acting_inside(self.model, self.mesh, state), 0.0
@@ -150,7 +150,7 @@ class SectionForces:
 
 
 class _Part:
-    """Some elements of the same shape in one state; wrenches are (fx, fy, moment) about each element's first node."""
+    """Some elements of equal shape in one state; wrenches are (fx, fy, moment) about each element's first node."""
 
     def __init__(self, body: SectionForces, state: State, chosen: Index) -> None:
         self.body, self.state, self.chosen = body, state, chosen
@@ -166,17 +166,17 @@ class _Part:
         self.rates = self._accelerations()
         self.lines = list(self._line_loads())
         self.guides = [(g, g.tension(state.d[:n_q], state.side)) for g in model.loads.guides if g.mesh is body.mesh]
-        # elements, xi and generalised forces of what acts within them
+        # elements, xi and generalised forces of the actions inside them
         inner = list(self._inner_forces())
         self.within, self.at = np.array([i[0] for i in inner], dtype=np.int64), np.array([i[1] for i in inner])
         self.acting = np.array([i[2] for i in inner]).reshape(-1, *self.e.shape[1:])
 
     def _each(self, of_classes: list[Array]) -> Array:
-        """Return an array of the elements' class, or those of all elements (m, ...) where their classes differ."""
+        """Return the array of the common class, or those of all elements (m, ...) if their classes differ."""
         return of_classes[self.k] if self.classes is None else np.array([of_classes[k] for k in self.classes])
 
     def _accelerations(self) -> Array | None:
-        """Return nodal coordinates (m, n_shape, nc) of gravity, centrifugal and Coriolis acceleration and -a."""
+        """Return nodal values (m, n_shape, nc) of gravity, centrifugal and Coriolis acceleration minus a, or None."""
         body, model = self.body, self.body.model
         out, found = np.zeros_like(self.e), False
         for load in model.case.loads:
@@ -209,7 +209,7 @@ class _Part:
                 yield line, self._factor(load)
 
     def _inner_forces(self) -> Iterator[tuple[int, float, Array]]:
-        """Yield element, xi and generalised forces (n_shape, nc) of what acts within one of the elements."""
+        """Yield element, xi and generalised forces (n_shape, nc) of actions inside the elements."""
         place = {int(ie): m for m, ie in enumerate(self.chosen)}
         for item in self.body.inside:
             if item.ie in place:
@@ -227,7 +227,7 @@ class _Part:
             yield m, point.xi, force.reshape(-1, self.body.nc)
 
     def _line_samples(self, upto: float) -> Iterator[tuple[Array, Array]]:
-        """Yield points xi (m, g) before ``upto`` of each line load, and the force (m, g, 2) that each stands for."""
+        """Yield points xi (m, g) before ``upto`` for each line load, and the force (m, g, 2) of each point."""
         mesh = self.body.mesh
         start, l = mesh.starts[self.chosen], mesh.lengths[self.chosen]
         x, w = self.body.along
@@ -244,7 +244,7 @@ class _Part:
             yield xi, force * (w * span[:, None])[..., None]
 
     def _rows(self, xi: Array, i: int = 0, j: int = 0, y: Array | None = None) -> Array:
-        """Return shape functions (..., n_shape) at xi (...), on the axis or at y (...)."""
+        """Return shape functions (..., n_shape), or derivatives, at xi (...), on the axis or at y (...)."""
         shape = self.body.mesh.classes[self.k].shape
         eta = np.zeros(xi.size) if y is None else 2.0 * y.ravel() / shape.h
         return shape(xi.ravel(), eta, i, j).reshape(*xi.shape, -1)
@@ -277,7 +277,7 @@ class _Part:
         return Q.reshape(len(Q), -1, body.nc)
 
     def _consistent(self) -> Array:
-        """Return the generalised forces (m, n_shape, nc) of the loads on the elements' own coordinates."""
+        """Return the consistent forces (m, n_shape, nc) of the loads on the elements' own coordinates."""
         out = np.zeros_like(self.e)
         for xi, force in self._line_samples(1.0):
             out[..., :2] += np.einsum("mgk,mgc->mkc", self._rows(xi), force)
@@ -288,7 +288,7 @@ class _Part:
         return out
 
     def _node_wrench(self, forces: Array, chosen: Array, elements: Index | slice = slice(None)) -> Array:
-        """Return the wrench (m, 3) of the generalised forces on chosen coordinates of elements."""
+        """Return the wrench (m, 3) of generalised forces on the chosen coordinates of elements."""
         f = forces[:, chosen]
         moment = _cross(self.local[elements][:, chosen], f).sum(axis=1)
         if self.body.nc == 3:
@@ -305,7 +305,7 @@ class _Part:
 
     @cached_property
     def _wrenches(self) -> Array:
-        """The wrench (m, 3) of each of what acts within elements."""
+        """The wrench (m, 3) of each action inside the elements."""
         return self._node_wrench(self.acting, np.ones(self.acting.shape[1], bool), self.within)
 
     def _load_wrench(self, station: int, upto: float) -> Array:
@@ -347,8 +347,8 @@ class _Part:
         return out
 
     def _run(self, guide: Guide, xi: Array) -> tuple[Array, Array, Array]:
-        """Return what a guide at xi (m, g) has of y and dy/dx (2, m, g), its direction d(r + y n)/dx and the arm y n
-        from the axis (m, g, 2)."""
+        """Return y and dy/dx (2, m, g) of a guide at xi (m, g), its direction d(r + y n)/dx and the arm y n from the
+        axis (m, g, 2)."""
         mesh = self.body.mesh
         s = (mesh.starts[self.chosen, None] + xi * mesh.lengths[self.chosen, None]) / mesh.plan.length
         y, rise = (v.reshape(xi.shape) for v in guide.offsets(s.ravel()))
@@ -365,7 +365,7 @@ class _Part:
         return np.stack([y, rise]), off[1] + rise[..., None] * off[2], off[0] - self._rows(xi) @ self.e[..., :2]
 
     def _pulled(self) -> Array:
-        """Return the forces (m, n_shape, nc) with which tendons along the body resist being longer."""
+        """Return the generalised forces (m, n_shape, nc) of tendons along the body, in elastic sign."""
         out, kind = np.zeros_like(self.e), self.body.mesh.plan.element.section_kind
         for guide, T in self.guides:
             for elements, points, w in guide.cover:
@@ -390,7 +390,7 @@ class _Part:
         return out
 
     def _borne(self, xi: Array) -> Iterator[tuple[Array, Array, Array]]:
-        """Yield the force (m, g) along x and y and the moment about the axis that each tendon bears at xi."""
+        """Yield force along x and y, and moment about the axis, (m, g) each, of each tendon at xi."""
         mesh = self.body.mesh
         for guide, T in self.guides:
             s = (mesh.starts[self.chosen, None] + xi * mesh.lengths[self.chosen, None]) / mesh.plan.length

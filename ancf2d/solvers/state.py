@@ -1,4 +1,4 @@
-"""What every solver yields."""
+"""The states that solvers yield."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 from ..elements.shape import Array
 from ..errors import CheckpointError
 
-# what a motion remembers beside its coordinates, as ``Row`` and checkpoints have it
+# history variables of a motion, as named in ``Row`` and checkpoints
 MEMORIES = ("turns", "feet", "states")
 
 
 def check_kept(kept: dict[str, Array], fresh: dict[str, Array] | None) -> None:
-    """Compare a stored checkpoint with one of a solver that has not begun. Raises CheckpointError where it has others.
+    """Compare a stored checkpoint with one of a solver before its start. Raises CheckpointError if they do not match.
 
-    Names and shapes have to agree. Arrays without rows at the start may have grown, texts (uint8) have any length.
+    Names and shapes have to agree. Arrays without rows at the start may have grown; texts (uint8) have any length.
     """
     fresh = fresh or {}
     for name in sorted({*kept, *fresh}):
@@ -31,7 +31,7 @@ def check_kept(kept: dict[str, Array], fresh: dict[str, Array] | None) -> None:
 
 
 class Graded(str):
-    """A warning about one state, of which a run tells only the worst of its kind: the one with the largest ``size``."""
+    """A warning about one state; a run reports only the one with the largest ``size`` of each kind."""
 
     kind: str
     size: float
@@ -45,21 +45,21 @@ class Graded(str):
 
 @dataclass
 class State:
-    """A state that a solver yields: full coordinates ``d`` at load factor or time ``t``, with how it was found.
+    """A state that a solver yields: full coordinates ``d`` at load factor or time ``t``, and related data.
 
-    ``Q`` are the elastic and patch forces, ``F`` the dead loads, in full coordinates. ``turned`` (bodies,) tells whole
-    turns (``model.rotation.Turns``; None: as far as d alone tells them). ``report`` is merged into the
-    summary (frequencies, limit points, ...); ``arrays`` go to the result file: path -> (data, units, description);
-    ``tables``: name -> columns. ``last`` marks the end of a path, which is stored whatever is asked for.
+    ``Q`` are the elastic and patch forces, ``F`` the dead loads, in full coordinates. ``turned`` (bodies,) counts full
+    turns (``model.rotation.Turns``; None: only as far as d determines them). ``report`` is merged into the summary
+    (frequencies, limit points, ...); ``arrays`` go to the result file: path -> (data, units, description); ``tables``:
+    name -> columns. ``last`` marks the end of a path, which is always stored.
 
-    ``side`` is the time that amplitudes are taken at: t, where it is not given, but at a break of a motion the float
-    before it. ``about`` (n_full,): displacements about which elastic forces are linear, None where they are not.
-    ``controllers`` tells what each controller puts out and remembers. ``memory`` is what elements remember there
-    (``Model.states``), None where they remember nothing.
+    ``side`` is the time at which amplitudes are evaluated: t by default, but at a break of a motion the preceding
+    float. ``about`` (n_full,): displacements about which elastic forces are linearised, None if they are not.
+    ``controllers`` has output and states of each controller. ``memory`` has the history variables of elements
+    (``Model.states``), None if there are none.
 
-    Motion: ``v`` and ``a`` (n_full,) are the rates of the coordinates (multipliers have none: zero there), None in
-    statics. ``blocks`` holds a column of values per step taken since the last state; ``checkpoint`` is what the
-    solver needs to go on from here; ``left`` [s] is how long the rest of the run will take, where that is known.
+    Motion: ``v`` and ``a`` (n_full,) are the rates of the coordinates (zero for multipliers), None in statics.
+    ``blocks`` holds a column of values per step since the last state; ``checkpoint`` is what the solver needs to
+    continue from here; ``left`` [s] is the estimated rest of the computing time, if known.
     """
 
     t: float
@@ -92,12 +92,13 @@ class State:
 
 @dataclass
 class Row:
-    """A stored state: unknowns with two rates at t, work and loss so far, and the log of the steps up to it.
+    """A stored state: unknowns with two rates at t, work and loss up to it, and the log of the steps up to it.
 
-    ``kind`` as ``kernels.motion.advance`` has it. ``side`` is the time that signals are taken at: t, but at a break,
-    where a step ends, the float before it. ``turns``, ``feet`` and ``states`` are what point laws, prismatic joints and
-    elements remember there, ``turned`` the rotations through full turns of the sections that count them. ``full`` are
-    d, v, a and Q - F (n_full,), ``energy`` that of elements and the kinetic one, once they are known.
+    ``kind`` as in ``kernels.motion.advance``. ``side`` is the time at which signals are evaluated: t, but at a break,
+    where a step ends, the preceding float. ``turns``, ``feet`` and ``states`` are the history variables of point laws,
+    prismatic joints and elements, ``turned`` the rotations of the sections whose full turns are counted. ``full`` are
+    d, v, a and Q - F (n_full,), ``energy`` the strain energy of elements and the kinetic energy, once they are
+    computed.
     """
 
     t: float

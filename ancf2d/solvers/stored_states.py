@@ -1,4 +1,4 @@
-"""States as solvers have yielded them, from what result files hold: with forces, multipliers and accelerations."""
+"""Complete states, with forces, multipliers and accelerations, from the data in result files."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 
 
 class Moments(Stepper):
-    """A motion that is not stepped through: states at any time, from their displacements and rates."""
+    """A motion evaluated at given times, without time steps, from displacements and rates."""
 
     def __init__(self, model: Model, spec: Dynamic) -> None:
         super().__init__(model, *make_problem(model), spec, 0.0, np.zeros(0))
 
     def at(self, t: float, d: Array, v: Array, turned: Array) -> State:
-        """Return the state with displacements d and rates v (n_full,), accelerations and multipliers by the equations.
+        """Return the state for displacements d and rates v (n_full,), with consistent accelerations and multipliers.
 
-        Raises ComputationError where these have no solution.
+        Raises ComputationError if these do not exist.
         """
         self.enter(next(k for k, piece in enumerate(self.pieces) if t <= piece.stop or piece is self.pieces[-1]))
         self._place(d, v, turned)
@@ -41,7 +41,7 @@ class Moments(Stepper):
 
 
 def equilibrium_at(system: System, t: float, d: Array, turned: Array, linear: bool) -> State:
-    """Return the equilibrium with displacements d (n_full,) at load factor t; its multipliers balance the forces.
+    """Return the equilibrium with displacements d (n_full,) at load factor t, with multipliers that balance the forces.
 
     ``linear``: in linear theory about the reference.
     """
@@ -66,9 +66,9 @@ def equilibrium_at(system: System, t: float, d: Array, turned: Array, linear: bo
 
 
 def _multipliers(system: System, d: Array, R: Array, t: float) -> Array:
-    """Return the multipliers with which the constraints at d (n_full,) leave least of the forces R (n_full,).
+    """Return the multipliers of the constraints at d (n_full,) that balance the forces R (n_full,) best.
 
-    What supports and joints hold by linear equations does not count: only forces on the unknowns do.
+    Only forces on the unknowns count, not those on coordinates that linear rows eliminate.
     """
     model = system.model
     num, columns = model.numbering, []
@@ -77,7 +77,7 @@ def _multipliers(system: System, d: Array, R: Array, t: float) -> Array:
         np.add.at(column, coords, gradient)
         columns.append(num.reduce(column))
     G, r = np.array(columns).T, num.reduce(R)
-    # coordinates of different kinds have different units: their forces are compared as what acts on a displacement
+    # coordinates have different units: compare forces as acting on displacements
     weights = np.divide(1.0, system.weights, out=np.zeros_like(r), where=system.weights > 0.0)
     touched = np.flatnonzero(np.abs(G).max(axis=1) * weights > 0.0)
     w = weights[touched]

@@ -22,15 +22,15 @@ from .section_forces import BLOCK, SectionForces, apart, natural_rates
 from .small_motions.section_motions import element_velocities, interpolation
 from .state import State
 
-RECTANGLE = 1e-9  # by which the second moment of a rectangle may differ from b h^3/12
+RECTANGLE = 1e-9  # relative difference of the second moment from b h^3/12 up to which a section is a rectangle
 
 
 @dataclass
 class OverBody:
     """Stress [Pa], strain (..., 3) and energy density [J/m^3] (..., 1) at stations (ne, nx, ny) of a body.
 
-    Components xx, yy, xy along and across the axis: second Piola-Kirchhoff stress and Green-Lagrange strain, shear
-    strain as 2 eps_xy, in the axes of the reference; where strains are small, that is the stress in the turned section.
+    Components xx, yy, xy along and across the reference axis: second Piola-Kirchhoff stress and Green-Lagrange strain,
+    with shear strain 2 eps_xy. For small strains this is the stress in the axes of the rotated section.
     """
 
     stress: Array
@@ -39,12 +39,12 @@ class OverBody:
 
     @property
     def plastic(self) -> Array:
-        """Plastic strain (..., 1) along the axis, which is zero."""
+        """Plastic strain (..., 1) along the axis: zero."""
         return np.zeros_like(self.energy)
 
 
 class _Gradients(NamedTuple):
-    """Rows that give u_,t and u_,n (..., points, n_shape), and t and n (..., points, 2), of elements on a grid."""
+    """Rows for u_,t and u_,n (..., points, n_shape), and t and n (..., points, 2), of elements on a grid of points."""
 
     t: Array
     n: Array
@@ -53,7 +53,7 @@ class _Gradients(NamedTuple):
 
     @staticmethod
     def at(sampler: Sampler, xi: Array, eta: Array) -> _Gradients:
-        """Return those of one element class at all pairs of stations."""
+        """Return the gradients of one element class at all pairs of stations."""
         x, y = np.repeat(xi, len(eta)), np.tile(eta, len(xi))
         Sx, Sy = sampler.derivative(x, y, 1, 0), sampler.derivative(x, y, 0, 1)
         rx, ry = Sx @ sampler.e0, Sy @ sampler.e0
@@ -86,12 +86,12 @@ class NaturalPoints:
         self.model, self.size = model, (len(xi), len(eta))
         x, y = np.repeat(xi, len(eta)), np.tile(eta, len(xi))
         self.loads = [k for k, load in enumerate(model.loads.natural) if load.mesh is mesh]
-        # (loads, elements, points, 3), of a unit of each load
+        # (loads, elements, points, 3), for unit amplitude of each load
         self.stretch = np.array([[natural_at(mesh.classes[c].sampler, partial(model.loads.natural[k].along, e), x, y)
                                   for e, c in enumerate(mesh.cls)] for k in self.loads])
 
     def __call__(self, state: State, some: slice = slice(None), order: int = 0) -> Array:
-        """Return the strains (m, nx, ny, 3) of some elements in a state; with ``order`` 1 their rates over time."""
+        """Return the strains (m, nx, ny, 3) of some elements in a state; with ``order`` 1 their time derivatives."""
         if not self.loads:
             return np.zeros(3)
         amounts, rates = (natural_rates(self.model, state, k) for k in (0, order))
@@ -103,11 +103,11 @@ class NaturalPoints:
 
 
 class StressByLaw:
-    """Stress of a body whose formulation has one at every point, by its law.
+    """Stress by the formulation's own law, for formulations with a stress at every point.
 
-    Along an element, strains are those of the polynomial through the quadrature points: between them the strains that
-    an element cannot follow swing about the true ones, above all in shear. Material damping adds its viscous stress;
-    the energy density is the elastic one.
+    Along an element, strains are interpolated by the polynomial through the quadrature points: between these, strains
+    that an element cannot represent oscillate about the true ones, above all in shear. Material damping adds a viscous
+    stress; the energy density is elastic.
     """
 
     def __init__(self, model: Model, mesh: BodyMesh, xi: Array, eta: Array) -> None:
@@ -117,7 +117,7 @@ class StressByLaw:
         x, _ = gauss(mesh.plan.rule.normal[0])
         self.through = interpolation(x, xi)
         place = ("stress", x.tobytes(), xi.tobytes(), eta.tobytes())
-        # of all classes, one behind the other: gradients, and D and D0 at the stations along (nx, 3, 3)
+        # for all classes, stacked: gradients, and D and D0 at the stations along the element (nx, 3, 3)
         found = [c.once(place, partial(_of_class, c.sampler, x, xi, eta)) for c in mesh.classes]
         self.gradients, self.laws = ([np.stack(part) for part in zip(*parts, strict=True)]
                                      for parts in zip(*found, strict=True))
@@ -152,22 +152,22 @@ class StressByLaw:
 
 
 def _of_class(sampler: Sampler, x: Array, xi: Array, eta: Array) -> tuple[_Gradients, list[Array]]:
-    """Return what ``StressByLaw`` has of one class."""
+    """Return the gradients and laws of one class for ``StressByLaw``."""
     return _Gradients.at(sampler, x, eta), [np.broadcast_to(D, (len(xi), 3, 3)) for D in elasticity(sampler.at(xi))]
 
 
 class StressByEquilibrium:
-    """Stress of a body that has section forces only: N/A - M y/I, and Q spread over the section.
+    """Stress of a body that only has section forces: N/A - M y/I, and Q spread over the section.
 
-    The shear stress is the rectangle's parabola where the section is one, else the mean Q/A. Strains are those that
-    make the energy of the section's own stiffnesses; a section that stays normal to the axis has no shear strain.
+    The shear stress is the parabola of a rectangle if the section is one, else the mean Q/A. Strains are those with the
+    energy of the section's given stiffnesses; a section that stays normal to the axis has no shear strain.
     """
 
     def __init__(self, model: Model, mesh: BodyMesh, xi: Array, eta: Array) -> None:
         self.forces, self.eta, self.mesh = SectionForces(model, mesh, xi), eta, mesh
         self.natural = NaturalPoints(model, mesh, xi, eta)
         sections = mesh.sections(xi)
-        # over elements, along and across
+        # (elements, stations along, stations across)
         arrays: dict[str, Any] = {name: np.asarray(getattr(sections, name))[..., None] for name in CONSTANTS}
         self.section = Section(**arrays)
 
@@ -188,16 +188,16 @@ class StressByEquilibrium:
 
 
 class StressOverLayers:
-    """Stress of a body of layers: its section forces strain all fibres, each layer is stressed by its own stiffness.
+    """Stress of a body of layers: section forces give the strain of the section, and each layer's stiffness its stress.
 
-    What the layers would strain by if they were free is taken off in each; the shear stress is that of equilibrium.
+    Natural strains of each layer are subtracted; the shear stress follows from equilibrium.
     """
 
     def __init__(self, model: Model, mesh: BodyMesh, xi: Array, eta: Array) -> None:
         self.forces, self.eta, self.section = SectionForces(model, mesh, xi), eta, mesh.plan.section
         self.natural = NaturalPoints(model, mesh, xi, eta)
         self.middle = NaturalSections(model, mesh, xi)
-        # all stiffnesses are in proportion to the width
+        # all stiffnesses are proportional to the width
         widths = np.array([np.broadcast_to(c.sampler.at(xi).width, len(xi)) for c in mesh.classes])
         self.share = (widths / self.section.width)[mesh.cls]
 
@@ -220,7 +220,7 @@ class StressOverLayers:
 
 
 class NaturalSections:
-    """Axial strain and curvature that the sections of a body at stations xi (nx,) would have if they were free."""
+    """Natural axial strain and curvature of the sections of a body at stations xi (nx,)."""
 
     def __init__(self, model: Model, mesh: BodyMesh, xi: Array) -> None:
         self.model, self.count = model, (len(mesh.dofs), len(xi))
@@ -238,15 +238,15 @@ class NaturalSections:
 
 
 def is_rectangle(section: Section) -> Any:
-    """Whether height and width are those of a rectangle with the section's area and second moment, at each station."""
+    """Return whether height and width give the section's area and second moment as a rectangle, at each station."""
     area = section.height * section.width
     return np.isclose(section.EI / section.E, area * section.height**2 / 12.0, rtol=RECTANGLE)
 
 
 def stress_of(model: Model, mesh: BodyMesh, xi: Array, eta: Array) -> Callable[[State], OverBody]:
-    """Return what gives stress, strain and energy density of a body at stations xi in [0, 1] and eta in [-1, 1].
+    """Return a function for stress, strain and energy density of a body at stations xi in [0, 1] and eta in [-1, 1].
 
-    ``eta`` holds an odd number of points with 0 in the middle.
+    ``eta`` has an odd number of points with 0 in the middle.
     """
     if mesh.plan.section.layers:
         return StressOverLayers(model, mesh, xi, eta)
@@ -255,9 +255,9 @@ def stress_of(model: Model, mesh: BodyMesh, xi: Array, eta: Array) -> Callable[[
 
 
 class StressOfFibres:
-    """The fibres of a body at the stations xi (ne, nx) of its elements and places eta (ny,), each by its own law.
+    """The fibres of a body at stations xi (ne, nx) of its elements and places eta (ny,), each with its own law.
 
-    Shear is that of the elastic section. Across, fibres are strained by -nu of their elastic and by -1/2 of their
+    Shear is that of the elastic section. The transverse strain of fibres is -nu times the elastic and -1/2 times the
     plastic strain.
     """
 
@@ -273,7 +273,7 @@ class StressOfFibres:
         self.y = 0.5 * heights[self.rule.ravel(), np.arange(len(xi)), :, None] * eta
 
     def __call__(self, state: State) -> OverFibres:
-        """Return the fields of a state, which are found where they are asked for."""
+        """Return the fields of a state, each of which is computed on demand."""
         return OverFibres(self, state)
 
     def shear(self, state: State) -> Array:
@@ -283,7 +283,7 @@ class StressOfFibres:
         return np.asarray(both[self.rule.ravel(), np.arange(self.size[0])])
 
     def strained(self, state: State, natural: bool) -> tuple[Array, Array]:
-        """Return the strains of the fibres and their plastic strains (ne, nx, ny), natural strains taken off or not."""
+        """Return strains of the fibres, minus ``natural`` ones if so asked, and plastic strains (ne, nx, ny)."""
         model, mesh, law = self.model, self.mesh, self.mesh.plan.formulation.law
         group = apart(model, mesh, np.arange(self.size[0]))
         memory = group.values.memory
@@ -293,7 +293,7 @@ class StressOfFibres:
                           None if state.v is None or not natural else natural_rates(model, state, 1))
         d = state.d[:model.n_q][mesh.dofs].ravel()
         commit(alone, d)
-        # states that have been accepted lead to themselves
+        # accepted states map to themselves
         eps, sigma = np.zeros((2, *states.shape[:2], law.strains))
         stations(alone, d, eps, sigma)
         found, n, nx = states[:, :self.size[1]], law.strains, self.size[1]
@@ -304,7 +304,7 @@ class StressOfFibres:
 
 @dataclass
 class OverFibres:
-    """What ``OverBody`` has, of fibres in a state; the energy that they store is not known."""
+    """The results of ``OverBody`` for fibres in a state; their energy density is unknown."""
 
     of: StressOfFibres
     state: State

@@ -22,34 +22,34 @@ from .linear import make_matrix
 from .threads import Crew, largest, largest_share, pieces
 
 UNIT_ROUNDOFF = 2.0**-53
-# displacements beside the extent of a model that are round-off of the positions themselves
+# displacements, relative to the extent of a model, that are round-off of the positions
 STILL = 32 * UNIT_ROUNDOFF
-# the same where friction without a law holds points by springs, which give a little
+# the same where stiff springs hold sticking contact points without a law
 STUCK = 1e-8
-# errors of a motion that is smaller than this share of the extent, as at its start, are relative to it
+# least displacement, relative to the extent, to which errors of a motion are relative, as at its start
 LEAST = 1e-9
-# times what round-off of forces does to displacements when it is of one sign everywhere
+# factor for round-off of forces that has the same sign everywhere
 ROUNDED = 10.0
-# relative pivots above this are no round-off
+# relative pivots above this are not round-off
 SUSPECT = 1e-10
-# work through the strains beside that of the forces: motions that strain nothing do less
+# work through the strains, relative to that of the forces, below which a motion strains nothing
 HIDDEN = 1e-8
 
 
 def sticks(model: Model) -> bool:
-    """Return whether springs hold points that stick, as friction without a law does."""
+    """Return whether springs hold sticking contact points, as in friction without a law."""
     return any(pair.hard and pair.item.friction for pair in model.contacts)
 
 
 def least_motion(model: Model) -> float:
-    """Return the displacement [length] below which nothing has moved."""
+    """Return the displacement [length] below which nothing counts as moved."""
     return (STUCK if sticks(model) else STILL) * model.extent
 
 
 def least_size(model: Model, tolerance: float) -> float:
-    """Return the displacement [length] that local errors of a motion are relative to at least.
+    """Return the least displacement [length] to which local errors of a motion are relative.
 
-    Adaptive steps do not resolve the vibrations of springs that hold what sticks; with fixed ones ``tolerance`` is 0.
+    Adaptive steps do not resolve the springs of sticking points; with fixed steps ``tolerance`` is 0.
     """
     vibrates = least_motion(model) / tolerance if tolerance > 0.0 and sticks(model) else 0.0
     return max(LEAST * model.extent, vibrates)
@@ -58,8 +58,7 @@ def least_size(model: Model, tolerance: float) -> float:
 @dataclass
 class Balance:
     """Forces at a state: ``Q`` (n_full,) of elements and patches, ``F`` dead loads, ``R`` = Q - F on the unknowns,
-    less what ``System.held`` bears.
-    """
+    minus ``System.held``."""
 
     Q: Array
     F: Array
@@ -67,7 +66,7 @@ class Balance:
     energy: float
 
 
-# a state (n_full,) and its whole turns (bodies,), as ``model.rotation.Turns`` has them
+# a state (n_full,) and its ``turned`` (bodies,); see ``model.rotation.Turns``
 Turned = tuple[Array, Array]
 
 
@@ -83,17 +82,17 @@ class System:
         coordinates = n.free < n.n_q
         self.weights[coordinates] = model.weights[n.free[coordinates]]
         self.evaluations = 0
-        # forces (n_unknowns,) that hold a state in balance beside the loads
+        # additional forces (n_unknowns,) that balance a state
         self.held: Array | None = None
-        # the last accepted state (n_full,) with its load factor, from which bodies slide along obstacles
+        # the last accepted state (n_full,) with its load factor, from which slip on obstacles is measured
         self.accepted: tuple[Array, float] | None = None
-        # the state (n_full,) and factor that elements keep on trial
+        # the state (n_full,) and factor of the trial history variables
         self._tried: tuple[Array, float] | None = None
         self._dead: tuple[float, Array] | None = None
         self._counted: Turned = np.zeros(len(n.place)), np.zeros(len(model.meshes))
 
     def _dead_loads(self, t: float) -> Array:
-        """Return the dead loads (n_full,) at t, made anew where t has changed; not to be written to."""
+        """Return the dead loads (n_full,) at t, read-only; evaluated only if t has changed."""
         if self._dead is None or self._dead[0] != t:
             self._dead = t, self.model.external(t)
             self._dead[1].flags.writeable = False
@@ -101,7 +100,7 @@ class System:
 
     @cached_property
     def room(self) -> Balance:
-        """Return arrays for forces that are gone with the next ones: fresh pages for long ones take time each time."""
+        """Reusable arrays for forces, overwritten by the next evaluation; allocating long arrays each time is slow."""
         num = self.model.numbering
         return Balance(np.zeros(len(num.place)), np.zeros(0), np.zeros(num.n_unknowns), 0.0)
 
@@ -110,7 +109,7 @@ class System:
         return np.zeros(len(self.model.numbering.place))
 
     def _no_forces(self, out: Balance | None) -> tuple[Array, Array | None]:
-        """Return zeros for the forces (n_full,), and where the residual goes."""
+        """Return zeros for the forces (n_full,), and the array for the residual, if any."""
         if out is None:
             return np.zeros(len(self.model.numbering.place)), None
         out.Q.fill(0.0)
@@ -118,9 +117,9 @@ class System:
 
     def patches(self, d: Array, t: float, elastic: bool = False, linear: bool = False
                 ) -> Iterator[tuple[float, Array, Array, Index]]:
-        """Yield (energy, Q, K, dofs) of springs, constraints and, unless ``elastic``, of loads that turn or move.
+        """Yield energy, Q, K and dofs of springs, flows, constraints and, unless ``elastic``, turning or moving loads.
 
-        ``linear``: constraints are those of linear theory about the reference.
+        ``linear``: constraints are linearised about the reference.
         """
         model, n_q = self.model, self.model.n_q
         if not model.patches and not model.constraints:
@@ -132,8 +131,8 @@ class System:
     def assemble(self, d: Array, t: float, load_stiffness: bool = True, out: Balance | None = None) -> Balance:
         """Return the forces at d (n_full,), in arrays of ``out`` if given, and fill the tangent matrix.
 
-        ``load_stiffness=False`` leaves the derivative of turning loads out of the matrix (linear theory about the
-        reference).
+        ``load_stiffness=False`` is linear theory about the reference: loads have no stiffness, constraints are linear,
+        and natural strains act as loads.
         """
         self.evaluations += 1
         self._tried = None
@@ -159,7 +158,7 @@ class System:
         return Balance(Q, F, R, float(energy))
 
     def noise(self, d: Array, t: float) -> Array:
-        """Return what round-off alone can leave of the residual at d (n_unknowns,), until it is asked for again."""
+        """Return a bound of the round-off in the residual at d (n_unknowns,); the next call overwrites it."""
         n, out = self.model.numbering, self._sizes
         np.abs(self._dead_loads(t), out=out)
         self.model.set_natural(t)
@@ -167,16 +166,16 @@ class System:
         for _, q, K, dofs in self.patches(d, t):
             np.add.at(out, dofs, np.abs(q) + np.einsum("mij,mj->mi", np.abs(K), np.abs(d[dofs])))
         if sticks(self.model):
-            # what sticks is held as well as its position is known
+            # forces on sticking points are only as accurate as their positions
             for batch in self.model.interactions.held:
                 K = np.abs(batch.matrices(d, t)[2])
                 np.add.at(out, batch.dofs, self.model.extent * K[:, :, :-1].sum(axis=2))
         if any(not pair.hard for pair in self.model.contacts):
-            # and what a layer bears
+            # and so are those of layers
             for batch in self.model.interactions.springs:
                 K = np.abs(batch.matrices(d, t)[2]) * (batch.table.restitution != -1.0)[:, None, None]
                 np.add.at(out, batch.dofs, self.model.extent * K.sum(axis=2))
-        # constraints hold no better than positions are known
+        # constraints are met only as accurately as positions are known
         scales = np.array([c.scale for c in self.model.constraints])
         out[self.model.n_q:] += scales
         sizes = n.reduce_sizes(out)
@@ -186,15 +185,15 @@ class System:
         return sizes
 
     def still(self, d: Array, t: float) -> float:
-        """Return the displacement [m] below which nothing moves: what round-off of forces does, by the last factors."""
+        """Return the displacement [m] below which nothing moves: the effect of round-off, by the last factors."""
         return ROUNDED * self.norm(self.matrix.solve(self.noise(d, t)))
 
     def rigid_forces(self) -> Array:
-        """Return what round-off makes of no force: those of elements in unit rigid motions (3, n_unknowns).
+        """Return the round-off in elastic forces of unit rigid motions (3, n_unknowns), which should cause no force.
 
-        Two translations by 1 m and a turn that moves the coordinates by up to 1 m, in the reference. What these forces
-        move stands for what is not known of a linear solution: soft motions are told from stiff ones by differences of
-        displacements that are as large.
+        The motions are two translations by 1 m, and a rotation that moves the coordinates by up to 1 m, in the
+        reference. The displacements caused by these forces estimate the error of a linear solution: differences of
+        displacements as large as these motions distinguish soft motions from stiff ones.
         """
         n_q = self.model.n_q
         motions = np.zeros((n_q, 3))
@@ -204,14 +203,14 @@ class System:
         self.model.set_natural(None)
         for k in range(3):
             moved, forces = zero.copy(), zero.copy()
-            # no power of two, whose products would be exact
+            # not a power of two, whose products would be exact
             moved[:n_q] = 1.1 * motions[:, k] / np.max(self.model.weights * np.abs(motions[:, k]))
             self._act(zero, moved, forces)
             out[k] = self.model.numbering.reduce(forces) / 1.1
         return out
 
     def accept(self, d: Array, t: float) -> None:
-        """Let laws that have a memory remember the state d (n_full,) at t: a step has been accepted there."""
+        """Update the history variables of all laws with the accepted state d (n_full,) at t."""
         if self.model.contacts:
             self.accepted = d.copy(), t
             for batch in (*self.model.interactions.springs, *self.model.interactions.held):
@@ -229,15 +228,15 @@ class System:
                 commit(group, d)
 
     def add_loads(self, Q: Array, d: Array, t: float, sign: float = 1.0) -> None:
-        """Add the forces of loads that turn or move at d and t to Q (n_full,), times ``sign``."""
+        """Add the forces of turning and moving loads at d and t to Q (n_full,), times ``sign``."""
         e = self.model.e0 + d[:self.model.n_q]
         for load in self.model.interactions.loads if self.model.loads.patches else ():
             np.add.at(Q, load.dofs, sign * load.evaluate(e, d, t)[1])
 
     def add_natural(self, Q: Array, d: Array, at: float | None, to: float) -> float:
-        """Add to Q (n_full,) what linear theory about d and the natural strains at a factor makes of those at another.
+        """Add to Q (n_full,) the linear effect, about d, of natural strains that change from factor ``at`` to ``to``.
 
-        None stands for no natural strains. Returns the energy that they would store if nothing moved.
+        None stands for no natural strains. Return the energy that the change would store if nothing moved.
         """
         model = self.model
         if not model.loads.natural:
@@ -249,7 +248,7 @@ class System:
     def forces(self, d: Array, t: float, out: Balance | None = None, linear: bool = False) -> Balance:
         """Return the forces at d without a tangent, in arrays of ``out`` if given.
 
-        ``linear``: constraints and natural strains are those of linear theory about the reference.
+        With ``linear``, natural strains act as loads, as in linear theory about the reference.
         """
         Q, R = self._no_forces(out)
         self.model.set_natural(None if linear else t)
@@ -264,9 +263,9 @@ class System:
         return self._balance(Q, R, t, energy)
 
     def action(self, d: Array, v: Array, t: float, linear: bool = False, loads: bool = False) -> Array:
-        """Return K(d) v of elements, springs, constraints and, if asked, loads that turn, in full coordinates.
+        """Return K(d) v of elements, springs, constraints and, with ``loads``, turning loads, in full coordinates.
 
-        ``linear`` is that of ``patches``.
+        ``linear`` as in ``patches``.
         """
         out = np.zeros(len(d))
         self.model.set_natural(None if linear else t)
@@ -279,14 +278,14 @@ class System:
         self.crew.total(lambda g: tangent_action(g, d, v, out))
 
     def factor(self, at: dict[str, Any]) -> Pivots:
-        """Factor the tangent; raises ComputationError that names the free coordinates where it is singular."""
+        """Factor the tangent; raises SingularTangentError with the names of free coordinates if it is singular."""
         pivots = self.matrix.factor()
         if pivots.bad >= 0:
             raise self.singular(pivots.bad, at)
         return pivots
 
     def check_tangent(self, d: Array, t: float, pivots: Pivots) -> None:
-        """Check as ``check_strained`` does the tangent at d (n_full,) and t, as it was assembled and factored last."""
+        """Apply ``check_strained`` to the tangent at d (n_full,) and t that was assembled and factored last."""
         num = self.model.numbering
 
         def apply(z: Array) -> Array:
@@ -297,10 +296,10 @@ class System:
         self.check_strained(apply, pivots, {"factor": float(f"{t:.6g}")})
 
     def check_strained(self, apply: Callable[[Array], Array], pivots: Pivots, at: dict[str, Any]) -> None:
-        """Raise SingularTangentError where a motion strains nothing, but has round-off for a stiffness in the factors.
+        """Raise SingularTangentError if a motion strains nothing and has only round-off as stiffness in the factors.
 
-        Random forces move such a motion more than any other. ``apply`` is the stiffness through the strains, which
-        tells it from a soft one.
+        Random forces cause mainly such a motion. ``apply`` is the stiffness through the strains, which distinguishes it
+        from a soft motion.
         """
         if pivots.smallest > SUSPECT:
             return
@@ -310,7 +309,7 @@ class System:
             raise self.singular(int(np.argmax(self.weights * np.abs(moved))), at)
 
     def singular(self, unknown: int, at: dict[str, Any]) -> SingularTangentError:
-        """Return what to raise where an unknown has no stiffness."""
+        """Return the error to raise for an unknown without stiffness."""
         full = int(self.model.numbering.free[unknown])
         if full < self.model.n_q and self.model.contacts:
             return SingularTangentError(
@@ -328,15 +327,15 @@ class System:
             "joints and rigid bodies", at=at, advice="supports and joints that hold each motion only once")
 
     def turns(self) -> Turned:
-        """Return what turns are counted from: the state last counted or, where torsion springs wind, evaluated."""
+        """Return the state from which turns are counted: the last one counted or, with torsion springs, evaluated."""
         return self._counted
 
     def count_from(self, turns: Turned) -> None:
-        """Count turns from a state again, after others were tried."""
+        """Count turns from an earlier state again, after trials."""
         self._counted = turns
 
     def count(self, d: Array, t: float) -> Array:
-        """Count turns on to a state d (n_full,); return them (bodies,). A prescribed angle means its full turns."""
+        """Count turns up to a state d (n_full,); return them (bodies,). A prescribed angle includes full turns."""
         turns, n_q = self.model.turns, self.model.n_q
         turned = turns.follow(*self._counted, d)
         for point, angle in (told for c in self.model.constraints for told in c.turns_by(t)):
@@ -346,11 +345,11 @@ class System:
 
     @property
     def knows_inertia(self) -> bool:
-        """Whether the last negative pivots count negative eigenvalues: not where rows were exchanged."""
+        """Return whether the last negative pivots count the negative eigenvalues: only if no rows were exchanged."""
         return self.model.symmetric and self.matrix.knows_inertia
 
     def norm(self, z: Array) -> float:
-        """Return the largest displacement that a change of the unknowns stands for [m]."""
+        """Return the largest displacement [m] in a change of the unknowns."""
         return largest(z, self.weights)
 
     def distance(self, d: Array, other: Array) -> float:
@@ -360,16 +359,16 @@ class System:
         return max((largest(a[p] - b[p], self.weights[p]) for p in pieces(len(a))), default=0.0)
 
     def imbalance(self, balance: Balance) -> float:
-        """Return the largest residual beside the largest force, both as forces [N] through the coordinates' weights."""
+        """Return the largest residual relative to the largest force, both as forces [N] by the coordinates' weights."""
         n_q, w = self.model.n_q, self.model.weights
         scale = max(largest_share(balance.Q[:n_q], w), largest_share(balance.F[:n_q], w))
         return largest_share(balance.R, self.weights) / scale if scale > 0.0 else 0.0
 
     def balances(self, balance: Balance, d: Array, t: float, share: float) -> bool:
-        """Whether no residual exceeds a share of the largest force of one spring or load alone at d (n_full,).
+        """Return whether no residual exceeds a share of the largest force of a single spring or load at d (n_full,).
 
-        Where they cancel on the coordinates that they share, as a torque does with the spring that it winds up, no sum
-        tells how large they are, and round-off of the solution is larger than that of the sums.
+        If such forces cancel on shared coordinates, like a torque and the spring that it winds up, sums do not show
+        their size, and round-off of the solution exceeds that of the sums.
         """
         weights, largest_force = np.zeros(len(d)), 0.0
         weights[:self.model.n_q] = self.model.weights
@@ -378,7 +377,7 @@ class System:
         return largest_share(balance.R, self.weights) <= share * largest_force
 
     def describe(self, unknown: int) -> str:
-        """Return the name of an unknown: coordinate, body and place."""
+        """Return the label of an unknown: coordinate, body and place."""
         full = int(self.model.numbering.free[unknown])
         if full >= self.model.n_q:
             return self.model.describe_multiplier(full - self.model.n_q)

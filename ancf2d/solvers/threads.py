@@ -1,4 +1,4 @@
-"""Elements shared out to threads with the same bits whatever their number, and long vectors in chunks."""
+"""Elements divided among threads, with results independent of the number of threads; long vectors in chunks."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from ..model.groups import of_elements
 from ..model.numbering import Numbering
 from ..processors import threads
 
-# a body's elements are shared out in parts of at least so many: fewer take less time than starting threads
+# least number of elements of a part: for fewer, starting threads takes longer than the work
 PART = 4096
 MOST = 8
 
 
 class Crew:
-    """Element groups of a model in parts that touch no unknown in common, and the elements between them.
+    """Element groups of a model in parts that share no unknown, and the elements between the parts.
 
-    How they are parted follows from the model alone, and what is between comes last, so that sums do not depend on how
-    many threads there are.
+    The partition depends only on the model, and the elements between parts come last, so that sums are independent of
+    the number of threads.
     """
 
     def __init__(self, groups: list[Any], num: Numbering) -> None:
@@ -33,7 +33,7 @@ class Crew:
         self.pool = ThreadPoolExecutor(min(threads(), most)) if min(threads(), most) > 1 else None
 
     def total(self, work: Callable[[Any], Any]) -> float:
-        """Return the sum of what ``work`` returns for every group (None counts as zero), which has the lock let go."""
+        """Return the sum of ``work`` over all groups (None counts as zero); ``work`` runs without the GIL."""
         total = 0.0
         for stage in self.stages:
             found = map(work, stage) if self.pool is None or len(stage) == 1 else self.pool.map(work, stage)
@@ -43,7 +43,7 @@ class Crew:
 
 
 def _share(group: Any, num: Numbering) -> list[list[Any]]:
-    """Return a group in stages: parts of it that can be done at once, then the elements between them."""
+    """Return a group in stages: first its parts, which can run in parallel, then the elements between them."""
     ne = len(group.dofs)
     count = min(MOST, ne // PART)
     if count < 2:
@@ -57,7 +57,7 @@ def _share(group: Any, num: Numbering) -> list[list[Any]]:
 
 
 def _apart(parts: list[Array], num: Numbering) -> bool:
-    """Return whether no two parts touch a coordinate or an unknown in common."""
+    """Return whether no two parts share a coordinate or an unknown."""
     seen = np.zeros(len(num.place) + num.n_unknowns, dtype=bool)
     for dofs in parts:
         here = np.zeros(len(num.place), dtype=bool)
@@ -76,20 +76,20 @@ LENGTH = 2**15
 
 
 def pieces(n: int) -> Iterator[slice]:
-    """Yield the pieces of a vector of n entries."""
+    """Yield slices that divide a vector of n entries."""
     for start in range(0, n, LENGTH):
         yield slice(start, start + LENGTH)
 
 
 def largest(x: Array, weights: Array | None = None) -> float:
-    """Return the largest |x|, or |weights x|; NaN where one is not a number."""
+    """Return the largest |x|, or |weights x|; NaN if any entry is."""
     if len(x) <= LENGTH:
         return float(np.abs(x if weights is None else weights * x).max(initial=0.0))
     return float(np.max([largest(x[p], None if weights is None else weights[p]) for p in pieces(len(x))]))
 
 
 def largest_share(x: Array, sizes: Array) -> float:
-    """Return the largest |x / sizes| of those whose size is not zero; NaN where one is not a number."""
+    """Return the largest |x / sizes| over nonzero sizes; NaN if any entry is."""
     if len(x) <= LENGTH:
         share = np.divide(x, sizes, out=np.zeros(len(x)), where=sizes > 0.0)
         return float(np.abs(share, out=share).max(initial=0.0))
