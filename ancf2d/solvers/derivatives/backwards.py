@@ -60,7 +60,7 @@ class Numbers(Protocol):
         ...
 
     def pass_break(self, stepper: Stepper, piece: int, end: Change, at: Record | None, mu: Array) -> None:
-        """Receive a motion before a break, the piece after it, and the derivatives ``end`` of goals by the new state.
+        """Receive a motion before a break, the next piece, and the derivatives ``end`` of goals by the state after it.
 
         If rates do not jump, and numbers change only accelerations there, through the residuals of the state ``at``,
         its virtual displacements mu (n, k) are given.

@@ -187,7 +187,7 @@ class RadauStages:
         return start, Stages(np.zeros(self.stages), moved, rates[1:], none)
 
 
-# by the type of their own tuples
+# by the type of an integrator's tuple of arrays
 METHODS: dict[type, type[Any]] = {Newmark: NewmarkStages, Radau: RadauStages}
 
 

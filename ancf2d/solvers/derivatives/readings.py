@@ -44,7 +44,10 @@ class Goals(Protocol):
         ...
 
     def terms(self, model: Model, states: Sequence[State]) -> list[Term]:
-        """Return the derivatives of the values by quantities of probes. Raises UnsuitedError if there are none."""
+        """Return the derivatives of the values by quantities of probes.
+
+        Raises UnsuitedError if the values do not follow from these.
+        """
         ...
 
     def alike(self, one: Model, other: Model) -> bool:

@@ -256,7 +256,7 @@ class Run:
         return min(size, scout.reached)
 
     def state(self, row: Row, keep: bool = False) -> State:
-        """Return a stored state."""
+        """Return the full state of a row, with energies and the time left, and with a checkpoint if ``keep``."""
         d, v, a = self.stepper.full(row)
         # first, so that springs have the state of this motion: coarser motions and resumed runs share the model
         controllers = self.stepper.answers.look(row)

@@ -37,8 +37,8 @@ FALLS = 3.0
 LARGEST = {DOUBLE: 2.0, TENFOLD: 4.0}
 # if ten times the tolerance changes the error by less than this factor, the error does not depend on it
 ASYMPTOTIC = 2.0**0.5
-# a level has the same steps as the next if they are longer than this share of the next one's; differences between such
-# levels mean nothing if they are below this share of the displacements
+# two levels have the same steps if those of the finer one are longer than this share of the coarser one's; differences
+# between such levels mean nothing if they are below this share of the displacements
 ALIKE, TELLING = 0.8, 1e-9
 # steps of the second level after which it is abandoned if they are no longer than those of the first
 SEEN = 40
@@ -99,7 +99,7 @@ class Estimate:
                 stepper.expect(self.stepper.size)
 
     def _go_ahead(self) -> None:
-        """Start one run of each coarser motion in a thread, unless the motion itself is already finished."""
+        """Start one run of each coarser motion in a thread, unless the motion is finished or threads are of no use."""
         if self.pool is None:
             if self.stepper.done or not _apart(self.stepper) or threads() == 1:
                 return
@@ -282,7 +282,7 @@ class Estimate:
     def _finer(self) -> str:
         return "smaller steps" if self.factor == DOUBLE else "a smaller tolerance"
 
-    # ------------------------------------------------------------------ going on later
+    # ------------------------------------------------------------------ checkpoints
 
     def checkpoint(self) -> dict[str, Array]:
         """Return everything that the estimate needs to go on."""

@@ -57,7 +57,7 @@ class Events:
         # by start of a piece: constraints that repeat others; by name: impulses of supports that engaged
         self.repeated: dict[float, list[int]] = {}
         self.impulses: dict[str, dict[str, float]] = {}
-        # motions prescribed from a later time on: distance from the prescribed value there, by support and key
+        # prescribed motions that engage later: distance from the prescribed value there, by support and key
         self.offsets: dict[str, dict[str, float]] = {}
         # foot point and distance of prismatic joints that have engaged
         self.feet: dict[int, list[float]] = {}
@@ -168,7 +168,7 @@ class Events:
         return bool(p.points.on[k] if k >= 0 else p.sliding.on[-1 - k])
 
     def catch(self, acted: set[int]) -> list[PointConstraint]:
-        """Let supports and joints that engage hold the current positions; return those not in ``acted``.
+        """Let supports and joints that engage (not in ``acted``) hold the current positions; return their constraints.
 
         Raises ComputationError for a joint that engages while its points are apart.
         """
@@ -196,7 +196,7 @@ class Events:
         return [c for k, c in found if self._on(k)]
 
     def _slide(self, i: int, foot: Any, gap: float) -> None:
-        """Set foot point and distance at which a prismatic joint holds its point from now on."""
+        """Set the foot point and the distance from the axis at which a prismatic joint holds its point."""
         for table in (self.motion.p.sliding, self.model.interactions.sliding):
             table.memory[i], table.gap[i] = foot, gap
         self.feet[i] = [*map(float, foot), gap]

@@ -43,7 +43,7 @@ def check_signals(motion: Any, t: float) -> None:
 
 
 def check_joints(motion: Any, row: Row) -> None:
-    """Raise an error if a joint has lost its meaning: a point off its body, a section turned inside out."""
+    """Raise ComputationError if a joint has lost its meaning: a point off its body, a section turned inside out."""
     if not motion.facing and not len(motion.p.sliding.multiplier):
         return
     p, d = motion.at_row(row), np.zeros(len(motion.p.place))

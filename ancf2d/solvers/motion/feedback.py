@@ -45,7 +45,7 @@ class Answers:
         self.count_angles(p, d, motion.model.turns.at(d, row.turned))
 
     def begin(self) -> None:
-        """Set the initial values of controllers' states, from the motion as supports and joints admit it."""
+        """Set the initial values of controllers' states, from the initial motion that supports and joints allow."""
         if not self.feedback.states:
             return
         motion = self.motion

@@ -82,7 +82,7 @@ class Kernels(NamedTuple):
     taken: Any = None
 
 
-# by the type of their own tuples
+# by the type of an integrator's tuple of arrays
 KERNELS = {
     Newmark: Kernels(newmark_step, newmark_accept, newmark_restart, newmark_inside, go_on=newmark_go_on),
     Conserving: Kernels(conserving_step, conserving_accept, conserving_restart, work=conserving_work),
@@ -93,7 +93,7 @@ KERNELS = {
 
 
 class Maker(NamedTuple):
-    """The maker of an integrator: the order of its local error in h, its interpolation polynomials, its own tuple.
+    """The maker of an integrator: the order of its local error in h, its interpolation polynomials, its arrays.
 
     ``make(spec, p, tolerance, end, relaxing)`` takes the record of a problem, the Step that holds the ends of steps,
     and ``Model.relaxing``.

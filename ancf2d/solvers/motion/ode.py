@@ -253,7 +253,7 @@ class OdeStepper(Stepper):
             path = cubic(solver.t_old, solver.y_old, solver.t, solver.y) if self.scheme.one_step else (
                 solver.dense_output())
             found = self._first_change(path, t, solver.t)
-            # at the end of an implicit step, a stiff stop that engages there holds the motion
+            # in an implicit step, a stiff stop holds the end of the step at the place where it engages
             if found is None or ((k > 0 or not self.scheme.one_step) and solver.t - found <= ENDS * (solver.t - t)):
                 return solver.dense_output() if k > 0 or found is not None else None, found is not None
             if not self.scheme.one_step:

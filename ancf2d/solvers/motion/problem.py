@@ -255,7 +255,7 @@ _x, _n, _xx = types.float64[::1], types.int64[::1], types.float64[:, ::1]
 
 
 def of_elements(model: Model) -> list[Compilation]:
-    """Return the compilations for the forces of a model's elements, without matrices."""
+    """Return functions that compile the forces of a model's elements, without matrices."""
     laws = {m.plan.formulation.law: None for m in model.meshes.values() if not m.plan.rigid}
     if not laws:
         return []
@@ -266,7 +266,7 @@ def of_elements(model: Model) -> list[Compilation]:
 
 
 def of_motion(model: Model, spec: Dynamic) -> list[Compilation]:
-    """Return the compilations for a motion, the longest first."""
+    """Return functions that compile everything for a motion, the slowest first."""
     name, p = spec.method or default_method(model), nothing()
     works = tracks(model)
     own = calls.compilations(Method(name, spec, p, 0.0, model.relaxing, works).functions) if name in MAKERS else []
@@ -281,7 +281,7 @@ def of_motion(model: Model, spec: Dynamic) -> list[Compilation]:
 
 
 def _called_from_python(P: Any, own: bool, slides: bool, sided: bool) -> list[Compilation]:
-    """Return the compilations of the kernels that ``Stepper`` (or ``OdeStepper`` for SciPy's integrators) calls."""
+    """Return functions that compile the kernels called by ``Stepper`` (``OdeStepper`` for SciPy's integrators)."""
     M, W = type_of(motion(0, 0, 0)), type_of(scratch(0, 0, 0, 0))
     signatures: dict[Any, tuple[Any, ...]] = {
         consistent: (P, W, _x, _x, _x, _f, _x), kinetic: (P, W, M, _f), fill_full: (P, _x, _xx, _i, _x),

@@ -1,4 +1,4 @@
-"""Names of modes: their kind, from the section motions' shares of the kinetic energy and from the strain energy."""
+"""Classification of modes by the shares of section motions in the kinetic energy, and by the strain energy."""
 
 from __future__ import annotations
 

@@ -321,7 +321,7 @@ class _Track:
         return np.sort(self._growth(some))[::-1]
 
     def refined(self, start: _Sample, low: float, high: float) -> Critical | None:
-        """Return the critical factor near two others, above ``start``, or None if a better space has none there."""
+        """Return the critical factor near ``low`` and ``high``, above ``start``, or None if a better space has none."""
         last, found = math.inf, self._onset(low, high)
         for _ in range(MOST):
             b = high if found is None else found[1]

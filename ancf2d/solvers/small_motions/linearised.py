@@ -224,7 +224,7 @@ class RateForces:
 
     @property
     def gyrates(self) -> bool:
-        """Return whether rates cause forces across them: in rotating frames, by flows along bodies, by drag."""
+        """Return whether C may be unsymmetric: in rotating frames, with flows along bodies, with drag of loads."""
         return bool(self.omega or self.flows or self.drags)
 
     @property

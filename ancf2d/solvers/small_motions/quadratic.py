@@ -308,7 +308,7 @@ def _missing(search: Search, found: Complex, ritz: Complex) -> int | None:
     radius = float(np.abs(found).max())
     beyond = np.sort(np.abs(ritz[np.abs(ritz) > radius * (1 + 1e-6)]))
     outer = math.sqrt(radius * float(beyond[0])) if len(beyond) else 1.1 * radius
-    # round-off has moved the zero eigenvalues in ``found``, which are double
+    # zero eigenvalues in ``found`` are double, and only zero to round-off: take their Ritz values
     slow = ritz[np.abs(ritz) <= search.still] if (found == 0).any() else found[:0]
     fast = found[found != 0]
     both = np.concatenate([fast, fast[_upper(fast)].conj(), slow])

@@ -43,7 +43,7 @@ GAPS = 1e-3
 MOVED = 1e-3
 # rotation or strain of the linear response above which critical factors are estimates
 FAR = 0.1
-# share of the stiffness neglected by the linearisation, above which a load factor is an estimate, and is omitted
+# shares of the stiffness neglected by the linearisation, above which a load factor is an estimate, or is omitted
 ROUGH, MISSED = 0.02, 0.5
 
 

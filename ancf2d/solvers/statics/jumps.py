@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 # unless it moves less than this share of the model's extent
 FURTHER = 8.0
 FAINT = 1e-6
-# what helps there
+# advice for a jump
 ADVICE = ("method: arc_length if this is a limit point; solver dynamic with damping, which follows what snaps; else "
           "more steps, or supports that leave no mechanism")
 

@@ -28,7 +28,7 @@ class Goal(Protocol):
     """The value at which a path ends."""
 
     def distance(self, d: Array, t: float) -> float:
-        """Return how far a state is from the value, with sign."""
+        """Return the signed distance of a state from the value."""
         ...
 
     def slope(self, point: PathPoint) -> float:
@@ -36,7 +36,7 @@ class Goal(Protocol):
         ...
 
     def control(self) -> Control:
-        """Return the equation that is met at the value exactly."""
+        """Return the equation that selects the state at the value."""
         ...
 
     def settle(self, d: Array, turned: Array) -> None:
@@ -67,7 +67,7 @@ class FactorGoal:
         return AtFactor(self.value, self.n)
 
     def settle(self, d: Array, turned: Array) -> None:
-        """Nothing to notice."""
+        """Do nothing: a load factor has no turns to count."""
 
     def __str__(self) -> str:
         return f"load factor {self.value:.6g}"

@@ -108,8 +108,8 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
 
     The factor changes by at most ``end/steps`` at a time; failed steps are cut, and grow again after easy ones. Steps
     also end at ``factors``. Forces that act at factor 0 (springs that pull, amplitudes that do not start at 0) are
-    applied first, which yields a state only if ``end`` is 0. If the equilibrium is found directly from ``start``, only
-    that state is yielded. Raises ComputationError if the path cannot be followed.
+    applied first, which yields a state only if ``end`` or one of ``factors`` is 0. If the equilibrium is found directly
+    from ``start``, only that state is yielded. Raises ComputationError if the path cannot be followed.
     """
     system = System(model)
     tolerance, max_iterations = tolerance or TOLERANCE, max_iterations or MAX_ITERATIONS
