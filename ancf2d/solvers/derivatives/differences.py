@@ -10,7 +10,7 @@ import numpy as np
 from ...elements.shape import Array
 from ...errors import CaseError
 
-# the square of the difference between differences of second and of fourth order is the error of the latter
+# relative difference of second- and fourth-order differences that is small enough: the error is its square
 SMOOTH = 3e-5
 # factor on a step that is too long, and the largest number of attempts
 SHORTER, TRIES = 0.1, 3

@@ -25,7 +25,7 @@ from .without_effect import warnings_of
 
 # minimum numbers of unknowns and frequencies for computing responses in a space of few vectors
 LARGE, MANY = 400, 40
-# frequencies with which the space starts, and their largest share of all frequencies
+# number of frequencies with which the space starts, and the largest share of all frequencies that is solved
 BEGIN, SHARE = 6, 0.5
 # change of the responses, relative to the largest displacement of a probe at that frequency, that ends the search, and
 # how many times in succession it must be met
