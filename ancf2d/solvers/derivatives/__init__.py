@@ -1,1 +1,1 @@
-"""How the results of solvers change with the numbers of a case."""
+"""Derivatives of the results of solvers by the numbers of a case."""

@@ -1,9 +1,9 @@
-"""The discrete adjoint of a motion: its steps are kept, then followed backwards for a few goals.
+"""The discrete adjoint of a motion: its steps are stored, then followed backwards for a few goals.
 
-The linearised equations of a step (``solvers.derivatives.motion_states``), transposed, turn the derivative of the goals
-with respect to the end of the step into those with respect to its residuals and its start (the discrete adjoint).
-Stages are kept while there is room. Later ones are computed again from checkpoints, window by window (Griewank &
-Walther, Evaluating Derivatives, SIAM 2008, chapter 12), so memory does not grow with the number of steps.
+The linearised equations of a step (``solvers.derivatives.motion_states``), transposed, turn the derivatives of the
+goals by the end of the step into those by its residuals and its start. Stages are stored while there is room. Later
+ones are computed again from checkpoints, window by window (Griewank & Walther, Evaluating Derivatives, SIAM 2008,
+chapter 12), so memory does not grow with the number of steps.
 """
 
 from __future__ import annotations
@@ -36,44 +36,44 @@ from .many_states import in_full, left_out
 from .motion_states import CORRECTIONS, LOOSE, TRIED, Once, Step
 from .varied_motions import carried
 
-# numbers that stages and virtual displacements of all steps, checkpoints, and the matrices of one window of steps are
-# kept in, at most
+# largest numbers of floats in stages and virtual displacements of all steps, in checkpoints, and in the matrices of one
+# window of steps
 KEPT, CHECKPOINTS, WINDOW = 1 << 24, 1 << 22, 1 << 22
-# corrections of virtual displacements, beside the largest, that are none: goals may hardly depend on a number
+# relative correction of virtual displacements that is negligible, as goals may hardly depend on a number
 NEGLIGIBLE = 1e-12
-# parts that are left where checkpoints are dropped, at least
+# at least so many parts are left when checkpoints are dropped
 LEAST = 8
-# changes before breaks of models with multipliers that are carried behind them, at most
+# largest number of changes carried across breaks in models with multipliers
 COLUMNS = 4000
-# of what a step begins with
+# fields of the change of a step's start
 PARTS = ("z", "v", "a", "own")
 
 
 class Numbers(Protocol):
-    """What is told of a motion on the way back, and adds up what numbers do to goals (k,)."""
+    """Numbers of a case that receive the adjoint states of a motion and sum up their derivatives of the goals (k,)."""
 
     def note(self, at: Record, window: Array, lam: Array) -> None:
-        """Take states, the times (2,) of signals there, and virtual displacements lam (m, n, k).
+        """Receive states, the window (2,) of times of their signals, and virtual displacements lam (m, n, k).
 
-        Goals change by -lam . dR where the residuals of the states do by dR.
+        Goals change by -lam . dR if the residuals at these states change by dR.
         """
         ...
 
     def pass_break(self, stepper: Stepper, piece: int, end: Change, at: Record | None, mu: Array) -> None:
-        """Take a motion before a break, the piece behind it, and what changes behind it do to goals.
+        """Receive a motion before a break, the next piece, and the derivatives ``end`` of goals by the state after it.
 
-        Where rates do not jump, and numbers change accelerations there alone, by way of the residuals of a state, its
-        virtual displacements mu (n, k) are given.
+        If rates do not jump, and numbers change only accelerations there, through the residuals of the state ``at``,
+        its virtual displacements mu (n, k) are given.
         """
         ...
 
 
 @dataclass
 class Part:
-    """Some steps, from a checkpoint on, and the stored states of each; or a break, behind which piece ``behind`` is.
+    """Some steps from a checkpoint, and the stored states in each; or a break, followed by the piece ``behind``.
 
-    ``at`` are the stages and ``lam`` (m, n, k) virtual displacements there, where they are kept; ``end`` is what
-    changes behind a break do to goals.
+    ``at`` are the stages and ``lam`` (m, n, k) the virtual displacements there, if they are stored; ``end`` are the
+    derivatives of the goals by the state after a break.
     """
 
     kept: dict[str, Array]
@@ -87,42 +87,42 @@ class Part:
 
 
 class UnlikeError(UnsuitedError):
-    """A fixed step is not as long as in a run, as it is with another tolerance of Newton's method."""
+    """A fixed step has another length than in the run, because of another tolerance of Newton's method."""
 
 
 class Backwards(Once):
-    """A motion whose steps are kept, so that it can go backwards. Raises UnsuitedError."""
+    """A motion whose steps are stored, so that it can be followed backwards. Raises UnsuitedError."""
 
     def __init__(self, model: Model, whole: bool, tolerance: float, lengths: list[float] | None) -> None:
         spec = model.case.solver
         assert isinstance(spec, Dynamic)
         super().__init__(model, spec, tolerance, lengths)
         self.whole, self.rows, self.parts, self.off = whole, list[Row](), list[Part](), 0.0
-        # the times of signals in which each row was stored
+        # the window of signals for each row
         self.windows: list[Array] = []
         if self.stepper.moving or self.stepper.events or len(self.stepper.p.facing.item):
             raise UnsuitedError("points move along bodies, or things begin to act")
 
     def states(self) -> Iterator[State]:
-        """Make the motion and yield its states. Raises ComputationError, and UnsuitedError where it cannot go back.
+        """Make the motion and yield its states. Raises ComputationError, and UnsuitedError if it has no adjoint.
 
         ``rows`` are then its first and its last state, and those between if ``whole``; ``parts`` are its steps. Raises
-        UnlikeError where a fixed step is not as long as a run makes it.
+        UnlikeError if a fixed step has another length than in the run.
         """
         return self.run.states(advance=partial(self._some, self._record()))
 
     def _some(self, steps: Iterator[list[Row]]) -> list[Row]:
-        """Make steps for a short while, one at least; return the states that were stored."""
+        """Make steps for a short while, at least one; return the states that were stored."""
         found, began = list[Row](), time.perf_counter()
         for rows in steps:
             found += rows
-            # behind the last step it is noted that the motion ends
+            # continue after the last step, so that the end of the motion is recorded
             if time.perf_counter() - began > CHUNK_SECONDS and not self.stepper.done:
                 break
         return found
 
     def _record(self) -> Iterator[list[Row]]:
-        """Make the motion, which has begun; yield the states stored in each step."""
+        """Make the started motion; yield the states stored in each step."""
         stepper = self.stepper
         self.begun, self.window, self.rows = self.now(), stepper.p.programs.window.copy(), [stepper.last()]
         self.windows = [self.window]
@@ -163,27 +163,27 @@ class Backwards(Once):
 
     @cached_property
     def size(self) -> int:
-        """The steps of a window."""
+        """Return the number of steps of a window."""
         s, n = self.method.stages, self.entries.n
         return max(WINDOW // (s * max(n, 1) * (6 + 3 * s * max(self.stepper.p.width, 1))), 8)
 
     def keeps(self, goals: int) -> bool:
-        """Whether there is room for the virtual displacements of so many goals at all stages."""
+        """Return whether there is room for the virtual displacements of so many goals at all stages."""
         if any(part.count and part.steps is None for part in self.parts):
             return False
         size = sum(part.count for part in self.parts) * self.method.stages * self.entries.n
-        # in full coordinates, too, as what numbers do is found (``many_states``)
+        # also in full coordinates, for the derivatives by numbers (``many_states``)
         return (5 + 2 * goals) * size <= KEPT
 
     def _checkpoint(self) -> dict[str, Array]:
-        """Return where the motion is, without what it tells of its steps."""
+        """Return a checkpoint of the current state, without the log of steps."""
         self.stepper.pending = self.stepper.pending[:0]
         found = self.stepper.checkpoint()
         assert found is not None
         return found
 
     def _add(self, part: Part) -> None:
-        """Add a part; where checkpoints fill their room, every second one is dropped."""
+        """Add a part; if checkpoints fill their room, drop every second one."""
         if not part.count:
             return
         self.parts.append(part)
@@ -192,14 +192,14 @@ class Backwards(Once):
             self.parts = list(_joined(self.parts))
 
     def back(self, bars: Sequence[Change], numbers: Numbers) -> Change:
-        """Return what changes of the start do to goals; each of ``bars`` (n, k) is what those of a stored state do."""
+        """Return the derivatives of goals by the start; ``bars`` (n, k) are those by each stored state."""
         end = bars[-1]
         for part in reversed(self.parts):
             end = self._before(part, end, bars, numbers)
         return end.plus(bars[0]) if self.whole else end
 
     def tell(self, numbers: Numbers) -> None:
-        """Tell numbers once more what was told on the way back: all virtual displacements have been kept."""
+        """Report the stored virtual displacements to numbers again, without following the motion backwards."""
         for part in reversed(self.parts):
             self.stepper.resume(part.kept)
             if part.end is not None:
@@ -208,14 +208,14 @@ class Backwards(Once):
                 numbers.note(part.at, self.stepper.p.programs.window.copy(), part.lam)
 
     def _before(self, part: Part, end: Change, bars: Sequence[Change], numbers: Numbers) -> Change:
-        """Return what changes before a part do to goals, from what those behind it do."""
+        """Return the derivatives of goals by the start of a part, from those by its end."""
         self.stepper.resume(part.kept)
         if part.behind >= 0:
             part.end = end
             return self._passed(part, end, self._break(part, end, numbers))
         if part.count <= self.size:
             return self._through(part, end, bars, numbers)
-        # a long part: checkpoints within it first
+        # a long part first gets checkpoints of its own
         room = max(CHECKPOINTS // sum(x.size for x in part.kept.values()), LEAST)
         size, inside = max(self.size, -(-part.count // room)), list[Part]()
         for begin in range(0, part.count, size):
@@ -229,11 +229,11 @@ class Backwards(Once):
         return end
 
     def _again(self, count: int) -> Iterator[Step]:
-        """Make steps again."""
+        """Repeat steps from the current state."""
         return islice((step for step in self.steps() if step is not None), count)
 
     def _through(self, part: Part, end: Change, bars: Sequence[Change], numbers: Numbers) -> Change:
-        """Return what changes of the start of some steps do to goals, from what those of their end do."""
+        """Return the derivatives of goals by the start of some steps, from those by their end."""
         window = self.stepper.p.programs.window.copy()
         steps = list(self._again(part.count)) if part.steps is None else part.steps
         at = self.moments(steps)
@@ -252,7 +252,7 @@ class Backwards(Once):
         return start
 
     def _stored(self, step: Step, row: Row, number: int, bar: Change, stages: Stages, starts: Array) -> None:
-        """Add what a state that is stored in a step does to the goals to stages and starts."""
+        """Add the direct derivatives of goals by a state stored in a step to those by stages and starts."""
         s = self.method.stages
         mine = slice(s * number, s * number + s)
         if row.kind != INSIDE:
@@ -271,13 +271,14 @@ class Backwards(Once):
             getattr(stages, name)[mine] += getattr(found, name)
 
     def _left_out(self, at: Record, lam: Array) -> tuple[Array, Array]:
-        """Return what changes of positions and rates do to the work on lam (m, n, k) beyond what tangents tell."""
+        """Return the derivatives of the work on lam (m, n, k) by positions and rates that tangents leave out."""
         p, w, many = self.stepper.p, self.stepper.w, not self.run.model.loads.natural
         by_z, by_v = np.zeros((2, *lam.shape))
         if not self.damped:
             return by_z, by_v
-        # signals do not act on elements, which are evaluated at many states at once; else rates of natural strains add
-        # the same for any lam to viscous forces, and half of a difference is without it
+        # without natural strains, signals do not act on elements, which can be evaluated at many states at once; with
+        # them, rates of natural strains add a term to viscous forces that does not depend on lam: half a difference is
+        # free of it
         alone = Record(p.values._replace(groups=p.groups[:0].copy(), tau=np.zeros(0))) if many else p
         signs = (1.0, -1.0) if not many else (1.0,) if len(p.points.forces) else ()
         none, room = np.zeros_like(w.amps), np.zeros((3, len(p.place)))
@@ -294,11 +295,11 @@ class Backwards(Once):
         return by_z, by_v
 
     def _left_out_of_elements(self, at: Record, lam: Array) -> tuple[Array, Array]:
-        """Return what ``_left_out`` does, of elements and one goal: lam (m, n)."""
+        """Return the part of ``_left_out`` from elements for one goal, lam (m, n)."""
         p, T = self.stepper.p, unknowns_to_coordinates(self.run.model)
         full = in_full(self.run, at, p.programs.window)
         by_z, by_v = np.zeros((2, *lam.shape))
-        # as large as the rates
+        # scale lam to the size of the rates
         sizes, rates = ((p.weights * np.abs(x)).max(axis=1, initial=0.0) for x in (lam, at.v))
         some = sizes > along.NONE
         scale = np.where(some, np.maximum(rates, 1e-3 * p.extent) / np.where(some, sizes, 1.0), 1.0)
@@ -312,7 +313,7 @@ class Backwards(Once):
         return by_z, p.coordinate * by_v
 
     def _correct(self, equations: Equations, at: Record, lam: Array, start: Change) -> None:
-        """Correct lam and what the start does by what tangents leave out: they are Newton's, not all exact."""
+        """Correct lam and the derivatives by the start for the terms that Newton's tangents leave out."""
         weights, more, before, left = self.stepper.p.weights[None, :, None], lam, 1.0, 0.0
         size = float((weights * np.abs(lam)).max(initial=0.0))
         for _ in range(CORRECTIONS):
@@ -326,7 +327,7 @@ class Backwards(Once):
             for name in ("z", "v", "a", "own"):
                 getattr(start, name)[:] += getattr(change, name)
             share = float((weights * np.abs(more)).max(initial=0.0)) / (size or 1.0)
-            # what the next correction would be: tangents are as good as they were
+            # estimate the next correction, which converges like this one
             left, worse, before = share * share / before, share >= before, share
             if left <= NEGLIGIBLE or worse:
                 break
@@ -335,14 +336,14 @@ class Backwards(Once):
             raise UnsuitedError("the tangents of the steps do not determine their derivatives")
 
     def _break(self, part: Part, end: Change, numbers: Numbers) -> tuple[Record, Array]:
-        """Tell numbers of a break; return the state behind it, and virtual displacements (n, k) there."""
+        """Report a break to numbers; return the state after it, and its virtual displacements (n, k)."""
         stepper = self.stepper
         if not self.free.all():
             numbers.pass_break(stepper, part.behind, end, None, end.a)
             return self.now(), end.a
         before = stepper.s.v.copy()
         pass_break(stepper, part.behind)
-        # accelerations behind it follow from positions and rates
+        # accelerations after the break follow from positions and rates
         at, mu = self.now(), self.by_mass.solve(end.a + end.own)
         if (stepper.s.v == before).all():
             numbers.pass_break(stepper, part.behind, end, at, mu)
@@ -352,14 +353,14 @@ class Backwards(Once):
         return at, mu
 
     def _passed(self, part: Part, end: Change, behind: tuple[Record, Array]) -> Change:
-        """Return what changes before a break do to goals."""
+        """Return the derivatives of goals by the state before a break."""
         if self.free.all():
             self.stepper.enter(part.behind)
             return self.consistent(*behind, end)
         return self._carried_back(part, end)
 
     def consistent(self, at: Record, mu: Array, end: Change) -> Change:
-        """Return what changes of positions and rates do to goals in a state whose accelerations follow from them."""
+        """Return the derivatives of goals by positions and rates in a state whose accelerations follow from them."""
         p, w = self.stepper.p, self.stepper.w
         by_z, by_v = self._left_out(at, mu[None])
         A, B = np.zeros((2, 1, len(p.mass)))
@@ -370,7 +371,7 @@ class Backwards(Once):
         return Change(end.z - K @ mu - by_z[0], end.v - C @ mu - p.alpha * (M @ mu) - by_v[0], none, none.copy())
 
     def _carried_back(self, part: Part, end: Change) -> Change:
-        """Return what changes before a break do to goals, by all of them, one by one."""
+        """Return the derivatives of goals by the state before a break, by carrying each unit change across it."""
         other, n, out = Run(self.run.model, self.run.spec).stepper, self.entries.n, Change.none(*end.z.shape)
         for name in ("z", "v"):
             for i in np.flatnonzero(self.free).tolist():
@@ -382,7 +383,7 @@ class Backwards(Once):
 
 
 def _joined(parts: Sequence[Part]) -> Iterator[Part]:
-    """Yield parts, of each two that follow each other one."""
+    """Yield parts, with each two successive ones joined."""
     last: Part | None = None
     for part in parts:
         if last is None or part.behind >= 0:

@@ -1,4 +1,4 @@
-"""Derivatives of smooth functions by differences of high order, with steps that suit them."""
+"""Derivatives of smooth functions by differences of high order with suitable steps."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ import numpy as np
 from ...elements.shape import Array
 from ...errors import CaseError
 
-# differences of second and of fourth order that are this close leave an error of the square of it
+# relative difference of second- and fourth-order differences that is small enough: the error is its square
 SMOOTH = 3e-5
-# what a step that is too long is multiplied by, at most so many times
+# factor on a step that is too long, and the largest number of attempts
 SHORTER, TRIES = 0.1, 3
-# of values beside the largest of them: what is not more than round-off
+# relative round-off of values
 NOISE = 1e-14
 # derivatives at 0 of the polynomials through 0, h, 2h, 3h, 4h and through 0, h, 2h, 3h
 FORWARD, LOWER = np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0, np.array([-11.0, 18.0, -9.0, 2.0, 0.0]) / 6.0
 
 
 class UnsuitedError(Exception):
-    """What is found changes with a number in another way than its equations tell; the text says why."""
+    """The result depends on a number in a way that its equations do not cover; the text says why."""
 
 
 @dataclass
 class Quotient:
-    """A derivative (m,) by differences with steps of h, and the estimate (m,) of its error, without what kinks add.
+    """A derivative (m,) by differences with steps of h, and its estimated error (m,), excluding that of kinks.
 
-    ``noise`` (m,) is what round-off has of that error.
+    ``noise`` (m,) is the part of the error from round-off.
     """
 
     value: Array
@@ -42,12 +42,11 @@ def derivative(f: Callable[[float], Array], h: float, weights: Array | None = No
                middle: Array | None = None) -> Quotient:
     """Return f'(0) of fourth order of a smooth f with values (m,), by differences with steps near h > 0.
 
-    Central, unless f raises CaseError on one side: then by the other side alone. Steps become shorter where differences
-    of lower order tell that f is not smooth over them, unless round-off would then grow beyond the error there is. What
-    f raises on both sides is raised. Values are compared with each other through ``weights`` (m,); ``unknown`` is how
-    far they are known, so weighted, beside round-off of their own. Where ``middle``, f(0), is given, half of what f'
-    jumps by there is part of the error. Where several steps were tried, the error is at most the distance of the
-    derivatives that they give.
+    The differences are central, unless f raises CaseError on one side; then they are one-sided. Steps are shortened
+    where differences of lower order show that f is not smooth over them, unless round-off would then exceed the present
+    error. Exceptions of f on both sides are passed on. Values are compared through ``weights`` (m,); ``unknown`` is
+    their uncertainty, so weighted, in addition to round-off. If ``middle``, f(0), is given, half of the jump of f'
+    there is part of the error. If several steps were tried, the error is at most the difference of their derivatives.
     """
     tried: list[Quotient] = []
     for _ in range(TRIES):
@@ -62,7 +61,7 @@ def derivative(f: Callable[[float], Array], h: float, weights: Array | None = No
 
 
 def _worst(found: Quotient, weights: Array | None, unknown: float) -> float:
-    """Return the largest error beside the largest derivative."""
+    """Return the largest error relative to the largest derivative."""
     w = 1.0 if weights is None else weights
     largest = float(np.max(w * np.abs(found.value), initial=0.0))
     error = float(np.max(w * (found.error + found.kink), initial=0.0)) + unknown / found.h
@@ -70,7 +69,7 @@ def _worst(found: Quotient, weights: Array | None, unknown: float) -> float:
 
 
 def _at_round_off(found: Quotient, weights: Array | None) -> bool:
-    """Whether differences with a shorter step have more of an error by round-off alone than these have in all."""
+    """Return whether the round-off of a shorter step alone would exceed the present total error."""
     shorter = replace(found, error=np.asarray(found.noise / SHORTER), kink=0.0)
     return _worst(shorter, weights, 0.0) >= _worst(found, weights, 0.0) > 0.0
 
@@ -86,7 +85,7 @@ def _at(f: Callable[[float], Array], h: float, middle: Array | None) -> Quotient
         return _one_sided(f, -h, below)
     found = central(above, below, h)
     if middle is not None:
-        # of a kink the second difference is proportional to h, else to its square
+        # the second difference is proportional to h at a kink, else to its square
         near, far = (above[k] + below[k] - 2 * middle for k in (0, 1))
         found.kink = np.abs(4 * near - far) / (4 * h)
     return found
@@ -95,8 +94,8 @@ def _at(f: Callable[[float], Array], h: float, middle: Array | None) -> Quotient
 def central(above: list[Array], below: list[Array], h: float) -> Quotient:
     """Return f'(0) from f at h, 2 h and at -h, -2 h.
 
-    With D2 and D4 of second and fourth order the error is taken for |D4 - D2|^2/|D4|: what the series goes on with
-    where each term is as much smaller than the one before; and for what round-off of f is divided by h.
+    With D2 and D4 of second and fourth order, the truncation error is estimated as |D4 - D2|^2/|D4|, the next term of
+    the series if terms decrease at a constant ratio. The round-off of f divided by h is added.
     """
     near, far = (above[0] - below[0]) / (2 * h), (above[1] - below[1]) / (4 * h)
     value = near + (near - far) / 3.0
@@ -108,13 +107,13 @@ def central(above: list[Array], below: list[Array], h: float) -> Quotient:
 def _one_sided(f: Callable[[float], Array], h: float, known: list[Array] | None = None) -> Quotient:
     values = np.array([f(0.0), *(known or [f(h), f(2 * h)]), f(3 * h), f(4 * h)])
     value, other = FORWARD @ values / h, LOWER @ values / h
-    # the polynomial of lower order is already of third order, and so its distance is the estimate
+    # the polynomial of lower order has third order already, so the difference itself is the estimate
     noise = NOISE * np.abs(values).max(0) / abs(h)
     return Quotient(value, np.abs(value - other) * 0.1 + noise, abs(h), noise=noise)
 
 
 def error_of(value: Array, near: Array) -> Array:
-    """Return the error of differences, of which those of lower order are ``near``, as ``central`` has it."""
+    """Return the error of differences, given those of lower order, ``near``, as ``central`` estimates it."""
     gap = np.abs(value - near)
     share = np.divide(gap, np.abs(value), out=np.ones_like(gap), where=value != 0.0)
     return gap * np.minimum(share, 1.0)

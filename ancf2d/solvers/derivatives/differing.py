@@ -1,4 +1,4 @@
-"""What a number of a case changes in the equations of motion: models beside it, reduced to what differs."""
+"""The effect of a number of a case on the equations of motion: varied models, reduced to what differs."""
 
 from __future__ import annotations
 
@@ -37,22 +37,22 @@ from ..motion.tables import (
 from .differences import UnsuitedError
 from .many_states import forces, in_full
 
-# of the states at which differences by work are taken, those at which it is seen how straight they are
+# every so many states, second differences of the work are taken to check the step
 EVERY = 8
-# how coordinates follow from unknowns
+# relation of coordinates and unknowns
 _FOLLOWING = ("place", "indptr", "index", "value", "full", "dependents", "motion_coord", "motion_factor",
               "motion_signal")
 _LOADS = ("load_coord", "load_value", "load_signal", "load_varies")
-# of each item of point laws; along its fields, its coordinates and its entries
+# arrays with a row for each item of point laws; and arrays along its fields, its coordinates and its entries
 _OF_ITEMS = ("forces", "mean", "accept", "par", "signal", "fed", "multiplier", "scale", "on", "restitution")
 _ALONG = {"p0": "field", "drift": "field", "dofs": "dof", "span": "dof", "G": "entry"}
 
 
 class Differing:
-    """Problems of models beside that of a motion, with what a number changes alone.
+    """Problems of models with a number varied, reduced to what the number changes.
 
-    ``weights`` (k, models) give k differences of what the models have. Raises UnsuitedError where the times change at
-    which signals have corners.
+    ``weights`` (k, models) give k differences of the models' values. Raises UnsuitedError if the times of corners of
+    signals change.
     """
 
     def __init__(self, run: Run, models: Sequence[Model], weights: Array) -> None:
@@ -64,7 +64,7 @@ class Differing:
             raise UnsuitedError("the times of corners of signals depend on the number")
         self.alphas = np.array([tables["alpha"] for tables in found])
         same = all(_same(getattr(base, name), tables[name]) for tables in found for name in _FOLLOWING)
-        # mass that is prescribed to move is damped, too
+        # prescribed mass is damped, too
         same = same and (not len(base.motion_coord) or bool(np.all(self.alphas == base.alpha)))
         groups = [run.model.groups, *(model.groups for model in models)]
         same = same and not stepper.moving and not stepper.events and not len(base.facing.item) and all(
@@ -73,13 +73,13 @@ class Differing:
         self.items: Index | slice = slice(None)
         self.joints = True
         self.reduced = same
-        # of each model, groups of elements that are not among its problem, with their damping times
+        # for each model, groups of elements that are not in its problem, with their damping times
         self.elements: list[list[tuple[Record, float]]] = [[] for _ in models]
         if same:
             self._reduce(base, found, signals)
         else:
             self.problems = [own(make_problem(model)[0], model) for model in models]
-        # room that all share whose signals are as many
+        # scratch arrays, shared by models with as many signals
         n, rooms = len(base.coordinate), dict[int, Record]()
         for p in self.problems:
             m = len(p.programs.first) - 1
@@ -87,7 +87,7 @@ class Differing:
         self.w = [rooms[len(p.programs.first) - 1] for p in self.problems]
 
     def _reduce(self, base: Any, found: Sequence[dict[str, Any]], signals: Sequence[Signals]) -> None:
-        """Make problems of what is not the same in all models."""
+        """Make problems of the parts that differ between models."""
         laws = [base.points, *(tables["points"] for tables in found)]
         self.items = _unlike_items(laws)
         sliding = [base.sliding, *(tables["sliding"] for tables in found)]
@@ -95,7 +95,7 @@ class Differing:
         loads = _unlike_loads([base._asdict(), *found])
         groups = self._groups(base)
         if not self.run.model.loads.natural:
-            # signals do not act on elements, which are evaluated at many states at once
+            # signals do not act on elements, which can be evaluated at many states at once
             self.elements = [list(zip(records, tau.tolist(), strict=True)) for records, tau in groups]
             groups = [([], np.zeros(0)) for _ in groups]
         empty = sliding_table([], base.e0)
@@ -113,24 +113,24 @@ class Differing:
 
     @cached_property
     def inertia(self) -> list[Record]:
-        """Problems whose mass is the sum of the models' by each of the weights, none where that is nothing."""
+        """Problems with the weighted sum of the models' masses, one for each row of weights, if not zero."""
         found = [self._mass(row) for row in self.weights] if self.reduced else []
         return [p for p in found if p is not None]
 
     @cached_property
     def mass(self) -> Any:
-        """The sparse sum of the models' mass by the first weights, None where it is nothing."""
+        """The sparse sum of the models' masses by the first weights, or None if it is zero."""
         if not (self.reduced and self._blocks):
             return None
         return self._T.T @ scattered(self._blocks, self.run.model.n_q) @ self._T
 
     @cached_property
     def _blocks(self) -> list[tuple[Index, Array]]:
-        """What ``_mass_blocks`` yields by the first weights."""
+        """The blocks of ``_mass_blocks`` for the first weights."""
         return list(_mass_blocks(self.run.model, self.models, self.weights[0]))
 
     def _groups(self, base: Any) -> list[tuple[list[Record], Array]]:
-        """Return of each model the elements that are not the same in all, and their damping times."""
+        """Return for each model the groups of elements that differ between models, and their damping times."""
         out: list[tuple[list[Record], list[float]]] = [([], []) for _ in self.models]
         every = [self.run.model, *self.models]
         for k, alike in enumerate(zip(*(model.groups for model in every), strict=True)):
@@ -143,7 +143,7 @@ class Differing:
         return [(records, np.array(times)) for records, times in out]
 
     def _mass(self, weights: Array) -> Record | None:
-        """Return the problem whose mass is the sum of the models' by their weights, None where that is nothing."""
+        """Return the problem whose mass is the weighted sum of the models' masses, or None if that is zero."""
         base, model = self.run.problem.values, self.run.model
         blocks = list(_mass_blocks(model, self.models, weights))
         if not blocks:
@@ -163,29 +163,29 @@ class Differing:
 
     @property
     def _drag(self) -> Array:
-        """The sums (k,) of Rayleigh's alpha of the models by the weights, 0 where it is the same in all."""
+        """The sums (k,) of Rayleigh's alpha of the models by the weights, 0 if it is the same in all."""
         same = not self.reduced or np.all(self.alphas == self.run.problem.alpha)
         return np.zeros(len(self.weights)) if same else self.weights @ self.alphas
 
     @cached_property
     def _own_mass(self) -> Any:
-        """The sparse mass of the unknowns."""
+        """The sparse mass matrix of the unknowns."""
         return self._T.T @ full_mass(self.run.model) @ self._T
 
     @staticmethod
     def _enter(window: Array, problems: Sequence[Record]) -> None:
-        """Take signals as they are in a time (2,)."""
+        """Set the window (2,) of times of the signals."""
         for p in problems:
             p.programs.window[:] = window
 
     def _let_act(self, acting: Record) -> None:
-        """Let act what does in the problem of the motion, and points that move be in the same elements."""
+        """Copy the activity of laws and the elements of moving points from the problem of the motion."""
         for p in () if self.reduced else self.problems:
             p.points.on[:], p.sliding.on[:], p.moving.element[:] = (
                 acting.points.on, acting.sliding.on, acting.moving.element)
 
     def _moments(self, at: Record) -> Record:
-        """Return states of the motion with what these problems remember."""
+        """Return states of the motion with the history variables of these problems."""
         values = at.values
         if isinstance(self.items, slice) and self.joints:
             return at
@@ -194,7 +194,7 @@ class Differing:
         return Record(values._replace(turns=turns, feet=values.feet if self.joints else values.feet[:, :0].copy()))
 
     def residuals(self, at: Record, acting: Record) -> Array:
-        """Return differences (k, m, n) of the residuals at m states, where what acts in a motion's problem does."""
+        """Return differences (k, m, n) of the residuals at m states, with the laws active in ``acting``."""
         window = acting.programs.window
         self._enter(window, [*self.problems, *self.inertia])
         self._let_act(acting)
@@ -215,10 +215,10 @@ class Differing:
         return out
 
     def works(self, at: Record, window: Array, lam: Array) -> Array:
-        """Return two differences (2, m, goals) of what the residuals do as work on lam (m, n, goals).
+        """Return two differences (2, m, goals) of the work of the residuals on lam (m, n, goals).
 
-        The first is by the first weights. The second, without the mass, is taken at some of the states alone, and is
-        large in proportion.
+        The first uses the first weights. The second, without the mass, is evaluated only at some of the states and
+        scaled up.
         """
         m, goals = len(lam), lam.shape[2]
         out, some, mine = np.zeros((2, m, goals)), np.arange(0, m, EVERY), self._moments(at)
@@ -228,7 +228,7 @@ class Differing:
                                                    strict=True):
             work = np.zeros((m, goals) if first else (len(some), goals))
             along.works(p, w, *((mine, lam) if first else (few, on_few)), work)
-            # round-off is that of the other models, with as many states side by side
+            # the same number of states side by side for all models, so that their round-off is the same
             one = self._element_work(elements, at, window, lam, some)
             if first:
                 out[0] += first * (work + self._element_work(elements, at, window, lam, np.arange(m)))
@@ -237,7 +237,7 @@ class Differing:
 
     def _element_work(self, elements: Sequence[tuple[Record, float]], at: Record, window: Array, lam: Array,
                       which: Index) -> Array:
-        """Return what elements do as work (m, goals) on lam at some states."""
+        """Return the work (m, goals) of elements on lam at some states."""
         out = np.zeros((len(which), lam.shape[2]))
         for group, tau in elements:
             full = in_full(self.run, at, window, lam)
@@ -246,10 +246,10 @@ class Differing:
         return out
 
     def _inertial_work(self, at: Record, window: Array, lam: Array) -> Array:
-        """Return what the change of the mass by the first weights does as work (2, m, goals)."""
+        """Return the work (2, m, goals) of the change of the mass by the first weights."""
         out, base = np.zeros((2, len(lam), lam.shape[2])), self.run.problem.values
         if len(base.motion_coord) and self.inertia:
-            # mass that is moved acts too
+            # prescribed mass acts, too
             self._enter(window, self.inertia)
             along.works(self.inertia[0], self.w[0], _forgotten(at), lam, out[0])
         elif not len(base.motion_coord) and self.mass is not None:
@@ -261,19 +261,19 @@ class Differing:
 
     @property
     def starts_alike(self) -> bool:
-        """Whether the same rates are asked for at the start, which each model's mass projects on what can move."""
+        """Return whether all models ask for the same initial rates, which each projects with its own mass."""
         own = self.run.model
         return self.reduced and all(other.case.initial == own.case.initial and np.array_equal(other.e0, own.e0)
                                     for other in self.models)
 
     def mass_between(self, x: Array, y: Array) -> Array:
-        """Return x^T M y (k,) of rates (n_q, k) and (n_q,), with the sum of the models' mass by the first weights."""
+        """Return x^T M y (k,) of rates (n_q, k) and (n_q,), with the sum of the models' masses by the first weights."""
         return np.sum([np.einsum("mik,mi->k", x[coords], y[coords] @ M.T) for coords, M in self._blocks] or
                       [np.zeros(x.shape[1])], axis=0)
 
     @property
     def moves(self) -> bool:
-        """Whether the number may change how coordinates follow from unknowns, or what is prescribed."""
+        """Return whether the number may change the relation of coordinates and unknowns, or prescribed motion."""
         return not self.reduced
 
 
@@ -283,17 +283,17 @@ def _some(at: Record, which: Index) -> Record:
 
 
 def _forgotten(at: Record) -> Record:
-    """Return states without what is remembered."""
+    """Return states without history variables."""
     values = at.values
     return Record(values._replace(turns=values.turns[:, :0].copy(), feet=values.feet[:, :0].copy()))
 
 
-# of motions, what ``_told`` returns of their own models
+# results of ``_told`` for the own models of motions
 _OWN: WeakKeyDictionary[Run, tuple[Signals, dict[str, Any]]] = WeakKeyDictionary()
 
 
 def _told(run: Run, model: Model) -> tuple[Signals, dict[str, Any]]:
-    """Return the signals of a motion, with those that only a model beside it has, and the model's ``_tables``."""
+    """Return the signals of a motion, extended by those of a varied model, and the model's ``_tables``."""
     if model is run.model and run in _OWN:
         return _OWN[run]
     signals = Signals()
@@ -306,7 +306,7 @@ def _told(run: Run, model: Model) -> tuple[Signals, dict[str, Any]]:
 
 
 def _tables(model: Model, signals: Signals) -> dict[str, Any]:
-    """Return what a model's equations of motion are made of, but for elements and mass, as a ``Problem`` names it."""
+    """Return the parts of a model's equations of motion, except elements and mass, by their names in ``Problem``."""
     num, damping = model.numbering, model.case.damping
     natural_signals(model, signals)
     return {"points": point_laws(model, signals), "sliding": sliding_table(model.constraints, model.e0),
@@ -316,14 +316,14 @@ def _tables(model: Model, signals: Signals) -> dict[str, Any]:
 
 
 def _same(a: Any, b: Any) -> bool:
-    """Whether two fields of a problem are equal."""
+    """Return whether two fields of a problem are equal."""
     if isinstance(a, tuple):
         return len(a) == len(b) and all(map(_same, a, b))
     return np.array_equal(a, b)
 
 
 def _unlike_items(laws: Sequence[Points]) -> Index | slice:
-    """Return which items are not the same in all tables, all where these are made differently."""
+    """Return the items that differ between tables, all if the tables have different structures."""
     first = laws[0]
     for other in laws[1:]:
         if not all(_same(getattr(first, name), getattr(other, name)) for name in ("field", "dof", "entry", "dofs")):
@@ -332,7 +332,7 @@ def _unlike_items(laws: Sequence[Points]) -> Index | slice:
     for other in laws[1:]:
         for name in _OF_ITEMS:
             one, two = getattr(first, name), getattr(other, name)
-            # what is not a number stays so
+            # NaN equals NaN
             apart = (one != two) & ((one == one) | (two == two))
             found |= apart.any(axis=tuple(range(1, apart.ndim)))
         for name, along_ in _ALONG.items():
@@ -343,7 +343,7 @@ def _unlike_items(laws: Sequence[Points]) -> Index | slice:
 
 
 def of_items(points: Points, which: Index | slice) -> Points:
-    """Return a table of some items, which remember what is theirs."""
+    """Return a table of some items, with their history variables."""
     if isinstance(which, slice):
         return with_own(points, "mem", "on", "apart", "there")
     parts: dict[str, Any] = {name: np.ascontiguousarray(getattr(points, name)[which]) for name in (*_OF_ITEMS, "mem")}
@@ -352,12 +352,12 @@ def of_items(points: Points, which: Index | slice) -> Points:
         rows = [getattr(points, name)[starts[i]:starts[i + 1]] for i in which]
         parts[along_] = np.concatenate([[0], np.cumsum([len(row) for row in rows])]).astype(np.int64)
         parts[name] = np.concatenate([getattr(points, name)[:0], *rows])
-    # one by one: others of their curves may be missing
+    # evaluated one by one, because other points of their curves may be missing
     return points._replace(run=np.ones(len(which), dtype=np.int64), along=np.zeros(len(which), dtype=np.int64), **parts)
 
 
 def _unlike_loads(tables: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return of each table but the first the entries of dead loads that are not the same in all."""
+    """Return for each table but the first the entries of dead loads that differ between tables."""
     first, *others = ([table[name] for name in _LOADS] for table in tables)
     which: Any = slice(None)
     if all(_same(first[0], other[0]) for other in others):
@@ -367,9 +367,9 @@ def _unlike_loads(tables: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _mass_blocks(base: Model, models: Sequence[Model], weights: Array) -> Iterable[tuple[Index, Array]]:
-    """Yield coordinates (m, n) and matrices (n, n) of the sum of the models' mass by weights that sum up to nothing.
+    """Yield coordinates (m, n) and matrices (n, n) of the sum of the models' masses by weights with zero sum.
 
-    What is the same in all is left out.
+    Parts that are the same in all models are left out.
     """
     for name, mesh in base.meshes.items():
         others = [model.meshes[name] for model in models]

@@ -1,7 +1,7 @@
-"""The linear equations of one step of an integrator: how its end changes with its start, and with its residuals.
+"""The linear equations of one step of an integrator: derivatives of its end by its start and its residuals.
 
 Newmark's family and Radau IIA determine z_i at s stages from residuals R_i = 0, with rates and second rates that are
-linear in them, v_i = V z + v_0i and a_i = A z + a_0i: changes of the start and of the residuals change z by
+linear in them, v_i = V z + v_0i and a_i = A z + a_0i. Changes of the start and of the residuals change z by
 
 (K_i + (C_i + alpha M) V + M A) dz = -(dR_i + (C_i + alpha M) dv_0i + M da_0i).
 """
@@ -33,7 +33,7 @@ BAND = 160
 
 @dataclass
 class Change:
-    """Changes of what a step begins with: of z, v and a (n, k), and of what a method keeps beside (n, k)."""
+    """Changes of the start of a step: of z, v and a (n, k), and of the values stored by the method (n, k)."""
 
     z: Array
     v: Array
@@ -50,7 +50,7 @@ class Change:
 
     @classmethod
     def none(cls, n: int, k: int) -> Change:
-        """Return no change."""
+        """Return a change of zero."""
         return cls(*(np.zeros((n, k)) for _ in range(4)))
 
 
@@ -65,12 +65,12 @@ class Stages:
 
 
 class Method(Protocol):
-    """The stages of an integrator, linear in their positions."""
+    """An integrator's stages, whose rates are linear in their positions."""
 
     stages: int
 
     def taken(self, own: Any, start: Array, t: float, h: float) -> Stages:
-        """Return the stages of the step that was made from positions ``start`` last."""
+        """Return the stages of the last step, which started from positions ``start``."""
         ...
 
     def rates(self, h: float) -> tuple[Array, Array]:
@@ -78,19 +78,19 @@ class Method(Protocol):
         ...
 
     def begins(self, h: float) -> Array:
-        """Return what v_0 and a_0 of the stages are of the change of a start (2, s, 4): of its z, v, a and own."""
+        """Return the coefficients (2, s, 4) of v_0 and a_0 of the stages for changes of the start's z, v, a and own."""
         ...
 
     def kept(self, h: float) -> Array:
-        """Return what the method keeps, of z at the end and of the change of the start (5,)."""
+        """Return the coefficients (5,) of the stored values at the end, for changes of z there and of the start."""
         ...
 
     def dense(self, start: Change, found: Stages, h: float, free: Array) -> Array:
-        """Return the change (rows, n, k) of what the interpolation is made of; ``free`` (n,): 0 of multipliers."""
+        """Return the change (rows, n, k) of the interpolation's coefficients; ``free`` (n,): 0 for multipliers."""
         ...
 
     def dense_back(self, made: Array, h: float, free: Array) -> tuple[Change, Stages]:
-        """Return what changes of start and stages do to goals, from what the change of ``dense`` does."""
+        """Return the derivatives of goals by start and stages, from those by the result of ``dense``."""
         ...
 
 
@@ -113,14 +113,14 @@ class NewmarkStages:
         return np.array([[self.gamma / (self.beta * h)]]), np.array([[f]])
 
     def begins(self, h: float) -> Array:
-        """Return what is left of the rates where the end does not move."""
+        """Return the coefficients of the rates at the end for fixed positions there."""
         V, A = (float(x[0, 0]) for x in self.rates(h))
         far, f = h * h * (0.5 - self.beta), 1.0 / (1.0 - self.af)
         v = [-V, 1.0 - V * h, 0.0, h * (1.0 - self.gamma) - V * far]
         return np.array([[v], [[-A, -A * h, -self.af * f, self.am * f - A * far]]])
 
     def kept(self, h: float) -> Array:
-        """Return what the algorithmic acceleration is: what moves the end there."""
+        """Return the coefficients of the algorithmic acceleration at the end."""
         f = 1.0 / (self.beta * h * h)
         return np.array([f, -f, -h * f, 0.0, -(0.5 - self.beta) / self.beta])
 
@@ -129,7 +129,7 @@ class NewmarkStages:
         return np.array([h * start.v, found.z[0] - start.z, h * found.v[0]])
 
     def dense_back(self, made: Array, h: float, free: Array) -> tuple[Change, Stages]:
-        """Return what start and end do to the goals."""
+        """Return the derivatives of goals by start and end."""
         none = np.zeros_like(made[:1])
         return (Change(-made[1], h * made[0], none[0], none[0]),
                 Stages(np.zeros(1), made[1:2], h * made[2:3], none))
@@ -142,7 +142,7 @@ class RadauStages:
         self.c, self.W, self.stages = own.c, own.W, len(own.c)
         self.W2, self.ones = own.W @ own.W, own.W.sum(axis=1)
         s = self.stages
-        # derivatives at 0 and at all nodes of the polynomials through these, of multipliers
+        # derivatives at 0 and at all nodes of the polynomials through the nodes, for multipliers
         self.slopes = np.zeros((s + 1, s))
         for j in range(s):
             others = np.delete(self.c, j)
@@ -160,18 +160,18 @@ class RadauStages:
         return self.W / h, self.W2 / (h * h)
 
     def begins(self, h: float) -> Array:
-        """Return what is left of the rates where no stage moves."""
+        """Return the coefficients of the rates at the stages for fixed positions there."""
         out = np.zeros((2, self.stages, 4))
         out[0, :, 0] = out[1, :, 1] = -self.ones / h
         out[1, :, 0] = -self.W2.sum(axis=1) / (h * h)
         return out
 
     def kept(self, h: float) -> Array:
-        """Return that nothing is kept but what the start has."""
+        """Return the coefficients of the stored values, which are those of the start."""
         return np.array([0.0, 0.0, 0.0, 0.0, 1.0])
 
     def dense(self, start: Change, found: Stages, h: float, free: Array) -> Array:
-        """Return the changes of the rates at the start and the stages; of multipliers by their polynomial."""
+        """Return the changes of the rates at the start and the stages; for multipliers those of their polynomial."""
         out = h * np.concatenate([start.v[None], found.v])
         held = free == 0.0
         moved = found.z[:, held] - start.z[None, held]
@@ -179,7 +179,7 @@ class RadauStages:
         return out
 
     def dense_back(self, made: Array, h: float, free: Array) -> tuple[Change, Stages]:
-        """Return what start and stages do to the goals."""
+        """Return the derivatives of goals by start and stages."""
         held, none = free == 0.0, np.zeros_like(made[1:])
         moved = np.where(held[:, None], np.einsum("ij,ink->jnk", self.slopes, made), 0.0)
         rates = np.where(held[:, None], 0.0, h * made)
@@ -187,18 +187,18 @@ class RadauStages:
         return start, Stages(np.zeros(self.stages), moved, rates[1:], none)
 
 
-# by the kind of their own tuples
+# by the type of an integrator's tuple of arrays
 METHODS: dict[type, type[Any]] = {Newmark: NewmarkStages, Radau: RadauStages}
 
 
 def method_of(own: Record) -> Method:
-    """Return the stages of an integrator by its own record."""
+    """Return the stages of an integrator from its own record."""
     found: Method = METHODS[type(own.values)](own.values)
     return found
 
 
 class Entries:
-    """The entries of symmetric matrices of a model in motion as sparse ones, and the matrices of steps of s stages."""
+    """The entries of stored symmetric matrices as sparse matrices, and the layout of matrices of steps of s stages."""
 
     def __init__(self, model: Model, p: Record, stages: int) -> None:
         n, self.s = len(p.coordinate), stages
@@ -221,14 +221,14 @@ class Entries:
         return np.asarray(A[..., self.at])
 
     def matrix(self, data: Array) -> csr_array:
-        """Return the sparse matrix of its entries (nnz,)."""
+        """Return the sparse matrix with these entries (nnz,)."""
         from scipy.sparse import csr_array
 
         return csr_array((data, self.columns, self.indptr), shape=(self.n, self.n))
 
     @cached_property
     def places(self) -> tuple[int, Index, Index]:
-        """Return half bandwidth, rows and columns (s, s, nnz) of all blocks, stages of an unknown side by side."""
+        """Return half bandwidth, rows and columns (s, s, nnz) of all blocks; the stages of an unknown are adjacent."""
         s = self.s
         stage = np.arange(s)
         i = self.rows * s + stage[:, None, None]
@@ -238,10 +238,10 @@ class Entries:
 
 
 class Equations:
-    """The equations of several steps of lengths h (steps,), factored: as bands where they are narrow.
+    """The factored equations of several steps of lengths h (steps,), stored as bands if they are narrow.
 
-    K and C + alpha M (steps s, nnz) are those of the stages, M (nnz,) the mass; ``rubs`` tells whether C + alpha M is
-    not zero. Raises ArithmeticError with the number of the first step whose matrix is singular.
+    K and C + alpha M (steps s, nnz) are those of the stages, M (nnz,) the mass; ``rubs``: whether C + alpha M is not
+    zero. Raises ArithmeticError with the number of the first step whose matrix is singular.
     """
 
     def __init__(self, entries: Entries, method: Method, h: Array, K: Array, C: Array, M: Array, rubs: bool) -> None:
@@ -275,7 +275,7 @@ class Equations:
     def follow(self, dR: Array, start: Change) -> tuple[Stages, Array]:
         """Return the changes of stages (steps s, n, k), and of all steps' starts and the last end (steps + 1, 4, n, k).
 
-        They are those that changes dR (steps s, n, k) of the residuals and one of the start make.
+        They are caused by changes dR (steps s, n, k) of the residuals and by that of the first start.
         """
         n, s, columns = self.entries.n, self.entries.s, dR.shape[2]
         out = Stages(np.zeros(0), *(np.zeros(dR.shape) for _ in range(3)))
@@ -302,10 +302,10 @@ class Equations:
         return out, ends
 
     def back(self, stages: Stages, starts: Array, end: Change) -> tuple[Array, Change]:
-        """Return lam (steps s, n, k), by which goals change by -lam dR, and what changes of the first start do to them.
+        """Return lam (steps s, n, k), with goals changing by -lam dR, and the derivatives of goals by the first start.
 
-        ``stages`` (steps s, n, k), ``starts`` (steps, 4, n, k) and ``end`` are what changes of these do to goals
-        directly; the first two are overwritten.
+        ``stages`` (steps s, n, k), ``starts`` (steps, 4, n, k) and ``end`` are the direct derivatives of the goals; the
+        first two are overwritten.
         """
         lam: Array = np.zeros(stages.z.shape)
         last = np.array([end.z, end.v, end.a, end.own])

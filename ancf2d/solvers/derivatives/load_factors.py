@@ -1,4 +1,4 @@
-"""How load factors at which a model buckles, or its small motions begin to grow, change with a number of the case."""
+"""Derivatives of load factors of buckling, and of factors at which small motions begin to grow, by a number."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class LinearResponse(OneByOne):
-    """The linear response u to the loads that the factor scales, and how the tangent changes along it.
+    """The linear response u to the loads that the factor scales, and the derivative of the tangent along it.
 
     Both are those of ``statics.buckling``.
     """
@@ -70,7 +70,7 @@ class LinearResponse(OneByOne):
         return Quotient(change, np.zeros_like(change), first.h, np.zeros_like(change))
 
     def rate(self) -> csc_array:
-        """Return dK/dt (n, n) along the response, as it is formed."""
+        """Return dK/dt (n, n) along the response, as assembled."""
         from scipy.sparse import diags_array
 
         free, pencil = self.model.numbering.free, self.pencil
@@ -79,7 +79,7 @@ class LinearResponse(OneByOne):
         return (moved @ stored(self.model, pencil.matrix, values) @ moved).tocsc()
 
     def rates(self, pencil: Pencil, u: Array, Y: Array, X: Array) -> Array:
-        """Return Y^T dK/dt X (m, k) along a response u, by way of the strains, without the rows of constraints."""
+        """Return Y^T dK/dt X (m, k) along a response u, through the strains, without the rows of constraints."""
         num, way = pencil.model.numbering, self.full(pencil.model, u)
         left, right = (np.array([self._moved(pencil.model, x) for x in Z.T]) for Z in (Y, X))
         out = np.zeros((len(left), len(right)))
@@ -96,7 +96,7 @@ class LinearResponse(OneByOne):
         return out
 
     def state_with(self, model: Model, du: Array, numbers: Sequence[int], changes: Array) -> State:
-        """Return the linear response of a model with u changed, and so the load factors of some numbers, from 1 on."""
+        """Return the linear response of a model with u and some load factors changed (``numbers`` from 1)."""
         n, pencil = len(self.u), self.pencil_of(model)
         factors = np.array(self.state.report["load_factors"])
         factors[np.array(numbers, dtype=int) - 1] += changes
@@ -114,7 +114,7 @@ def _report(state: State, factors: Array) -> dict[str, Any]:
 class Instability(LinearResponse):
     """Linear buckling (K + mu dK/dt) phi = 0: mu' = -phi^T (K' + mu (dK/dt)') phi / phi^T dK/dt phi.
 
-    ``wanted``: the numbers of the load factors that are differentiated, from 1 on.
+    ``wanted``: the numbers (from 1) of the load factors to be differentiated.
     """
 
     def __init__(self, model: Model, state: State, wanted: Sequence[int]) -> None:
@@ -123,7 +123,10 @@ class Instability(LinearResponse):
         self.shapes = [self._shapes(k - 1) for k in wanted]
 
     def _shapes(self, number: int) -> tuple[float, Array, int]:
-        """Return a load factor, the shapes (n, m) of all that are equal to it, and its place among them."""
+        """Return a load factor, the shapes (n, m) of all that are equal to it, and its place among them.
+
+        Raises ComputationError if there may be more equal ones than were computed.
+        """
         factors = self.state.report["load_factors"]
         near = [k for k, f in enumerate(factors) if abs(f - factors[number]) <= EQUAL * abs(factors[number])]
         if len(near) > 1 and near[-1] == len(factors) - 1:
@@ -138,7 +141,7 @@ class Instability(LinearResponse):
         return factor, null_vectors(K + (1.0 + BESIDE) * rate, K + rate, start).real, near.index(number)
 
     def slope(self, at: Varied, h: float) -> Quotient:
-        """Return du/dp (n,) of the response, then dmu/dp of the factors; ``kink`` is that of equal ones that part."""
+        """Return du/dp (n,) of the response, then dmu/dp of the factors, with a ``kink`` where equal ones separate."""
         first = self.change(at, h)
 
         def forms(step: float) -> Array:
@@ -162,7 +165,7 @@ class Instability(LinearResponse):
 
 
 class _Loads(LinearResponse):
-    """Loads without a potential that the factor scales: it adds mu dK/dt to K, along the linear response."""
+    """Loads without a potential, scaled by the factor: it adds mu dK/dt to K, along the linear response."""
 
     def __init__(self, model: Model, state: State) -> None:
         super().__init__(model, state)
@@ -170,14 +173,14 @@ class _Loads(LinearResponse):
         self.n = len(self.u)
 
     def matrices(self, model: Model, change: Array) -> Quadratic:
-        """Return the matrices of a model without what the factor adds."""
+        """Return the matrices of a model without the contribution of the factor."""
         pencil = self.pencil_of(model)
         zero = np.zeros(len(pencil.d))
         about = State(0.0, pencil.d, zero, zero, 0.0, turned=pencil.system.turns()[1])
         return Quadratic(Linearised(Base(model, about, True)), relaxes=True)
 
     def added(self, problem: Quadratic, change: Array, one: Onset) -> complex:
-        """Return y^T T_added x of what the factor adds where the response has changed (n,)."""
+        """Return y^T T_added x, the contribution of the factor, for a response changed by ``change`` (n,)."""
         Y, X = (np.array([v.real, v.imag]).T for v in (one.y, one.x))
         pencil, u = problem.small.pencil, self.u + change
         found = np.array([1.0, 1j]) @ self.rates(pencil, u, Y, X) @ np.array([1.0, 1j])
@@ -186,7 +189,8 @@ class _Loads(LinearResponse):
 
 
 class _Flows(SmallMotions):
-    """Flow along bodies whose velocity the factor scales: it adds mu^2 to K and mu to C, about the state without flow.
+    """Flow along bodies with velocities scaled by the factor: it adds mu^2 to K and mu to C, about the state without
+    flow.
     """
 
     def __init__(self, model: Model, state: State) -> None:
@@ -196,12 +200,12 @@ class _Flows(SmallMotions):
         set_speed(model, 1.0)
 
     def matrices(self, model: Model, change: Array) -> Quadratic:
-        """Return the matrices of a model without what the factor adds, where the state has changed (n,)."""
+        """Return the matrices of a model without the factor's contribution, for a state changed by ``change`` (n,)."""
         set_speed(model, 0.0)
         return self.problem_at(model, self.z + change if self.n else self.z)
 
     def change(self, at: Varied, h: float) -> Quotient:
-        """Return dz/dp (n,) of the state, where it is an equilibrium."""
+        """Return dz/dp (n,) of the state, if it is an equilibrium."""
         def still(step: float) -> Model:
             model = at(step)
             set_speed(model, 0.0)
@@ -209,7 +213,7 @@ class _Flows(SmallMotions):
         return self.moved(still, h)[1]
 
     def added(self, problem: Quadratic, change: Array, one: Onset) -> complex:
-        """Return y^T T_added x of what the factor adds."""
+        """Return y^T T_added x, the contribution of the factor."""
         model = problem.small.model
         set_speed(model, 1.0)
         adds = speed_change(model)
@@ -217,7 +221,7 @@ class _Flows(SmallMotions):
         return complex(one.y @ times(adds, one.s, one.factor, one.x))
 
     def state_with(self, model: Model, dz: Array, numbers: Sequence[int], changes: Array) -> State:
-        """Return the state of a model with its unknowns changed, and so the factors of some numbers, from 1 on."""
+        """Return the state of a model with its unknowns and some factors changed (``numbers`` from 1)."""
         factors = np.array(self.state.report["load_factors"])
         factors[np.array(numbers, dtype=int) - 1] += changes
         set_speed(model, 0.0)
@@ -229,8 +233,8 @@ class _Flows(SmallMotions):
 class Growth(OneByOne):
     """Factors at which small motions begin to grow: with y^T T = T x = 0 there, 0 = y^T (T' + s' dT/ds + mu' dT/dmu) x.
 
-    In divergence s stays 0; flutter begins with an imaginary s where anything takes out or brings in energy, and else
-    where two frequencies meet, with y^T dT/ds x = 0. ``wanted``: the numbers of the factors that are differentiated.
+    In divergence s stays 0. Flutter begins with an imaginary s if anything dissipates or supplies energy, else where
+    two frequencies meet, with y^T dT/ds x = 0. ``wanted``: the numbers of the factors to be differentiated.
     """
 
     def __init__(self, model: Model, state: State, wanted: Sequence[int]) -> None:
@@ -244,9 +248,9 @@ class Growth(OneByOne):
             self.reason = str(error)
 
     def slope(self, at: Varied, h: float) -> Quotient:
-        """Return the derivative (n,) of what the state is about, then dmu/dp of the factors.
+        """Return the derivative (n,) of the state or response, then dmu/dp of the factors.
 
-        Raises UnsuitedError where that is not known, ComputationError where there is none.
+        Raises UnsuitedError if that is not known, ComputationError if it does not exist.
         """
         if self.reason:
             raise UnsuitedError(self.reason)

@@ -1,7 +1,7 @@
-"""Many states of a motion at once: the elements of all states are evaluated side by side.
+"""Elements at many states of a motion, evaluated side by side.
 
-Kernels evaluate elements of one class together. A body whose section varies has a class for each of its elements, so
-that the states of a motion are what there is plenty of.
+Kernels evaluate elements of one class together. A body with varying section has a class for each of its elements, so
+the states of a motion are evaluated together instead.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ class Full(NamedTuple):
 
 
 def in_full(run: Run, at: Record, window: Array, lam: Array | None = None) -> Full:
-    """Return states of a motion, with signals as they are in a time (2,), in full coordinates.
+    """Return states of a motion in full coordinates, with signals as in a window (2,) of times.
 
-    They are kept as long as the states are.
+    They are cached as long as the states exist.
     """
     known: tuple[Array | None, Full] | None = run.seen.get(at)
     if known is not None and (lam is None or known[0] is lam):
@@ -56,8 +56,8 @@ def in_full(run: Run, at: Record, window: Array, lam: Array | None = None) -> Fu
 def forces(group: Record, tau: float, d: Array, v: Array) -> Array:
     """Return the forces (m, elements, n) of elements at m states in full coordinates.
 
-    Each element at each state has coordinates of its own, and those of one element follow one another: they are worked
-    on side by side.
+    Each element at each state gets its own coordinates, with the states of one element adjacent, so that they are
+    evaluated side by side.
     """
     many, (here, rates) = _side_by_side(group, d, v)
     Q = np.zeros_like(here)
@@ -68,10 +68,10 @@ def forces(group: Record, tau: float, d: Array, v: Array) -> Array:
 
 
 def left_out(group: Record, tau: float, d: Array, v: Array, lam: Array) -> tuple[Array, Array]:
-    """Return what changes of positions and rates do to the work of viscous elements on lam (m, n_full).
+    """Return the derivatives of the work of viscous elements on lam (m, n_full) by positions and rates.
 
-    They are (m, elements, n) each, at m states, beyond what ``along.tangents`` tells. lam is to be about as large as
-    the rates: what is quadratic in these keeps most digits then.
+    They are (m, elements, n) each, at m states, without the part in ``along.tangents``. lam should be about as large as
+    the rates, so that quadratic terms keep most digits.
     """
     many, (here, rates, virtual) = _side_by_side(group, d, v, lam)
     by_d, by_v, stiff, room = (np.zeros_like(here) for _ in range(4))
@@ -81,7 +81,7 @@ def left_out(group: Record, tau: float, d: Array, v: Array, lam: Array) -> tuple
 
 
 def _side_by_side(group: Record, *full: Array) -> tuple[Record, list[Array]]:
-    """Return a group of each element at each state, and what full coordinates (m, n_full) are of their own."""
+    """Return a group of each element at each state, and full coordinates (m, n_full) copied to its own coordinates."""
     m, (count, n) = len(full[0]), group.dofs.shape
     many = of_elements(group, np.repeat(np.arange(count), m))
     return (many.replaced(dofs=np.arange(count * m * n).reshape(-1, n)),
@@ -89,6 +89,6 @@ def _side_by_side(group: Record, *full: Array) -> tuple[Record, list[Array]]:
 
 
 def _by_states(own: Array, group: Record) -> Array:
-    """Return what elements at states have of their own as (m, elements, n)."""
+    """Return values of elements at states as (m, elements, n)."""
     count, n = group.dofs.shape
     return np.swapaxes(own.reshape(count, -1, n), 0, 1)

@@ -1,4 +1,4 @@
-"""How a motion changes with numbers of its case: steps of differences that suit each, and what is found with them."""
+"""Derivatives of a motion by numbers of its case, with suitable steps of the differences."""
 
 from __future__ import annotations
 
@@ -19,23 +19,24 @@ from .motion_states import NEWTON, OF_FORCES, Pass, lengths_of, unlike
 from .readings import Goals, Readings
 from .varied_motions import Beside, Together, Varied
 
-# differences of lower order, beside the largest change, for which a motion is not made again: the square is left
+# if differences of lower order are this close, relative to the largest change, the motion is not repeated: the error is
+# the square
 SMOOTH_ENOUGH = 2e-4
-# steps that tell whether a number is varied by too much
+# number of steps of the motion used to check the steps of the differences
 FIRST_STEPS = 16
 
 
 class Motion(Together):
-    """The change of the ``states`` of a motion with numbers of its case, of the last alone unless ``whole``.
+    """The derivatives of the ``states`` of a motion by numbers of its case; of the last state only, unless ``whole``.
 
-    Of ``goals``, where it is theirs that is asked for and follows from that of the states: there are ``readings`` then,
-    and ``slope`` is that of their values.
+    If ``goals`` are given and their derivatives follow from those of the states, there are ``readings``, and ``slope``
+    returns the derivatives of the goals.
     """
 
     def __init__(self, model: Model, states: Sequence[State], whole: bool, goals: Goals | None = None) -> None:
         spec = model.case.solver
         assert isinstance(spec, Dynamic)
-        # no coarser motions beside
+        # without coarser motions for an error estimate
         self.spec = replace(spec, estimate=False)
         self.model, self.whole = model, whole
         # fixed steps have the lengths that they had in the run
@@ -43,7 +44,7 @@ class Motion(Together):
         self.found: dict[Varied, Quotient | Exception] = {}
         self.runs: dict[int, Run] = {}
         self.rows: list[Row] = []
-        # what is made once, whatever is tried with it: tolerances that are left, and numbers with their steps
+        # shared by all attempts: tolerances not yet excluded, and varied models by number and step
         self.tolerances, self.beside = list(NEWTON), dict[tuple[Varied, float], Beside | Exception]()
         self.run = Run(model, self.spec)
         self.readings: Readings | None = None
@@ -52,9 +53,9 @@ class Motion(Together):
                                      np.array(self.run.problem.coordinate))
 
     def find(self, beside: Sequence[tuple[Varied, float]]) -> None:
-        """Find the derivatives to several numbers at once, with shorter steps of those where they are too long.
+        """Find the derivatives by several numbers at once, with shorter steps of the differences where necessary.
 
-        The first steps of the motion tell most of this.
+        The first steps of the motion usually suffice to choose these.
         """
         todo = list(beside)
         for k in range(2 * TRIES - 1):
@@ -69,7 +70,7 @@ class Motion(Together):
         self.beside.clear()
 
     def _numbers(self, todo: Sequence[tuple[Varied, float]]) -> tuple[dict[int, Beside], dict[int, Exception]]:
-        """Return the numbers that can be varied, and why others cannot, by their places."""
+        """Return the numbers that can be varied, and the reasons why others cannot, by their places."""
         numbers, refused = dict[int, Beside](), dict[int, Exception]()
         for k, (at, h) in enumerate(todo):
             if (at, h) not in self.beside:
@@ -86,7 +87,7 @@ class Motion(Together):
 
     def _made(self, todo: Sequence[tuple[Varied, float]], steps: int | None
               ) -> tuple[Pass, dict[int, Beside], dict[int, Exception]]:
-        """Make the motion, or its first steps, with the tightest tolerance that it allows; return who was refused."""
+        """Make the motion, or its first steps, with the tightest possible tolerance; return it, numbers, refusals."""
         while True:
             last = len(self.tolerances) == 1
             motion = Pass(self.model, self.spec, self.whole, self.tolerances[0], None if last else self.lengths)
@@ -103,7 +104,7 @@ class Motion(Together):
             del self.tolerances[0]
 
     def _shares(self, todo: Sequence[tuple[Varied, float]]) -> list[float]:
-        """Return how far differences of lower order are off over the first steps."""
+        """Return the relative error of differences of lower order over the first steps."""
         motion, numbers, refused = self._made(todo, FIRST_STEPS)
         shares = [0.0] * len(todo)
         for k, rough in zip(numbers, motion.rough.tolist(), strict=False):
@@ -111,7 +112,7 @@ class Motion(Together):
         return shares
 
     def _once(self, todo: Sequence[tuple[Varied, float]]) -> list[float]:
-        """Find derivatives; return how far differences of lower order are from them."""
+        """Find derivatives; return the relative difference of those of lower order from them."""
         motion, numbers, refused = self._made(todo, None)
         shares = [0.0] * len(todo)
         for k, why in refused.items():
@@ -126,7 +127,7 @@ class Motion(Together):
             both = np.array(motion.changes)[..., 2 * column:2 * column + 2]
             value, gap = both[..., 0], np.abs(both[..., 0] - both[..., 1])
             shares[k] = unlike(weights, both[:, 0])
-            # of z, v and a, as ``Pass`` takes them
+            # for z, v and a, weighted as in ``Pass``
             off = motion.off[column] * np.array([np.where(motion.free, 1.0, of_forces), one, of_forces * one])
             error = gap * min(shares[k], 1.0) + off * np.abs(value)
             best = self.found.get(number.at)
@@ -138,11 +139,11 @@ class Motion(Together):
         return shares
 
     def _windows(self, rows: Sequence[Row]) -> list[Array]:
-        """Return the times between breaks that states are in."""
+        """Return the windows between breaks that contain the states."""
         return [np.array(piece_at(self.run.stepper.pieces, row.side)[:2]) for row in rows]
 
     def states(self, model: Model, change: Array) -> list[State]:
-        """Return the states of a model beside the first one, where everything has changed by so much."""
+        """Return the states of a varied model, for a change of all unknowns, rates and accelerations."""
         if id(model) not in self.runs:
             self.runs[id(model)] = Run(model, self.spec)
         run = self.runs[id(model)]

@@ -1,7 +1,7 @@
 """Derivatives of a few goals of a motion by any number of parameters, by following the motion backwards.
 
-Each number adds what its change of the residuals does as work on the virtual displacements of ``solvers.backwards``:
-it needs two models, and of these what the number changes alone.
+For each number, the change of the residuals is multiplied by the virtual displacements of
+``solvers.derivatives.backwards``. This needs two models, and only the parts of them that the number changes.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ from .motion_states import NEWTON
 from .readings import Goals, Readings
 from .varied_motions import Beside, Together, Varied, rests
 
-# of the step of differences of fourth order: that of two models. Their second difference, beside the first, is to be
-# small: its square is left
+# step relative to that of fourth-order differences, and the largest second difference relative to the first (the error
+# is its square)
 SHORT, STRAIGHT = 0.02, 5e-5
-# how often a step that is too long is shortened
+# largest number of attempts with shorter steps
 TRIES = 3
-# of derivatives by differences with the step that is tried first
+# relative round-off of derivatives by differences with the first step
 ROUND_OFF = 3e-11
-# of goals; and times that, which is no change of what is read: each is the result of a few operations
+# relative round-off of goals; and the multiple of it that is no change, as each goal results from a few operations
 EPSILON, FEW = 2.2e-16, 4.0
 
 
 def made_again(model: Model, whole: bool, lengths: list[float]) -> tuple[Backwards, list[State]]:
-    """Make a motion with the tightest tolerance of Newton's method that leaves fixed steps their ``lengths`` of a run.
+    """Make a motion with the tightest tolerance of Newton's method at which fixed steps keep their ``lengths``.
 
     Raises UnsuitedError.
     """
@@ -58,18 +58,18 @@ def made_again(model: Model, whole: bool, lengths: list[float]) -> tuple[Backwar
 
 
 class Sums:
-    """What numbers do to goals."""
+    """Derivatives of goals by several numbers."""
 
     def __init__(self) -> None:
         self.all: list[Sum] = []
 
     def note(self, at: Record, window: Array, lam: Array) -> None:
-        """Take what the residuals at states do."""
+        """Add the contribution of the residuals at states."""
         for one in self.all:
             one.note(at, window, lam)
 
     def pass_break(self, stepper: Stepper, piece: int, end: Change, at: Record | None, mu: Array) -> None:
-        """Take what is behind a break."""
+        """Add the contribution of a break."""
         window = stepper.p.programs.window.copy()
         for one in self.all:
             if at is None or one.number.differing.moves:
@@ -79,38 +79,38 @@ class Sums:
 
 
 class Sum:
-    """What a number does to goals (k,): its derivative, and the sums of the sizes of what it adds up from (2, k)."""
+    """The derivative of goals (k,) by a number, and the summed magnitudes of its contributions (2, k)."""
 
     def __init__(self, number: Beside, k: int) -> None:
         self.number, self.value, self.sizes = number, np.zeros(k), np.zeros((2, k))
 
     def note(self, at: Record, window: Array, lam: Array) -> None:
-        """Add what the residuals at states do."""
+        """Add the contribution of the residuals at states."""
         self.take(-self.number.differing.works(at, window, lam))
 
     def take(self, parts: Array) -> None:
-        """Add differences (2, m, k), of which the second tell how far the first change over a step."""
+        """Add differences (2, m, k); the second show how much the first vary over a step."""
         self.value += parts[0].sum(axis=0)
         self.sizes += np.abs(parts).sum(axis=1)
 
     def change(self, found: Change, bar: Change) -> None:
-        """Add what a change (n, 2) of a state does, whose changes do ``bar`` (n, k)."""
+        """Add the contribution of a change (n, 2) of a state, with derivatives ``bar`` (n, k) of the goals by it."""
         parts = [getattr(found, name).T @ getattr(bar, name) for name in PARTS]
         self.take(np.sum(parts, axis=0)[:, None])
 
     def bent(self, round_off: Array) -> float:
-        """Return how far differences are from those of a straight line, beyond the round-off (k,) of what is read."""
+        """Return the relative nonlinearity over a step, beyond the round-off (k,) of the goals."""
         shares = np.maximum(self.sizes[1] - round_off, 0.0) / np.where(self.sizes[0] > 0.0, self.sizes[0], 1.0)
         return float(shares.max(initial=0.0))
 
 
 @dataclass
 class Start:
-    """What changes of the start do to goals (n, k).
+    """The derivatives of the goals by the start (n, k).
 
-    Where accelerations follow from a state at rest, or with given rates: by its residuals as work on ``mu``, and by
-    ``rates``. These have M v = T^T M V of those asked for, V, so that a change M' does ``lifted``^T M' ``left`` of it:
-    ``left`` (n_q,) is V - T v, ``lifted`` (n_q, k) T M^-1 rates.
+    If accelerations follow from a state at rest, or from given rates: by its residuals with virtual displacements
+    ``mu``, and by ``rates``. The rates satisfy M v = T^T M V with V those asked for, so that a change M' contributes
+    ``lifted``^T M' ``left``: ``left`` (n_q,) is V - T v, ``lifted`` (n_q, k) T M^-1 rates.
     """
 
     all: Change
@@ -121,7 +121,7 @@ class Start:
 
 
 class MotionAdjoint(Together):
-    """What numbers do to goals of a motion that has been made, with its states. Raises UnsuitedError."""
+    """Derivatives of goals of a motion that has been made, with its states, by numbers. Raises UnsuitedError."""
 
     def __init__(self, motion: Backwards, states: Sequence[State], goals: Goals) -> None:
         self.motion, self.model = motion, motion.run.model
@@ -130,18 +130,18 @@ class MotionAdjoint(Together):
         self.states = states if motion.whole else [states[0], states[-1]]
         self.readings = Readings(self.model, goals, self.states, motion.free)
         self.values, self.bars = self.readings.values, self.readings.bars()
-        # what the start does, and by its residuals; once virtual displacements are kept, numbers come one by one
+        # if virtual displacements are stored, the start is known, and derivatives can be found number by number
         self.start: Start | None = None
         if self.motion.keeps(self.bars[-1].z.shape[1]):
             self.start = self._started(self.motion.back(self.bars, Sums()))
 
     def prepare(self, beside: Sequence[tuple[Varied, float]]) -> None:
-        """Find the derivatives to several numbers at once, where these cannot be found one by one."""
+        """Find the derivatives by several numbers at once, if they cannot be found one by one."""
         if self.start is None:
             self.find(beside)
 
     def find(self, beside: Sequence[tuple[Varied, float]]) -> None:
-        """Find the derivatives, with shorter steps of numbers where they are too long."""
+        """Find the derivatives, with shorter steps of the differences where necessary."""
         todo = [(at, h * SHORT) for at, h in beside]
         for k in range(TRIES):
             todo = self._once(todo, last=k == TRIES - 1)
@@ -175,7 +175,7 @@ class MotionAdjoint(Together):
             noise = ROUND_OFF * self.first[number.at] / number.h
             of_reading = EPSILON / number.h * np.abs(self.values)
             bent = one.bent(FEW * of_reading)
-            # of the step, where (bent x)^2 and noise / x are least together
+            # factor x on the step that minimises (bent x)^2 + noise / x
             shorter = (0.5 * noise / max(bent, STRAIGHT)**2) ** (1 / 3)
             if bent > STRAIGHT and shorter < 0.5 and not last:
                 again.append((number.at, number.h * shorter))
@@ -185,7 +185,7 @@ class MotionAdjoint(Together):
         return again
 
     def _started(self, start: Change) -> Start:
-        """Return what changes of the start do, given that they are ``start``."""
+        """Return the derivatives by the start, given those by its state."""
         motion, initial = self.motion, self.model.case.initial or Initial()
         if not motion.free.all() or len(motion.stepper.p.motion_coord) or initial.from_ != "rest":
             return Start(start, None, None)
@@ -198,7 +198,7 @@ class MotionAdjoint(Together):
         return Start(start, mu, rates, T @ motion.by_mass.solve(rates), left)
 
     def _begin(self, one: Sum, start: Start) -> None:
-        """Add what a number does by the start of the motion."""
+        """Add the contribution of the start of the motion to the derivative by a number."""
         if start.mu is None:
             one.change(one.number.begin(), start.all)
             return

@@ -1,9 +1,8 @@
-"""A motion repeated together with the changes of its states: the derivatives of the steps as they were made.
+"""A motion repeated together with the derivatives of its states, along the steps as they were made.
 
-The equations R_i = 0 of the stages of each step are differentiated as those of equilibria are (``statics``):
-dR/dp by differences of models beside the number at the same stages, K, C and M by the tangents. A step's matrix is
-factored once for all numbers. What goes from step to step is the change of the state: memory does not grow with the
-steps.
+The equations R_i = 0 of the stages of each step are differentiated like those of equilibria (``statics``): dR/dp by
+differences of varied models at the same stages, K, C and M by the tangents. A step's matrix is factored once for all
+numbers. Only the change of the state is passed from step to step, so memory does not grow with the number of steps.
 """
 
 from __future__ import annotations
@@ -32,31 +31,31 @@ from .differences import UnsuitedError
 from .linear_steps import Change, Entries, Equations, Stages, method_of
 from .varied_motions import Beside, carried, joined, rests
 
-# of Newton's increments, the first with which fixed steps are as long as in a run
+# tolerances of Newton's increments; the first at which fixed steps are as long as in the run is used
 NEWTON = (1e-13, 1e-12, 1e-11, 1e-10)
-# Newton's iterations in a step that converges with a larger tolerance too
+# iterations up to which a step would converge with a larger tolerance, too
 EASY = 5
-# relative, of lengths of steps that are the same
+# relative difference of equal step lengths
 SAME = 1e-6
-# numbers that the stages of a window of steps are kept in, at most
+# largest number of floats stored for the stages of a window of steps
 WINDOW = 1 << 21
-# of the scene: how far tangents are tried along a change
+# relative to the scene: displacement over which tangents are checked along a change
 TRIED = 5e-6
-# corrections of a change, relative to the largest, that are none; and most of them
+# relative correction of a change that is negligible, and the largest number of corrections
 CLOSE, CORRECTIONS = 1e-9, 12
-# the same, beyond which they do not come to an end
+# relative correction above which they have not converged
 LOOSE = 1e-6
-# of the scene, and of accelerations and multipliers: changes over the step of a number that round-off makes
+# changes over a number's step that are round-off, relative to the scene, and to accelerations and multipliers
 UNMOVED, NOISE = 1e-12, 1e-10
-# of what accelerations and multipliers are off, beside their own size, what counts: they are differences of positions
+# weight of relative errors of accelerations and multipliers, which are differences of positions
 OF_FORCES = 1e-2
-# what the changes of all numbers together may leave out, and the golden section, of which they have unlike shares
+# error allowed for the sum of the changes by all numbers, and the golden section, for unequal shares in it
 ENOUGH, GOLDEN = 5e-9, 0.6180339887498949
 
 
 @dataclass
 class Step:
-    """A step that was made: time, length and stages, what laws remembered before, and states stored within."""
+    """A step: time, length and stages, history variables before it, and the states stored in it."""
 
     t: float
     h: float
@@ -68,30 +67,30 @@ class Step:
 
 @dataclass
 class Course:
-    """Changes along some steps: of stages (m, n, k), of where steps begin and the last ends (steps + 1, 4, n, k)."""
+    """Changes along some steps: of stages (m, n, k), and of the starts and the last end (steps + 1, 4, n, k)."""
 
     stages: Stages
     ends: Array
 
     def at(self, k: int) -> Change:
-        """Return the change of where step k begins, -1 of where the last one ends."""
+        """Return the change of the start of step k, or with -1 of the last end."""
         return Change(*self.ends[k])
 
     def add(self, other: Course, columns: Any) -> None:
-        """Add other changes to some of the columns, once for each of them."""
+        """Add other changes to the given columns."""
         self.ends[..., columns] += other.ends
         for name in ("z", "v", "a"):
             getattr(self.stages, name)[:, :, columns] += getattr(other.stages, name)
 
 
 class Once:
-    """A motion made once more, step by step, with the linear equations of its steps.
+    """A motion repeated step by step, with the linear equations of its steps.
 
-    ``lengths`` are those of fixed steps in a run, found where needed if none are given; None if they may differ.
+    ``lengths`` are those of fixed steps in a run; if empty, they are found when needed; None if they may differ.
     """
 
     def __init__(self, model: Model, spec: Dynamic, tolerance: float, lengths: list[float] | None) -> None:
-        # no coarser motions beside
+        # without coarser motions for an error estimate
         self.run = Run(model, replace(spec, estimate=False))
         self.stepper = self.run.stepper
         self.stepper.tighten(tolerance)
@@ -102,12 +101,12 @@ class Once:
         self.entries = Entries(model, p, self.method.stages)
         self.mass, self.free = self.entries.read(p.mass), self.entries.free
         self.damped = bool(p.tau.any()) or len(p.points.mem) > 0
-        # what the last step began with, and how many were made
+        # state before the last step, and number of steps made
         self.before: dict[str, Array] = {}
         self.lengths, self.made = lengths, 0
 
     def steps(self) -> Iterator[Step | None]:
-        """Make the motion; yield its steps, and None where it has come to a break."""
+        """Make the motion; yield its steps, and None when it has reached a break."""
         stepper, rows = self.stepper, list[Row]()
         while not stepper.done:
             s, p = stepper.s, stepper.p
@@ -126,10 +125,10 @@ class Once:
                 yield None
 
     def unlike(self) -> bool:
-        """Whether the last step is a fixed one that is not as long as in a run.
+        """Return whether the last step is a fixed one with another length than in the run.
 
-        For smaller increments Newton's method may make a tangent sooner and converge where it does not in a run, or
-        fail where that converges. As long as all steps are easy, no run is made to compare with.
+        With smaller increments, Newton's method may form a tangent earlier and converge where it does not in the run,
+        or fail where that converges. As long as all steps are easy, no run is made for comparison.
         """
         stepper, lengths = self.stepper, self.lengths
         if lengths is None or stepper.dt == 0.0:
@@ -152,7 +151,7 @@ class Once:
         return Record(along.Moments(joined("t"), joined("z"), joined("v"), joined("a"), turns, feet))
 
     def equations(self, window: Sequence[Step], at: Record) -> Equations:
-        """Return the equations of some steps, factored."""
+        """Return the factored equations of some steps."""
         p, w = self.stepper.p, self.stepper.w
         A = np.zeros((len(at.t), len(p.mass)))
         along.tangents(p, w, at, 0.0, A)
@@ -176,7 +175,7 @@ class Once:
         return splu(self.entries.matrix(self.mass).tocsc())
 
     def now(self) -> Record:
-        """Return the state that the motion is in, with its accelerations."""
+        """Return the current state of the motion, with its accelerations."""
         s, p = self.stepper.s, self.stepper.p
         return Record(along.Moments(np.array([self.stepper.t]), *(np.array(x)[None] for x in (
             s.z, s.v, s.a, p.points.mem, p.sliding.memory))))
@@ -188,23 +187,23 @@ def lengths_of(states: Iterable[State]) -> list[float]:
 
 
 class Pass(Once):
-    """A motion made once more, with the changes of its states beside it. Raises UnsuitedError."""
+    """A motion repeated with the derivatives of its states. Raises UnsuitedError."""
 
     def __init__(self, model: Model, spec: Dynamic, whole: bool, tolerance: float,
                  lengths: list[float] | None) -> None:
         super().__init__(model, spec, tolerance, lengths)
         self.whole = whole
-        # the same motion once more, for what it does at breaks
+        # a second motion of the same model, for differences across breaks
         self.other: Stepper | None = None
         self.rows: list[Row] = []
         self.changes: list[Array] = []
-        # whether tangents are all exact so far
+        # whether all tangents have been exact so far
         self.precise = True
-        # of each number: how far linear equations were off, and differences of lower order over the first steps
+        # for each number: error of the linear equations, and of differences of lower order over the first steps
         self.off, self.rough = np.zeros(0), np.zeros(0)
 
     def make(self, numbers: Sequence[Beside], steps: int | None = None) -> bool:
-        """Make the motion, or so many steps; return whether they are as long as those of a run.
+        """Make the motion, or so many steps; return whether these are as long as in the run.
 
         ``rows`` and ``changes`` (3, n, 2 numbers) are then those of the stored states.
         """
@@ -238,13 +237,13 @@ class Pass(Once):
         return Change(none, none.copy(), a, a)
 
     def _accelerations(self) -> Array:
-        """Return how accelerations (n, 2 numbers) change with the numbers where the motion is now and begins anew."""
+        """Return the derivatives of accelerations (n, 2 numbers) by the numbers, if the motion restarts from here."""
         at = self.now()
         dR = [one.differing.residuals(at, self.stepper.p)[:, 0] for one in self.numbers]
         return np.asarray(-self.by_mass.solve(np.concatenate(dR).T))
 
     def _behind_break(self, change: Change) -> Change:
-        """Return the change behind a break, which the motion passes."""
+        """Return the change after a break, and move the motion across it."""
         stepper, piece = self.stepper, self.stepper.piece + 1
         if self.other is None:
             self.other = Run(self.run.model, self.run.spec).stepper
@@ -258,22 +257,22 @@ class Pass(Once):
         return change
 
     def _size(self) -> int:
-        """Return how many steps are taken at a time."""
+        """Return the number of steps of a window."""
         n, s, k = self.entries.n, self.method.stages, 2 * len(self.numbers)
         each = s * n * (10 * k + 10) + s * len(self.mass) * (2 + s) + s * n * (3 * s * self.stepper.p.width + 1)
         return int(min(max(WINDOW // each, 1), 256))
 
     def _take(self, row: Row, change: Change) -> None:
-        """Keep a stored state and its change."""
+        """Store a state and its change."""
         if not self.whole:
             self.rows, self.changes = [], []
         self.rows.append(row)
         self.changes.append(np.array([change.z, change.v, change.a]))
 
-    # ------------------------------------------------------------------ some steps at a time
+    # ------------------------------------------------------------------ windows of steps
 
     def _through(self, window: Sequence[Step], change: Change) -> Change:
-        """Return the change behind some steps, of which ``change`` is that before them."""
+        """Return the change after some steps from the change before them."""
         if not window:
             return change
         n, m = self.entries.n, len(window) * self.method.stages
@@ -296,9 +295,9 @@ class Pass(Once):
         return course.at(-1)
 
     def _exact(self, equations: Equations, at: Record, dR: Array, course: Course) -> bool:
-        """Whether residuals change by nothing along the changes: along the sum of all, so that one look is enough.
+        """Return whether the residuals are stationary along the changes, checked once along a weighted sum of all.
 
-        Each number counts by its size in the sum, times a factor of its own, so that none makes up for another.
+        The sum contains each number's change scaled to equal size, with factors that prevent cancellation.
         """
         weights, stages, own = self.stepper.p.weights[None, :, None], course.stages, slice(None, None, 2)
         sizes = np.maximum((weights * np.abs(stages.z[:, :, own])).max(axis=(0, 1), initial=0.0),
@@ -316,7 +315,7 @@ class Pass(Once):
         return left <= ENOUGH
 
     def _correct(self, equations: Equations, at: Record, dR: Array, course: Course) -> None:
-        """Correct changes until the residuals change by nothing along them: tangents are Newton's, not all exact."""
+        """Correct changes until the residuals are stationary along them, as Newton's tangents are not all exact."""
         weights, stepper = self.stepper.p.weights[None, :], self.stepper
         some = np.arange(len(self.numbers))
         before, worst, J = np.ones(len(some)), np.full(len(some), np.inf), np.zeros(dR.shape[:2])
@@ -337,7 +336,7 @@ class Pass(Once):
                 for k, number in enumerate(some.tolist())])
             for columns in (2 * some, 2 * some + 1):
                 course.add(more, columns)
-            # the first correction is as good as the tangents were
+            # assume that each correction reduces the error by the same ratio
             left = shares * shares / before[some]
             before[some], last[some] = shares, left
             going = (left > CLOSE) & (shares < worst[some])
@@ -351,13 +350,14 @@ class Pass(Once):
 
     @property
     def _per_step(self) -> Array:
-        """One by the step of each number (numbers,)."""
+        """Return 1/h of each number (numbers,)."""
         return 1.0 / np.array([abs(number.h) for number in self.numbers])
 
     def _share(self, at: Record, stages: Stages, more: Stages, k: int, size: float, per_step: float) -> float:
-        """Return how large ``more`` changes (m, n, numbers) of number k are beside those of ``stages`` (m, n).
+        """Return the size of ``more`` changes (m, n, numbers) of number k relative to those of ``stages`` (m, n).
 
-        The larger share: of positions, which change by ``size``, or OF_FORCES that of accelerations and multipliers.
+        It is the larger of that of positions, which change by ``size``, and OF_FORCES times that of accelerations and
+        multipliers.
         """
         weights, held = self.stepper.p.weights, 1.0 - self.free
         shares = [float((weights * np.abs(more.z[:, :, k])).max(initial=0.0)) / size]
@@ -367,7 +367,7 @@ class Pass(Once):
         return max(shares)
 
     def _within(self, step: Step, row: Row, course: Course, k: int) -> Change:
-        """Return the change of a state that is stored within a step."""
+        """Return the change of a state stored in a step."""
         s = self.method.stages
         if row.kind != INSIDE:
             return course.at(k + 1)
@@ -384,6 +384,6 @@ class Pass(Once):
 
 
 def unlike(weights: Array, both: Array) -> float:
-    """Return how far differences of lower order are off beside the largest change: ``both`` (m, n, 2) of a number."""
+    """Return the error of differences of lower order relative to the largest change: ``both`` (m, n, 2) of a number."""
     size, far = (float((weights * np.abs(x)).max(initial=0.0)) for x in (both[..., 0], both[..., 0] - both[..., 1]))
     return far / size if size > 0.0 else 0.0

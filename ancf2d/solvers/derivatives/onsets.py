@@ -1,8 +1,8 @@
-"""The state of motion in which small motions begin to grow, to the last digits: eigenvalue, factor, and both vectors.
+"""Onsets of growing small motions, located to round-off: eigenvalue, factor, and both null vectors.
 
 T(s, mu) = K + dK(mu) + s (C + mu dC) + s^2 M is singular there. With borders b and c, [T, b; c^T, 0] [x; f] = [0; 1]
-and its transpose give an f(s, mu) that is 0 where T is singular, with f' = -y^T T' x (Griewank & Reddien, SIAM Journal
-on Numerical Analysis 21, 1984).
+and its transpose define a function f(s, mu) that is 0 where T is singular, with f' = -y^T T' x (Griewank & Reddien,
+SIAM Journal on Numerical Analysis 21, 1984).
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from .small_motions import BESIDE, ITERATIONS
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
 
-# Newton's method for a critical factor: most iterations, its last relative change, changes that round-off, large in
-# slender bodies, keeps from shrinking further, and how far it may lead
+# Newton's method for a critical factor: most iterations, last relative change, change below which round-off (large in
+# slender bodies) may stop the decrease, and largest relative distance
 NEWTON, SETTLED, STALLED, NEAR = 20, 1e-11, 1e-6, 1e-4
-# of two vectors that a matrix nearly makes 0, the size of the second beside the first from which on there are two
+# if the second of two near null vectors is at least this large relative to the first, there are two
 TWO = 0.1
 OTHERWISE = "several motions begin to grow at the factor, or not from s = 0, a frequency, or two that meet"
 
 
 def times(change: Change, s: complex, mu: float, x: Complex) -> Complex:
-    """Return what a factor mu adds to T at s, times x (n,)."""
+    """Return the contribution of a factor mu to T at s, times x (n,)."""
     out, load = np.zeros(len(x), dtype=complex), change.stiffness(mu)
     if load is not None:
         out += load @ x
@@ -41,7 +41,7 @@ def times(change: Change, s: complex, mu: float, x: Complex) -> Complex:
 class Onset:
     """A factor at which motions begin to grow, s [1/s] there, vectors with T x = 0 and y^T T = 0 (n,).
 
-    ``by`` (2,) are y^T dT/ds x and y^T dT/dmu x; the first is 0 where two eigenvalues meet.
+    ``by`` (2,) are y^T dT/ds x and y^T dT/dmu x; the first is 0 where two eigenvalues meet (``meets``).
     """
 
     factor: float
@@ -54,7 +54,7 @@ class Onset:
     def rate(self, by_p: complex) -> float:
         """Return dmu/dp from y^T dT/dp x.
 
-        s stays 0 in divergence, and imaginary in flutter, where it does not meet another one.
+        s stays 0 in divergence, and imaginary in flutter unless two eigenvalues meet.
         """
         by_s, by_mu = self.by
         if self.meets or not self.s:
@@ -63,16 +63,16 @@ class Onset:
 
 
 class Singular:
-    """Where T(s, mu) of a problem without factor, and what the factor adds, is singular near a critical factor."""
+    """Finds where T(s, mu), of a problem and the contribution of a factor, is singular near a critical factor."""
 
     def __init__(self, problem: Quadratic, adds: Change) -> None:
         self.problem, self.adds = problem, adds
         rates = problem.small.rates
-        # without anything that takes out or brings in energy, motions begin to grow where two frequencies meet
+        # without dissipation or supply of energy, motions begin to grow where two frequencies meet
         self.damped = bool(rates.damps or adds.damps or problem.relaxing)
 
     def matrix(self, s: complex, mu: float) -> csc_array:
-        """Return T (n, n), real where s is."""
+        """Return T (n, n), real for real s."""
         T = self.problem.matrix(s if s.imag else s.real)
         load = self.adds.stiffness(mu)
         T = T if load is None else T + load
@@ -92,9 +92,9 @@ class Singular:
         return out
 
     def near(self, factor: float, omega: float) -> Onset:
-        """Return the onset near a critical factor whose motion has a frequency [rad/s], 0 in divergence.
+        """Return the onset near a critical factor whose motion has the frequency omega [rad/s], 0 in divergence.
 
-        Raises UnsuitedError where there is none of the kind, or several at once.
+        Raises UnsuitedError if there is none of this kind, or several at once.
         """
         s, mu, meets = 1j * omega, factor, bool(omega) and not self.damped
         (c, b), gap = self._vectors(s, mu), np.inf
@@ -111,12 +111,12 @@ class Singular:
         raise UnsuitedError(OTHERWISE)
 
     def _vectors(self, s: complex, mu: float) -> tuple[Complex, Complex]:
-        """Return starts for the conjugate vectors of the right and of the left (n,)."""
+        """Return start values for the conjugates of the right and the left null vector (n,)."""
         A = self.matrix(s * (1.0 + BESIDE), mu if s else mu * (1.0 + BESIDE))
         return self._vector(A).conj(), self._vector(A.T.tocsc()).conj()
 
     def _vector(self, A: csc_array) -> Complex:
-        """Return the vector (n,) that a matrix nearly makes 0."""
+        """Return the vector (n,) that a matrix nearly maps to 0. Raises UnsuitedError if there are two."""
         factors, moved = Factors(A), self.problem.moved
         weights = np.where(moved, self.problem.weights, 0.0)[:, None]
         X, sizes = np.random.default_rng(0).standard_normal((len(moved), 2)).astype(A.dtype), np.eye(2)
@@ -146,7 +146,7 @@ class _Bordered:
         self.f_s, self.f_mu = -complex(self.y @ self.T_s), -complex(self.y @ self.T_mu)
 
     def to_axis(self) -> tuple[complex, float]:
-        """Return the changes of s and mu that lead to f = 0 with an imaginary s, which stays 0 where it is."""
+        """Return the Newton changes of s and mu towards f = 0 with an imaginary s; s = 0 stays 0."""
         if not self.s:
             return 0j, -(self.f / self.f_mu).real
         A = np.array([1j * self.f_s, self.f_mu])
@@ -154,7 +154,7 @@ class _Bordered:
         return 1j * omega, float(mu)
 
     def to_meeting(self) -> tuple[complex, complex]:
-        """Return the changes of s and mu that lead to f = df/ds = 0, with x', -[T'; 0] x by the borders."""
+        """Return the Newton changes of s and mu towards f = df/ds = 0, with x' = -[T'; 0] x by the bordered matrix."""
         of, gyration = self.of, self.of.adds.gyration
         x_s, x_mu = (self.factors.solve(np.append(-v, 0.0))[:-1] for v in (self.T_s, self.T_mu))
         f_ss = -complex(self.y @ (2.0 * (of.problem.M @ self.x) + 2.0 * of.by_s(self.s, self.mu, x_s)))

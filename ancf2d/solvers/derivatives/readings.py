@@ -1,4 +1,4 @@
-"""What goals read of the stored states of a motion, as sums of changes of its unknowns and of its rates."""
+"""Values of goals from the stored states of a motion, linear in changes of its unknowns and rates."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from .varied_motions import Beside
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
 
-# a value, a state, a probe and its quantity, and what a change of this does to the value
+# number of the value and of the state, probe and quantity, and the derivative of the value by the quantity
 Term = tuple[int, int, str, str, float]
 
 
 class Goals(Protocol):
-    """Numbers that follow from what probes read of states, of the last alone unless ``whole``."""
+    """Numbers that follow from probes of states, of the last state only unless ``whole``."""
 
     @property
     def whole(self) -> bool: ...
 
     @property
     def count(self) -> int:
-        """How many depend on states."""
+        """Return how many of the values depend on states."""
         ...
 
     def __call__(self, model: Model, states: Sequence[State]) -> Array:
@@ -44,18 +44,21 @@ class Goals(Protocol):
         ...
 
     def terms(self, model: Model, states: Sequence[State]) -> list[Term]:
-        """Return what quantities of probes do to the values. Raises UnsuitedError where these do not tell."""
+        """Return the derivatives of the values by quantities of probes.
+
+        Raises UnsuitedError if the values do not follow from these.
+        """
         ...
 
     def alike(self, one: Model, other: Model) -> bool:
-        """Return whether the values of the same states are those of both models."""
+        """Return whether both models give the same values for the same states."""
         ...
 
 
 class Readings:
-    """What goals (k,) read of the ``states`` of a motion, which are all that are stored, or the last one alone.
+    """Goals (k,) as functions of the ``states`` of a motion, either all stored ones or only the last.
 
-    ``free`` (n,) is 0 of multipliers.
+    ``free`` (n,) is 0 for multipliers.
     """
 
     def __init__(self, model: Model, goals: Goals, states: Sequence[State], free: Array) -> None:
@@ -64,9 +67,9 @@ class Readings:
 
     @cached_property
     def by(self) -> tuple[csc_matrix, csc_matrix]:
-        """What changes of the unknowns, and of their rates, of all states do to the goals: (k, states n) each.
+        """The derivatives of the goals by the unknowns and by the rates of all states: (k, states n) each.
 
-        Raises UnsuitedError where rates are read that are put onto the constraints, and what ``Goals.terms`` raises.
+        Raises UnsuitedError if rates are read that are projected onto the constraints, or as ``Goals.terms`` does.
         """
         from scipy.sparse import csc_matrix, csr_matrix, identity, kron
 
@@ -90,7 +93,7 @@ class Readings:
         return by_place, by_rate
 
     def of(self, rows: Sequence[Row]) -> bool:
-        """Return whether the goals are sums of changes of stored states, none of which is put onto constraints."""
+        """Return whether the derivatives of the goals follow from those of stored states that are not projected."""
         if not self.free.all() and any(row.kind == INSIDE for row in rows):
             return False
         try:
@@ -99,7 +102,7 @@ class Readings:
             return False
 
     def bars(self) -> list[Change]:
-        """Return what changes of each state do to the goals (n, k)."""
+        """Return the derivatives of the goals by each state (n, k)."""
         n, out = len(self.free), [Change.none(len(self.free), len(self.values)) for _ in self.states]
         for name, by in zip(("z", "v"), self.by, strict=True):
             for state, bar in enumerate(out):
@@ -108,16 +111,16 @@ class Readings:
 
     def change(self, number: Beside, rows: Sequence[Row], windows: Sequence[Array], value: Array, error: Array
                ) -> Quotient:
-        """Return the change of the goals with a number, by that of the states (states, 3, n) and its ``error``."""
+        """Return the derivatives of goals by a number, from those of the states (states, 3, n) and their ``error``."""
         parts = [(by @ value[:, k].ravel(), abs(by) @ error[:, k].ravel()) for k, by in enumerate(self.by)]
         direct, near = self.directly(number, rows, windows)
         return Quotient(sum(found for found, _ in parts) + direct,
                         sum(off for _, off in parts) + error_of(direct, near), number.h)
 
     def directly(self, number: Beside, rows: Sequence[Row], windows: Sequence[Array]) -> Array:
-        """Return differences (2, k), by the weights of a number, of what is read where unknowns stay as they are.
+        """Return differences (2, k), by the weights of a number, of the goals at the same unknowns.
 
-        ``windows`` are between breaks, which amplitudes follow at the ``rows`` of the states.
+        ``windows`` between breaks give the times of signals at the ``rows`` of the states.
         """
         found = number.differing
         if not found.moves and all(self.goals.alike(self.model, model) for model in found.models):
@@ -127,7 +130,7 @@ class Readings:
         return np.asarray(number.weights @ np.array(read))
 
     def _beside(self, number: Beside, side: int, rows: Sequence[Row], windows: Sequence[Array]) -> list[State]:
-        """Return the states of a model beside the number at the same unknowns."""
+        """Return the states of a varied model at the same unknowns."""
         p, w, out = number.differing.problems[side], number.differing.w[side], list[State]()
         for row, window, state in zip(rows, windows, self.states, strict=True):
             full = np.zeros((2, len(p.place)))

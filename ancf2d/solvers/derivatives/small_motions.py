@@ -1,7 +1,7 @@
-"""How small motions change with a number of the case: frequencies and responses.
+"""Derivatives of small motions by a number of the case: of frequencies and responses.
 
-What is found satisfies A(p) x = f(p) or A(p) x = 0. Differences of models that are built beside the number, applied to
-the same x, give A' x; vectors of the left and factors of A turn these into changes of eigenvalues and of responses.
+The results satisfy A(p) x = f(p) or A(p) x = 0. Differences of varied models, applied to the same x, give A' x; left
+vectors and factors of A turn these into derivatives of eigenvalues and responses.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ from .varied_motions import Varied
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
 
-# of eigenvectors, of each kind
+# iterations for eigenvectors, of each kind
 ITERATIONS = 3
-# eigenvalues this close, relative, are one; and how far from one its matrix is factored
+# relative difference of equal eigenvalues, and relative shift from one at which its matrix is factored
 EQUAL, BESIDE = 1e-6, 1e-7
-# of y^T dT/ds x of equal eigenvalues, between vectors of size 1: below, they have no vectors of their own
+# y^T dT/ds x of equal eigenvalues, for vectors of size 1, below which they have too few eigenvectors
 DEFECTIVE = 1e-6
-# share of the distance of frequencies to which the peak between them is found
+# tolerance of a peak, relative to the distance of frequencies
 PEAK = 1e-9
 
 
 class SmallMotions(OneByOne):
-    """Small motions about a state of a model, and how that state changes."""
+    """Small motions about a state of a model, and the derivatives of that state."""
 
     def __init__(self, model: Model, state: State, about: str, damped: bool) -> None:
         self.model, self.state, self.damped = model, state, damped
@@ -54,7 +54,7 @@ class SmallMotions(OneByOne):
         self.n = len(self.z) if self.rest is not None else 0
 
     def state_at(self, model: Model, z: Array) -> State:
-        """Return the state of a model that motions at unknowns z (n,) are about."""
+        """Return the state of a model about which motions are linearised, at unknowns z (n,)."""
         if self.rest is not None:
             return self.rest.state_at(model, z)
         return replace(self.state, d=model.displacements(z, self.state.t), turned=None)
@@ -66,20 +66,20 @@ class SmallMotions(OneByOne):
         return Quadratic(small, self.damped, relaxes=self.damped)
 
     def moved(self, at: Varied, h: float) -> tuple[Callable[[float], Quadratic], Quotient]:
-        """Return the matrices where the number is changed, and the change (n,) of an equilibrium there."""
+        """Return the matrices as a function of the change of the number, and the derivative (n,) of an equilibrium."""
         if self.rest is None:
             return lambda step: self.problem_at(at(step), self.z), Quotient(np.zeros(0), np.zeros(0), h)
         rest = self.rest.slope(at, h)
         return lambda step: self.problem_at(at(step), self.z + step * rest.value), rest
 
     def beside(self, change: Array) -> tuple[Array, Array]:
-        """Return the unknowns (n,) of the state where it has changed by the first of a change, and the rest of that."""
+        """Return the unknowns (n,) of the state changed by the first part of ``change``, and the rest of that."""
         return (self.z + change[:self.n] if self.n else self.z), change[self.n:]
 
 
 @dataclass
 class _Cluster:
-    """Equal eigenvalues s [1/s], or one; their entries in the report in order, and right and left vectors (n, m).
+    """An eigenvalue s [1/s], or several equal ones; their entries in the report, and right and left vectors (n, m).
 
     ``G`` (m, m) is y^T dT/ds x.
     """
@@ -95,9 +95,9 @@ class _Cluster:
 class Vibration(SmallMotions):
     """Eigenvalues of small motions about a state, T(s) x = 0: s' = -y^T T'(s) x / y^T dT/ds x.
 
-    Those of m equal ones are the m eigenvalues of the same with x, y (n, m) (Lancaster, Numerische Mathematik 6, 1964):
-    in order of their size where the number grows, and in reverse where it becomes smaller. ``wanted``: the kinds and
-    numbers of those that are differentiated.
+    For m equal ones, the derivatives are the m eigenvalues of the same expression with x, y (n, m) (Lancaster,
+    Numerische Mathematik 6, 1964), in ascending order if the number increases, in descending order if it decreases.
+    ``wanted``: kinds and numbers of the modes to be differentiated.
     """
 
     def __init__(self, model: Model, state: State, wanted: Sequence[tuple[str, int]]) -> None:
@@ -141,9 +141,9 @@ class Vibration(SmallMotions):
         return _Cluster(near, [], s, x, y, G)
 
     def slope(self, at: Varied, h: float) -> Quotient:
-        """Return dz/dp (n,) of the state, where it is an equilibrium, then ds/dp of the modes (real, imaginary).
+        """Return dz/dp (n,) of the state, if it is an equilibrium, then ds/dp of the modes (real, imaginary).
 
-        Where equal ones part, that is the mean of both sides, and ``kink`` what each is away from it.
+        For equal ones that separate, it is the mean of both sides, and ``kink`` the difference of each side from it.
         """
         problem, rest = self.moved(at, h)
 
@@ -176,8 +176,8 @@ class Vibration(SmallMotions):
 class Excited(SmallMotions):
     """Responses to oscillating inputs: Z(s) x = f gives x' = Z^-1 (f' - Z' x) at each frequency.
 
-    ``goals`` are what is read of the responses, of which each names a frequency or wants the peak; without any, all
-    frequencies are differentiated. The peak of a range lies between its frequencies and is found there first.
+    ``goals`` name a frequency each, or ask for the peak; without goals, all frequencies are differentiated. The peak of
+    a range lies between its frequencies and is located first.
     """
 
     def __init__(self, model: Model, state: State, goals: Sequence[Goal] | None) -> None:
@@ -187,7 +187,7 @@ class Excited(SmallMotions):
         self.spec = spec
         self.inputs, self.outputs = self._read(self.problem)
         self.hz: list[float] = list(state.report["response"]["hz"])
-        # place in the report, frequency, and the goal that alone is read there
+        # place in the report, frequency, and the only goal that is read there
         self.at: list[tuple[int, float, Goal | None]] = [(k, hz, None) for k, hz in enumerate(self.hz)] \
             if goals is None else [(*self._place(goal), goal) for goal in goals]
         self.factors: list[Factors] = []
@@ -202,7 +202,7 @@ class Excited(SmallMotions):
         return Inputs(problem.small)(self.spec.inputs), outputs(problem.small, self.spec.inputs)
 
     def _place(self, goal: Goal) -> tuple[int, float]:
-        """Return the place of the frequency that a goal reads, and that frequency: of a peak where it is highest."""
+        """Return the place in the report and the frequency of a goal; a peak is located between the frequencies."""
         if goal.hz is not None:
             return self.hz.index(goal.hz), goal.hz
         from scipy.optimize import minimize_scalar
@@ -223,7 +223,7 @@ class Excited(SmallMotions):
         return k, float(peak.x) if peak.fun < height(self.hz[k]) else self.hz[k]
 
     def slope(self, at: Varied, h: float) -> Quotient:
-        """Return dz/dp (n,) of the state, where it is an equilibrium, then dx/dp (frequencies, inputs, n, 2)."""
+        """Return dz/dp (n,) of the state, if it is an equilibrium, then dx/dp (frequencies, inputs, n, 2)."""
         problem, rest = self.moved(at, h)
 
         def changes(step: float) -> Array:
@@ -238,7 +238,7 @@ class Excited(SmallMotions):
         return Quotient(np.append(rest.value, found.value), np.append(rest.error, found.error), found.h)
 
     def states(self, model: Model, change: Array) -> list[State]:
-        """Return the state of a model with its responses changed, at the frequencies that are differentiated."""
+        """Return the state of a model with its responses changed, at the differentiated frequencies."""
         z, rest = self.beside(change)
         p = self.problem_at(model, z)
         inputs, probes = self._read(p)
@@ -259,7 +259,7 @@ class Excited(SmallMotions):
 
 
 def parted(G: NDArray[Any], F: NDArray[Any], off: NDArray[Any], wanted: Sequence[int]) -> Quotient:
-    """Return the derivatives of equal eigenvalues, those of G^-1 F: the mean of both sides, and how far each is away.
+    """Return the derivatives of equal eigenvalues, those of G^-1 F: the mean of both sides, and the difference from it.
 
     ``wanted`` are their places in order; ``off`` (m, m) is the error of F. Complex ones become two numbers each.
     """
@@ -277,14 +277,14 @@ def joined(parts: Sequence[Quotient], h: float) -> Quotient:
 
 
 def parts(z: NDArray[Any]) -> Array:
-    """Return real and imaginary parts (2 m,) side by side."""
+    """Return real and imaginary parts (2 m,), alternating."""
     return np.array([z.real, z.imag]).T.ravel()
 
 
 def null_vectors(near: csc_array, A: csc_array, x: Complex) -> Complex:
-    """Return the vectors (n,) or (n, m) that A makes 0, from others, with the factors of a matrix ``near`` A.
+    """Return the null vectors (n,) or (n, m) of A, from start vectors, with the factors of a matrix ``near`` A.
 
-    Inverse iteration finds those of the other matrix, residual inverse iteration (Neumaier, SIAM Journal on Numerical
+    Inverse iteration finds those of the other matrix; residual inverse iteration (Neumaier, SIAM Journal on Numerical
     Analysis 22, 1985) corrects them.
     """
     factors = Factors(near.tocsc())

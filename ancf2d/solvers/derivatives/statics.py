@@ -1,8 +1,8 @@
-"""How the states of a model change with a number of its case, to first order, without another solution.
+"""Derivatives of the states of a model by a number of its case, without solving again.
 
 R(z, p) = 0 gives dz/dp = -K^-1 dR/dp with the tangent K of the solution: one factorisation for all numbers. dR/dp is
-taken by differences of models that are built beside the number at the same unknowns z, so that every kind of number is
-differentiated by the same few lines. What is read from states (``states``) is then differentiated along (z', p').
+taken by differences of varied models at the same unknowns z, which handles every kind of number alike. Values of the
+states (``states``) are then differentiated along (z', p').
 """
 
 from __future__ import annotations
@@ -29,32 +29,32 @@ from ..system import System
 from .differences import Quotient, UnsuitedError, derivative
 from .varied_motions import Varied
 
-# corrections of a solution before it is differentiated
+# number of corrections of a solution before it is differentiated
 POLISH = 3
-# corrections of derivatives where tangents are not exact, and beside what they are small enough
+# number of corrections of derivatives if tangents are not exact, and relative size at which they end
 CORRECTIONS, EXACT = 12, 1e-9
-# of the size of a scene, displacements over which tangents are differentiated along a path
+# displacement, relative to the scene, over which tangents are differentiated along a path
 ALONG = 1e-3
 
 
 class Response(Protocol):
-    """The first change of what a solver finds."""
+    """The first derivative of a solver's result."""
 
     def slope(self, at: Varied, h: float) -> Quotient:
-        """Return the derivative of all that changes, by differences of models with steps near h."""
+        """Return the derivative of all variables, by differences of models with steps near h."""
         ...
 
     def states(self, model: Model, change: Array) -> list[State]:
-        """Return the states of a model beside the first one, where everything has changed by so much."""
+        """Return the states of a varied model, for a change of all variables."""
         ...
 
     def prepare(self, beside: Sequence[tuple[Varied, float]]) -> None:
-        """Find together what is found more cheaply for several numbers than for each."""
+        """Compute in advance derivatives that are cheaper for several numbers at once."""
         ...
 
 
 class OneByOne:
-    """What is found for each number by itself."""
+    """Derivatives that are found separately for each number."""
 
     def prepare(self, beside: Sequence[tuple[Varied, float]]) -> None:
         """Do nothing."""
@@ -82,7 +82,7 @@ class Equilibrium(OneByOne):
         self.system.factor({"factor": self.t})
 
     def correct(self) -> float:
-        """Move the unknowns to where the tangent balances the forces; return by how much [m]."""
+        """Make a Newton step with the factored tangent; return its size [m]."""
         step = self._solved(-self.residual(self.model))
         self.z = self.z + step
         return self.system.norm(step)
@@ -95,7 +95,7 @@ class Equilibrium(OneByOne):
         return system
 
     def _solved(self, b: Array) -> Array:
-        """Return K^-1 b to the digits that the strains have."""
+        """Return K^-1 b, refined with K through the strains."""
         model, num = self.model, self.model.numbering
         d = self.zero if self.linear else model.displacements(self.z, self.t)
 
@@ -111,7 +111,7 @@ class Equilibrium(OneByOne):
         return np.asarray(z + self.system.matrix.solve(b - apply(z)))
 
     def residual(self, model: Model, change: Array | float = 0.0) -> Array:
-        """Return R (n,) of a model at the unknowns of this equilibrium, or where they have changed."""
+        """Return R (n,) of a model at the unknowns of this equilibrium plus ``change``."""
         t = self.factor(model)
         system, d = self.system_of(model), model.displacements(self.z + change, t)
         if not self.linear:
@@ -120,21 +120,21 @@ class Equilibrium(OneByOne):
         return start.R + model.numbering.reduce(system.action(self.zero, d, self.t, linear=True))
 
     def factor(self, model: Model) -> float:
-        """Return the load factor of a model there."""
+        """Return the load factor of the state of a model."""
         return self.t
 
     def slope(self, at: Varied, h: float) -> Quotient:
         """Return dz/dp (n,).
 
-        Steps are judged by the displacements that the residuals stand for: at the same unknowns stiff motions take
-        part, whose forces are far larger than those that the loads balance.
+        Steps are judged by the displacements that the residuals cause: at fixed unknowns, stiff motions contribute,
+        whose forces are far larger than those of the loads.
         """
         weights = self.system.weights
         found = derivative(lambda s: -self._solved(self.residual(at(s))), h, weights, self._unknown)
         return found if self.contacts is None else self._corrected(at, found)
 
     def _corrected(self, at: Varied, found: Quotient) -> Quotient:
-        """Return dz/dp (n,) along which residuals do not change: tangents of points that slide leave something out."""
+        """Return dz/dp (n,) with stationary residuals along it: tangents of sliding points are not exact."""
         system, z = self.system, found.value
 
         def more(step: float) -> Array:
@@ -149,7 +149,7 @@ class Equilibrium(OneByOne):
 
     @cached_property
     def _unknown(self) -> float:
-        """What round-off of the forces does to displacements [m]."""
+        """The displacement [m] caused by round-off of the forces."""
         d = self.zero if self.linear else self.model.displacements(self.z, self.t)
         return self.system.norm(self.system.matrix.solve(self.system.noise(d, self.t)))
 
@@ -158,7 +158,7 @@ class Equilibrium(OneByOne):
         return [self.state_at(model, self.z + change, self.factor(model))]
 
     def state_at(self, model: Model, z: Array, t: float | None = None) -> State:
-        """Return the state of a model at unknowns z (n,), and at another load factor where that is given."""
+        """Return the state of a model at unknowns z (n,), and at another load factor if given."""
         t = self.t if t is None else t
         system, d = self.system_of(model), model.displacements(z, t)
         if not self.linear:
@@ -184,11 +184,11 @@ class AtFactor(Equilibrium):
 
 
 class PathEnd(OneByOne):
-    """A state of a path whose load factor t is found with it: a limit point, or where a probe reaches a value.
+    """A state of a path with an unknown load factor t: a limit point, or where a probe reaches a value.
 
-    R(z, t) = 0 is one equation short: g(z, t) = 0 is the other one. Of a probe it is the distance from the value; at a
-    limit point psi^T K phi, with the vectors psi and phi that K makes 0 there, held as they are (Griewank & Reddien,
-    SIAM Journal on Numerical Analysis 21, 1984), which gives t' = -psi^T dR/dp / psi^T dR/dt there.
+    R(z, t) = 0 has one equation too few; g(z, t) = 0 is added. For a probe, g is the distance from the value; at a
+    limit point, psi^T K phi with the fixed null vectors psi and phi of K there (Griewank & Reddien, SIAM Journal on
+    Numerical Analysis 21, 1984), which gives t' = -psi^T dR/dp / psi^T dR/dt there.
     """
 
     def __init__(self, model: Model, state: State, limit: bool) -> None:
@@ -196,7 +196,7 @@ class PathEnd(OneByOne):
         self.rest = Equilibrium(model, state, polish=0)
         self.system, self.curve, n = self.rest.system, Curve(self.rest.system, 0.0, 1), len(self.rest.z)
         self.t_size = abs(self.rest.t) or 1.0
-        # some direction at first, which is not across the path
+        # initially a random direction that is not perpendicular to the path
         start = self.rest.z / (self.system.norm(self.rest.z) or 1.0)
         self.tangent = np.append(start + 1e-3 * np.random.default_rng(0).standard_normal(n), self.rest.t)
         self._factor()
@@ -208,7 +208,7 @@ class PathEnd(OneByOne):
         self._factor()
 
     def _factor(self) -> None:
-        """Factor [K, dR/dt; c], where c goes along the path, and find the path's tangent (n + 1,)."""
+        """Factor [K, dR/dt; c], where c is parallel to the path, and find the path's tangent (n + 1,)."""
         from scipy.sparse import block_array
 
         system, t = self.system, self.rest.t
@@ -222,14 +222,14 @@ class PathEnd(OneByOne):
         last = np.append(np.zeros(len(K.indptr) - 1), 1.0)
         self.factors = Factors(A)
         self.tangent, psi = self.factors.solve(last), Factors(A.T.tocsc()).solve(last)[:-1]
-        # not finite where the load factor changes nothing
+        # not finite if no load changes with the load factor
         with np.errstate(divide="ignore", invalid="ignore"):
             self.tangent = self.tangent / system.norm(self.tangent[:-1])
             self.phi, self.psi = self.tangent[:-1], psi / float(psi @ self.by_t)
         self.met = self._rate(self.tangent)
 
     def _within(self, b: Array) -> Array:
-        """Return a change (n + 1,) of z and t that changes R by b (n,), to the digits that the strains have."""
+        """Return a change (n + 1,) of z and t that changes R by b (n,), refined with K through the strains."""
         x = self.factors.solve(np.append(b, 0.0))
         for _ in range(2):
             off = b - self._stiffness(self.system, self.d, self.rest.t, x[:-1]) - x[-1] * self.by_t
@@ -237,7 +237,7 @@ class PathEnd(OneByOne):
         return np.asarray(x)
 
     def _met(self, change: Array, b: float) -> Array:
-        """Return a change (n + 1,) moved along the path to where it changes g by b."""
+        """Return a change (n + 1,) moved along the path so that it changes g by b."""
         return np.asarray(change + (b - self._rate(change)) / self.met * self.tangent)
 
     def _rate(self, direction: Array) -> float:
@@ -260,7 +260,7 @@ class PathEnd(OneByOne):
 
     @staticmethod
     def _stiffness(system: System, d: Array, t: float, x: Array) -> Array:
-        """Return K x (n,) by way of the strains."""
+        """Return K x (n,), computed through the strains."""
         num, full = system.model.numbering, np.zeros(len(d))
         num.expand(x, full)
         return num.reduce(system.action(d, full, t, loads=True))
@@ -270,7 +270,7 @@ class PathEnd(OneByOne):
         return np.append(self.rest.residual(model), self._goal(model, self.rest.z, self.rest.t))
 
     def slope(self, at: Varied, h: float) -> Quotient:
-        """Return dz/dp and dt/dp (n + 1,). Raises UnsuitedError where no load changes with the load factor."""
+        """Return dz/dp and dt/dp (n + 1,). Raises UnsuitedError if no load changes with the load factor."""
         if not np.isfinite(self.met):
             raise UnsuitedError("no load changes with the load factor there, as where a tendon hangs loose")
         weights = np.append(self.system.weights, [self.model.extent / self.t_size, 1.0 / abs(self.met)])
@@ -283,12 +283,12 @@ class PathEnd(OneByOne):
         return Quotient(self._met(found.value[:-1], found.value[-1]), error, found.h)
 
     def states(self, model: Model, change: Array) -> list[State]:
-        """Return the state of a model where unknowns and load factor have changed."""
+        """Return the state of a model with unknowns and load factor changed."""
         return [self.rest.state_at(model, self.rest.z + change[:-1], self.rest.t + float(change[-1]))]
 
 
 class Path(OneByOne):
-    """The end of a path and, by their numbers, some of its limit points."""
+    """The end of a path and some of its limit points, given by number."""
 
     def __init__(self, model: Model, states: Sequence[State], limits: Sequence[int]) -> None:
         spec, self.last = model.case.solver, states[-1]
@@ -302,14 +302,14 @@ class Path(OneByOne):
             self.parts.append(PathEnd(model, self.last, isinstance(spec.until, LimitPoints)))
 
     def slope(self, at: Varied, h: float) -> Quotient:
-        """Return the changes of all these states, one behind the other."""
+        """Return the derivatives of all these states, concatenated."""
         found = [part.slope(at, h) for part in self.parts]
         self.lengths = np.cumsum([len(q.value) for q in found])
         return Quotient(np.concatenate([q.value for q in found]), np.concatenate([q.error for q in found]),
                         min(q.h for q in found))
 
     def states(self, model: Model, change: Array) -> list[State]:
-        """Return the last state, with what is told of the limit points."""
+        """Return the last state, with the limit points in its report."""
         found = [part.states(model, one)[0]
                  for part, one in zip(self.parts, np.split(change, self.lengths[:-1]), strict=True)]
         points, observer = list(self.last.report["limit_points"]), Observer(model)

@@ -1,4 +1,4 @@
-"""Motions of models with a number of the case changed; they begin and restart as the original one does."""
+"""Motions of models with a number of the case changed, with starts and breaks like those of the original motion."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from .differing import Differing
 from .linear_steps import Change
 
 CENTRAL, NEAR = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0, np.array([0.0, -0.5, 0.0, 0.5, 0.0])
-# a number's models: those of differences about it, or to one side of it; the same of two models beside that of the case
+# models of a number for differences about it, or to one side of it; the same with two models and that of the case
 SIDES = {0: (-2, -1, 0, 1, 2), 1: (0, 1, 2, 3, 4), -1: (0, -1, -2, -3, -4)}
 FEW = {0: (-1, 0, 1), 1: (0, 1, 2), -1: (0, -1, -2)}
-# differences of second order by two models, and how much the second difference is beside them
+# differences of second order by two models, and half of the second difference relative to the step
 TWO = {0: np.array([[-0.5, 0.0, 0.5], [0.5, -1.0, 0.5]]), 1: np.array([[-1.5, 2.0, -0.5], [-0.5, 1.0, -0.5]])}
 
-# the model where the number is changed by h
+# returns the model with the number changed by h
 Varied = Callable[[float], Model]
 
 
 def unsuited(model: Model) -> str:
-    """Return why the steps of a motion have no derivative, empty where they have one."""
+    """Return why the steps of a motion have no derivative, empty if they have one."""
     spec = model.case.solver
     if not isinstance(spec, Dynamic):
         return "the solver has no time steps"
@@ -58,20 +58,20 @@ def unsuited(model: Model) -> str:
 
 
 class Together(ABC):
-    """What finds derivatives to several numbers at once, and keeps them."""
+    """Derivatives by several numbers that are found at once and stored."""
 
     found: dict[Varied, Quotient | Exception]
 
     @abstractmethod
     def find(self, beside: Sequence[tuple[Varied, float]]) -> None:
-        """Find the derivatives to numbers with their steps, or why there is none."""
+        """Find the derivatives by numbers with their steps, or why there are none."""
 
     def prepare(self, beside: Sequence[tuple[Varied, float]]) -> None:
-        """Find what will be asked for."""
+        """Find the derivatives in advance."""
         self.find(beside)
 
     def slope(self, at: Varied, h: float) -> Quotient:
-        """Return the derivatives to a number. Raises UnsuitedError, CaseError, ComputationError."""
+        """Return the derivatives by a number. Raises UnsuitedError, CaseError, ComputationError."""
         if at not in self.found:
             self.find([(at, h)])
         found = self.found[at]
@@ -81,9 +81,9 @@ class Together(ABC):
 
 
 class Beside:
-    """A number of the case: models beside it, h apart, and motions of these that start as the first one does.
+    """A number of the case: models with the number varied in steps of h, and their motions.
 
-    ``weights`` (2, sides) give differences of fourth and of lower order of what the sides have; with ``few`` sides, of
+    ``weights`` (2, sides) give differences of fourth and of lower order of the models' values; with ``few`` sides, of
     second order and how much they change over h.
     """
 
@@ -98,7 +98,7 @@ class Beside:
         self.differing = Differing(run, models, self.weights)
         self._start: Change | None = None
         if run.stepper.events or run.stepper.moving:
-            # when things begin, or points pass nodes, may depend on this number, and on no other one
+            # the times of events, or of points passing nodes, may depend on this number: check the motions now
             self.runs  # noqa: B018
 
     @cached_property
@@ -111,11 +111,11 @@ class Beside:
 
     @staticmethod
     def _side(at: Varied, h: float, sides: dict[int, tuple[int, ...]]) -> int:
-        """Return to which side models can be had: 0 of both, else the sign."""
+        """Return the side on which models can be built: 0 for both, else the sign."""
         for side in (0, 1):
             try:
                 for k in sides[side]:
-                    # the number's own model is not needed, or known
+                    # the model of the number itself is not needed, or known
                     if k or (side and len(sides[0]) > 3):
                         at(k * h)
                 return side
@@ -126,7 +126,7 @@ class Beside:
         return -1
 
     def begin(self) -> Change:
-        """Return the change of the start of the motion (n, 2); motions are taken back to it."""
+        """Return the derivative of the start of the motion (n, 2), and reset the signals of the motions to it."""
         for run in self.runs:
             run.stepper.enter(0)
         if self._start is None:
@@ -134,11 +134,11 @@ class Beside:
         return self._start
 
     def pass_break(self, base: Stepper, piece: int) -> Change:
-        """Return the change (n, 2) that the number makes behind a break of a motion that is the same before it."""
+        """Return the direct effect (n, 2) of the number on the state after a break, for the same state before it."""
         return self._differences([_behind_break(run.stepper, base, piece, None, 0.0) for run in self.runs])
 
     def _differences(self, found: Sequence[tuple[Array, Array, Array]]) -> Change:
-        """Return the derivatives of z, v and a (n, 2) from what the sides have."""
+        """Return the derivatives of z, v and a (n, 2) from the values of the models."""
         z, v, a = (np.tensordot(self.weights, np.array(one), 1).T for one in zip(*found, strict=True))
         return Change(z, v, a, a)
 
@@ -154,7 +154,7 @@ def _state(s: Any) -> tuple[Array, Array, Array]:
 
 def _behind_break(stepper: Stepper, base: Stepper, piece: int, change: Change | None, step: float
                   ) -> tuple[Array, Array, Array]:
-    """Return z, v and a behind a break of ``base``, of a motion that is there before it, or ``change`` away."""
+    """Return z, v and a after a break of ``base``, for its state before it plus ``step`` times ``change``."""
     s = stepper.s
     stepper.enter(piece - 1)
     for name in ("z", "v", "a"):
@@ -167,9 +167,9 @@ def _behind_break(stepper: Stepper, base: Stepper, piece: int, change: Change | 
 
 
 def carried(stepper: Stepper, base: Stepper, change: Change, piece: int, step: float) -> Change:
-    """Return what a change (n, k) of a motion before a break is behind it; ``stepper`` is of the same model.
+    """Return the change (n, k) of a motion after a break from that before it; ``stepper`` is of the same model.
 
-    By differences over ``step`` [m] of the largest displacement that changes.
+    By differences over ``step`` [m] of the largest displacement in the change.
     """
     columns = []
     for k in range(change.z.shape[1]):
@@ -191,7 +191,7 @@ def joined(parts: Sequence[Change]) -> Change:
 
 
 def rests(run: Run) -> bool:
-    """Whether a motion begins at rest in the reference, as all models beside it do, and no motion is prescribed."""
+    """Return whether a motion, and those of varied models, start at rest in the reference without prescribed motion."""
     initial = run.model.case.initial or Initial()
     said: list[Any] = [initial, *initial.bodies.values()]
     moved = any(one.velocity is not None or one.rotation_rate is not None for one in said)

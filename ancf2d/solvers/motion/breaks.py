@@ -1,4 +1,4 @@
-"""Starts of a motion, at first and behind breaks: of signals, and of points that move on to other elements."""
+"""Starts of a motion: at t = 0 and after breaks of signals, or where moving points pass on to other elements."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from ...model.model import Model
 from ...model.timing import Signal
 from ..linear import full_mass, unknowns_to_coordinates
 
-# whether a point acts, and its rate while the body rests
+# for each moving point: whether it acts, and its velocity relative to the body
 Rates = list[tuple[bool, Array]]
 
 
 class MovingPoints:
     """The points of a model that move along bodies, in the order of their table.
 
-    ``crossings`` are the times at which one comes from an element to another, or onto a body.
+    ``crossings`` are the times at which a point passes from one element to the next, or onto a body.
     """
 
     def __init__(self, model: Model, t_end: float) -> None:
@@ -37,7 +37,7 @@ class MovingPoints:
         self.times = {b.t for b in self.crossings}
 
     def __bool__(self) -> bool:
-        """Whether there are any."""
+        """Return whether the model has moving points."""
         return bool(self.patches)
 
     def _crossings(self, t_end: float) -> list[Break]:
@@ -50,9 +50,9 @@ class MovingPoints:
         return [Break(t, 2, float(np.nextafter(t, -np.inf))) for times in found.values() for t in times]
 
     def enter(self, p: Record, piece: Piece, acts: Callable[[Any, float], bool]) -> None:
-        """Let the points be in the elements that have them in a piece of the motion; ``acts`` tells whether they act.
+        """Assign each point the element that it is on during a piece of the motion, or OFF.
 
-        It takes what tells when, and a time.
+        ``acts(window, t)`` returns whether a point with this window of activity acts at time t.
         """
         t = 0.5 * (piece.first + piece.stop)
         for j, patch in enumerate(self.patches):
@@ -60,7 +60,7 @@ class MovingPoints:
             p.points.on[p.moving.item[j]] = m != OFF
 
     def rates(self, p: Record, w: Record, s: Record, t: float) -> Rates:
-        """Return of each point whether it acts in the motion s at t, and its rate while the body rests."""
+        """Return for each point whether it acts in the motion s at t, and its velocity relative to the body."""
         if not self.patches:
             return []
         place_at(p, w, s.z, s.v, t)
@@ -69,9 +69,9 @@ class MovingPoints:
                 for i in p.moving.item.tolist()]
 
     def kinks(self, p: Record, w: Record, s: Record, t: float, before: Rates) -> Array:
-        """Return the impulse (n,) of masses whose rates along a body are other than ``before``.
+        """Return the impulse (n,) of masses whose velocities along a body differ from ``before``.
 
-        So they are where the axis has a kink. What comes onto a body moves with it.
+        They differ where the axis has a kink. A mass that comes onto a body moves with it, without an impulse.
         """
         full, points = np.zeros(len(p.place)), p.points
         now = self.rates(p, w, s, t)
@@ -86,10 +86,10 @@ class MovingPoints:
 
 
 def impulse_of_followers(motion: Any, v: Array) -> Array:
-    """Return T^T M (v - v') on the unknowns of a motion (``stepping.Stepper``) that begins with its rates.
+    """Return T^T M (v - v') on the unknowns of a motion (``stepping.Stepper``) at its initial rates.
 
-    v' are all rates (n_full,) that follow from those: what coordinates that supports and joints have eliminated were to
-    have of v acts on the coordinates that they follow.
+    v' (n_full,) are the rates that follow from those of the unknowns: where eliminated coordinates were given other
+    rates v, the missing momentum acts on the coordinates that they depend on.
     """
     own, out = np.zeros(len(motion.p.place)), np.zeros(len(motion.s.z))
     signals_at(motion.p, 0.0, motion.w.amps)
@@ -101,10 +101,10 @@ def impulse_of_followers(motion: Any, v: Array) -> Array:
 
 
 def pass_break(motion: Any, piece: int) -> None:
-    """Let a motion (``stepping.Stepper``) start anew behind a break, in the piece that follows.
+    """Restart a motion (``stepping.Stepper``) after a break, in the given piece.
 
-    Prescribed rates may jump, by an impulse that acts on all that is free. Its work is what the kinetic energy
-    gains: the impulse times the mean of the rates before and after.
+    Prescribed rates may jump; the impulse acts on all free coordinates. Its work, the impulse times the mean of the
+    rates before and after, equals the gain of kinetic energy.
     """
     p, w, s = motion.p, motion.w, motion.s
     t, given = motion.t, s.v.copy()
@@ -113,7 +113,7 @@ def pass_break(motion: Any, piece: int) -> None:
     if p.patched:
         onto_constraints(p, w, s.z, s.v, s.a, t, True)
     carried = motion.moving.rates(p, w, s, t)
-    # as where a motion goes on: what rates are off the constraints stays
+    # a conserving method keeps the part of its rates that violates the constraints, as between any two steps
     off = given - s.v if motion.method.conserves else np.zeros_like(given)
     s.v[:] += off
     energy = kinetic(p, w, s, t)
@@ -130,10 +130,10 @@ def pass_break(motion: Any, piece: int) -> None:
     lost = motion.events.count(begun, before_impact) if begun else 0.0
     s.v[:] += off
     if begun and not len(motion.driving):
-        # what begins to hold something that moves is a plastic impact
+        # supports and joints that engage on a moving body cause a plastic impact
         s.numbers[LOST] += energy - kinetic(p, w, s, t)
     elif begun:
-        # what is moved gives some
+        # prescribed motion supplies some of the energy
         s.numbers[LOST] += lost
         s.numbers[WORK] += kinetic(p, w, s, t) - energy + lost
     elif jump[motion.driving].any() or kinks.any():

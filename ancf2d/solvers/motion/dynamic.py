@@ -1,4 +1,4 @@
-"""Motion over time: states as they are asked for, energies, momentum, and an error estimate for fixed steps."""
+"""Motion over time: stored states, energies, momentum and an error estimate."""
 
 from __future__ import annotations
 
@@ -32,29 +32,29 @@ from .problem import make_problem
 from .schemes import SCHEMES
 from .stepping import LOG, Row, Stepper
 
-# states that are stored where nothing is said
+# number of stored states if the case does not say
 STATES = 200
-# local errors are relative to the largest displacement so far: of the scene's size to begin with, unless a look ahead
-# over a share of the motion finds less
+# local errors are relative to the largest displacement so far: initially this share of the scene's size, or less if a
+# trial run over this share of the motion finds less
 BEGIN, AHEAD = 1e-3, 0.02
-# share of the energy that may be lost without a word
+# error of the energy balance, relative to the energy, that is allowed without a warning
 LOST = 0.01
-# the time left is found anew after so long [s]
+# interval at which the remaining time is estimated anew [s]
 OFTEN = 0.05
-# the same of a motion of fibres that yield, whatever is estimated
+# as LOST, for motions with fibres that yield, whatever the estimated error
 FIBRES = 0.1
-# share of the energy that contact may add without a word
+# energy that contact may add without a warning, relative to the energy
 GAINED = 0.02
-# share of the kinetic energy of initial velocities that supports and joints may change without a word
+# share of the kinetic energy of initial velocities that supports and joints may change without a warning
 TAKEN = 1e-6
-# times what anything has moved, that turning, by half of a section's height, may count as without a word
+# displacements by rotation (times half the section height) may be this many times the other ones without a warning
 WOUND = 10.0
 
 
 def stored_times(model: Model, spec: Dynamic) -> Array:
     """Return the times of the states to be stored between the start and the end.
 
-    Every ``interval``, or every so many fixed steps; else about 200 states, of fixed steps where some end.
+    Every ``interval`` or every so many fixed steps; by default about 200 states, at the ends of fixed steps, if any.
     """
     output = model.case.output
     if output.interval is not None:
@@ -65,16 +65,17 @@ def stored_times(model: Model, spec: Dynamic) -> Array:
 
 
 class Balance:
-    """Energies of a motion and what they should be: the balance of work, stored and lost energy."""
+    """The energies of a motion and the balance of work, stored and lost energy."""
 
     def __init__(self, model: Model, stepper: Stepper) -> None:
         self.model, self.stepper, self.energies = model, stepper, Energies(model)
         steady = [load for load in model.loads.dead if is_constant(load.amplitude)]
         self.dead, self.varies = constant_loads(model, steady), len(steady) < len(model.loads.dead)
-        # whether laws keep energy of which their stress does not tell
+        # whether laws store energy that their stress does not show
         self.keeps = any(pool.plan.formulation.law.stored is not None for pool in model.pools)
-        # total at the start, largest change, size; what springs store and masses that move have at the start; largest
-        # gain; what materials keep at the start, and what was told too much of what they took before
+        # [0] total at the start, [1] its largest change, [2] largest kinetic plus strain energy, [3] energy of springs
+        # and moving masses at the start, [4] largest gain, [5] energy kept by materials and [6] their overcounted loss
+        # at the start
         self.numbers = np.array([np.nan, 0.0, 0.0, np.nan, 0.0, 0.0, np.nan])
 
     def external(self, t: float) -> Array:
@@ -82,7 +83,7 @@ class Balance:
         return self.model.external(t) if self.varies else self.dead
 
     def take(self, row: Row) -> dict[str, float]:
-        """Return the energies of a state, and note how far the balance is off where a step ends."""
+        """Return the energies of a state, and update the error of the balance if the state is the end of a step."""
         model, (strain, kinetic), springs = self.model, self.stepper.known(row).energy, 0.0
         d, v, *_ = row.full
         model.states[:] = row.states
@@ -94,7 +95,7 @@ class Balance:
             model.turns.recall(model.springs, model.e0 + d_q, d_q, model.turns.at(d, row.turned))
             strain += model.interactions.energy(d, row.side)
             springs = model.interactions.energy(d, row.side, worked=not self.stepper.method.conserves)
-        # what materials keep that remember, which counts as lost on the way, and what others do
+        # energy kept by materials with memory, which counts as lost in the steps, and energy kept by other materials
         kept, more, over = kept_energy(model, d, row.side) if self.keeps else (0.0, 0.0, 0.0)
         strain += more
         dead, potential = float(self.dead @ d), self.energies.potential(d)
@@ -103,13 +104,13 @@ class Balance:
             self.numbers[6] = over
         lost = row.lost - (over - float(self.numbers[6]))
         total = kinetic + own - dead - row.work + lost
-        # what drives a mass along a body does work on it, too: what the mass gains
+        # the drive of a mass along a body does work on it, which equals the mass's gain of energy
         carried, lifted = self.energies.carried(d, v, row.side)[0], self.energies.lifted(d, row.side)
         given = (springs if self.stepper.tracks else 0.0) + carried + lifted
         if np.isnan(self.numbers[0]):
             self.numbers[0], self.numbers[3], self.numbers[5] = total, given, kept
         if row.kind != INSIDE:
-            # forces do some work on round-off of positions: energies below that are none
+            # forces do some work on the round-off of positions: smaller energies count as zero
             felt = largest_share(self.external(row.side)[:self.model.n_q], self.model.weights)
             self.numbers[2] = max(self.numbers[2], least_motion(self.model) * felt)
             self.numbers[1] = max(self.numbers[1], abs(total - self.numbers[0]))
@@ -121,17 +122,17 @@ class Balance:
 
     @property
     def drift(self) -> float:
-        """The largest change of total energy less work, over the largest kinetic plus strain energy."""
+        """Return the largest change of total energy less work, over the largest kinetic plus strain energy."""
         return float(self.numbers[1] / self.numbers[2]) if self.numbers[2] > 0.0 else 0.0
 
     @property
     def gain(self) -> float:
-        """The largest growth of total energy less work, over the largest kinetic plus strain energy."""
+        """Return the largest growth of total energy less work, over the largest kinetic plus strain energy."""
         return float(self.numbers[4] / self.numbers[2]) if self.numbers[2] > 0.0 else 0.0
 
 
 class Run:
-    """A dynamic solve: the motion itself and, with fixed steps, coarser ones beside it for the error estimate."""
+    """A dynamic solve: the motion itself and, if wanted, coarser motions for the error estimate."""
 
     def __init__(self, model: Model, spec: Dynamic) -> None:
         if spec.dt is None and spec.tolerance is None:
@@ -146,14 +147,14 @@ class Run:
         self.inverted: str | None = None
         self.intact = False
         self.balance = Balance(model, self.stepper)
-        # SciPy's methods have no coarser motions beside; states at every so many adaptive steps have no common times
+        # SciPy's methods have no coarser motions; states stored every so many adaptive steps have no common times
         beside = kind is Stepper and not every
         self.estimate = Estimate(self.stepper) if beside and spec.estimate else None
         self.stepping = Pace()
         self.taking: Pace | None = None
-        # states in full coordinates, as derivatives ask for them
+        # states in full coordinates, as the derivatives need them
         self.seen: WeakKeyDictionary[Record, Any] = WeakKeyDictionary()
-        # the time left, and when it was found
+        # the remaining time, and when it was estimated
         self.left: tuple[float | None, float] = None, -np.inf
 
     def states(self, kept: dict[str, Array] | None = None, advance: Callable[[], list[Row]] | None = None
@@ -180,11 +181,11 @@ class Run:
                     self.balance.take(row)
             rows, ends = [row for row in found if row.kind != CHECK], self.stepper.done
             if self.inverted is None and rows:
-                # looked for one by one, where there is one
+                # if any element is inverted, the states are searched one by one
                 self.intact = not any_inverted(self.model, np.array([self.stepper.full(row, 1)[0] for row in rows]))
             for k, row in enumerate(rows):
                 began, beside = time.monotonic(), self._beside()
-                # one that has failed may be amid an event: it is repeated from where it was before
+                # after a failure the last state may be amid an event: a resumed run repeats it from an earlier one
                 last = k == len(rows) - 1 and not ends and self.stepper.failed is None
                 if not ends or row.t < self.stepper.t:
                     yield self.state(row, keep=last)
@@ -192,7 +193,7 @@ class Run:
         yield self._end()
 
     def begin(self) -> tuple[Array, Array, Array]:
-        """Begin the motion; return displacements, rates and turns as ``initial_motion`` does."""
+        """Start the motion; return displacements, rates and turns as ``initial_motion`` does."""
         d, v, turned = initial_motion(self.model)
         self.stepper.start(d, v, turned)
         if self.spec.tolerance is not None and self.stepper.looks_ahead:
@@ -200,25 +201,25 @@ class Run:
         return d, v, turned
 
     def _set_off(self) -> None:
-        """Begin to count the time that steps, coarser motions and the states themselves take."""
+        """Start measuring the time that steps, coarser motions and states take."""
         t = self.stepper.t
         self.stepping, self.taking = Pace(t), None
         if self.estimate is not None:
             self.estimate.paces = [Pace(t) for _ in self.estimate.coarse]
 
     def _took(self, t: float, seconds: float) -> None:
-        """Count the time of a state; the first one takes longer than the others, which says nothing of them."""
+        """Add the time spent on a state; ignore the first one, which takes longer than the rest."""
         if self.taking is None:
             self.taking = Pace(t, eases=False)
         else:
             self.taking.mark(t, self.taking.seconds + seconds)
 
     def _beside(self) -> float:
-        """Return the seconds that coarser motions took."""
+        """Return the seconds spent on coarser motions."""
         return 0.0 if self.estimate is None else sum(pace.seconds for pace in self.estimate.paces)
 
     def _left(self) -> float | None:
-        """Return the seconds that the rest will take: each part goes on at its own pace."""
+        """Return the remaining seconds, with each part continuing at its own pace, or None if unknown."""
         if self.taking is None:
             return None
         paces = [self.stepping, self.taking]
@@ -228,7 +229,7 @@ class Run:
         return None if None in times else float(sum(x for x in times if x is not None))
 
     def _tell_lost(self, v: Array, first: State) -> None:
-        """Tell with the first state what supports and joints took of the kinetic energy of the rates v (n_full,)."""
+        """Report with the first state how supports and joints changed the kinetic energy of the rates v (n_full,)."""
         energies = self.balance.energies
         given, kinetic = energies.kinetic(v) + energies.carried(first.d, v, first.side)[0], first.history["kinetic"]
         if given == 0.0:
@@ -241,7 +242,7 @@ class Run:
                                   f"{given:.6g} of kinetic energy ({100 * abs(lost) / given:.3g} %) is {how}")
 
     def _look_ahead(self, d: Array, v: Array, turned: Array) -> float:
-        """Return a displacement that the motion soon reaches [m], at most a share of the scene's size."""
+        """Return a displacement [m] that the motion reaches early, at most a share of the scene's size."""
         size = BEGIN * self.problem.extent
         spec = replace(self.spec, t_end=AHEAD * self.spec.t_end)
         scout = type(self.stepper)(self.model, self.problem, self.signals, spec, 0.0, np.zeros(0))
@@ -255,9 +256,9 @@ class Run:
         return min(size, scout.reached)
 
     def state(self, row: Row, keep: bool = False) -> State:
-        """Return a stored state."""
+        """Return the full state of a row, with energies and the time left, and with a checkpoint if ``keep``."""
         d, v, a = self.stepper.full(row)
-        # first, so that springs are those that act in this motion: coarser ones, and a resumed one, have others
+        # first, so that springs have the state of this motion: coarser motions and resumed runs share the model
         controllers = self.stepper.answers.look(row)
         energies = self.balance.take(row)
         if self.model.contacts:
@@ -280,7 +281,7 @@ class Run:
         return state
 
     def _end(self) -> State:
-        """Return the last state, with what there is to say of the whole."""
+        """Return the last state, with the report and the warnings about the whole motion."""
         self.intact = False
         state = self.state(self.stepper.last())
         state.last = True
@@ -314,7 +315,7 @@ class Run:
         return state
 
     def checkpoint(self) -> dict[str, Array] | None:
-        """Return everything that the run goes on from; None for methods that keep more than can be stored."""
+        """Return everything that the run needs to go on, or None for methods whose state cannot be stored."""
         out = self.stepper.checkpoint()
         if out is None:
             return None
@@ -333,10 +334,10 @@ class Run:
 
 
 def wound_warning(model: Model, d: Array) -> list[str]:
-    """Return what is to be said of adaptive steps where angles have grown far beyond all displacements.
+    """Return a warning if rotations have grown far beyond all displacements under adaptive steps.
 
-    Local errors are relative to the largest displacement, and an angle counts as what it moves: after many turns, much
-    more than anything has moved.
+    Local errors are relative to the largest displacement, and an angle counts as the displacement that it causes: after
+    many turns, this exceeds the displacement of every point by far.
     """
     angles = np.concatenate([mesh.kinds == 2 for mesh in model.meshes.values()])
     moved = model.weights * np.abs(d[:model.n_q])
@@ -350,7 +351,7 @@ def wound_warning(model: Model, d: Array) -> list[str]:
 
 
 def drift_warning(drift: float, estimate: float | None) -> list[str]:
-    """Return what is to be said of a balance of energy that is off by much more than the estimated error."""
+    """Return a warning if the error of the energy balance is much larger than the estimated error."""
     if estimate is None or drift <= max(LOST, 10.0 * estimate):
         return []
     return [f"the steps are too long for part of the motion: the energy balance has an error of {100 * drift:.2g} %, "
@@ -358,7 +359,7 @@ def drift_warning(drift: float, estimate: float | None) -> list[str]:
 
 
 def fibres_warning(model: Model, drift: float) -> list[str]:
-    """Return what is to be said of a balance of energy that is far off where fibres yield."""
+    """Return a warning if the energy balance is far off in a model with fibres that yield."""
     if drift <= FIBRES or not model.hardens:
         return []
     return [f"the energy balance is off by {100 * drift:.2g} %: fibres remember the peaks of vibrations that steps do "
@@ -368,7 +369,7 @@ def fibres_warning(model: Model, drift: float) -> list[str]:
 def solve_dynamic(model: Model, spec: Dynamic, kept: dict[str, Array] | None = None) -> Iterator[State]:
     """Yield the states of a motion, from the start or from a checkpoint.
 
-    Raises ComputationError where it fails, and CheckpointError at once where the checkpoint is none of this motion.
+    Raises ComputationError where it fails, and CheckpointError at once if the checkpoint is from another motion.
     """
     run = Run(model, spec)
     if kept is not None:

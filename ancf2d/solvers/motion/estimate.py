@@ -1,4 +1,4 @@
-"""The error of time steps: coarser motions run beside, and their differences extrapolate."""
+"""The error of time steps, extrapolated from the differences to motions with longer steps."""
 
 from __future__ import annotations
 
@@ -26,36 +26,37 @@ from .schemes import INTEGRATORS, default_method
 from .stepping import Stepper
 
 LEVELS = 2
-# between levels: of fixed steps, or of the tolerance of adaptive ones
+# factor between levels: of fixed steps, or of the tolerance of adaptive steps
 DOUBLE, TENFOLD = 2.0, 10.0
-# added to what two differences extrapolate to (Roache's grid convergence index for three levels)
+# safety factor on the extrapolated error (Roache's grid convergence index for three levels)
 SAFETY = 1.25
-# differences that fall by less between levels show no order: first is taken, which unresolved vibrations leave
+# differences that shrink by less than this between levels, as with unresolved vibrations, show no order: assume 1
 FALLS = 3.0
-# the error is at most so many times what steps change that are hardly longer, as where Newton's method limits them;
-# each level cuts fixed ones in other places, and errs more unlike the others
+# bound on the error, as a multiple of the difference, if steps are hardly longer, as where Newton's method limits them;
+# smaller for fixed steps, because each level cuts these at other places, so that errors of levels differ more
 LARGEST = {DOUBLE: 2.0, TENFOLD: 4.0}
-# ten times the tolerance that changes errors by less than this changes nothing
+# if ten times the tolerance changes the error by less than this factor, the error does not depend on it
 ASYMPTOTIC = 2.0**0.5
-# steps of a coarser level that number more than this share of the finer one's are not twice as long; the differences
-# between such levels tell nothing where they are below this share of the displacements
+# two levels have the same steps if those of the finer one are longer than this share of the coarser one's; differences
+# between such levels mean nothing if they are below this share of the displacements
 ALIKE, TELLING = 0.8, 1e-9
-# steps of the second level after which it is given up where they are no longer than those of the first
+# steps of the second level after which it is abandoned if they are no longer than those of the first
 SEEN = 40
-# times the tolerance: errors beyond are told
+# multiple of the tolerance above which errors cause a warning
 MISSED = 10.0
-# fewer steps than so many between two breaks are no longer where they are to be twice as long
+# with fewer steps than this between two breaks, steps of twice the length are cut to the same length
 BROKEN = 4
 
 
 class Estimate:
-    """Differences between a motion and coarser ones at stored times, over all probes (all nodes where there are none).
+    """Differences between a motion and coarser ones at stored times, over all probes (all nodes if there are none).
 
-    Levels: 2 dt and 4 dt of fixed steps, 10 and 100 times the tolerance of adaptive ones; errors count as those of the
-    mean length of the steps that were made. ``largest`` (levels, probes): of the differences between neighbouring
-    levels; ``moved`` (probes,): of the displacements; ``made`` (levels, 2): time and number of steps compared last;
-    ``levels`` : how many are still made. None of these depends on how far calls of ``Stepper.run`` come, nor on whether
-    coarser motions go on in threads of their own (``ahead``: runs that are not taken yet).
+    The levels have 2 and 4 times the fixed step, or 10 and 100 times the tolerance of adaptive steps; errors are
+    extrapolated with the mean length of the steps that were made. ``largest`` (levels, probes): the largest differences
+    between neighbouring levels; ``moved`` (probes,): the largest displacements; ``made`` (levels, 2): time and number
+    of steps at the last comparison; ``levels``: how many levels are still computed. The result depends neither on how
+    far each call of ``Stepper.run`` gets nor on whether coarser motions run in threads (``ahead``: runs not collected
+    yet).
     """
 
     def __init__(self, stepper: Stepper) -> None:
@@ -71,7 +72,7 @@ class Estimate:
         self.moved = np.zeros(len(columns) // 2)
         self.failed = ""
         self.levels, self.made = LEVELS, np.zeros((LEVELS, 2))
-        # states ahead of the motion: time, number of steps, displacements of the probes; and steps of all of them
+        # states of coarser motions not compared yet: time, number of steps, displacements of probes; their step counts
         self.queues: list[list[tuple[float, int, Array]]] = [[] for _ in range(LEVELS)]
         self.counts = [0] * LEVELS
         self.coarse = [self._level(self.factor ** (k + 1)) for k in range(LEVELS)]
@@ -80,25 +81,25 @@ class Estimate:
         self.ahead: dict[int, tuple[Future[list[Row]], float]] = {}
 
     def _level(self, factor: float) -> Stepper:
-        """Return the motion with longer steps."""
+        """Return the stepper of a coarser motion, with steps or tolerance ``factor`` times as large."""
         fine = self.stepper
         spec = fine.spec if fine.dt > 0.0 else replace(fine.spec, tolerance=factor * fine.tolerance)
         out = Stepper(fine.model, fine.problem, fine.signals, spec, factor * fine.dt, fine.wanted)
-        # steps as long as they are, however often states are stored
+        # storing states must not shorten the steps
         out.lands = False
-        # joints are looked at in all states
+        # joints are checked in all states
         out.balances = bool(fine.facing) or len(fine.p.sliding.multiplier) > 0
         return out
 
     def start(self, d: Array, v: Array, turned: Array) -> None:
-        """Begin where the motion begins."""
+        """Start the coarser motions from the initial state of the motion."""
         for stepper in self.coarse:
             stepper.start(d, v, turned)
             if stepper.dt == 0.0:
                 stepper.expect(self.stepper.size)
 
     def _go_ahead(self) -> None:
-        """Let coarser motions go on meanwhile, each by one run, unless the motion itself is that short."""
+        """Start one run of each coarser motion in a thread, unless the motion is finished or threads are of no use."""
         if self.pool is None:
             if self.stepper.done or not _apart(self.stepper) or threads() == 1:
                 return
@@ -108,7 +109,7 @@ class Estimate:
                 self.ahead[level] = self.pool.submit(stepper.run), stepper.t
 
     def take(self, t: float, d: Array) -> None:
-        """Compare with a state of the motion at t; the start and times that coarser motions do not store are passed."""
+        """Compare with a state of the motion at t; skip the start and times that coarser motions do not store."""
         if t == 0.0 or self.failed:
             return
         here = self._places(d)
@@ -122,7 +123,7 @@ class Estimate:
         self._give_up()
 
     def _give_up(self) -> None:
-        """Make the second level no further where its steps are no longer, and its differences no larger."""
+        """Abandon the second level if its steps are no longer and its differences no larger than those of the first."""
         if self.factor == DOUBLE or self.levels < LEVELS:
             return
         longer, longest = self._lengths()
@@ -131,11 +132,11 @@ class Estimate:
             self.levels = 1
 
     def _lengths(self) -> list[float]:
-        """Return how long the steps of each level are on average."""
+        """Return the mean step length of each level."""
         return [float(t / max(steps, 1.0)) for t, steps in self.made]
 
     def _places(self, d: Array) -> Array:
-        """Return the displacements (2, probes)."""
+        """Return the displacements (2, probes) of the probes."""
         found: Array = np.add.reduceat(self.weights * d[self.coords], self.starts)
         return found.reshape(-1, 2).T
 
@@ -157,7 +158,7 @@ class Estimate:
         return queue[0][2]
 
     def _go_on(self, level: int) -> bool:
-        """Append the states of the next run of a coarser motion; return whether it could be made."""
+        """Append the states of the next run of a coarser motion; return False if it failed."""
         stepper, queue = self.coarse[level], self.queues[level]
         run, since = self.ahead.pop(level, (None, stepper.t))
         try:
@@ -175,26 +176,26 @@ class Estimate:
         return True
 
     def report(self) -> dict[str, Any]:
-        """Return the relative estimate, the order seen of fixed steps, and how they were found."""
+        """Return the relative error estimate, the observed order (fixed steps only), and how they were found."""
         estimate, order = self._richardson()
         return {"estimate": estimate, "order": order if self.factor == DOUBLE else None, "of": "time steps",
                 "steps": int(self.made[:, 1].sum())}
 
     def _differences(self) -> tuple[float, float]:
-        """Return the largest differences of either level, relative to the displacements."""
+        """Return the largest difference of each level, relative to the displacements."""
         size = np.where(self.moved > least_motion(self.stepper.model), self.moved, np.inf)
         if self.factor != DOUBLE and sticks(self.stepper.model):
-            # what springs that hold points give counts no more than for the steps
+            # vibrations of the springs that hold sticking points weigh no more here than in the step size control
             size = np.maximum(size, least_size(self.stepper.model, self.stepper.tolerance))
         fine, rough = (float(np.max(row / size, initial=0.0)) for row in self.largest)
         return fine, rough
 
     def _richardson(self) -> tuple[float | None, float | None]:
-        """Return the error that the differences of three levels extrapolate to, and the power of their factor seen."""
+        """Return the error extrapolated from three levels, and the observed power of the factor between them."""
         if self.failed or self._alike():
             return None, None
         fine, rough = self._differences()
-        # a part of how far off contacts that open and close are located is the same in all levels
+        # part of the error in locating contacts that open and close is the same at all levels
         located = float(self.stepper.s.numbers[SWITCHED]) if self.factor == DOUBLE else 0.0
         if fine == 0.0:
             return FIXED * located, None
@@ -210,7 +211,7 @@ class Estimate:
         return SAFETY * fine * min(largest, 1.0 / (first ** order - 1.0)) + FIXED * located, power
 
     def _alike(self) -> bool:
-        """Whether longer fixed steps were cut, or are so few, that they are those of the motion itself."""
+        """Return whether longer fixed steps were cut, or are so few, that they equal those of the motion itself."""
         if self.factor != DOUBLE or not self.moved.any():
             return False
         own = self.stepper.t / max(self.stepper.s.numbers[COUNT], 1)
@@ -218,7 +219,7 @@ class Estimate:
         return alike and bool(self.largest.min(axis=0).max() <= TELLING * self.moved.max())
 
     def warnings(self) -> list[str]:
-        """Return what is to be said of an estimate that cannot be trusted."""
+        """Return warnings about an estimate that is missing, unreliable or far above the tolerance."""
         if not self.failed and self._alike():
             if BROKEN * (len(self.stepper.pieces) - 1) > self.stepper.s.numbers[COUNT]:
                 return ["no error estimate: the amplitudes have so many break points that longer steps are divided "
@@ -234,12 +235,12 @@ class Estimate:
         return [] if self.factor == DOUBLE or not estimate else self._missed(estimate, order or 0.0)
 
     def _missed(self, estimate: float, order: float) -> list[str]:
-        """Say that the error is far beyond the tolerance, and whether that is due to the steps or to the motion.
+        """Return a warning that the error is far above the tolerance, and whether steps or motion cause it.
 
-        ``order``: the power of the tolerance that errors are seen to grow with.
+        ``order``: the observed power of the tolerance with which errors grow.
         """
         case, tolerance, count = self.stepper.model.case, self.stepper.tolerance, int(self.stepper.s.numbers[COUNT])
-        # nobody has asked for the default, and what solves to an accuracy judges its runs itself
+        # no warning for the default tolerance, nor where the accuracy control judges the runs itself
         asked = getattr(case.solver, "tolerance", None) is not None and case.accuracy is None
         if estimate <= MISSED * tolerance or not asked:
             return []
@@ -250,26 +251,26 @@ class Estimate:
                     "only a much smaller tolerance resolves. If these vibrations do not matter, use a larger tolerance"
                     + self._better() + self._jump()]
         if estimate <= count * tolerance:
-            # no farther down than the levels are apart, which is what the power was seen over; never the same again
+            # a tolerance between half and the range of the levels, over which the power was observed
             share = (MISSED * tolerance / estimate) ** (1.0 / min(order, self.order))
             share = max(min(share, 0.5), self.factor ** -LEVELS)
             return [said + "Each step meets the tolerance, but the errors add up. Use a tolerance of about "
                     f"{share * tolerance:.1g}" + self._better() + self._jump()]
-        # errors that do not grow add up to no more than the number of steps times the tolerance
+        # errors that do not grow add up to at most the number of steps times the tolerance
         return [said + "The errors grow, because the motion is sensitive to its initial state, like chaotic motions. A "
                 "smaller tolerance only postpones the time from which the motion is unreliable; its statistics may "
                 "still be right"]
 
     def _better(self) -> str:
-        """Name the recommended method where it is of higher order: it has a smaller error with fewer steps."""
+        """Return advice to use the recommended method if its order is higher: it errs less with fewer steps."""
         best = INTEGRATORS[default_method(self.stepper.model)]
         better = best.order > self.stepper.method.order
         return f". Method {best.name} has a smaller error with fewer steps" if better else ""
 
     def _jump(self) -> str:
-        """Say that a prescribed motion starts a model at rest as an impact does, where one does."""
+        """Return a hint if a prescribed motion starts a model at rest with a jump of velocity, like an impact."""
         model = self.stepper.model
-        # what obstacles follow moves nothing before they touch
+        # moving obstacles move nothing before they touch
         obstacles = [s for pair in model.contacts for s in pair.signal or ()]
         signals = [self.stepper.signals[k] for k in self.stepper.driving]
         if model.case.initial is not None or not any(rates_of(s, 0.0)[0] for s in signals if s not in obstacles):
@@ -281,12 +282,12 @@ class Estimate:
     def _finer(self) -> str:
         return "smaller steps" if self.factor == DOUBLE else "a smaller tolerance"
 
-    # ------------------------------------------------------------------ going on later
+    # ------------------------------------------------------------------ checkpoints
 
     def checkpoint(self) -> dict[str, Array]:
-        """Return everything that the estimate goes on from."""
+        """Return everything that the estimate needs to go on."""
         for level, (run, _) in list(self.ahead.items()):
-            # one that fails does so again when it is made again
+            # a run that failed fails again when it is repeated
             if run.exception() is None:
                 self._go_on(level)
         out = {"estimate_largest": self.largest.copy(), "estimate_moved": self.moved.copy(),
@@ -299,7 +300,7 @@ class Estimate:
         return out
 
     def resume(self, kept: dict[str, Array]) -> None:
-        """Go on from a checkpoint."""
+        """Restore the estimate from a checkpoint."""
         self.largest[:], self.moved[:] = kept["estimate_largest"], kept["estimate_moved"]
         self.made[:] = kept["estimate_made"]
         self.levels, *self.counts = map(int, kept["estimate_counts"])
@@ -310,27 +311,28 @@ class Estimate:
 
 
 def _order(ratio: float, first: float, second: float, highest: int) -> float:
-    """Return the order p, from 1 to the highest, at which errors like l^p of steps 1, ``first`` and ``second`` times as
-    long have differences of that ratio.
+    """Return the order p, from 1 to the highest, that explains the ratio of two differences.
+
+    The errors are like l^p for steps of length 1, ``first`` and ``second``.
     """
     p = np.linspace(1.0, highest, 64 * highest)
     return float(np.interp(ratio, (second ** p - first ** p) / (first ** p - 1.0), p))
 
 
 def _apart(stepper: Stepper) -> bool:
-    """Return whether steps read and write nothing of the model that changes, so that others can be made meanwhile."""
+    """Return whether steps neither read nor write changing parts of the model, so that motions can run in parallel."""
     model, answers = stepper.model, stepper.model.feedback
     return not (model.contacts or answers.rank or answers.conditions or stepper.events or stepper.moving
                 or stepper.facing)
 
 
 def step_ends(stepper: Stepper, since: float, found: list[Row]) -> list[float]:
-    """Return the ends of the steps after a time, of which the log of ``found`` and what is left of it tell."""
+    """Return the ends of the steps after time ``since``, from the logs of ``found`` and the pending log."""
     ends = np.concatenate([*(row.log[:, 1] for row in found), stepper.pending[:, 1]])
     return ends[ends > since].tolist()
 
 
 def _nodes(model: Model) -> list[tuple[Index, Array]]:
-    """Return x and y of every node."""
+    """Return x and y of every node as (indices, weights) columns."""
     one = np.ones(1)
     return [(np.array([i + k]), one) for i in Kinds(model.meshes.values()).place for k in range(2)]

@@ -1,4 +1,4 @@
-"""What begins and ends during a motion: at times, and once conditions hold."""
+"""Events of a motion: items that start or stop acting at given times or when conditions become true."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from ...model.switched import CLOSED, catch, is_off
 from ...results.records import EVENT_WORDS
 from ..linear import dense
 
-# of a gradient: what is left of it where others make the constraint hold
+# a constraint repeats others if less than this share of its gradient is independent of theirs
 SAME = 1e-7
 
 
 class Events:
-    """What begins and ends in a motion (``stepping.Stepper``), and the conditions that it waits for.
+    """The items that start or stop acting in a motion (``stepping.Stepper``), and the conditions that they wait for.
 
-    Each motion has latches of its own; those of the model, which Python evaluates loads and springs with, are those of
-    the motion looked at last (``show``).
+    Each motion has its own latches. Those of the model, with which Python evaluates loads and springs, are set to those
+    of the motion that was shown last (``show``).
     """
 
     def __init__(self, motion: Any) -> None:
@@ -52,34 +52,34 @@ class Events:
         self.cuts: list[float] = []
         self.switched = [(k, c) for k, c in _places(model.interactions.points)
                          if isinstance(c, PointConstraint) and c.active is not None]
-        # prismatic joints have a table of their own, and numbers below 0
+        # prismatic joints have their own table, and negative numbers here
         self.switched += joints
-        # of pieces by where they begin: constraints that repeat others; what supports did when they began, by name
+        # by start of a piece: constraints that repeat others; by name: impulses of supports that engaged
         self.repeated: dict[float, list[int]] = {}
         self.impulses: dict[str, dict[str, float]] = {}
-        # of motions that began where they were not: how far from what is prescribed, by support and key
+        # prescribed motions that engage later: distance from the prescribed value there, by support and key
         self.offsets: dict[str, dict[str, float]] = {}
-        # foot point and distance of prismatic joints that have begun
+        # foot point and distance of prismatic joints that have engaged
         self.feet: dict[int, list[float]] = {}
 
     def __bool__(self) -> bool:
-        """Whether anything begins or ends."""
+        """Return whether anything starts or stops acting."""
         return bool(self.timed or self.gates)
 
     def acts(self, window: Any, t: float) -> bool:
-        """Whether something acts at t, as this motion has found; ``window`` None is always."""
+        """Return whether an item with this window acts at t in this motion; a ``window`` of None always acts."""
         own = self._own.get(id(window), window)
         return own is None or bool(own.at(t))
 
     def breaks(self, t_end: float) -> list[Break]:
-        """Return the times in (0, t_end] at which something begins or ends that are known beforehand."""
+        """Return the times in (0, t_end], known in advance, at which something starts or stops acting."""
         patches = (p for p in self.model.interactions.points if isinstance(p, MovingPatch))
         windows = [*(window for _, window in self.timed), *(p.active for p in patches), *self.latches]
         times = {t for window in windows if window is not None for t in window.times if 0.0 < t <= t_end}
         return [Break(t, 0, math.nextafter(t, -math.inf)) for t in times]
 
     def enter(self, p: Record, piece: Piece) -> None:
-        """Let act what does in a piece of the motion, and wait for what may follow."""
+        """Switch on the items that act in a piece of the motion, and watch the conditions that may come true in it."""
         t = 0.5 * (piece.first + piece.stop)
         repeated = self.repeated.get(piece.first, [])
         for k, window in self.timed:
@@ -97,14 +97,14 @@ class Events:
             p.feedback.watched[k] = WAITING if asked else PASSED
 
     def show(self) -> None:
-        """Let the model's latches be those of this motion."""
+        """Copy the latches of this motion to the model."""
         for latch, own in zip(self.model.latches, self.latches, strict=True) if self.latches else ():
             latch.begin, latch.end = own.begin, own.end
 
-    # ------------------------------------------------------------------ conditions that come to hold
+    # ------------------------------------------------------------------ conditions that become true
 
     def holds(self) -> bool:
-        """Mark the conditions that hold where the motion is, and return whether there are any."""
+        """Mark the conditions that hold at the current state, and return whether there are any."""
         if not self.conditions:
             return False
         motion = self.motion
@@ -114,7 +114,10 @@ class Events:
         return bool(found != NONE)
 
     def begin(self) -> None:
-        """Let begin and end what does at t = 0, from where the motion is."""
+        """Start and stop the items whose conditions already hold at t = 0.
+
+        Raises ComputationError if ``solver.until`` is one of these.
+        """
         while self.holds():
             self.happen()
             if self.motion.done:
@@ -126,7 +129,7 @@ class Events:
             self.motion.consistent(0.0, np.zeros(len(self.motion.s.z)))
 
     def happen(self) -> int:
-        """Let begin and end what the marked conditions tell, at once; return the piece of the motion that follows."""
+        """Start and stop at once the items whose conditions are marked; return the piece of the motion that follows."""
         motion, t = self.motion, self.motion.t
         marked = [c for k, c in enumerate(self.conditions) if motion.p.feedback.watched[k] == HOLDS]
         for waiting in marked:
@@ -146,7 +149,7 @@ class Events:
         return i + 1 if self.cut(i, t) else i
 
     def cut(self, i: int, t: float) -> bool:
-        """Cut a piece of the motion in two at t, where it does not begin there; return whether it was cut."""
+        """Cut a piece of the motion in two at t, unless it begins there; return whether it was cut."""
         piece, pieces = self.motion.pieces[i], self.motion.pieces
         if t <= piece.first:
             return False
@@ -157,7 +160,7 @@ class Events:
     # ------------------------------------------------------------------ supports and joints
 
     def acting(self) -> set[int]:
-        """Return the numbers of supports and joints that act, of those that begin or end."""
+        """Return the numbers of the switched supports and joints that act."""
         return {k for k, _ in self.switched if self._on(k)}
 
     def _on(self, k: int) -> bool:
@@ -165,9 +168,9 @@ class Events:
         return bool(p.points.on[k] if k >= 0 else p.sliding.on[-1 - k])
 
     def catch(self, acted: set[int]) -> list[PointConstraint]:
-        """Let supports that begin hold what they hold where it is; return what begins, beside those that ``acted``.
+        """Let supports and joints that engage (not in ``acted``) hold the current positions; return their constraints.
 
-        Raises ComputationError for a joint that begins where its points are apart.
+        Raises ComputationError for a joint that engages while its points are apart.
         """
         if not self.switched:
             return []
@@ -193,18 +196,18 @@ class Events:
         return [c for k, c in found if self._on(k)]
 
     def _slide(self, i: int, foot: Any, gap: float) -> None:
-        """Let a prismatic joint hold its point at a distance from the axis, from a foot point on."""
+        """Set the foot point and the distance from the axis at which a prismatic joint holds its point."""
         for table in (self.motion.p.sliding, self.model.interactions.sliding):
             table.memory[i], table.gap[i] = foot, gap
         self.feet[i] = [*map(float, foot), gap]
 
     def _note_offset(self, c: PointConstraint) -> None:
-        """Note how far what a support moves is from what is prescribed where it begins."""
+        """Store the distance of a newly engaged prescribed motion from its prescribed value."""
         if c.signal is not None:
             self.offsets.setdefault(c.owner, {})[MOTIONS[c.holds]] = float(c.mem[0])
 
     def _leave_out(self, d: Array) -> None:
-        """Leave out constraints that others make hold at d (n_full,): two multipliers for one motion have no values."""
+        """Switch off constraints that others already imply at d (n_full,): their multipliers would be indeterminate."""
         motion, model = self.motion, self.model
         piece = motion.pieces[motion.piece]
         known: list[Array] = []
@@ -235,7 +238,7 @@ class Events:
             motion.enter(motion.piece)
 
     def _gradients(self, d: Array) -> dict[int, tuple[Any, Array]]:
-        """Return coordinates and gradient at d (n_full,) of each constraint by its multiplier."""
+        """Return coordinates and gradient at d (n_full,) of each constraint, by its multiplier."""
         self.look(self.motion.p.points.mem)
         t, out = max(self.motion.t, self.motion.pieces[self.motion.piece].first), {}
         d = d.copy()
@@ -246,16 +249,16 @@ class Events:
         return out
 
     def look(self, mem: Array) -> None:
-        """Let the model's latches, and what its supports hold, be those of this motion."""
+        """Copy the latches of this motion and the values that its supports hold to the model."""
         self.show()
         for k, c in self.switched:
             if k >= 0:
                 c.mem[:] = mem[k, :len(c.mem)]
 
     def count(self, begun: list[PointConstraint], before: Array) -> float:
-        """Note the impulses of supports that have begun: rates were ``before`` (n,), others are those of the motion.
+        """Store the impulses of supports that engaged, from the rates ``before`` (n,) and those of the motion now.
 
-        Returns the energy that is lost, which is that of the change of rates, also where what begins to hold moves.
+        Return the lost energy, the kinetic energy of the change of rates, also if the engaged support moves.
         """
         motion, model = self.motion, self.model
         p, s, A = motion.p, motion.s, dense(motion.w.A, motion.p)
@@ -277,10 +280,10 @@ class Events:
             self.impulses[name] = dict(zip(("fx", "fy", "m"), total.tolist(), strict=True))
         return 0.5 * float(jump @ momentum)
 
-    # ------------------------------------------------------------------ what is told and kept
+    # ------------------------------------------------------------------ report and checkpoint
 
     def told(self) -> list[dict[str, Any]]:
-        """Return what has begun and ended, in order, by what a case calls it."""
+        """Return the events in order of time, by the names of the items in the case."""
         out: list[dict[str, Any]] = []
         names = [name for name, _ in self.model.supports]
         case, t_end = self.model.case, self.motion.spec.t_end
@@ -303,14 +306,14 @@ class Events:
         return out
 
     def kept(self) -> dict[str, Array]:
-        """Return what the motion goes on from."""
+        """Return the arrays for a checkpoint."""
         told = [self.impulses, self.offsets, [*self.feet.items()],
                 [[first, *places] for first, places in self.repeated.items()]]
         return {"latched": np.array([latch.times for latch in self.latches]).reshape(-1, 2),
                 "cuts": np.array(self.cuts), "held": np.frombuffer(json.dumps(told).encode(), dtype=np.uint8)}
 
     def resume(self, kept: dict[str, Array]) -> None:
-        """Go on from a checkpoint."""
+        """Restore the events from a checkpoint."""
         for latch, (begin, end) in zip(self.latches, kept["latched"].reshape(-1, 2).tolist(), strict=True):
             latch.begin, latch.end = begin, end
         self.impulses, self.offsets, feet, repeated = json.loads(kept["held"].tobytes())
@@ -323,7 +326,7 @@ class Events:
 
 
 def _timed(patches: Iterable[Any]) -> list[tuple[int, Any]]:
-    """Return the place among the point laws of what begins or ends, and what tells when."""
+    """Return the places among the point laws of the patches that start or stop acting, and their windows."""
     return [(k, patch.active) for k, patch in _places(patches)
             if isinstance(patch, PointPatch) and patch.active is not None]
 

@@ -1,4 +1,4 @@
-"""Why a motion (``stepping.Stepper``) cannot go on: undefined values, joints without a meaning, failed steps."""
+"""Reasons why a motion (``stepping.Stepper``) cannot go on: undefined values, joints off their bodies, failed steps."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from ...model.point_patch import check_facing
 from ..active_set import blocked, driven_into
 from ..state import Row
 
-# of the size of a model: further away, strains are lost in round-off of positions
+# multiple of a model's size; farther away, round-off of positions hides the strains
 FAR = 1e9
-# the same: what touches, where a motion cannot go on
+# share of a model's size: points nearer than this to an obstacle count as touching in a failed motion
 NEAR = 1e-6
 
 
-# what is told below is of states that overflow: numpy need not tell it, too
+# these functions describe states that overflow: silence numpy's own warnings
 @np.errstate(all="ignore")
 def check_signals(motion: Any, t: float) -> None:
-    """Raise the ComputationError of an expression that has no value at t."""
+    """Raise a ComputationError if an expression has no value at t."""
     for signal in motion.signals:
         if not signal.fed:
             signal(t)
@@ -43,7 +43,7 @@ def check_signals(motion: Any, t: float) -> None:
 
 
 def check_joints(motion: Any, row: Row) -> None:
-    """Raise where joints are met by what they do not mean: a point off its body, a section turned inside out."""
+    """Raise ComputationError if a joint has lost its meaning: a point off its body, a section turned inside out."""
     if not motion.facing and not len(motion.p.sliding.multiplier):
         return
     p, d = motion.at_row(row), np.zeros(len(motion.p.place))
@@ -56,17 +56,17 @@ def check_joints(motion: Any, row: Row) -> None:
 
 
 def fastest(motion: Any) -> float:
-    """Return the rate [m/s] at which a motion would go FAR in the time of its case; none is meant to."""
+    """Return the rate [m/s] at which a motion would cover FAR times the model's size within the time of the case."""
     return FAR * float(motion.p.extent) / float(motion.model.case.solver.t_end)
 
 
 @np.errstate(all="ignore")
 def failure(motion: Any, outcome: int) -> ComputationError:
-    """Return what to say of a step that could not be made."""
+    """Return the error for a step that could not be made."""
     h = float(motion.s.numbers[STEP_SIZE])
     at: dict[str, Any] = {"t": float(f"{motion.t:.9g}"), "step": int(motion.s.numbers[COUNT]) + 1,
                           "dt": float(f"{h:.3g}")}
-    # steps end by round-off beside a time from which on there is no value
+    # steps shrink to round-off before a time from which an expression has no value
     check_signals(motion, motion.t + max(h, 1e-6 * motion.spec.t_end))
     check_joints(motion, motion.here())
     weights = motion.p.weights
@@ -94,9 +94,9 @@ def failure(motion: Any, outcome: int) -> ComputationError:
 
 
 def _driven_near(motion: Any) -> list[tuple[Any, int]]:
-    """Return the points that supports alone move, by pair and number, that have come to an obstacle without a law.
+    """Return the contact points (pair, number) moved by supports alone that have reached an obstacle without a law.
 
-    Sections that turned about such points can give way no more.
+    The motion fails once sections can no longer yield by turning about such points.
     """
     p, d = motion.p, np.zeros(len(motion.p.place))
     signals_at(p, motion.t, motion.w.amps)
@@ -105,7 +105,7 @@ def _driven_near(motion: Any) -> list[tuple[Any, int]]:
 
 
 def _blocked(motion: Any, at: dict[str, Any], near: list[tuple[Any, int]]) -> ComputationError:
-    """Return what to say where supports or joints hold a body in what it touches."""
+    """Return the error for supports or joints that press a body into what it touches."""
     model, mem = motion.model, motion.p.points.mem
     into = [(p.pair, p.number)
             for p, rows in zip(model.interactions.points, model.interactions.rows, strict=True)
@@ -116,7 +116,7 @@ def _blocked(motion: Any, at: dict[str, Any], near: list[tuple[Any, int]]) -> Co
 
 @np.errstate(all="ignore")
 def stuck(motion: Any, message: str | None) -> ComputationError:
-    """Return what to say of a step that SciPy could not make."""
+    """Return the error for a step that SciPy could not make."""
     beyond = max(float(motion.s.numbers[OLD_STEP]), 1e-6 * motion.spec.t_end)
     for t in (motion.t, motion.t + beyond):
         check_signals(motion, t)

@@ -1,4 +1,4 @@
-"""What answers a motion while it is stepped: controllers' states, angles that are counted, values that loads have."""
+"""Feedback while a motion is stepped: states of controllers, counted angles, values of loads that depend on it."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ class Answers:
         self.motion, self.feedback = motion, motion.model.feedback
 
     def count_angles(self, p: Record, d: Array, turned: Array) -> None:
-        """Let the angles that something answers be counted from those at d (n_full,) on."""
+        """Set the counted angles that feedback depends on to those at d (n_full,)."""
         model = self.motion.model
         d = d[:model.n_q]
-        # a controller that nothing uses answers no angles
+        # a controller that nothing uses reads no angles
         for k, q in enumerate(self.feedback.quantities[:len(p.feedback.near)]):
             if q.rotation is not None and q.kind == ANGLE:
                 p.feedback.near[k] = model.turns.theta(q.rotation, model.e0 + d, d, turned)
 
     @property
     def counts(self) -> bool:
-        """Whether something answers angles, which are counted from state to state."""
+        """Return whether feedback depends on angles, which are counted from state to state."""
         return ANGLE in self.motion.p.feedback.kind
 
     def recall(self, p: Record, row: Row) -> None:
-        """Let the angles be those of a stored state."""
+        """Set the counted angles to those of a stored state."""
         if not self.counts:
             return
         motion, d = self.motion, np.zeros(len(p.place))
@@ -45,7 +45,7 @@ class Answers:
         self.count_angles(p, d, motion.model.turns.at(d, row.turned))
 
     def begin(self) -> None:
-        """Give controllers' states their initial values, at the motion as supports and joints leave it."""
+        """Set the initial values of controllers' states, from the initial motion that supports and joints allow."""
         if not self.feedback.states:
             return
         motion = self.motion
@@ -54,18 +54,18 @@ class Answers:
         s.z[inner:] = self.feedback.initial(d, v, motion.model.turns.at(d, row.turned))
         self.sample(0.0)
         motion.consistent(0.0, np.zeros(len(s.z)))
-        # of those that begin at zero, what they reach soon
+        # states that start at zero are scaled by the value that they reach soon
         motion.p.feedback.scale[:] = np.maximum(np.abs(s.z[inner:]), motion.p.feedback.soon * np.abs(s.v[inner:]))
         self.weigh()
 
     def weigh(self) -> None:
-        """Weigh increments and errors of controllers' states by how large these have been."""
+        """Weigh increments and errors of controllers' states by the largest size of these states."""
         p, inner = self.motion.p, self.motion.p.inner
         one = np.divide(1.0, p.feedback.scale, out=np.zeros(len(p.feedback.scale)), where=p.feedback.scale > 0.0)
         p.straining[inner:], p.weights[inner:] = p.extent * one, self.motion.s.numbers[SIZE] * one
 
     def sample(self, t: float) -> bool:
-        """Let the controllers act that do so at t; return whether there are any."""
+        """Update the sampled controllers that are due at t; return whether there are any."""
         due = self.feedback.due(t)
         if due:
             motion = self.motion
@@ -73,13 +73,13 @@ class Answers:
         return bool(due)
 
     def told(self, row: Row) -> Array:
-        """Return what a state tells of the quantities that something answers, and controllers' states."""
+        """Return the quantities that feedback depends on and the controllers' states, at a state."""
         motion = self.motion
         d, v, _ = motion.full(row)
         return np.asarray(self.feedback.values(d, v, motion.model.turns.at(d, row.turned), row.z[motion.p.inner:]))
 
     def look(self, row: Row) -> dict[str, dict[str, float]]:
-        """Let loads that answer the motion be those of a state; return what controllers put out and remember there."""
+        """Set the model's latches and feedback loads to a state; return outputs and states of controllers there."""
         self.motion.events.look(row.turns)
         if not self.feedback.answers and not self.feedback.controllers:
             return {}
@@ -88,15 +88,15 @@ class Answers:
         return dict(self.feedback.outputs(row.side, values))
 
     def check(self, h: float) -> None:
-        """Raise the ComputationError of what has no value here, or a time h on as the motion goes."""
+        """Raise a ComputationError if an expression has no value here, or at the state extrapolated over h."""
         motion, model, row = self.motion, self.motion.model, self.motion.here()
         if not np.isfinite([row.z, row.v, row.a]).all():
-            # nothing has a value there
+            # nothing has a value here
             return
         d, v, a = motion.full(row)
         turned, inner = model.turns.at(d, row.turned), motion.p.inner
         for x in (0.0, h):
-            # what is not finite stands still
+            # coordinates whose extrapolation is not finite stay as they are
             d, v = (np.where(np.isfinite(step), q + step, q) for q, step in (
                 (d, x * v + 0.5 * x * x * a), (v, x * a)))
             states = row.z[inner:] + x * row.v[inner:]
@@ -104,7 +104,7 @@ class Answers:
             check_formulas(model.interactions.points, d, v, motion.t + x)
 
     def resume(self, sizes: Array) -> None:
-        """Go on from a checkpoint."""
+        """Restore the feedback from a checkpoint."""
         motion = self.motion
         motion.p.feedback.scale[:] = sizes
         self.recall(motion.p, motion.here())

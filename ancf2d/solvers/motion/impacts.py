@@ -1,4 +1,4 @@
-"""The impacts of a motion: when and where bodies meet without a law, with which impulse, and what that takes."""
+"""The impacts of a motion: when and where bodies meet without a contact law, with which impulse and energy loss."""
 
 from __future__ import annotations
 
@@ -10,31 +10,31 @@ from ...elements.shape import Array
 from ...interactions.contact import ContactPoint
 from ...model.model import Model
 
-# what the log of a step has of an impact behind what it has of every step: 1 + the item with the largest impulse,
-# how many have one, their sum, and the energy that it takes
+# last columns of the log of a step with an impact: 1 + the item with the largest impulse, the number of items with an
+# impulse, the sum of impulses, and the lost energy
 COLUMNS = 4
 
 
 class Impacts:
-    """Impacts (k, 5) up to the time reached: when, the item, points, impulse, energy lost."""
+    """Impacts (k, 5) so far: time, item with the largest impulse, points, impulse, lost energy."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
         self.found: list[Array] = []
 
     def take(self, log: Array) -> Array:
-        """Take what the log of steps (n, columns) tells of impacts; return the rest of it."""
+        """Store the impacts in a log of steps (n, columns); return the log without their columns."""
         hit = log[:, -COLUMNS] > 0.0
         if hit.any():
             self.found.append(np.column_stack([log[hit, 1], log[hit, -COLUMNS] - 1.0, log[hit, 1 - COLUMNS:]]))
         return log[:, :-COLUMNS]
 
     def kept(self) -> dict[str, Array]:
-        """Return what is kept in checkpoints."""
+        """Return the arrays for a checkpoint."""
         return {"impacts": np.concatenate([np.zeros((0, 1 + COLUMNS)), *self.found])}
 
     def resume(self, kept: dict[str, Array]) -> None:
-        """Take up what was kept."""
+        """Restore the impacts from a checkpoint."""
         self.found = [kept["impacts"].reshape(-1, 1 + COLUMNS).copy()]
 
     def table(self) -> dict[str, list[Any]]:
@@ -49,7 +49,7 @@ class Impacts:
                 "points": count.astype(int).tolist(), "impulse": impulse.tolist(), "lost": lost.tolist()}
 
     def tell(self, state: Any) -> None:
-        """Tell of all impacts with the last state of a motion."""
+        """Add the impacts to tables and report of the last state of a motion."""
         if not self.found or not len(self.kept()["impacts"]):
             return
         columns = state.tables["impacts"] = self.table()

@@ -1,4 +1,4 @@
-"""How a motion starts: displacements and velocities at t = 0."""
+"""The initial state of a motion: displacements and velocities at t = 0."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from ...model.point_patch import PointConstraint
 from ...model.rotation import Kinds
 from ...model.transfer import renumbered
 
-# relative to the size of the scene: reference coordinates that are the same, and states that supports hold
+# relative to the size of the scene: tolerance for equal reference geometry, and for states that supports hold
 SAME, HELD = 1e-9, 1e-6
 
 
 def initial_motion(model: Model) -> tuple[Array, Array, Array]:
-    """Return displacements and rates (n_full,) at t = 0 as the case tells them, and the bodies' turns (bodies,).
+    """Return displacements and rates (n_full,) at t = 0 as the case gives them, and the bodies' turns (bodies,).
 
-    Multipliers and their rates are 0. The displacements meet all supports and joints. The rates are those that were
-    asked for: what supports and joints leave of them is their projection in the metric of the mass. The turns are those
-    of ``model.rotation.Turns``. Raises CaseError for a state that cannot be had, ComputationError where the static
+    Multipliers and their rates are 0. The displacements satisfy all supports and joints. The rates are those that were
+    asked for; the motion starts with their projection in the metric of the mass. The turns are those of
+    ``model.rotation.Turns``. Raises CaseError for a state that is not possible, ComputationError if the static
     equilibrium is not found.
     """
     initial = model.case.initial or Initial()
@@ -47,7 +47,7 @@ def initial_motion(model: Model) -> tuple[Array, Array, Array]:
 
 
 def _rates(model: Model, initial: Initial, e: Array, stored: Array) -> Array:
-    """Return the rates (n_q,) at nodal coordinates e: what is said of a body, else of all, else what was stored."""
+    """Return the rates (n_q,) at nodal coordinates e: given for a body, else for all bodies, else stored."""
     kinds = Kinds(model.meshes.values())
     out = stored.copy()
     for name, mesh in model.meshes.items():
@@ -65,7 +65,7 @@ def _rates(model: Model, initial: Initial, e: Array, stored: Array) -> Array:
 
 
 def asked_rates(model: Model) -> Array:
-    """Return the rates (n_q,) that are asked for at t = 0 of a motion from rest, whether or not supports allow them."""
+    """Return the rates (n_q,) asked for at t = 0 of a motion from rest, whether or not supports allow them."""
     d = model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)[:model.n_q]
     return _rates(model, model.case.initial or Initial(), model.e0 + d, np.zeros(model.n_q))
 
@@ -73,9 +73,9 @@ def asked_rates(model: Model) -> Array:
 def initial_rates(model: Model) -> Array:
     """Return the rates (n_unknowns,) at t = 0 of a motion from rest without multipliers and prescribed motion.
 
-    They are the projection of those that were asked for in the metric of the mass M: T^T M (T v - V) = 0.
+    They are the projection of the rates V asked for in the metric of the mass M: T^T M (T v - V) = 0.
     """
-    # checking a case imports no kernels
+    # imported here because checking a case must not import kernels
     from ..linear import full_mass, unknowns_to_coordinates
 
     asked = asked_rates(model)
@@ -91,7 +91,7 @@ def initial_rates(model: Model) -> Array:
 
 
 def static_case(case: Case) -> Case:
-    """Return the static case whose end is the equilibrium at t = 0: loads and prescribed motion at their size then."""
+    """Return the static case for the equilibrium at t = 0, with loads and prescribed motion as they are then."""
     def scaled(load: Any) -> Any:
         amplitude = amplitude_of(load)
         if amplitude is None:
@@ -107,13 +107,13 @@ def static_case(case: Case) -> Case:
         return item.active is None or bool(item.active.at(0.0))
 
     def still(item: Any) -> Any:
-        """Return what moves along a body where it is at t = 0."""
+        """Return an item with its moving points fixed where they are at t = 0."""
         def at(point: Any) -> Any:
             return replace(point, s=Constant(float(point.s.value(0.0)))) if isinstance(point, MovingPoint) else point
 
         active = getattr(item, "active", None)
         if active is not None:
-            # what does not act yet never does
+            # an item that does not act at t = 0 never acts in the static case
             item = replace(item, active=None if active.at(0.0) else Active(math.inf))
         if hasattr(item, "between"):
             return replace(item, between=tuple(map(at, item.between)))
@@ -131,7 +131,7 @@ def _static(model: Model) -> tuple[Array, Array | None]:
 
     loaded = _loaded(model)
     try:
-        # the equilibrium of the motion's own meshes: that of others would not stand still
+        # on the motion's own meshes: the equilibrium of other meshes would not stay at rest
         static = build_model(replace(loaded, case=static_case(model.case)), moving=True)
     except CaseError as error:
         raise CaseError([replace(p, message=f"initial.from static: {p.message}") for p in error.problems]) from error
@@ -147,9 +147,9 @@ def _static(model: Model) -> tuple[Array, Array | None]:
 
 
 def _from_file(model: Model, name: str) -> tuple[Array, Array, Array | None]:
-    """Return the last displacements and rates (n_q,) that a result file of the same meshes holds, and the turns.
+    """Return the last displacements and rates (n_q,) in a result file of the same meshes, and the turns.
 
-    These are None of a file that does not tell them.
+    The turns are None if the file does not contain them. Raises CaseError if the file does not fit.
     """
     from ...results import open_results
 
@@ -173,7 +173,7 @@ def _from_file(model: Model, name: str) -> tuple[Array, Array, Array | None]:
 
 
 def goes_on(model: Model) -> bool:
-    """Return whether a motion goes on from the file of one by the same method under the same supports and joints."""
+    """Return whether a motion continues one in a result file, with the same method, supports and joints."""
     from ...results import open_results
 
     case, initial = model.case, model.case.initial
@@ -187,13 +187,13 @@ def goes_on(model: Model) -> bool:
 
 
 def _holding(completed: str) -> list[str]:
-    """Return the supports and joints of a completed case as they are written."""
+    """Return the texts of the supports and joints of a completed case."""
     return [part for part in re.split(r"^(?=\S)", completed, flags=re.MULTILINE)
             if part.startswith(("boundary_conditions:", "joints:"))]
 
 
 def _check_mesh(model: Model, results: Any, path: str, fail: Callable[..., CaseError]) -> None:
-    """Raise CaseError where a result file is of other bodies or another mesh."""
+    """Raise CaseError if a result file has other bodies or another mesh."""
     here = {name: (mesh.plan.element.name, mesh.plan.count) for name, mesh in model.meshes.items()}
     there = {name: (body.element_type, len(body.dofs)) for name, body in results.bodies.items()}
     numbers = {name: body.dofs for name, body in results.bodies.items()}
@@ -216,7 +216,7 @@ def _check_mesh(model: Model, results: Any, path: str, fail: Callable[..., CaseE
 
 
 def _check_held(model: Model, d: Array, path: str, fail: Callable[..., CaseError]) -> None:
-    """Raise CaseError where supports and joints do not hold a state d (n_q,): the motion would begin with a tear."""
+    """Raise CaseError if a state d (n_q,) violates supports or joints, which would tear the model at the start."""
     full = np.zeros(len(model.numbering.place))
     full[:model.n_q] = d
     gaps = model.weights * np.abs(model.displacements(full[model.numbering.free], 0.0)[:model.n_q] - d)
@@ -247,7 +247,7 @@ def _path(model: Model, name: str) -> str:
 
 
 def _failing(model: Model) -> Callable[..., CaseError]:
-    """Return what makes a CaseError about the result file that a motion starts from."""
+    """Return a function that makes a CaseError about the result file that a motion starts from."""
     def fail(message: str, expected: str = "") -> CaseError:
         path = "initial", "from"
         return CaseError(_loaded(model).source.problem(path, f"initial.from: {message}", expected or None))
@@ -255,7 +255,7 @@ def _failing(model: Model) -> Callable[..., CaseError]:
 
 
 def initial_problems(model: Model) -> list[Problem]:
-    """Return what is wrong with the start of a motion that can be seen without solving."""
+    """Return the problems of the initial state that can be found without solving."""
     initial = model.case.initial
     if initial is None or initial.from_ == "rest":
         return []

@@ -1,4 +1,4 @@
-"""The tool's own time integrators: their coefficients and arrays for the kernels."""
+"""ancf2d's own time integrators: their coefficients and arrays for the kernels."""
 
 from __future__ import annotations
 
@@ -55,22 +55,22 @@ from ...model.mesh import Index
 from .schemes import Integrator, spectral_radius
 
 MAX_ITERATIONS = 12
-# of Newton's increments, relative to the size of the motion
+# tolerance of Newton's increments, relative to the size of the motion
 TIGHT = 1e-10
 CONSERVING = 1e-18
-# of them, between impacts: what is left of increments would add up to energy where a body bounces for ever
+# factor on it between impacts: remaining increments would add up to energy of a body that bounces for ever
 TIGHTER = 1e-3
 
 
-# what ``Model.relaxing`` tells
+# the type of ``Model.relaxing``
 Relaxes = tuple[Index, Array]
 
 
 class Kernels(NamedTuple):
     """The functions of a family of integrators.
 
-    ``inside`` of those that step materials that relax, ``taken`` of those that solve them at stages, ``work`` of those
-    that know the work of a step themselves; ``go_on`` goes on behind an impact or a stop.
+    ``inside`` is for methods that step materials that relax, ``taken`` for those that solve these at their stages,
+    ``work`` for those that compute the work of a step themselves; ``go_on`` continues after an impact or a stop.
     """
 
     step: Any
@@ -82,7 +82,7 @@ class Kernels(NamedTuple):
     taken: Any = None
 
 
-# by the kind of their own tuples
+# by the type of an integrator's tuple of arrays
 KERNELS = {
     Newmark: Kernels(newmark_step, newmark_accept, newmark_restart, newmark_inside, go_on=newmark_go_on),
     Conserving: Kernels(conserving_step, conserving_accept, conserving_restart, work=conserving_work),
@@ -93,10 +93,10 @@ KERNELS = {
 
 
 class Maker(NamedTuple):
-    """What makes an integrator: the order of its error in h, its polynomials of a step, its own tuple.
+    """The maker of an integrator: the order of its local error in h, its interpolation polynomials, its arrays.
 
-    ``make(spec, p, tolerance, end, relaxing)`` takes the record of a problem, the Step where steps are to end, and
-    ``Model.relaxing``.
+    ``make(spec, p, tolerance, end, relaxing)`` takes the record of a problem, the Step that holds the ends of steps,
+    and ``Model.relaxing``.
     """
 
     order: int
@@ -112,7 +112,7 @@ def cubic() -> Array:
 def by_rates(c: Array) -> Array:
     """Return the polynomials (s + 1, s + 2) of x that belong to h z'(0) and h z'(c_i).
 
-    The rates of the stages and of the start determine the end: the quadrature of the stages is exact for them.
+    The rates at the start and the stages determine the end: the quadrature of the stages is exact for them.
     """
     at = np.append(0.0, c)
     powers = np.arange(1, len(at) + 1)
@@ -122,7 +122,10 @@ def by_rates(c: Array) -> Array:
 
 
 def _newmark_family(alphas: Callable[[float], tuple[float, float]], radius: bool = True) -> Maker:
-    """Return what makes Newmark's method with alpha_m and alpha_f of a spectral radius at infinity, if it has any."""
+    """Return the maker of a Newmark method; ``alphas`` gives alpha_m, alpha_f for the spectral radius at infinity.
+
+    Without ``radius``, the method has no such choice and ``alphas`` gets 1.
+    """
     def make(spec: Dynamic, p: Any, tolerance: float, end: Step, _: Relaxes) -> Newmark:
         n = len(p.weights)
         am, af = alphas(spectral_radius(spec) if radius else 1.0)
@@ -136,7 +139,7 @@ def _newmark_family(alphas: Callable[[float], tuple[float, float]], radius: bool
 def _switched(radau: Radau, basis: Array, spec: Dynamic, p: Any, relaxes: Relaxes) -> tuple[Switched, list[Record]]:
     """Return a method that makes steps of Radau's method, and backward Euler steps where contacts open and close.
 
-    With the records of the two.
+    Also return the records of the two methods.
     """
     n, items = len(p.weights), len(p.points.mem)
     euler = _newmark_family(lambda rho: (0.0, 0.0), radius=False).make(spec, p, radau.tolerance, radau.end, relaxes)
@@ -147,7 +150,7 @@ def _switched(radau: Radau, basis: Array, spec: Dynamic, p: Any, relaxes: Relaxe
 
 
 def _functions_of_both(problem: Any, radau: Any, euler: Any, relaxes: bool) -> dict[Any, tuple[Any, ...]]:
-    """Return what a method that switches calls of its two methods."""
+    """Return the functions that a switching method calls, of its two methods."""
     out = {calls.radau_step: (radau_step, problem, radau), calls.radau_accept: (radau_accept, radau),
            calls.euler_step: (newmark_step, problem, euler)}
     if relaxes:
@@ -156,7 +159,7 @@ def _functions_of_both(problem: Any, radau: Any, euler: Any, relaxes: bool) -> d
 
 
 def _functions_of_stages(problem: Any, radau: Any) -> dict[Any, tuple[Any, ...]]:
-    """Return what Radau's method calls where materials relax."""
+    """Return the functions that Radau's method calls if materials relax."""
     return {calls.begin_stages: (begin_stages, radau), calls.relax: (relax, problem, radau),
             calls.lost_in_relaxing: (lost_in_relaxing, problem, radau), calls.add_moduli: (add_moduli, problem, radau)}
 
@@ -187,7 +190,7 @@ def collocation(c: Array) -> Array:
 
 
 class Coefficients(NamedTuple):
-    """Those of Radau IIA as ``Radau`` has them; weights (s,) are those of the end of a step."""
+    """The coefficients of Radau IIA as in ``Radau``; ``weights`` (s,) are those of the end of a step."""
 
     c: Array
     W: Array
@@ -202,7 +205,7 @@ class Coefficients(NamedTuple):
 
 @cache
 def _coefficients(stages: int) -> Coefficients:
-    """Return the coefficients of Radau IIA with an odd number of stages, which nothing writes to."""
+    """Return the (shared, read-only) coefficients of Radau IIA with an odd number of stages."""
     c = radau_nodes(stages)
     A = collocation(c)
     W = np.asarray(np.linalg.inv(A), dtype=float)
@@ -223,7 +226,7 @@ def _coefficients(stages: int) -> Coefficients:
 
 
 def radau(stages: int) -> Maker:
-    """Return what makes Radau IIA with an odd number of stages."""
+    """Return the maker of Radau IIA with an odd number of stages."""
 
     def make(spec: Dynamic, p: Any, tolerance: float, end: Step, relaxes: Relaxes) -> Radau:
         own = _coefficients(stages)
@@ -244,7 +247,7 @@ def radau(stages: int) -> Maker:
     return Maker(stages + 1, by_rates(radau_nodes(stages)), make)
 
 
-# for every integrator that is not SciPy's. HHT: spectral radius (1 - af)/(1 + af), 1/2 at the bound af = 1/3
+# every integrator that is not SciPy's. HHT: spectral radius (1 - af)/(1 + af), 1/2 at the bound af = 1/3
 MAKERS: dict[str, Maker] = {
     "radau5": radau(3), "radau9": radau(5),
     "generalized_alpha": _newmark_family(lambda rho: ((2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0))),
@@ -255,9 +258,9 @@ MAKERS: dict[str, Maker] = {
 
 
 class Method:
-    """An integrator as kernels take it: ``record`` is a ``state.Method`` of theirs, ``own`` what it has beside that.
+    """An integrator for the kernels: ``record`` is its ``state.Method``, ``own`` the data of its family.
 
-    ``functions`` are those that it is called by (``kernels.calls``), what sums up work among them where it ``works``.
+    ``functions`` are those that kernels call by address (``kernels.calls``), including the sum of work if it ``works``.
     """
 
     def __init__(self, name: str, spec: Dynamic, p: Record, tolerance: float, relaxes: Relaxes, works: bool) -> None:
@@ -272,9 +275,9 @@ class Method:
         if parts:
             radau, euler = parts
             self.functions |= _functions_of_both(p.layout, radau.layout, euler.layout, len(relaxes[0]) > 0)
-        # the record that Radau's stages are in, where materials relax at these
+        # the record with Radau's stages, if materials relax at these
         self._relaxing = next((x for x in (self.own, *parts) if len(relaxes[0]) and isinstance(x.values, Radau)), None)
-        # internal strains that go with the motion's tangent
+        # number of internal strains that are stored with the motion's tangent
         self.remembered = p.given.shape[1] if self._relaxing is not None else 0
         if self._relaxing is not None:
             self.functions |= _functions_of_stages(p.layout, self._relaxing.layout)
@@ -298,7 +301,7 @@ class Method:
 
     @cached_property
     def record(self) -> Record:
-        """What kernels take, its functions compiled."""
+        """Return the record for the kernels, with its functions compiled."""
         table = calls.table(self.functions)
         if isinstance(self.own.values, Switched):
             self.own.values.calls[:] = table
@@ -307,12 +310,12 @@ class Method:
         return Record(self._unfinished._replace(calls=table))
 
     def restart(self, s: Any) -> None:
-        """Let the method begin anew from the motion s."""
+        """Restart the method from the motion s."""
         self._kernels.restart(self.own, s)
 
 
 def newton_tolerance(method: Integrator, tolerance: float) -> float:
-    """Return how far Newton's increments are brought down, relative to the size of the motion."""
+    """Return the tolerance of Newton's increments, relative to the size of the motion."""
     if method.conserves:
         return CONSERVING
     return max(min(TIGHT, 1e-2 * tolerance), 1e-14) if tolerance else TIGHT

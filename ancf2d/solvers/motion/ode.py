@@ -25,7 +25,7 @@ from .failures import stuck
 from .schemes import SCHEMES
 from .stepping import LOG, Row, Stepper
 
-# the least relative tolerance that SciPy takes
+# the smallest relative tolerance that SciPy accepts
 SMALLEST = 100.0 * float(np.finfo(float).eps)
 # Lobatto points and weights on [0, 1], for work along a step
 LOBATTO = ((0.0, 1 / 12), (0.5 - 0.1 * 5**0.5, 5 / 12), (0.5 + 0.1 * 5**0.5, 5 / 12), (1.0, 1 / 12))
@@ -44,12 +44,12 @@ def cubic(t0: float, y0: Array, t1: float, y1: Array) -> Callable[[float], Array
 
 
 class OdeStepper(Stepper):
-    """A motion that an integrator of SciPy takes through time, as ``Stepper`` does with the tool's own.
+    """A motion stepped by an integrator of SciPy, with the interface of ``Stepper``.
 
     Local errors are kept below ``tolerance`` relative to the largest displacement (and speed) so far, coordinates
-    weighted as displacements; ``dt`` is the longest step. While a stop acts, they are so small that errors of rates do
-    not grow beyond that until the end (``_share``). Multipliers are solved for with the accelerations; after
-    each step positions and rates move onto the constraints by the least change in the metric of the mass.
+    weighted as displacements; ``dt`` is the largest step. While a stop acts, the tolerance is tighter, so that errors
+    of rates do not grow beyond it until the end (``_share``). Multipliers are solved for with the accelerations. After
+    each step, positions and rates are projected onto the constraints by the least change in the metric of the mass.
     """
 
     looks_ahead = False
@@ -72,11 +72,11 @@ class OdeStepper(Stepper):
         self.log: list[list[float]] = []
 
     def start(self, d: Array, v: Array, turned: Array) -> None:
-        """Begin at full coordinates d with rates v, of which supports and joints leave what they allow."""
+        """Start at full coordinates d with rates v, projected onto what supports and joints allow."""
         self._begin_from(d, v, turned)
 
     def _restart(self) -> None:
-        """Let SciPy begin anew, and choose its first step, from the motion."""
+        """Restart SciPy's solver from the motion and let it choose its first step."""
         self.solver = None
         self.s.numbers[STEP_SIZE] = 0.0
 
@@ -105,7 +105,7 @@ class OdeStepper(Stepper):
         out[:m, m:] = np.eye(m)
         out[m:] = -np.linalg.solve(KKT, forces)[free]
         out[m:, m:] -= self.p.alpha * np.eye(m)
-        # states of controllers have first derivatives alone
+        # states of controllers have first derivatives only
         states = np.flatnonzero(free >= self.p.inner)
         out[states] += out[m + states]
         out[m + states] = 0.0
@@ -119,7 +119,7 @@ class OdeStepper(Stepper):
         y = np.concatenate([self.s.z[self.free], self.s.v[self.free]])
         longest = min(self.dt or np.inf, self._largest())
         more: dict[str, Any] = {"jac": self.jacobian} if self.scheme.jacobian else {}
-        # SciPy's own first step knows a second, and so a unit of time
+        # SciPy's own choice of the first step depends on the unit of time
         more["first_step"] = min(self.first_step(), longest, 0.5 * (stop - self.t))
         solver = getattr(integrate, self.method.name)(self.rates, self.t, y, stop, max_step=longest,
                                                       rtol=self._share(), atol=self._weights(), **more)
@@ -130,7 +130,7 @@ class OdeStepper(Stepper):
         return solver
 
     def _struck(self) -> bool:
-        """Whether a stop acts on the motion."""
+        """Return whether a stop acts on the motion."""
         out = np.zeros(len(self.p.stops))
         if len(out):
             acting(self.p, self.w, self.s.z, self.s.v, self.t, out)
@@ -139,7 +139,7 @@ class OdeStepper(Stepper):
     def _share(self) -> float:
         """Return the relative tolerance of a step.
 
-        What a stop throws off leaves with an error of its rate, which grows with time.
+        A body leaves a stop with an error of its velocity, which causes a position error that grows with time.
         """
         size, speed = self.scale
         share = min(1.0, size / (speed * self.spec.t_end)) if self.struck else 1.0
@@ -173,7 +173,7 @@ class OdeStepper(Stepper):
         self.pending = np.array(self.log).reshape(-1, len(LOG))
 
     def _step(self, found: list[Row]) -> bool:
-        """Make a step; return False where it was given up for an event at its beginning."""
+        """Make a step; return False if it was given up for an event at its start."""
         if self._struck() != self.struck:
             self.solver = self._begin(self.pieces[self.piece].stop)
         solver, t, evaluations = self.solver, self.t, self.solver.nfev
@@ -192,7 +192,7 @@ class OdeStepper(Stepper):
                 self.solver = None
                 return False
         if self.solver is not solver:
-            # the step has been made anew
+            # the step has been repeated with a new solver
             evaluations = evaluations - solver.nfev
         solver = self.solver
         h, evaluations = solver.t - t, solver.nfev - evaluations
@@ -220,10 +220,10 @@ class OdeStepper(Stepper):
         return True
 
     def _stop_at_event(self, t: float) -> Any:
-        """Let a step from t that has just been made end where a condition comes to hold in it.
+        """Shorten the step just made from t so that it ends where a condition becomes true in it.
 
-        Returns its interpolation, None where the condition comes to hold at t, to round-off. One-step methods make the
-        step once more, until it ends there.
+        Return its interpolation, or None if the condition becomes true at t, to round-off. One-step methods repeat the
+        step until it ends there.
         """
         for k in range(TRIES):
             solver = self.solver
@@ -243,17 +243,17 @@ class OdeStepper(Stepper):
         return self.solver.dense_output()
 
     def _stop_at_spring(self, t: float) -> tuple[Any, bool]:
-        """Let a step from t that has just been made end where a spring that acts on one side alone begins or ceases to.
+        """Shorten the step just made from t so that it ends where a one-sided spring engages or releases.
 
-        Returns its interpolation, None where it stays as it was, and whether it ends at such a place.
+        Return its interpolation (None if the step was not changed), and whether it ends at such a place.
         """
         for k in range(STOP_TRIES):
             solver = self.solver
-            # stages that do not count may have forces, with which interpolations of high order go anywhere
+            # stages that are not part of the solution may engage a stop, which spoils interpolations of high order
             path = cubic(solver.t_old, solver.y_old, solver.t, solver.y) if self.scheme.one_step else (
                 solver.dense_output())
             found = self._first_change(path, t, solver.t)
-            # a stiff stop holds the end of any implicit step where it begins to act
+            # in an implicit step, a stiff stop holds the end of the step at the place where it engages
             if found is None or ((k > 0 or not self.scheme.one_step) and solver.t - found <= ENDS * (solver.t - t)):
                 return solver.dense_output() if k > 0 or found is not None else None, found is not None
             if not self.scheme.one_step:
@@ -267,7 +267,9 @@ class OdeStepper(Stepper):
         return self.solver.dense_output(), True
 
     def _first_change(self, path: Any, t: float, end: float) -> float | None:
-        """Return when between t and ``end`` a spring begins or ceases to act, but not where the step before has ended.
+        """Return the first time between t and ``end`` at which a spring engages or releases, or None.
+
+        Changes at the start, where the previous step has ended, are ignored.
         """
         def acts(x: float) -> Array:
             out = np.zeros(len(self.p.stops))
@@ -292,9 +294,9 @@ class OdeStepper(Stepper):
         return None
 
     def _crossing(self, path: Any, t: float, end: float, beyond: float) -> float | None:
-        """Return when a condition comes to hold between t and the end of a step, or so much behind; None where none.
+        """Return the time at which a condition becomes true between t and ``end`` (or up to ``beyond`` later), or None.
 
-        What holds there, to round-off, is marked.
+        The conditions that hold there, to round-off, are marked.
         """
         def holds(x: float) -> bool:
             place(self.inner, self.free, path(x))
@@ -314,14 +316,14 @@ class OdeStepper(Stepper):
         return high
 
     def _inside(self, t: float, end: float) -> Array:
-        """Return the wanted times up to the end of a step."""
+        """Return the times of wanted states up to the end of a step."""
         if self.every:
             return self.wanted[:0]
         last = int(np.searchsorted(self.wanted, end + NEAR * (end - t), side="right"))
         return self.wanted[self.next_wanted:last]
 
     def _keep(self, h: float) -> float:
-        """Make the end of the step the motion, on the constraints; return what they are still off."""
+        """Move the motion to the end of the step, projected onto the constraints; return their violation."""
         solver, s = self.solver, self.s
         place(s, self.free, solver.y)
         worst = float(settle(self.p, self.w, s, solver.t))
@@ -341,12 +343,12 @@ class OdeStepper(Stepper):
         return worst
 
     def _local_error(self, h: float) -> float:
-        """Return the local error of the step relative to the size of the motion, or the bound that SciPy keeps."""
+        """Return the local error of the step relative to the size of the motion, or SciPy's own bound on it."""
         solver, m = self.solver, len(self.free)
         if self.scheme.stages == 0:
             return self.tolerance
         if hasattr(solver, "E5"):
-            # Hairer, Norsett & Wanner 1993, Sec. II.10: two estimates that make one
+            # Hairer, Norsett & Wanner 1993, Sec. II.10: two estimates combined
             fifth, third = (solver.K.T @ e for e in (solver.E5, solver.E3))
             sizes = np.hypot(np.abs(fifth), 0.1 * np.abs(third))
             error = fifth * np.divide(np.abs(fifth), sizes, out=np.ones_like(sizes), where=sizes > 0)
@@ -355,7 +357,7 @@ class OdeStepper(Stepper):
         return float(np.max(self.p.weights[self.free] * np.abs(h * error[:m]), initial=0.0) / self.scale[0])
 
     def _work(self, path: Any, t: float, x: float) -> Array:
-        """Return work and loss up to x in a step from t, by the Lobatto points of its interpolation."""
+        """Return work and loss up to x in a step from t, integrated at the Lobatto points of its interpolation."""
         out = self.s.numbers[[WORK, LOST]]
         for c, weight in LOBATTO if self.tracks else ():
             at = t + c * (x - t)
@@ -364,7 +366,7 @@ class OdeStepper(Stepper):
         return out
 
     def _turned(self, h: float, t: float, y: Array) -> Array:
-        """Return the rotations (sections,) that are counted, at y a time h after the motion."""
+        """Return the counted rotations (sections,) at y, a time h after the current state of the motion."""
         place(self.inner, self.free, y)
         turned: Array = self.turns_on(t, h, self.inner.z, self.inner.v)[0]
         return turned
@@ -379,19 +381,19 @@ class OdeStepper(Stepper):
         self.log = self.log[len(log):]
 
     def last(self) -> Row:
-        """Return the state at the time reached, with what is left of the log."""
+        """Return the state at the time reached, with the rest of the log."""
         accelerations(self.p, self.w, self.factors, self.s, self.t)
         self.log = []
         return super().last()
 
-    # ------------------------------------------------------------------ going on later
+    # ------------------------------------------------------------------ checkpoints
 
     def checkpoint(self) -> dict[str, Array] | None:
-        """Return everything that the motion goes on from, where SciPy's method allows that."""
+        """Return everything that the motion needs to go on, or None if SciPy's method does not allow that."""
         kept = super().checkpoint() if self.scheme.keeps else None
         return kept and {**kept, "scale": self.scale.copy()}
 
     def resume(self, kept: dict[str, Array]) -> None:
-        """Go on from a checkpoint."""
+        """Restore the motion from a checkpoint."""
         super().resume(kept)
         self.scale, self.log = kept["scale"].copy(), self.pending.tolist()

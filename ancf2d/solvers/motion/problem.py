@@ -1,4 +1,4 @@
-"""A model as the kernels of motion take it: one tuple of arrays, and what has to be compiled for it."""
+"""A model as the kernels of motion take it: one tuple of arrays, and the functions to be compiled for it."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ from ...kernels.sliding import sliding_check
 from ...kernels.tangents import fill_products
 from .methods import MAKERS, Method
 
-# of the whole time: controllers' states that begin at zero are as large as they would be by then
+# share of the whole time: controllers' states that start at zero are scaled by their value after this time
 SOON = 1e-2
 
 
@@ -71,7 +71,7 @@ def _method(model: Model) -> Integrator:
 def functions(model: Model, constant: bool) -> dict[Any, tuple[Any, ...]]:
     """Return the functions that the kernels of a model's motion call by address (``kernels.calls``).
 
-    ``constant`` tells whether no signal depends on the time.
+    ``constant``: whether no signal depends on time.
     """
     method, layout = _method(model), nothing().layout
     fronts, viscous = model.numbering.fronts is not None, any(pool.tau for pool in model.pools)
@@ -79,7 +79,7 @@ def functions(model: Model, constant: bool) -> dict[Any, tuple[Any, ...]]:
     faces = any(pair.on_bodies for pair in model.contacts)
     moving = [p for p in model.interactions.points if isinstance(p, MovingPatch)]
     answers = feedback_functions(fronts, layout) if model.feedback.rank else {}
-    # in the order in which they are compiled: what answers first, as its parts are those of its tangent too
+    # in the order of compilation: feedback first, because its tangent uses the same parts
     return {**answers, **dynamic_functions(constant, layout), **matrix_functions(fronts, layout),
             **element_functions(fronts, viscous, method.conserves, bool(model.loads.natural), bool(model.remembers),
                                 layout),
@@ -95,7 +95,7 @@ def functions(model: Model, constant: bool) -> dict[Any, tuple[Any, ...]]:
 
 @cache
 def nothing() -> Record:
-    """Return a problem without anything: all problems are of its type."""
+    """Return an empty problem; all problems have its type."""
     x, n, table2 = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 0))
     turning = Turning(n, n, x, x, x)
     return Record(Problem(
@@ -111,7 +111,7 @@ def nothing() -> Record:
 
 
 def make_problem(model: Model) -> tuple[Record, list[Signal]]:
-    """Return the record (``Problem``) that the kernels of motion take, and its signals."""
+    """Return the record (``Problem``) for the kernels of motion, and its signals."""
     num, signals = model.numbering, Signals()
     T, M = unknowns_to_coordinates(model), full_mass(model)
     own = num.free < num.n_q
@@ -145,7 +145,7 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
 
 
 def _feedback(model: Model, data: dict[str, Any], signals: Signals) -> dict[str, Any]:
-    """Return what answers the motion, and the arrays of a problem with states of controllers behind the unknowns."""
+    """Return the feedback, and the arrays of a problem with the controllers' states appended to the unknowns."""
     found, num = model.feedback, model.numbering
     n, n_full, m = num.n_unknowns, len(num.place), len(found.states)
     if found.rank == 0 and not found.conditions:
@@ -170,7 +170,7 @@ def _feedback(model: Model, data: dict[str, Any], signals: Signals) -> dict[str,
         return np.ascontiguousarray(np.pad(x, [(0, 0)] * (x.ndim - 1) + [(0, m)], constant_values=value))
     tail, own = tail_size(n + m, found.rank, m), len(found.answers) + m
     moving = data["moving"]
-    # where nothing is free to move, the mass matrix is empty, too
+    # if nothing is free to move, the mass matrix is empty, too
     mass, fixed = (np.concatenate([x, np.zeros(k)])
                    for x, k in ((data["mass"], tail), (moving.fixed, tail if len(moving.fixed) else 0)))
     return {"feedback": feedback, "moving": moving._replace(fixed=fixed), "mass": mass, "inner": n,
@@ -182,7 +182,7 @@ def _feedback(model: Model, data: dict[str, Any], signals: Signals) -> dict[str,
 
 
 def _quantities(model: Model) -> dict[str, Array]:
-    """Return the quantities that something depends on, then the states of controllers, as kernels take them."""
+    """Return the quantities that feedback depends on, then the states of controllers, as kernels take them."""
     found, n_full = model.feedback, len(model.numbering.place)
     kind, coords, along, across, start = [], [], [], [], []
     for q in found.quantities:
@@ -207,18 +207,18 @@ def _quantities(model: Model) -> dict[str, Array]:
 
 
 def own(problem: Record, model: Model) -> Record:
-    """Return a problem with tables of its own, where they remember something or something is worked out."""
+    """Return a problem with its own copies of the tables that store history variables or intermediate results."""
     p: Problem = problem.values
     groups, states = with_states([apart(group) for group in model.groups])
     groups, given, slopes = with_given(groups)
     points, changes = p.points, dict[str, Any]()
     if len(p.moving.item):
-        # what moves writes where it is
+        # moving points write their current element
         points = with_own(points, "dofs", "G", "p0", "par", "drift")
         changes["moving"] = with_own(p.moving, "element")
         changes["mass"] = p.mass.copy() if len(p.moving.fixed) else p.mass
     if len(p.facing.item):
-        # what touches writes what it is opposite to
+        # contact points write the element that they are opposite to
         points = with_own(points, "dofs", "G", "p0", "par")
         changes["facing"] = with_own(p.facing, "now", "boxes")
     feedback = with_own(p.feedback, "near", "scale", "values", "slopes", "rates", "full", "column", "watched")
@@ -237,7 +237,7 @@ def driving(p: Record) -> list[int]:
 
 
 def tracks(model: Model) -> bool:
-    """Whether anything does work that has no potential: varying loads, motion, dampers, loads that turn."""
+    """Return whether any force lacks a potential: varying loads, motion, damping, friction, turning loads."""
     dampers = any(spring.damped or spring.signal is not None or spring.active is not None for spring in model.springs)
     fed = any(np.max(point.items().fed) >= 0 for point in model.interactions.points)
     natural = any(not is_constant(load.amplitude) for load in model.loads.natural)
@@ -255,7 +255,7 @@ _x, _n, _xx = types.float64[::1], types.int64[::1], types.float64[:, ::1]
 
 
 def of_elements(model: Model) -> list[Compilation]:
-    """Return what compiles the forces of a model's elements, from matrices aside."""
+    """Return functions that compile the forces of a model's elements, without matrices."""
     laws = {m.plan.formulation.law: None for m in model.meshes.values() if not m.plan.rigid}
     if not laws:
         return []
@@ -266,11 +266,11 @@ def of_elements(model: Model) -> list[Compilation]:
 
 
 def of_motion(model: Model, spec: Dynamic) -> list[Compilation]:
-    """Return what compiles everything for a motion, what takes longest first."""
+    """Return functions that compile everything for a motion, the slowest first."""
     name, p = spec.method or default_method(model), nothing()
     works = tracks(model)
     own = calls.compilations(Method(name, spec, p, 0.0, model.relaxing, works).functions) if name in MAKERS else []
-    # where that is wrong, what is missing is compiled when the problem is made
+    # if this guess is wrong, missing functions are compiled when the problem is made
     called = functions(model, not (works or model.feedback.rank))
     slides = calls.sliding_forces in called
     return [*of_elements(model), *own, *_called_from_python(p.layout, name in MAKERS, slides, model.sided),
@@ -281,7 +281,7 @@ def of_motion(model: Model, spec: Dynamic) -> list[Compilation]:
 
 
 def _called_from_python(P: Any, own: bool, slides: bool, sided: bool) -> list[Compilation]:
-    """Return what compiles the kernels that ``Stepper`` calls, or ``OdeStepper`` for SciPy's integrators."""
+    """Return functions that compile the kernels called by ``Stepper`` (``OdeStepper`` for SciPy's integrators)."""
     M, W = type_of(motion(0, 0, 0)), type_of(scratch(0, 0, 0, 0))
     signatures: dict[Any, tuple[Any, ...]] = {
         consistent: (P, W, _x, _x, _x, _f, _x), kinetic: (P, W, M, _f), fill_full: (P, _x, _xx, _i, _x),
@@ -304,7 +304,7 @@ def _called_from_python(P: Any, own: bool, slides: bool, sided: bool) -> list[Co
 
 
 def _holding(P: Any) -> tuple[Any, ...]:
-    """Return the types that the conditions of a motion are asked with."""
+    """Return the argument types of ``holding``, which evaluates the conditions of a motion."""
     return P, type_of(scratch(0, 0, 0, 0)), _x, _x, _f
 
 

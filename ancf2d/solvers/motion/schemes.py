@@ -1,5 +1,7 @@
-"""The time integrators by name: what each is, and what it refuses. A further one is one entry here, one in ``methods``
-where the tool steps it itself."""
+"""The time integrators by name: properties and restrictions.
+
+A new one is an entry here, and one in ``methods`` if it is not SciPy's.
+"""
 
 from __future__ import annotations
 
@@ -11,17 +13,17 @@ from ...errors import Problem
 from ...model.constraints import TURNED
 from ...model.model import Model
 
-# of methods that damp by choice, where the case says nothing
+# of methods with selectable damping, if the case does not give it
 SPECTRAL_RADIUS = 0.8
 
 
 @dataclass(frozen=True)
 class Scheme:
-    """What an integrator of SciPy allows.
+    """The properties of an integrator of SciPy.
 
-    ``one_step``: it looks at no earlier step, so that states can be put onto the constraints; ``stages`` that it
-    evaluates per try, where that tells how many tries a step took; ``keeps``: it goes on from (t, y, h) alone;
-    ``jacobian``: it takes one; ``fixed``: its error weights cannot change on the way.
+    ``one_step``: uses no earlier steps, so that states can be projected onto the constraints; ``stages`` evaluated per
+    try, if these give the number of tries of a step, else 0; ``keeps``: can be restarted from (t, y, h) alone;
+    ``jacobian``: uses one; ``fixed``: its error weights cannot change on the way.
     """
 
     one_step: bool
@@ -35,9 +37,9 @@ class Scheme:
 class Integrator:
     """A time integrator.
 
-    ``order`` of its error at the end of a motion; ``rows`` that it keeps of earlier steps; ``radii`` : the spectral
-    radii at infinity that it takes, if any; ``damps`` what is far too fast for the steps; ``conserves`` energy, by
-    discrete gradients; ``scipy`` : what SciPy's allow.
+    ``order`` of its error at the end of a motion; ``rows`` stored from earlier steps; ``radii``: range of its spectral
+    radius at infinity, if selectable; ``damps`` motions far too fast for the steps; ``conserves`` energy, by discrete
+    gradients; ``scipy``: the properties of SciPy's methods.
     """
 
     name: str
@@ -79,47 +81,47 @@ _LIST = (
 INTEGRATORS: dict[str, Integrator] = {m.name: m for m in _LIST}
 SCHEMES: dict[str, Scheme] = {m.name: m.scipy for m in _LIST if m.scipy is not None}
 DEFAULT = "radau5"
-# skips vibrations that DEFAULT skips too, but errs much less by that: the difference is the error of DEFAULT
+# skips the same vibrations as DEFAULT with a much smaller error: the difference is the error of DEFAULT
 SHARPER = "radau9"
-# of scenes with impacts
+# for scenes with impacts
 IMPACTS = "generalized_alpha"
 
 
 def default_method(model: Model) -> str:
-    """Return the method of a case that names none."""
+    """Return the method for a case that names none."""
     return IMPACTS if model.sided else DEFAULT
 
 
 def spectral_radius(spec: Dynamic) -> float:
-    """Return what is left per step of motions far too fast for the steps, for methods that take a choice."""
+    """Return the factor per step on motions far too fast for the steps, for methods where it is selectable."""
     return SPECTRAL_RADIUS if spec.spectral_radius is None else spec.spectral_radius
 
 
-# ---------------------------------------------------------------------- what cannot be
+# ---------------------------------------------------------------------- impossible combinations
 
-Refusal = tuple[str, str, str]  # key, what is wrong with it, what was expected
+Refusal = tuple[str, str, str]  # key, fault, expected value
 Rule = Callable[[Integrator, Dynamic, Model], Iterator[Refusal]]
 
 
 def _constrained(model: Model) -> str:
-    """Return who holds multipliers."""
+    """Return the names of the supports, joints and bodies with multipliers."""
     return ", ".join(sorted({c.owner for c in model.constraints}))
 
 
 def _multistep(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
-    """States of multistep methods cannot be put onto constraints."""
+    """Refuse multistep methods for models with constraints: their states cannot be projected."""
     if scheme.scipy is not None and not scheme.scipy.one_step and model.constraints:
         yield ("method", f"{scheme.name} is a multistep method, which cannot satisfy the constraints of "
                f"{_constrained(model)}", "Radau, RK45, DOP853, or one of ancf2d's own methods, such as radau5")
 
 
 def _undamped(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
-    """Forces of constraints swing up under methods without damping at infinity (Cardona & Geradin 1989)."""
+    """Refuse methods without damping at infinity if constraint forces would oscillate (Cardona & Geradin 1989)."""
     if scheme.scipy is not None or scheme.conserves or not model.constraints:
         return
     why = f"makes the constraint forces of {_constrained(model)} grow from step to step"
     if not scheme.damps and any(pair.hard for pair in model.contacts):
-        # contact refuses it, and tells what it can be had with
+        # refused by the rule for contact, with better advice
         return
     if not scheme.damps:
         turns = all(c.holds in ("rotation", TURNED) for c in model.constraints)
@@ -143,7 +145,7 @@ def _radius(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal
 
 
 def _without_gradient(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
-    """Strains by an angle are no quadratic function of the coordinates."""
+    """Refuse energy conservation for strains that depend on an angle: they are not quadratic in the coordinates."""
     if not scheme.conserves:
         return
     names = [m.plan.name for m in model.meshes.values() if not m.plan.rigid and m.plan.formulation.law.mean is None]
@@ -155,14 +157,18 @@ def _without_gradient(scheme: Integrator, spec: Dynamic, model: Model) -> Iterat
 
 
 def _forgets(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
-    """States of formulations are accepted where steps of the tool's own methods end."""
+    """Refuse methods that do not update history variables at the end of each step."""
     if model.remembers and (scheme.scipy is not None or scheme.conserves):
         yield ("method", f"{scheme.name} does not support formulations with memory, such as that of "
                f"{', '.join(model.remembers)}", "radau5, generalized_alpha, hht or newmark")
 
 
 def _impacts(scheme: Integrator, spec: Dynamic, model: Model) -> Iterator[Refusal]:
-    """What ends where nothing overlaps and nothing pulls is a step of one stage, or one that such steps are between."""
+    """Refuse methods that cannot end a step without overlap or adhesion at contacts without a law.
+
+    This needs steps of one stage, at least where contacts open and close. Contact between bodies is also refused for
+    methods that conserve energy.
+    """
     hard = [contact for contact in model.contacts if contact.hard]
     rubs = [contact for contact in hard if contact.item.friction]
     if scheme.name in ("radau5", "radau9") and rubs:
@@ -183,7 +189,7 @@ RULES: tuple[Rule, ...] = (_multistep, _undamped, _radius, _without_gradient, _f
 
 
 def method_problems(model: Model) -> list[Problem]:
-    """Return why the method of a case cannot move its model, at the keys of the case."""
+    """Return why the method of a case cannot compute its motion, at the keys of the case."""
     spec = model.case.solver
     if not isinstance(spec, Dynamic) or model.loaded is None:
         return []

@@ -1,4 +1,4 @@
-"""One motion stepped through time in compiled chunks: from break to break, with its states as they are stored."""
+"""One motion stepped through time in compiled chunks, from break to break, with its stored states."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from .methods import MAKERS, Method, newton_tolerance
 from .problem import driving, own, tracks
 from .schemes import INTEGRATORS, default_method
 
-# a call of the kernels takes about so long [s], so that bars move and interrupts are heard
+# approximate duration of a call of the kernels [s], for progress bars and interrupts
 CHUNK_SECONDS = 0.2
 LOG_ROWS = 4096
 STATE_BYTES = 16 << 20
@@ -52,11 +52,11 @@ LOG = ("step", "t", "dt", "iterations", "rejected", "error", "violation")
 
 
 class Stepper:
-    """A motion on its way. ``dt`` 0 steps adaptively under ``tolerance``; ``wanted`` are times of states."""
+    """A motion in progress. ``dt`` 0: adaptive steps under ``tolerance``; ``wanted``: times of states."""
 
-    # adaptive steps begin with the size of a motion that ``expect`` is told
+    # adaptive steps start with the size of the motion given to ``expect``
     looks_ahead = True
-    balances = True  # whether a state is kept between those that are wanted, for the balance of energy
+    balances = True  # whether states between the wanted ones are stored for the energy balance
 
     def __init__(self, model: Model, problem: Record, signals: list[Signal], spec: Dynamic, dt: float,
                  wanted: Array, every: int = 0) -> None:
@@ -66,9 +66,9 @@ class Stepper:
         self.w = Record(scratch(n, len(problem.place), len(problem.mass), len(signals)))
         self.method = INTEGRATORS[spec.method or default_method(model)]
         self.tolerance = spec.tolerance or 0.0
-        # within steps of contacts without a law, where rates jump, interpolated states have more energy than either end
+        # in steps with contact without a law, where rates jump, interpolated states have more energy than both ends
         self.tracks, self.lands = tracks(model), bool(self.p.sided)
-        self.m: Method | None = None  # where SciPy steps
+        self.m: Method | None = None  # None for SciPy's methods
         if self.method.name in MAKERS:
             self.tighten(newton_tolerance(self.method, self.tolerance))
         remembered = 0 if self.m is None else self.m.remembered
@@ -88,7 +88,7 @@ class Stepper:
         self.failed: ComputationError | None = None
         self._plan: Record | None = None
         self._at = Record(motion(n, 0, len(self.p.turning.length)))
-        # how far states inside steps, and where they end, are put onto constraints; rates that keep the energy are not
+        # projection of states inside and at the ends of steps; rates of conserving methods are not projected
         free = bool(self.p.coordinate.all())
         self.inside, self.ends = AS_IS if free else POSITIONS, AS_IS if free else RATES
         if self.method.conserves:
@@ -98,11 +98,11 @@ class Stepper:
 
     @cached_property
     def past(self) -> Record:
-        """The problem that stored states are evaluated with, as it was then."""
+        """The problem with which stored states are evaluated, with their history variables."""
         return own(self.problem, self.model)
 
     def tighten(self, tolerance: float) -> None:
-        """Let Newton's increments come down to a tolerance, relative to the size of the motion."""
+        """Set the tolerance of Newton's increments, relative to the size of the motion."""
         self.m = Method(self.method.name, self.spec, self.p, tolerance, self.model.relaxing, self.tracks)
 
     def _rows(self, n: int) -> Record:
@@ -115,7 +115,7 @@ class Stepper:
                                    feet, states, turned, np.zeros((LOG_ROWS, len(LOG) + COLUMNS))))
 
     def _memory(self) -> tuple[Array, Array, Array]:
-        """Return what point laws, prismatic joints and elements remember of the state last accepted."""
+        """Return the history variables of point laws, prismatic joints and elements at the last accepted state."""
         return self.p.points.mem, self.p.sliding.memory, self.p.states
 
     @property
@@ -125,11 +125,11 @@ class Stepper:
 
     @property
     def done(self) -> bool:
-        """Whether the end is reached, and was reached well."""
+        """Return whether the end has been reached without a failure."""
         return self.t >= self.spec.t_end and self.failed is None
 
     def start(self, d: Array, v: Array, turned: Array) -> None:
-        """Begin at full coordinates d with rates v, of which supports and joints leave what they allow.
+        """Start at full coordinates d with rates v, projected onto what supports and joints allow.
 
         ``turned`` (bodies,) is that of ``model.rotation.Turns``.
         """
@@ -147,7 +147,7 @@ class Stepper:
         self.answers.begin()
         self.events.begin()
         if self.method.conserves and goes_on(self.model):
-            # rates that keep the energy meet constraints in the mean of steps alone
+            # rates that conserve the energy satisfy constraints only in the mean of steps
             self.s.v[:] = given * self.p.coordinate
 
     def _place(self, d: Array, v: Array, turned: Array) -> None:
@@ -177,7 +177,7 @@ class Stepper:
         self._restart()
 
     def turns_on(self, t: float, h: float, z: Array, v: Array) -> Array:
-        """Return rotations and rates (2, sections) at z with rates v at t, a time h after the motion."""
+        """Return counted rotations and rates (2, sections) at z, v and t, a time h after the current state."""
         out, d, rates = self.s.turned.copy(), np.zeros(len(self.p.place)), np.zeros(len(self.p.place))
         signals_at(self.p, t, self.w.amps)
         fill_full(self.p, z, self.w.amps, 0, d)
@@ -186,12 +186,12 @@ class Stepper:
         return out
 
     def _restart(self) -> None:
-        """Let the method begin anew from the motion."""
+        """Restart the method from the current state."""
         if self.m is not None:
             self.m.restart(self.s)
 
     def first_step(self) -> float:
-        """Return a step in which little happens: by rates and accelerations at the start, and by what damping takes."""
+        """Return a first step in which little changes, by rates, accelerations and damping losses at the start."""
         weights = self.p.weights
         size = max(float(np.max(weights * np.abs(self.s.z), initial=0.0)), 1e-3 * self.p.extent)
         speed, pull = (float(np.max(weights * np.abs(x), initial=0.0)) for x in (self.s.v, self.s.a))
@@ -208,7 +208,7 @@ class Stepper:
         return self.spec.t_end / (50.0 if len(self.pieces) > 1 or self.tracks else 10.0)
 
     def expect(self, size: float) -> None:
-        """Take local errors of adaptive steps relative to a displacement [m] of at least this size."""
+        """Set the displacement [m] that local errors of adaptive steps are relative to, at least."""
         self.s.numbers[SIZE] = max(size, least_size(self.model, self.tolerance))
         self.answers.weigh()
         self.s.numbers[STEP_SIZE] = self.first_step()
@@ -227,7 +227,7 @@ class Stepper:
     def run(self) -> list[Row]:
         """Step for about a fifth of a second; return the states stored meanwhile.
 
-        Raises ComputationError where no more can be done, once the states before that have been returned.
+        Raises ComputationError if the motion cannot go on, once the states before have been returned.
         """
         if self.failed is not None:
             raise self.failed
@@ -242,8 +242,8 @@ class Stepper:
         return found
 
     def _cut_off(self, found: list[Row]) -> None:
-        """Drop states from the first one on in which a joint is met by what it does not mean, and fail there."""
-        # only stored states and the last: how far else a call came is a matter of the clock
+        """Drop states from the first one on in which a joint has lost its meaning, and fail there."""
+        # only stored states and the last one: the other ends of calls depend on the clock
         for k, row in enumerate([*found, self.here()] if self.done else found):
             try:
                 check_joints(self, row)
@@ -257,7 +257,7 @@ class Stepper:
         while not self.done:
             began = time.perf_counter()
             why, logged = self.advance(found, self.steps)
-            if logged > 0:  # the next call takes about as long as calls should; results do not depend on it
+            if logged > 0:  # adapt the duration of the next call; results do not depend on it
                 steps = CHUNK_SECONDS * logged / max(time.perf_counter() - began, 1e-6)
                 self.steps = int(min(max(steps, 1), 4 * self.steps, LOG_ROWS))
             if why == kernels.EVENT:
@@ -270,9 +270,9 @@ class Stepper:
                 break
 
     def advance(self, found: list[Row], steps: int) -> tuple[int, int]:
-        """Make at most so many steps and append the states; return why no more were made, and how many were.
+        """Make at most so many steps and append the states; return why the kernel stopped, and the number of steps.
 
-        Raises ComputationError where no more can be made.
+        Raises ComputationError if a step fails.
         """
         assert self.m is not None
         stop, end = self.pieces[self.piece].stop, self.spec.t_end
@@ -287,7 +287,7 @@ class Stepper:
         return why, logged
 
     def breaks(self, why: int) -> bool:
-        """Whether the motion has come to the end of a piece, and not of the whole."""
+        """Return whether the motion has reached the end of a piece that is not the last."""
         return why == kernels.REACHED and self.pieces[self.piece].stop < self.spec.t_end
 
     def _collect(self, found: list[Row], stored: int, logged: int) -> None:
@@ -310,15 +310,15 @@ class Stepper:
 
     def _row(self, t: float, kind: int, z: Array, v: Array, a: Array, work: Array, turns: Array, feet: Array,
              states: Array, turned: Array, log: Array) -> Row:
-        """Return a state of the piece that the motion is in."""
+        """Return a state in the current piece of the motion."""
         first, last, _ = self.pieces[self.piece]
         return Row(t, min(max(t, first), last), kind, z.copy(), v.copy(), a.copy(), float(work[0]), float(work[1]),
                    turns.copy(), feet.copy(), states.copy(), turned.copy(), log)
 
     def _read(self, rows: list[Row], side: Array, kind: Array, *columns: Array) -> None:
-        """Fill in what stored states are in full coordinates; columns are z, v, a and what is remembered of them.
+        """Add full coordinates, forces and energies to stored states; columns are z, v, a and history variables.
 
-        Those that are put onto the constraints keep z, v and a as steps have them, which derivatives go on from.
+        Projected states keep the z, v and a of their step, which derivatives need.
         """
         full, energy = np.zeros((4, len(rows), len(self.p.place))), np.zeros((len(rows), 2))
         onto = np.where(kind == kernels.INSIDE, self.inside, self.ends)
@@ -330,13 +330,13 @@ class Stepper:
             row.full, row.energy = (d, rates, second, Q), (float(one[0]), float(one[1]))
 
     def enter(self, piece: int) -> None:
-        """Take signals as they are in a piece of the motion."""
+        """Switch signals and active items to a piece of the motion."""
         self.piece = piece
         self.p.programs.window[:] = self.pieces[piece][:2]
         self._let_act(self.p, self.pieces[piece])
 
     def _let_act(self, p: Record, piece: Piece) -> None:
-        """Let act what does in a piece of the motion."""
+        """Switch on the items that act in a piece of the motion, and place moving points."""
         self.events.enter(p, piece)
         self.moving.enter(p, piece, self.events.acts)
 
@@ -346,12 +346,12 @@ class Stepper:
                          self.pending)
 
     def last(self) -> Row:
-        """Return the state at the time reached, with what is left of the log."""
+        """Return the state at the time reached, with the rest of the log."""
         row, self.pending = self.here(), self.pending[:0]
         return row
 
     def full(self, row: Row, orders: int = 3) -> list[Array]:
-        """Return d, v, a (n_full,) of a stored state, or fewer ``orders``, put onto the constraints inside a step."""
+        """Return d, v, a (n_full,) of a stored state, or only the first ``orders``, projected onto the constraints."""
         return list(self.known(row).full[:orders])
 
     def forces(self, row: Row) -> Array:
@@ -359,7 +359,7 @@ class Stepper:
         return self.known(row).full[3]
 
     def known(self, row: Row) -> Row:
-        """Return a stored state once its full coordinates, forces and energies are known."""
+        """Return a stored state with its full coordinates, forces and energies filled in."""
         if not row.full:
             self.at_row(row)
             self._read([row], np.array([row.side]), np.array([row.kind]),
@@ -367,7 +367,7 @@ class Stepper:
         return row
 
     def at_row(self, row: Row) -> Record:
-        """Return the problem with the memory of a stored state."""
+        """Return the problem with the history variables of a stored state."""
         self.past.points.mem[:] = row.turns
         self.past.sliding.memory[:] = row.feet
         self.past.states[:] = row.states
@@ -376,10 +376,10 @@ class Stepper:
         self.answers.recall(self.past, row)
         return self.past
 
-    # ------------------------------------------------------------------ going on later
+    # ------------------------------------------------------------------ checkpoints
 
     def checkpoint(self) -> dict[str, Array] | None:
-        """Return everything that the motion goes on from; None for methods that keep more than can be stored."""
+        """Return everything that the motion needs to go on."""
         out = {name: np.array(value) for name, value in zip(Motion._fields, self.s.values, strict=True)}
         out |= {"log": np.array(self.pending), "places": np.array([self.next_wanted, self.piece, self.every]),
                 "dt": np.array([self.dt, self.tolerance])}
@@ -387,7 +387,7 @@ class Stepper:
         return out | dict(zip(MEMORIES, (x.copy() for x in self._memory()), strict=True))
 
     def resume(self, kept: dict[str, Array]) -> None:
-        """Go on from a checkpoint."""
+        """Restore the motion from a checkpoint."""
         for name, value in zip(Motion._fields, self.s.values, strict=True):
             value[:] = kept[name]
         self.pending = kept["log"].reshape(-1, len(LOG))

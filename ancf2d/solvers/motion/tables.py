@@ -1,4 +1,4 @@
-"""What a motion is made of beside its elements, as tables: signals, mass, dead loads, prescribed motion, point laws."""
+"""The parts of a motion's problem other than elements: signals, mass, dead loads, prescribed motion, point laws."""
 
 from __future__ import annotations
 
@@ -22,35 +22,35 @@ if TYPE_CHECKING:
 
 
 class Signals:
-    """The signals of a problem, each once."""
+    """The signals of a problem, without duplicates."""
 
     def __init__(self) -> None:
         self.all: list[Any] = []
         self._rows: dict[Any, int] = {}
 
     def row(self, signal: Any) -> int:
-        """Return the row of a signal, which is added where it is new."""
+        """Return the row of a signal, which is added if it is new."""
         if signal not in self._rows:
             self._rows[signal] = len(self.all)
             self.all.append(signal)
         return self._rows[signal]
 
     def programs(self) -> Any:
-        """Return what evaluates them."""
+        """Return the programs that evaluate the signals."""
         return programs(((None, 0.0, 0.0) if s.fed else (s.amplitude, s.factor, s.offset)
                          for s in self.all), {k for k, s in enumerate(self.all) if s.clocked})
 
 
 def natural_signals(model: Model, signals: Signals) -> None:
-    """Tell the elements of a model which signals their natural strains follow."""
-    # loads have places among the elements once there are these
+    """Assign to natural strains the rows of the signals that they follow."""
+    # loads get their places among the elements when the groups are made
     _ = model.groups
     for load in model.loads.natural:
         load.signal[0] = signals.row(load.amplitude)
 
 
 def mass_tables(M: csr_matrix | None, num: Numbering) -> dict[str, Any]:
-    """Return a mass matrix, None for zero, as ``kernels.matrices.symmetric`` has it, and the diagonals of a band."""
+    """Return a mass matrix (None for zero) stored as in ``kernels.matrices.symmetric``, and the diagonals of a band."""
     from scipy.sparse import coo_matrix, tril
 
     n = num.n_unknowns
@@ -68,7 +68,7 @@ def _width(num: Numbering) -> int:
 
 
 def _slots(num: Numbering) -> Callable[[Index, Index], Index]:
-    """Return what finds the places of entries (i, j), j <= i, of a matrix of the unknowns."""
+    """Return a function that finds the storage places of entries (i, j), j <= i, of a matrix of the unknowns."""
     if num.fronts is not None:
         return partial(entries, num.fronts)
     width = _width(num)
@@ -76,7 +76,7 @@ def _slots(num: Numbering) -> Callable[[Index, Index], Index]:
 
 
 def _diagonals(mass: Array) -> dict[str, Array]:
-    """Return which diagonals of a band are not zero, and these, each entry at its column."""
+    """Return the numbers of the nonzero diagonals of a band, and their entries, each at its column."""
     n, width = mass.shape
     found = [d for d in range(width) if mass[d:, width - 1 - d].any()]
     along = np.zeros((len(found), n))
@@ -101,7 +101,7 @@ def dead_loads(model: Model, signals: Signals) -> dict[str, Array]:
 
 
 def prescribed(model: Model, signals: Signals) -> dict[str, Array]:
-    """Return the entries of P: what prescribed motion makes of coordinates."""
+    """Return the entries of P, the effect of prescribed motion on coordinates."""
     entries = [(coord, factor, signals.row(model.rows[r].signal))
                for coord, dependent in sorted(model.elimination.dependents.items())
                for r, factor in dependent.rhs.items() if model.rows[r].signal is not None]
@@ -131,7 +131,7 @@ def moved_mass(M: csr_matrix, T: csr_matrix, motion_coord: Array, motion_factor:
 
 
 def vectors(model: Model) -> tuple[Index, Index]:
-    """Return the unknowns (m, 2) that are x and y of one vector, and the coordinates (m, 4) that tell how it turns."""
+    """Return the unknowns (m, 2) that are x and y of one vector, and the coordinates (m, 4) that give its rotation."""
     pairs: dict[tuple[int, int], Index] = {}
     place = model.numbering.place
     for mesh in model.meshes.values():
@@ -154,7 +154,7 @@ def vectors(model: Model) -> tuple[Index, Index]:
 
 
 def sewn_laws(model: Model, T: csr_matrix, signals: Signals, steps: bool) -> Any:
-    """Return the table of all point laws, which also knows what they act on of the unknowns z, by d = T z (n_q,)."""
+    """Return the table of all point laws with the unknowns z that they act on, by d = T z (n_q,)."""
     from scipy.sparse import csr_matrix, vstack
 
     num = model.numbering
@@ -165,7 +165,7 @@ def sewn_laws(model: Model, T: csr_matrix, signals: Signals, steps: bool) -> Any
 
 
 def stops_of(model: Model) -> Index:
-    """Return the items of the table of all point laws, from and to (k, 2), that act on one side or from a gap on."""
+    """Return the ranges (k, 2) of items in the table of all point laws that are one-sided or have a gap."""
     first, found = 0, []
     for p in model.interactions.points:
         last, begin = first + len(p.items().p0), first + np.array(getattr(p, "breaks", ()), dtype=np.int64)
@@ -175,7 +175,7 @@ def stops_of(model: Model) -> Index:
 
 
 def point_laws(model: Model, signals: Signals, steps: bool = False) -> Any:
-    """Return the table of all point laws; with ``steps`` it also knows their forces over a step."""
+    """Return the table of all point laws; with ``steps``, also with their forces over a step."""
     own: list[Any] = []
     table = point_table(model.interactions.points, own, steps=steps)
     rows = np.array([-1 if k < 0 else signals.row(own[k]) for k in table.signal.ravel()], dtype=np.int64)

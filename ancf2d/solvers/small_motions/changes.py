@@ -1,4 +1,4 @@
-"""What a factor on loads, or on the velocity of what moves along bodies, does to small motions."""
+"""The effect of a factor on loads, or on the velocity of flows along bodies, on the matrices of small motions."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from .linearised import RateForces
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
 
-# force and damping beside what they are differences of that are round-off
+# relative force and damping that are round-off of the differences
 PUSHED = 1e-9
 
 
 @dataclass(frozen=True)
 class Change:
-    """What a factor mu adds to K, mu ``rate`` + mu^2 ``square``, and to C, mu ``gyration`` (n, n); None for nothing.
+    """The change of K, mu ``rate`` + mu^2 ``square``, and of C, mu ``gyration`` (n, n), by a factor mu; None for zero.
 
-    ``damps`` tells whether ``gyration`` takes out or brings in energy.
+    ``damps``: whether ``gyration`` dissipates or supplies energy.
     """
 
     rate: csc_array | None = None
@@ -33,15 +33,15 @@ class Change:
     damps: bool = False
 
     def stiffness(self, factor: float) -> csc_array | None:
-        """Return what is added to K."""
+        """Return the change of K."""
         parts = [f * A for f, A in ((factor, self.rate), (factor * factor, self.square)) if A is not None]
         return sum(parts[1:], parts[0]) if parts else None
 
 
 def load_change(model: Model, d: Array, u: Array, rate: csc_array | None, h: float) -> Change:
-    """Return what a factor on loads adds to K, which is ``rate`` (n, n), and to C, where they depend on rates.
+    """Return the change of K by a factor on loads, ``rate`` (n, n), and that of C if the loads depend on rates.
 
-    At d (n_full,) and along the response u (n_full,) to them, by a difference over ``h`` of the factor.
+    C is differentiated over a step ``h`` of the factor, at d (n_full,) along the response u (n_full,) to the loads.
     """
     rates = RateForces(model)
     if not rates.drags:
@@ -51,19 +51,18 @@ def load_change(model: Model, d: Array, u: Array, rate: csc_array | None, h: flo
 
 
 def set_speed(model: Model, factor: float) -> None:
-    """Set the factor on the velocities of what moves along bodies."""
+    """Set the factor on the velocities of flows along bodies."""
     for patch in model.loads.flows:
         patch.velocity.factor = factor
 
 
 def about_without_flow(model: Model) -> str:
-    """Return what small motions of what carries a flow are about: ``static`` under other loads, or ``reference``."""
+    """Return the state of a model without its flows: ``static`` if other loads act, else ``reference``."""
     return "static" if model.loads != LoadSet(flows=model.loads.flows) else "reference"
 
 
 def speed_change(model: Model) -> Change:
-    """Return what the factor on the velocities of what moves along bodies adds to K and C, at the factor that is set.
-    """
+    """Return the change of K and C by the factor on the velocities of flows, at the current factor."""
     T, rest = unknowns_to_coordinates(model), np.zeros(len(model.numbering.place))
     blocks = [(batch.dofs, *batch.matrices(rest, 0.0)[2:]) for batch in model.interactions.flows]
     square = (T.T @ scattered([(dofs, K) for dofs, K, _ in blocks], model.n_q) @ T).tocsc()

@@ -1,4 +1,4 @@
-"""What a mode is: its kind, from the shares of what the cross-sections do in kinetic and in strain energy."""
+"""Classification of modes by the shares of section motions in the kinetic energy, and by the strain energy."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from .section_motions import MOTIONS, ClassMotions, Energies, class_motions, ele
 KINDS = {"rotation": "shear", "stretch": "thickness"}
 # stations in an element at which strains are sampled, from 0 to 1
 STATIONS = np.array([0.5 - np.sqrt(1 / 12), 0.5 + np.sqrt(1 / 12)])
-# the largest share below which a mode has no single kind
+# if the largest share is smaller, the mode is mixed
 MIXED = 0.6
-# share of the kinetic energy in gaps between neighbours beyond which a mode is the mesh's, not the beam's
+# share of the kinetic energy in gaps between neighbouring elements above which a mode is an artefact of the mesh
 GAPS = 0.1
-# functions per wave length below which a wave is beyond what a mesh can show (2 is the most rapid change of sign)
+# functions per wave length below which the mesh cannot represent a wave (2 is the most rapid change of sign)
 RESOLVED = 3.0
-# kinetic energy of a body that its rigid motions may leave unexplained; that beside all others' which is round-off
+# share of a body's kinetic energy that its rigid motions may leave out; share of the total that is round-off
 RIGID, STILL = 1e-6, 1e-12
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Kind of a mode; shares of its kinetic energy by section motion, what is left being ``higher``; share in gaps.
+    """Kind of a mode, shares of its kinetic energy by section motion (the remainder is ``higher``), share in gaps.
 
     ``functions``: shape functions per wave length of the dominant motion; ``strain``: shares of the bodies' strain
-    energy in stretch, bending and shear of the axis, empty where there is none.
+    energy in stretch, bending and shear of the axis, empty if there is none.
     """
 
     kind: str
@@ -45,7 +45,7 @@ class Verdict:
 
 
 def functions_per_element(mesh: BodyMesh) -> Array:
-    """Return how many independent functions of x each section motion has per element (4,)."""
+    """Return the number of independent functions of x per element for each section motion (4,)."""
     names = [name for node in mesh.plan.element.nodes[:-1] for name in node.coordinates]
     orders = [derivative_order(name)[1] for name in names if name != "theta"]
     on_axis = sum(j == 0 for j in orders)
@@ -54,7 +54,7 @@ def functions_per_element(mesh: BodyMesh) -> Array:
 
 
 def _turned(mesh: BodyMesh, e: Array) -> BodyMesh:
-    """Return a mesh whose elements' frames have turned with their chords to nodal coordinates e (n_q,)."""
+    """Return a mesh whose element frames are rotated with their chords to nodal coordinates e (n_q,)."""
     x = mesh.dofs[:, mesh.kinds[mesh.dofs[0] - mesh.first_dof] == 0][:, [0, -1]]
     if np.any(x[:, 0] == x[:, 1]):
         return mesh
@@ -103,11 +103,11 @@ def axis_energies(mesh: BodyMesh, e: Array, v: Array) -> Array:
 
 
 class Classifier:
-    """Names the modes of one model; ``d`` is the state that vibrates."""
+    """Names the modes of one model; ``d`` is the state about which it vibrates."""
 
     def __init__(self, model: Model, d: Array) -> None:
         self.model, self.d = model, d
-        # along and across are those of the state, which may hang where the reference lay
+        # axial and transverse refer to the state, which may hang down although the reference is horizontal
         self.meshes = {name: _turned(mesh, model.e0 + d[:model.n_q]) if d.any() else mesh
                        for name, mesh in model.meshes.items()}
         self.classes: dict[str, list[ClassMotions]] = {
@@ -115,7 +115,7 @@ class Classifier:
             if mesh.plan.section.rhoA or not mesh.plan.rigid}
 
     def __call__(self, v: Array, zero: bool) -> Verdict:
-        """Classify the velocity field v (n_q,); ``zero`` tells that it has no strain energy beyond round-off."""
+        """Classify the velocity field v (n_q,); ``zero``: its strain energy is round-off."""
         parts = {name: energies(self.meshes[name], classes, v) for name, classes in self.classes.items()}
         extra = self._point_masses(v)
         motions = sum((e.motions for e in parts.values()), extra)
@@ -131,20 +131,20 @@ class Classifier:
 
     def _kind(self, verdict: Verdict, zero: bool, v: Array) -> str:
         if zero or all(mesh.plan.rigid for mesh in self.model.meshes.values()):
-            # what deforms without resistance is no motion of a beam
+            # deformation without resistance is not a motion of a beam
             return "rigid" if self.is_rigid(v) else "spurious"
         if verdict.gaps > GAPS or verdict.functions < RESOLVED:
             return "spurious"
         kind, by_motion = (self.shape_kind(verdict.shares, strain) for strain in (verdict.strain, {}))
-        # on soft springs, strains of stiff bodies may be round-off
+        # on soft springs, the strains of stiff bodies may be round-off
         return by_motion if kind != by_motion and self.is_rigid(v) else kind
 
     @staticmethod
     def shape_kind(shares: dict[str, float], strain: dict[str, float]) -> str:
-        """Return the kind that the shares alone say.
+        """Return the kind that follows from the shares alone.
 
-        Where the axis moves, it is bending or axial by the strain energy: the beam of a portal that sways moves along
-        its axis, but what strains are bent columns. Without strain energy it is so by the direction of the motion.
+        If the axis moves, strain energy decides between bending and axial: the beam of a portal that sways moves along
+        its axis, but the columns bend. Without strain energy, the direction of the motion decides.
         """
         largest = max(shares, key=lambda k: shares[k])
         if largest in KINDS:
@@ -167,7 +167,7 @@ class Classifier:
         return dict(zip(("axial", "bending", "shear"), (every / total).tolist(), strict=True))
 
     def _resolution(self, parts: dict[str, Energies]) -> float:
-        """Return the functions per wave length, of the dominant motion of the body that moves most."""
+        """Return the functions per wave length for the dominant motion of the body with most kinetic energy."""
         deform = [name for name in parts if not self.model.meshes[name].plan.rigid]
         if not deform:
             return np.inf
@@ -194,16 +194,16 @@ class Classifier:
                 if not term.place:
                     along = np.array([dot(c, e) for c in term.columns])
                     along /= np.hypot(*along)
-                # a position moves along and across the beam, a direction stretches and turns
+                # a position moves along and across the beam, a direction stretches and rotates
                 first, second = (0, 1) if term.place else (3, 2)
                 out[first] += term.inertia * (along @ rate) ** 2
                 out[second] += term.inertia * (along[0] * rate[1] - along[1] * rate[0]) ** 2
         return out
 
     def is_rigid(self, v: Array) -> bool:
-        """Whether every body moves as one piece: the kinetic energy that its three rigid motions leave is nothing.
+        """Return whether every body moves rigidly: its three rigid motions contain all but RIGID of its kinetic energy.
 
-        Bodies that do not move beside the others do not count.
+        Bodies that hardly move compared with the others are ignored.
         """
         left, total = [], []
         for name in self.classes:

@@ -23,18 +23,18 @@ from .quadratic import AT_REST, Pairs, lowest_pairs, shift_of
 from .relaxing import relaxing_pairs
 from .without_effect import warnings_of
 
-# relative uncertainty of an eigenvalue that is worth a word
+# relative uncertainty of an eigenvalue that causes a warning
 POOR = 1e-6
-# a real part within this share of a pair that nothing damps is round-off
+# real part, relative, that is round-off without damping
 IMAGINARY = 1e-7
 
 
 def solve_eigen(model: Model, spec: Eigen) -> Iterator[State]:
-    """Yield the one state that vibrates, with its lowest modes: (K + s C + s^2 M) phi = 0.
+    """Yield the state about which the model vibrates, with its lowest modes: (K + s C + s^2 M) phi = 0.
 
-    About the reference, loads do not act; about the static equilibrium they have been followed to their full size
-    and K is the tangent there, their own stiffness included. In a turning frame the state is the equilibrium in it.
-    Without C and with a symmetric K, s^2 = -omega^2 is real. Materials that relax add to K what depends on s.
+    About the reference, loads do not act; about the static equilibrium they act at full size, and K is the tangent
+    there, including load stiffness. In a rotating frame, the state is the equilibrium in it. Without C and with a
+    symmetric K, s^2 = -omega^2 is real. Relaxing materials add a function of s to K.
     """
     turns = model.case.steady_rotation is not None
     small = small_motions(model, spec.about, "eigen")
@@ -62,11 +62,11 @@ def solve_eigen(model: Model, spec: Eigen) -> Iterator[State]:
 
 @dataclass
 class Found:
-    """Modes in the order in which they are reported.
+    """Modes in the order of the report.
 
     ``s`` (m,): eigenvalues [1/s] with Im s >= 0; ``vectors`` (m, n_unknowns): real shapes of unit modal mass, at the
-    phase of most kinetic energy; ``quarter``: those a quarter of a period later, None where all points move in phase;
-    ``zero`` (m,): which cannot be told from rest; ``residual`` (m,).
+    phase of largest kinetic energy; ``quarter``: those a quarter of a period later, None if all points move in phase;
+    ``zero`` (m,): whether the eigenvalue is zero to round-off; ``residual`` (m,).
     """
 
     s: Complex
@@ -78,7 +78,7 @@ class Found:
 
 
 def _real(small: Linearised, spec: Eigen) -> Found:
-    """Return undamped modes of a symmetric K: s = i omega, or a growth rate where K is not positive."""
+    """Return undamped modes of a symmetric K: s = i omega, or a growth rate if K is indefinite."""
     pencil = small.pencil
     pencil.with_mass(small.model.e0 + small.base.state.d[:small.model.n_q])
     modes = lowest(pencil, spec.modes)
@@ -89,7 +89,7 @@ def _real(small: Linearised, spec: Eigen) -> Found:
 
 
 def _relaxing(small: Linearised, spec: Eigen, real: bool) -> Found:
-    """Return pairs and real eigenvalues of materials that relax, from the modes of the long-time modulus."""
+    """Return pairs and real eigenvalues of relaxing materials, starting from the modes of the long-time modulus."""
     start, problem = (_real if real else _complex)(small, spec), Quadratic(small, relaxes=True)
     still, moves = np.flatnonzero(start.zero), ~start.zero
     known = [*start.vectors[moves], *(() if start.quarter is None else start.quarter[moves])]
@@ -108,11 +108,11 @@ def _relaxing(small: Linearised, spec: Eigen, real: bool) -> Found:
 
 
 def _complex(small: Linearised, spec: Eigen) -> Found:
-    """Return the pairs that damping, rotation or loads without a potential make complex."""
+    """Return the pairs that are complex because of damping, rotation or loads without a potential."""
     problem, pairs = pairs_of(small, spec.modes, spec.damped)
     s, X, zero, residual = pairs.s, pairs.vectors, pairs.rest, pairs.residual
     if not (spec.damped and small.rates.damps):
-        # nothing takes out energy: real parts of what vibrates are round-off, unless a load without potential feeds it
+        # without dissipation, small real parts are round-off; loads without a potential cause larger ones
         s = np.where(np.abs(s.real) <= IMAGINARY * np.abs(s), 1j * s.imag, s)
     order = np.lexsort((np.abs(s), s.imag))
     s, X, zero, residual = s[order], X[order], zero[order], residual[order]
@@ -167,7 +167,7 @@ def frequencies(found: Found, verdicts: list[Verdict]) -> list[dict[str, Any]]:
 
 
 def renumber(entries: list[dict[str, Any]]) -> None:
-    """Number the modes within their kinds, from the lowest on, those that do not vibrate last."""
+    """Number the modes within their kinds, the lowest first and non-oscillating ones last."""
     numbers: Counter[str] = Counter()
     for entry in sorted(entries, key=lambda e: not e["omega"] and bool(e["growth"])):
         numbers[entry["kind"]] += 1
@@ -186,7 +186,7 @@ def table(entries: list[dict[str, Any]], verdicts: list[Verdict]) -> dict[str, l
 
 
 def mode_warnings(wanted: int, modes: Modes) -> list[str]:
-    """Return what is to be said of real modes."""
+    """Return the warnings about real modes."""
     out = []
     if len(modes.values) < wanted:
         out.append(f"the model has {len(modes.values)} modes, not {wanted}")
@@ -205,7 +205,7 @@ def _unstable(growing: int) -> list[str]:
 
 
 def pair_warnings(wanted: int, pairs: Pairs, s: Complex) -> list[str]:
-    """Return what is to be said of pairs; s (m,) are those that are reported."""
+    """Return the warnings about pairs; s (m,) are the reported eigenvalues."""
     out = []
     vibrating = int((s.imag > 0).sum())
     if vibrating < wanted and pairs.skipped:

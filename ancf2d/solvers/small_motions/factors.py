@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 # half bandwidth up to which a matrix is factored as a band
 BAND = 80
-# phase between neighbouring points of the circle beyond which there are more in between, and most points of all
+# phase between neighbouring points of the circle above which a point is inserted, and the largest number of points
 TURN, MOST_POINTS = 1.1, 80
 
 
 class Factors:
-    """The factors of a sparse matrix, as a band where it is narrow; ``phase`` is that of its determinant."""
+    """The factors of a sparse matrix, stored as a band if it is narrow; ``phase`` is that of its determinant."""
 
     def __init__(self, A: csc_array) -> None:
         i, j = A.indices, np.repeat(np.arange(A.shape[1]), np.diff(A.indptr))
@@ -59,14 +59,14 @@ class Factors:
         self.phase = _phase(self.sparse.U.diagonal(), swaps)
 
     def solve(self, b: NDArray[Any]) -> NDArray[Any]:
-        """Return A^-1 b, of vectors (n,) or of columns (n, k)."""
+        """Return A^-1 b for a vector (n,) or columns (n, k)."""
         if self.bw <= BAND:
             return np.asarray(self._backward(self.lu, self.bw, self.bw, b, self.rows)[0])
         return np.asarray(self.sparse.solve(b))
 
 
 class SymmetricFactors:
-    """The factors of a symmetric sparse matrix, in the storage of a model's tangent, which exchanges no rows."""
+    """The factors of a symmetric sparse matrix, in the storage of a model's tangent, without row exchanges."""
 
     def __init__(self, A: csc_array, storage: TangentMatrix) -> None:
         i, j = A.indices.astype(np.int64), np.repeat(np.arange(A.shape[1]), np.diff(A.indptr))
@@ -88,7 +88,7 @@ def _phase(pivots: Array, swaps: int) -> complex:
 
 
 def _parity(permutation: Array) -> int:
-    """Return how many exchanges make a permutation."""
+    """Return the number of exchanges that make up a permutation."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -98,9 +98,9 @@ def _parity(permutation: Array) -> int:
 
 
 def turned_on_half_circle(phase: Callable[[float], complex]) -> float | None:
-    """Return the angle by which a phase turns over the upper half of a circle, closely enough sampled.
+    """Return the change of a phase angle over the upper half of a circle, with adaptive sampling.
 
-    None where too many samples would be needed, or where the phase is not known.
+    Return None if too many samples would be needed, or if the phase is unknown somewhere.
     """
     angles = list(np.linspace(0.0, math.pi, 7))
     known = {a: phase(a) for a in angles}

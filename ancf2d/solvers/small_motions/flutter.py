@@ -26,26 +26,27 @@ from .projected import (
 from .quadratic import AT_REST, Search, shift_of
 from .relaxing import Term, corrected, system_matrix, terms_of, with_dashpots
 
-# pairs that are followed beyond the factors asked for
+# additional pairs that are followed
 EXTRA = 6
 # steps of the load factor: shares of the smallest factor that can matter, and of the factor itself
 FIRST, STEP = 0.1, 0.03
-# factors beside the smallest that can matter, and beside the first critical one, at which the search ends
+# end of the search, relative to the smallest factor that can matter, and to the first critical one
 LAST, BEYOND = 100.0, 4.0
-# growth beside |s| that is none: without damping it grows from a double eigenvalue like a root, with damping straight
+# growth relative to |s| that counts as zero: from a double eigenvalue it rises like a square root without damping,
+# linearly with damping
 UNDAMPED, DAMPED = 1e-5, 1e-9
-# relative change of a critical factor that has come to rest, and most spaces for it
+# relative change of a critical factor at which it is accepted, and the largest number of spaces for it
 SETTLED, MOST = 1e-8, 4
-# relative width of the brackets of critical factors, and how far beyond one the search goes on
+# relative width of the brackets of critical factors, and where the search continues after one
 ROUND, PAST = 1e-10, 1e-6
-# imaginary part beside |s| of what only relaxes, where close rates make pairs; share of what loads do that is nothing
+# imaginary part relative to |s| of pairs that only relax (close rates form pairs); negligible share of load effects
 RELAXES, NEGLIGIBLE = 1e-2, 1e-6
-# modes of the space without loads in which eigenvalues are followed, beside the pairs that are, and beyond
+# number of modes without loads in which eigenvalues are followed: per followed pair, and in addition
 FOLLOWED, MORE = 3, 10
-# points between two factors at which eigenvalues are predicted, and how close to the ends the next factor may be
+# points between two factors at which eigenvalues are predicted, and the closest distance of a new factor to the ends
 GUESSES, INSIDE = 65, 1e-3
-# share of the squared distance of two eigenvalues at two factors that is left where they come close in between, and of
-# which a prediction may miss; most halvings for the second reason, and most guesses
+# share of the squared distance of two eigenvalues below which they are close between two factors, and relative error of
+# the prediction that requires a halving; largest number of such halvings, and of samples between two factors
 CLOSE, MISSED, HALVINGS, MOST_GUESSES = 0.1, 0.3, 3, 40
 # points of the root locus
 POINTS = 80
@@ -63,9 +64,9 @@ class Critical:
 
 @dataclass(frozen=True)
 class Stability:
-    """Critical factors, lowest first; ``last`` is the factor up to which all were sought; columns of the root locus.
+    """Critical factors, lowest first; ``last``: the factor up to which all were searched; columns of the root locus.
 
-    ``doubtful``: factors from which on motions seem to grow in the lowest modes, but not in the whole space.
+    ``doubtful``: factors from which motions seem to grow in the lowest modes, but not in the whole space.
     """
 
     critical: list[Critical]
@@ -77,9 +78,9 @@ class Stability:
 def critical_factors(small: Linearised, change: Change, modes: int) -> Stability:
     """Return the lowest factors mu at which a solution s of (K + dK + s (C + dC) + s^2 M) x = 0 begins to grow.
 
-    ``change`` gives dK and dC over mu. The eigenvalues are followed over the factor in a space of few vectors. About
-    each critical factor the space gets those of a Krylov space there, until the factor no longer changes. Materials
-    that relax add their dashpots, and for each critical factor the vector of the motion from the complex modulus.
+    ``change`` gives dK and dC over mu. The eigenvalues are followed over the factor in a space of few vectors. Near
+    each critical factor, the space is extended by a Krylov space there, until the factor no longer changes. Relaxing
+    materials add their dashpots, and for each critical factor the vector of the motion with the complex modulus.
     """
     track = _Track(small, change, modes)
     found: list[Critical] = []
@@ -95,7 +96,7 @@ def critical_factors(small: Linearised, change: Change, modes: int) -> Stability
             continue
         critical = track.refined(low, *bracket)
         if critical is None:
-            # the better space has none of it
+            # in the better space nothing grows there
             doubtful.append(bracket[1])
             low = track.sample(bracket[1])
         else:
@@ -127,7 +128,7 @@ class _Track:
         problem, self.terms = self._problem(0.0), list[Term]()
         self.space = Space(problem, within_constraints(problem))
         self._project(0.0)
-        # the rates at which materials relax are none of what vibrates
+        # relaxation rates do not count as vibrations
         s = np.abs(self._values(0.0, relaxes=False))
         self.lowest = float(s[s > self.still].min(initial=np.inf))
         if not math.isfinite(self.lowest):
@@ -137,7 +138,7 @@ class _Track:
         self.smallest = self._smallest()
 
     def _problem(self, factor: float, relaxes: bool = False, at_once: bool = False) -> Quadratic:
-        """Return the problem at a load factor, with the complex modulus, or ``at_once`` as no dashpot moves."""
+        """Return the problem at a load factor, with the complex modulus, or with rigid dashpots (``at_once``)."""
         load, gyration = self.change.stiffness(factor), self.change.gyration
         for one in self.small.relaxing if at_once else ():
             springs = sum(g for g, _ in one.terms) * one.V
@@ -145,7 +146,7 @@ class _Track:
         return Quadratic(self.small, load=load, rates=None if gyration is None else factor * gyration, relaxes=relaxes)
 
     def _project(self, factor: float) -> None:
-        """Add a Krylov space at a load factor to the space, or all that can move where that is little."""
+        """Add a Krylov space at a load factor to the space, or all motions if they are few."""
         for at_once in (True, False) if self.small.relaxing else (False,):
             problem = self._problem(factor, at_once=at_once)
             search = Search(problem, shift_of(problem, self.first), self.still)
@@ -174,18 +175,19 @@ class _Track:
         return [term for k, (one, V) in enumerate(materials) for term in terms_of(k, one.terms, T.T @ V @ T)]
 
     def _grown(self, factor: float) -> tuple[complex, Complex]:
-        """Return the eigenvalue and the vector (n,) of the motion that has just begun to grow at a factor."""
+        """Return the eigenvalue and the vector (n,) of the motion that has just started to grow at a factor."""
         s, Y = projected_pairs(self._matrices(factor), self.shift)
         grows = np.flatnonzero(self._grows(s))
-        # at the very onset, round-off may tell both ways
+        # at the very onset, round-off may make no motion grow
         most = np.where((s.imag >= 0) & (np.abs(s) <= self.radius), self._growth(s), -np.inf)
         slowest = grows[np.argmin(s[grows].real)] if len(grows) else np.argmax(most)
         return complex(s[slowest]), self.space.combined(Y[slowest, :self.matrices.shape[1]])
 
     def _follow(self) -> None:
-        """Take the lowest modes without loads (k, r), of unit modal mass, to follow the eigenvalues in.
+        """Choose the lowest modes without loads (k, r), of unit modal mass, in which eigenvalues are followed.
 
-        With them goes how the body gives way to what the loads do along the lowest: bending stretches a bent beam.
+        The static response of the other modes to the loads' action on the lowest ones is added: bending stretches a
+        bent beam.
         """
         K, C, M = self.matrices
         self.values, T = symmetric_modes(0.5 * (K + K.T), 0.5 * (M + M.T), self.shift**2)
@@ -193,7 +195,7 @@ class _Track:
         low, high = T[:, :self.followed], T[:, self.followed:]
         stiff = np.abs(self.values[self.followed:, None]) + self.shift**2
         given = np.hstack([high.T @ A @ low[:, :self.pairs] / stiff for A in self.changes[:2]])
-        # of as many directions as there is room for, those that matter most
+        # the most important directions of this response, as many as are not negligible
         Q, sizes, _ = np.linalg.svd(given, full_matrices=False)
         self.modes = np.hstack([low, high @ Q[:, sizes > NEGLIGIBLE * sizes.max(initial=0.0)]])
         self.small_K, self.small_C = (self.modes.T @ A @ self.modes for A in (K, C))
@@ -202,7 +204,7 @@ class _Track:
         self.undamped = not C.any() and not self.changes[2].any()
 
     def _matrices(self, factor: float, relaxes: bool = True) -> Array:
-        """Return K, C and M in the space at a load factor, with the dashpots of materials that relax behind."""
+        """Return K, C and M in the space at a load factor, with the dashpots of relaxing materials appended."""
         (K, C, M), (rate, square, gyration) = self.matrices, self.changes
         found = np.array([K + factor * (rate + factor * square), C + factor * gyration, M])
         return with_dashpots(found, self.terms) if self.terms and relaxes else found
@@ -214,7 +216,7 @@ class _Track:
         return s[np.argsort(np.abs(s), kind="stable")]
 
     def sample(self, factor: float, rates: bool = True) -> _Sample:
-        """Return the eigenvalues at a load factor, in the lowest modes without loads, with ``rates`` or zeros."""
+        """Return the eigenvalues at a load factor, in the lowest modes without loads, with their ``rates`` or zeros."""
         inverse = np.linalg.pinv if rates else np.zeros_like
         rate, square, gyration = self.small_changes
         K, C = self.small_K + factor * (rate + factor * square), self.small_C + factor * gyration
@@ -228,20 +230,20 @@ class _Track:
             s, Z = np.linalg.eig(system_matrix(K, C, self.small_terms))
             rate = -np.einsum("ij,ji->i", inverse(Z)[:, r:2 * r], K1 @ Z[:r] + gyration @ Z[r:2 * r])
         grows = int(self._grows(s).sum())
-        # of what only relaxes nothing is predicted: many rates, close to each other
+        # relaxation rates, which are many and close to each other, are not predicted
         some = (s.imag > RELAXES * np.abs(s) if self.terms else s.imag >= 0) & (np.abs(s) <= self.radius)
         s, rate = s[some].astype(complex), rate[some]
         order = np.lexsort((s.real, s.imag))
         return _Sample(factor, s[order], rate[order], grows)
 
     def start(self, factor: float) -> _Sample:
-        """Return the sample at a factor, with what grows there in the whole space."""
+        """Return the sample at a factor, with the number of growing motions in the whole space."""
         return replace(self.sample(factor), grows=int((self._margins(factor) > 0).sum()))
 
     def first_growth(self, low: _Sample, high: _Sample) -> tuple[float, float] | None:
-        """Return factors between which a motion begins to grow; None where none does between two samples.
+        """Return factors between which a motion begins to grow, or None if none does between two samples.
 
-        Motions that grow between the two alone are looked for where their eigenvalues are predicted to.
+        Motions that grow only between the two samples are searched where their eigenvalues are predicted to grow.
         """
         left, count = [(low, high, 0)], 0
         while left:
@@ -255,12 +257,13 @@ class _Track:
         return None
 
     def _predicted(self, low: _Sample, high: _Sample, halves: bool) -> float | None:
-        """Return a factor between two samples at which a motion may grow that does not at both.
+        """Return a factor between two samples at which a motion may grow that does not grow at both, or None.
 
-        The middle where ``halves`` and the prediction does not agree with both samples.
+        It is the middle if ``halves`` and the prediction contradicts the samples.
 
-        Two eigenvalues m + sqrt D and m - sqrt D that meet have a mean and a D that are smooth where they are not
-        themselves. Cubics through both samples and their rates predict them. The lowest is beside its conjugate.
+        Two eigenvalues m + sqrt D and m - sqrt D that meet have a mean and a D that are smooth, unlike the eigenvalues
+        themselves. Cubics through both samples and their rates predict them. The lowest eigenvalue is paired with its
+        conjugate.
         """
         (m0, D0), (m1, D1) = _means(low), _means(high)
         n, h = min(m0.shape[1], m1.shape[1]), high.factor - low.factor
@@ -285,14 +288,14 @@ class _Track:
 
     @staticmethod
     def _vertex(D0: Complex, D1: Complex, h: float, t: float) -> float:
-        """Return where between two samples Re D is largest near t."""
+        """Return the point between two samples near t where Re D is largest."""
         for width in 0.02 ** np.arange(1, 5):
             near = np.clip(t + width * np.linspace(-1.0, 1.0, 101), 0.0, 1.0)
             t = float(near[np.argmax(_cubic(D0[:, None], D1[:, None], h, near[:, None])[:, 0].real)])
         return t
 
     def _growth(self, s: Complex) -> Array:
-        """Return by how much eigenvalues grow faster than round-off lets them."""
+        """Return the growth of eigenvalues beyond round-off."""
         return np.asarray(s.real - self.limit * np.maximum(np.abs(s), self.lowest))
 
     def _grows(self, s: Complex) -> NDArray[np.bool_]:
@@ -300,7 +303,7 @@ class _Track:
         return (self._growth(s) > 0) & (s.imag >= 0) & (np.abs(s) <= self.radius)
 
     def _smallest(self) -> float:
-        """Return the factor at which what it adds can be as much as the stiffness in some combination of the modes."""
+        """Return the factor at which its effect can equal the stiffness in some combination of the modes."""
         some = (self.values > self.still**2) & (self.values <= self.radius**2)
         some = some[:self.followed]
         phi = self.modes[:, :len(some)][:, some] / np.sqrt(self.values[:len(some)][some])
@@ -312,13 +315,13 @@ class _Track:
         return 1.0 / size
 
     def _margins(self, factor: float) -> Array:
-        """Return by how much motions of the whole space grow at a factor, < 0 where they do not, fastest first."""
+        """Return the growth beyond round-off of motions of the whole space at a factor, largest first (< 0: stable)."""
         s = self._values(factor)
         some = s[(s.imag >= 0) & (np.abs(s) <= self.radius)]
         return np.sort(self._growth(some))[::-1]
 
     def refined(self, start: _Sample, low: float, high: float) -> Critical | None:
-        """Return the critical factor near two others, beyond a start; None where a better space has none there."""
+        """Return the critical factor near ``low`` and ``high``, above ``start``, or None if a better space has none."""
         last, found = math.inf, self._onset(low, high)
         for _ in range(MOST):
             b = high if found is None else found[1]
@@ -326,7 +329,7 @@ class _Track:
                 break
             last = b
             self._project(b)
-            # the better space may have moved it a little
+            # the better space may have shifted it a little
             width, bracket = 0.02 * b, None
             while bracket is None and width <= b:
                 bracket = self.first_growth(self.start(max(start.factor, b - width)), self.sample(b + width))
@@ -344,7 +347,7 @@ class _Track:
     def _onset(self, low: float, high: float) -> tuple[float, float] | None:
         """Return neighbouring factors between which one more motion of the whole space begins to grow.
 
-        None where the modes that the eigenvalues are followed in err: nothing more grows at ``high``.
+        Return None if the modes in which eigenvalues are followed are wrong, and nothing more grows at ``high``.
         """
         known, tried = int((self._margins(low) > 0).sum()), dict[float, float]()
 

@@ -1,4 +1,4 @@
-"""Response of probes to loads and motions that oscillate: (K + s C + s^2 M) z = f0 + s f1 + s^2 f2 at s = i omega."""
+"""Response of probes to oscillating loads and motions: (K + s C + s^2 M) z = f0 + s f1 + s^2 f2 at s = i omega."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ from .linearised import small_motions
 from .projected import Complex, Quadratic, Space, projected_values, within_constraints
 from .without_effect import warnings_of
 
-# from so many unknowns and frequencies on, responses at given frequencies are computed in a space of few vectors
+# minimum numbers of unknowns and frequencies for computing responses in a space of few vectors
 LARGE, MANY = 400, 40
-# frequencies that the space begins with, and most of them beside all
+# number of frequencies with which the space starts, and the largest share of all frequencies that is solved
 BEGIN, SHARE = 6, 0.5
-# change of the responses, beside the largest displacement of a probe at that frequency, that ends the search, and how
-# many times one after the other
+# change of the responses, relative to the largest displacement of a probe at that frequency, that ends the search, and
+# how many times in succession it must be met
 SETTLED, CALM = 1e-7, 2
-# relative correction that is none, and most corrections of a solution
+# relative correction that is round-off, and the largest number of corrections of a solution
 ROUND_OFF, MOST = 1e-11, 6
-# frequencies whose responses in the space are computed at a time
+# number of frequencies evaluated in the space at a time
 BLOCK = 64
-# frequencies over a range at which a space is built before points are placed in it, and most times of both
+# number of frequencies in a range for which a space is built before points are placed, and most rounds of both
 SEARCHED, ROUNDS = 200, 6
-# damping ratio of the sharpest resonance that is resolved, closest points beside their frequency, most points of all
+# damping ratio of the sharpest resonance to be resolved, closest relative distance of points, and most points
 SHARPEST, CLOSEST, MOST_POINTS = 1e-5, 2.1e-5, 20_000
-# amplitudes beside the largest of all probes that are resolved
+# smallest amplitudes to be resolved, relative to the largest of all probes
 FAINT = 1e-3
 
 
 def solve_frequency_response(model: Model, spec: FrequencyResponse) -> Iterator[State]:
-    """Yield the one state that is excited, with the complex amplitudes of all probes over the frequency.
+    """Yield the excited state, with the complex amplitudes of all probes over the frequency.
 
-    They are those of exp(i omega t), for each input at the size that the case gives it.
+    They are amplitudes of exp(i omega t), for each input at its size in the case.
     """
     small = small_motions(model, spec.about, "frequency_response")
     state = small.base.state
@@ -67,10 +67,10 @@ def solve_frequency_response(model: Model, spec: FrequencyResponse) -> Iterator[
 
 def responses(problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Output], hz: Sequence[float]
               ) -> tuple[Complex, float | None]:
-    """Return the amplitudes (frequencies, inputs, outputs) of what ``probes`` read, and an estimate of their error.
+    """Return the complex amplitudes (frequencies, inputs, outputs) of ``probes``, and an estimate of their error.
 
-    The error is beside the largest displacement of a probe at the same frequency, of section forces beside the
-    largest of these; None where each frequency is solved.
+    The error is relative to the largest displacement of a probe at the same frequency, for section forces to the
+    largest of these; None if each frequency is solved directly.
     """
     if problem.n >= LARGE and len(hz) >= MANY and not problem.relaxing:
         found = _Reduced(problem, inputs, probes).settled(np.array(hz))
@@ -81,15 +81,15 @@ def responses(problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Outp
 
 def placed_responses(problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Output], spec: FrequencyResponse,
                      more: Sequence[float]) -> tuple[list[float], Complex, float | None]:
-    """Return the frequencies of a range, those where the responses bend among them, and what ``responses`` does.
+    """Return the frequencies of a range, refined where the responses bend, and the results of ``responses``.
 
-    ``more`` are frequencies in the range that are to be among them.
+    ``more`` are frequencies in the range to be included.
     """
     hz = np.unique([*spec.hz, *more])
     space = np.geomspace if spec.scale == "log" else np.linspace
     grid, reduced = np.union1d(hz, space(hz[0], hz[-1], SEARCHED)[1:-1]), _Reduced(problem, inputs, probes)
     place = _Placing(problem, probes, spec)
-    # the matrix of a material that relaxes is no quadratic polynomial of s, which a small space could keep
+    # for relaxing materials, the matrix is not a quadratic polynomial of s, so that no projected matrices can be stored
     for _ in range(0 if problem.relaxing else ROUNDS):
         found = reduced.settled(grid)
         if found is None:
@@ -113,10 +113,10 @@ class _Placing:
         self.judged = _judged(problem, probes)
 
     def __call__(self, at: Callable[[Array], Complex], hz: Array, poles: Complex) -> Array:
-        """Return frequencies ``hz`` and more, where responses ``at`` them bend.
+        """Return frequencies ``hz`` and additional ones where the responses ``at`` them bend.
 
-        The first that are tried lie in the middle between two neighbours, and at the resonances of ``poles`` [1/s],
-        which may be too narrow to be seen from there.
+        The first candidates are the middles between two neighbours and the resonances of ``poles`` [1/s], which may be
+        too narrow to be noticed otherwise.
         """
         values = at(hz)
         tries = np.union1d(self._middles(hz), self._resonances(poles, hz[0], hz[-1]))
@@ -152,7 +152,7 @@ class _Placing:
 
 
 class _Solved:
-    """Responses (frequencies, inputs, outputs), each frequency solved by itself, once."""
+    """Responses (frequencies, inputs, outputs), each frequency solved directly and only once."""
 
     def __init__(self, problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Output]) -> None:
         self.problem, self.inputs, self.probes = problem, inputs, probes
@@ -171,10 +171,10 @@ class _Solved:
 
 
 class _Reduced:
-    """Responses in the space of those at a few frequencies, which are chosen where the responses change most.
+    """Responses in the space of the motions at a few frequencies, chosen where the responses change most.
 
-    The vectors of the space fulfil the constraints, so their multipliers have no part in it. Where an input moves a
-    constraint, ``lifts`` (inputs, n) is a motion that follows it, and the space holds what is beside it.
+    The vectors of the space satisfy the constraints, so that multipliers drop out. If an input moves a constraint,
+    ``lifts`` (inputs, n) is a motion that follows it, and the space holds the difference from it.
     """
 
     def __init__(self, problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Output]) -> None:
@@ -186,8 +186,8 @@ class _Reduced:
         self._read = np.zeros((3, len(probes), 0))
 
     def settled(self, hz: Array) -> tuple[Complex, float] | None:
-        """Return the responses (frequencies, inputs, outputs) and their error, None if too many have to be solved."""
-        # at a frequency of an undamped mode the projected matrix is singular too
+        """Return the responses (frequencies, inputs, outputs) and their error, or None if too many must be solved."""
+        # at the frequency of an undamped mode, the projected matrix is singular, too
         with suppress(np.linalg.LinAlgError):
             return self._settled(hz)
         return None
@@ -196,7 +196,7 @@ class _Reduced:
         if not self.known:
             for k in np.unique(np.linspace(0, len(hz) - 1, BEGIN).round().astype(int)):
                 self._solve(float(hz[k]))
-        # in the widest gap first, then where the space has changed most
+        # first in the widest gap, then where the last extension changed the responses most
         old, calm, worst = self.at(hz), 0, self._widest(hz)
         while len(self.known) < SHARE * len(hz):
             error = self._off(self._solve(float(hz[worst]))[None], old[worst:worst + 1])[0]
@@ -214,7 +214,7 @@ class _Reduced:
         return None
 
     def _widest(self, hz: Array) -> int:
-        """Return the middle of the widest gap between the frequencies that are known."""
+        """Return the middle of the widest gap between the solved frequencies."""
         known = [-1, *np.flatnonzero(np.isin(hz, list(self.known))).tolist(), len(hz)]
         return max(((b - a, (a + b) // 2) for a, b in itertools.pairwise(known)))[1]
 
@@ -267,7 +267,7 @@ class _Reduced:
         return out
 
     def _off(self, new: Complex, old: Complex) -> Array:
-        """Return how far responses (m, inputs, outputs) are apart, beside the largest of their sort (m,)."""
+        """Return the difference of responses (m, inputs, outputs), relative to the largest of their kind (m,)."""
         out = np.zeros(len(new))
         for some, unit in self.judged:
             size, off = (np.abs(x[:, :, some] * unit).max(axis=2) for x in (new, new - old))
@@ -276,7 +276,7 @@ class _Reduced:
 
 
 def _judged(problem: Quadratic, probes: Sequence[Output]) -> list[tuple[Index, Array]]:
-    """Return which outputs are displacements, and which section forces, with what makes them comparable.
+    """Return the indices of displacements and of section forces among the outputs, with factors to compare them.
 
     Rotations count as displacements at the distance of the extent, moments as forces there. Velocities follow from
     displacements.
@@ -289,12 +289,15 @@ def _judged(problem: Quadratic, probes: Sequence[Output]) -> list[tuple[Index, A
 
 
 def _direct_parts(inputs: Sequence[Input], probes: Sequence[Output]) -> Array:
-    """Return what each input adds to each output by itself (inputs, outputs)."""
+    """Return the direct contribution of each input to each output (inputs, outputs)."""
     return np.array([[probe.direct.get(one.name, 0.0) for probe in probes] for one in inputs])
 
 
 def _direct(problem: Quadratic, inputs: Sequence[Input], s: complex) -> list[Complex]:
-    """Return the motion z (n,) that each input causes at s, from one factorisation."""
+    """Return the motion z (n,) caused by each input at s, from one factorisation.
+
+    Raises ComputationError if the response is infinite.
+    """
     factors = Factors(problem.matrix(s))
     found = [] if factors.singular else [refined_response(problem, factors, problem.force(one, s), s) for one in inputs]
     if not found or not all(np.isfinite(z).all() for z in found):
@@ -305,7 +308,7 @@ def _direct(problem: Quadratic, inputs: Sequence[Input], s: complex) -> list[Com
 
 
 def refined_response(problem: Quadratic, factors: Factors, f: Complex, s: complex) -> Complex:
-    """Return the solution for f, with the digits that the formed matrix of a fine mesh has lost."""
+    """Return the solution for f, refined beyond the round-off of the assembled matrix of a fine mesh."""
     z = np.asarray(factors.solve(f))
     last = np.inf
     for _ in range(MOST):
@@ -321,7 +324,7 @@ def refined_response(problem: Quadratic, factors: Factors, f: Complex, s: comple
 
 def response_of(problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Output], s: complex,
                 Z: Sequence[Complex]) -> Complex:
-    """Return what probes read (inputs, outputs) of motions z (n,) at s."""
+    """Return the values of probes (inputs, outputs) for motions z (n,) at s."""
     num = problem.small.model.numbering
     out, d = np.zeros((len(inputs), len(probes)), dtype=complex), np.zeros((2, len(num.place)))
     for row, one, z in zip(out, inputs, Z, strict=True):

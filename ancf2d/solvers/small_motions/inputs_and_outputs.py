@@ -1,4 +1,4 @@
-"""Inputs and outputs of small motions, and N, Q and M to first order in coordinates, their rates and inputs."""
+"""Inputs and outputs of small motions, and N, Q and M linearised in coordinates, their rates and inputs."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ from .linearised import Linearised, Relaxing
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-# displacement, beside the size of the element, by which forces are differentiated: they cancel each other, so that much
-# is left of their round-off; and where points of contact may open and close
+# displacement relative to the element size for differences of forces, which cancel each other so far that their
+# round-off matters; the same if contact points may open and close
 SMALL, CLOSE = 1e-3, 1e-5
-# factor on a load by which natural strains are differentiated
+# load factor for differences of natural strains
 FACTOR = 1e-3
 
 
@@ -41,15 +41,15 @@ class SmallForces:
     """The section forces of one probe in small motions about a state.
 
     ``coords`` (n,) and ``weights`` (3, 3, n): N, Q, M are the sum of weights[:, k] @ d[coords] with the coordinates d
-    (n_full,), their rates and their second rates for k = 0, 1, 2. Raises ComputationError where a support or joint
-    without a multiplier holds the probe's element between its nodes.
+    (n_full,), their rates and their second rates for k = 0, 1, 2. Raises ComputationError if a support or joint without
+    a multiplier holds the probe's element between its nodes.
     """
 
     def __init__(self, small: Linearised, name: str, point: PointRef) -> None:
         base = small.base
         case, self.small, self.name, self.point = base.model.case, small, name, point
         acting = [load for load in case.loads if base.loaded and load.name not in case.inputs]
-        # at rest: no rates, and the forces of elements as linear as their tangent
+        # a state without rates, with the forces of elements as linear as their tangent
         still = np.zeros((2, len(base.state.d)))
         self.state = replace(base.state, linear=False, v=still[0], a=still[1], about=base.state.d)
         self.model = replace(base.model, case=replace(case, loads=tuple(acting)), inputs={})
@@ -63,7 +63,7 @@ class SmallForces:
         self.weights = np.stack([self._derivatives(rate) for rate in range(3)], axis=1)
 
     def strained(self) -> Array:
-        """Return what strains alone make of N, Q, M (3, n), by the coordinates: viscous forces, of a time of 1 s."""
+        """Return the derivatives (3, n) of N, Q, M by strain rates alone: viscous forces with a time of 1 s."""
         tau = self.forces.tau
         self.forces.tau = tau + 1.0
         found = self._derivatives(1) - self.weights[:, 1]
@@ -95,19 +95,19 @@ class SmallForces:
             moved[c] += step
             ends.append(self._at(self.forces, replace(self.state, **{key: moved})))
             places.append(moved[c])
-        # the steps that are left when they are rounded
+        # the actual steps after rounding
         return (ends[0] - ends[1]) / (places[0] - places[1])
 
     def _at(self, forces: SectionForces, state: State) -> Array:
         return np.asarray(forces(state, np.array([self.point.ie]))[0, 0])
 
     def direct(self, name: str) -> Array:
-        """Return what a load that is an input adds to N, Q, M (3,) where nothing moves."""
+        """Return the direct contribution of an input load to N, Q, M (3,), without motion."""
         model = self.small.base.model
         loads = model.inputs.get(name)
         if loads is None:
             return np.zeros(3)
-        # natural strains are not quite linear in their size; what has no amplitude follows the load factor
+        # natural strains are not quite linear in their size; loads without an amplitude follow the load factor
         natural = [replace(one, amplitude=lambda t: t) for one in loads.natural]
         guides = [replace(one, tension=lambda d, t, by=one.wound: t * by(d)) for one in loads.guides]
         own = tuple(replace(load, amplitude=None) for load in model.case.loads if load.name == name)
@@ -121,11 +121,11 @@ class SmallForces:
 
 @dataclass(frozen=True)
 class Input:
-    """What a unit of one input u does to small motions d = T z + p u.
+    """The effect of a unit of one input u on small motions d = T z + p u.
 
-    K z + C z' + M z'' = f[0] u + f[1] u' + f[2] u''. ``f`` (3, n_unknowns): loads have the first row alone; ``p``
-    (n_full,): motion that is prescribed, 0 for loads. ``relaxing`` (materials, n_unknowns): what of f[0] strains
-    materials that relax, in the order of ``Linearised.relaxing``: it has their factors of s in addition.
+    K z + C z' + M z'' = f[0] u + f[1] u' + f[2] u''. ``f`` (3, n_unknowns): loads have only the first row; ``p``
+    (n_full,): prescribed motion, 0 for loads. ``relaxing`` (materials, n_unknowns): the part of f[0] from strains of
+    relaxing materials, in the order of ``Linearised.relaxing``, which is also multiplied by their function of s.
     """
 
     name: str
@@ -138,8 +138,8 @@ class Input:
 class Output:
     """A quantity of a probe: sum of weights[k] @ d[coords] over the coordinates d, their rates and second rates.
 
-    ``weights`` (3, n); ``direct``: what an input adds by itself, by its name. ``relaxed``: what a material that relaxes
-    has of it, times its factor of s.
+    ``weights`` (3, n); ``direct``: direct contributions of inputs, by name. ``relaxed``: the part from a relaxing
+    material, to be multiplied by its function of s and added.
     """
 
     probe: str
@@ -151,15 +151,15 @@ class Output:
 
     @property
     def order(self) -> int:
-        """The lowest rate that it depends on."""
+        """The lowest order of rates on which it depends."""
         return int(np.flatnonzero(self.weights.any(axis=1))[0]) if self.weights.any() else 0
 
     def of(self, d: Array) -> Array:
-        """Return what it is of coordinates d (n_full,), of rates and of second rates like these (3,)."""
+        """Return the contributions (3,) of d (n_full,) used as coordinates, as rates and as second rates."""
         return np.asarray(self.weights @ d[self.coords])
 
     def response(self, s: complex, d: NDArray[np.complex128], name: str) -> complex:
-        """Return what it is in a motion d exp(s t) (n_full,) that a unit of the input ``name`` causes."""
+        """Return the amplitude in a motion d exp(s t) (n_full,) caused by a unit of the input ``name``."""
         out = self.direct.get(name, 0.0) + complex(s ** np.arange(3) @ (self.weights @ d[self.coords]))
         if self.relaxed is not None:
             own = self.relaxed
@@ -169,9 +169,9 @@ class Output:
 
 @dataclass(frozen=True)
 class Relaxed:
-    """The part of a section force that is strained in a material that relaxes, at its long-time modulus.
+    """The part of a section force that comes from strains of a relaxing material, at its long-time modulus.
 
-    ``weights`` (n,) of the coordinates; ``direct``: what natural strains add by themselves, by the name of the input.
+    ``weights`` (n,) of the coordinates; ``direct``: direct contributions of natural strains, by the name of the input.
     """
 
     material: Relaxing
@@ -180,14 +180,14 @@ class Relaxed:
 
 
 class Inputs:
-    """What makes inputs of the names of a model's loads and prescribed motions."""
+    """Makes inputs from the names of a model's loads and prescribed motions."""
 
     def __init__(self, small: Linearised) -> None:
         self.small, self.model = small, small.model
         self.d = small.base.state.d
 
     def __call__(self, names: Sequence[str]) -> list[Input]:
-        """Return the inputs of these names. Raises ComputationError where another support holds what one moves."""
+        """Return the inputs of these names. Raises ComputationError if another support holds a moved coordinate."""
         self._check()
         return [self._load(name) if name in self.model.inputs else self._motion(name) for name in names]
 
@@ -230,7 +230,7 @@ class Inputs:
         return np.array([self.model.numbering.reduce(one) for one in forces]).reshape(-1, self.small.n)
 
     def _add_driven(self, constraint: PointConstraint, amplitude: float, out: Array) -> None:
-        """Subtract how the forces of a constraint change with the angle that it prescribes."""
+        """Subtract the change of a constraint's forces with the angle that it prescribes."""
         rows, coords = constraint.rows, constraint.coordinates
         _, H, _ = constraint.forces(rows @ self.d[coords], 0.0)
         np.add.at(out, coords, -amplitude * (rows.T @ H[:, constraint.fed]))
@@ -241,7 +241,7 @@ class Inputs:
 
 
 def load_forces(small: Linearised, loads: LoadSet) -> Array:
-    """Return the forces (n_full,) of loads at full size, where they turn those in the state of ``small``."""
+    """Return the forces (n_full,) of loads at full size, for loads that turn at the state of ``small``."""
     model, d = small.model, small.base.state.d
     out = np.zeros(len(d))
     for load in loads.dead:
@@ -273,7 +273,7 @@ def natural_forces(small: Linearised, loads: LoadSet, groups: Sequence[Any]) -> 
 def outputs(small: Linearised, inputs: Sequence[str] = ()) -> list[Output]:
     """Return x, y, ux, uy, theta, vx, vy and omega of every probe, as changes from the state of ``small``.
 
-    N, Q and M too where the case asks for them, with what ``inputs`` add to them by themselves.
+    Also N, Q and M if the case asks for them, with the direct contributions of ``inputs``.
     """
     model, out = small.model, []
     for name, at in model.case.output.probes.items():

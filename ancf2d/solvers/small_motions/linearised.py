@@ -51,7 +51,7 @@ class Base:
 def base_state(model: Model, about: str) -> Base:
     """Return the reference, where no loads act, or the equilibrium under all of them (``about: static``).
 
-    Raises ComputationError where there is no such equilibrium.
+    Raises ComputationError if there is no such equilibrium.
     """
     if about == "static":
         return _equilibrium(model)
@@ -67,9 +67,9 @@ def _rest(model: Model) -> Base:
 
 
 def _on_the_verge(model: Model) -> list[str]:
-    """Return what is to be told of springs that act on one side of the reference alone."""
+    """Return warnings about springs that act only on one side of the reference."""
     found = []
-    # behind the springs of the case stand elastic tendons
+    # elastic tendons follow the springs of the case
     for (k, item), spring in zip(model.case.resting_springs.items(), model.springs, strict=False):
         f, H, _ = spring.forces(np.zeros(len(spring.p0)), 0.0)
         if item.breaks and H.any() and not f.any():
@@ -87,7 +87,7 @@ def _equilibrium(model: Model) -> Base:
         warnings += state.warnings
     assert state is not None
     state.history["iterations"], state.warnings = iterations, warnings
-    # where bodies lift off, the places move with them: else the rest would turn about them
+    # where bodies lift off, contact points move along with the lift-off point: otherwise bodies would pivot about them
     recall(model, memory(model), slide=True)
     return Base(model, state, True)
 
@@ -95,10 +95,10 @@ def _equilibrium(model: Model) -> Base:
 class Linearised:
     """K, C and M of small motions about a state: M z'' + C z' + K z = f.
 
-    ``z`` (n,) are changes of the unknowns, in the order of ``model.numbering.free``; multipliers are among them, and
-    their rows of K hold the gradients of their constraints. K holds what loads that turn or move add, unless the state
-    is the reference, and is then not symmetric; C holds dashpots, Kelvin-Voigt and Rayleigh damping, and the Coriolis
-    forces of a turning frame.
+    ``z`` (n,) are changes of the unknowns, in the order of ``model.numbering.free``, including multipliers, whose rows
+    of K hold the gradients of their constraints. K contains the stiffness of loads that turn or move, unless the state
+    is the reference, and is then not symmetric; C contains dashpots, Kelvin-Voigt and Rayleigh damping, and the
+    Coriolis forces of a rotating frame.
     """
 
     def __init__(self, base: Base) -> None:
@@ -121,11 +121,11 @@ class Linearised:
 
     @cached_property
     def viscous(self) -> csc_array | None:
-        """Kelvin-Voigt damping and Rayleigh's beta (n, n) alone, None where there is none."""
+        """Kelvin-Voigt damping and Rayleigh's beta (n, n) alone, or None if there is none."""
         return self.rates.viscous_matrix(self.base.state.d)
 
     def viscous_forces(self, x: Array) -> Array:
-        """Return what ``viscous`` makes of x (n,), by way of the strains."""
+        """Return ``viscous`` times x (n,), computed through the strains."""
         num = self.model.numbering
         v = np.zeros(len(num.place))
         num.expand(x, v)
@@ -133,38 +133,38 @@ class Linearised:
 
     @cached_property
     def relaxing(self) -> list[Relaxing]:
-        """What materials that relax add to K, those with the same terms together."""
+        """The contributions of relaxing materials to K, one for each set of terms."""
         return [Relaxing(self.model, self.base.state.d, terms) for terms in self.model.maxwell]
 
     @cached_property
     def plain(self) -> csc_array:
-        """What else takes out energy (n, n): dashpots, linearised at rest, and Rayleigh's alpha."""
+        """Other dissipation (n, n): dashpots, linearised at rest, and Rayleigh's alpha."""
         return self.rates.plain_damping(self.base.state.d, self.base.state.t, self.M if self.rates.alpha else None)
 
     @property
     def dampers(self) -> csc_array:
-        """All that takes out energy (n, n)."""
+        """All dissipation (n, n)."""
         return self.plain if self.viscous is None else self.plain + self.viscous
 
     @cached_property
     def coriolis(self) -> csc_array:
-        """The Coriolis forces of a turning frame (n, n), skew."""
+        """The Coriolis forces of a rotating frame and of flows (n, n)."""
         return self.rates.turning(self.base.state.t)
 
     @property
     def C(self) -> csc_array:
-        """Everything that rates cause (n, n)."""
+        """All forces proportional to rates (n, n)."""
         return self.dampers + self.coriolis
 
     def stiffness(self, x: Array) -> Array:
-        """Return K x by way of the strains, with the digits that the formed K of fine meshes has lost."""
+        """Return K x through the strains, with the digits that the assembled K of a fine mesh has lost."""
         return self.pencil.stiffness(x)
 
 
 def small_motions(model: Model, about: str, solver: str) -> Linearised:
-    """Return the small motions that a solver asks for; in a turning frame they are about the equilibrium there.
+    """Return the small motions for a solver, in a rotating frame about the equilibrium there.
 
-    Raises ComputationError where nothing can move, or there is no such equilibrium.
+    Raises ComputationError if nothing can move, or there is no such equilibrium.
     """
     if degrees_of_freedom(model) <= 0:
         raise ComputationError("supports and joints hold all coordinates, so nothing can vibrate",
@@ -174,9 +174,9 @@ def small_motions(model: Model, about: str, solver: str) -> Linearised:
 
 
 class Relaxing:
-    """What materials with the same Maxwell terms add to K of motions exp(s t): their own stiffness times a factor of s.
+    """The contribution to K, for motions exp(s t), of materials with the same Maxwell terms: V times a function of s.
 
-    ``V`` (n, n) is that stiffness at the long-time modulus, of the strains alone.
+    ``V`` (n, n) is their stiffness at the long-time modulus, from strains alone.
     """
 
     def __init__(self, model: Model, d: Array, terms: tuple[tuple[float, float], ...]) -> None:
@@ -186,7 +186,7 @@ class Relaxing:
         self.V = _by_columns(model, self.forces)
 
     def factor(self, s: complex) -> complex:
-        """Return sum g s tau/(1 + s tau), real where s is."""
+        """Return sum g s tau/(1 + s tau), real for real s."""
         return sum((g * s * tau / (1.0 + s * tau) for g, tau in self.terms), 0.0)
 
     def slope(self, s: complex) -> complex:
@@ -202,7 +202,7 @@ class Relaxing:
         return out
 
     def stiffness(self, x: Array) -> Array:
-        """Return V x (n,) by way of the strains."""
+        """Return V x (n,), computed through the strains."""
         num = self.model.numbering
         v = np.zeros(len(num.place))
         num.expand(x, v)
@@ -210,7 +210,7 @@ class Relaxing:
 
 
 class RateForces:
-    """The forces that rates of the coordinates cause in a model."""
+    """The forces of a model that depend on the rates of its coordinates."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -224,12 +224,12 @@ class RateForces:
 
     @property
     def gyrates(self) -> bool:
-        """Whether rates cause forces across them: in a turning frame, of material that moves along bodies, of loads."""
+        """Return whether C may be unsymmetric: in rotating frames, with flows along bodies, with drag of loads."""
         return bool(self.omega or self.flows or self.drags)
 
     @property
     def damps(self) -> bool:
-        """Whether anything takes out energy."""
+        """Return whether anything dissipates energy."""
         return bool(self.alpha or self.viscous or self.dashpots)
 
     @cached_property
@@ -241,9 +241,9 @@ class RateForces:
         return coriolis_matrix(self.model, self.omega)
 
     def __call__(self, d: Array, v: Array, t: float, mass: Callable[[], csc_array], linear: bool = False) -> Array:
-        """Return the forces (n_full,) that rates v (n_full,) cause at d and t; with ``linear`` to first order in v.
+        """Return the forces (n_full,) caused by rates v (n_full,) at d and t, to first order in v if ``linear``.
 
-        ``mass`` gives M (n_q, n_q), where it is asked for.
+        ``mass`` returns M (n_q, n_q) if needed.
         """
         out, n_q = self.viscous_forces(d, v), self.model.n_q
         for forces, dofs in self.model.interactions.rate_forces(d, v, t, linear):
@@ -257,7 +257,7 @@ class RateForces:
     def plain_damping(self, d: Array, t: float, M: csc_array | None) -> csc_array:
         """Return dashpots and drag of loads, linearised at d (n_full,) at rest at t, and alpha M (n, n).
 
-        M (n, n) is needed where there is alpha.
+        M (n, n) is needed if there is alpha.
         """
         from scipy.sparse import csc_array
 
@@ -266,7 +266,7 @@ class RateForces:
         return csc_array(out + self._damping_of(self.model.interactions.dampers, d, t) if self.dashpots else out)
 
     def drag(self, d: Array, t: float) -> csc_array:
-        """Return the part (n, n) of ``plain_damping`` that loads have."""
+        """Return the contribution (n, n) of loads to ``plain_damping``."""
         return self._damping_of(self.model.interactions.drags, d, t)
 
     def _damping_of(self, batches: Sequence[Any], d: Array, t: float) -> csc_array:
@@ -274,11 +274,11 @@ class RateForces:
         return (self._T.T @ scattered(blocks, self.model.n_q) @ self._T).tocsc()
 
     def viscous_matrix(self, d: Array) -> csc_array | None:
-        """Return Kelvin-Voigt damping at d (n_full,), Rayleigh's beta included (n, n); None where there is none."""
+        """Return Kelvin-Voigt damping at d (n_full,), Rayleigh's beta included (n, n), or None if there is none."""
         return _by_columns(self.model, lambda v: self.viscous_forces(d, v)) if self.viscous else None
 
     def viscous_forces(self, d: Array, v: Array) -> Array:
-        """Return the Kelvin-Voigt forces (n_full,) that rates v (n_full,) cause at d, Rayleigh's beta included."""
+        """Return the Kelvin-Voigt forces (n_full,) caused by rates v (n_full,) at d, Rayleigh's beta included."""
         out = np.zeros(len(v))
         self.model.set_natural(None)
         for tau, group in self.viscous:
@@ -286,7 +286,7 @@ class RateForces:
         return out
 
     def turning(self, t: float) -> csc_array:
-        """Return the Coriolis forces of the turning frame and of what moves along bodies at t (n, n)."""
+        """Return the Coriolis forces of the rotating frame and of flows along bodies at t (n, n)."""
         from scipy.sparse import csc_array
 
         n = self.model.numbering.n_unknowns
@@ -299,7 +299,7 @@ class RateForces:
 
 
 def stored(model: Model, matrix: TangentMatrix, values: Array) -> csc_array:
-    """Return the matrix (n, n) with such entries, stored as ``matrix`` is."""
+    """Return the matrix (n, n) with these values, stored in the layout of ``matrix``."""
     if isinstance(matrix, SymmetricBand):
         return _of_band(values)
     i, j = entries(model, matrix)
@@ -325,14 +325,14 @@ def _of_band(values: Array) -> csc_array:
 
 
 def sparse(values: Array, i: Index, j: Index, n: int) -> csc_array:
-    """Return the matrix (n, n) with such entries, which go column by column."""
+    """Return the matrix (n, n) with these entries, listed column by column."""
     from scipy.sparse import csc_array
 
     return csc_array((values, i.astype(np.int32), np.searchsorted(j, np.arange(n + 1))), shape=(n, n))
 
 
 def entries(model: Model, matrix: TangentMatrix) -> tuple[Index, Index]:
-    """Return the row and column of each entry that a matrix of a model can have, column by column."""
+    """Return the row and column of each possible nonzero entry of a model's matrix, column by column."""
     n = model.numbering.n_unknowns
     if isinstance(matrix, SymmetricBand | GeneralBand):
         bw = matrix.bw
@@ -347,7 +347,7 @@ def entries(model: Model, matrix: TangentMatrix) -> tuple[Index, Index]:
 def _by_columns(model: Model, forces: Callable[[Array], Array]) -> csc_array:
     """Return the matrix (n, n) of forces (n_full,) that are linear in rates (n_full,), many columns at a time.
 
-    No two columns of the same colour meet in a row (Curtis, Powell & Reid 1974).
+    No two columns of the same colour have entries in the same row (Curtis, Powell & Reid 1974).
     """
     num = model.numbering
     matrix = make_matrix(model)

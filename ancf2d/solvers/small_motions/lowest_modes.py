@@ -1,4 +1,4 @@
-"""Lowest modes of a pair (K, B): shift-invert Lanczos, Rayleigh-Ritz, and a count that none is missed."""
+"""Lowest modes of a pair (K, B): shift-invert Lanczos, Rayleigh-Ritz, and a count that none is missing."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from ..system import System
 
 
 class Pencil:
-    """Tangent K of a model at (d, t) beside another matrix B of its unknowns, stored alike.
+    """Tangent K of a model at (d, t) and another matrix B of its unknowns in the same storage.
 
-    ``loads`` tells whether loads that turn or move add their stiffness; ``turned`` (bodies,) the whole turns at d. The
+    ``loads``: whether loads that turn or move add their stiffness; ``turned`` (bodies,): the full turns at d. The
     model's tangent must be symmetric.
     """
 
@@ -35,7 +35,7 @@ class Pencil:
         self.multipliers = model.numbering.n_multipliers
 
     def with_mass(self, e: Array | None = None) -> Pencil:
-        """Return this pencil with B = M, that of small motion about coordinates ``e`` where they are given."""
+        """Return this pencil with B = M, for small motions about coordinates ``e`` if given."""
         mass = make_matrix(self.model)
         assemble_mass(self.model, mass, e)
         self.B = mass.target.values
@@ -52,9 +52,9 @@ class Pencil:
         return self.matrix.factor()
 
     def negative(self, pivots: Pivots) -> int | None:
-        """Return how many negative eigenvalues K - shift B has (Sylvester), those of the multipliers not counted.
+        """Return the number of negative eigenvalues of K - shift B (Sylvester), without those of the multipliers.
 
-        None where it is singular or pivoting hides the inertia.
+        None if it is singular or pivoting hides the inertia.
         """
         if pivots.bad >= 0:
             return None
@@ -63,7 +63,7 @@ class Pencil:
         return pivots.negative - self.multipliers
 
     def solve(self, b: Array) -> Array:
-        """Return (K - shift B)^-1 b of the last shift."""
+        """Return (K - shift B)^-1 b for the last shift."""
         return self.matrix.solve(b)
 
     def other(self, x: Array) -> Array:
@@ -71,7 +71,7 @@ class Pencil:
         return self.matrix.product(self.B, x)
 
     def formed(self, x: Array) -> Array:
-        """Return K x as the formed matrix gives it."""
+        """Return K x by the assembled matrix."""
         return self.matrix.product(self.K, x)
 
     def diagonals(self) -> tuple[Array, Array]:
@@ -79,14 +79,14 @@ class Pencil:
         return self.matrix.diagonal(self.K), self.matrix.diagonal(self.B)
 
     def stiffness(self, x: Array) -> Array:
-        """Return K x by way of the strains, with the digits that the formed K of fine meshes has lost."""
+        """Return K x through the strains, with the digits that the assembled K of a fine mesh has lost."""
         num = self.model.numbering
         v = np.zeros(len(self.d))
         num.expand(x, v)
         return num.reduce(self.full_stiffness(v))
 
     def full_stiffness(self, v: Array) -> Array:
-        """Return K v in full coordinates, by way of the strains."""
+        """Return K v in full coordinates, computed through the strains."""
         out = np.zeros(len(v))
         self.model.set_natural(self.t if self.loads else None)
         for group in self.model.groups:
@@ -115,33 +115,33 @@ def ritz(V: Array, HV: Array, GV: Array, m: int) -> tuple[Array, Array]:
     return values[:m], (T @ Y[:, :m]).T
 
 
-# below this number of unknowns every mode is computed at once
+# up to this number of unknowns, every mode is computed at once
 DENSE = 400
-# modes beyond those asked for, among which a gap for the count is sought
+# additional modes, among which a gap for the count is sought
 EXTRA = 5
 # the shift stays this far above the round-off of K, in units of the largest K_ii/M_ii
 ROUND_OFF = 4e-15
-# eigenvalues within this share of the shift cannot be told from zero
+# eigenvalues within this share of the shift count as zero
 NOTHING = 1e-8
-# nor those within this share of what is below the elastic modes; round-off of K can push the shift far beyond that
+# so do those within this share of ``characteristic``; round-off of K can make the shift much larger
 SOFT = 1e-2
-# relative changes by Rayleigh-Ritz beyond which the vectors are corrected too
+# relative changes by Rayleigh-Ritz above which the vectors are corrected, too
 CORRECT = 5e-5
-# of Lanczos itself; Rayleigh-Ritz squares what this leaves
+# tolerance of Lanczos; Rayleigh-Ritz squares the error
 LANCZOS = 1e-8
-# relative rest of an eigenvalue's correction that is left standing
+# relative correction of an eigenvalue that is accepted
 SETTLED = 1e-11
-# corrections of an eigenvalue within which it cannot be told from zero
+# eigenvalues smaller than this multiple of their correction count as zero
 UNSURE = 10.0
 MAX_CORRECTIONS = 6
 
 
 @dataclass
 class Modes:
-    """Eigenvalues (m,) [1/s^2] ascending, vectors (m, n_unknowns) with unit modal mass, and what is known of them.
+    """Eigenvalues (m,) [1/s^2] ascending, and vectors (m, n_unknowns) with unit modal mass.
 
-    ``error`` (m,): relative change by the last correction. ``floor``: eigenvalues within it cannot be told from zero.
-    ``counted``: the inertia confirms that no lower mode is missing (None: it could not be told).
+    ``error`` (m,): relative change by the last correction. ``floor``: bound below which eigenvalues count as zero.
+    ``counted``: whether the inertia confirms that no lower mode is missing (None: unknown).
     """
 
     values: Array
@@ -152,17 +152,17 @@ class Modes:
 
 
 def degrees_of_freedom(model: Model) -> int:
-    """Return how many coordinates constraints leave free; those of points that touch may hold fewer of them."""
+    """Return the number of independent motions; contacts that touch may reduce it further."""
     num = model.numbering
-    # open contacts have multipliers that hold nothing
+    # multipliers of open contacts hold nothing
     holding = num.n_multipliers - sum(len(table.points) for table in model.contact_tables)
     return num.n_unknowns - num.n_multipliers - holding
 
 
 def characteristic(pencil: Pencil) -> float:
-    """Return a number below the elastic modes of a model [1/s^2].
+    """Return a number below the elastic eigenvalues of a model [1/s^2].
 
-    It is min EI/(m L^3) over the bodies that deform, m the model's mass and L its length; of rigid bodies alone, a
+    It is min EI/(m L^3) over the deformable bodies, m the model's mass and L its total length; for rigid bodies only, a
     share of the lowest K_ii/M_ii.
     """
     model = pencil.model
@@ -184,7 +184,7 @@ def _ratios(pencil: Pencil) -> Array:
 
 
 def first_shift(pencil: Pencil) -> float:
-    """Return the size of a shift near the lowest elastic eigenvalue, above round-off [1/s^2]."""
+    """Return the magnitude of a shift near the lowest elastic eigenvalue, above round-off [1/s^2]."""
     return max(characteristic(pencil), ROUND_OFF * float(np.max(_ratios(pencil), initial=0.0)))
 
 
@@ -211,7 +211,7 @@ def _all(pencil: Pencil, shift: float) -> tuple[Array, Array]:
     C = X @ L.T
     theta, Y = np.linalg.eigh(0.5 * (C + C.T))
     theta, Y = theta[::-1], Y[:, ::-1]
-    # what constraints hold has theta = 0, but for round-off
+    # constrained motions have theta = 0 up to round-off
     real = np.flatnonzero(theta > 1e-15 * theta[0])[:degrees_of_freedom(pencil.model)]
     theta, Y = theta[real], Y[:, real]
     return shift + 1.0 / theta, (Y / theta).T @ X
@@ -242,9 +242,10 @@ def _lanczos(pencil: Pencil, shift: float, m: int, found: Array, seed: int) -> t
 
 
 def _refine(pencil: Pencil, values: Array, V: Array, shift: float) -> tuple[Array, Array, Array]:
-    """Return values, vectors and relative rest: Rayleigh-Ritz with K by strains, corrected while that changes much.
+    """Return values, vectors and relative errors by Rayleigh-Ritz with K through the strains, with corrections.
 
-    The error that Rayleigh-Ritz leaves is quadratic in that of the vectors.
+    Vectors are corrected while that changes the values much. The error left by Rayleigh-Ritz is quadratic in that of
+    the vectors.
     """
     m, rest = len(values), np.zeros(len(values))
     for _ in range(MAX_CORRECTIONS):
@@ -271,9 +272,9 @@ def _refine(pencil: Pencil, values: Array, V: Array, shift: float) -> tuple[Arra
 
 
 def _count(pencil: Pencil, values: Array, m: int) -> tuple[int | None, int]:
-    """Return (eigenvalues that the inertia counts, eigenvalues found) below a shift in the widest gap from the m-th on.
+    """Return (eigenvalues by inertia, eigenvalues found) below a shift in the widest gap from the m-th on.
 
-    None where there is no gap or the inertia is hidden.
+    The first is None if there is no gap or the inertia is hidden.
     """
     if len(values) <= m:
         return None, len(values)
@@ -287,7 +288,7 @@ def _count(pencil: Pencil, values: Array, m: int) -> tuple[int | None, int]:
 
 def _complete(pencil: Pencil, m: int, shift: float, values: Array, V: Array, rest: Array
               ) -> tuple[Array, Array, Array, bool | None]:
-    """Return the modes with those that the inertia says are missing, and whether it now confirms them."""
+    """Return the modes with those that the inertia shows to be missing, and whether it now confirms them."""
     for attempt in range(1, 4):
         inertia, found = _count(pencil, values, m)
         if inertia is None or inertia <= found:
@@ -300,7 +301,7 @@ def _complete(pencil: Pencil, m: int, shift: float, values: Array, V: Array, res
 
 
 def lowest(pencil: Pencil, m: int) -> Modes:
-    """Return the m lowest modes of a pencil (fewer where there are no more)."""
+    """Return the m lowest modes of a pencil (fewer if there are no more)."""
     shift = find_shift(pencil)
     if pencil.n <= max(DENSE, 2 * (m + EXTRA)):
         values, V = _all(pencil, shift)

@@ -1,4 +1,4 @@
-"""K + s C + s^2 M of small motions, and what of it is projected on a space of few vectors."""
+"""K + s C + s^2 M of small motions, and its projection on a space of few vectors."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ if TYPE_CHECKING:
     from scipy.sparse import csc_array
 
 Complex = NDArray[np.complex128]
-# vectors that are projected at a time
+# number of vectors projected at a time
 BLOCK = 16
-# inverse K/M beside the largest that belongs to no mass, and most shifts that are tried
+# relative M/K below which a motion counts as massless, and the largest number of shifts tried
 MASSLESS, MOST_SHIFTS = 1e-12, 60
 
 
 class Quadratic:
-    """K + s C + s^2 M of small motions, with or without what takes out energy.
+    """K + s C + s^2 M of small motions, with or without dissipation.
 
-    ``relaxes`` adds what materials that relax add to K, which is no polynomial in s; ``load`` (n, n) is added to K,
-    ``rates`` (n, n) to C.
+    ``relaxes`` adds the contribution of relaxing materials to K, which is not a polynomial in s; ``load`` (n, n) is
+    added to K, ``rates`` (n, n) to C.
     """
 
     def __init__(self, small: Linearised, damped: bool = True, load: csc_array | None = None,
@@ -65,7 +65,7 @@ class Quadratic:
         return np.asarray(out)
 
     def relaxed(self, s: complex, x: Complex) -> Complex:
-        """Return what materials that relax add to K x (n,), by way of the strains."""
+        """Return the contribution of relaxing materials to K x (n,), computed through the strains."""
         out = np.zeros(len(x), dtype=complex)
         for one in self.relaxing:
             real, imag = (one.stiffness(np.ascontiguousarray(part)) for part in (x.real, x.imag))
@@ -73,20 +73,20 @@ class Quadratic:
         return out
 
     def action(self, s: complex, x: Complex) -> Complex:
-        """Return the matrix at s times x (n,), by way of the strains."""
+        """Return the matrix at s times x (n,), computed through the strains."""
         real, imag = np.ascontiguousarray(x.real), np.ascontiguousarray(x.imag)
         K, C, M = (act(real) + 1j * act(imag) for act in (self.stiffness, self.damping, self.mass))
         return np.asarray(K + s * C + s * s * M + self.relaxed(s, x))
 
     def force(self, one: Input, s: complex) -> Complex:
-        """Return what a unit of an input does at s (n,)."""
+        """Return the forces of a unit of an input at s (n,)."""
         out = np.asarray(one.f[0] + s * one.f[1] + s * s * one.f[2], dtype=complex)
         for material, force in zip(self.relaxing, one.relaxing if self.relaxing else (), strict=True):
             out += material.factor(s) * force
         return out
 
     def factors(self, s: float) -> Factors | SymmetricFactors:
-        """Return the factors of K + s C + s^2 M, symmetric ones where they are and can be."""
+        """Return the factors of K + s C + s^2 M, symmetric ones if possible."""
         A = self.matrix(s)
         if self.K_skew is None and self.C_skew is None:
             found = SymmetricFactors(A, make_matrix(self.small.model))
@@ -95,12 +95,12 @@ class Quadratic:
         return Factors(A)
 
     def stiffness(self, x: Array) -> Array:
-        """Return K x by way of the strains."""
+        """Return K x, computed through the strains."""
         out = self.small.stiffness(x)
         return out if self.load is None else out + self.load @ x
 
     def damping(self, x: Array) -> Array:
-        """Return C x, Kelvin-Voigt damping by way of the strains."""
+        """Return C x, with Kelvin-Voigt damping computed through the strains."""
         out = self._formed @ x
         return out + self.small.viscous_forces(x) if self.damped else out
 
@@ -109,7 +109,7 @@ class Quadratic:
         return np.asarray(self.M @ x)
 
     def phases(self, x: Complex) -> tuple[Array, Array]:
-        """Return the real shapes (n,) of x at the phase of most kinetic energy and a quarter of a period later.
+        """Return the real shapes (n,) of x at the phase of largest kinetic energy and a quarter of a period later.
 
         x^T M x of the first is 1.
         """
@@ -119,14 +119,14 @@ class Quadratic:
         return turned.real / size, -turned.imag / size
 
     def size(self, x: Array) -> float:
-        """Return the size of vectors as displacements."""
+        """Return the size of a vector as a displacement."""
         return float(np.linalg.norm(self.weights * x))
 
 
 class Space:
     """Vectors (k, n), orthonormal as displacements, with K, C and M projected on them.
 
-    ``within`` may project what is new on a subspace, of which no round-off leaves the vectors then.
+    ``within`` may project new vectors on a subspace, in which they then stay to round-off.
     """
 
     def __init__(self, problem: Quadratic, within: Callable[[Array], Array] | None = None) -> None:
@@ -140,7 +140,7 @@ class Space:
         return self._rows[:self.count]
 
     def add(self, x: Array) -> tuple[Array, float]:
-        """Add what is new in x; return its parts (k,) along the vectors there were, and the size of what is new."""
+        """Add the new part of x; return its components (k,) along the existing vectors and the size of the new part."""
         w2, size, V = self.problem.weights**2, self.problem.size(x), self.V
         along = np.zeros(len(V))
         for _ in range(2):
@@ -164,9 +164,9 @@ class Space:
         return np.asarray(y.real @ V + 1j * (y.imag @ V))
 
     def turn(self) -> None:
-        """Turn the vectors among themselves until K is diagonal.
+        """Rotate the vectors among themselves until K is diagonal.
 
-        Then round-off of what stretches a slender body is not in the stiffness of what bends it.
+        This keeps the round-off of stretching a slender body out of the stiffness against bending.
         """
         K = self.project()[0]
         self._rows[:self.count] = np.linalg.eigh(0.5 * (K + K.T))[1].T @ self.V
@@ -190,9 +190,9 @@ class Space:
 
 
 def within_constraints(problem: Quadratic) -> Callable[[Array], Array]:
-    """Return what projects vectors (n,) on the motions that fulfil the constraints, orthogonally as displacements.
+    """Return a projector of vectors (n,) on the motions that satisfy the constraints, orthogonal as displacements.
 
-    The parts of multipliers become 0.
+    The components of multipliers become 0.
     """
     moved = problem.moved
     if moved.all():
@@ -216,19 +216,19 @@ def projected_pairs(matrices: Array, s0: float) -> tuple[Complex, Complex]:
     mu, k = mu.astype(complex), matrices.shape[1]
     order = _finite(mu)
     mu, X = mu[order], Z[:, order]
-    # [mu x, x]: the half that is not small
+    # of [mu x, x], use the half that is not small
     X = np.where(np.abs(mu) >= 1.0, X[:k] / mu, X[k:]).T
     return np.asarray(s0 * (1.0 + 1.0 / mu), dtype=complex), X.astype(complex)
 
 
 def projected_values(matrices: Array, s0: float) -> Complex:
-    """Return the eigenvalues of ``projected_pairs`` alone, for a third of its time."""
+    """Return only the eigenvalues of ``projected_pairs``, in a third of its time."""
     mu = np.linalg.eigvals(_companion(matrices, s0)).astype(complex)
     return np.asarray(s0 * (1.0 + 1.0 / mu[_finite(mu)]), dtype=complex)
 
 
 def undamped_values(matrices: Array, s0: float) -> Complex:
-    """Return the eigenvalues of ``projected_values`` where C is 0, for an eighth of its time."""
+    """Return the eigenvalues of ``projected_values`` for C = 0, in an eighth of its time."""
     K, _, M = matrices
     theta = np.linalg.eigvals(np.linalg.solve(K + s0 * s0 * M, M)).astype(complex)
     s = np.sqrt(s0 * s0 - 1.0 / theta[_finite(theta)])
@@ -245,7 +245,7 @@ def _companion(matrices: Array, s0: float) -> Array:
 
 
 def _finite(mu: Complex) -> Index:
-    """Return which eigenvalues belong to finite s, the largest first."""
+    """Return the indices of eigenvalues that belong to finite s, the largest first."""
     order = np.argsort(-np.abs(mu), kind="stable")
     return order[np.abs(mu[order]) > 1e-13 * np.abs(mu).max(initial=0.0)]
 
@@ -253,8 +253,9 @@ def _finite(mu: Complex) -> Index:
 def symmetric_modes(K: Array, M: Array, shift: float) -> tuple[Array, Array]:
     """Return the values K/M (r,), ascending, and modes of unit mass (k, r) of symmetric K and M (k, k).
 
-    Of the inverse about -``shift``: what has next to no mass, such as sections without rotary inertia, has a huge K/M,
-    whose round-off would drown the lowest modes. What has none is no mode.
+    They are computed from the inverse about -``shift``: motions with hardly any mass, such as sections without rotary
+    inertia, have a huge K/M, whose round-off would drown the lowest modes. Massless motions are omitted. Raises
+    ComputationError if a massless motion has no stiffness.
     """
     from scipy.linalg import LinAlgError, eigh
 

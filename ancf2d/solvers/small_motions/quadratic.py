@@ -1,8 +1,8 @@
 """Eigenvalues of (K + s C + s^2 M) x = 0: a second-order Krylov space, Rayleigh-Ritz in it, and a count of all.
 
 The space is that of the two-level orthogonal Arnoldi method about a real shift (Lu, Su & Bai 2016), so that only one
-real matrix is factored and the quadratic problem is never made twice as long. The eigenvalues within a circle are
-counted by the argument principle, from the phase of det(K + s C + s^2 M) along it.
+real matrix is factored and the quadratic problem is not linearised to twice its size. The eigenvalues within a circle
+are counted by the argument principle, from the phase of det(K + s C + s^2 M) along it.
 """
 
 from __future__ import annotations
@@ -19,43 +19,42 @@ from ...errors import ComputationError
 from .factors import Factors, turned_on_half_circle
 from .projected import Complex, Quadratic, Space, projected_pairs, within_constraints
 
-# up to so many unknowns, every eigenvalue is computed at once
+# up to this number of unknowns, every eigenvalue is computed at once
 DENSE = 40
-# vectors of the space beyond two for each pair that is asked for, and between two looks at the eigenvalues
+# vectors of the space in addition to two for each wanted pair, and between two checks of the eigenvalues
 BEYOND, STRIDE = 24, 8
-# vectors after which the search ends
+# number of vectors at which the search ends
 MOST = 400
-# looks after which fewer pairs than were asked for are all that there are; random starts
+# checks without change after which there are no more pairs than found; number of random starts
 CALM, TRIES = 5, 3
-# relative change of eigenvalues that have come to rest, and of those that may be held up by round-off, where they
-# change by more than a share of what they changed by before
+# relative change at which eigenvalues have converged; the same if round-off limits them, which shows in changes that do
+# not fall below a share of the previous ones
 SETTLED, ROUGH, STALLED = 1e-8, 1e-6, 0.1
-# change that no larger space makes less, where it has not done so a few times
+# change that is accepted if larger spaces have not reduced it a few times
 STUCK = 1e-3
-# residual beyond which a Ritz pair is no eigenpair
+# residual above which a Ritz pair is rejected
 TRUSTED = 1e-5
-# share of an eigenvalue within which its imaginary part is round-off
+# share of an eigenvalue below which its imaginary part is round-off
 REAL = 1e-9
-# terms of a quadratic polynomial beside its last one, below which it has no root within a circle
+# if the first terms of a quadratic polynomial are below this share of its last one, no root lies within the circle
 OUTSIDE = 0.9
-# eigenvalues beyond the pairs asked for that are corrected with them
+# additional eigenvalues that are corrected with the wanted pairs
 MARGIN = 12
-# strain energy beside that of elastic modes, and size of an eigenvalue beside theirs, of motions that are at rest
+# relative to elastic modes: strain energy and size of the eigenvalue of rigid motions
 NOTHING, AT_REST = 1e-8, 1e-3
-# share of a motion at rest that is no other such motion
+# a motion at rest is a new one if this share of it is independent of the others
 ALIKE = 1e-3
-# the shift beside the lowest eigenvalue
+# ratio of the shift to the lowest eigenvalue
 NEAR = 0.6
 
 
 @dataclass
 class Pairs:
-    """Eigenvalues s (k,) [1/s] with Im s >= 0, vectors (k, n_unknowns), residuals (k,), and whether none is missing.
+    """Eigenvalues s (k,) [1/s] with Im s >= 0, vectors (k, n_unknowns), residuals (k,), and a count of missing ones.
 
-    ``rest`` (k,): which are rigid motions that nothing moves or holds, each once, with s = 0. ``residual``:
-    |Q(s0)^-1 Q(s) x|/|x| as displacements, Q(s) = K + s C + s^2 M, s0 the shift. ``missing``: how many more eigenvalues
-    there are within the circle through the last pair, by the argument principle (None: it could not tell).
-    ``skipped`` pairs did not converge.
+    ``rest`` (k,): whether they are free rigid motions, each listed once, with s = 0. ``residual``: |Q(s0)^-1 Q(s)
+    x|/|x| as displacements, Q(s) = K + s C + s^2 M, s0 the shift. ``missing``: number of other eigenvalues within the
+    circle through the last pair, by the argument principle (None: unknown). ``skipped`` pairs did not converge.
     """
 
     s: Complex
@@ -67,7 +66,7 @@ class Pairs:
 
 
 def shift_of(problem: Quadratic, s0: float) -> float:
-    """Return a real shift near the lowest |s|, from a first one that is not beyond it."""
+    """Return a real shift near the lowest |s|, from a first one below it."""
     factors = problem.factors(s0)
     while factors.singular:
         s0 *= 1.37
@@ -94,14 +93,14 @@ class Search:
         self.space = Space(problem, self._within)
 
     def _within(self, x: Array) -> Array:
-        """Return x (n,) within the constraints, with its multipliers: stiff forces that they balance take no digits."""
+        """Return x (n,) projected on the constraints, keeping its multipliers, so that stiff forces cost no digits."""
         return np.where(self.problem.moved, self._fulfilled(x), x)
 
     def _inverse(self, b: Array) -> Array:
         return self.factors.solve(b)
 
     def everything(self) -> None:
-        """Fill the space with all that the constraints leave free."""
+        """Fill the space with all motions that the constraints allow."""
         from scipy.linalg import null_space
 
         p = self.problem
@@ -114,7 +113,7 @@ class Search:
             self.space.add(x)
 
     def fill(self, number: int) -> None:
-        """Fill the space with what the ``number`` lowest pairs need."""
+        """Fill the space with the vectors that the ``number`` lowest pairs need."""
         if self.problem.n <= max(DENSE, 2 * number + BEYOND):
             self.everything()
             self.complete = True
@@ -122,7 +121,7 @@ class Search:
         self.extend(2 * number + BEYOND, 0)
 
     def extend(self, steps: int, seed: int) -> None:
-        """Go on by so many steps of the two-level Arnoldi method, from a random start where ``seed`` is new."""
+        """Extend the space by steps of the two-level Arnoldi method, from a random start if ``seed`` is new."""
         if seed != getattr(self, "_seed", None):
             self._seed = seed
             p, random = self.problem, np.random.default_rng(seed)
@@ -135,7 +134,7 @@ class Search:
                 return
 
     def _step(self) -> bool:
-        """Take one step; return whether it found anything new."""
+        """Make one step; return whether it added a new vector."""
         p, s0, space = self.problem, self.s0, self.space
         g = self._small[-1]
         x1, x2 = g @ space.V[:g.shape[1]]
@@ -157,13 +156,13 @@ class Search:
         return True
 
     def ritz(self) -> tuple[Complex, Complex]:
-        """Return the eigenvalues in the space, by |s|, and their vectors (m, k) along it."""
+        """Return the eigenvalues in the space, by |s|, and their vectors (m, k) in terms of its vectors."""
         s, Y = projected_pairs(self.space.project(), self.s0)
         order = np.argsort(np.abs(s), kind="stable")
         return s[order], Y[order]
 
     def corrected(self, s: Complex, Y: Complex, number: int) -> tuple[Complex, Complex]:
-        """Return the lowest eigenvalues again, with the digits that stiff motions in the space have taken.
+        """Return the lowest eigenvalues recomputed with the digits that stiff motions in the space have cost.
 
         The space becomes that of their vectors after one inverse iteration.
         """
@@ -182,7 +181,7 @@ class Search:
         return self.ritz()
 
     def strains_nothing(self, x: Complex) -> bool:
-        """Return whether x has no strain energy beside that of elastic modes."""
+        """Return whether x has no strain energy compared with elastic modes."""
         p = self.problem
         mass, stiff = (sum(float(u @ act(u)) for u in (x.real, x.imag)) for act in (p.mass, p.stiffness))
         return abs(stiff) <= NOTHING * (self.still / AT_REST) ** 2 * mass
@@ -200,10 +199,10 @@ def _both(act: Callable[[Array], Array], x: Complex) -> Complex:
 
 
 def lowest_pairs(problem: Quadratic, number: int, s0: float, still: float) -> Pairs:
-    """Return the ``number`` pairs of lowest |s|, and the real eigenvalues that are not beyond the last of them.
+    """Return the ``number`` pairs of lowest |s|, and the real eigenvalues not larger than the last of them.
 
-    Of real eigenvalues there are at most two for each pair asked for; of pairs, fewer where there are no more.
-    ``still`` [1/s] is far below the lowest elastic frequency: what is slower and strains nothing is at rest.
+    At most two real eigenvalues are returned for each wanted pair, and fewer pairs if there are no more. ``still``
+    [1/s] is far below the lowest elastic frequency: slower motions without strain energy are at rest.
     """
     search = Search(problem, s0, still)
     search.fill(number)
@@ -220,7 +219,7 @@ def lowest_pairs(problem: Quadratic, number: int, s0: float, still: float) -> Pa
 
 
 def _settled(search: Search, number: int, seed: int) -> tuple[Complex, Complex]:
-    """Extend the space until the pairs asked for have come to rest; return all eigenvalues in it."""
+    """Extend the space until the wanted pairs have converged; return all eigenvalues in it."""
     if seed:
         search.extend(2 * number + BEYOND, seed)
     before, calm, last, least, idle = np.zeros(0, dtype=complex), 0, 1.0, 1.0, 0
@@ -228,9 +227,9 @@ def _settled(search: Search, number: int, seed: int) -> tuple[Complex, Complex]:
         s, Y = search.ritz()
         wanted = s[_upper(s) & (np.abs(s) > search.still)][:number]
         moved = max((float(np.abs(before - one).min(initial=np.inf)) / abs(one) for one in wanted), default=0.0)
-        # where round-off of K moves them for ever, they are as good as they get
+        # if round-off of K keeps changing them, they cannot be improved
         calm = calm + 1 if moved <= SETTLED or last * STALLED < moved <= ROUGH else 0
-        # of very fine meshes round-off takes more digits than those, and the changes shrink no more
+        # for very fine meshes round-off is larger still, and the changes stop decreasing
         idle = 0 if moved < 0.5 * least else idle + 1
         last, least = moved, min(least, moved)
         rests, full = calm or (idle >= CALM and least <= STUCK), search.space.count >= min(MOST, search.problem.n)
@@ -243,12 +242,12 @@ def _settled(search: Search, number: int, seed: int) -> tuple[Complex, Complex]:
 
 
 def _upper(s: Complex) -> NDArray[np.bool_]:
-    """Return which eigenvalues stand for a pair."""
+    """Return which eigenvalues represent a pair."""
     return s.imag > REAL * np.abs(s)
 
 
 def _chosen(search: Search, s: Complex, Y: Complex, number: int, complete: bool) -> Pairs:
-    """Return the pairs that were asked for, lowest |s| first, with the real eigenvalues among them."""
+    """Return the wanted pairs, lowest |s| first, with the real eigenvalues among them."""
     keep: list[complex] = []
     vectors: list[Complex] = []
     residuals: list[float] = []
@@ -283,8 +282,8 @@ def _chosen(search: Search, s: Complex, Y: Complex, number: int, complete: bool)
 def _motions(problem: Quadratic, modes: Sequence[Complex]) -> Array:
     """Return the motions (m, n) of modes at rest, each once.
 
-    Their eigenvalues come twice, and round-off makes those of two motions complex: the real and the imaginary part of a
-    mode are different motions then.
+    Their eigenvalues are double, and round-off makes those of two motions complex: the real and the imaginary part of a
+    mode are then different motions.
     """
     space = Space(problem)
     for x in modes:
@@ -296,28 +295,28 @@ def _motions(problem: Quadratic, modes: Sequence[Complex]) -> Array:
 
 
 def _diagonals(problem: Quadratic) -> tuple[Array, Array, Array]:
-    """Return the diagonals of K, C and M where Kelvin-Voigt damping acts (k,), none without."""
+    """Return the diagonals of K, C and M where Kelvin-Voigt damping acts (k,), empty without it."""
     k, c, m = (A.diagonal() for A in (problem.K, problem.C, problem.M))
     acts = (c > 0) & (k > 0) & (problem.damped and problem.small.viscous is not None)
     return k[acts], c[acts], m[acts]
 
 
 def _missing(search: Search, found: Complex, ritz: Complex) -> int | None:
-    """Return how many eigenvalues there are beside those found within the circle through the last of them."""
+    """Return the number of eigenvalues within the circle through the last one found that were not found."""
     if not len(found):
         return None
     radius = float(np.abs(found).max())
     beyond = np.sort(np.abs(ritz[np.abs(ritz) > radius * (1 + 1e-6)]))
     outer = math.sqrt(radius * float(beyond[0])) if len(beyond) else 1.1 * radius
-    # what rests has moved by round-off in ``found``, and comes twice
+    # zero eigenvalues in ``found`` are double, and only zero to round-off: take their Ritz values
     slow = ritz[np.abs(ritz) <= search.still] if (found == 0).any() else found[:0]
     fast = found[found != 0]
     both = np.concatenate([fast, fast[_upper(fast)].conj(), slow])
-    # those beyond the circle make the phase turn less between its points, and count for nothing
+    # dividing out eigenvalues outside the circle reduces the phase change between points without affecting the count
     near = ritz[(np.abs(ritz) > outer) & (np.abs(ritz) < 4 * outer)]
 
-    # Kelvin-Voigt damping of fine meshes turns the phase by (1 + tau s)^n: the diagonal does so too, and its roots,
-    # ``own`` of them within the circle, are known
+    # Kelvin-Voigt damping of fine meshes turns the phase by (1 + tau s)^n; so does the diagonal, whose ``own`` roots
+    # within the circle are known
     k, c, m = _diagonals(search.problem)
     own = sum(int((np.abs(np.roots([c2, c1, c0])) < outer).sum()) for c0, c1, c2 in zip(k, c, m, strict=True)
               if c2 * outer**2 + c1 * outer > OUTSIDE * c0)

@@ -1,11 +1,11 @@
-"""Small motions of materials that relax, in a space of few vectors: a linear system whose states have the dashpots'.
+"""Small motions of relaxing materials in a space of few vectors: a linear system with states of dashpots.
 
-With the spring and dashpot of each Maxwell term in a row, q the motion and z what the dashpot has moved by,
+Each Maxwell term is a spring and a dashpot in series. With q the motion and z the displacement of the dashpot,
 
     M q'' + C q' + K q + sum_i g_i V (q - z_i) = f,    z_i' = (q - z_i)/tau_i,
 
-V the stiffness of the material at its long-time modulus: no rates of what acts are needed. V = L L^T has the rank of
-what the motions strain in that material, and the dashpots have as many states, L^T z.
+V is the stiffness of the material at its long-time modulus; rates of the loads are not needed. V = L L^T has the rank
+of the strains that the motions cause in that material, and each term has as many states of dashpots, L^T z.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from ...elements.shape import Array
 from .factors import Factors
 from .projected import Complex, Quadratic, Space, within_constraints
 
-# share of the largest eigenvalue of M in the space below which a motion has no mass; of the largest strain energy below
-# which a vector is not strained, and of that of vectors strained alike below which a combination of them is not
+# share of the largest eigenvalue of M below which a motion is massless; of the largest strain energy below which a
+# vector is not strained, and of that of similarly strained vectors below which a combination of them is not
 MASSLESS, UNSTRAINED, APART = 1e-13, 1e-15, 1e-12
-# Newton's method for one eigenvalue: most iterations, its last change, and that beyond which it has not converged
+# Newton's method for one eigenvalue: most iterations, last change, and change above which it has not converged
 NEWTON, SAME, ROUGH = 30, 1e-12, 1e-8
-# changes below this that no longer shrink are round-off of the stiffness, which is large in slender bodies
+# smaller changes that stop decreasing are round-off of the stiffness, which is large in slender bodies
 STALLED = 1e-6
-# share of an eigenvalue within which its imaginary part is round-off, and above which its pair is a vibration
+# share of an eigenvalue below which its imaginary part is round-off, and above which its pair is a vibration
 REAL, VIBRATES = 1e-9, 0.1
-# eigenvalues within this share of each other are the same where their vectors are
+# relative difference of equal eigenvalues, and deviation of their vectors from being parallel
 ALIKE, PARALLEL = 1e-9, 1e-6
 
 
 @dataclass
 class Term:
-    """One Maxwell term in a space: modulus and time [s], L (k, rank), and the material that it belongs to."""
+    """One Maxwell term in a space: modulus and time [s], L (k, rank), and the number of its material."""
 
     modulus: float
     time: float
@@ -46,7 +46,8 @@ class Term:
 def terms_of(material: int, terms: tuple[tuple[float, float], ...], V: Array) -> list[Term]:
     """Return the terms of a material whose stiffness in a space is V (k, k).
 
-    The vectors of the space may be strained very unequally, as those that bend and those that stretch a slender body.
+    The vectors are scaled first, because their strains may differ very much, as in bending and stretching a slender
+    body.
     """
     size = np.diag(V)
     size = np.sqrt(np.where(size > UNSTRAINED * size.max(initial=0.0), size, 0.0))
@@ -87,9 +88,9 @@ def with_dashpots(matrices: Array, terms: Sequence[Term]) -> Array:
 
 
 class Projected:
-    """Small motions q in the space of vectors W (k, n), of unit mass: q'' + C q' + K q and what relaxes.
+    """Small motions q in the space of vectors W (k, n), of unit mass: q'' + C q' + K q and the dashpots.
 
-    Vectors of which less than a share is new are left out. The states are q, q', and the dashpots of each term.
+    A vector is left out if less than ``share`` of it is new. The states are q, q', and the dashpots of each term.
     """
 
     def __init__(self, problem: Quadratic, vectors: Sequence[Array], share: float = 0.0) -> None:
@@ -107,7 +108,7 @@ class Projected:
 
     @staticmethod
     def _unit_mass(K: Array, M: Array) -> Array:
-        """Return combinations (k, m) of unit mass of what has mass: its modes where K is symmetric."""
+        """Return combinations (k, m) of unit mass of the motions with mass: modes if K is symmetric."""
         scale = 1.0 / np.sqrt(np.maximum(np.diag(M), MASSLESS * np.diag(M).max(initial=0.0)))
         w, U = np.linalg.eigh(scale[:, None] * 0.5 * (M + M.T) * scale)
         heavy = w > MASSLESS * w.max(initial=0.0)
@@ -125,7 +126,7 @@ class Projected:
 
     @property
     def states(self) -> list[str]:
-        """The names of the states: q, q', and d of the dashpots of each term, all terms counted."""
+        """The names of the states: q, q', and d of the dashpots, with terms numbered over all materials."""
         m = len(self.W)
         return [f"q{k}{rate}" for rate in ("", "'") for k in range(1, m + 1)] + [
             f"d{i}.{k}" for i, term in enumerate(self.terms, start=1) for k in range(1, term.L.shape[1] + 1)]
@@ -141,15 +142,15 @@ class Projected:
 def corrected(problem: Quadratic, s: complex, x: Complex) -> tuple[complex, Complex, float]:
     """Return an eigenvalue and its vector by Newton's method, and its last relative change.
 
-    T(s) x = 0 is no polynomial in s: x becomes T(s)^-1 T'(s) x, and s less the ratio of their sizes (Ruhe 1973). A real
-    eigenvalue stays real.
+    T(s) x = 0 is not a polynomial in s. Each iteration replaces x by T(s)^-1 T'(s) x, and s by s less the ratio of
+    their sizes (Ruhe 1973). A real eigenvalue stays real.
     """
     weights, gap = problem.weights**2, 1.0
     for _ in range(NEWTON):
         try:
             factors = Factors(problem.matrix(s if s.imag else s.real))
         except ZeroDivisionError:
-            # -1/tau of a term: there the stiffness has no limit
+            # s is -1/tau of a term, where the stiffness is infinite
             return s, x, 1.0
         u = factors.solve(problem.slope(s, x) if s.imag else problem.slope(s, x).real)
         if factors.singular or not np.isfinite(u).all() or not u.any():
@@ -164,7 +165,7 @@ def corrected(problem: Quadratic, s: complex, x: Complex) -> tuple[complex, Comp
 
 @dataclass
 class RelaxingPairs:
-    """Eigenvalues s (m,) with Im s >= 0, vectors (m, n), last relative changes (m,), and how many were not found."""
+    """Eigenvalues s (m,) with Im s >= 0, vectors (m, n), last relative changes (m,), and the number not found."""
 
     s: Complex
     vectors: Complex
@@ -173,10 +174,10 @@ class RelaxingPairs:
 
 
 def relaxing_pairs(problem: Quadratic, vectors: Sequence[Array], number: int) -> RelaxingPairs:
-    """Return ``number`` vibrations, and all other eigenvalues that the space of ``vectors`` (k, n) has starts for.
+    """Return ``number`` vibrations, and all other eigenvalues for which the space of ``vectors`` (k, n) has starts.
 
-    Those are real, or pairs that hardly vibrate: relaxations of slender bodies lie so close together that loads without
-    a potential, and round-off in the starts, make pairs of them.
+    The others are real, or pairs that hardly vibrate: relaxations of slender bodies lie so close together that loads
+    without a potential, and round-off in the starts, turn some into pairs.
     """
     s, X = Projected(problem, vectors).pairs()
     vibrates = s.imag > VIBRATES * np.abs(s)
@@ -198,7 +199,7 @@ def relaxing_pairs(problem: Quadratic, vectors: Sequence[Array], number: int) ->
 
 
 def _same(problem: Quadratic, one: tuple[complex, Complex], other: tuple[complex, Complex, float]) -> bool:
-    """Return whether two eigenvalues with their vectors of unit size are one."""
+    """Return whether two eigenvalues with their vectors of unit size are the same."""
     w = problem.weights**2
     along = abs(complex(one[1].conj() @ (w * other[1])))
     return abs(one[0] - other[0]) <= ALIKE * abs(one[0]) and abs(along - 1.0) <= PARALLEL

@@ -1,4 +1,4 @@
-"""What cross-sections do in a velocity field: mean motion along and across the beam, rotation, stretch, the rest."""
+"""Motions of cross-sections in a velocity field: mean motion along and across the beam, rotation, stretch, the rest."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ BLOCK = 8192
 class ClassMotions:
     """Section motions of the elements of one class, at Gauss stations along the element.
 
-    ``rows`` (4, nx, n_dof): mean velocity along the reference tangent, along its normal, angular velocity, rate of
-    stretch, of a velocity in the element's frame; ``inertia`` (4, nx): mass or moment of inertia that goes with each,
-    quadrature weight included, so that the kinetic energy of the section motions is sum inertia (rows v)^2/2;
-    ``field`` (nx, ny, n_shape): shape functions over the sections, ``dm`` (nx, ny): the mass that goes with them.
-    ``mass`` (n_dof, n_dof) of everything. ``ends`` (2, ny, n_shape): shape functions over the first and the last
-    section, ``end_weight`` (ny,): mass per length of the last; ``conforming``: neighbours share these sections.
+    ``rows`` (4, nx, n_dof): mean velocity along the reference tangent and along its normal, angular velocity and rate
+    of stretch, for a velocity in the element's frame; ``inertia`` (4, nx): the corresponding mass or moment of inertia,
+    quadrature weight included, so that the kinetic energy of the section motions is sum inertia (rows v)^2/2; ``field``
+    (nx, ny, n_shape): shape functions over the sections, ``dm`` (nx, ny): the corresponding mass. ``mass`` (n_dof,
+    n_dof): the full mass matrix. ``ends`` (2, ny, n_shape): shape functions over the first and the last section,
+    ``end_weight`` (ny,): mass per length of the last; ``conforming``: whether neighbours share these sections.
     """
 
     xi: Array
@@ -45,11 +45,11 @@ class ClassMotions:
 def class_motions(sampler: Sampler) -> ClassMotions:
     """Return the section motions of an element class.
 
-    Least squares of the velocity over each section, weighted with rho dV: v_t ~ a - omega (y - y_0),
-    v_n ~ w + s (y - y_0) with y_0 the centre of mass, so that the four are orthogonal; what they leave is the rest.
+    Least squares of the velocity over each section, weighted with rho dV: v_t ~ a - omega (y - y_0), v_n ~ w + s (y -
+    y_0) with y_0 the centre of mass, so that the four are orthogonal; the remainder is the rest.
     """
     if not sampler.section.rhoA:
-        # shapes of buckling are told apart by volume where bodies have no density
+        # buckling shapes of bodies without density are classified by volume
         light = sampler
         sampler = replace(light, section=_of_unit_density(light.section),
                           profile=light.profile and (lambda xi: _of_unit_density(light.at(xi))))
@@ -100,7 +100,7 @@ def _of_unit_density(section: Section) -> Section:
 
 
 def _conforms(ends: Array, element: ElementType) -> bool:
-    """Return whether the coordinates of the shared node alone make the end section, alike from both sides."""
+    """Return whether the coordinates of the shared node alone determine the end section, equally from both sides."""
     names = [k for k, (node, _) in enumerate(element.functionals) if node == 0]
     first, last = ends[0][:, names], ends[1][:, -len(names):]
     foreign = [np.delete(ends[0], names, axis=1), ends[1][:, :-len(names)]]
@@ -124,8 +124,8 @@ def element_velocities(mesh: BodyMesh, v: Array, elements: slice = slice(None)) 
 class Energies:
     """Twice the kinetic energy of one velocity field of a body, by its parts.
 
-    ``motions`` (4,) as in MOTIONS; ``total`` of the body; ``gaps``: in what neighbours do not share; ``gradient`` (4,):
-    sum of inertia times the square of each motion's derivative along the axis.
+    ``motions`` (4,) as in MOTIONS; ``total`` of the body; ``gaps``: energy of the gaps between neighbours; ``gradient``
+    (4,): sum of inertia times the square of each motion's derivative along the axis.
     """
 
     motions: Array

@@ -24,11 +24,11 @@ from .projected import Complex, Quadratic
 from .relaxing import Projected
 from .without_effect import warnings_of
 
-# rounds of a solve with a shifted stiffness, and the relative correction that ends them
+# largest number of iterations of a solve with a shifted stiffness, and the relative correction that ends them
 ROUNDS, SETTLED = 200, 1e-13
-# share of an eigenvalue by which a matrix is moved off it, so that it has factors
+# relative shift of a matrix from an eigenvalue, so that it can be factored
 BESIDE = 1e-10
-# share of a response that is new beside modes and other responses, from which on it is one more vector
+# a response is added as a vector if more than this share of it is independent of modes and other responses
 NEW = 1e-4
 UNITS = "consistent units; u = 1 is the load or motion of the case"
 
@@ -37,7 +37,7 @@ UNITS = "consistent units; u = 1 is the load or motion of the case"
 class LinearModel:
     """x' = A x + B u, y = C x + D u: A (n, n), B (n, inputs), C (outputs, n), D (outputs, inputs), names of x (n,).
 
-    ``through`` (outputs, inputs) is what rates among the outputs have of u', which no D can hold.
+    ``through`` (outputs, inputs) is the coefficient of u' in outputs that are rates, which D cannot contain.
     """
 
     A: Array
@@ -49,10 +49,10 @@ class LinearModel:
 
 
 def solve_state_space(model: Model, spec: StateSpace) -> Iterator[State]:
-    """Yield the one state that moves, with the linear model of small motions about it.
+    """Yield the state about which the model moves, with the linear model of small motions about it.
 
-    A prescribed motion is an input as displacement. Where rates are among the outputs, its own rate, which they have in
-    them, is one more input.
+    A prescribed motion is an input as a displacement. If outputs depend directly on its rate, that is an additional
+    input.
     """
     small = small_motions(model, spec.about, "state_space")
     base = small.base
@@ -77,7 +77,7 @@ def solve_state_space(model: Model, spec: StateSpace) -> Iterator[State]:
 
 
 def _with_rates(found: LinearModel, names: list[str], motions: list[int]) -> list[str]:
-    """Add the rates of motions to the inputs of a model where outputs have them in them; return all names."""
+    """Add the rates of motions to the inputs if outputs depend on them directly; return all names."""
     if not found.through[:, motions].any():
         return names
     found.B = np.hstack([found.B, np.zeros((len(found.B), len(motions)))])
@@ -97,7 +97,7 @@ def poles(A: Array) -> list[dict[str, float]]:
 
 
 class _Outputs:
-    """Quantities of probes to first order in the changes of the coordinates; ``rates`` (outputs,) tells velocities."""
+    """Quantities of probes, linearised in the changes of the coordinates; ``rates`` (outputs,): whether velocities."""
 
     def __init__(self, small: Linearised, names: tuple[str, ...]) -> None:
         known = {f"{one.probe}.{one.quantity}": one for one in probe_outputs(small)}
@@ -124,10 +124,10 @@ class _Outputs:
 
 def _symmetric(small: Linearised, spec: StateSpace, inputs: list[Input], outputs: _Outputs
                ) -> tuple[LinearModel, list[str]]:
-    """Return the model in modal coordinates q of the undamped problem, with the static rest psi u of all other modes.
+    """Return the model in modal coordinates q of the undamped problem, with the static residual psi u of other modes.
 
-    z = psi u + q Phi makes q'' + C_r q' + K_r q = f0 u + (f1 - Phi C psi) u' + f2 u''. With x = [q - f2 u, q' - f2 u' -
-    b u], b = f1 - Phi C psi - C_r f2, no derivatives of u are left. Of loads, f1 = f2 = 0.
+    z = psi u + q Phi leads to q'' + C_r q' + K_r q = f0 u + (f1 - Phi C psi) u' + f2 u''. With x = [q - f2 u, q' - f2
+    u' - b u], b = f1 - Phi C psi - C_r f2, no derivatives of u are left. For loads, f1 = f2 = 0.
     """
     pencil = small.pencil.with_mass(small.model.e0 + small.base.state.d[:small.model.n_q])
     modes = lowest(pencil, spec.modes)
@@ -149,10 +149,11 @@ def _symmetric(small: Linearised, spec: StateSpace, inputs: list[Input], outputs
 
 def _unsymmetric(small: Linearised, spec: StateSpace, inputs: list[Input], outputs: _Outputs
                  ) -> tuple[LinearModel, list[str]]:
-    """Return the model in modal coordinates p of the pairs s, x, and of left vectors y: p' = s p + y^T f(s) u.
+    """Return the model in modal coordinates p of the pairs s, x and left vectors y: p' = s p + y^T f(s) u.
 
-    With y^T (C + 2 s M) x = 1 the response is the sum of p x over all s, and x = [Re p, Im p] of each pair. f(s) = f0 +
-    s f1 + s^2 f2: what this leaves of f(s') at another s' are powers of s' that cancel in the sum over all modes.
+    With y^T (C + 2 s M) x = 1, the response is the sum of p x over all s, and the states are [Re p, Im p] of each pair.
+    f(s) = f0 + s f1 + s^2 f2: its difference from f(s') at another s' consists of powers of s' that cancel in the sum
+    over all modes.
     """
     problem, pairs = pairs_of(small, spec.modes)
     if pairs.rest.any():
@@ -187,11 +188,12 @@ def _unsymmetric(small: Linearised, spec: StateSpace, inputs: list[Input], outpu
 
 def _relaxing(small: Linearised, spec: StateSpace, inputs: list[Input], outputs: _Outputs
               ) -> tuple[LinearModel, list[str]]:
-    """Return the model in the space of the modes at the long-time modulus and of what the inputs do at rest and later.
+    """Return the model in the space of the modes at the long-time modulus and of the responses to the inputs.
 
-    z = lift u + q W makes q'' + C q' + K q + what relaxes = f0 u + f1 u' + f2 u'' + what of it relaxes. The lift is the
-    static response to inputs that move constraints, 0 of others. With q = p + f2 u and q' = v + b u + f2 u', b = f1 - C
-    f2, no derivatives of u are left among the states p, v and dashpots.
+    These are the static ones and those at the relaxation times. z = lift u + q W leads to q'' + C q' + K q + relaxing
+    terms = f0 u + f1 u' + f2 u'' + relaxing part of f0. The lift is the static response to inputs that move
+    constraints, 0 for others. With q = p + f2 u and q' = v + b u + f2 u', b = f1 - C f2, no derivatives of u are left
+    among the states p, v and dashpots.
     """
     problem, (shapes, warnings) = Quadratic(small, relaxes=True), _shapes(small, spec)
     moved = [bool(i.f[0][~problem.moved].any()) for i in inputs]
@@ -207,7 +209,7 @@ def _relaxing(small: Linearised, spec: StateSpace, inputs: list[Input], outputs:
     delayed = np.array([i.relaxing for i in lifted]) @ W.T
     b, states = f1 - space.C @ f2, list(space.states)
     A, B = space.A, np.zeros((n, len(inputs)))
-    # K and the dashpots act on f2 u, as A has them in its columns of q
+    # K and the dashpots act on f2 u through the columns of q in A
     B[m:] = A[m:, :m] @ f2
     B[:m], B[m:2 * m] = b, B[m:2 * m] + f0 - space.C @ b
     for t, term in enumerate(space.terms, start=1):
@@ -236,14 +238,14 @@ def _shapes(small: Linearised, spec: StateSpace) -> tuple[Array, list[str]]:
 
 
 def _held(small: Linearised) -> bool:
-    """Return whether nothing moves freely: the tangent stiffness has factors."""
+    """Return whether there are no free rigid motions, so that the tangent stiffness can be factored."""
     pencil = small.pencil.with_mass(small.model.e0 + small.base.state.d[:small.model.n_q])
     modes = lowest(pencil, 1)
     return not (np.abs(modes.values) <= modes.floor).any()
 
 
 def _while_relaxing(problem: Quadratic, inputs: list[Input]) -> list[Array]:
-    """Return the responses (n,) at s = 1/tau of each term: static ones are other combinations of modes at each time."""
+    """Return the responses (n,) at s = 1/tau of each term, where other combinations of modes respond."""
     out: list[Array] = []
     for s in sorted({1.0 / tau for material in problem.relaxing for _, tau in material.terms}):
         factors = Factors(problem.matrix(s))
@@ -252,12 +254,12 @@ def _while_relaxing(problem: Quadratic, inputs: list[Input]) -> list[Array]:
 
 
 def _lifted(problem: Quadratic, one: Input, lift: Array) -> Input:
-    """Return what an input does to motions beside its lift (n,)."""
+    """Return the effect of an input on motions relative to its lift (n,)."""
     if not lift.any():
         return one
     f = one.f - np.array([problem.stiffness(lift), problem.damping(lift), problem.mass(lift)])
     more = np.array([r.stiffness(lift) for r in problem.relaxing])
-    # the lift follows the constraints
+    # the lift satisfies the constraints
     f[:, ~problem.moved] = 0.0
     return replace(one, f=f, relaxing=one.relaxing - more)
 
@@ -274,12 +276,12 @@ def _left(problem: Quadratic, s: complex, x: Complex) -> Complex:
 
 
 def _static(small: Linearised, inputs: list[Input]) -> Array:
-    """Return the static responses (inputs, n). Raises ComputationError where nothing holds the model."""
+    """Return the static responses (inputs, n). Raises ComputationError if the model is not held."""
     return _solved(small, [i.f[0] for i in inputs])
 
 
 def _solved(small: Linearised, forces: Sequence[Array]) -> Array:
-    """Return the static responses to forces (k, n). Raises ComputationError where nothing holds the model."""
+    """Return the static responses to forces (k, n). Raises ComputationError if the model is not held."""
     pencil = small.pencil
     if pencil.factor(0.0).bad >= 0:
         raise ComputationError("the tangent stiffness is singular", at={"solver": "state_space"},
@@ -289,9 +291,9 @@ def _solved(small: Linearised, forces: Sequence[Array]) -> Array:
 
 
 def _left_out(small: Linearised, Phi: Array, inputs: list[Input]) -> Array:
-    """Return the part (inputs, n) of the static responses that lies in no mode of Phi (m, n).
+    """Return the part (inputs, n) of the static responses that no mode of Phi (m, n) contains.
 
-    Rigid motions are among the modes, so that what is left of the forces is in balance.
+    Rigid motions are among the modes, so that the remaining forces are in balance.
     """
     pencil = small.pencil
     find_shift(pencil)

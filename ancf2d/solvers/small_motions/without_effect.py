@@ -1,4 +1,4 @@
-"""Warnings of what has no effect on small motions, and of forces that are left in the state that they are about."""
+"""Warnings about inputs and dampers without effect on small motions, and about a reference that is not balanced."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from .linearised import Linearised
 
 
 def warnings_of(small: Linearised, damped: bool = True, inputs: Sequence[Input] = ()) -> list[str]:
-    """Return warnings of inputs and dampers that have no effect, and of forces that are left in the reference.
+    """Return warnings about inputs and dampers without effect, and about unbalanced forces in the reference.
 
-    No damper is to have one unless ``damped``.
+    Dampers are checked only if ``damped``.
     """
     model, base = small.model, small.base
     out = [f"{what}: its damping force is of higher order in the rates, so it has no effect on small motions"
@@ -31,12 +31,12 @@ def warnings_of(small: Linearised, damped: bool = True, inputs: Sequence[Input] 
 
 
 def _of_higher_order(small: Linearised) -> Iterator[str]:
-    """Yield the springs and loads that damp, but not to first order in the rates."""
+    """Yield the springs and loads whose damping has no first-order term in the rates."""
     model, state = small.model, small.base.state
     loads = [(f"loads.{k}", item) for k, item in enumerate(model.case.loads)
              if getattr(item, "damped", False) and item.name not in model.inputs]
     drags = [patch for patch in model.loads.patches if getattr(patch, "damped", False)]
-    # behind the springs of the case stand elastic tendons and contacts
+    # elastic tendons and contacts follow the springs of the case
     springs = zip([f"springs.{k}" for k in model.case.resting_springs], model.springs, strict=False)
     parts: list[tuple[str, Any]] = [*((what, patch) for what, patch in springs if patch.damped),
                                     *((what, patch) for (what, _), patch in zip(loads, drags, strict=False))]

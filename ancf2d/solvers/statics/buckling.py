@@ -26,24 +26,24 @@ from .load_rates import SMALL, residual_rate, response_size, step_of, tangent_ra
 from .one_sided import changed, neglected
 from .static import unscaled
 
-# rotation or strain of the linear response beyond which a load factor is no statement
+# rotation or strain of the linear response above which a load factor means nothing
 LARGEST = 1e3
-# unknowns up to which an unsymmetric problem is solved at once
+# number of unknowns up to which an unsymmetric problem is solved with a dense matrix
 DENSE = 1000
-# imaginary part, relative, that counts as none
+# relative imaginary part that counts as zero
 REAL = 1e-6
 EXTRA = 3
 LANCZOS = 1e-10
-# what loads add to the stiffness of what is free, beside it, that is round-off where nothing moves
+# change of the stiffness by the loads, relative to it, that is round-off if nothing moves
 UNSTRESSED = 1e-12
 RESTARTS = 200
-# share of a shape in gaps between neighbours beyond which it is the mesh's: beams have 1e-8
+# share of a shape in gaps between neighbouring elements, above which it is an artefact of the mesh; beams have 1e-8
 GAPS = 1e-3
-# rotation or strain of the state by a flow, beyond which the flow counts as changing it
+# rotation or strain by a flow above which the flow counts as changing the state
 MOVED = 1e-3
-# rotation or strain of the linear response beyond which critical factors are estimates
+# rotation or strain of the linear response above which critical factors are estimates
 FAR = 0.1
-# share of the stiffness that the linearisation misses, from which a load factor is an estimate, and none at all
+# shares of the stiffness neglected by the linearisation, above which a load factor is an estimate, or is omitted
 ROUGH, MISSED = 0.02, 0.5
 
 
@@ -51,7 +51,7 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     """Yield the linear response to the full load with the load factors at which it buckles, and their shapes.
 
     (K + mu dK/dt) phi = 0, dK/dt the derivative of the tangent along the linear response to the loads that the factor
-    scales. Loads with an amplitude of their own are constant: they have moved and stressed the model before.
+    scales. Loads with an amplitude of their own are constant and applied before.
     """
     if model.loads.flows:
         yield _critical_velocities(model, spec)
@@ -67,10 +67,10 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     u = _response(pencil)
     size = response_size(pencil, u)
     moves = size * model.extent > pencil.system.still(pencil.d, 1.0)
-    # where nothing moves, the tangent is linear in the multipliers
+    # if nothing moves, the tangent is linear in the multipliers
     h = step_of(pencil, u, size if moves else 0.0)
     pencil.B = -tangent_rate(pencil, u, h)
-    # the differences have used the factors' place
+    # the differences have overwritten the factors
     pencil.factor(0.0)
     if not moves and not _stressed(pencil):
         factors, V = np.zeros(0), np.zeros((0, model.numbering.n_unknowns))
@@ -78,7 +78,7 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
         factors, V = _general(pencil, spec.modes)
     else:
         factors, V = _positive(pencil, spec.modes)
-    # a linear response this large says nothing of the beam
+    # a larger linear response is meaningless for the beam
     known = factors * size <= LARGEST
     factors, V = factors[known], V[known]
     factors, V, meshed, doubts = _trusted(pencil, u, h, factors, V, size, _meshed(model, base, V))
@@ -101,7 +101,8 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
 def _begins_to_grow(pencil: Pencil, spec: Buckling, warnings: list[str], iterations: int) -> State:
     """Return the linear response with the factors at which small motions about it begin to grow.
 
-    Loads that turn with the body have no potential: what vibrates may grow while no other equilibrium is near.
+    Loads that turn with the body have no potential: vibrations may grow although no other equilibrium is near. Raises
+    ComputationError if a body has no mass.
     """
     model, d = pencil.model, pencil.d
     lacking = [name for name, mesh in model.meshes.items() if not mesh.plan.section.rhoA and not mesh.plan.rigid]
@@ -131,8 +132,9 @@ def _begins_to_grow(pencil: Pencil, spec: Buckling, warnings: list[str], iterati
 
 
 def _critical_velocities(model: Model, spec: Buckling) -> State:
-    """Return the state under the loads alone with the factors on the velocities of what moves along bodies at which
-    small motions about it begin to grow.
+    """Return the state under the loads alone, with the critical factors on the velocities of flows along bodies.
+
+    At these factors, small motions about the state begin to grow.
     """
     change = speed_change(model)
     assert change.square is not None
@@ -184,9 +186,10 @@ def _grown(small: Linearised, u: Array, found: Stability, modes: int, warnings: 
 
 def _trusted(pencil: Pencil, u: Array, h: float, factors: Array, V: Array, size: float, meshed: NDArray[np.bool_]
              ) -> tuple[Array, Array, NDArray[np.bool_], list[str]]:
-    """Return the factors at which the linearised tangent stands for the tangent, their shapes, and warnings.
+    """Return the factors at which the linearised tangent represents the tangent, their shapes, and warnings.
 
-    Shapes that are the mesh's (``meshed``, returned too) stay, whatever is missed: a warning of their own names them.
+    Shapes that are artefacts of the mesh (``meshed``, returned too) are kept in any case, as they have their own
+    warning.
     """
     share = _missed(pencil, u, h, list(zip(factors, V, strict=True)))
     good = meshed | (share <= MISSED)
@@ -195,12 +198,12 @@ def _trusted(pencil: Pencil, u: Array, h: float, factors: Array, V: Array, size:
 
 
 def _missed(pencil: Pencil, u: Array, h: float, found: Sequence[tuple[float, NDArray[Any]]]) -> Array:
-    """Return the share of the stiffness that the linearisation misses at each factor with its vector (n,).
+    """Return the share of the stiffness that the linearisation neglects at each factor with its vector (n,).
 
-    K + mu dK/dt stands for the tangent at mu u: what the two differ by along the vector, beside K. Axial stiffness
-    times the square of a rotation is as much as the bending stiffness long before the rotation is large: structures
-    that bend before they buckle. Or it is what one-sided springs that begin or cease to act before, which need not act
-    on the vector, bear of the loads. ``h`` is a step before that.
+    This is the difference between K + mu dK/dt and the tangent at mu u along the vector, relative to K. Axial stiffness
+    times the square of a rotation reaches the bending stiffness long before the rotation is large, in structures that
+    bend before they buckle. Or, if larger, it is the work of the loads that one-sided springs take up as they engage or
+    release before mu, even if they do not act on the vector. Up to the step ``h``, no spring engages or releases.
     """
     share = []
     for factor, v in found:
@@ -217,7 +220,7 @@ def _missed(pencil: Pencil, u: Array, h: float, found: Sequence[tuple[float, NDA
 
 def _doubts(pencil: Pencil, u: Array, factors: Array, size: float, share: Array, meshed: NDArray[np.bool_],
             use: str) -> list[str]:
-    """Return warnings of factors at which a linear response of ``size`` does not stand for the equilibrium."""
+    """Return warnings about factors at which a linear response of ``size`` does not represent the equilibrium."""
     out = []
     for some, says in ((~meshed & (share > MISSED), "does not apply at"),
                        (~meshed & (share > ROUGH) & (share <= MISSED), "only estimates")):
@@ -234,16 +237,16 @@ def _doubts(pencil: Pencil, u: Array, factors: Array, size: float, share: Array,
 
 
 def _meshed(model: Model, base: Array, V: Array) -> NDArray[np.bool_]:
-    """Return for each shape whether neighbouring elements part, as those of no beam do (m,)."""
+    """Return for each shape whether neighbouring elements separate, as no beam does (m,)."""
     if any(mesh.plan.rigid for mesh in model.meshes.values()):
-        # rigid bodies have no section whose motion could be told
+        # rigid bodies have no section motion to classify
         return np.zeros(len(V), dtype=bool)
     classifier = Classifier(model, base)
     return np.array([classifier(v, False).gaps > GAPS for v in full_shapes(model, V)], dtype=bool)
 
 
 def _begin(model: Model) -> tuple[Array, Array | None, list[str], int]:
-    """Return the state under what is constant, its turns, warnings on the way, and the iterations it took."""
+    """Return the state under the constant loads, its turns, warnings on the way, and the number of iterations."""
     states = list(unscaled(model))
     if not states:
         return model.displacements(np.zeros(model.numbering.n_unknowns), 0.0), None, [], 0
@@ -252,7 +255,10 @@ def _begin(model: Model) -> tuple[Array, Array | None, list[str], int]:
 
 
 def _response(pencil: Pencil) -> Array:
-    """Return dd/dt (n_full,) at factor 0: the linear response to the loads that the factor scales."""
+    """Return dd/dt (n_full,) at factor 0: the linear response to the loads that the factor scales.
+
+    Raises ComputationError if no load scales with the factor.
+    """
     model, num = pencil.model, pencil.model.numbering
     z = pencil.d[num.free]
     moved = (model.displacements(z, SMALL) - model.displacements(z, -SMALL)) / (2 * SMALL)
@@ -265,7 +271,7 @@ def _response(pencil: Pencil) -> Array:
         new = moved.copy()
         num.expand(u[num.free] + change, new)
         if model.moves:
-            # dependents follow the motion as well as the unknowns
+            # dependents follow prescribed motion as well as the unknowns
             new += moved - _expanded(model, moved[num.free])
         u = new
         if pencil.system.norm(change) <= 1e-14 * pencil.system.norm(u[num.free]):
@@ -282,7 +288,7 @@ def _expanded(model: Model, z: Array) -> Array:
 
 
 def _stressed(pencil: Pencil) -> bool:
-    """Return whether loads that move nothing change the stiffness of what is free to move: K^-1 dK/dt x, any x."""
+    """Return whether loads that move nothing change the stiffness: K^-1 dK/dt x is not zero for a random x."""
     num = pencil.model.numbering
     forces = np.where(num.free < num.n_q, np.random.default_rng(0).normal(size=num.n_unknowns), 0.0)
     x = pencil.solve(forces)
@@ -290,7 +296,7 @@ def _stressed(pencil: Pencil) -> bool:
 
 
 def _positive(pencil: Pencil, m: int) -> tuple[Array, Array]:
-    """Return the lowest positive factors of a K that is positive on what constraints leave free.
+    """Return the lowest positive factors if K is positive definite on the motions that constraints allow.
 
     They belong to the largest theta = 1/mu of B phi = theta K phi.
     """
@@ -307,7 +313,7 @@ def _positive(pencil: Pencil, m: int) -> tuple[Array, Array]:
         theta, vectors = eigsh(B, k, M=K, Minv=inverse, which="LA", v0=start, ncv=min(n, 2 * k + 20), tol=LANCZOS,
                                maxiter=RESTARTS)
     except ArpackNoConvergence as error:
-        # without so many positive factors the iteration ends in the crowd near theta = 0
+        # if there are fewer positive factors, the iteration stalls in the cluster near theta = 0
         theta, vectors = error.eigenvalues, error.eigenvectors
     if not len(theta):
         return np.zeros(0), np.zeros((0, n))
@@ -317,7 +323,7 @@ def _positive(pencil: Pencil, m: int) -> tuple[Array, Array]:
 
 
 def _general(pencil: Pencil, m: int) -> tuple[Array, Array]:
-    """Return the lowest positive factors of an indefinite K (unstable states), or of few unknowns."""
+    """Return the lowest positive factors if K is indefinite (unstable states) or there are few unknowns."""
     n = pencil.n
     if n <= DENSE:
         C = each(lambda x: pencil.solve(pencil.other(x)), np.eye(n)).T
@@ -347,7 +353,7 @@ def response_state(pencil: Pencil, base: Array, u: Array, factors: Array, V: Arr
     d = base + u
     elastic = pencil.full_stiffness(u)
     Q = pencil.balance.Q + elastic
-    # forces of loads that turn, which the factor scales too
+    # forces of turning loads, which the factor scales too
     for t, sign in ((1.0, 1.0), (0.0, -1.0)):
         pencil.system.add_loads(Q, base, t, sign)
     natural = np.zeros_like(Q)

@@ -1,8 +1,8 @@
-"""A point of an equilibrium path: its tangent, and the bordered Newton iteration that finds the next one.
+"""Points of an equilibrium path: tangents, and the bordered Newton iteration that finds the next point.
 
-Equilibrium Q(z, t) - F(z, t) = 0 is one equation short for the unknowns z and the load factor t; a control
-c(z, t) = 0 is the missing one: the arc length from the last point, the load factor, or what a probe does. Each
-iteration uses one factorisation of the tangent stiffness for two right-hand sides (Ramm 1981; Crisfield 1981).
+Equilibrium Q(z, t) - F(z, t) = 0 has one equation too few for the unknowns z and the load factor t. A control c(z, t) =
+0 is added: the arc length from the last point, the load factor, or the value of a probe. Each iteration uses one
+factorisation of the tangent stiffness for two right-hand sides (Ramm 1981; Crisfield 1981).
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from ..post import place
 from ..system import UNIT_ROUNDOFF, Balance, System
 from .newton import at_floor, balanced, check_divergence, check_sound, has_converged
 
-# where elements remember, iterations after which steps are shortened, and to what: where sections that yield meet, full
-# ones may lead from fibres that yield to some that unload and back
+# with history variables, iterations after which Newton steps are shortened, and by which factor: where yielding
+# sections meet, full steps may cycle between fibres that yield and fibres that unload
 FULL_STEPS, SHORTENED = 8, 0.75
-# half the difference in t that a nonlinear constraint's motion, and a spring's, is differentiated with
+# half the difference in t for derivatives of prescribed constraints and springs
 SMALL = 1e-5
 
 
 class Control(Protocol):
-    """The equation that picks one point of a path."""
+    """The equation that selects one point of a path."""
 
     def evaluate(self, d: Array, t: float) -> tuple[float, Array, float]:
         """Return c, its gradient (n_unknowns,) by the unknowns, and its derivative by t."""
@@ -42,9 +42,9 @@ class Control(Protocol):
 
 @dataclass
 class Metric:
-    """Length of a change of state: root mean square displacement, with the load factor at ``load`` [m^2] of its square.
+    """Length of a change of state: root mean square displacement, with weight ``load`` [m^2] for the factor squared.
 
-    ``weights`` (n_unknowns,) [m^2 per unit squared] are zero at multipliers.
+    ``weights`` (n_unknowns,) [m^2 per unit squared] are zero for multipliers.
     """
 
     weights: Array
@@ -61,9 +61,9 @@ class Metric:
 
 @dataclass
 class PathPoint:
-    """An equilibrium with its tangent: ``z`` (n_unknowns,) and ``rate`` are dz/ds and dt/ds by the path's parameter s.
+    """An equilibrium with its tangent ``z`` (n_unknowns,) = dz/ds, ``rate`` = dt/ds; s is the path's parameter.
 
-    ``uncertainty`` [m] where round-off ended the iteration, else 0.
+    ``uncertainty`` [m] if round-off ended the iteration, else 0.
     """
 
     d: Array
@@ -85,7 +85,7 @@ class PathPoint:
 
 @dataclass
 class Found:
-    """What the bordered Newton iteration arrived at."""
+    """The result of the bordered Newton iteration."""
 
     d: Array
     t: float
@@ -102,7 +102,7 @@ class ArcLength:
         self.z0, self.t0 = start.d[self.free], start.t
 
     def evaluate(self, d: Array, t: float) -> tuple[float, Array, float]:
-        """Return the constraint over ds, and its derivatives."""
+        """Return the constraint divided by ds, and its derivatives."""
         dz, dt = d[self.free] - self.z0, t - self.t0
         c = (self.metric.dot((dz, dt), (dz, dt)) - self.ds**2) / self.ds
         return c, 2 / self.ds * self.metric.weights * dz, 2 / self.ds * self.metric.load * dt
@@ -121,7 +121,7 @@ class AtFactor:
 
 
 class ProbeValue:
-    """What a probe does (x, y, ux, uy or theta) and its derivatives; rotations count full turns."""
+    """A quantity of a probe (x, y, ux, uy or theta) and its derivatives; rotations count full turns."""
 
     def __init__(self, model: Model, probe: Probe, quantity: str) -> None:
         self.model, self.quantity = model, quantity
@@ -132,7 +132,7 @@ class ProbeValue:
         self.theta = 0.0
 
     def settle(self, d: Array, turned: Array) -> None:
-        """Count turns from an equilibrium on, whose own are ``turned`` (``model.rotation.Turns``)."""
+        """Count the probe's full turns from an equilibrium d with turns ``turned`` (``model.rotation.Turns``)."""
         n = self.model.n_q
         self.theta = self.model.turns.theta(self.rotation, self.model.e0 + d[:n], d[:n], turned)
 
@@ -181,9 +181,9 @@ class AtProbe:
 
 
 class Curve:
-    """The equilibrium path of a model; ``tangent`` scales a direction to one unit of the path's parameter.
+    """The equilibrium path of a model.
 
-    ``turns`` are those of the last point, which corrections count from.
+    ``turns`` are those of the last point, from which corrections count.
     """
 
     def __init__(self, system: System, tolerance: float, max_iterations: int) -> None:
@@ -194,12 +194,12 @@ class Curve:
         self.metric = Metric(squares / max(int(np.count_nonzero(squares)), 1), 0.0)
         zero = np.zeros(self.model.numbering.n_unknowns)
         self.motion = self.model.displacements(zero, 1.0) - self.model.displacements(zero, 0.0)
-        # amplitudes that scale are the load factor itself, so that this difference is the derivative
+        # scaling amplitudes equal the load factor, so that this difference is the derivative
         self.dead = self.model.external(1.0) - self.model.external(0.0)
         self.natural = {k: load.amplitude(1.0) - load.amplitude(0.0) for k, load in enumerate(self.model.loads.natural)}
 
     def load_rate(self, d: Array, t: float) -> Array:
-        """Return dR/dt at fixed unknowns (n_unknowns,): loads that scale, and motion that scales."""
+        """Return dR/dt at fixed unknowns (n_unknowns,), by the loads and motions that scale."""
         model = self.model
         out, e = -self.dead, model.e0 + d[:model.n_q]
         for load in model.interactions.loads:
@@ -208,7 +208,7 @@ class Curve:
                 K = load.evaluate(e, d, t)[2]
                 np.add.at(out, load.dofs, np.einsum("mij,mj->mi", K, self.motion[load.dofs]))
         for batch in (one for one in model.interactions.springs if one.signals):
-            # what winds a tendon up, which begins to pull at a kink; forward from there
+            # the winding of a tendon, which starts to pull at a kink: forward difference
             now, then, later = (batch.evaluate(e, d, t + k * SMALL)[1] for k in range(3))
             np.add.at(out, batch.dofs, (4.0 * then - 3.0 * now - later) / (2 * SMALL))
         for side in (1.0, -1.0):
@@ -223,7 +223,7 @@ class Curve:
         return model.numbering.reduce(out)
 
     def correct(self, control: Control, d: Array, t: float) -> Found:
-        """Return the equilibrium that meets the control, from a guess. Raises ComputationError."""
+        """Return the equilibrium that satisfies the control, from a guess. Raises ComputationError."""
         system, num = self.system, self.model.numbering
         system.count_from(self.turns)
         increments: list[float] = []
@@ -244,7 +244,7 @@ class Curve:
             if stalled and at_floor(balance.R, system.noise(d, t)):
                 return Found(d, t, iteration, increments[-1], min(increments[-2:]))
             d, t = self.model.displacements(d[num.free] + z, t + dt), t + dt
-            # what rests on obstacles may not move at all
+            # bodies that rest on obstacles may not move at all
             rests = bool(self.model.contacts) and max(increments[-2:]) <= UNIT_ROUNDOFF * self.model.extent
             if ((rests or has_converged(increments, system.norm(d[num.free]), self.tolerance))
                     and balanced(system, system.forces(d, t), d, t)):
@@ -265,7 +265,7 @@ class Curve:
         return by_residual + dt * by_load, dt
 
     def point(self, found: Found, s: float, scale: Callable[[Array, Array], float]) -> PathPoint:
-        """Return a converged state with its tangent; ``scale(d, dz/dt)`` is dt/ds."""
+        """Return a converged state with its tangent; ``scale(d, dz/dt)`` returns dt/ds."""
         check_sound(self.model, found.d, None, found.t)
         balance = self.system.assemble(found.d, found.t)
         pivots = self.system.factor({"factor": float(f"{found.t:.6g}")})
@@ -278,6 +278,6 @@ class Curve:
 
     @property
     def knows_inertia(self) -> bool:
-        """Whether pivot signs tell the inertia: not where sparse factors have exchanged rows."""
+        """Return whether pivot signs give the inertia, which they do not if sparse factors have exchanged rows."""
         matrix = self.system.matrix
         return not isinstance(matrix, GeneralSparse) or matrix.knows_inertia

@@ -1,9 +1,9 @@
-"""Equilibrium of what only its weight holds: ropes, chains and pendulums, from any start.
+"""Equilibrium of models that only their weight holds: ropes, chains and pendulums, from any start.
 
-Such a model may be a mechanism in its reference, where the tangent is singular or an equilibrium unstable. It is let go
-there in a medium so thick that inertia plays no part: M z' = -tau R(z), one implicit step after the other, each longer
-than the one before (pseudo-transient continuation; Kelley & Keyes 1998). Where K + M/h is positive definite all the
-way of a step, the potential falls in it, and so the way ends in a minimum, which Newton's method then finds exactly.
+Such a model may be a mechanism in its reference, where the tangent is singular or the equilibrium unstable. From there
+it sinks as if in a medium so viscous that inertia plays no part: M z' = -tau R(z), in implicit steps of growing length
+(pseudo-transient continuation; Kelley & Keyes 1998). As long as K + M/h is positive definite over each step, the
+potential falls, so that the motion ends in a minimum, which Newton's method then finds exactly.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from ..system import STILL, Balance, System
 from ..threads import largest
 from .newton import NewtonResult, check_sound, negative_pivots, newton, state_of
 
-# a body bends under its weight as if it had no stiffness where its weight is this many times EI/L^2
+# a body counts as slack if its weight exceeds this many times EI/L^2
 SLACK = 100.0
-# shares of the extent: how far the first step goes, the farthest of any, the farthest of one that Newton's method may
-# follow, the error that is left of a step, a push away from an unstable state and how far that has to lead
+# shares of the extent: first step, longest step, longest step after which Newton's method is tried, error of a step,
+# push away from an unstable equilibrium, and distance from it before Newton's method is tried again
 FIRST, FARTHEST, NEAR, LEFT, PUSH, AWAY = 0.05, 0.25, 0.02, 1e-7, 0.01, 0.1
 MOST_STEPS = 5000
 MOST_ITERATIONS = 12
-# the next step is longer after few iterations, shorter after many; what fails is repeated with a share
+# the next step grows after few iterations and shrinks after many; failed steps are repeated with a shorter length
 EASY, GROW, SHRINK = 4, 3.0, 0.3
-# of the first step: one that is not found even that short will not be
+# share of the first step below which a failing step is given up
 SHORTEST = 1e-15
-# what has come this many times the extent from the start falls for ever
+# beyond this many times the extent from the start, the model falls for ever
 LOST = 100.0
-# steps of a motion of supports, and how what is stretched out between them is made to sag: by a share of the extent,
-# evenly (0) or as a parabola (1)
+# number of steps for moving supports; sag given to links stretched out between them: as a share of the extent, and
+# uniform (0) or as a parabola (1)
 LEVELS = 40
 SAGS = (0.02, 0), (0.05, 1), (0.07, 1), (0.05, 0), (0.03, 1), (0.1, 1)
 
@@ -51,7 +51,7 @@ FALLS = ("supports leave a mechanism until bodies touch: the reported equilibriu
 
 
 def slack(model: Model) -> bool:
-    """Whether gravity bends a body of the model as if it had no bending stiffness."""
+    """Return whether gravity bends a body of the model as if it had no bending stiffness."""
     g = sum(np.hypot(*load.acceleration) for load in model.case.loads if load.acceleration is not None)
     sections = [(m.plan.section, m.plan.length) for m in model.meshes.values() if not m.plan.rigid]
     return any(g * section.rhoA * length**3 > SLACK * section.EI for section, length in sections)
@@ -61,14 +61,14 @@ def hanging(system: System, d: Array, factors: tuple[float, float], tolerance: f
             why: list[str]) -> State:
     """Return a stable equilibrium that is found from the state d (n_full,).
 
-    ``factors``: the load factor of the supports there, and that of the equilibrium. ``why`` are warnings that it has.
-    Raises ComputationError where none is found.
+    ``factors``: the load factor of the supports in d, and that of the equilibrium. ``why``: warnings for the state.
+    Raises ComputationError if none is found.
     """
     t = factors[1]
     relaxation = _Relaxation(system, d, factors, tolerance, max_iterations)
     result = relaxation.run()
     if not system.model.winds:
-        # loops that a rope pulls tight vanish, and chance decides which of its sections turn over then
+        # loops that a rope pulls tight vanish, and it is arbitrary which of its sections turn over then
         system.count_from(relaxation.turns)
     warnings = list(why)
     if relaxation.pushed:
@@ -82,17 +82,17 @@ def hanging(system: System, d: Array, factors: tuple[float, float], tolerance: f
 
 
 class _Medium:
-    """A system in a thick medium, as it is seen in a step from z0 (n_unknowns,) with ``rate`` [1/s^2] the 1/h of it."""
+    """A system in a viscous medium, for a step from z0 (n_unknowns,); ``rate`` [1/s^2] is 1/h."""
 
     def __init__(self, system: System, M: Array, z0: Array, rate: float) -> None:
         self.system, self.M, self.z0, self.rate = system, M, z0, rate
 
     def __getattr__(self, name: str) -> Any:
-        """Return what the system itself has."""
+        """Return an attribute of the system itself."""
         return getattr(self.system, name)
 
     def assemble(self, d: Array, t: float) -> Balance:
-        """Return the residual R(z) + M (z - z0)/h, and fill the tangent."""
+        """Return the balance with the residual R(z) + M (z - z0)/h, and fill the tangent."""
         system = self.system
         balance = system.assemble(d, t)
         z = d[system.model.numbering.where]
@@ -102,7 +102,7 @@ class _Medium:
 
 
 class _Relaxation:
-    """A model in a thick medium; ``d`` (n_full,) is where it is, ``h`` [s^2] the length of the next step."""
+    """A model in a viscous medium; ``d`` (n_full,) is its state, ``h`` [s^2] the length of the next step."""
 
     def __init__(self, system: System, d: Array, factors: tuple[float, float], tolerance: float,
                  max_iterations: int) -> None:
@@ -121,19 +121,22 @@ class _Relaxation:
         self.h = FIRST * self.extent / (g or 1.0)
         self.shortest = SHORTEST * self.h
         self.steps = self.iterations = self.failures = 0
-        # whether the potential has to fall in each step
+        # whether the potential must fall in each step
         self.checked = True
-        # the negative pivots of an unstable equilibrium at the start, and the one that was left last
+        # negative pivots of an unstable equilibrium at the start, and the unstable equilibrium left last
         self.pushed = 0
         self.left: Array | None = None
-        # where supports have come to their places, from where the turns of the equilibrium are counted
+        # the turns once supports have reached their positions, from which those of the equilibrium are counted
         self.turns = system.turns()
 
     def run(self) -> NewtonResult:
-        """Return the equilibrium that is come to."""
+        """Return the equilibrium to which the model sinks.
+
+        Raises ComputationError if it does not come to rest.
+        """
         if self.model.moves:
             first, *others = np.linspace(self.begin, self.t, LEVELS + 1)[1:].tolist()
-            # supports that move do work, so that the potential need not fall
+            # moving supports do work, so that the potential need not fall
             self.checked = False
             self._give(first)
             for factor in others:
@@ -142,7 +145,7 @@ class _Relaxation:
             self.turns = self.system.turns()
         while self.steps < MOST_STEPS and self.system.distance(self.d, self.start) < LOST * self.extent:
             moved = self._go(self.t)
-            # where a step of any length hardly moves, there is nothing left to get away from
+            # if a step of any length hardly moves the model, it cannot get away from the last equilibrium
             if moved > NEAR * self.extent or (moved > LEFT * self.extent and self._close(self.left, AWAY)):
                 continue
             result = self._newton(moved <= LEFT * self.extent)
@@ -165,7 +168,7 @@ class _Relaxation:
         return d is not None and self.system.distance(self.d, d) <= share * self.extent
 
     def _go(self, t: float) -> float:
-        """Take one step at load factor t; return how far it went [m]. Steps in trouble are repeated shorter."""
+        """Make one step at load factor t; return how far it moved [m]. Failed steps are repeated shorter."""
         while True:
             self.steps += 1
             if self.steps > MOST_STEPS:
@@ -189,7 +192,7 @@ class _Relaxation:
             return moved
 
     def _step(self, t: float) -> tuple[Array, int]:
-        """Return the end of a step, R(z) + M (z - z0)/h = 0, and its iterations, with no body in what it touches.
+        """Return the end of a step, R(z) + M (z - z0)/h = 0, without penetrations, and the number of iterations.
 
         Raises ComputationError.
         """
@@ -210,7 +213,7 @@ class _Relaxation:
             raise
 
     def _balance(self, medium: _Medium, d: Array, t: float) -> tuple[Array, int]:
-        """Return the balance in a medium next to d (n_full,), and the iterations to it. Raises ComputationError."""
+        """Return the balance in the medium near d (n_full,), and the number of iterations. Raises ComputationError."""
         system, num = self.system, self.model.numbering
         at, z0, z = {"factor": float(f"{t:.6g}")}, medium.z0, d[num.where].copy()
         sizes: list[float] = []
@@ -231,14 +234,14 @@ class _Relaxation:
         raise ComputationError("the step does not converge", at=at, history=sizes)
 
     def _newton(self, rests: bool) -> NewtonResult | None:
-        """Return the equilibrium next to where the model is, None where there is none as near as that.
+        """Return the equilibrium next to the current state, or None if there is none near.
 
-        Raises SingularTangentError for a model that ``rests`` anywhere.
+        Raises SingularTangentError if no step moves the model (``rests``) and its tangent is singular.
         """
         turns = self.system.turns()
         try:
             result = newton(self.system, self.d.copy(), self.t, self.t, self.tolerance, self.max_iterations)
-            # gravity holds so softly beside the stiffness of a rope that a last correction is worth its while
+            # gravity is so weak compared with the stiffness of a rope that a second solve improves the result
             with suppress(ComputationError):
                 result = newton(self.system, result.d.copy(), self.t, self.t, self.tolerance, self.max_iterations)
             if self.system.distance(result.d, self.d) > AWAY * self.extent:
@@ -253,7 +256,7 @@ class _Relaxation:
         return result
 
     def _as_it_is(self, moved: float) -> NewtonResult:
-        """Return where a step without end moves nothing: Newton's method may miss its aims there by round-off."""
+        """Return the current state as the equilibrium, if no step moves it but round-off stops Newton's method."""
         system, num = self.system, self.model.numbering
         balance = system.assemble(self.d, self.t)
         pivots = system.factor({"factor": float(f"{self.t:.6g}")})
@@ -261,10 +264,10 @@ class _Relaxation:
                             np.zeros(num.n_unknowns), pivots.negative - num.n_multipliers, moved)
 
     def _give(self, factor: float) -> None:
-        """Take the first step of moving supports.
+        """Make the first step of moving supports.
 
-        Links in one line between their supports bear any force, and nothing tells which way they give: they are made to
-        sag, in one of several ways from which the step is found.
+        Links in one line between their supports bear any force, and their direction of sagging is undetermined: they
+        are made to sag in several ways, until the step converges from one of them.
         """
         start = self.d
         failure: ComputationError | None = None
@@ -281,7 +284,7 @@ class _Relaxation:
         raise failure
 
     def _sagging(self, d: Array, sag: float, power: int) -> Array:
-        """Return a state in which what may move has sagged from d (n_full,) by a share of the extent."""
+        """Return a state that has sagged from d (n_full,) by a share of the extent."""
         model, num = self.model, self.model.numbering
         g = sum((np.array(load.acceleration) for load in model.case.loads if load.acceleration is not None),
                 np.zeros(2))
@@ -297,7 +300,7 @@ class _Relaxation:
         return model.displacements(moved[num.where], self.begin)
 
     def _push(self) -> None:
-        """Move away from an unstable equilibrium, along what grows most by a few inverse iterations."""
+        """Move away from an unstable equilibrium along the fastest growing shape, by a few inverse iterations."""
         system, num = self.system, self.model.numbering
         while True:
             system.assemble(self.d, self.t)

@@ -1,4 +1,4 @@
-"""Derivatives by the load factor at 0 along the linear response, and how large a step they are formed with."""
+"""Derivatives by the load factor at 0 along the linear response, and the steps of their differences."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from ..small_motions.lowest_modes import Pencil
 from ..system import System
 from .one_sided import check_edges, one_sided, step_before
 
-# half the difference in the load factor that rates are formed with
+# half the difference in the load factor for rates
 SMALL = 1e-4
-# rotation or strain of the states between which the tangent is differentiated
+# rotation or strain between the states for the derivative of the tangent
 STEP = 1e-3
-# points and weights (over 12 steps) of derivatives by the load factor; forward from where something begins to act
+# points and weights (over 12 steps) of derivatives by the load factor; forward if something engages at 0
 CENTRAL = ((1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0))
 FORWARD = ((0, -25.0), (1, 48.0), (2, -36.0), (3, 16.0), (4, -3.0))
 
 
 def response_size(pencil: Pencil, u: Array) -> float:
-    """Return the rotation or strain that a response u (n_full,) is."""
+    """Return the rotation or strain of a response u (n_full,)."""
     model = pencil.model
     turned = np.concatenate([mesh.gradients for mesh in model.meshes.values()])
     moved = pencil.system.norm(u[model.numbering.free]) / model.extent
@@ -31,10 +31,10 @@ def response_size(pencil: Pencil, u: Array) -> float:
 
 
 def step_of(pencil: Pencil, u: Array, size: float) -> float:
-    """Return the step of the load factor that rotates or strains the model, or what winds tendons up, by ``STEP``.
+    """Return the step of the load factor that rotates or strains the model, or winds up tendons, by ``STEP``.
 
-    It is shorter where one-sided springs would begin or cease to act within the steps of a difference. ``size`` is that
-    of the linear response u (n_full,). Raises ComputationError where a spring is at its edge, and u keeps it there.
+    It is shorter if one-sided springs would engage or release within the difference. ``size`` is that of the linear
+    response u (n_full,). Raises ComputationError if a spring is just about to engage and u keeps it there.
     """
     whole = max([size, *(getattr(spring, "winds", 0.0) for spring in pencil.model.springs)])
     h = STEP / whole if whole else 1.0
@@ -43,17 +43,18 @@ def step_of(pencil: Pencil, u: Array, size: float) -> float:
 
 
 def points_of(model: Model) -> Sequence[tuple[int, float]]:
-    """Return points and weights of derivatives by the load factor at 0, forward where springs or tendons may have a
-    kink there.
+    """Return points and weights of derivatives by the load factor at 0.
+
+    They are forward differences if springs or tendons may have a kink there, else central ones.
     """
     kinks = any(batch.signals for batch in model.interactions.springs) or any(one_sided(model))
     return FORWARD if kinks else CENTRAL
 
 
 def residual_rate(pencil: Pencil) -> tuple[Array, bool]:
-    """Return dR/dt (n,) at fixed unknowns, and whether any force changes with t, if only where supports hold.
+    """Return dR/dt (n,) at fixed unknowns, and whether any force (even one on a support) changes with t.
 
-    Where nothing has a kink, forces are linear in the load factor: two points tell the rate.
+    Without kinks, forces are linear in the load factor, so that two points suffice.
     """
     points = points_of(pencil.model)
     points = points if points is FORWARD else ((1, 6.0), (-1, -6.0))
@@ -66,9 +67,9 @@ def residual_rate(pencil: Pencil) -> tuple[Array, bool]:
 def tangent_rate(pencil: Pencil, u: Array, h: float) -> Array:
     """Return dK/dt along the response u, as values in the tangent's storage, by differences of fourth order.
 
-    At a distance h that is a small rotation and strain: the truncation is its fourth power, round-off 1e-13 of K.
-    The rows of constraints have no part in it: K is reduced to what constraints leave free along vectors that are
-    K-orthogonal to what they hold, and in these their turning is of second order.
+    The step h is a small rotation and strain: the truncation error is its fourth power, round-off 1e-13 of K. The rows
+    of constraints are left out: K is projected on the motions that constraints allow, along vectors that are
+    K-orthogonal to the constrained motions, and there the rotation of the constraints has an effect of second order.
     """
     system = System(pencil.model)
     system.count_from(pencil.system.turns())

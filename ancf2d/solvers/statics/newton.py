@@ -1,4 +1,4 @@
-"""Newton's method: one equilibrium from a state nearby, and when it is found."""
+"""Newton's method: one equilibrium from a nearby state, and the criteria of convergence."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from ..threads import largest, pieces
 
 TOLERANCE = 1e-9
 MAX_ITERATIONS = 30
-# residual forces beside the largest force: where axial stiffness dwarfs bending stiffness, displacements converge first
+# residual relative to the largest force: if axial stiffness far exceeds bending stiffness, displacements converge first
 BALANCE = 1e-8
-# beside the largest force of one spring or load: where these cancel, the rest alone decides the displacements
+# relative to the largest force of one spring or load: if these cancel, their remainder determines the displacements
 CANCELLED = 1e-10
-# displacements known to less than this many digits are worth a word
+# displacements less accurate than this cause a warning
 POOR = 1e-6
-# a residual within this multiple of the bound of round-off cannot be told from zero
+# a residual within this multiple of the round-off bound counts as zero
 FLOOR = 4.0
-# an equilibrium further from a guess than this share of the guess may be on another branch
+# an equilibrium farther from a guess than this share of the guess may be on another branch
 NEAR = 0.5
-# increments that may grow before they count as those of a cycle
+# number of increments that need not decrease before they count as a cycle
 CYCLE = 4
 
 
@@ -41,8 +41,8 @@ CYCLE = 4
 class NewtonResult:
     """A converged state of Newton's method, with the largest residual [N, N m].
 
-    ``first`` (n_unknowns,) is the first correction; ``uncertainty`` [m] is where round-off ended it, else 0;
-    ``overlap`` [m] is how deep a body is in an obstacle.
+    ``first`` (n_unknowns,) is the first correction; ``uncertainty`` [m] if round-off ended the iteration, else 0;
+    ``overlap`` [m] is the deepest penetration of an obstacle.
     """
 
     d: Array
@@ -59,9 +59,9 @@ class NewtonResult:
 
 
 def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, max_iterations: int) -> NewtonResult:
-    """Return the equilibrium at t as ``_newton`` does, at which nothing pulls and no body is in an obstacle.
+    """Return the equilibrium at t as ``_newton`` does, without adhesion at contacts and penetration of obstacles.
 
-    Points of contact are opened and closed between equilibria until none has to be. Raises ComputationError.
+    Contact points are opened and closed between equilibria until none changes. Raises ComputationError.
     """
     if not any(pair.hard for pair in system.model.contacts):
         result = _newton(system, d, t_old, t, tolerance, max_iterations)
@@ -87,7 +87,7 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
 
 
 def _held(system: System, d: Array, t_old: float, t: float, tolerance: float, max_iterations: int) -> NewtonResult:
-    """Return the equilibrium as ``_newton`` does, of what sliding contacts alone hold where one of them sticks."""
+    """Return the equilibrium as ``_newton`` does; while sliding contacts leave the tangent singular, let one stick."""
     while True:
         try:
             return _newton(system, d, t_old, t, tolerance, max_iterations)
@@ -98,7 +98,7 @@ def _held(system: System, d: Array, t_old: float, t: float, tolerance: float, ma
 
 def _settled(system: System, result: NewtonResult, t: float, tolerance: float, max_iterations: int, way: Way
              ) -> NewtonResult:
-    """Return the equilibrium at which nothing opens, closes, sticks or slides any more, from one with what touched."""
+    """Return the equilibrium at which no contact point opens, closes, sticks or slides any more, from a first one."""
     course = Course()
     iterations, worst = 0, 0.0
     for _ in range(ROUNDS):
@@ -116,11 +116,11 @@ def _settled(system: System, result: NewtonResult, t: float, tolerance: float, m
 
 
 def _newton(system: System, d: Array, t_old: float, t: float, tolerance: float, max_iterations: int) -> NewtonResult:
-    """Return the equilibrium at t from the state d of t_old, which is written to: it becomes the result's.
+    """Return the equilibrium at t from the state d at t_old; d is overwritten with the result.
 
-    Converged means that the next increment, by the contraction seen, would be below ``tolerance`` of the
-    displacements and the forces balance to 1e-8 of the largest, or to their round-off; or that increments have
-    stopped falling while the residual is no more than round-off. Raises ComputationError when it does not converge.
+    Converged means that the next increment, by the observed contraction, would be below ``tolerance`` of the
+    displacements and the forces balance to 1e-8 of the largest, or to their round-off; or that increments have stopped
+    decreasing while the residual is no more than round-off. Raises ComputationError if it does not converge.
     """
     num, z = system.model.numbering, np.empty(system.model.numbering.n_unknowns)
     at = {"factor": float(f"{t:.6g}")}
@@ -141,7 +141,7 @@ def _newton(system: System, d: Array, t_old: float, t: float, tolerance: float, 
             first = z.copy()
         increments.append(system.norm(z))
         check_divergence(increments, system.model.extent, at, residuals)
-        # coordinates hold no such corrections
+        # such small corrections are lost in the round-off of the coordinates
         nothing = max(increments[-2:]) <= UNIT_ROUNDOFF * system.model.extent
         stalled = len(increments) > 2 and increments[-1] > 0.5 * increments[-2]
         if stalled and (nothing or shaken(system, increments) or at_floor(balance.R, system.noise(d, t))):
@@ -149,11 +149,11 @@ def _newton(system: System, d: Array, t_old: float, t: float, tolerance: float, 
             break
         np.add(d[num.where], uncycled(z, increments, system.model), out=z)
         system.model.displacements(z, t, out=d)
-        # the tangent follows multipliers also where nothing moves
+        # multipliers change the tangent even if nothing moves
         settled = iteration > 1 or not first[num.free >= num.n_q].any()
-        # what rests on obstacles may not move at all
+        # bodies that rest on obstacles may not move at all
         rests = bool(system.model.contacts) and nothing
-        # what has been let go returns to where no displacement and no force is left to compare with
+        # an unloaded model returns to zero displacement and force, which leaves no scale to compare with
         idle = iteration > 3 and max(increments[-3:]) <= UNIT_ROUNDOFF * system.model.extent
         if settled and (idle or rests or has_converged(increments, system.norm(z), tolerance)):
             balance = system.forces(d, t, out=system.room)
@@ -168,25 +168,25 @@ def _newton(system: System, d: Array, t_old: float, t: float, tolerance: float, 
 
 
 def shaken(system: System, increments: list[float]) -> bool:
-    """Whether increments are what stiff springs, which hold what sticks, make of the round-off of positions."""
+    """Return whether the increments are round-off of positions, amplified by the stiff springs of sticking points."""
     return max(increments[-2:]) <= STILL * system.model.extent and sticks(system.model)
 
 
 def balanced(system: System, balance: Balance, d: Array, t: float) -> bool:
-    """Whether no residual at d exceeds 1e-8 of the largest force, round-off, or 1e-10 of forces that cancel."""
+    """Return whether no residual at d exceeds 1e-8 of the largest force, round-off, or 1e-10 of forces that cancel."""
     return (system.imbalance(balance) <= BALANCE or at_floor(balance.R, system.noise(d, t))
             or system.balances(balance, d, t, CANCELLED))
 
 
 def at_floor(R: Array, noise: Array) -> bool:
-    """Whether no residual exceeds what round-off can leave."""
+    """Return whether no residual exceeds the bound of round-off."""
     return all(bool(np.all(np.abs(R[part]) <= FLOOR * noise[part])) for part in pieces(len(R)))
 
 
 def moved_balance(system: System, d: Array, t_old: float, t: float) -> Balance:
     """Return the residual of the linear predictor for motion prescribed between the old and the new factor.
 
-    The tangent is that of the old state, which equilibrates the motion it had.
+    The tangent is that of the old state, with the old values of the motion.
     """
     model = system.model
     system.assemble(d, t_old)
@@ -197,7 +197,7 @@ def moved_balance(system: System, d: Array, t_old: float, t: float) -> Balance:
 
 
 def has_converged(increments: list[float], size: float, tolerance: float) -> bool:
-    """Whether the next increment, by the contraction seen, is below ``tolerance`` of the size of the displacements."""
+    """Return whether the next increment, by the observed contraction, is below ``tolerance`` of the displacements."""
     last = increments[-1]
     if last == 0.0:
         return True
@@ -208,21 +208,23 @@ def has_converged(increments: list[float], size: float, tolerance: float) -> boo
 
 
 def uncycled(z: Array, increments: list[float], model: Model) -> Array:
-    """Return an increment, half of it where bodies go into their layers and out again: increments do not fall then."""
+    """Return an increment, halved if increments do not decrease because points enter and leave contact layers."""
     cycles = len(increments) > CYCLE and increments[-1] >= min(increments[:-1])
     return 0.5 * z if cycles and not all(pair.hard for pair in model.contacts) else z
 
 
 def check_divergence(increments: list[float], extent: float, at: dict[str, Any], residuals: list[float]) -> None:
-    """Raise ComputationError where increments grow or exceed every scale of the model."""
+    """Raise ComputationError if increments grow or exceed every scale of the model."""
     grows = len(increments) > 4 and increments[-1] > 2 * increments[-2] > 4 * increments[-3]
     if not np.isfinite(increments[-1]) or increments[-1] > 1e6 * extent or grows:
         raise ComputationError("Newton's method diverges", at=at, history=residuals)
 
 
 def check_sound(model: Model, d: Array, last: tuple[Array, float] | None, t: float) -> None:
-    """Raise ComputationError where a solution of the equations is no state of the model; it follows on ``last``, a
-    state (n_full,) with its time."""
+    """Raise ComputationError if a solution of the equations is not a valid state of the model.
+
+    ``last`` is the previous state (n_full,) and its time.
+    """
     check_ends(model.constraints, d)
     check_facing(model.constraints, d, t)
     check_inverted(model, d, last and last[0], t)
@@ -243,7 +245,7 @@ def inexact(when: str, share: float) -> str:
 
 
 def state_of(system: System, result: NewtonResult, t: float, number: int, cutbacks: int, warnings: list[str]) -> State:
-    """Return what is yielded of an equilibrium: step ``number``, which was cut so many times."""
+    """Return the state to be yielded for an equilibrium: step ``number``, after ``cutbacks`` cuts."""
     history = {"step": number, "factor": t, "iterations": result.iterations, "residual": result.residual,
                "increment": result.increments[-1] if result.increments else 0.0, "cutbacks": cutbacks,
                "energy": result.energy, "negative_pivots": result.negative_pivots}
@@ -260,9 +262,9 @@ def state_of(system: System, result: NewtonResult, t: float, number: int, cutbac
 
 @dataclass(frozen=True)
 class Start:
-    """A guess of the equilibrium under the whole load: ``d`` (n_full,), and the negative pivots expected there.
+    """A guess of the equilibrium under the full load: ``d`` (n_full,), and the negative pivots expected there.
 
-    ``turned`` (bodies,) are its whole turns.
+    ``turned`` (bodies,) are its full turns.
     """
 
     d: Array
@@ -272,7 +274,7 @@ class Start:
 
 def equilibrium_near(system: System, start: Start, t: float, tolerance: float, max_iterations: int
                      ) -> NewtonResult | None:
-    """Return the equilibrium next to a guess, None where there is none, or one that may be on another branch."""
+    """Return the equilibrium next to a guess, or None if there is none or it may be on another branch."""
     free, turns, touched = system.model.numbering.free, system.turns(), memory(system.model)
     guess = system.model.displacements(start.d[free], t)
     if start.turned is not None:

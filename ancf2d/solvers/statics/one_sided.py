@@ -1,4 +1,4 @@
-"""Springs and tendons that act on one side alone, where a computation about one state cannot represent it."""
+"""One-sided springs and tendons where a computation about one state cannot represent them."""
 
 from __future__ import annotations
 
@@ -12,17 +12,19 @@ from ...errors import ComputationError
 from ...model.model import Model
 from ..small_motions.lowest_modes import Pencil
 
-# share of a step at which one-sided springs are seen to act, and of what they would bear if all motion strained them
+# share of a step at which one-sided springs must act, and share of the force, if all motion strained them, that they
+# must have there
 NEAR, EDGE = 1e-2, 1e-3
-# of a tension, the push that is round-off
+# compression relative to the tension that is round-off
 SLACK = 1e-9
-# share of a step below which it is not shortened for what begins or ceases to act within it
+# share of a step below which it is not shortened for springs that engage or release
 SHORTEST = 1e-6
 
 
 def check_edges(pencil: Pencil, u: Array, h: float) -> None:
-    """Raise ComputationError where the response u (n_full,) does not take a one-sided spring from its edge to where it
-    acts: the tangent takes it to act, and what buckles would move it either way. ``h`` is a step of the load factor.
+    """Raise ComputationError if a one-sided spring is about to engage and the response u (n_full,) does not engage it.
+
+    The tangent contains its stiffness, but a buckling shape may move it either way. ``h`` is a step of the load factor.
     """
     model, d, step = pencil.model, pencil.d, NEAR * h
     for what, spring in one_sided(model):
@@ -38,7 +40,7 @@ def check_edges(pencil: Pencil, u: Array, h: float) -> None:
 
 
 def step_before(pencil: Pencil, u: Array, h: float, steps: int) -> float:
-    """Return a step of the load factor, at most h, so many of which make no one-sided spring begin or cease to act.
+    """Return a step of the load factor, at most h, so that within ``steps`` of it no spring engages or releases.
 
     ``u`` (n_full,) is the linear response.
     """
@@ -49,16 +51,19 @@ def step_before(pencil: Pencil, u: Array, h: float, steps: int) -> float:
 
 
 def changed(pencil: Pencil, u: Array, factor: float) -> list[str]:
-    """Return the one-sided springs that act at a load factor along the response u (n_full,) but not at 0, or not any
-    more.
+    """Return the one-sided springs that engage or release between load factor 0 and ``factor``.
+
+    ``u`` (n_full,) is the linear response.
     """
     return [what for what, spring in one_sided(pencil.model)
             if _forces(spring, pencil.d, u, factor)[1].any() != _forces(spring, pencil.d, u, 0.0)[1].any()]
 
 
 def neglected(pencil: Pencil, u: Array, factor: float, h: float) -> float:
-    """Return the work on the response u (n_full,) of what one-sided springs bear at a load factor beside their linear
-    forces, over that of the stiffness. ``h`` is a step in which none begins or ceases to act.
+    """Return the work that the linearisation neglects in one-sided springs, relative to that of the stiffness.
+
+    It is the work on the response u (n_full,) of their forces at a load factor less their linear forces; ``h`` is a
+    step in which none engages or releases.
     """
     work = 0.0
     for _, spring in one_sided(pencil.model):
@@ -75,7 +80,7 @@ def _forces(spring: Any, d: Array, u: Array, factor: float) -> tuple[Array, Arra
 
 
 def check_taut(model: Model, d: Array) -> None:
-    """Raise ComputationError where an elastic tendon would push, or begins to pull, in linear statics: d (n_full,)."""
+    """Raise ComputationError if an elastic tendon would push, or starts to pull, in linear statics at d (n_full,)."""
     rest = np.zeros_like(d)
     for what, tendon in _tendons(model):
         before, linear, other = (tendon.linear_tension(one, 1.0) for one in (rest, d, -d))
@@ -87,13 +92,13 @@ def check_taut(model: Model, d: Array) -> None:
 
 
 def _tendons(model: Model) -> Iterator[tuple[str, Any]]:
-    """Yield elastic tendons with where they stand in the case."""
+    """Yield elastic tendons with their names in the case."""
     numbers = [k for k, item in enumerate(model.case.loads) if getattr(item, "stiffness", None) is not None]
     yield from ((f"loads.{k}", tendon) for k, tendon in zip(numbers, model.loads.springs, strict=True))
 
 
 def one_sided(model: Model) -> Iterator[tuple[str, Any]]:
-    """Yield springs and elastic tendons that act on one side alone, with where they stand in the case."""
+    """Yield one-sided springs and elastic tendons with their names in the case."""
     for (k, item), spring in zip(model.case.resting_springs.items(), model.springs, strict=False):
         if item.breaks:
             yield f"springs.{k}", spring

@@ -22,15 +22,15 @@ from .path_steps import ArcSteps, ProbeSteps, Steps, leave
 from .static import unscaled
 
 MOST_STEPS = 1000
-# iterations that a step should take
+# number of iterations that a step should take
 WANTED = 6
-# the path may turn by 45 degrees in a step, in the plane of its own extents
+# the path may turn by 45 degrees in a step, in the metric of the path
 LARGEST_TURN = np.cos(np.pi / 4)
-# a change of inertia is cornered to this share of the path before it is taken for a bifurcation
+# a change of inertia is bracketed to this share of the path before it counts as a bifurcation
 CORNERED = 1e-4
-# limit points that may lie in pairs within a step are looked for down to this share of it
+# possible pairs of limit points within a step are searched for down to this share of it
 CLOSEST_PAIR = 2.0**-8
-# cuts of one step, and its share of the path, before the path is given up
+# limits at which the path is given up: cuts of one step, and its length as a share of the path
 MOST_CUTS = 40
 SMALLEST = 1e-9
 
@@ -38,7 +38,7 @@ Event = tuple[PathPoint, Literal["step", "limit", "end"]]
 
 
 class Follower:
-    """Follows a path from point to point and tells what it passes."""
+    """Follows a path from point to point and reports limit points, bifurcations and its end."""
 
     def __init__(self, model: Model, spec: Static) -> None:
         self.model, self.spec = model, spec
@@ -50,13 +50,13 @@ class Follower:
         self.log = PathLog(model)
         self.steps: Steps
         self.number = self.cuts = 0
-        # whether the path is still to be left
+        # whether the path has not yet left on the wanted branch
         self.branches = spec.branch is not None
-        # how far ahead a change of inertia was seen, and the step to go on with when it is passed
+        # where (s) a change of inertia was seen, and the step to go on with after it
         self.suspect, self.resume = 0.0, 0.0
 
     def states(self) -> Iterator[State]:
-        """Yield the states of the path, limit points among them; the last one is where it is to end."""
+        """Yield the states of the path, including limit points; the last one is the end of the path."""
         begin, before = self._begin()
         if before is not None:
             yield before
@@ -87,7 +87,7 @@ class Follower:
             a = b
 
     def _begin(self) -> tuple[Found, State | None]:
-        """Return the equilibrium at factor 0, and its state where constant loads move the model from the reference."""
+        """Return the equilibrium at factor 0, and its state if constant loads move the model from the reference."""
         model = self.model
         try:
             states = list(unscaled(model, self.spec.tolerance, self.spec.max_iterations))
@@ -108,7 +108,7 @@ class Follower:
         return Found(state.d, 0.0, 0, 0.0, 0.0), state
 
     def _settle(self, d: Array, t: float, turned: Array | None = None) -> None:
-        """Count turns on from an equilibrium, which elements remember."""
+        """Accept an equilibrium: update history variables and count turns from it."""
         check_pressed(self.model, d, {"factor": float(f"{t:.6g}")})
         self.curve.system.accept(d, t)
         turned = self.curve.system.count(d, t) if turned is None else turned
@@ -117,12 +117,12 @@ class Follower:
             self.goal.settle(d, turned)
 
     def _resting(self, begin: Found) -> PathPoint:
-        """Return where a path begins that does not go anywhere."""
+        """Return the start of a path that ends there."""
         balance = self.curve.system.forces(begin.d, begin.t)
         return PathPoint(begin.d, begin.t, 0.0, np.zeros(self.model.numbering.n_unknowns), 0.0, 0, balance, 0, 0.0, 0.0)
 
     def _next(self, a: PathPoint, h: float) -> tuple[PathPoint, list[Event], list[str]]:
-        """Return the next point, what is passed on the way in order, and warnings. A step in trouble is cut."""
+        """Return the next point, the events up to it in order, and warnings. Failed or doubtful steps are cut."""
         self.cuts, longest = 0, h
         while True:
             try:
@@ -140,7 +140,7 @@ class Follower:
                 raise self._stuck(trouble, a) from trouble
 
     def _advance(self, a: PathPoint, h: float, guess: tuple[Array, float] | None = None) -> PathPoint:
-        """Return the path's point a step of h from a. Raises ComputationError where the path is lost."""
+        """Return the path's point a step of h from a. Raises ComputationError if the path is lost."""
         curve, free = self.curve, self.model.numbering.free
         if guess is None:
             t = a.t + h * a.rate
@@ -155,14 +155,14 @@ class Follower:
         return b
 
     def _inertia_differs(self, a: PathPoint, b: PathPoint) -> bool:
-        """Whether the inertia changes otherwise than by the one eigenvalue that a limit point turns."""
+        """Return whether the inertia changes other than by the one eigenvalue of a limit point."""
         expected = 1 if a.rate * b.rate < 0 else 0
         return self.curve.knows_inertia and abs(b.negative - a.negative) != expected
 
     def _doubtful(self, a: PathPoint, b: PathPoint, longest: float) -> bool:
-        """Whether something may lie between two points that a shorter step would show."""
+        """Return whether a shorter step may show something between two points."""
         h = b.s - a.s
-        # where elements remember the way, tangents tell of unloading, and nothing of the way between
+        # with history variables, the tangents may be those of unloading, which do not show the path between
         if not self.model.remembers and hides_limit_points(a, b) and h > CLOSEST_PAIR * longest:
             return True
         if not self._inertia_differs(a, b) or h <= CORNERED * a.s * (1 + 1e-9):
@@ -173,7 +173,7 @@ class Follower:
         return True
 
     def _events(self, a: PathPoint, b: PathPoint) -> list[Event]:
-        """Return the limit point between a and b, then b; or, before them, where the path ends."""
+        """Return the limit point between a and b, if any, then b; or the end of the path if it comes before."""
         legs: list[Event] = [(b, "end" if self.steps.ends(b) else "step")]
         if a.rate * b.rate < 0:
             limit = limit_between(self.curve, a, b, lambda s, guess: self._advance(a, s - a.s, guess))
@@ -192,7 +192,7 @@ class Follower:
         return out
 
     def _at_branch(self, a: PathPoint, b: PathPoint) -> bool:
-        """Whether the bifurcation between two points is the one at which the path is to be left."""
+        """Return whether the bifurcation between two points is the one at which to leave the path."""
         assert self.spec.branch is not None
         return self._inertia_differs(a, b) and len(self.log.bifurcations) == self.spec.branch.at
 
@@ -212,7 +212,7 @@ class Follower:
         return first, [(first, "step")], [warning]
 
     def _after(self, b: PathPoint, h: float, crossed: bool) -> float:
-        """Return the step to try after one of h: closing in on a suspect, or by the iterations that it took."""
+        """Return the next step after one of h: towards a suspected bifurcation, or according to the iterations."""
         rest, near = self.suspect - b.s, CORNERED * b.s
         if rest > 0.1 * near and not crossed:
             return rest if rest <= near else max(0.5 * rest, near)
@@ -223,7 +223,7 @@ class Follower:
         return h * (min(grow, 1.0) if self.cuts else grow)
 
     def _state(self, point: PathPoint, kind: str, warnings: list[str]) -> State:
-        """Return what is yielded for a point."""
+        """Return the state to be yielded for a point."""
         self.number += kind != "limit"
         residual = float(np.max(np.abs(point.balance.R), initial=0.0))
         history = {"step": self.number, "factor": point.t, "iterations": point.iterations, "residual": residual,
@@ -249,12 +249,12 @@ class Follower:
         return state
 
     def _plain(self, point: PathPoint) -> State:
-        """Return the state at a point, without what is told of its step."""
+        """Return the state at a point, without history and warnings."""
         turned = self.curve.system.count(point.d, point.t)
         return State(point.t, point.d, point.balance.Q, point.balance.F, point.balance.energy, turned)
 
     def _unbranched(self) -> str:
-        """Return what to say of a path that came to its end before the bifurcation at which it was to be left."""
+        """Return the warning that the path ended before the bifurcation at which it was to be left."""
         assert self.spec.branch is not None
         return (f"solver.branch: the path ends before its bifurcation {self.spec.branch.at} (it met "
                 f"{len(self.log.bifurcations)}), so no branch was followed")
@@ -281,7 +281,7 @@ def solve_path(model: Model, spec: Static) -> Iterator[State]:
     """Yield the states of the equilibrium path from load factor 0 by ``arc_length`` or ``displacement``.
 
     The load factor scales loads and motion that have no amplitude; the rest is constant. Each state's ``report`` holds
-    the limit points and bifurcations passed so far. Raises ComputationError where the path cannot be followed or does
-    not come to its end in the steps allowed.
+    the limit points and bifurcations passed so far. Raises ComputationError if the path cannot be followed or does not
+    reach its end in the allowed number of steps.
     """
     return Follower(model, spec).states()

@@ -1,4 +1,4 @@
-"""What a path passes: where it is to end, its limit points and bifurcations, and how they are found within a step."""
+"""Events of a path: its end, limit points and bifurcations, and how they are located within a step."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .continuation import AtFactor, AtProbe, Control, Curve, PathPoint, ProbeVal
 
 # displacements of a limit point are located to this share of the largest
 LIMIT_DIGITS = 1e-9
-# points as close as this determine what lies between by the cubic through them, to the fourth power
+# points this close determine the path between by the cubic through them (error of fourth order)
 NARROW = 1e-4
 MOST_TRIALS = 40
 SAMPLES = np.linspace(0.0, 1.0, 33)
@@ -28,7 +28,7 @@ class Goal(Protocol):
     """The value at which a path ends."""
 
     def distance(self, d: Array, t: float) -> float:
-        """Return how far a state is from the value, with sign."""
+        """Return the signed distance of a state from the value."""
         ...
 
     def slope(self, point: PathPoint) -> float:
@@ -36,11 +36,11 @@ class Goal(Protocol):
         ...
 
     def control(self) -> Control:
-        """Return the equation that is met at the value exactly."""
+        """Return the equation that selects the state at the value."""
         ...
 
     def settle(self, d: Array, turned: Array) -> None:
-        """Take notice of an accepted state."""
+        """Update the goal with an accepted state."""
         ...
 
     def __str__(self) -> str:
@@ -67,14 +67,14 @@ class FactorGoal:
         return AtFactor(self.value, self.n)
 
     def settle(self, d: Array, turned: Array) -> None:
-        """Nothing to notice."""
+        """Do nothing: a load factor has no turns to count."""
 
     def __str__(self) -> str:
         return f"load factor {self.value:.6g}"
 
 
 class ProbeGoal:
-    """A value of what a probe does."""
+    """A value of a quantity of a probe."""
 
     def __init__(self, model: Model, until: ProbeReaches) -> None:
         self.until = until
@@ -85,7 +85,7 @@ class ProbeGoal:
         return self.probe.value(d) - self.until.reaches
 
     def slope(self, point: PathPoint) -> float:
-        """Return its derivative along the path."""
+        """Return the derivative of the quantity along the path."""
         gradient, by_t = self.probe.derivatives(point.d)
         return float(gradient @ point.z) + by_t * point.rate
 
@@ -94,7 +94,7 @@ class ProbeGoal:
         return AtProbe(self.probe, self.until.reaches)
 
     def settle(self, d: Array, turned: Array) -> None:
-        """Count the probe's turns from here on."""
+        """Count the probe's turns from this state."""
         self.probe.settle(d, turned)
 
     def __str__(self) -> str:
@@ -102,7 +102,7 @@ class ProbeGoal:
 
 
 def goal_of(model: Model, until: LoadFactor | LimitPoints | ProbeReaches) -> Goal | None:
-    """Return the value that a path ends at, None where it ends at a limit point."""
+    """Return the goal of a path, or None if it ends at a limit point."""
     if isinstance(until, LimitPoints):
         return None
     return FactorGoal(model, until) if isinstance(until, LoadFactor) else ProbeGoal(model, until)
@@ -123,7 +123,7 @@ def between(model: Model, a: PathPoint, b: PathPoint, s: float) -> tuple[Array, 
 
 
 def hides_limit_points(a: PathPoint, b: PathPoint) -> bool:
-    """Whether the load factor, by the cubic, turns and turns back between two points that both go on alike."""
+    """Return whether the load factor, by the cubic, reverses twice between two points with dt/ds of the same sign."""
     if a.rate * b.rate <= 0:
         return False
     middle = 3 * (b.t - a.t) / (b.s - a.s) - a.rate - b.rate
@@ -134,8 +134,8 @@ def hides_limit_points(a: PathPoint, b: PathPoint) -> bool:
 def limit_between(curve: Curve, a: PathPoint, b: PathPoint, settled: Callable[[float, Any], PathPoint]) -> PathPoint:
     """Return the limit point between two points whose dt/ds differ in sign, by regula falsi (Illinois) along the path.
 
-    ``settled(s, guess)`` returns the path's point at s. The load is then known to 1e-2 of the tolerance, as its error
-    is of second order. Where the tangent stiffness is singular to round-off the point is interpolated.
+    ``settled(s, guess)`` returns the path's point at s. The load is then accurate to 1e-2 of the tolerance, as its
+    error is of second order. If the tangent stiffness is singular to round-off, the point is interpolated.
     """
     low, high, f_low, f_high = a, b, a.rate, b.rate
     iterations = 0
@@ -162,7 +162,7 @@ def limit_between(curve: Curve, a: PathPoint, b: PathPoint, settled: Callable[[f
 
 
 def _spread(curve: Curve, point: PathPoint, h: float) -> float:
-    """Return how far a step of h moves, beside the displacements."""
+    """Return the displacement of a step of h relative to the total displacements."""
     return h * curve.system.norm(point.z) / curve.system.norm(point.d[curve.model.numbering.free])
 
 
@@ -188,7 +188,7 @@ def _interpolated(curve: Curve, low: PathPoint, high: PathPoint, iterations: int
 
 def goal_between(curve: Curve, goal: Goal, a: PathPoint, b: PathPoint,
                  scale: Callable[[Array, Array], float]) -> PathPoint | None:
-    """Return the point where the goal is met exactly between two points, None where it is not met."""
+    """Return the point between two points where the goal is met exactly, or None if it is not met there."""
     h, off_a, off_b = b.s - a.s, goal.distance(a.d, a.t), goal.distance(b.d, b.t)
     along = cubic(off_a, goal.slope(a), off_b, goal.slope(b), h, SAMPLES)
     along[0], along[-1] = off_a, off_b
@@ -208,7 +208,7 @@ def goal_between(curve: Curve, goal: Goal, a: PathPoint, b: PathPoint,
 
 
 class PathLog:
-    """Limit points and bifurcations passed so far, with what the probes show there."""
+    """Limit points and bifurcations of the path so far, with the values of the probes there."""
 
     def __init__(self, model: Model) -> None:
         self.observer = Observer(model)
@@ -216,12 +216,12 @@ class PathLog:
         self.bifurcations: list[dict[str, Any]] = []
 
     def observe(self, state: State, limit: bool) -> None:
-        """Note a limit point, with what the probes show there."""
+        """Store a limit point with the values of the probes."""
         if limit:
             self.limit_points.append({"factor": state.t, "probes": self.observer.observe(state)})
 
     def branch(self, a: PathPoint, b: PathPoint, before: State) -> str:
-        """Note a bifurcation between two points, with what the probes show before it; return it in words."""
+        """Store a bifurcation between two points, with the values of the probes before it; return the warning."""
         factor = 0.5 * (a.t + b.t)
         direction = "and the path continues straight on; the branches are not followed"
         self.bifurcations.append({"factor": factor, "negative_pivots": [a.negative, b.negative],
@@ -231,9 +231,9 @@ class PathLog:
                 f"{len(self.bifurcations)}}} under solver")
 
     def left(self, factor: float, direction: int, negative: int, known: bool) -> str:
-        """Note that the path was left at the last bifurcation, at a load factor now known better; return it in words.
+        """Store the departure from the path at the last bifurcation, with its improved factor; return the warning.
 
-        ``negative`` are the pivots at the first point of the branch.
+        ``negative``: the negative pivots at the first point of the branch.
         """
         stable = "" if not known else (", which is stable there" if negative <= 0 else ", which is unstable there "
                                        f"(negative pivots: {negative})")
@@ -242,7 +242,7 @@ class PathLog:
         return f"a bifurcation was met at load factor {factor:.6g}, {way}: onto a branch{stable}"
 
     def report(self) -> dict[str, Any]:
-        """Return what the summary tells."""
+        """Return the entries for the summary."""
         return {"limit_points": list(self.limit_points), "bifurcations": list(self.bifurcations)}
 
     def tables(self) -> dict[str, dict[str, list[Any]]]:

@@ -1,4 +1,4 @@
-"""How far a path is followed at a time, and how it leaves on a branch at a bifurcation."""
+"""Steps along a path, and how it leaves on a branch at a bifurcation."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from .continuation import ArcLength, AtProbe, Control, Curve, Found, PathPoint
 from .path_events import FactorGoal, Goal, ProbeGoal
 from .static import STEPS
 
-# no point moves further in a step than this share of the model's extent
+# largest displacement in a step, as a share of the model's extent
 LARGEST_MOVE = 0.1
-# nor in the first step of a path that does not end at a load factor than this
+# the same for the first step of a path that does not end at a load factor
 FIRST_MOVE = 0.01
-# and where the tangent is not symmetric than this, as its determinant hides critical points that come in pairs
+# the same if the tangent is not symmetric: its determinant hides critical points that come in pairs
 FIRST_BLIND_MOVE = 1e-6
-# what is left of a way by round-off
+# share of a path's length that is round-off
 END = 1e-12
-# displacements beside the extent that are round-off, where bodies rest on what they touch
+# displacements relative to the extent that are round-off, if bodies rest on obstacles
 REST = 1e-12
 
 Scale = Callable[[Array, Array], float]
 
 
 class Steps(Protocol):
-    """The parameter s that a path is followed by; ``start`` is its first point, at s = 0."""
+    """The parameter s of a path; ``start`` is its first point, at s = 0."""
 
     start: PathPoint
 
     def control(self, a: PathPoint, h: float) -> Control:
-        """Return the equation that is met a step of h from a."""
+        """Return the equation that selects the point a step of h from a."""
         ...
 
     def scale(self, a: PathPoint) -> Scale:
-        """Return dt/ds of a tangent dz/dt that goes on from a's: a function of (d, dz/dt)."""
+        """Return a function of (d, dz/dt) that gives dt/ds of a tangent in the direction of a's tangent."""
         ...
 
     def first(self) -> float:
@@ -50,16 +50,16 @@ class Steps(Protocol):
         ...
 
     def ends(self, a: PathPoint) -> bool:
-        """Whether the parameter itself has come to its end."""
+        """Return whether the parameter has reached its end."""
         ...
 
     def renew(self, a: PathPoint) -> float:
-        """Adapt the unit of s to the path so far; return how many new units are an old one."""
+        """Adapt the unit of s to the path so far; return the length of an old unit in new ones."""
         ...
 
 
 class ArcSteps:
-    """Steps by arc length; the direction is the one that the path had."""
+    """Steps by arc length, in the direction of the previous tangent."""
 
     def __init__(self, curve: Curve, goal: Goal | None, start: Found) -> None:
         self.curve, self.goal = curve, goal
@@ -69,7 +69,7 @@ class ArcSteps:
         self.start = curve.point(start, 0.0, lambda d, by_load: forward)
         curve.metric.load = curve.metric.dot((self.start.z, 0.0), (self.start.z, 0.0))
         if curve.model.contacts and not self._moves(curve.metric.load):
-            # what rests on obstacles may move later on
+            # bodies that rest on obstacles may move later
             curve.metric.load = curve.model.extent**2
         if curve.metric.load == 0.0:
             raise ComputationError("nothing moves as the load factor grows", at={"factor": float(f"{start.t:.6g}")},
@@ -83,7 +83,7 @@ class ArcSteps:
         return ArcLength(self.curve, a, h)
 
     def scale(self, a: PathPoint) -> Scale:
-        """Return what makes a tangent one unit of arc, on the side that a's tangent points to."""
+        """Return a function that scales a tangent to one unit of arc, on the side of a's tangent."""
         def unit(d: Array, by_load: Array) -> float:
             metric = self.curve.metric
             sign = 1.0 if metric.dot(a.tangent, (by_load, 1.0)) > 0 else -1.0
@@ -91,7 +91,7 @@ class ArcSteps:
         return unit
 
     def first(self) -> float:
-        """Return a share of the way to a load factor, or a small move."""
+        """Return a share of the way to a load factor, or a small step."""
         largest = self.largest(self.start)
         if isinstance(self.goal, FactorGoal):
             return largest
@@ -112,11 +112,11 @@ class ArcSteps:
         return min(self._moving(a, LARGEST_MOVE), self.whole / STEPS / slope if slope > 0 else np.inf)
 
     def ends(self, a: PathPoint) -> bool:
-        """Arc length has no end."""
+        """Return False: arc length has no end."""
         return False
 
     def renew(self, a: PathPoint) -> float:
-        """Weigh loads and displacements by the extents of the path so far."""
+        """Weigh load factor and displacements by their ranges along the path so far."""
         metric = self.curve.metric
         dz = a.d[self.curve.model.numbering.free] - self.origin
         self.moved, self.loaded = max(self.moved, metric.dot((dz, 0.0), (dz, 0.0))), max(self.loaded, a.t**2)
@@ -128,7 +128,7 @@ class ArcSteps:
 
 
 class ProbeSteps:
-    """Steps by what a probe does, towards the value that it is to reach."""
+    """Steps by a quantity of a probe, towards its final value."""
 
     def __init__(self, curve: Curve, goal: ProbeGoal, start: Found, steps: int | None) -> None:
         self.curve, self.goal = curve, goal
@@ -136,7 +136,7 @@ class ProbeSteps:
         self.sign, self.length = float(np.sign(way)), abs(way)
         self.step = self.length / (steps or STEPS)
         self.start = curve.point(start, 0.0, self._unit)
-        # loads and displacements weigh alike at the start
+        # give load factor and displacements equal weight at the start
         curve.metric.load = curve.metric.dot((self.start.z, 0.0), (self.start.z, 0.0)) / self.start.rate**2
 
     def _unit(self, d: Array, by_load: Array) -> float:
@@ -149,13 +149,13 @@ class ProbeSteps:
         return self.sign / slope
 
     def control(self, a: PathPoint, h: float) -> Control:
-        """Return the probe's value a step of h from a, the final one exactly."""
+        """Return the equation for the probe's value a step of h from a, with the final value exact."""
         rest = self.length - a.s - h
         rest = rest if rest > END * self.length else 0.0
         return AtProbe(self.goal.probe, self.goal.until.reaches - self.sign * rest)
 
     def scale(self, a: PathPoint) -> Scale:
-        """Return what makes a tangent one unit of the probe's quantity."""
+        """Return the function that scales a tangent to one unit of the probe's quantity."""
         return self._unit
 
     def first(self) -> float:
@@ -163,27 +163,27 @@ class ProbeSteps:
         return self.step
 
     def largest(self, a: PathPoint) -> float:
-        """Return a share of the whole, or what is left."""
+        """Return the regular step, or the remaining way if that is shorter."""
         return min(self.step, self.length - a.s)
 
     def ends(self, a: PathPoint) -> bool:
-        """Whether the value is reached."""
+        """Return whether the value is reached."""
         return self.length - a.s <= END * self.length
 
     def renew(self, a: PathPoint) -> float:
-        """Keep the unit, which is the probe's."""
+        """Keep the unit, which is that of the probe's quantity."""
         return 1.0
 
 
-# how far the first point of a branch is from the path, as a share of the extent, and the nearest one that is tried
+# distance of the first point of a branch from the path, as a share of the extent, and the shortest one tried
 FAR, NEAREST = 0.01, 1e-5
 INVERSE_ITERATIONS = 30
-# a branch whose first point goes along the path by this many times what it goes along the mode is the path itself
+# if the first point lies this many times farther along the path than along the mode, it is on the path itself
 ALONG = 100.0
 
 
 class _AtAmplitude:
-    """phi . W (z - z0) = amplitude: a share of the mode, whatever the load."""
+    """phi . W (z - z0) = amplitude: a given amplitude of the mode at any load."""
 
     def __init__(self, curve: Curve, start: PathPoint, mode: Array, amplitude: float) -> None:
         self.gradient, self.free = curve.metric.weights * mode, curve.model.numbering.free
@@ -197,7 +197,7 @@ class _AtAmplitude:
 
 @dataclass(frozen=True)
 class Branch:
-    """The first point of a branch, and the load factor at which it leaves the path."""
+    """The first point of a branch, and the load factor of the bifurcation."""
 
     point: PathPoint
     factor: float
@@ -205,10 +205,10 @@ class Branch:
 
 def leave(curve: Curve, a: PathPoint, b: PathPoint, direction: float,
           scale: Callable[[PathPoint], Callable[[Array, Array], float]]) -> Branch:
-    """Return where the branch between two points of a path begins, on the side of the mode that ``direction`` tells.
+    """Return the first point of the branch between two points, on the side of the mode given by ``direction``.
 
-    ``scale(point)`` makes a tangent a unit of the path's parameter on the side of a point's own. Raises
-    ComputationError where no branch is found.
+    ``scale(point)`` returns a function that scales a tangent to one unit of the path's parameter, in the direction of
+    the point's tangent. Raises ComputationError if no branch is found.
     """
     soft_a, mode = _softest(curve, a)
     soft_b, _ = _softest(curve, b)
@@ -234,9 +234,9 @@ def leave(curve: Curve, a: PathPoint, b: PathPoint, direction: float,
 
 
 def _softest(curve: Curve, point: PathPoint) -> tuple[float, Array]:
-    """Return the eigenvalue of K next to zero at a point, and its mode (n_unknowns,), whose largest displacement is 1.
+    """Return the eigenvalue of K closest to zero at a point, and its mode (n_unknowns,) with largest displacement 1.
 
-    By inverse iteration with the metric of the path.
+    By inverse iteration in the metric of the path.
     """
     system = curve.system
     system.assemble(point.d, point.t)
@@ -256,7 +256,7 @@ def _softest(curve: Curve, point: PathPoint) -> tuple[float, Array]:
 
 
 def _places(curve: Curve) -> Array:
-    """Return 1 for unknowns that are positions, else 0 (n_unknowns,)."""
+    """Return 1 for unknowns that are positions, 0 for others (n_unknowns,)."""
     model = curve.model
     full = np.zeros(len(model.numbering.place))
     for mesh in model.meshes.values():

@@ -19,25 +19,25 @@ from .newton import MAX_ITERATIONS, TOLERANCE, NewtonResult, check_sound, negati
 from .static import BEYOND, STEPS, March
 from .step_control import Path
 
-# shares of the whole time: the first step, the longest one, and one that is too short to go on
+# shares of the whole time: first step, largest step, and step too short to go on
 FIRST, LONGEST, SHORTEST = 1e-6, 1e-2, 1e-12
-# of the tolerance of a step: how well its equilibrium is found
+# tolerance of the equilibrium relative to that of the step
 CLOSE = 1e-4
-# bounds of the factor from one step to the next, and the share of the longest step that the error allows
+# bounds of the ratio of successive steps, and safety factor on the step that the error allows
 LEAST, MOST, SAFE = 0.2, 3.0, 0.9
-# the errors of all steps fall with this power of their length
+# the accumulated error is proportional to this power of the step size
 ORDER = 2
-# times that errors take to fade e-fold: they are gone then
+# number of e-folding times after which errors have faded
 FADED = 2.0
-# of what Newton's method leaves of forces: what these are known to
+# multiple of Newton's residual that is the uncertainty of forces
 LEFT = 4.0
-# of the tolerance: the error that steps may make while the time since the last corner grows e-fold, of which two count
+# share of the tolerance for the errors of steps while the time since the last break grows e-fold; two such spans count
 AGE = 0.5
 
 
 @dataclass
 class _Kept:
-    """What a step begins from again after it has been refused."""
+    """The data to restore after a step is rejected."""
 
     states: Array
     contacts: list[Array]
@@ -46,7 +46,7 @@ class _Kept:
 
 
 class Course:
-    """Goes through equilibria over time; ``d`` (n_full,) is the one at ``t``."""
+    """Follows equilibria over time; ``d`` (n_full,) is the one at ``t``."""
 
     def __init__(self, model: Model, spec: QuasiStatic) -> None:
         self.model, self.spec, self.system = model, spec, System(model)
@@ -54,23 +54,23 @@ class Course:
         self.iterations = spec.max_iterations or MAX_ITERATIONS
         self.march = March(self.system, 1.0 / STEPS, self.close, self.iterations)
         self.t, self.number, self.refused = 0.0, 0, 0
-        # the next step, the corners of amplitudes that are behind, and where the last one was
+        # next step, number of breaks passed, and time of the last one
         self.h, self.passed, self.begin = FIRST * spec.t_end, 0, 0.0
-        # of the displacements so far [m], and of the forces of what holds bodies [N]
+        # largest displacement so far [m], and largest force on supports [N]
         self.size, self.force = 0.0, 0.0
         self.path = Path([0.0], [self.march.d])
         self.fades = _fading(model)
-        # materials that relax are strained by what is held and moved, too: coordinates (k,) that do not move by
-        # themselves, and the displacement that a unit of each stands for
+        # relaxing materials are strained by prescribed coordinates, too: coordinates (k,) that are not unknowns, and
+        # the displacement of a unit of each
         weights = model.weights
         moves = np.flatnonzero(weights > 0.0) if model.maxwell else np.zeros(0, dtype=np.int64)
         self.held = np.setdiff1d(moves, model.numbering.free)
         self.arms, self.least = weights[self.held], float(np.min(weights, where=weights > 0.0, initial=np.inf))
 
     def states(self, kept: dict[str, Array] | None = None) -> Iterator[State]:
-        """Yield the response at t = 0, which takes no time, and the equilibrium at the end of each step.
+        """Yield the instantaneous response at t = 0 and the equilibrium at the end of each step.
 
-        From a checkpoint, only those that follow.
+        From a checkpoint, yield only the states after it.
         """
         if kept is None:
             self.model.set_step(0.0)
@@ -79,7 +79,7 @@ class Course:
             yield self._at_rest(iterations, warnings)
         else:
             self._resume(kept)
-        # where elements remember the way, no step may pass a place where it turns back
+        # with history variables, steps must end where amplitudes turn back
         turns = bool(self.model.remembers)
         case, end = self.model.case, self.spec.t_end
         wanted = list(self.spec.times or ())
@@ -97,11 +97,11 @@ class Course:
         yield from self._go(self.spec.t_end)
 
     def checkpoint(self) -> dict[str, Array]:
-        """Return everything that the course goes on from."""
+        """Return everything that the computation needs to go on."""
         accepted = self.system.accepted
         turns = {f"{name}/{k}": x for name, pair in (("turns", self.system.turns()), ("march", self.march.turns))
                  for k, x in enumerate(pair)}
-        # the path ends at d; a row has d, or what was accepted, and its time
+        # the path ends at d; rows contain d, or the accepted state, and its time
         before, last = list(zip(self.path.d, self.path.t, strict=True))[:-1], [] if accepted is None else [accepted]
         return {"numbers": np.array([self.t, self.h, self.begin, self.size, self.force]),
                 "counts": np.array([self.number, self.refused, self.passed, self.march.negative]),
@@ -121,7 +121,7 @@ class Course:
         recall(self.model, [kept[f"contact/{k}"] for k in range(len(self.model.contact_tables))])
 
     def _at_rest(self, iterations: int, warnings: list[str]) -> State:
-        """Return the state at t, where the march stands."""
+        """Return the state at the current equilibrium."""
         state = self.march.resting(self.t)
         self._count(state.d)
         state.history.update(step=self.number, iterations=iterations)
@@ -134,7 +134,7 @@ class Course:
         self.size = max(self.size, self.system.norm(d[self.model.numbering.where]))
 
     def _jump(self, t: float) -> State:
-        """Return the equilibrium behind a jump of the loads or motions at t, which takes no time."""
+        """Return the instantaneous equilibrium after a jump of loads or motions at t."""
         before, self.t = self.t, t
         self.model.set_step(0.0)
         found = self.march.jump(before, t)
@@ -156,7 +156,7 @@ class Course:
                 if self.h < SHORTEST * end:
                     raise self._stuck(failure) from failure
                 continue
-            # so that errors sum up to the tolerance, in whatever decade of time since the last break they are made
+            # the errors of all steps since the last break add up to the tolerance, equally per decade of time
             share = AGE * step / min(self.t + step - self.begin, self.fades)
             error = 0.0 if whole is None else self._error(whole, result, self.spec.tolerance * share)
             grows = SAFE * error ** (-1.0 / ORDER) if error > 0.0 else MOST
@@ -164,18 +164,18 @@ class Course:
                 self._restore(kept)
                 self.h, self.refused = max(LEAST, grows) * step, self.refused + 1
                 continue
-            # a step that was cut to end at the stop says little of the next
+            # a step that was shortened to end at the stop hardly limits the next
             self.h = max(h if step < h else SHORTEST * end, min(MOST, max(LEAST, grows)) * step)
             yield self._accept(result, stop if step == left else self.t + step)
 
     def _error(self, whole: NewtonResult, halves: NewtonResult, allowed: float) -> float:
-        """Return the error of two half steps beside what is allowed of the largest displacement so far.
+        """Return the error of two half steps relative to the share ``allowed`` of the largest displacement so far.
 
-        And, where materials relax, of the largest force of what holds bodies: where all is moved, displacements tell
-        nothing of how stress relaxes.
+        If materials relax, also relative to the largest force on supports: where all displacements are prescribed, they
+        do not show how stress relaxes.
         """
         size = max(self.size, self.system.norm(halves.d[self.model.numbering.where]))
-        # what is less is round-off of the positions, as where loads have hardly begun
+        # smaller differences are round-off of positions, as when loads have just started
         known = UNIT_ROUNDOFF * self.model.extent
         found = self.system.distance(whole.d, halves.d) / max(allowed * size, known)
         if len(self.held):
@@ -187,13 +187,13 @@ class Course:
         return found / (2.0**ORDER - 1.0)
 
     def _force(self, result: NewtonResult) -> float:
-        """Return the largest force of what holds bodies [N]."""
+        """Return the largest force on supports [N]."""
         return float(np.max(np.abs(result.Q[self.held]) / self.arms, initial=0.0))
 
     def _tried(self, h: float) -> tuple[NewtonResult, NewtonResult | None]:
         """Return the equilibrium after a time h by two half steps, and that by one whole step.
 
-        Where the way does not matter one step is taken, and nothing is compared.
+        If the equilibrium does not depend on the path, one step is made, and the second result is None.
         """
         rubs = any(pair.item.friction for pair in self.model.contacts)
         if not self.model.remembers and not rubs:
@@ -201,7 +201,7 @@ class Course:
         kept = self._keep()
         whole = self._solve(self.t, h, self.path)
         if rubs:
-            # halves begin where the whole step began
+            # the half steps start from the same contact state
             self._restore(kept)
         middle = self.t + 0.5 * h
         half = self._solve(self.t, 0.5 * h, self.path)
@@ -227,7 +227,7 @@ class Course:
         state = state_of(self.system, result, t, self.number - 1, 0, self.march.stability(result, t))
         self.march.negative = result.negative_pivots
         self.system.accept(result.d, t)
-        # what is asked for next is asked at this moment
+        # quantities evaluated next belong to this time
         self.model.set_step(0.0)
         self.march.stand(result.d)
         self.path.push(t, result.d)
@@ -250,9 +250,9 @@ class Course:
 
 
 def _fading(model: Model) -> float:
-    """Return a time [s] in which errors of materials that relax have faded, infinite where others remember.
+    """Return a time [s] after which errors of relaxing materials have faded, infinite with other history variables.
 
-    They fade e-fold in the relaxation time under a given strain, in up to 1 + sum g times that under a given stress.
+    They fade e-fold in the relaxation time at given strain, and in up to 1 + sum g times that at given stress.
     """
     rubs = any(pair.item.friction for pair in model.contacts)
     if rubs or any(not model.meshes[name].plan.section.maxwell for name in model.remembers):
@@ -262,12 +262,12 @@ def _fading(model: Model) -> float:
 
 
 def solve_quasi_static(model: Model, spec: QuasiStatic, kept: dict[str, Array] | None = None) -> Iterator[State]:
-    """Yield the equilibrium at t = 0 and at the end of each step up to t_end, or those behind a checkpoint.
+    """Yield the equilibrium at t = 0 and at the end of each step up to t_end, or those after a checkpoint.
 
-    Steps adapt to the error of the displacements, by comparison with two half steps; they end where amplitudes have
-    corners or, where elements remember the way, turn back, and behind their jumps there is a response that takes no
-    time. Raises ComputationError where no equilibrium follows on the last one, and CheckpointError at once where the
-    checkpoint is none of this case.
+    Steps adapt to the error of the displacements, by comparison with two half steps. They end at corners of amplitudes
+    and, with history variables, where these turn back; a jump is followed by an instantaneous response. Raises
+    ComputationError if there is no equilibrium after the last one, and CheckpointError at once if the checkpoint is
+    from another case.
     """
     if model.hangs:
         raise ComputationError("only gravity stabilises the model, so there is no equilibrium to start from",

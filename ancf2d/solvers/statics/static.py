@@ -1,4 +1,4 @@
-"""Static equilibrium: one linear solve, or Newton with load steps that adapt."""
+"""Static equilibrium: one linear solve, or Newton's method with adaptive load steps."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ from .one_sided import check_taut
 from .step_control import Path, Stride
 
 STEPS = 10
-# displacements are of no use where this share of them is not known
+# displacements with a larger relative uncertainty are useless
 HOPELESS = 0.5
-# a singular tangent this close beyond an equilibrium, as a share of its load factor, is one of a critical load
+# a singular tangent within this share of the load factor after an equilibrium indicates a critical load
 NEXT = 1e-3
-# share of the way within which two places are one
+# places within this share of the way are the same
 ROUND = 1e-9
-# what helps where no equilibrium over time is found
+# advice if no equilibrium over time is found
 BEYOND = ("a limit load is likely, beyond which only solver dynamic can continue; else supports that leave no "
           "mechanism")
 
@@ -52,7 +52,8 @@ BEYOND = ("a limit load is likely, beyond which only solver dynamic can continue
 def solve_linear(model: Model) -> Iterator[State]:
     """Yield the one state of linear statics: K(0) d = Q_k with every load at its full factor.
 
-    Moments and follower loads act in the reference directions; their load stiffness is no linear theory.
+    Moments and follower loads act in the reference directions; linear theory has no load stiffness. Raises
+    ComputationError if no digit of the displacements is significant.
     """
     system, num = System(model), model.numbering
     zero = np.zeros(len(num.place))
@@ -92,7 +93,7 @@ def solve_linear(model: Model) -> Iterator[State]:
 
 
 def _pretensioned(model: Model, d: Array) -> list[str]:
-    """Return the warning that section forces leave out how an elastic tendon under pretension turns with its body."""
+    """Return a warning that section forces neglect how the pretension of an elastic tendon rotates with its body."""
     rest, moved = np.zeros(model.n_q), d[:model.n_q]
     names = sorted({g.mesh.plan.name for g in model.loads.guides
                     if 0.0 < g.tension(rest, 1.0) != g.tension(moved, 1.0)})
@@ -105,14 +106,14 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
                  factors: Sequence[float] = ()) -> Iterator[State]:
     """Yield a state per load step, from the reference (factor 0) to the factor ``end``, which may be negative or 0.
 
-    The factor changes by at most ``end/steps`` at a time; a step in trouble is cut, and grows again after easy ones.
-    Steps end at ``factors``, too. What acts at factor 0 already (springs that pull, amplitudes that do not begin at 0)
-    is raised first; that yields no state unless ``end`` is 0. Only the last state where that is found from ``start`` at
-    once. Raises ComputationError where the path cannot be followed.
+    The factor changes by at most ``end/steps`` at a time; failed steps are cut, and grow again after easy ones. Steps
+    also end at ``factors``. Forces that act at factor 0 (springs that pull, amplitudes that do not start at 0) are
+    applied first, which yields a state only if ``end`` or one of ``factors`` is 0. If the equilibrium is found directly
+    from ``start``, only that state is yielded. Raises ComputationError if the path cannot be followed.
     """
     system = System(model)
     tolerance, max_iterations = tolerance or TOLERANCE, max_iterations or MAX_ITERATIONS
-    # the way to a state counts where elements remember it
+    # with history variables, the path to the state matters
     whole = start is None or model.remembers or len(factors) > 0
     near = None if start is None or whole else equilibrium_near(system, start, end, tolerance, max_iterations)
     if near is not None:
@@ -127,7 +128,7 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
         if (yield from _steps(march, end, factors, soft)):
             return
     except ComputationError as error:
-        # what contacts hold once it has fallen on them
+        # contacts may hold the model once it has fallen on them
         if march.load.factor == 0.0 != end and model.contacts and weighs(model.case):
             failed = error
         elif not (model.hangs or soft):
@@ -137,12 +138,12 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
     try:
         yield hanging(system, march.d, (march.load.factor, end), tolerance, max_iterations, why)
     except ComputationError as error:
-        # it does not come to rest on them
+        # it does not come to rest on them either
         raise failed or error from None
 
 
 def _steps(march: March, end: float, factors: Sequence[float], soft: bool) -> Generator[State, None, bool]:
-    """Yield a state per step; return whether they end at ``end``, not where what is ``soft`` is no longer stable."""
+    """Yield a state per step; return False if the steps stopped because a ``soft`` model became unstable."""
     model = march.model
     corners = _stops(model, end) if model.remembers and end > 0.0 else []
     stops = sorted(f / end for f in factors if f != 0.0)
@@ -160,7 +161,7 @@ def _steps(march: March, end: float, factors: Sequence[float], soft: bool) -> Ge
 
 
 def _stops(model: Model, end: float) -> list[float]:
-    """Return the shares of the way at which loads may turn back: fibres are exact on a way that goes one way."""
+    """Return the shares of the way at which loads may turn back: histories are exact only if steps end there."""
     out: list[float] = []
     for share in [b.t / end for b in case_stops(model.case, 0.0, end)]:
         if share > ROUND and share < 1.0 - ROUND and (not out or share - out[-1] > ROUND):
@@ -169,9 +170,9 @@ def _stops(model: Model, end: float) -> list[float]:
 
 
 def unscaled(model: Model, tolerance: float | None = None, max_iterations: int | None = None) -> Iterator[State]:
-    """Yield the states that lead to the equilibrium at load factor 0 of a path: constant loads, springs that pull.
+    """Yield the states to the equilibrium at load factor 0 of a path, under constant loads and springs that pull.
 
-    None where that is the reference. Raises ComputationError where it is not found.
+    Yield nothing if that is the reference. Raises ComputationError if it is not found.
     """
     timing, system = model.timing, System(model)
     if isinstance(timing, PathTiming) and timing.constant:
@@ -186,25 +187,25 @@ def unscaled(model: Model, tolerance: float | None = None, max_iterations: int |
 
 @dataclass(frozen=True)
 class Load:
-    """What a state is in balance with: the loads at a factor, and a share of what acts at factor 0 already."""
+    """The loads that a state balances: those at a factor, and a share of the forces present at factor 0."""
 
     factor: float
     share: float
 
     def towards(self, other: Load, s: float) -> Load:
-        """Return what is between, at s from 0 to 1."""
+        """Return the interpolation towards another load, at s from 0 to 1."""
         return Load(self.factor + s * (other.factor - self.factor), self.share + s * (other.share - self.share))
 
 
 class March:
-    """Goes from equilibrium to equilibrium by steps of at most ``longest`` of the way; ``d`` is where it stands."""
+    """Goes from equilibrium to equilibrium by steps of at most ``longest`` of the way; ``d`` is the last one."""
 
     def __init__(self, system: System, longest: float, tolerance: float, max_iterations: int) -> None:
         self.system, self.model, self.longest = system, system.model, longest
         self.tolerance, self.max_iterations = tolerance, max_iterations
         self.d = self.model.displacements(np.zeros(self.model.numbering.n_unknowns), 0.0)
         self.negative, self.load = 0, Load(0.0, 0.0)
-        # forces (n_unknowns,) that hold the reference in balance at factor 0, with springs that do not pull there
+        # forces (n_unknowns,) that balance the reference at factor 0, with springs not yet tightened
         self.held: Array | None = None
         self.tightens = True
         self.system.count(self.d, 0.0)
@@ -213,10 +214,10 @@ class March:
         self.model.interactions.take_hold(self.d, 0.0)
 
     def settle(self) -> tuple[int, list[str]]:
-        """Go to the equilibrium at factor 0; return iterations and warnings.
+        """Go to the equilibrium at factor 0; return the number of iterations and warnings.
 
-        Springs are tightened and natural strains grow step by step; forces that hold the reference beside them are
-        taken away.
+        Springs are tightened and natural strains grow step by step, while the forces that hold the reference are
+        released.
         """
         R = self.system.forces(self.d, 0.0).R
         if not R.any() or at_floor(R, self.system.noise(self.d, 0.0)):
@@ -228,13 +229,13 @@ class March:
         return self._all(Load(0.0, 0.0), Load(0.0, 1.0))
 
     def _hold(self, t: float) -> None:
-        """Hold what is not in balance at factor t, but for gaps of contact, which are closed or opened at once."""
+        """Store the unbalanced forces at factor t as holding forces, except contact gaps, which change at once."""
         self.held, num = self.system.forces(self.d, t).R, self.model.numbering
         for table in self.model.contact_tables:
             self.held[num.place[[p.multiplier for p in table.points]]] = 0.0
 
     def jump(self, before: float, t: float) -> tuple[int, list[str]]:
-        """Go on to the equilibrium at t where loads or motions jump; return iterations and warnings.
+        """Go to the equilibrium after a jump of loads or motions at t; return the number of iterations and warnings.
 
         ``before`` is the time just before the jump.
         """
@@ -252,11 +253,11 @@ class March:
         return sum(int(s.history["iterations"]) for s in states), [w for s in states for w in s.warnings]
 
     def stand(self, d: Array) -> None:
-        """Go on from an equilibrium (n_full,) that was found otherwise."""
+        """Continue from an equilibrium (n_full,) that was found elsewhere."""
         self.d, self.turns, self.held = d, self.system.turns(), None
 
     def resting(self, t: float = 0.0) -> State:
-        """Return the state where the march stands, at a factor or time t."""
+        """Return the state of the current equilibrium, at a factor or time t."""
         balance = self.system.assemble(self.d, t)
         R = balance.R
         negative = self.system.factor({"factor": t}).negative - self.model.numbering.n_multipliers
@@ -264,11 +265,11 @@ class March:
         return state_of(self.system, result, t, 1, 0, [])
 
     def take(self, load: Load) -> None:
-        """Let a load act where the march stands."""
+        """Apply a load to the current equilibrium."""
         self._set(load, self.turns)
 
     def _set(self, load: Load, turns: Turned) -> None:
-        """Let a load act, and count turns from a state on."""
+        """Apply a load, and count turns from the given state."""
         self.system.count_from(turns)
         if self.held is not None:
             self.system.held = (1.0 - load.share) * self.held
@@ -277,14 +278,14 @@ class March:
                 spring.tighten(load.share)
 
     def _strain(self, share: float) -> None:
-        """Let natural strains be a share of the way from what they were before."""
+        """Set natural strains to a share of the way from their previous values."""
         for strain in self.model.loads.natural:
             strain.share = share
 
     def go(self, begin: Load, end: Load, corners: Sequence[float] = (), stops: Sequence[float] = ()) -> Iterator[State]:
-        """Yield a state per step while one load becomes another; steps end at shares ``stops`` of the way.
+        """Yield a state per step from one load to another; steps end at shares ``stops`` and ``corners`` of the way.
 
-        So they do at ``corners``, behind which nothing follows from what was before.
+        After a corner, no extrapolation uses the states before.
         """
         path, stride, number, old = Path([0.0], [self.d]), Stride(self.longest, [*corners, *stops]), 0, begin
         while stride.s < 1.0:
@@ -320,14 +321,14 @@ class March:
             stride.accept(target)
 
     def _step(self, path: Path, target: float, old: Load, new: Load) -> NewtonResult:
-        """Return the equilibrium at s = ``target``. Raises ComputationError where none follows from the last one."""
+        """Return the equilibrium at s = ``target``. Raises ComputationError if none follows from the last one."""
         model, last, first, t = self.model, path.d[-1], len(path.t) == 1, new.factor
         self._set(new, self.turns)
         result = newton(self.system, path.extrapolate(target), old.factor if first else t, t, self.tolerance,
                         self.max_iterations)
         check_sound(model, result.d, (last, old.factor), t)
-        # where Newton's method has changed little of what the last states foretold, nothing has jumped
-        # where elements remember the way, tangents tell of unloading, and nothing of the way on
+        # no jump if Newton's method has changed little of the extrapolation; with history variables, the tangents may
+        # be those of unloading, which do not predict the path
         if not model.remembers and sum(result.increments) > 0.5 * self.system.distance(result.d, last):
             turns = result.d, self.system.count(result.d, t)
             foretold = result.first if first else self._foretold(self.turns, old, new)
@@ -337,7 +338,7 @@ class March:
         return result
 
     def _foretold(self, state: Turned, here: Load, there: Load) -> Array:
-        """Return how a change of load moves the unknowns (n_unknowns,), by the tangent at an equilibrium."""
+        """Return the change of the unknowns (n_unknowns,) for a change of load, by the tangent at an equilibrium."""
         system, t, d = self.system, there.factor, state[0]
         self._set(there, state)
         R = (moved_balance(system, d, here.factor, t) if self.model.moves else system.assemble(d, t)).R
@@ -345,13 +346,13 @@ class March:
         return -system.matrix.solve(R)
 
     def _bends_away(self, path: Path, result: NewtonResult, t_old: float) -> bool:
-        """Whether a stable path may bend away before an unstable state, which a shorter step would show."""
+        """Return whether a stable path may bend away before an unstable state, which a shorter step would show."""
         if self.negative > 0 or result.negative_pivots <= 0:
             return False
         return len(path.t) > 1 or negative_pivots(self.system, path.d[-1], t_old) <= 0
 
     def stability(self, result: NewtonResult, t: float) -> list[str]:
-        """Return what to say of a state whose stability is not that of the last one."""
+        """Return a warning if the stability of a state differs from that of the last one."""
         if (result.negative_pivots > 0) == (self.negative > 0) or not self.system.knows_inertia:
             return []
         timed = self.model.case.solver.timed

@@ -1,4 +1,4 @@
-"""Strides along the way of statics: how far to go at a time, and where the last equilibria point to."""
+"""Step control of load steps: step sizes, and extrapolation from the last equilibria."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from dataclasses import dataclass
 from ...elements.shape import Array
 from ..threads import pieces
 
-# shares of the way: the shortest step beside what was gone before, and the shortest first one
+# shares of the way: smallest step relative to the way so far, and smallest first step
 SMALLEST_STEP = 2.0**-16
 SMALLEST_FIRST = 2.0**-50
-# what a step that meets a singular tangent is cut by beside halves, so that no later one meets it again
+# additional factor on a step cut at a singular tangent, so that later steps do not hit it again
 ASIDE = 0.99
-# tries within one full step, or while the way gone doubles, before the path is given up
+# tries within one full step, or while s doubles, before the path is given up
 MOST_TRIES = 60
-# a parabola through states is good for steps this much longer than the last one, a line for its square
+# a parabola through states extrapolates up to this many last steps, a line up to its square
 FARTHEST = 4.0
 # easy steps in a row before a cut step grows again
 PATIENCE = 2
-# an unstable state is cornered to this share of the way before it is taken for one that no branch bends away from
+# an unstable state is bracketed to this share of the way before it is accepted as a loss of stability
 CORNERED = 1e-4
 
 
@@ -49,7 +49,7 @@ class Path:
 
 
 class Stride:
-    """How far to go at a time on a way s from 0 to 1: steps in trouble are cut, and grow again after easy ones.
+    """Step sizes on a way s from 0 to 1: failed steps are cut, and grow again after easy ones.
 
     A step ends at each of ``stops``.
     """
@@ -59,7 +59,7 @@ class Stride:
         self.stops = stops
         self.s, self.cutbacks, self.easy = 0.0, 0, PATIENCE
         self.mark, self.tries = 0.0, 0
-        # the longest step that led to an unstable state, to go on with once that is taken for what it is
+        # the largest step that led to an unstable state, restored once that state is accepted
         self.resume = 0.0
 
     def target(self) -> float:
@@ -70,14 +70,14 @@ class Stride:
         return ahead if farthest >= ahead else self.s + self.h
 
     def _cut(self, target: float) -> None:
-        # nothing is known yet of the load that a first step can carry: it is cut faster each time
+        # the load that a first step can bear is unknown: it is cut more each time
         self.h = (target - self.s) * 0.5 ** (1 if self.s > 0.0 else self.cutbacks + 1)
         self.cutbacks, self.easy = self.cutbacks + 1, 0
 
     def cut(self, target: float, aside: bool = False) -> bool:
-        """Take a shorter step after a failure; return whether that is worth a try.
+        """Shorten the step after a failure; return whether to try again.
 
-        ``aside``: one of which no multiples lead to the target, whose tangent is singular.
+        ``aside``: the tangent at the target is singular; choose steps whose multiples do not hit it.
         """
         self._cut(target)
         self.h *= ASIDE if aside else 1.0
@@ -85,7 +85,7 @@ class Stride:
         return self.h >= smallest and self.tries <= MOST_TRIES
 
     def corner(self, target: float) -> bool:
-        """Take a shorter step towards an unstable state; return False where it is cornered already."""
+        """Shorten the step towards an unstable state; return False if it is already bracketed."""
         nearest = CORNERED * self.s if self.s > 0.0 else SMALLEST_FIRST
         self.resume = max(self.resume, self.h)
         if target - self.s <= nearest * (1 + 1e-9) or self.tries > MOST_TRIES:
@@ -95,7 +95,7 @@ class Stride:
         return True
 
     def accept(self, target: float) -> None:
-        """Go on from a state that was found."""
+        """Continue from a state that was found."""
         self.s, self.cutbacks, self.easy = target, 0, self.easy + 1
         if self.easy >= PATIENCE:
             self.h = min(self.longest, 2 * self.h)
