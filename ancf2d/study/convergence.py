@@ -154,7 +154,7 @@ class Convergence:
 
     @property
     def converged(self) -> bool:
-        """Whether any mesh could be solved."""
+        """Return whether any mesh could be solved."""
         return any(row.value is not None for row in self.rows)
 
     def as_json(self) -> dict[str, Any]:

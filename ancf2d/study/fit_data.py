@@ -148,7 +148,7 @@ def data_of(columns: Mapping[str, Any], file: str = "") -> Data:
     return Data(names[0], x[order], tuple(names[1:]), values[order], file)
 
 
-# ---------------------------------------------------------------------------- what a case has there
+# ---------------------------------------------------------------------------- comparison with a case
 
 def check_data(loaded: LoadedCase, data: Data) -> list[Problem]:
     """Return the reasons why a case cannot be compared with data."""

@@ -19,7 +19,7 @@ R = TypeVar("R")
 USUAL_GROWTH, SLOWEST_GROWTH, FASTEST_GROWTH = 1.3, 0.5, 3.0
 # number of elements whose cost equals the part that does not depend on the mesh
 OVERHEAD = 100
-# least seconds between two estimates, and least ratio of that time to the time of an estimate, which may be long
+# least seconds between two estimates, and that pause in multiples of the time of an estimate, which many jobs make long
 EVERY, RARELY = 0.1, 300.0
 # a job that exceeds its prediction is assumed to need this share of its time so far
 OVERDUE = 0.2

@@ -56,7 +56,7 @@ class Outcome:
 
 
 def load(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> LoadedCase:
-    """Return the case in a file, read with the names that the registries know. Raises CaseError with all problems."""
+    """Return the case in a file, read with the names in the registries. Raises CaseError with all problems."""
     return load_case(path, overrides, vocabulary())
 
 

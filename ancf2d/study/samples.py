@@ -63,7 +63,7 @@ def _frozen(distribution: Distribution) -> Any:
     return stats.uniform(a, b - a) if distribution.kind == "uniform" else stats.lognorm(b, scale=np.exp(a))
 
 
-# ---------------------------------------------------------------------------- what they say
+# ---------------------------------------------------------------------------- statistics
 
 def statistics(values: Sequence[float | None], samples: Design) -> dict[str, Any]:
     """Return mean, sd (n - 1), quantiles and shares of a value over the samples; None marks a value not computed.

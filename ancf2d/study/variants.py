@@ -24,7 +24,7 @@ from .run import vocabulary
 
 # elements per stretch of the coarsest mesh, of which finer ones are refinements
 ENOUGH = 2
-# meshes of a study whose options name none
+# number of meshes of a study whose options name none
 LEVELS = 5
 # suffixes of files that describe an element
 SUFFIXES = (".yaml", ".yml", ".json")

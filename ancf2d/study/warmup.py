@@ -253,7 +253,7 @@ def _touch_motion(model: Model, spec: Dynamic, new: bool) -> None:
     with suppress(Ancf2dError):
         for _ in SOLVERS[Dynamic](model, replace(spec, t_end=moment, dt=None if spec.dt is None else moment)):
             pass
-    # the moment must not leave points of friction that stick
+    # restore the contact memory: friction holds nothing when the run starts
     recall(model, contacts)
 
 

@@ -1,8 +1,8 @@
 """Direct choice of a mesh: by the order of its element types, then by the error of each of its elements.
 
 The first mesh is predicted from the order of the types. It is solved once, with all load steps, and judged with the
-help of its neighbours. If its error is too large, the next mesh distributes n elements by their contributions: the sum
-of contributions w h^p (p + 1 in the length of an element) is smallest if all elements contribute equally.
+help of its neighbours. If its error is too large, the elements of the next mesh are distributed by their contributions:
+the sum of contributions w h^p (p + 1 in the length of an element) is smallest if all elements contribute equally.
 """
 
 from __future__ import annotations

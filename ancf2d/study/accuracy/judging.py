@@ -14,15 +14,15 @@ from .setting import Level
 LEAST, MOST, ALIKE, SAFETY = 0.5, 8.0, 2.0, 1.75
 # largest order used if it is unconfirmed, or if values oscillate, and the safety factor there
 UNCONFIRMED, SWINGING, DOUBTFUL = 3.0, 2.0, 2.0
-# of the goal: with a larger error of the mesh before, the order is unreliable, and at most ROUGH is used
+# of the goal: if coarser meshes differ by more, the order is unreliable and at most ROUGH is used
 FAR, ROUGH = 0.1, 2.0
-# assumed orders of changes between meshes, the last change first, if zones end within elements
+# orders by which changes between meshes are assumed to have decreased since (last first), if zones end within elements
 OF_ZONES = 0.0, 1.5, 2.0
 # levels among which the best is sought, and the share of the last estimate below which an earlier level is better
 RECENT, SPOILT = 4, 0.1
 # levels without which no order is confirmed
 CONFIRMING = 3
-# order used at least if the order before it was undefined or lower
+# least value used for the order before the last one, if these disagree
 NONE_BEFORE = 1.0
 
 

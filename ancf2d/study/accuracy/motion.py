@@ -16,7 +16,7 @@ from .mesh import moved_alone
 from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_WORK, Pursuit, tenth
 from .setting import Level, Setting, meshed
 
-# a tenth of the tolerance reduces the error at least by a factor of 3: from their difference to the error of each
+# factors from the difference of two runs to the error of each: a tenth of the tolerance leaves at most a third of it
 LOOSE, TIGHT = 1.5, 0.5
 # allowance for larger errors of time steps on a finer mesh, and their largest share of the wanted error
 FINER, SHARE = 1.5, 0.25
