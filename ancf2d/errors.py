@@ -12,7 +12,7 @@ WIDTH = 92
 
 
 def many(count: int, what: str) -> str:
-    """Return '1 element', '8 elements'."""
+    """Return a count with its noun: '1 element', '8 elements'."""
     return f"{count} {what}{'' if count == 1 else 's'}"
 
 

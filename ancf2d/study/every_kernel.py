@@ -185,7 +185,7 @@ def _contact_of_bodies() -> dict[str, Any]:
 def _answers() -> dict[str, Any]:
     """Return a case with controllers, formulas, events, and a force and a mass that move along a body."""
     bodies = {name: _body([0, k], [1, k], {"type": "reissner3"}, STIFF) for k, name in enumerate(("a", "b"))}
-    place = {"type": "expression", "value": "0.99 + 200*t"}  # it leaves the body halfway
+    place = {"type": "expression", "value": "0.99 + 200*t"}  # the point leaves the body halfway through the motion
     return {"format": 1, "title": "answers", "bodies": bodies,
             "boundary_conditions": [{"type": "clamp", "at": "a@0"}, {"type": "pin", "at": "b@0"},
                                     {"type": "roller", "at": "a@1", "fixed": "y", "active": {"after": "tip.y > 9"}}],

@@ -136,7 +136,7 @@ class _Search:
         return np.where(y <= EXACT, self.low, inside)
 
     def sets(self, y: Array) -> list[str]:
-        """Return the ``PATH=VALUE`` overrides."""
+        """Return the ``PATH=VALUE`` overrides at y."""
         return [v.override(float(x)) for v, x in zip(self.problem.variables, self.x(y), strict=True)]
 
     def _study(self, y: Array) -> Study:

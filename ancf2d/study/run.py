@@ -251,7 +251,7 @@ def _response_value(goal: Any, response: dict[str, Any]) -> float | None:
 
 
 def describe_goal(goal: Any) -> str:
-    """Return 'mid uy' for a goal."""
+    """Return a goal in words, such as 'mid uy'."""
     if goal is None:
         return "responses"
     if goal.input is not None:

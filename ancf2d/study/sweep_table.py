@@ -89,9 +89,8 @@ class Row:
 class Sweep:
     """Variants of a case: the row of each and its job, None if it is refused.
 
-    ``paired``: the values of all axes are run through together. ``samples``: the design from which they were drawn, if
-    any. ``keep``: each variant also has a result file of its own. ``header``: the description of the case in
-    ``sweep.h5``.
+    ``samples``: the design from which the values of the axes were drawn, if any. ``keep``: each variant also has a
+    result file of its own. ``header``: the description of the case in ``sweep.h5``.
     """
 
     case: str

@@ -27,8 +27,8 @@ from ancf2d.results.geometry import (
 )
 from ancf2d.results.symbols import STEP, Symbol, outlines, symbols_of, tracks_of, within
 
-WANTED_POINTS = 600  # along each face of a body
-STRIDES = (1, 2, 4, 5, 10, 20)  # of the 21 samples of an element
+WANTED_POINTS = 600  # points along each face of a body
+STRIDES = (1, 2, 4, 5, 10, 20)  # intervals between drawn samples, out of the 21 samples of an element
 MAX_NODES = 100  # nodes are shown only for bodies with at most this number, since more would merge into a line
 
 

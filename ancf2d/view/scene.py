@@ -175,7 +175,7 @@ def _mode_label(results: Results, k: int) -> str:
     return f"{table['kind'][k]} {int(table['number'][k])}: {', '.join(parts)}"
 
 
-MAX_ROWS = 4000  # of each curve
+MAX_ROWS = 4000  # most rows of each curve
 CURVE_BYTES = 600_000  # bytes of all curves together
 WHERE = ("x", "y", "ux", "uy")
 

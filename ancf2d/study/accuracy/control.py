@@ -284,7 +284,7 @@ class _Meshes:
     tolerance: float | None
 
     def solve(self, types: dict[str, Variant], size: float, why: str) -> Level:
-        """Return the level of some types on a mesh of a size."""
+        """Return the level solved with some types on the mesh of a size."""
         return self.pursuit.solve(Ladder(self.pursuit, types, self.tolerance).setting(size), why)
 
     def moved(self, types: dict[str, Variant], best: dict[str, Variant], enough: float, why: str) -> float | None:

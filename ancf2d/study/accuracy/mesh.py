@@ -40,7 +40,7 @@ class Ladder:
         self.levels: list[Level] = []
 
     def setting(self, size: float) -> Setting:
-        """Return the mesh of a size."""
+        """Return the setting of the mesh of a size."""
         counts = {name: self.meshes[name].count(share * size) for name, share in self.shares.items()}
         return Setting(counts, self.types, self.tolerance, method=self.method)
 

@@ -70,7 +70,7 @@ def _change(s: Subject, along: float, across: float) -> float:
 
 
 def reversal(s: Subject) -> Finding:
-    """Examine whether swapping the ends, S(xi) -> S(-xi), leads to the same space of shapes."""
+    """Examine whether swapping the ends, S(xi) -> S(-xi), gives the same space of shapes."""
     change = _change(s, -1.0, 1.0)
     if change <= ROUND_OFF:
         return Finding(change, PASS, "swapping the ends gives the same element")
@@ -88,7 +88,7 @@ def _tip(s: Subject, wall: int) -> float:
 
 
 def mirror(s: Subject) -> Finding:
-    """Examine whether y -> -y leads to the same space of shapes."""
+    """Examine whether y -> -y gives the same space of shapes."""
     return judged(_change(s, 1.0, -1.0), ROUND_OFF, "the element is symmetric about its axis",
                   "not symmetric about its axis: exchanging y and -y changes the shape functions")
 
