@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-# what the package offers and where it is; nothing is imported before it is used
+# the public names and their modules; a module is imported when one of its names is first used
 _PLACES = {
     "load": "api", "solve": "api", "convergence": "api", "sensitivity": "api", "optimise": "api", "fit": "api",
     "system": "api", "Solution": "api",
@@ -40,7 +40,7 @@ __all__ = ["__version__", *_PLACES]
 
 
 def __getattr__(name: str) -> Any:
-    """Return one of the offered names, imported now."""
+    """Return one of the public names, importing its module now. Raises AttributeError for any other name."""
     if name not in _PLACES:
         raise AttributeError(f"module 'ancf2d' has no attribute '{name}'")
     globals()[name] = found = getattr(import_module(f"{__name__}.{_PLACES[name]}"), name)
@@ -48,5 +48,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """Return the names that are there, and those that would be imported."""
+    """Return the names already in the module and those imported on use."""
     return sorted({*globals(), *_PLACES})

@@ -1,4 +1,4 @@
-"""The failures that ancf2d expects; each carries what its reader needs to know."""
+"""The errors that ancf2d expects; each carries what its reader needs to know."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-# characters of a source line that a message shows
+# characters of a source line that a message shows at most
 WIDTH = 92
 
 
 def many(count: int, what: str) -> str:
-    """Return '1 element', '8 elements'."""
+    """Return a count with its noun: '1 element', '8 elements'."""
     return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing wrong with a case file, with the place where it stands.
+    """One mistake in a case file, with its place.
 
-    ``line`` and ``column`` count from 1; 0 where a problem has no place in the text.
+    ``line`` and ``column`` count from 1; they are 0 for a problem without a place in the text.
     """
 
     message: str
@@ -34,7 +34,7 @@ class Problem:
 
     @property
     def sentence(self) -> str:
-        """The problem without its place, with what was expected and the name that may have been meant."""
+        """The message without its place, with what was expected and the known name that was probably meant."""
         expected = f"; expected {self.expected}" if self.expected else ""
         return self.message + expected + (f"; did you mean '{self.near}'?" if self.near else "")
 
@@ -42,7 +42,7 @@ class Problem:
         """Return ``file:line:column: error: message`` with the source line, or option, and a caret below it."""
         shown = bool(self.source_line.strip()) and self.column >= 1
         place = f"{self.file}:{self.line}:{self.column}: " if self.line else f"{self.file}: "
-        # an option of the command line is named by the line that is shown of it
+        # a problem in a command line option needs no file name: the option itself is shown
         named = self.file and (self.line or not shown)
         head = f"{place if named else ''}error: {self.sentence}"
         if not shown:
@@ -53,7 +53,7 @@ class Problem:
 
 
 def _around(line: str, column: int) -> tuple[str, int]:
-    """Return the part of a source line around a column, and how far right its caret stands."""
+    """Return the part of a source line around a column, and the offset of the caret below it."""
     first = max(0, column - 1 - WIDTH * 2 // 3) if len(line) > WIDTH else 0
     left = "... " if first else ""
     right = " ..." if first + WIDTH < len(line) else ""
@@ -64,26 +64,26 @@ def _around(line: str, column: int) -> tuple[str, int]:
 
 
 def _visible(c: str) -> str:
-    """Return what stands for a character on a terminal: no tab, no control character."""
+    """Return the printable form of a character: spaces for a tab, '?' for control characters."""
     if c == "\t":
         return "    "
     return c if c.isprintable() else "?"
 
 
 class Ancf2dError(Exception):
-    """Base class of all failures that ancf2d explains; the command line never shows them as tracebacks."""
+    """Base class of all errors that ancf2d explains; the command line prints them without a traceback."""
 
     exit_code = 1
 
 
 class PluginError(Ancf2dError):
-    """A plugin cannot be loaded, or declares what cannot be."""
+    """A plugin cannot be loaded, or its declarations are invalid."""
 
     exit_code = 2
 
 
 class CaseError(Ancf2dError):
-    """The case or the command line is wrong; ``problems`` lists everything that is wrong, in file order."""
+    """The case or the command line is wrong; ``problems`` lists all mistakes in file order."""
 
     exit_code = 2
 
@@ -97,7 +97,7 @@ class CaseError(Ancf2dError):
 
 
 def all_of(*readers: Callable[[], Any]) -> list[Any]:
-    """Return what each of some functions returns. Raises CaseError with the problems of all."""
+    """Call all readers and return their results. Raises CaseError with the problems of all of them."""
     found: list[Any] = []
     problems: list[Problem] = []
     for read in readers:
@@ -112,7 +112,7 @@ def all_of(*readers: Callable[[], Any]) -> list[Any]:
 
 @dataclass
 class Failure:
-    """Where and how a computation failed, and what its user can change."""
+    """Where and how a computation failed, and what the user can change."""
 
     reason: str
     at: dict[str, Any] = field(default_factory=dict)
@@ -144,7 +144,7 @@ class ComputationError(Ancf2dError):
 
 
 class SingularTangentError(ComputationError):
-    """The tangent stiffness is singular: nothing holds the model, or a state stands at a critical load."""
+    """The tangent stiffness is singular: the model can move freely, or the state is at a critical load."""
 
 
 class ResultsError(Ancf2dError):
@@ -154,15 +154,15 @@ class ResultsError(Ancf2dError):
 
 
 class CheckpointError(ResultsError):
-    """A checkpoint does not hold what the solver goes on from; the message says in what it differs."""
+    """A checkpoint does not fit the solver that should resume from it; the message names the difference."""
 
 
-# what costs a study one row
+# errors that make one row of a study fail, but not the study
 UNSOLVED = (CaseError, ComputationError, MemoryError)
 
 
 def verdict(error: BaseException) -> tuple[str, str]:
-    """Return the status (refused as a case, or failed by the computation) and the reason of an UNSOLVED error."""
+    """Return status ('refused' for a wrong case, else 'failed') and reason of one of the UNSOLVED errors."""
     if isinstance(error, CaseError):
         return "refused", error.problems[0].sentence
     if isinstance(error, ComputationError):

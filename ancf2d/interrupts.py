@@ -1,4 +1,4 @@
-"""Ctrl-C at any moment: it is never lost, and waits where it would do damage."""
+"""Handling of Ctrl-C: it is never lost, and is deferred while it would do damage."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
-# an exception in what LLVM calls back is swallowed, and one in numba is told as an error of the kernel
+# an exception in a callback from LLVM is swallowed, and one inside numba is reported as an error of the kernel
 COMPILERS = ("llvmlite", "numba")
 AGAIN_SECONDS = 0.05
 
@@ -22,10 +22,10 @@ def _in_main_thread() -> bool:
 
 @contextmanager
 def uninterrupted(number: int = signal.SIGINT) -> Iterator[None]:
-    """Let Ctrl-C, or another signal, wait until the end of the block.
+    """Defer Ctrl-C, or another signal, until the end of the block.
 
-    A mask of signals would not do: the system hands a signal that the main thread blocks to another thread, and
-    Python then interrupts the main thread all the same.
+    Blocking the signal would not suffice: the system delivers a signal that the main thread blocks to another thread,
+    and Python then still interrupts the main thread.
     """
     before = signal.getsignal(number)
     if not _in_main_thread() or before in (signal.SIG_IGN, None):
@@ -43,7 +43,7 @@ def uninterrupted(number: int = signal.SIGINT) -> Iterator[None]:
 
 @contextmanager
 def patient_interrupts() -> Iterator[None]:
-    """Let an interruption wait while a kernel is compiled; change nothing where a caller handles them itself."""
+    """Defer Ctrl-C while a kernel is compiled; do nothing if the caller handles Ctrl-C itself."""
     if not _in_main_thread() or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
@@ -63,7 +63,7 @@ def patient_interrupts() -> Iterator[None]:
 
 
 class _Patience:
-    """Raises KeyboardInterrupt, a moment later where it would be swallowed."""
+    """Signal handler that raises KeyboardInterrupt, later if it would be swallowed now."""
 
     def __init__(self) -> None:
         self.waiting = False
@@ -71,7 +71,7 @@ class _Patience:
         self._hook = sys.unraisablehook
 
     def interrupt(self, number: int, frame: FrameType | None) -> None:
-        """React to the signal."""
+        """Handle the signal: raise KeyboardInterrupt, or try again later if a compiler is running."""
         at = frame
         while at is not None:
             if str(at.f_globals.get("__name__")).split(".")[0] in COMPILERS:
@@ -82,7 +82,7 @@ class _Patience:
         raise KeyboardInterrupt
 
     def unraisable(self, found: Any) -> None:
-        """Take up an interruption that came in what Python calls back, where nothing can be raised."""
+        """Retry an interruption that was raised inside a callback, from which no exception can get out."""
         if found.exc_type is KeyboardInterrupt:
             self._try_again()
         else:
@@ -96,7 +96,7 @@ class _Patience:
         self._timers.append(again)
 
     def end(self) -> None:
-        """Let no signal come later."""
+        """Stop handling: restore the hook for unraisable exceptions and cancel all timers."""
         sys.unraisablehook = self._hook
         for timer in self._timers:
             timer.cancel()

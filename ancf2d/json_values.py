@@ -1,4 +1,4 @@
-"""Values of any type as JSON."""
+"""Conversion of values of any type to JSON."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 
 def plain(value: Any) -> Any:
-    """Return what JSON has no word for as plain numbers, lists, mappings or texts."""
+    """Convert a value that JSON cannot represent to a plain number, list, mapping or text."""
     if hasattr(value, "tolist"):
         return value.tolist()
     if isinstance(value, Mapping):
@@ -21,7 +21,7 @@ def plain(value: Any) -> Any:
 
 
 def json_text(value: Any) -> str:
-    """Return a value as JSON; numbers that JSON has no word for become null."""
+    """Return a value as JSON text; infinite numbers and NaN become null."""
     return json.dumps(_finite(value), indent=2, allow_nan=False)
 
 

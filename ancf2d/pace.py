@@ -1,4 +1,4 @@
-"""Estimates how long the rest of some work takes from how fast it has gone so far."""
+"""Estimate of the remaining time of some work from its pace."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
-# most marks that are kept
+# largest number of stored marks
 MARKS = 400
-# marks between two of which the steps of a run are told
+# number of intermediate marks for the steps between two marks
 WITHIN = 16
-# share of the time so far over which the end that is foretold must stay, and by which factor the whole may change there
+# the estimated end is shown once it has varied by at most the factor ALIKE over the last share CALM of the time spent
 CALM, ALIKE = 0.5, 1.5
-# times the last one: when what is foretold is noted again
+# an estimate is stored when the time spent has grown by this factor since the last one
 NEXT = 1.02
 
 
 class Pace:
-    """Work done over the seconds that it took.
+    """Amount of work done as a function of the seconds spent on it.
 
-    The latter half of the work so far tells how long as much again will take. ``eases``: where this half took less than
-    twice as long as the quarter before it, as steps that grow do, each doubling of the work goes on to take so much
-    longer than the one before; where it took more, work goes on at its rate. Parts of a run that take turns have a pace
-    each; ``running`` counts the seconds of one.
+    The remaining time is extrapolated from the second half of the work done. With ``eases``: if this half took less
+    than twice as long as the quarter before it, as with growing steps, the same ratio is assumed for each further
+    doubling of the work; if it took more, the work is assumed to go on at its present rate. Parts of a run that
+    alternate have a ``Pace`` each; ``running`` counts the seconds of one.
     """
 
     def __init__(self, work: float = 0.0, clock: Callable[[], float] = time.monotonic, eases: bool = True) -> None:
@@ -33,7 +33,7 @@ class Pace:
 
     @contextmanager
     def running(self) -> Iterator[None]:
-        """Count the time of a block."""
+        """Add the duration of the block to the seconds spent."""
         began = self.clock()
         try:
             yield
@@ -41,9 +41,9 @@ class Pace:
             self.seconds += self.clock() - began
 
     def mark(self, work: float, seconds: float | None = None, within: Sequence[float] = ()) -> None:
-        """Note how much work is done in all, after so many seconds (default: those counted).
+        """Store the total amount of work done after the given seconds (default: those counted by ``running``).
 
-        ``within`` are amounts between the last mark and this one, each of which took the same time.
+        ``within`` are amounts between the last mark and this one, equally spaced in time.
         """
         if seconds is not None:
             self.seconds = seconds
@@ -61,7 +61,7 @@ class Pace:
             self._thin(4.0 * (self.work[-1] - self.work[0]) / MARKS)
 
     def left(self, whole: float) -> float | None:
-        """Return the seconds [s] until the whole work is done, None where nothing tells yet."""
+        """Return the estimated seconds [s] until the whole work is done, or None if there is no estimate yet."""
         start, done, now = self.work[0], self.work[-1] - self.work[0], self.at[-1]
         if self.work[-1] >= whole:
             return 0.0
@@ -76,7 +76,7 @@ class Pace:
         return half * ratio * (ratio**doublings - 1.0) / (ratio - 1.0)
 
     def _thin(self, least: float) -> None:
-        """Keep marks so much work apart, with what is just before each."""
+        """Keep only marks at least this amount of work apart, and the one just before each."""
         kept, last = [0], self.work[0]
         for k in range(1, len(self.work) - 1):
             if max(self.work[k], self.work[k + 1]) - last >= least:
@@ -86,21 +86,21 @@ class Pace:
         self.at, self.work = [self.at[k] for k in kept], [self.work[k] for k in kept]
 
     def _seconds(self, work: float) -> float:
-        """Return when so much work was done."""
+        """Return the time [s] at which this amount of work was done."""
         k = min(max(bisect_left(self.work, work), 1), len(self.work) - 1)
         (a, b), (s, t) = self.work[k - 1:k + 1], self.at[k - 1:k + 1]
         return s + (t - s) * min(max((work - a) / (b - a), 0.0), 1.0) if b > a else t
 
 
 class Calm:
-    """Passes on the time that is left once the whole time that it makes has stayed about the same for a while."""
+    """Filter that passes on the remaining time once the estimated total time has been nearly constant for a while."""
 
     def __init__(self) -> None:
         self.told: list[tuple[float, float]] = []
-        self.calm = False  # whether a while has passed
+        self.calm = False  # estimates have been collected for long enough
 
     def __call__(self, spent: float, left: float | None) -> float | None:
-        """Return the time left [s] after so many seconds, None where it is not known or not calm yet."""
+        """Return the remaining time [s] after ``spent`` seconds, or None if it is unknown or still varies."""
         if left is None:
             return None
         whole = spent + left

@@ -1,4 +1,4 @@
-"""Processors: how many this process may keep busy, and work done meanwhile by copies of it."""
+"""Processors: how many this process may use, and work that forked copies of it do in parallel."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 
-# libraries below numpy would each start a thread per core in every process; they look at this when numpy is imported
+# libraries used by numpy would each start one thread per core in every process; they read this when numpy is imported
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS",
            "NUMBA_NUM_THREADS")
-# a copy that takes longer than this [s] hangs: nothing that it does is missed, only late
+# a copy that takes longer than this [s] hangs and is killed; its work is then only done later
 PATIENCE = 60.0
 _TICK = 0.005
 
 
 def cores() -> int:
-    """Return how many processors this process may run on."""
+    """Return the number of processors that this process may run on."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def threads() -> int:
-    """Return how many threads a computation may have: all processors, or what OMP_NUM_THREADS says."""
+    """Return the number of threads that a computation may use: OMP_NUM_THREADS, or one per processor."""
     wanted = os.environ.get("OMP_NUM_THREADS", "").split(",")[0].strip()
     return max(1, int(wanted)) if wanted.isdecimal() else cores()
 
 
 @contextmanager
 def aside(work: Callable[[], object]) -> Iterator[None]:
-    """Do ``work`` in a copy of this process while the block is gone through, and wait for it at the end.
+    """Do ``work`` in a forked copy of this process while the block runs, and wait for it at the end.
 
-    Nothing is done where there is one processor, or no copies can be made that are safe to work in (other systems than
-    Linux). What goes wrong in the copy is not told: whoever needs its work does it again. A block that fails, or is
-    interrupted, ends the copy.
+    The work is skipped if there is only one processor, or where a copy cannot safely be made (other systems than
+    Linux). Errors in the copy are not reported: whoever needs its work does it again. If the block fails or is
+    interrupted, the copy is killed.
     """
     child = _copy() if sys.platform == "linux" and threads() > 1 else None
     if child == 0:
@@ -58,9 +58,10 @@ def aside(work: Callable[[], object]) -> Iterator[None]:
 
 
 def spread(tasks: Sequence[Callable[[], object]], before: Callable[[int], None] = lambda k: None) -> None:
-    """Do tasks (255 at most) here and in copies of this process, one per processor, for what they leave in a cache.
+    """Do tasks (255 at most) in this process and in copies of it, one per processor, for the caches that they fill.
 
-    Each takes the next one when it is done with its last. ``before`` is told the number of each that is done here.
+    Each process takes the next task when it has finished one. ``before`` is called with the number of each task done
+    here.
     """
     reading, writing = os.pipe()
     os.write(writing, bytes(range(len(tasks))))
@@ -89,7 +90,7 @@ def _copy() -> int | None:
 
 
 def _work(work: Callable[[], object]) -> None:
-    """Work without a word, and end without what a process does at its end: that is the other's."""
+    """Do the work silently in the copy, and exit without Python's clean-up, which is left to the parent."""
     try:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
         with open(os.devnull, "r+", encoding="utf-8") as nothing:

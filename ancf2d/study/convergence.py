@@ -1,4 +1,4 @@
-"""Refinement: the goal of a case over meshes or time steps and element types, with errors, orders and limits."""
+"""Convergence studies: a goal over meshes or time steps and element types, with errors, orders and limits."""
 
 from __future__ import annotations
 
@@ -34,26 +34,26 @@ from .warmup import warm_up
 
 @dataclass(frozen=True)
 class Steps:
-    """Time steps to refine by, instead of the mesh: ``key`` of the solver (dt or tolerance) and its values."""
+    """Time steps to refine instead of the mesh: ``key`` of the solver (dt or tolerance) and its values."""
 
     key: str
     values: tuple[float, ...]
 
 
 def with_step(loaded: LoadedCase, key: str, value: float) -> LoadedCase:
-    """Return a case of a motion that takes fixed steps ``dt``, or adaptive ones under a ``tolerance``."""
+    """Return the case of a motion with fixed steps (``key`` dt) or adaptive ones (``key`` tolerance)."""
     changes: dict[str, Any] = {"dt": None, "tolerance": None, key: value}
     solver: Any = replace(cast(Dynamic, loaded.case.solver), **changes)
     return replace(loaded, case=replace(loaded.case, solver=solver))
 
 
-# times the tolerance: the error that time steps may add up to
+# error that time steps may accumulate, in multiples of the tolerance
 STEPS = 100.0
 
 
 @dataclass(frozen=True)
 class Job:
-    """One mesh, and time step, of one variant: everything that another process needs to solve it."""
+    """One mesh or time step of one variant, with everything that another process needs to solve it."""
 
     text: str
     file: str
@@ -70,13 +70,13 @@ class Job:
 
     @property
     def cost(self) -> float:
-        """How large this level is, compared with others of its variant: elements times steps."""
+        """Return the size of this level, compared with others of its variant: elements times steps."""
         fixed = self.key == "dt"
         return self.elements * steps_of(self.step if fixed else None, None if fixed else self.step)
 
     @property
     def row(self) -> Row:
-        """The row of this level before it is solved."""
+        """Return the row of this level before it is solved."""
         return Row(self.variant.element, self.variant.formulation or "", self.elements, self.step)
 
 
@@ -84,9 +84,9 @@ class Job:
 class Row:
     """The goal on one mesh, or with one time ``step`` (dt [s], or tolerance).
 
-    ``error`` is relative (see ``Answer``), in motion the largest over time; ``order`` is the observed one between
-    this row and the coarser ones; ``kinks``: whether something acts inside its elements. ``status`` is converged, or
-    failed with a ``reason``.
+    ``error`` is relative (see ``Answer``), in motion the largest over time; ``order`` is observed from this row and the
+    coarser ones; ``kinks``: a force or support acts inside an element. ``status`` is converged, or failed with a
+    ``reason``.
     """
 
     element: str
@@ -104,14 +104,14 @@ class Row:
     kinks: bool = field(default=False, repr=False)
 
     def as_json(self) -> dict[str, Any]:
-        """Return what ``--json`` prints of the row."""
+        """Return the ``--json`` form of the row."""
         named = {f.name: getattr(self, f.name) for f in fields(self) if f.repr}
         return {k: v for k, v in named.items() if v not in ("", None) or k not in ("reason", "step")}
 
 
 @dataclass
 class Series:
-    """The meshes of one element type, coarse to fine, and what they tell of its limit."""
+    """The rows of one element type, coarse to fine, and the estimate of their limit."""
 
     rows: list[Row]
     estimate: Estimate
@@ -128,7 +128,7 @@ class Series:
         return self.rows[0].formulation
 
     def as_json(self) -> dict[str, Any]:
-        """Return what ``--json`` prints of the limit."""
+        """Return the ``--json`` form of the limit."""
         e = self.estimate
         return {"extrapolated": e.value, "error_bar": e.error_bar, "order": e.order, "asymptotic": e.asymptotic,
                 "note": e.note}
@@ -154,7 +154,7 @@ class Convergence:
 
     @property
     def converged(self) -> bool:
-        """Whether any mesh could be solved."""
+        """Return whether any mesh could be solved."""
         return any(row.value is not None for row in self.rows)
 
     def as_json(self) -> dict[str, Any]:
@@ -175,9 +175,9 @@ def convergence(loaded: LoadedCase, variants: Sequence[Variant] = (Variant(),), 
                 done: Done = lambda share, left: None, steps: Steps | None = None) -> Convergence:
     """Solve a case on a sequence of meshes, or with a sequence of time steps, and judge the goal's convergence.
 
-    ``meshes`` are numbers of elements of the whole model (default: five, doubling from the case's own); ``steps``
-    keep the case's mesh; ``reference`` is what errors are against, None for each type's own limit. Raises CaseError
-    for a case without a goal, or one that no variant can solve; a level that fails is a row that says so.
+    ``meshes`` are numbers of elements of the whole model (default: five, doubling from the case's own); ``steps`` keep
+    the case's mesh; errors are relative to ``reference``, or with None to each type's own limit. Raises CaseError for a
+    case without a goal, or one that no variant can solve; a level that fails gives a row with the reason.
     """
     goal = goal_of(loaded, "no value to study the convergence of")
     if steps is not None and not loaded.case.solver.moves:
@@ -210,7 +210,7 @@ def convergence(loaded: LoadedCase, variants: Sequence[Variant] = (Variant(),), 
 
 
 def _explained(series: Series, solver: Any) -> Estimate:
-    """Return the estimate of meshes, which says where those of a motion differ no more than its time steps err."""
+    """Return the estimate, with a note if meshes of a motion differ by no more than the error of their time steps."""
     found, answers = series.estimate, [row.answer for row in series.rows if row.answer is not None][-2:]
     if not isinstance(solver, Dynamic) or solver.dt is not None or found.asymptotic or len(answers) < 2:
         return found
@@ -223,12 +223,12 @@ def _explained(series: Series, solver: Any) -> Estimate:
 
 
 def _values(steps: Steps | None) -> list[float | None]:
-    """Return the time steps, coarse to fine; one None for those of the case."""
+    """Return the time steps, coarse to fine; a single None for those of the case."""
     return [None] if steps is None else [*sorted(set(steps.values), reverse=True)]
 
 
 def meshes_of(loaded: LoadedCase, totals: Sequence[int]) -> tuple[list[dict[str, int]], list[str]]:
-    """Return the elements of each body for each mesh, and what does not come out as asked."""
+    """Return the elements of each body for each mesh, and warnings about meshes that differ from those asked for."""
     counts: list[dict[str, int]] = []
     warnings = []
     for total in totals:
@@ -252,7 +252,7 @@ def _job(loaded: LoadedCase, variant: Variant, counts: dict[str, int], workers: 
 
 
 def _warm_up(first: Sequence[Job], compiling: Callable[[str], None]) -> None:
-    """Compile once, before several processes would; raise CaseError where no variant can be solved."""
+    """Compile the kernels once, before several processes would. Raises CaseError if no variant can be solved."""
     problems, refused = [], 0
     for job in first:
         try:
@@ -265,14 +265,14 @@ def _warm_up(first: Sequence[Job], compiling: Callable[[str], None]) -> None:
 
 
 def _about(variant: Variant, problem: Problem) -> Problem:
-    """Return a problem of an element type that the command line names, without the overrides that it became."""
+    """Return a problem of an element type in terms of the option --element instead of the overrides made from it."""
     if not problem.file.startswith(OPTION):
         return problem
     return Problem(problem.message, file=f"--element {variant.label}", path=problem.path, expected=problem.expected)
 
 
 def solve_job(job: Job, progress: Progress | None = None) -> Row:
-    """Return the row of one mesh; what fails is told in it."""
+    """Return the row of one mesh; a failure is reported in the row."""
     row = job.row
     try:
         _solve(job, row, progress)
@@ -296,7 +296,7 @@ def _solve(job: Job, row: Row, progress: Progress | None) -> None:
 
 
 def _judge(rows: list[Row], reference: float | None) -> Series:
-    """Fill in errors and orders of the rows of one element type; return them with their limit."""
+    """Fill in errors and orders in the rows of one element type; return the rows with their limit."""
     good = [row for row in rows if row.answer is not None]
     answers = [row.answer for row in good if row.answer is not None]
     n = [float(row.elements) if row.step is None else 1.0 / row.step for row in good]
@@ -320,12 +320,12 @@ def _judge(rows: list[Row], reference: float | None) -> Series:
 
 
 def limit_of(answers: Sequence[Answer], found: Estimate, reference: float | None) -> Answer | None:
-    """Return what errors are against: the reference, or what the sequence tends to."""
+    """Return the answer that errors are relative to: the reference, or the limit of the sequence."""
     if not answers:
         return None
     last = answers[-1]
     if reference is not None:
-        # of a motion its value at the end
+        # the reference of a motion is its value at the end
         size = last.size if last.course is not None else error_scale(reference, last.smallest)
         return Answer(reference, size, period=last.period)
     if found.value is None:
@@ -333,7 +333,7 @@ def limit_of(answers: Sequence[Answer], found: Estimate, reference: float | None
     if last.course is None:
         return Answer(found.value, error_scale(found.value, last.smallest), period=last.period)
     gap = last.distance(answers[-2]) if len(answers) > 1 else 0.0
-    # the pseudo-sequence of distances approaches its limit from one side: the share that is left of the last one
+    # distances approach their limit from one side: the remaining fraction of the last distance leads to the limit
     return last.beyond(answers[-2], abs(found.value - last.value) / gap) if gap > 0.0 else last
 
 
@@ -343,7 +343,7 @@ _UNITS = {"displacement": "{L}", "position": "{L}", "rotation": "rad", "velocity
 
 
 def goal_units(loaded: LoadedCase) -> str:
-    """Return the units of a case's goal, as templates of result files have them."""
+    """Return the units of a case's goal, as a template for result files."""
     goal = goal_of(loaded)
     if goal.kind is not None:
         return "rad/{T}"
@@ -352,7 +352,7 @@ def goal_units(loaded: LoadedCase) -> str:
 
 def write_convergence(study: Convergence, loaded: LoadedCase, path: str, command: str = "", *,
                       force: bool = False) -> Path:
-    """Write the rows as table ``convergence``; return where. Raises ResultsError."""
+    """Write the rows as table ``convergence``; return the path. Raises ResultsError."""
     names = ("element", "formulation", "elements", "dofs", "value", "error", "order", "wall_s", "status")
     columns = (Column("value", goal_units(loaded), f"the goal: {study.goal}"),
                Column("status", "none", "converged or failed"))

@@ -1,4 +1,4 @@
-"""What a result depends on: the program and the case, as digests."""
+"""Digests of everything that a result depends on: the program and the case."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from ..extend import plugins
 
 LENGTH = 16  # hexadecimal digits: enough to tell apart more cases than can be computed
 _PACKAGE = Path(__file__).resolve().parents[1]
-_SHOWS = ("cli", "plot")  # rooms that compute nothing
+_SHOWS = ("cli", "plot")  # folders that compute nothing
 
 
 @cache
 def program() -> str:
-    """Return the version of ancf2d with a digest of the sources that compute: a changed program is another one."""
+    """Return the version of ancf2d with a digest of the sources that compute, to detect any change of them."""
     digest = hashlib.sha256()
     for path in sorted(_PACKAGE.rglob("*.py")):
         place = path.relative_to(_PACKAGE)
@@ -28,13 +28,13 @@ def program() -> str:
 
 
 def start_of(loaded: LoadedCase) -> str | None:
-    """Return the path of the result file whose state a case starts from, None where there is none."""
+    """Return the path of the result file whose state a case starts from, or None if there is none."""
     start = "rest" if loaded.case.initial is None else loaded.case.initial.from_
     return None if start in ("rest", "static") else os.path.join(os.path.dirname(loaded.source.file), start)
 
 
 def inputs_of(loaded: LoadedCase) -> list[str]:
-    """Return the paths of the files that a case is read from: its own, those of elements, the state it starts from."""
+    """Return the paths of all files that a case is read from: its own, element definitions, the initial state."""
     folder = os.path.dirname(loaded.source.file)
     definitions = (body.element.definition for body in loaded.case.bodies.values() if body.element is not None)
     paths = [loaded.source.file, *(os.path.join(folder, file) for file in definitions if file is not None)]
@@ -43,7 +43,7 @@ def inputs_of(loaded: LoadedCase) -> list[str]:
 
 
 def files_of(loaded: LoadedCase) -> str:
-    """Return a digest of what a case takes from other files: definitions of elements, the state it starts from."""
+    """Return a digest of what a case takes from other files: element definitions, plugins, the initial state."""
     digest = hashlib.sha256(repr(sorted(loaded.definitions.items())).encode() + plugins.digest().encode())
     start = start_of(loaded)
     if start is not None and os.path.isfile(start):
@@ -53,5 +53,5 @@ def files_of(loaded: LoadedCase) -> str:
 
 
 def content_name(completed: str, files: str) -> str:
-    """Return the name of a case by its content: as completed with defaults, with its files and the program."""
+    """Return a name for a case by its content: the case completed with defaults, its files and the program."""
     return hashlib.sha256("\0".join((program(), files, completed)).encode()).hexdigest()[:LENGTH]

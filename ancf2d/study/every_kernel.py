@@ -23,19 +23,19 @@ STIFF = {"E": 1e10, "nu": 0.3, "rho": 1000.0}
 DAMPED = {**STIFF, "damping": {"kelvin_voigt": 1e-4}}
 SECTION = {"height": 0.05, "width": 0.05}
 MOMENT: dict[str, Any] = {"type": "dynamic", "t_end": 1e-4, "tolerance": 1e-2, "estimate": False}
-# one step: with a tolerance, motions with contact would begin with very short ones
+# one step: with a tolerance, motions with contact would start with very short ones
 STEP = {"type": "dynamic", "t_end": MOMENT["t_end"], "dt": MOMENT["t_end"]}
 FEW = {"interval": MOMENT["t_end"]}
 STATIC = {"type": "static", "steps": 1}
 GRAVITY = {"type": "gravity", "value": [0, -9.81]}
 # one integrator of each family; the others have the same kernels
 METHODS = ("radau5", "generalized_alpha", "energy_momentum", "Radau")
-# the motion that is differentiated, for all integrators with derivatives, to numbers of an element and of a law
+# motions differentiated with respect to numbers of an element and of a law; kernels of other integrators are the same
 PROBE = "tip"
 DIFFERENTIATED = {"radau5 with springs and joints": ("bodies.a.material.E", "springs.0.stiffness")}
-SIDE = 6  # of the frame that fronts are cheaper for than a band
+SIDE = 6  # storeys and columns of a frame for which a matrix in fronts is cheaper than a band
 LAW = {"stiffness": 1e6, "damping": 1.0}
-# materials with memory or of large strains; their kernels serve any number of fibres and of terms
+# materials with memory or large strains; their kernels serve any number of fibres and of terms
 MEMORY: dict[str, dict[str, Any]] = {
     "yields": {"yield": 1e8}, "relaxes": {"viscoelastic": [{"modulus": 0.5, "time": 1.0}]},
     "stretches like rubber": {"law": "neo_hooke"}}
@@ -43,10 +43,10 @@ MEMORY: dict[str, dict[str, Any]] = {
 
 def compile_everything(done: Callable[[float, str], None] = lambda share, what: None,
                        wanted: Callable[[str], bool] = lambda name: True) -> tuple[int, Path | None, str]:
-    """Solve a case of every kind, or of those whose names are ``wanted``, with all that can be stored of it.
+    """Solve a case of every kind, or of those whose names are ``wanted``, and store all results possible.
 
-    Returns how many there are, and the folder that keeps the kernels; or None, and why it cannot be used. ``done`` is
-    told the share of them that is done, and which is next. Raises what solving them raises.
+    Returns the number of cases and the folder of the kernel cache, or None and why it cannot be used. ``done`` is
+    called with the share of cases done and the name of the next one. Raises the errors of the solvers.
     """
     known, cases = vocabulary(), [case for case in cases_of_every_kind() if wanted(case[0])]
     with TemporaryDirectory() as folder:
@@ -62,15 +62,15 @@ def compile_everything(done: Callable[[float, str], None] = lambda share, what: 
 
 
 def _differentiate(loaded: LoadedCase, paths: tuple[str, ...]) -> None:
-    """Differentiate a motion to the numbers at ``paths``: back through its steps for a goal, and forth for its end."""
+    """Differentiate a motion by the numbers at ``paths``: backwards for a goal, and forwards for its last state."""
     gradient(loaded, GoalValues((Goal(probe=PROBE, quantity="uy"),)), paths)
     gradient(loaded, lambda model, states: np.array(states[-1].d), paths)
 
 
 def cases_of_every_kind() -> Iterator[tuple[str, str, tuple[str, ...]]]:
-    """Yield names, texts and changes of cases: every solver, kind of matrix, interaction and integrator is in one.
+    """Yield names, texts and changes of cases that cover every solver, kind of matrix, interaction and integrator.
 
-    The templates have contact, controllers, and materials with memory.
+    The templates cover contact, controllers, and materials with memory.
     """
     for name, case in _small_cases():
         yield name, json.dumps(case), ()
@@ -97,10 +97,10 @@ def _small_cases() -> Iterator[tuple[str, dict[str, Any]]]:
     yield "statics of contact between bodies", {**bodies, "contacts": [*bodies["contacts"], rough], "solver": STATIC}
     yield "generalized_alpha of contact between bodies", {**bodies, **impacts, "contacts": [*bodies["contacts"], rough]}
     yield "generalized_alpha of contact with obstacles", {**_contact_with_obstacles(), **impacts}
-    # the same contacts, between steps of another method
+    # the same contacts with the steps of another method
     yield "radau5 of contact with obstacles", {**_contact_with_obstacles(), **impacts,
                                                "solver": {**STEP, "method": "radau5"}}
-    # integrators call what these add by address: one stands for all
+    # integrators call these kernels by address, so one integrator suffices
     yield "radau5 with controllers, events and what moves", {
         **_answers(), "solver": {**MOMENT, "method": "radau5"}, "output": {**FEW, "probes": {PROBE: "b@1"}}}
     yield from _memories()
@@ -120,7 +120,7 @@ def _body(start: list[float], end: list[float], element: dict[str, Any], materia
 
 
 def _laws(conserved: bool = False) -> dict[str, Any]:
-    """Return a case with a body of every formulation, or of those whose energy can be conserved."""
+    """Return a case with a body of every formulation, or only of those that can conserve energy."""
     bodies = {}
     for k, (name, formulation) in enumerate(FORMULATIONS.items()):
         if formulation.law.mean is not None or not conserved:
@@ -164,7 +164,7 @@ def _interactions() -> dict[str, Any]:
 
 
 def _contact_with_obstacles(material: dict[str, Any] = STIFF) -> dict[str, Any]:
-    """Return a case with contact of bodies with obstacles, with a law and without; nothing has to touch yet."""
+    """Return a case of contact with obstacles, with and without a law; nothing needs to touch at the start."""
     bodies = {name: _body([0, k], [1, k], {"type": "cable"}, material) for k, name in enumerate(("hard", "soft"))}
     return {"format": 1, "title": "obstacles", "bodies": bodies, "loads": [GRAVITY],
             "boundary_conditions": [{"type": "clamp", "at": f"{name}@0"} for name in bodies],
@@ -174,7 +174,7 @@ def _contact_with_obstacles(material: dict[str, Any] = STIFF) -> dict[str, Any]:
 
 
 def _contact_of_bodies() -> dict[str, Any]:
-    """Return a case with contact of bodies with one another, with a law and without; nothing has to touch yet."""
+    """Return a case of contact between bodies, with and without a law; nothing needs to touch at the start."""
     bodies = {name: _body([0, y], [1, y], {"type": "cable"}, STIFF)
               for name, y in (("a", 0.0), ("b", 0.06), ("c", 0.12))}
     return {"format": 1, "title": "bodies that touch", "bodies": bodies, "loads": [GRAVITY],
@@ -185,7 +185,7 @@ def _contact_of_bodies() -> dict[str, Any]:
 def _answers() -> dict[str, Any]:
     """Return a case with controllers, formulas, events, and a force and a mass that move along a body."""
     bodies = {name: _body([0, k], [1, k], {"type": "reissner3"}, STIFF) for k, name in enumerate(("a", "b"))}
-    place = {"type": "expression", "value": "0.99 + 200*t"}  # it leaves the body halfway
+    place = {"type": "expression", "value": "0.99 + 200*t"}  # the point leaves the body halfway through the motion
     return {"format": 1, "title": "answers", "bodies": bodies,
             "boundary_conditions": [{"type": "clamp", "at": "a@0"}, {"type": "pin", "at": "b@0"},
                                     {"type": "roller", "at": "a@1", "fixed": "y", "active": {"after": "tip.y > 9"}}],
@@ -203,9 +203,7 @@ def _answers() -> dict[str, Any]:
 
 
 def _let_go() -> dict[str, Any]:
-    """Return a case with supports and a weld that end during a motion, one-sided springs and tendons, and layers of
-    contact.
-    """
+    """Return a case with supports and a weld that end in a motion, unilateral springs, tendons and contact layers."""
     bodies = {name: _body([0, k], [1, k], {"type": kind}, DAMPED)
               for k, (name, kind) in enumerate([("a", "vallejo"), ("b", "cable"), ("c", "cable")])}
     bodies["d"] = _body([1, 2], [2, 2], {"type": "vallejo"}, DAMPED)
@@ -227,8 +225,7 @@ def _let_go() -> dict[str, Any]:
 
 
 def _memories() -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield statics of a body of each formulation that bears a material with memory, or one of large strains, and
-    motions with memory."""
+    """Yield cases for each formulation: statics with memory or large strains, then motions with memory."""
     for kind, keys in MEMORY.items():
         for name, formulation in FORMULATIONS.items():
             element = next(t for t in ELEMENTS.values() if formulation.refuse(t) is None)
@@ -262,7 +259,7 @@ def _frame(conserved: bool = False) -> dict[str, Any]:
                        {"type": "weld", "between": [f"b{s}_{i}@1", f"c{s}_{i + 1}@1"]}]
     bodies["rider"] = _body([0.5, 1], [0.5, 0.6], element, DAMPED)
     joints.append({"type": "prismatic", "point": "rider@0", "on": "b0_0"})
-    # springs that keep the rider where it is, so that one load step leads to equilibrium
+    # springs hold the rider in place, so that one load step reaches equilibrium
     return {"format": 1, "title": "frame", "bodies": bodies, "joints": joints, "loads": [GRAVITY],
             "springs": [{"type": "translational", "between": ["rider@0", [0, -1]], "stiffness": 1e3, "damping": 0.1},
                         {"type": "rotational", "between": ["rider@0", "b0_0@0.5"], "stiffness": 1e3}],

@@ -1,4 +1,4 @@
-"""Fields over the bodies of a result file, computed from its states where they are not stored."""
+"""Fields over the bodies of a result file, computed from its states if they are not stored."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 
 class StatesWithFields(Results):
-    """An open result file that has every field that its states tell, stored or not."""
+    """An open result file with every field that follows from its states, stored or not."""
 
     @cached_property
     def _model(self) -> Model | None:
-        """The model of the case, with the fields that are to be computed; None where its states do not tell any."""
+        """The model of the case with the fields to compute, or None if no field follows from its states."""
         from ..model.build import build_model
 
         name = str(self.attrs.get("case_name", ""))
@@ -37,7 +37,7 @@ class StatesWithFields(Results):
                 return build_model(loaded)
 
             model = built([])
-            # stored states do not tell what elements remember
+            # stored states do not contain the history variables of elements
             fields = [] if model.remembers else _told(model)
             found = built(fields) if fields else None
         except Ancf2dError:
@@ -51,7 +51,7 @@ class StatesWithFields(Results):
 
     @cached_property
     def fields(self) -> dict[str, dict[str, FieldRecord]]:
-        """The fields over the bodies, those that are stored and those that can be computed."""
+        """The fields over the bodies, both those stored and those that can be computed."""
         found: dict[str, dict[str, FieldRecord]] = {}
         labels = {"F": self.units.force, "L": self.units.length, "T": self.units.time}
         for record in field_records(self._model) if self._model is not None and self.nt else ():
@@ -74,7 +74,7 @@ class StatesWithFields(Results):
     _last: tuple[int, dict[tuple[str, str], Any]] | None = None
 
     def _state(self, i: int) -> State:
-        """Return a stored state as its solver has yielded it."""
+        """Return a stored state in the form in which its solver yielded it."""
         from ..solvers.state import State
         from ..solvers.stored_states import equilibrium_at
 
@@ -104,7 +104,7 @@ class StatesWithFields(Results):
 
     @cached_property
     def _motion(self) -> Moments | None:
-        """What finds the accelerations of a motion's states; None where no motion was solved."""
+        """The solver for the accelerations of stored states, or None if the case is not a motion."""
         from ..solvers.stored_states import Moments
         from .warmup import warm_up
 
@@ -117,11 +117,11 @@ class StatesWithFields(Results):
 
 
 def _told(model: Model) -> list[str]:
-    """Return the fields that stored states tell.
+    """Return the names of the fields that can be computed from stored states.
 
-    Sections given by their stiffnesses have no stress. Forces of contact are not in states. N, Q and M follow from
-    equilibrium, with the multipliers of supports and joints and the accelerations of motions, neither of which is
-    stored: both are found from the rest.
+    Sections given by their stiffnesses have no stress. States do not contain contact forces. N, Q and M follow from
+    equilibrium, with the multipliers of supports and joints and the accelerations of motions; neither is stored, both
+    are recomputed.
     """
     solid = all(not isinstance(body.section, Stiffness) or model.meshes[name].plan.rigid
                 for name, body in model.case.bodies.items())

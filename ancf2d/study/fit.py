@@ -1,4 +1,4 @@
-"""Fits numbers of a case to measured data: least squares between bounds, standard errors, the fitted case."""
+"""Fits of numbers of a case to measured data: least squares between bounds, standard errors, the fitted case."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from .run import prepare, result_header, vocabulary
 
 @dataclass
 class Fitted:
-    """One parameter: its value, and the standard error of it, None where the data do not tell."""
+    """A fitted parameter: its value and standard error, None if the data do not determine it."""
 
     path: str
     value: float
@@ -40,11 +40,11 @@ class Fitted:
 
 @dataclass
 class Fit:
-    """Fitted parameters, and how well the case then agrees with the data.
+    """Fitted parameters, and how well the case agrees with the data.
 
-    ``residual`` is the root of the mean square of all differences beside the ``scales`` (columns,) of their columns,
-    ``rms`` (columns,) that of each column in its units. ``model`` (n, columns) is what the case has in place of the
-    data. ``starts`` are parameters and residual of each start, the best one first.
+    ``residual`` is the root mean square of all differences relative to the ``scales`` (columns,) of their columns,
+    ``rms`` (columns,) that of each column in its units. ``model`` (n, columns) contains the computed values at the
+    places of the data. ``starts`` lists parameters and residual of each start, the best one first.
     """
 
     case: str
@@ -62,7 +62,7 @@ class Fit:
     warnings: list[str] = field(default_factory=list)
 
     def overrides(self) -> list[str]:
-        """Return ``PATH=VALUE`` of each fitted parameter."""
+        """Return ``PATH=VALUE`` for each fitted parameter."""
         return [variable_at(self.loaded, row.path).override(row.value) for row in self.rows]
 
     def as_json(self) -> dict[str, Any]:
@@ -79,12 +79,12 @@ class Fit:
 def fit(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: Mapping[str, float] | None = None,
         starts: int = 1, progress: Progress | None = None,
         done: Callable[[int, float], None] = lambda runs, residual: None) -> Fit:
-    """Return the numbers of a case between bounds with which it agrees best with data, in least squares.
+    """Find the numbers of a case, between bounds, for which it agrees best with data in the sense of least squares.
 
-    The differences in each column count in units of its noise ``sigma``, or of its range. ``starts``: from the case's
-    own numbers, and from further ones spread between the bounds; the best is taken. ``done`` is told the number of runs
-    and the residual. The minimum is found by SciPy's ``least_squares`` (trust region reflective). Raises CaseError with
-    all problems, ComputationError where no start can be solved.
+    The differences in each column are divided by its noise ``sigma``, or by its range. ``starts``: number of searches,
+    the first from the case's own numbers, others from points spread between the bounds; the best one counts. ``done``
+    is called with the number of runs and the residual. The search is SciPy's ``least_squares`` (trust region
+    reflective). Raises CaseError with all problems, ComputationError if no start can be solved.
     """
     variables = _variables(loaded, data, bounds, sigma or {})
     scales = np.array([(sigma or {}).get(name, scale)
@@ -134,7 +134,7 @@ def _variables(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: 
 
 
 def _starts(problem: Search, count: int) -> list[Array]:
-    """Return the places that the search begins at: the case's own numbers, then Sobol's points."""
+    """Return the starting points of the searches: the case's own numbers, then points of a Sobol sequence."""
     from scipy.stats import qmc
 
     own = problem.place([v.value for v in problem.variables])
@@ -145,7 +145,7 @@ def _starts(problem: Search, count: int) -> list[Array]:
 
 def _conclude(loaded: LoadedCase, problem: Search, found: Any, start: Sequence[float], tried: list[dict[str, Any]],
               warnings: list[str]) -> Fit:
-    """Return the fit with its standard errors, those of a linear model in the neighbourhood of the minimum.
+    """Return the fit with its standard errors, from a linear model in the neighbourhood of the minimum.
 
     With J the Jacobian, cov = (J^T J)^-1 J^T S J (J^T J)^-1, where S has the variance of the residual of each column,
     times m/(m - n): columns may differ in their noise (White, Econometrica 48, 1980).
@@ -159,7 +159,7 @@ def _conclude(loaded: LoadedCase, problem: Search, found: Any, start: Sequence[f
     told = s > SINGULAR * max(float(s.max(initial=0.0)), 1e-300)
     A = (Vt[told].T / s[told]) @ U[:, told].T
     covariance = (A * squares[column] * m / (m - n)) @ A.T
-    # what lies in the directions that nothing tells has no error that could be given
+    # parameters with a part in directions that the data do not determine get no error
     lost = (np.abs(Vt[~told]) > 1e-3).any(axis=0) if (~told).any() else np.zeros(n, bool)
     errors = np.sqrt(np.diag(covariance)) * np.abs(problem.rates(found.x))
     sizes = np.sqrt(np.diag(covariance))
@@ -185,9 +185,9 @@ def _conclude(loaded: LoadedCase, problem: Search, found: Any, start: Sequence[f
 
 def write_case(loaded: LoadedCase, values: Mapping[str, float], path: str | os.PathLike[str], how: str,
                force: bool = False) -> list[str]:
-    """Write a case with other numbers at some paths, in the words of its file where these have a place there.
+    """Write a case with other numbers at some paths, keeping the text of its file where possible.
 
-    Its first line says ``how`` they were found. Returns what is to be told of it. Raises ResultsError.
+    Its first line says ``how`` they were found. Returns remarks for the user. Raises ResultsError.
     """
     text, kept = text_with(loaded, values, vocabulary())
     lines = [line for line in text.splitlines(keepends=True) if not line.startswith(f"# {MARK}")]

@@ -1,4 +1,4 @@
-"""Measured columns over time, load factor or frequency, and what a run computes for them."""
+"""Measured columns over time, load factor or frequency, and the corresponding values of a run."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ from ..solvers.derivatives.readings import Term
 from .measures import probes_alike
 from .run import vocabulary
 
-# what stands in the first column, by solver; and the rates of quantities, with which states are joined by cubics
+# solvers for each name of the first column; and the rates of quantities, for cubic interpolation between states
 ABSCISSAE = {"t": "dynamic or quasi_static", "factor": "static or linear_static", "hz": "frequency_response"}
 RATES = {"x": "vx", "y": "vy", "ux": "vx", "uy": "vy", "theta": "omega"}
 FORCES = ("N", "Q", "M")
-# share of the last time or load factor within which two are one
+# share of the last time or load factor below which two of them are equal
 NEAR = 1e-9
 PARTS = ("re", "im")
-# quantities by kind, and the power of a length that gives them the unit of their kind
+# kind of each quantity, and the power of a length that converts it to the units of its kind
 KINDS = {"x": ("place", 0), "y": ("place", 0), "ux": ("place", 0), "uy": ("place", 0), "theta": ("place", 1),
          "vx": ("rate", 0), "vy": ("rate", 0), "omega": ("rate", 1), "N": ("force", 0), "Q": ("force", 0),
          "M": ("force", -1)}
-# beside the largest range of its kind: what varies less is round-off or noise
+# relative to the largest range of its kind: smaller variations are round-off or noise
 FAINT = 1e-6
 
 
 @dataclass(frozen=True)
 class Data:
-    """Measured values (n, columns) at ``x`` (n,); ``axis`` is t, factor or hz. NaN is a value that was not measured."""
+    """Measured values (n, columns) at ``x`` (n,); ``axis`` is t, factor or hz. NaN marks a value not measured."""
 
     axis: str
     x: Array
@@ -50,20 +50,20 @@ class Data:
 
     @property
     def known(self) -> Any:
-        """Where something was measured (n, columns)."""
+        """Return where values were measured (n, columns)."""
         return np.isfinite(self.values)
 
     @property
     def interval(self) -> float:
-        """The gap of which all x are multiples, 0 where there is none."""
+        """The interval of which all x are multiples, or 0 if there is none."""
         gap = _gap(self.x)
         return gap if gap > 0.0 and bool(np.all(np.abs(self.x / gap - np.round(self.x / gap)) < 1e-6)) else 0.0
 
     def scales(self, extent: float) -> Array:
-        """Return what differences in each column count beside (columns,): its range, or its size where it is constant.
+        """Return the scales of differences in each column (columns,): its range, or its magnitude if it is constant.
 
-        Where that is FAINT, the largest range of its kind, with rotations and moments compared over the ``extent``
-        [length] of the model; 1 where nothing but zeros was measured.
+        For a column below FAINT, the scale is the largest range of its kind, with rotations and moments compared over
+        the ``extent`` [length] of the model; it is 1 if only zeros were measured.
         """
         low, high = np.nanmin(self.values, axis=0), np.nanmax(self.values, axis=0)
         varies = high - low
@@ -76,7 +76,7 @@ class Data:
         return np.where(scales > 0.0, scales, 1.0)
 
     def _kind(self, name: str) -> tuple[str, int]:
-        """Return the kind of a column, of each input apart, and its power of a length."""
+        """Return the kind of a column (separately for each input), and its power of a length."""
         source, rest = name.split(".", 1) if self.axis == "hz" else ("", name)
         quantity = (rest.rpartition(".")[0] if self.axis == "hz" else rest).rpartition(".")[2]
         # controllers have units of their own
@@ -85,7 +85,7 @@ class Data:
 
 
 def read_data(path: str) -> Data:
-    """Return the columns of a CSV file as ``export`` writes it; empty cells were not measured. Raises CaseError."""
+    """Return the columns of a CSV file as written by ``export``; empty cells mean not measured. Raises CaseError."""
     rows = [row for row in csv.reader(io.StringIO(read_text(path))) if any(cell.strip() for cell in row)]
     if len(rows) < 2:
         raise CaseError(Problem("the file has no data", file=path, expected="a line of names, then lines of numbers"))
@@ -121,7 +121,7 @@ def _misnamed(names: Sequence[str], file: str) -> Problem:
 
 
 def data_of(columns: Mapping[str, Any], file: str = "") -> Data:
-    """Return named columns as data, in the order of the first one. Raises CaseError with all that is wrong."""
+    """Return named columns as data, sorted by the first one. Raises CaseError with all mistakes."""
     names = list(columns)
     problems: list[Problem] = []
     if not names or names[0] not in ABSCISSAE:
@@ -148,10 +148,10 @@ def data_of(columns: Mapping[str, Any], file: str = "") -> Data:
     return Data(names[0], x[order], tuple(names[1:]), values[order], file)
 
 
-# ---------------------------------------------------------------------------- what a case has there
+# ---------------------------------------------------------------------------- comparison with a case
 
 def check_data(loaded: LoadedCase, data: Data) -> list[Problem]:
-    """Return what keeps a case from being compared with data."""
+    """Return the reasons why a case cannot be compared with data."""
     solver, problems = loaded.case.solver, []
 
     def say(message: str, expected: str = "", near: str = "") -> None:
@@ -171,7 +171,7 @@ def check_data(loaded: LoadedCase, data: Data) -> list[Problem]:
         elif solver.linear and not np.all(data.x == 1.0):
             say("linear statics has one state, of factor 1", "data at factor 1, or solver static")
     probes = [*loaded.case.output.probes]
-    # what is recorded over time beside them
+    # moving points and controllers, which are recorded over time too
     others = {name: ["s"] for name in loaded.case.moving_points}
     for name, one in loaded.case.controllers.items():
         states = [state.partition(":")[2] for state in equations(name, one).initial]
@@ -199,13 +199,13 @@ def check_data(loaded: LoadedCase, data: Data) -> list[Problem]:
 
 
 def comparable(loaded: LoadedCase, data: Data) -> LoadedCase:
-    """Return a case whose run has states, or frequencies, where something was measured, and no more than it needs.
+    """Return a case whose run has states, or frequencies, at the measured places, and computes little else.
 
     Raises CaseError.
     """
     solver, output, more = loaded.case.solver, loaded.case.output, []
     if any(name.rpartition(".")[2] in FORCES for name in data.names):
-        # they are computed where a field asks for them
+        # section forces are computed only if a field asks for them
         more.append(f"output.fields=[{', '.join(dict.fromkeys((*output.fields, *FORCES)))}]")
     if isinstance(solver, Dynamic):
         step = data.interval
@@ -228,9 +228,9 @@ def comparable(loaded: LoadedCase, data: Data) -> LoadedCase:
 
 
 class Watch:
-    """What states have where something was measured: (measured values,), as a function of a model and its states.
+    """The values at the measured places (measured values,), as a function of a model and the states of its run.
 
-    For a motion, it tells derivatives what they follow from (``readings.Goals``).
+    For a motion, it also provides their derivatives by probe quantities (``readings.Goals``).
     """
 
     whole = True
@@ -245,16 +245,16 @@ class Watch:
 
     @property
     def places(self) -> bool:
-        """Whether they follow from positions, and rates at stored states, of probes."""
+        """Return whether the values follow from positions of probes, and from their rates at stored states."""
         told = [name.rpartition(".")[2] for name in self.data.names]
         return self.data.axis == "t" and all(q in RATES or (q in TOLD and self.data.interval > 0.0) for q in told)
 
     def alike(self, one: Model, other: Model) -> bool:
-        """Return whether the values of the same states are those of both models."""
+        """Return whether both models give the same values for the same states."""
         return probes_alike(one, other, {name.rpartition(".")[0] for name in self.data.names})
 
     def terms(self, model: Model, states: Sequence[Any]) -> list[Term]:
-        """Return what quantities of probes do to the values. Raises UnsuitedError for rates between states."""
+        """Return the derivatives of the values by probe quantities. Raises UnsuitedError for rates between states."""
         t, first = np.unique([state.t for state in states], return_index=True)
         at, x, out = np.argwhere(self.data.known).tolist(), self.data.x, list[Term]()
         near = np.abs(t[:, None] - x).argmin(axis=0)
@@ -267,7 +267,7 @@ class Watch:
                 continue
             if quantity not in RATES:
                 raise UnsuitedError("rates between states follow from all of these")
-            # the weights of Hermite's cubic between two states
+            # weights of the Hermite cubic between two states
             k = int(between[row])
             h = float(t[k + 1] - t[k])
             s = float(x[row] - t[k]) / h

@@ -1,4 +1,4 @@
-"""The search for the numbers with which a case agrees best with data: its residuals and their derivatives."""
+"""The search for the numbers with which a case agrees best with data: residuals and their derivatives."""
 
 from __future__ import annotations
 
@@ -19,35 +19,35 @@ from .gradient import Study, derivatives_of
 from .record import Progress
 from .run import vocabulary
 
-# steps of the differences of motions, as shares of the way between the bounds: where time steps are fixed, and where
-# they adapt, so that runs side by side differ by their errors too
+# difference steps for motions, as shares of the way between the bounds: with fixed time steps, and with adaptive ones,
+# where runs also differ by their errors
 STEP, STEP_ADAPTIVE = 1e-4, 2e-3
-# the share of a motion's data that a search begins with, if there are so many values for each number; how close to the
-# minimum it goes there (as SETTLED), in so many steps at most
+# share of a motion's data used in the first part of a search, if it has at least ENOUGH values per number; distance
+# from the minimum at which that part ends (like SETTLED), and its largest number of steps
 FIRST_PART, ENOUGH, NEAR, FIRST_STEPS = 1.0 / 3.0, 5, 2.0, 12
-# the relative decrease of the squares that is none, with exact derivatives and with differences of runs
+# relative decrease of the sum of squares for convergence, with exact derivatives and with differences of runs
 TOLERANCE, TOLERANCE_OF_RUNS = 1e-8, 1e-6
-# of the region of confidence: how far derivatives are carried that standard errors follow from; distances from the
-# minimum that are close to it, and where a search ends
+# in units of the region of confidence: how far derivatives are carried at most for standard errors; distance from the
+# minimum that is close to it, and that at which a search ends
 CARRIED, CLOSE, SETTLED = 10.0, 1.0, 0.1
-# of a step's change of the residuals, what derivatives may miss and still be mended
+# largest relative miss of a step's change of the residuals for which derivatives are updated instead of recomputed
 BENT = 0.5
 # shares of the way between the bounds within which a number is at one
 AT_BOUND = 1e-6
-# of the singular values of the Jacobian: parameters below are not told by the data
+# of the largest singular value of the Jacobian: the data do not determine parameters with smaller ones
 SINGULAR = 1e-7
 
 
 class _RenewedError(Exception):
-    """Derivatives have been made anew where the search is: it goes on with a new region of trust."""
+    """Derivatives were recomputed at the present point: the search restarts with a new trust region."""
 
 
 class _SettledError(Exception):
-    """A search has come to its end."""
+    """The search has converged."""
 
 
 class _Secant(NamedTuple):
-    """A place z (n,) with residuals f (m,) and derivatives J (m, n), last computed anew at ``made`` (n,)."""
+    """A point z (n,) with residuals f (m,) and derivatives J (m, n), last recomputed at ``made`` (n,)."""
 
     z: Array
     f: Array
@@ -56,22 +56,22 @@ class _Secant(NamedTuple):
 
 
 class Search:
-    """Differences between a case and data as a function of z (n,) in [0, 1], the places between the bounds."""
+    """Differences between a case and data as a function of z (n,) in [0, 1], positions between the bounds."""
 
     def __init__(self, loaded: LoadedCase, data: Data, variables: list[Variable], bounds: Sequence[Bounds],
                  scales: Array, progress: Progress, done: Callable[[int, float], None]) -> None:
         self.loaded, self.data, self.variables, self.bounds = loaded, data, variables, bounds
         self.watch, self.progress, self.done, self.runs = Watch(data), progress, done, 0
-        # bounds above 0 are gone through by equal ratios
+        # parameters with positive bounds are scaled logarithmically
         self.ratios = [b.low > 0.0 for b in bounds]
         self.scale = np.broadcast_to(scales, data.values.shape)[data.known]
         self.scales, self.measured = scales, data.values[data.known]
         # which values (m,) count
         self.counts = np.ones(len(self.measured), dtype=bool)
-        # derivatives of what is solved over time take several runs: they are carried from step to step
+        # derivatives of solutions over time take several runs: they are updated from step to step
         self.timed = loaded.case.solver.timed
         self.exact = self.watch.places and loaded.case.solver.moves
-        # the last two, since a step may have led away from where derivatives are wanted
+        # the last two, since a step may have led away from the point where derivatives are wanted
         self.solved: list[tuple[bytes, Study]] = []
         self.last: Array | None = None
         self.secant: _Secant | None = None
@@ -82,13 +82,13 @@ class Search:
                 for b, s, ratio in zip(self.bounds, z.tolist(), self.ratios, strict=True)]
 
     def place(self, values: Sequence[float]) -> Array:
-        """Return where parameters are between their bounds."""
+        """Return the positions of parameters between their bounds."""
         return np.array([math.log(v / b.low) / math.log(b.high / b.low) if ratio and v > 0.0
                          else (v - b.low) / (b.high - b.low)
                          for b, v, ratio in zip(self.bounds, values, self.ratios, strict=True)])
 
     def rates(self, z: Array) -> Array:
-        """Return the derivatives (n,) of the parameters to z."""
+        """Return the derivatives (n,) of the parameters by z."""
         return np.array([v * math.log(b.high / b.low) if ratio else b.high - b.low
                          for b, v, ratio in zip(self.bounds, self.values(z), self.ratios, strict=True)])
 
@@ -98,7 +98,7 @@ class Search:
         return with_overrides(self.loaded, options, vocabulary())
 
     def study(self, z: Array) -> Study:
-        """Return what the case is at z, solved once. Raises CaseError and ComputationError."""
+        """Return the study of the case at z, solved once. Raises CaseError and ComputationError."""
         known = next((one for at, one in self.solved if at == z.tobytes()), None)
         if known is None:
             self.runs += 1
@@ -107,11 +107,11 @@ class Search:
         return known
 
     def model(self, z: Array) -> Array:
-        """Return what the case has at z in place of the data. Raises CaseError and ComputationError."""
+        """Return the computed values at z for comparison with the data. Raises CaseError and ComputationError."""
         return self.study(z).values
 
     def residuals(self, z: Array) -> Array:
-        """Return the differences (m,) beside their scales, infinite ones where the case cannot be solved."""
+        """Return the scaled differences (m,); they are infinite if the case cannot be solved."""
         try:
             found = (self.model(z) - self.measured) / self.scale
         except ComputationError:
@@ -125,7 +125,7 @@ class Search:
     def _counted(self, z: Array) -> Array:
         """Return the differences (m,) that count.
 
-        Raises _RenewedError where derivatives that were carried far led to larger ones.
+        Raises _RenewedError if derivatives that were carried far led to a larger sum of squares.
         """
         f, known, now = np.where(self.counts, self.residuals(z), 0.0), self.secant, self.counts
         larger = known is not None and self.exact and not f @ f <= known.f[now] @ known.f[now]
@@ -135,9 +135,9 @@ class Search:
         return f
 
     def _parts(self) -> list[Array]:
-        """Return the values (m,) that count first, and at last: early ones of a motion, then all.
+        """Return which values (m,) count in each part of the search: early ones of a motion first, then all.
 
-        A vibration that is out of step by half a period or more hides the way to the minimum; early on it is not yet.
+        A vibration that is out of phase by half a period or more hides the way to the minimum; early on it is not yet.
         """
         x = np.broadcast_to(self.data.x[:, None], self.data.values.shape)[self.data.known]
         early, whole = x <= np.quantile(x, FIRST_PART), np.ones(len(x), dtype=bool)
@@ -145,7 +145,7 @@ class Search:
         return [whole] if few or not self.loaded.case.solver.moves else [early, whole]
 
     def jacobian(self, z: Array) -> Array:
-        """Return the derivatives (m, n) of the differences to z. Raises ComputationError."""
+        """Return the derivatives (m, n) of the differences by z. Raises ComputationError."""
         if not self.timed:
             found = derivatives_of(self.study(z), self._variables_at(z))
             self.runs += sum(4 for method in found.methods if method != "exact")
@@ -159,8 +159,8 @@ class Search:
     def _secants(self, z: Array, f: Array) -> Array:
         """Return the derivatives of runs over time, with Broyden's update from step to step.
 
-        They are made anew where the search comes close to its end far from where they were made, since standard errors
-        follow from them, and where the update misses most of a step. Raises _SettledError at the end.
+        They are recomputed if the update misses most of a step, and near the end of the search if they were computed
+        far away, since standard errors follow from them. Raises _SettledError at the end.
         """
         known, J, made, step, now = self.secant, None, z, None, self.counts
         if known is not None and np.array_equal(z, known.z):
@@ -179,19 +179,20 @@ class Search:
         return J
 
     def _anew(self, z: Array, f: Array, step: tuple[Array, Array] | None = None) -> Array:
-        """Return the derivatives (m, n) of runs over time: exact ones, where a motion has them, or by differences."""
+        """Return the derivatives (m, n) of runs over time, exactly if the motion has them, else by differences."""
         found = self.study(z).exact(self._variables_at(z)) if self.exact else None
         if found is None:
             self.exact = False
             return self._differences(z, f, step)
-        # the motion is made once more, beside its changes
+        # the motion is computed once more, together with its derivatives
         self.runs += 1
         return found * self.rates(z) / self.scale[:, None]
 
     def _differences(self, z: Array, f: Array, step: tuple[Array, Array] | None = None) -> Array:
-        """Return the derivatives (m, n) of runs over time by one run for each number, to the inside of its bounds.
+        """Return the derivatives (m, n) of runs over time by one run per number, towards the inside of its bounds.
 
-        A ``step`` (n,) to z, with its change (m,) of f, saves one run where bounds let the others go across it.
+        A ``step`` (n,) to z, with its change (m,) of f, saves one run if the bounds allow differences perpendicular to
+        it.
         """
         h = STEP if getattr(self.loaded.case.solver, "dt", None) is not None else STEP_ADAPTIVE
 
@@ -209,7 +210,7 @@ class Search:
         return np.asarray(np.linalg.solve(ways, np.array(columns)).T, dtype=float)
 
     def minimise(self, z0: Array) -> Any:
-        """Return what SciPy finds from z0."""
+        """Return the result of SciPy's ``least_squares`` from z0."""
         from scipy.optimize import OptimizeResult, least_squares
 
         self.last, self.secant, self.solved, found = None, None, [], None
@@ -233,9 +234,9 @@ class Search:
 
 
 def _offset(z: Array, f: Array, J: Array) -> float:
-    """Return how far a place is from the minimum, beside the size of the region of confidence about it.
+    """Return the distance from the minimum relative to the size of the region of confidence.
 
-    The relative offset of Bates & Watts (Technometrics 23, 1981). Numbers that are held by a bound are left out.
+    The relative offset of Bates & Watts (Technometrics 23, 1981). Numbers held by a bound are left out.
     """
     slope = J.T @ f
     free = ~(((z < AT_BOUND) & (slope > 0.0)) | ((z > 1.0 - AT_BOUND) & (slope < 0.0)))
@@ -245,11 +246,11 @@ def _offset(z: Array, f: Array, J: Array) -> float:
 
 
 def _distance(z: Array, other: Array, f: Array, J: Array) -> float:
-    """Return how far two places are from each other beside the size of the region of confidence."""
+    """Return the distance between two points relative to the size of the region of confidence."""
     return float(np.linalg.norm(J @ (z - other))) / _confidence(f, np.linalg.qr(J)[0].T @ f)
 
 
 def _confidence(f: Array, within: Array) -> float:
-    """Return the size of residuals along n directions that noise explains; ``within`` (n,) is there of f (m,)."""
+    """Return the size of residuals in n directions due to noise; ``within`` (n,) is the part of f (m,) in them."""
     across, n = max(float(f @ f) - float(within @ within), 0.0), max(len(within), 1)
     return max(math.sqrt(across * n / (len(f) - n)), 1e-300)

@@ -1,4 +1,4 @@
-"""What solutions will cost, judging by those measured: budgets of studies, and the time that is left of one."""
+"""Predicted cost of solutions from measured ones: budgets of studies, and their remaining time."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from .record import Progress
 
 R = TypeVar("R")
 
-# exponents of cost over size: what is assumed of one solution, and what two may tell
+# exponents of cost over size: assumed for one measured solution, and the limits for two
 USUAL_GROWTH, SLOWEST_GROWTH, FASTEST_GROWTH = 1.3, 0.5, 3.0
-# elements of a small mesh that take as long as what does not depend on the mesh
+# number of elements whose cost equals the part that does not depend on the mesh
 OVERHEAD = 100
-# seconds between two estimates, and between them beside what one takes: of many jobs it goes through all that are left
+# least seconds between two estimates, and that pause in multiples of the time of an estimate, which many jobs make long
 EVERY, RARELY = 0.1, 300.0
-# a job that takes longer than predicted takes this share of its time so far still
+# a job that exceeds its prediction is assumed to need this share of its time so far
 OVERDUE = 0.2
 
 
 class Budget:
-    """So many seconds from now on, by a clock that only goes forward."""
+    """A number of seconds from its creation, by a clock that never goes back."""
 
     def __init__(self, seconds: float, clock: Callable[[], float] = time.monotonic) -> None:
         self.seconds, self.clock = seconds, clock
@@ -34,18 +34,18 @@ class Budget:
 
     @property
     def spent(self) -> float:
-        """Seconds since the beginning."""
+        """Seconds since the creation."""
         return self.clock() - self.began
 
     def affords(self, predicted: float) -> bool:
-        """Whether something that takes ``predicted`` seconds ends in time."""
+        """Return whether a task of ``predicted`` seconds ends in time."""
         return self.spent + predicted < self.seconds
 
 
 def predicted_cost(sizes: Sequence[float], seconds: Sequence[float], size: float) -> float | None:
-    """Return what a solution of a size will take [s] after the last two that were measured; None after none.
+    """Return the predicted time [s] of a solution from the last two measured ones; None if there are none.
 
-    Cost grows by a power of size; where that is below 1, a constant part hides growth in proportion to size.
+    Cost grows with a power of size; a power below 1 indicates a constant part plus growth in proportion to size.
     """
     if not sizes:
         return None
@@ -62,19 +62,19 @@ ORDER = 0.2
 
 
 def steps_of(dt: float | None, tolerance: float | None) -> float:
-    """Return a number that the steps of a motion grow with; 1 where neither is given."""
+    """Return a number proportional to the steps of a motion; 1 if neither is given."""
     return 1.0 / dt if dt else tolerance**-ORDER if tolerance else 1.0
 
 
-# told of a study: the share of its time that is over, and the seconds that are left (None: nothing tells yet)
+# called with the share of a study's time that has passed, and the seconds left (None if not known yet)
 Done = Callable[[float, "float | None"], None]
 
 
 class Forecast:
-    """The time that is left of some jobs, which workers begin in their order; ``done`` is told of it.
+    """The remaining time of some jobs, which workers start in their order; ``done`` is called with it.
 
-    Each job has a kind and a size: jobs of one kind cost the more the larger they are (``predicted_cost``). The clock
-    starts with the forecast.
+    Each job has a kind and a size: larger jobs of one kind cost more (``predicted_cost``). The clock starts with the
+    forecast.
     """
 
     def __init__(self, jobs: Sequence[tuple[Hashable, float]] = (), workers: Workers = ALONE,
@@ -88,13 +88,13 @@ class Forecast:
 
     @property
     def spent(self) -> float:
-        """Seconds since the beginning."""
+        """Seconds since the creation."""
         return self.clock() - self.origin
 
     def take(self, i: int, result: object, seconds: float) -> None:
-        """Note that job ``i`` is done after so many seconds; the next one begins."""
+        """Record that job ``i`` ended after so many seconds; the next one starts."""
         now = self.spent
-        if not self.seconds:  # only then are processes ready
+        if not self.seconds:  # processes are ready only now
             self.began = {k: max(began, now - seconds) for k, began in self.began.items()}
         self.seconds[i] = seconds
         self.note(*self.jobs[i], seconds)
@@ -103,7 +103,7 @@ class Forecast:
         self.tick()
 
     def tick(self, running: float | None = None) -> None:
-        """Tell how far the jobs are; ``running`` [s] is what the one that goes on will still take, if it tells."""
+        """Report the progress of the jobs; ``running`` [s] is the time that the running job still needs, if known."""
         now, count = self.spent, len(self.seconds) / max(len(self.jobs), 1)
         if 0.0 < count < 1.0 and now - self.told < self.pause:
             return
@@ -112,19 +112,19 @@ class Forecast:
         self.done(count if left is None else self.spent / max(self.spent + left, 1e-9), left)
 
     def followed(self, solve: Callable[..., R]) -> Callable[..., R]:
-        """Return a function of a job and a ``Progress`` as one of the job; in this process its states are told of."""
+        """Return a function of a job that, in this process, also updates the forecast with the states of its run."""
         if self.workers != ALONE:
             return solve
         return partial(solve, progress=Progress(state=lambda state: self.tick(state.left)))
 
     def note(self, kind: Hashable, size: float, seconds: float) -> None:
-        """Note what a job took."""
+        """Record the time of a job."""
         self.known.setdefault(kind, {}).setdefault(size, []).append(seconds)
 
     def predicted(self, kind: Hashable, size: float) -> float | None:
-        """Return what a job will take [s], None where nothing tells yet.
+        """Return the predicted time [s] of a job, or None if it is not known yet.
 
-        A kind of which one size is known grows as the others do.
+        A kind with a single known size is assumed to grow as the others do.
         """
         own, others = self.known.get(kind, {}), [k for name, k in self.known.items() if name != kind and len(k) > 1]
         if len(own) > 1 or (own and not others):
@@ -134,9 +134,9 @@ class Forecast:
         return fmean(_cost(k, size) for k in self.known.values()) if self.known else None
 
     def left(self, running: float | None = None) -> float | None:
-        """Return the seconds until all jobs are done, None where nothing tells yet; ``running`` as in ``tick``."""
+        """Return the seconds until all jobs are done, or None if not known yet; ``running`` as in ``tick``."""
         if self.workers.scheduler is not None:
-            return None  # how many work there is not known
+            return None  # the number of workers there is unknown
         now, free, costs = self.spent, [0.0] * self.processes, {}
         for i, job in enumerate(self.jobs):
             if i in self.seconds:
@@ -155,7 +155,7 @@ class Forecast:
 
 
 def _cost(known: dict[float, list[float]], size: float) -> float:
-    """Return what a job of a size will take, from the seconds of jobs of other sizes."""
+    """Return the predicted time of a job of a size from the seconds of jobs of other sizes."""
     if size in known:
         return median(known[size])
     if len(known) == 1:

@@ -1,4 +1,4 @@
-"""The goal of a case: its value after a run, its course over time, and what its errors are relative to."""
+"""The goal of a case: its value after a run, its course over time, and the scale of its errors."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from .windows import window_key, window_of
 _KINDS = {"ux": "displacement", "uy": "displacement", "x": "position", "y": "position", "theta": "rotation",
           "vx": "velocity", "vy": "velocity", "omega": "rate", "N": "force", "Q": "force", "fx": "force", "fy": "force",
           "M": "moment", "m": "moment"}
-# what is judged of responses: rates follow from these
+# quantities by which responses are judged; rates follow from these
 JUDGED = ("ux", "uy", "theta")
 SHARE = 1e-3
 TINY = 2.0**-1022
 
 
 def goal_of(loaded: LoadedCase, lacking: str = "no value to find the error of") -> Goal:
-    """Return the goal of a case. Raises CaseError where it has none, so that there is what is ``lacking``."""
+    """Return the goal of a case. Raises CaseError if it has none; ``lacking`` says what is missing without it."""
     if loaded.case.goal is None:
         raise CaseError(loaded.source.problem((), f"the case has no goal, so there is {lacking}",
                                               expected="for example goal: {probe: mid, quantity: uy}"))
@@ -35,15 +35,15 @@ def goal_of(loaded: LoadedCase, lacking: str = "no value to find the error of") 
 
 
 def goal_kind(goal: Goal) -> str:
-    """Return the kind of quantity that a goal is: displacement, force, ..., energy."""
+    """Return the kind of quantity of a goal: displacement, force, ..., energy."""
     return "phase" if goal.part == "phase" else _KINDS.get(goal.quantity or "", "energy")
 
 
 def smallest_scale(goal: Goal, summary: dict[str, Any], model: Model, d: Any) -> float:
-    """Return 1e-3 of the largest of the goal's kind in the model.
+    """Return 1e-3 of the largest quantity of the goal's kind in the model.
 
-    Of all probes and reactions; of displacements also those of all nodal coordinates d (n_q,), at least what counts as
-    a motion, of positions the extent of the model.
+    All probes and reactions count; for displacements also all nodal coordinates d (n_q,) and the least motion that is
+    not round-off, for positions the extent of the model.
     """
     from ..solvers.system import least_motion
 
@@ -68,13 +68,13 @@ def smallest_peak(probes: dict[str, Any], kind: str) -> float:
 
 
 def error_scale(value: float, smallest: float) -> float:
-    """Return what an error of a value is divided by: the value, or the smallest scale where it is smaller."""
+    """Return the divisor for relative errors of a value: the value, or the smallest scale if that is larger."""
     return max(abs(value), smallest, TINY)
 
 
 @dataclass(frozen=True)
 class Curves:
-    """Responses ``H`` (n, curves) at frequencies ``hz`` (n,), and what is a large one of each (curves,)."""
+    """Responses ``H`` (n, curves) at frequencies ``hz`` (n,), and the sizes (curves,) that errors are relative to."""
 
     hz: Array
     H: Any
@@ -82,13 +82,13 @@ class Curves:
     log: bool
 
     def distance(self, other: Curves) -> float:
-        """Return how far other responses are from these over all frequencies, beside what is large."""
+        """Return the largest difference to other responses over all frequencies, relative to the sizes."""
         hz = np.union1d(self.hz, other.hz)
         gap = np.abs(self.at(hz) - other.at(hz)) / self.sizes
         return float(gap.max(initial=0.0))
 
     def at(self, hz: Array) -> Any:
-        """Return the responses at other frequencies, by the cubics that the points were placed for."""
+        """Return the responses at other frequencies, by the cubics for which the points were placed."""
         from ..results.responses import interpolated
 
         if np.array_equal(hz, self.hz):
@@ -98,9 +98,9 @@ class Curves:
 
 
 def curves_of(goal: Goal | None, response: dict[str, Any], log: bool) -> Curves:
-    """Return the responses that accuracy is asked of: that of the goal, or those of all probes.
+    """Return the responses whose accuracy is wanted: that of the goal, or those of all probes.
 
-    A large one is the peak, or 1e-3 of the largest of its kind by the same input, where the peak is smaller.
+    The size of each is its peak, or 1e-3 of the largest of its kind for the same input if the peak is smaller.
     """
     H, sizes = [], []
     for name in (n for n in response if n != "hz"):
@@ -115,14 +115,14 @@ def curves_of(goal: Goal | None, response: dict[str, Any], log: bool) -> Curves:
 
 @dataclass
 class Answer:
-    """A goal as one run has it.
+    """The goal of one run.
 
-    ``value`` at the end; ``course`` (states,) at all stored times of a motion; ``size`` > 0 is what its errors are
-    relative to: the value, or where that is smaller ``smallest``, 1e-3 of the largest of its kind in the model; in
-    motion the largest displacement of the goal's probe over time (of other quantities their own largest value).
-    ``curves``: of responses over the frequency, whose errors are shares of their peaks; without a goal ``value`` is 1.
-    ``period``: what may be added to the value without a difference, 2 pi of phases, else 0. ``sampling``: what stored
-    times may leave open of a value over a window; ``jumps``: whether it may be read at another time in each mesh.
+    ``value`` at the end; ``course`` (states,) at all stored times of a motion; ``size`` > 0 is the scale of its errors:
+    the value, or if larger ``smallest``, 1e-3 of the largest of its kind in the model; in motion the largest
+    displacement of the goal's probe over time (for other quantities their own largest value). ``curves``: responses
+    over the frequency, with errors relative to their peaks; without a goal ``value`` is 1. ``period``: 2 pi for phases,
+    which are equivalent modulo that, else 0. ``sampling``: uncertainty of a value over a window due to the stored
+    times; ``jumps``: the value may be reached at another time on each mesh.
     """
 
     value: float
@@ -135,14 +135,14 @@ class Answer:
     jumps: bool = False
 
     def gap(self, other: Answer) -> float:
-        """Return the value less that of another answer."""
+        """Return the value minus that of another answer, modulo the period."""
         found, period = self.value - other.value, max(self.period, other.period)
         return found - period * round(found / period) if period else found
 
     def distance(self, other: Answer) -> float:
-        """Return how far another answer is from this one, in the goal's units: in motion the most over time.
+        """Return the distance to another answer, in the goal's units.
 
-        Of responses the most over the frequency.
+        In motion it is the largest over time, for responses the largest over the frequency.
         """
         if self.curves is not None and other.curves is not None:
             return other.size * other.curves.distance(self.curves)
@@ -151,7 +151,7 @@ class Answer:
         return float(np.max(np.abs(self.course - other.course), initial=0.0))
 
     def beyond(self, coarse: Answer, factor: float) -> Answer:
-        """Return this answer moved on by ``factor`` times its difference to a coarser one."""
+        """Return this answer extrapolated by ``factor`` times its difference to a coarser one."""
         course = None
         if self.course is not None and coarse.course is not None and len(self.course) == len(coarse.course):
             course = self.course + factor * (self.course - coarse.course)
@@ -185,7 +185,7 @@ class Solved:
 
 
 def for_study(loaded: LoadedCase) -> LoadedCase:
-    """Return a case without what only costs time in a study, or differs from run to run: estimates, times of states."""
+    """Return a case without parts that only cost time in a study or vary between runs: estimates, times of states."""
     case = replace(loaded.case, accuracy=None)
     if isinstance(case.solver, Dynamic):
         case = replace(case, solver=replace(case.solver, estimate=False), output=replace(case.output, every=None))
@@ -194,7 +194,7 @@ def for_study(loaded: LoadedCase) -> LoadedCase:
 
 @dataclass
 class Target:
-    """The result file that runs are written to; ``written``: whether it holds the best so far."""
+    """The result file to which runs are written; ``written``: it contains the best run already."""
 
     out: str
     force: bool = False
@@ -204,12 +204,12 @@ class Target:
 
 def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, target: Target | None = None,
                    tell: Callable[[Solved], None] = lambda found: None, solve: Solve | None = None) -> Solved:
-    """Solve a case that has a goal, or responses, by ``solve`` where that is not the solver alone.
+    """Solve a case that has a goal or responses; ``solve`` replaces the solver.
 
-    It is written to ``target``; ``tell`` may add to its summary before. Raises CaseError, and ComputationError where it
-    fails or has no such value.
+    The results are written to ``target``, after ``tell`` may have added to the summary. Raises CaseError, and
+    ComputationError if the run fails or does not yield the goal.
     """
-    # points are placed so densely that curves can be compared only where an accuracy is asked for
+    # the frequencies are only dense enough to compare curves if an accuracy is asked for
     whole = loaded.case.accuracy is not None
     loaded = for_study(loaded)
     goal = loaded.case.goal if isinstance(loaded.case.solver, FrequencyResponse) else goal_of(loaded)
@@ -245,7 +245,7 @@ def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, target:
 
 
 class _Watch:
-    """Follows the goal of a motion from state to state; ``whole`` compares responses over all frequencies."""
+    """Records the goal of a motion state by state; with ``whole``, responses are compared over all frequencies."""
 
     def __init__(self, goal: Goal | None, solver: Solver, whole: bool) -> None:
         self.goal, self.solver, self.moves, self.whole = goal, solver, solver.moves, whole
@@ -256,13 +256,13 @@ class _Watch:
         self.observer: Any = None
 
     def begin(self, model: Model) -> None:
-        """Take the model before it is solved."""
+        """Store the model before it is solved."""
         from ..solvers.post import Observer
 
         self.model, self.observer = model, Observer(model)
 
     def take(self, state: Any) -> None:
-        """Take the next state."""
+        """Record the next state."""
         self.last = state
         if not self.moves or self.goal is None or window_of(self.goal) is not None:
             return
@@ -275,7 +275,7 @@ class _Watch:
         self.largest = max(self.largest, own)
 
     def answer(self, summary: dict[str, Any], model: Model) -> Answer | None:
-        """Return the answer of a finished run, None where it has no such value."""
+        """Return the answer of a finished run, or None if the goal has no value."""
         over_all = self.goal is None or (self.whole and self.goal.hz is None)
         if isinstance(self.solver, FrequencyResponse) and over_all:
             curves = curves_of(self.goal, summary["response"], self.solver.scale == "log")
@@ -297,7 +297,7 @@ class _Watch:
         return Answer(value, max(self.largest, TINY), np.array(self.course), smallest)
 
     def _summary(self, state: Any) -> dict[str, Any]:
-        """Return what the goal can be of, at one state."""
+        """Return the part of a summary that the goal can refer to, at one state."""
         from ..solvers.post import reactions
 
         out: dict[str, Any] = {"probes": self.observer.observe(state), "energy": state.history}
@@ -307,10 +307,10 @@ class _Watch:
 
 
 def sequence(answers: Sequence[Answer]) -> list[float]:
-    """Return a sequence of numbers with the distances of neighbouring answers, which ends with the last value.
+    """Return a sequence of numbers whose differences are the distances of neighbouring answers, for extrapolation.
 
-    Of scalar answers these are their values, of phases on from the last one without jumps; courses over time, and
-    responses over the frequency, approach the last one from one side.
+    It ends with the last value. For scalar answers it consists of their values (phases without jumps of 2 pi); courses
+    over time, and responses over the frequency, approach the last one from one side.
     """
     if any(a.course is None and a.curves is None for a in answers):
         last = answers[-1]

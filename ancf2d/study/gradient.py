@@ -1,4 +1,4 @@
-"""Derivatives of what a run finds with respect to numbers of its case."""
+"""Derivatives of the results of a run with respect to numbers of its case."""
 
 from __future__ import annotations
 
@@ -41,24 +41,23 @@ from .measures import GoalValues
 from .record import Progress
 from .run import prepare, run_case, vocabulary
 
-# steps of a number beside its size: between models at the same unknowns, whose forces are known to the last digits but
-# cancel each other, and between runs
+# relative steps of a number: between models at the same unknowns, where forces are known to the last digits but cancel
+# each other, and between runs
 STEP, STEP_OF_RUNS = 4e-4, 2e-3
-# equilibria of states that are compared with each other, relative to the displacements
+# tolerance of equilibria that are compared with each other, relative to the displacements
 TIGHT = 1e-12
 
-# what is differentiated: numbers (m,) of the states that a model goes through. It may have ``goals``, those that it
-# reads of modes and load factors; ``whole``, which is False where it reads the last state alone; ``weights``, which
-# tells how much the derivatives of its values count; and ``places``, which is True where it has what
-# ``readings.Goals`` has
+# function to differentiate: numbers (m,) from the states of a model. It may have ``goals``, those that it reads of
+# modes and load factors; ``whole``, False if it reads the last state alone; ``weights``, which returns how much the
+# derivatives of its values count; and ``places``, True if it has the methods of ``readings.Goals``
 Watch = Callable[[Model, Sequence[Any]], Array]
 
 
 @dataclass
 class Derivatives:
-    """Numbers (m,) that runs find, and their derivatives (m, n) to n numbers of a case.
+    """Results (m,) of runs, and their derivatives (m, n) by n numbers of a case.
 
-    ``errors`` (m, n) estimate how far the derivatives are off; ``methods`` (n,) tell how each was found.
+    ``errors`` (m, n) are the estimated errors of the derivatives; ``methods`` (n,) say how each was found.
     """
 
     variables: list[Variable]
@@ -70,10 +69,10 @@ class Derivatives:
 
 def gradient(loaded: LoadedCase, goals: Iterable[Goal] | Watch, paths: Sequence[str],
              progress: Progress | None = None) -> tuple[Array, Array]:
-    """Return the values (m,) of goals, and their derivatives (m, n) to the numbers of a case at some paths.
+    """Return the values (m,) of goals, and their derivatives (m, n) by the numbers of a case at some paths.
 
-    ``goals`` are goals as a case has them, or a function of a model and the states of its run that returns the values.
-    Raises CaseError where a path leads to no number that can vary, ComputationError where a run fails.
+    ``goals`` are goals of the case format, or a function of a model and the states of its run that returns the values.
+    Raises CaseError if a path leads to no number that can vary, ComputationError if a run fails.
     """
     found = derivatives(loaded, goals, numbers_at(loaded, paths), progress)
     return found.values, found.jacobian
@@ -81,13 +80,13 @@ def gradient(loaded: LoadedCase, goals: Iterable[Goal] | Watch, paths: Sequence[
 
 def derivatives(loaded: LoadedCase, goals: Iterable[Goal] | Watch, variables: Sequence[Variable],
                 progress: Progress | None = None) -> Derivatives:
-    """Return what ``gradient`` does with what is known of it."""
+    """Return the results of ``gradient`` with error estimates and methods."""
     watch = goals if callable(goals) else GoalValues(tuple(goals))
     return derivatives_of(Study(loaded, watch, progress or Progress(), numbers=len(variables)), variables)
 
 
 def derivatives_of(study: Study, variables: Sequence[Variable]) -> Derivatives:
-    """Return what ``derivatives`` does of a case that was solved."""
+    """Return the results of ``derivatives`` for a case that was solved."""
     study.expect(variables)
     found = [study.differentiate(variable) for variable in variables]
     shape = len(variables), len(study.values)
@@ -97,31 +96,31 @@ def derivatives_of(study: Study, variables: Sequence[Variable]) -> Derivatives:
 
 
 class Study:
-    """A case solved once, what is watched of it, and how that changes with its numbers."""
+    """A case solved once, the values watched in it, and their derivatives by numbers of the case."""
 
     def __init__(self, loaded: LoadedCase, watch: Watch, progress: Progress,
                  warn: Callable[[str], None] = lambda text: None, numbers: int = 0) -> None:
         self.loaded, self.watch = _tight(for_study(loaded)), watch
-        # what is to be said of the case is said once, not of each run beside it
+        # warnings of the case come from its own run, not from runs with changed numbers
         self.progress = replace(progress, warn=warn)
         self.models: dict[str, Callable[[float], Model]] = {}
         self.moves = loaded.case.solver.moves
         self.middle: Array | None = None
-        # the motion, if its steps have been kept for the way back, and how long fixed ones are in a run
+        # the motion, if its steps were stored for the adjoint, and the lengths of fixed steps
         self.motion: Backwards | None = None
         self.lengths: list[float] = []
         self.model, states = self._first(numbers)
         self.progress = replace(progress, warn=lambda text: None, state=lambda state: None, built=lambda model: None,
                                 judges=False)
         self.values, self.numbering = watch(self.model, states), numbering_of(self.model)
-        # what tells how states change, once it is known of how many numbers
+        # states for the derivatives; the method is chosen when the number of variables is known
         self.ended = states
         self.adjoint: MotionAdjoint | None = None
         self.responses: list[Any] | None = None
         self.reason = ""
 
     def _first(self, numbers: int) -> tuple[Model, list[Any]]:
-        """Return model and states of the case, whose motion is kept if derivatives to so many numbers go back."""
+        """Return model and states of the case; the motion is stored if its derivatives will use the adjoint."""
         for tolerance in NEWTON if self._goes_back(numbers) else ():
             told = list[str]()
             try:
@@ -137,7 +136,7 @@ class Study:
         return self._run(self.loaded)
 
     def _kept(self, model: Model, tolerance: float) -> Iterator[State]:
-        """Return the states of a motion, which is kept for the way back if it can be."""
+        """Return the states of a motion, which is stored for the adjoint if possible."""
         if why_not(model):
             return solve(model)
         goals: Any = self.watch
@@ -155,8 +154,7 @@ class Study:
         return outcome.model, states
 
     def _choose(self, numbers: int) -> None:
-        """Choose what tells derivatives to so many numbers: one way back for each goal, or one forth for each number.
-        """
+        """Choose the method of derivatives: one adjoint per goal, or one linearised motion per number."""
         if self.adjoint is None and self.responses is None:
             if self._goes_back(max(numbers, 1)):
                 self.adjoint = self._adjoint()
@@ -164,12 +162,12 @@ class Study:
                 self._go_forth()
 
     def _goes_back(self, numbers: int) -> bool:
-        """Whether the goals are quantities of probes in a motion, and no more than so many numbers."""
+        """Return whether the goals are probe quantities of a motion, and not more than ``numbers``."""
         watch: Any = self.watch
         return self.moves and getattr(watch, "places", False) and watch.count <= numbers
 
     def _adjoint(self) -> MotionAdjoint | None:
-        """Return what goals of a motion tell of all numbers at once, None where that is not known."""
+        """Return the adjoint of a motion's goals, or None if there is none."""
         goals: Any = self.watch
         if why_not(self.model):
             return None
@@ -182,13 +180,13 @@ class Study:
             return None
 
     def _go_forth(self) -> None:
-        """Let the states tell how they change."""
+        """Use responses of the states for the derivatives instead of the adjoint."""
         self.adjoint = self.motion = None
         self.responses, self.reason = self._responses(self.ended)
         self.ended = self.ended[-1:]
 
     def _responses(self, states: list[Any]) -> tuple[list[Any], str]:
-        """Return how the states respond to a change, or why that is not known: then runs beside it tell."""
+        """Return the responses of the states to a change, or the reason why runs with a changed number are needed."""
         reason, goals = why_not(self.model), getattr(self.watch, "goals", None)
         whole = getattr(self.watch, "whole", True) and len(states) > 1
         if not reason and self.model.contacts and any(g.limit_point is not None for g in goals or ()):
@@ -207,7 +205,7 @@ class Study:
         return responses(self.model, states, whole, goals), ""
 
     def expect(self, variables: Sequence[Variable]) -> None:
-        """Find together what is found more cheaply for several numbers than for each."""
+        """Compute together what is cheaper for several numbers than for each."""
         self._choose(len(variables))
         beside = [(self._beside(v), STEP * size_of(v, self.model.extent)) for v in variables]
         if self.adjoint is not None:
@@ -219,7 +217,7 @@ class Study:
             one.prepare(beside)
 
     def differentiate(self, variable: Variable) -> tuple[Quotient, str]:
-        """Return the derivative to a number, and how it was found."""
+        """Return the derivative by a number, and how it was found."""
         self._choose(1)
         size, reason = size_of(variable, self.model.extent), self.reason
         if self.adjoint is not None or self.responses:
@@ -232,9 +230,10 @@ class Study:
         return self._differences(variable, STEP_OF_RUNS * size), f"differences of runs: {reason}"
 
     def exact(self, variables: Sequence[Variable]) -> Array | None:
-        """Return the derivatives (m, n) of a motion's values to numbers where all are sums of changes, else None.
+        """Return the derivatives (m, n) of a motion's values if all are linear in changes of its states, else None.
 
-        What takes runs beside, or changed states to read, is left to those who know of cheaper ways.
+        Derivatives that would need further runs, or readings of changed states, are left to callers with cheaper
+        methods.
         """
         self.expect(variables)
         if self.adjoint is None and not any(one.readings for one in self.responses or ()):
@@ -245,7 +244,7 @@ class Study:
             return None
 
     def _beside(self, variable: Variable) -> Callable[[float], Model]:
-        """Return what makes models with a number changed, each once."""
+        """Return a function that builds the model with a number changed by a step, each once."""
         if variable.path not in self.models:
             models: dict[float, Model] = {}
 
@@ -275,18 +274,18 @@ class Study:
                 s for one, slope in zip(self.responses or (), slopes, strict=True)
                 for s in one.states(model, step * slope.value + abs(step) * slope.kink)])
         if self.middle is None:
-            # beside the values of a run: Newton's iterations go further where steps are differentiated, points of
-            # contact slide with what lifts off, and a peak is between the frequencies of a range
+            # differs from the values of the run: Newton's iterations go further where steps are differentiated, contact
+            # points slide with a lift-off point, and a peak lies between the frequencies of a range
             apart = self.moves or self.model.contacts or isinstance(self.model.case.solver, FrequencyResponse)
             self.middle = watched(0.0) if apart else self.values
         found = derivative(watched, min(slope.h for slope in slopes), self._weights(), middle=self.middle)
-        # errors of the states count as far as what is watched changes with them, not with the number itself
+        # relative errors of the states count as far as the values change with the states, not with the number itself
         share = max(_share(slope) for slope in slopes)
         by_states = np.abs(watched(found.h, self.model) - self.middle) / found.h
         return Quotient(found.value, found.error + share * by_states, found.h)
 
     def _differences(self, variable: Variable, h: float) -> Quotient:
-        """Return the derivative to a number by runs beside it. Raises ComputationError where their meshes differ."""
+        """Return the derivative by a number from runs at other values. Raises ComputationError if meshes differ."""
         meshes: set[Any] = set()
 
         def run(step: float) -> Array:
@@ -299,13 +298,13 @@ class Study:
         return derivative(run, h, self._weights(), middle=self.values)
 
     def _weights(self) -> Array | None:
-        """Return how much the derivatives of what is watched count for the steps of differences."""
+        """Return the weights of the values in the choice of difference steps, or None."""
         weights = getattr(self.watch, "weights", None)
         return None if weights is None else weights(self.values)
 
 
 def why_not(model: Model) -> str:
-    """Return why the states of a model have no such response, empty where they have one."""
+    """Return why the states of a model have no response to changes, or an empty text if they have one."""
     solver = model.case.solver
     if solver.moves:
         return unsuited(model)
@@ -321,7 +320,7 @@ def why_not(model: Model) -> str:
 
 
 def responses(model: Model, states: Sequence[Any], whole: bool, goals: Sequence[Goal] | None) -> list[Response]:
-    """Return the responses of the states of a run, of the last one unless ``whole``, to what ``goals`` are of.
+    """Return the responses of the states of a run (of the last one unless ``whole``) that ``goals`` need.
 
     Without goals these are the responses at all frequencies.
     """
@@ -341,18 +340,18 @@ def responses(model: Model, states: Sequence[Any], whole: bool, goals: Sequence[
 
 
 def _times_of(model: Model) -> tuple[Any, ...]:
-    """Return what tells when the steps of a motion end, and which states are stored."""
+    """Return the options that determine when the steps of a motion end, and which states are stored."""
     return model.case.solver, model.case.output.every, model.case.output.interval
 
 
 def _share(found: Quotient) -> float:
-    """Return the largest error of a derivative beside its largest value."""
+    """Return the largest error of a derivative relative to its largest value."""
     largest = float(np.abs(found.value).max(initial=0.0))
     return float(found.error.max(initial=0.0)) / largest if largest else 0.0
 
 
 def _tight(loaded: LoadedCase) -> LoadedCase:
-    """Return a case whose equilibria are found to the last digits."""
+    """Return a case whose equilibria are converged to the last digits."""
     solver = loaded.case.solver
     if isinstance(solver, Eigen):
         return replace(loaded, case=replace(loaded.case, solver=replace(solver, verify=False)))
@@ -363,22 +362,22 @@ def _tight(loaded: LoadedCase) -> LoadedCase:
 
 
 def varied(loaded: LoadedCase, variable: Variable, h: float) -> LoadedCase:
-    """Return a case with one of its numbers changed by h. Raises CaseError where that is no case."""
+    """Return a case with one of its numbers changed by h. Raises CaseError if the result is invalid."""
     return with_overrides(loaded, [variable.override(variable.value + h)], vocabulary())
 
 
 def size_of(variable: Variable, extent: float) -> float:
-    """Return what changes of a number are small beside: its value, that of its list, the model's size."""
+    """Return the scale for changes of a number: its value, that of its list, or the model's size."""
     return abs(variable.value) or variable.beside or extent
 
 
 def mesh_of(model: Model) -> tuple[Any, ...]:
-    """Return what two meshes have in common whose elements stand for the same."""
+    """Return a key that is equal for two meshes whose elements correspond."""
     return tuple((name, m.plan.element.name, m.plan.formulation.name, tuple(p.count for p in m.plan.pieces), m.n_dofs)
                  for name, m in model.meshes.items())
 
 
 def numbering_of(model: Model) -> tuple[Any, ...]:
-    """Return what two models have in common whose unknowns stand for the same."""
+    """Return a key that is equal for two models whose unknowns correspond."""
     num = model.numbering
     return mesh_of(model), num.free.tobytes(), num.dependent.tobytes(), num.n_multipliers

@@ -1,4 +1,4 @@
-"""What a run finds: goals, and expressions such as ``mass``, ``goal``, ``tip.uy``, ``wall.fx`` and ``max(stress)``."""
+"""Results of a run: goals, and expressions such as ``mass``, ``goal``, ``tip.uy``, ``wall.fx`` and ``max(stress)``."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _EXTREME = re.compile(r"(?<![\w.])(max|min)\s*\(")
 
 
 class Vocabulary:
-    """The names that expressions over a case's results may use."""
+    """The names that expressions over the results of a case may use."""
 
     def __init__(self, loaded: LoadedCase) -> None:
         case = loaded.case
@@ -45,19 +45,19 @@ class Vocabulary:
         self.fields = tuple(FIELDS)
 
     def names(self, more: Sequence[str] = ()) -> Names:
-        """Return what names mean; parameters are numbers of each run."""
+        """Return the known names; ``more`` are parameters and placeholders."""
         return Names("", {}, (*self.quantities, *more), self.probes)
 
 
 def read_measure(text: str, option: str, words: Vocabulary, parameters: Sequence[str] = ()) -> Measure:
-    """Return the expression in an option of the command line. Raises CaseError with its place."""
+    """Return the expression given by a command line option. Raises CaseError with the place of the mistake."""
     extremes: dict[str, Extreme] = {}
     rest, more = text, tuple(parameters)
     try:
         while (found := _EXTREME.search(rest)) is not None:
             end = _closed(rest, found.end() - 1)
             inside = rest[found.end():end]
-            # as long as what it stands for, so that columns stay what they are
+            # as long as the text it replaces, so that columns in messages stay correct
             name = f"e{len(extremes)}".ljust(end + 1 - found.start(), "_")
             extremes[name] = _extreme(found[1] == "max", inside, found.end(), words, more)
             rest = rest[:found.start()] + name + rest[end + 1:]
@@ -70,7 +70,7 @@ def read_measure(text: str, option: str, words: Vocabulary, parameters: Sequence
 
 
 def _said(message: str, words: Vocabulary) -> str:
-    """Return what is wrong with a name without those that nobody can write."""
+    """Return the message about an unknown name, listing the names that expressions may use."""
     if (parameter := re.match(r"'parameters\.(\w+)' is unknown", message)) is not None:
         return f"{parameter[0]}: in expressions the parameter is written {parameter[1]}"
     head, known, _ = message.partition("; known names are ")
@@ -99,9 +99,9 @@ def _extreme(largest: bool, inside: str, column: int, words: Vocabulary, more: S
 
 
 def bounded(measure: Measure, option: str) -> tuple[Measure, Measure, str]:
-    """Return what a constraint ``LEFT <= RIGHT`` (or >=, ==) wants to be at most, or just, 0; RIGHT; and which it is.
+    """Return the difference that a constraint ``LEFT <= RIGHT`` (>=, ==) bounds by 0, RIGHT, and '<=' or '=='.
 
-    Raises CaseError where it compares nothing, or more than two expressions.
+    Raises CaseError if the expression is not a comparison of two expressions.
     """
     tree = measure.tree
     if not (isinstance(tree, Comparison) and len(tree.rest) == 1 and tree.rest[0][0] != "!="):
@@ -117,12 +117,13 @@ def bounded(measure: Measure, option: str) -> tuple[Measure, Measure, str]:
 
 
 class Measures:
-    """The values of expressions, as a function of a model and the states of its run.
+    """The values of expressions as a function of a model and the states of its run.
 
-    An expression of an extreme has a kink where another value becomes the extreme. For the first ``apart`` expressions,
-    the values are followed by rows without such kinks: what the expression were with each of the values, in groups of
-    neighbours, of which the extreme is (``Met.chosen``). The largest row is the expression. ``parts``, one for each
-    extreme, are those of the first states; in motions the expressions are then as many as ``numbers`` at most.
+    An expression with max or min has a kink where another value becomes the extreme. For expressions flagged in
+    ``apart``, the values are therefore followed by smooth rows: the expression evaluated with one representative of
+    each group of neighbouring values (``Met.chosen``). The largest row equals the expression. ``parts``, one for each
+    such extreme, are chosen at the first call; for motions, such that there are at most ``numbers`` values to
+    differentiate.
     """
 
     def __init__(self, measures: Sequence[Measure], goal: Goal | None, apart: Sequence[bool] = (), numbers: int = 0
@@ -138,8 +139,7 @@ class Measures:
         self.parts: list[Part] | None = None if any(self.apart) else []
 
     def __call__(self, model: Model, states: Sequence[Any]) -> Array:
-        """Return the values (measures,), and the rows. Raises ComputationError where the solver does not compute one.
-        """
+        """Return the values (measures,), then the rows. Raises ComputationError if one is not computed."""
         met = self._met(model, states, self._course(model, states))
         found = [one.value() for one in met]
         for one, value in zip(met, found, strict=True):
@@ -151,14 +151,14 @@ class Measures:
         return np.concatenate([found, *(met[part.number].rows(part) for part in self.parts)])
 
     def _divided(self, met: list[Met], moves: bool) -> list[Part]:
-        """Return the extremes that get rows."""
+        """Return the extremes that get rows, with their numbers of groups."""
         wanted = [one for one, apart in zip(met, self.apart, strict=False) if apart]
-        # more expressions than numbers would be differentiated forth, at the cost of many motions
+        # more expressions than numbers would be differentiated forwards, at the cost of many motions
         most = (self.numbers - self.count) // sum(len(one.places) for one in wanted) if moves and self.places else MOST
         return [part for k, apart in enumerate(self.apart) if apart for part in met[k].parts(k, most)]
 
     def rows(self, number: int) -> slice | None:
-        """Return where the rows of an expression are among all values, None where it has none."""
+        """Return the range of the rows of an expression among all values, or None if it has none."""
         of, first = [], len(self.measures)
         for part in self.parts or ():
             of += list(range(first, first + part.groups)) * (part.number == number)
@@ -166,8 +166,9 @@ class Measures:
         return slice(of[0], of[-1] + 1) if of else None
 
     def weights(self, values: Array) -> Array:
-        """Return 1 for the values (m,) whose derivatives count, 0 for others: rows far from the extreme, and those
-        expressions that have rows, with their kinks.
+        """Return 1 for the values (m,) whose derivatives count, else 0.
+
+        They do not count for rows far from the extreme, and for expressions that have rows, because of their kinks.
         """
         out = np.ones(len(values))
         for number in range(len(self.measures)):
@@ -176,7 +177,7 @@ class Measures:
         return out
 
     def _met(self, model: Model, states: Sequence[Any], course: list[dict[str, float]]) -> list[Met]:
-        """Return the expressions at the states."""
+        """Return the expressions evaluated at the states."""
         of_fields, out = {name: self._field(model, states[-1], name) for name in self.fields}, list[Met]()
         for measure in self.measures:
             places = {name: of_fields[extreme.field] if extreme.tree is None else
@@ -187,30 +188,30 @@ class Measures:
         return out
 
     def _course(self, model: Model, states: Sequence[Any]) -> list[dict[str, float]]:
-        """Return what the names mean at each state, or at the last alone where nothing is read along the way."""
+        """Return the values of all names at each state, or at the last one alone if no extreme needs the others."""
         return [self._told(model, states[:k], k == len(states))
                 for k in range(1 if self.along else len(states), len(states) + 1)]
 
     @property
     def places(self) -> bool:
-        """Whether all follow from the model and from quantities of probes that positions and rates tell."""
+        """Return whether all values follow from the model and from probe quantities given by positions and rates."""
         read = {name.rpartition(".")[2] for name in self.names - self.parameters - {GOAL, MASS}}
         return not self.fields and read <= set(TOLD) and GoalValues(self.goals).places
 
     @property
     def count(self) -> int:
-        """How many depend on states."""
+        """Return the number of values that depend on states, rows included."""
         return (sum(bool(names_of(measure) - self.parameters - {MASS}) for measure in self.measures)
                 + sum(part.groups for part in self.parts or ()))
 
     def alike(self, one: Model, other: Model) -> bool:
-        """Return whether the values of the same states are those of both models."""
+        """Return whether both models give the same values for the same states."""
         given, probes = (one.case.parameters, other.case.parameters), {name.rpartition(".")[0] for name in self.names}
         return (MASS not in self.names and all(given[0][name] == given[1][name] for name in self.parameters)
                 and probes_alike(one, other, probes - {""}) and GoalValues(self.goals).alike(one, other))
 
     def terms(self, model: Model, states: Sequence[Any]) -> list[Term]:
-        """Return what quantities of probes do to the values, by the chain rule; an extreme is the value of one state.
+        """Return the derivatives of the values by probe quantities (chain rule); an extreme is the value at one state.
         """
         course = self._course(model, states)
         met, out = self._met(model, states, course), list[Term]()
@@ -226,7 +227,7 @@ class Measures:
 
     def _terms(self, model: Model, states: Sequence[Any], course: list[dict[str, float]], one: Met,
                at: dict[str, int]) -> Iterator[tuple[int, str, str, float]]:
-        """Yield what an expression changes by with quantities of probes, where its extremes are ``at`` places."""
+        """Yield the derivatives of an expression by probe quantities, with its extremes taken at the places ``at``."""
         meaning = one.meaning | {name: float(one.places[name][place]) for name, place in at.items()}
         first, goals = len(states) - len(course), GoalValues(self.goals)
         for name, outer in slopes_of(one.measure.tree, meaning):
@@ -244,8 +245,7 @@ class Measures:
                     yield number, probe, quantity, outer * by
 
     def _told(self, model: Model, states: Sequence[Any], ended: bool) -> dict[str, float]:
-        """Return what the names mean at the last of some states; a goal over a window has a value once all ``ended``.
-        """
+        """Return the values of the names at the last of some states; a goal over a window is NaN unless ``ended``."""
         reacts = any(name.rpartition(".")[2] in REACTIONS for name in self.names)
         reacts |= any(g.reaction is not None for g in self.goals)
         summary = last_summary(model, states, reacts, self.forces, self.goals if ended else ())
@@ -265,7 +265,7 @@ class Measures:
 
     @staticmethod
     def _field(model: Model, state: Any, name: str) -> Array:
-        """Return all values of a field; of stresses the equivalent one of von Mises."""
+        """Return all values of a field; for stress, the von Mises equivalent stress."""
         problems = field_problems(model, (name,))
         if (refused := refused_field(model.case, tag_of(type(model.case.solver)), name)) is not None:
             problems += [Problem(refused[0], expected=refused[1])]
@@ -279,7 +279,7 @@ class Measures:
 
 
 def mass_of(model: Model) -> float:
-    """Return the mass [F T^2/L] of bodies and point masses: a^T M a of a unit translation a."""
+    """Return the mass [F T^2/L] of bodies and point masses: a^T M a for a unit translation a."""
     from ..solvers.linear import fluid_masses, point_masses
 
     a, total = np.zeros(model.n_q), 0.0
@@ -295,17 +295,17 @@ def mass_of(model: Model) -> float:
 
 @dataclass(frozen=True)
 class GoalValues:
-    """The values of goals, of the last state of a run, as a function of model and states."""
+    """The values of goals at the end of a run, as a function of model and states."""
 
     goals: tuple[Goal, ...]
 
     @property
     def whole(self) -> bool:
-        """Whether the values are of more states than the last."""
+        """Return whether a value depends on other states than the last."""
         return any(window_of(goal) is not None for goal in self.goals)
 
     def __call__(self, model: Model, states: Sequence[Any]) -> Array:
-        """Return the values. Raises ComputationError where the solver does not compute one."""
+        """Return the values. Raises ComputationError if the solver does not compute one of them."""
         summary = last_summary(model, states, any(g.reaction is not None for g in self.goals),
                                goals=self.goals)
         found = [quantity(goal, summary) for goal in self.goals]
@@ -316,20 +316,20 @@ class GoalValues:
 
     @property
     def places(self) -> bool:
-        """Whether all are quantities of probes that positions and rates tell."""
+        """Return whether all goals are probe quantities given by positions and rates."""
         return all(goal.probe is not None and goal.quantity in TOLD for goal in self.goals)
 
     @property
     def count(self) -> int:
-        """How many depend on states."""
+        """Return the number of values that depend on states."""
         return len(self.goals)
 
     def alike(self, one: Model, other: Model) -> bool:
-        """Return whether the values of the same states are those of both models."""
+        """Return whether both models give the same values for the same states."""
         return probes_alike(one, other, {str(goal.probe) for goal in self.goals})
 
     def terms(self, model: Model, states: Sequence[Any]) -> list[Term]:
-        """Return what quantities of probes do to the goals."""
+        """Return the derivatives of the goals by probe quantities at each state."""
         from ..solvers.post import Observer
 
         observer, out = Observer(model, forces=False), list[Term]()
@@ -345,16 +345,16 @@ class GoalValues:
 
 
 def probes_alike(one: Model, other: Model, names: Iterable[str]) -> bool:
-    """Return whether probes are at the same places of the same bodies in two models."""
+    """Return whether the named probes are at the same places of the same bodies in two models."""
     sides = [(one.case.output.probes[name], other.case.output.probes[name]) for name in names]
     return all(a == b and one.meshes[a.at.body] is other.meshes[b.at.body] for a, b in sides)
 
 
 def last_summary(model: Model, states: Sequence[Any], reacts: bool = True, forces: bool = False,
                  goals: Sequence[Goal] = ()) -> dict[str, Any]:
-    """Return what goals are of, at the last state of a run; reactions and section forces of probes where asked for.
+    """Return the part of a summary that goals read, at the last state of a run.
 
-    Those of ``goals`` that are over windows of time are of all states.
+    Reactions and section forces at probes are included on request; ``goals`` over windows of time use all states.
     """
     from ..solvers.post import Observer, energies, reactions
 

@@ -1,4 +1,4 @@
-"""The best values of some numbers of a case: SciPy's optimisers with the derivatives of ``gradient``."""
+"""Optimisation of numbers of a case: SciPy's optimisers with the derivatives of ``gradient``."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from .sensitivity import on_its_mesh
 
 METHODS = {"slsqp": "SLSQP", "trust-constr": "trust-constr"}
 TABLE = "optimisation"
-# relative change of the minimum at which it is found, and what a constraint may be missed by beside its size
+# relative change of the minimum for convergence, and the relative violation up to which a constraint is met
 TOLERANCE, MET = 1e-9, 1e-6
-# share of what is minimised that derivatives may still promise over the ranges of all numbers where a search ends; how
-# close constraints and bounds are that count there; and the relative gain without which it is not begun anew
+# a search ends if the gradient of the Lagrangian times the ranges of all numbers is less than this share of the
+# minimum; constraints and bounds this close are active there; least relative gain for which the search is restarted
 PROMISED, CLOSE, GAIN = 1e-3, 1e-4, 1e-7
-# the least half width of a box that a search is kept in, as a share of the ranges of the numbers
+# least half width of the box of a search, as a share of the ranges of the numbers
 SMALLEST = 0.01
-# shares of the range of a number within which it is called at its bound, and is put there
+# shares of a number's range within which it is reported at its bound, and is set to the bound
 AT_BOUND, EXACT = 1e-6, 1e-12
 
 
 @dataclass
 class Point:
-    """Values of the numbers that have been tried: what is minimised, and how far constraints are missed there."""
+    """Values of the numbers that have been tried, with the objective and the largest violation of a constraint."""
 
     x: Array
     value: float
@@ -47,7 +47,7 @@ class Point:
 
 @dataclass
 class Optimum:
-    """The best values that were found: ``rows`` by number, ``constraints``, and the ``history`` of all tries."""
+    """The best values found: ``rows`` by number, ``constraints``, and the ``history`` of all evaluations."""
 
     case: str
     title: str
@@ -76,7 +76,7 @@ class Optimum:
 
 @dataclass
 class Problem:
-    """What is to be minimised over which numbers, under which constraints (each with <= or ==)."""
+    """The objective, the numbers to vary, and the constraints (each with <= or ==)."""
 
     loaded: LoadedCase
     variables: list[Variable]
@@ -87,7 +87,7 @@ class Problem:
 
 
 def problem_of(loaded: LoadedCase, bounds: Sequence[Bounds], minimise: str, constraints: Sequence[str]) -> Problem:
-    """Return the problem that options of the command line describe. Raises CaseError with the problems of all."""
+    """Return the problem described by command line options. Raises CaseError with the mistakes of all of them."""
     words, parameters = Vocabulary(loaded), list(loaded.case.parameters)
 
     def constraint(text: str) -> tuple[Measure, Measure, str]:
@@ -97,7 +97,7 @@ def problem_of(loaded: LoadedCase, bounds: Sequence[Bounds], minimise: str, cons
         lambda: numbers_between(loaded, bounds, vocabulary()),
         lambda: read_measure(minimise, "--minimise", words, parameters), *(partial(constraint, t) for t in constraints))
     kinds = [kind for _, _, kind in read]
-    # the sides that constraints compare with tell what is large
+    # the right-hand sides of constraints give their scales
     measures = [objective, *(m for m, _, _ in read), *(side for _, side, _ in read)]
     apart = [bool(measure.extremes) and kind == "<=" for measure, kind in zip(measures, ["<=", *kinds], strict=False)]
     return Problem(loaded, variables, list(bounds), Measures(measures, loaded.case.goal, apart, len(variables)), kinds,
@@ -105,7 +105,7 @@ def problem_of(loaded: LoadedCase, bounds: Sequence[Bounds], minimise: str, cons
 
 
 class _Search:
-    """Evaluates a problem at shares y of the ranges of its numbers, each place once."""
+    """Evaluates a problem at shares y of the ranges of its numbers, each point once."""
 
     def __init__(self, problem: Problem, progress: Progress, tell: Callable[[Point], None]) -> None:
         self.problem, self.progress, self.tell = problem, progress, tell
@@ -124,23 +124,23 @@ class _Search:
         self.sizes = self._sizes()
 
     def _sizes(self) -> Array:
-        """Return what values are divided by: that at the start, of constraints the larger of their sides there."""
+        """Return the scales of the values: their size at the start, for constraints the larger of both sides."""
         n, found = len(self.problem.kinds), np.abs(self.values(self.start))
         values = np.append(found[0], np.maximum(found[1:n + 1], found[n + 1:2 * n + 1]))
         return np.where(values > 0.0, values, 1.0)
 
     def x(self, y: Array) -> Array:
         """Return the numbers at shares y of their ranges."""
-        # at a bound it is the bound, to the last digit
+        # exactly the bound at a bound
         inside = np.where(y >= 1.0 - EXACT, self.high, self.low + self.range * y)
         return np.where(y <= EXACT, self.low, inside)
 
     def sets(self, y: Array) -> list[str]:
-        """Return the ``PATH=VALUE`` overrides."""
+        """Return the ``PATH=VALUE`` overrides at y."""
         return [v.override(float(x)) for v, x in zip(self.problem.variables, self.x(y), strict=True)]
 
     def _study(self, y: Array) -> Study:
-        """Return the case solved at y. Raises ComputationError that says where."""
+        """Return the case solved at y. Raises ComputationError that names y."""
         key = y.tobytes()
         if self._last is None or self._last[0] != key:
             here = with_overrides(self.loaded, self.sets(y), vocabulary())
@@ -156,7 +156,7 @@ class _Search:
         return self._last[1]
 
     def values(self, y: Array) -> Array:
-        """Return what is minimised and the constraints at y."""
+        """Return the objective and the constraints at y."""
         key = y.tobytes()
         if key not in self._known:
             self._known[key] = found = self._study(y).values
@@ -165,13 +165,13 @@ class _Search:
         return self._known[key]
 
     def _excess(self, values: Array) -> Array:
-        """Return by how much each constraint is missed (constraints,)."""
+        """Return the violation of each constraint (constraints,)."""
         own = values[1:len(self.problem.kinds) + 1]
         return np.array([abs(v) if kind == "==" else max(v, 0.0)
                          for v, kind in zip(own.tolist(), self.problem.kinds, strict=True)])
 
     def preferred(self, y: Array) -> Array:
-        """Return y, the best place tried that meets all constraints where y does not meet them and another one does."""
+        """Return y if it meets all constraints, else the best evaluated point that does, else y."""
         allowed = MET * self.sizes[1:len(self.problem.kinds) + 1]
 
         def meets(values: Array) -> bool:
@@ -182,7 +182,7 @@ class _Search:
         return np.frombuffer(min(good)[1]) if good else y
 
     def rows(self, number: int) -> slice | None:
-        """Return where the rows of an expression are among the values, None where it has none."""
+        """Return the range of the rows of an expression among the values, or None if it has none."""
         return self.problem.measures.rows(number)
 
     def slopes(self, y: Array) -> Array:
@@ -199,21 +199,21 @@ class _Search:
         return self._slopes[key]
 
     def knows(self, y: Array) -> bool:
-        """Whether the derivatives at y are known."""
+        """Return whether the derivatives at y are known."""
         return y.tobytes() in self._slopes
 
     def known_slopes(self) -> list[Array]:
-        """Return the derivatives at all places where they were asked for."""
+        """Return the derivatives at all points where they were computed."""
         return list(self._slopes.values())
 
 
 def optimise(problem: Problem, method: str = "slsqp", iterations: int = 100, progress: Progress | None = None,
              tell: Callable[[Point], None] = lambda point: None) -> Optimum:
-    """Return the values of a problem's numbers within their bounds that minimise what it says under its constraints.
+    """Return the numbers of a problem, within their bounds, that minimise its objective under its constraints.
 
     ``method``: slsqp (Kraft 1988) or trust-constr (Byrd, Hribar & Nocedal 1999), from the values of the case. Numbers
-    are scaled to their ranges, values to their sizes at the start. Raises CaseError, and ComputationError where the
-    case cannot be solved on the way.
+    are scaled to their ranges, values to their sizes at the start. Raises CaseError, and ComputationError if the case
+    cannot be solved at a point of the search.
     """
     search = _Search(problem, progress or Progress(), tell)
     y, success, nit, message = _minimised(search, method, iterations)
@@ -223,11 +223,11 @@ def optimise(problem: Problem, method: str = "slsqp", iterations: int = 100, pro
 
 
 def _minimised(search: _Search, method: str, iterations: int) -> tuple[Array, bool, int, str]:
-    """Return where SciPy's optimiser ends, whether it converges, its iterations, and what it says.
+    """Return the end point of SciPy's optimiser, whether it converged, its iterations, and its message.
 
-    Where slsqp ends although derivatives promise more, as it may with ==, it begins anew there. Where it does not
-    converge, the search goes on from the best place within a box about it, a quarter as wide each time:
-    steps that go far beyond what the derivatives tell may end where no step leads back.
+    If slsqp ends although derivatives promise a further decrease, as may happen with ==, it is restarted there. If it
+    does not converge, the search continues from the best point within a box around it, a quarter as wide each time:
+    steps far beyond the validity of the derivatives may end at points from which no step leads back.
     """
     from scipy.optimize import minimize
 
@@ -235,14 +235,14 @@ def _minimised(search: _Search, method: str, iterations: int) -> tuple[Array, bo
     if method == "slsqp":
         options["ftol"] = TOLERANCE
     else:
-        # its gradient is that of the Lagrangian, whose multipliers can make it 0 while constraints keep their distance
+        # gtol checks the gradient of the Lagrangian, whose multipliers can make it 0 while constraints are not met
         options |= {"gtol": 0.0, "xtol": TOLERANCE}
     goal, constraints, y, reach, done = _Goal(search), _constraints(search, method), search.start, 1.0, 0
     last, ended = np.inf, None
     while True:
         low, high = np.maximum(y - reach, 0.0), np.minimum(y + reach, 1.0)
         with warnings.catch_warnings():
-            # what is linear in the numbers, such as a mass, is no mistake
+            # linear quantities such as a mass cause this warning without being a mistake
             warnings.filterwarnings("ignore", message="delta_grad == 0.0")
             result = minimize(goal.value, goal.start(y), jac=goal.slope, method=METHODS[method],
                               bounds=goal.bounds(low, high), constraints=constraints,
@@ -266,10 +266,10 @@ def _minimised(search: _Search, method: str, iterations: int) -> tuple[Array, bo
 
 
 class _Goal:
-    """What the optimiser minimises over z: a function of the shares y, or a level above all rows of one, behind them.
+    """The function that the optimiser minimises over z: of y itself, or a level, appended to y, above all rows.
 
-    The least level that the rows of an expression stay below is its minimum, and all of them are smooth (epigraph
-    form; Boyd & Vandenberghe, Convex Optimization, 2004, section 4.1).
+    The smallest level above the rows of an expression is its minimum, and all rows are smooth (epigraph form; Boyd &
+    Vandenberghe, Convex Optimization, 2004, section 4.1).
     """
 
     def __init__(self, search: _Search) -> None:
@@ -277,26 +277,27 @@ class _Goal:
         self.level = search.rows(0) is not None
 
     def start(self, y: Array) -> Array:
-        """Return where a search from y begins."""
+        """Return the starting point of a search from y."""
         return np.append(y, self.search.values(y)[0] / self.search.sizes[0]) if self.level else y
 
     def bounds(self, low: Array, high: Array) -> list[tuple[float | None, float | None]]:
-        """Return those of each unknown of the optimiser, of y within a box."""
+        """Return the bounds of each unknown of the optimiser, with y within a box."""
         return [*zip(low.tolist(), high.tolist(), strict=True), *[(None, None)] * self.level]
 
     def value(self, z: Array) -> float:
-        """Return what is minimised."""
+        """Return the objective."""
         return float(z[-1]) if self.level else float(self.search.values(z)[0] / self.search.sizes[0])
 
     def slope(self, z: Array) -> Array:
-        """Return its derivatives."""
+        """Return the derivatives of the objective by z."""
         return np.eye(self.n + 1)[-1] if self.level else self.search.slopes(z)[0] / self.search.sizes[0]
 
 
 def _goes_on(search: _Search, goal: _Goal, z: Array) -> bool:
-    """Whether derivatives at z, where they are known, promise more over the ranges of all numbers than is left to find.
+    """Return whether known derivatives at z promise a larger decrease than a converged search would leave.
 
-    That is what is left of the conditions of Karush, Kuhn and Tucker, with the best multipliers of what is active.
+    The measure is the residual of the conditions of Karush, Kuhn and Tucker with the best multipliers of what is
+    active.
     """
     from scipy.optimize import nnls
 
@@ -315,7 +316,7 @@ def _goes_on(search: _Search, goal: _Goal, z: Array) -> bool:
 
 
 def _constraints(search: _Search, method: str) -> list[Any]:
-    """Return the constraints as the optimiser takes them, and the level that rows of what is minimised stay below."""
+    """Return the constraints in the optimiser's form, and the rows of the objective that stay below its level."""
     from scipy.optimize import NonlinearConstraint
 
     n, level, out = len(search.start), search.rows(0) is not None, list[Any]()
@@ -368,7 +369,7 @@ def _concluded(problem: Problem, search: _Search, y: Array, success: bool, messa
 
 def write_optimisation(found: Optimum, loaded: LoadedCase, path: str, command: str = "", *, force: bool = False
                        ) -> Path:
-    """Write the history as table ``optimisation``; return where. Raises ResultsError."""
+    """Write the history as table ``optimisation``; return the path. Raises ResultsError."""
     columns = (Column("evaluation", "1", "number of the try", integer=True),
                Column("minimised", "1", found.measure), Column("missed", "1", "largest excess of a constraint"),
                *(Column(row["path"], "1", "in units of the case") for row in found.rows))

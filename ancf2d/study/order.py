@@ -7,21 +7,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-# differences below this share of the values' scale are round-off (and what iterations leave)
+# differences below this share of the values' scale are round-off (or residuals of iterations)
 ROUND_OFF = 1e-10
-# differences below this share that no longer fall are round-off too
+# differences below this share that no longer decrease are round-off too
 SUSPECT = 1e-7
-ASSUMED_ORDER = 2.0  # of two meshes, and the most that is trusted outside the asymptotic range
-LEAST_ORDER, LEAST_UNCONFIRMED = 0.5, 1.0  # lower ones are signs of meshes that are too coarse
+ASSUMED_ORDER = 2.0  # assumed for two meshes, and largest order trusted outside the asymptotic range
+LEAST_ORDER, LEAST_UNCONFIRMED = 0.5, 1.0  # lower orders are signs of meshes that are too coarse
 CONFIRMED, DOUBTFUL = 1.25, 3.0  # safety factors of the grid convergence index
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a sequence of meshes tells of its limit.
+    """Limit estimated from a sequence of meshes.
 
-    ``value`` and ``error_bar`` are None where the sequence has no visible limit, ``order`` where it is
-    undefined; ``note`` says why in words, empty where all is well.
+    ``value`` and ``error_bar`` are None if the sequence has no visible limit, ``order`` if it is undefined; ``note``
+    gives the reason in words and is empty if all is well.
     """
 
     value: float | None
@@ -32,11 +32,11 @@ class Estimate:
 
 
 def observed_order(n: Sequence[float], f: Sequence[float]) -> float | None:
-    """Return p of f(n) = f* + C n^-p through three levels n[0] < n[1] < n[2], whatever their ratios.
+    """Return p of f(n) = f* + C n^-p through three levels n[0] < n[1] < n[2] with any ratios.
 
-    Solves (f0 - f1)/(f1 - f2) = ((n1/n0)^p - 1)/(1 - (n1/n2)^p), whose right side grows with p. None where
-    the differences change sign or vanish, or no p in [-20, 60] fits. p <= 0 means that they grow.
-    Source: Celik et al., J. Fluids Eng. 130 (2008) 078001.
+    Solves (f0 - f1)/(f1 - f2) = ((n1/n0)^p - 1)/(1 - (n1/n2)^p), whose right-hand side grows with p. None if the
+    differences change sign or vanish, or no p in [-20, 60] fits. p <= 0 means that they grow. Source: Celik et al., J.
+    Fluids Eng. 130 (2008) 078001.
     """
     first, second = f[0] - f[1], f[1] - f[2]
     if first * second <= 0.0 or not math.isfinite(first * second):
@@ -62,16 +62,16 @@ def observed_order(n: Sequence[float], f: Sequence[float]) -> float | None:
 
 
 def order_from_errors(n: Sequence[float], errors: Sequence[float]) -> float | None:
-    """Return the order between two levels with known errors; None where one of them vanishes."""
+    """Return the order between two levels with known errors, or None if one of them vanishes."""
     if not (errors[0] > 0.0 and errors[1] > 0.0):
         return None
     return math.log(errors[0] / errors[1]) / math.log(n[1] / n[0])
 
 
 def round_off_level(f: Sequence[float], scale: float) -> int | None:
-    """Return the first level that agrees with the next one to round-off, None where none does.
+    """Return the first level that agrees with the next one to round-off, or None if there is none.
 
-    ``scale`` > 0 is what differences are judged against.
+    Differences are judged relative to ``scale`` > 0.
     """
     gaps = [abs(b - a) / scale for a, b in pairwise(f)]
     for k, gap in enumerate(gaps):
@@ -83,9 +83,8 @@ def round_off_level(f: Sequence[float], scale: float) -> int | None:
 def estimate(n: Sequence[float], f: Sequence[float], scale: float) -> Estimate:
     """Return limit, error bar and order of a sequence of values f on meshes n[0] < n[1] < ...
 
-    ``scale`` > 0 is what differences are judged against as round-off. The error bar is the grid
-    convergence index: 1.25 times the extrapolated step in the asymptotic range, 3 times outside.
-    Source: Roache, J. Fluids Eng. 116 (1994) 405.
+    Round-off is judged relative to ``scale`` > 0. The error bar is the grid convergence index: 1.25 times the
+    extrapolated step in the asymptotic range, 3 times outside. Source: Roache, J. Fluids Eng. 116 (1994) 405.
     """
     if not f:
         return Estimate(None, None, None, False, "no mesh has a value")

@@ -1,6 +1,6 @@
 """Many independent jobs: in this process, in several of this machine, or on a Dask cluster, with the same results.
 
-The last two are executors of the standard library's interface (``concurrent.futures.Executor``).
+The last two use executors with the interface of the standard library (``concurrent.futures.Executor``).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _one_at_a_time = threading.Lock()
 
 
 class Task:
-    """A function on a worker, which must have the program that asks for it: another one has other results."""
+    """A function to call on a worker; refuses workers with another version of ancf2d, whose results may differ."""
 
     def __init__(self, function: Callable[[Any], Any]) -> None:
         self.function, self.wanted = function, program()
@@ -41,20 +41,20 @@ class Task:
         """Return function(job). Raises ComputationError on a worker with another version of ancf2d."""
         if program() != self.wanted:
             raise ComputationError(f"a worker has ancf2d {program()}, this is {self.wanted}", advice=INSTALL)
-        # a worker may have several threads; results are written by one at a time
+        # a worker may have several threads, but results must be written by one at a time
         with _one_at_a_time:
             return self.function(job)
 
 
 @contextmanager
 def cluster(address: str) -> Iterator[tuple[Executor, type[Exception]]]:
-    """Give the executor of a cluster, and what it raises for a job whose worker died, time and again.
+    """Yield the executor of a cluster, and the exception it raises for a job whose worker died repeatedly.
 
-    Raises ComputationError where scheduler or workers cannot be reached or used.
+    Raises ComputationError if scheduler or workers cannot be reached or used.
     """
     from distributed import Client, KilledWorker
 
-    # it logs with tracebacks what is told here in a sentence, by loggers with levels of their own
+    # distributed logs, with tracebacks, what is reported here in one sentence, and its loggers have levels of their own
     before = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
     try:
@@ -99,19 +99,19 @@ J = TypeVar("J")
 R = TypeVar("R")
 
 DIED = "the process that solved this died: it was killed or ran out of memory"
-# seconds between two looks at jobs that go on
+# seconds between two checks of running jobs
 TICK = 1.0
 
 
 @dataclass(frozen=True)
 class Workers:
-    """Who does the jobs: ``processes`` of this machine, or the workers of the Dask scheduler at an address."""
+    """Where the jobs run: in ``processes`` of this machine, or on the workers of the Dask scheduler at an address."""
 
     processes: int = 1
     scheduler: str | None = None
 
     def file(self, name: str) -> str:
-        """Return the name of a file as workers find it: those of a cluster have other working directories."""
+        """Return the name of a file as valid for workers: those of a cluster have other working directories."""
         return name if self.scheduler is None else os.path.abspath(name)
 
 
@@ -121,13 +121,13 @@ ALONE = Workers()  # this process
 def run_jobs(function: Callable[[J], R], jobs: Sequence[J], workers: Workers, lost: Callable[[J], R],
              done: Callable[[int, R, float], None] = lambda i, result, seconds: None,
              tick: Callable[[], None] = lambda: None) -> list[R]:
-    """Return function(job) of every job, in their order.
+    """Return function(job) for all jobs, in their order.
 
-    ``done`` is told number, result and seconds of each as it comes; ``tick`` is called every second while other
-    processes work.
+    ``done`` is called with number, result and seconds of each job when it ends; ``tick`` is called every second while
+    other processes work.
 
-    ``function`` is a module-level function that tells failures in its result; ``lost`` gives the result of a job
-    whose process has died. Raises ComputationError where there is no cluster to work on.
+    ``function`` is a module-level function that reports failures in its result; ``lost`` gives the result of a job
+    whose process died. Raises ComputationError if the cluster cannot be used.
     """
     results: dict[int, R] = {}
 
@@ -166,7 +166,7 @@ def _run_in_processes(count: int, function: _Timed[J, R], jobs: Sequence[J], tak
     waiting = dict(enumerate(jobs))
     while waiting:
         left = _attempt(count, function, waiting, take, tick)
-        # jobs are begun in their order: who died is one of the first, and is found by giving each a process of its own
+        # jobs start in order: one of the first killed the process, and is found by giving each a process of its own
         for i in left[:count]:
             if _attempt(1, function, {i: jobs[i]}, take, tick):
                 take(i, lost(jobs[i]))
@@ -183,9 +183,9 @@ def _attempt(count: int, function: _Timed[J, R], jobs: Mapping[int, J], take: Ca
 
 def gather(executor: Executor, function: Callable[[J], tuple[R, float]], jobs: Mapping[int, J],
            take: Callable[..., None], death: type[Exception], tick: Callable[[], None]) -> list[int]:
-    """Hand on the result of every job as it comes; return the numbers of those that ended in ``death``, in order."""
+    """Call ``take`` with each result when it arrives; return the sorted numbers of the jobs that raised ``death``."""
     left, futures = [], {}
-    # a process that is left before it is told what to do says so with a traceback
+    # a process that is abandoned before it receives its job prints a traceback
     with uninterrupted(signal.SIGTERM), no_interrupts():
         for i, job in jobs.items():
             try:
@@ -210,8 +210,8 @@ def gather(executor: Executor, function: Callable[[J], tuple[R, float]], jobs: M
 
 @contextmanager
 def _processes(count: int) -> Iterator[Executor]:
-    """Give a pool of processes; where what is done with it fails or is interrupted, they end at once."""
-    # spawn: a forked child inherits locks and threads of numerical libraries in whatever state they are
+    """Yield a pool of processes; if the block fails or is interrupted, they are terminated at once."""
+    # spawn: a forked child inherits locks and threads of numerical libraries in an undefined state
     others = set(multiprocessing.active_children())
     with _quiet_tracker():
         pool = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), begin_worker,
@@ -229,7 +229,7 @@ def _processes(count: int) -> Iterator[Executor]:
 
 @contextmanager
 def _quiet_tracker() -> Iterator[None]:
-    """Let the process that frees what a killed one held, and begins with the first pool, do so without a warning."""
+    """Silence the resource tracker, a process that starts with the first pool and frees what killed processes held."""
     before = os.environ.get("PYTHONWARNINGS", "")
     os.environ["PYTHONWARNINGS"] = f"{before},ignore:resource_tracker".lstrip(",")
     try:
@@ -242,7 +242,7 @@ def _quiet_tracker() -> Iterator[None]:
 
 @contextmanager
 def no_interrupts() -> Iterator[None]:
-    """Let Ctrl-C wait. Processes that begin meanwhile inherit this, and leave it to the one that began them."""
+    """Defer Ctrl-C; processes started in the block inherit the blocked signal, so that only their parent handles it."""
     with uninterrupted():
         if not hasattr(signal, "pthread_sigmask"):
             yield
@@ -255,7 +255,7 @@ def no_interrupts() -> Iterator[None]:
 
 
 def begin_worker(warnoptions: tuple[str, ...]) -> None:
-    """Begin a process of a pool: one thread, no reaction to Ctrl-C, and an end with the process that began it."""
+    """Initialise a process of a pool: one thread, Ctrl-C ignored, and an exit when the parent exits."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ.update(dict.fromkeys(THREADS, "1"))
     if not warnoptions:

@@ -1,4 +1,4 @@
-"""The states of a solver as they come: probes, totals and the result file."""
+"""Records of a run: takes the states of a solver, collects probes and totals, and writes the result file."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 @dataclass
 class Progress:
-    """What a run tells while it goes on.
+    """Callbacks that report the progress of a run.
 
-    ``state`` is called with each state, ``warn`` with each new warning, ``note`` with remarks, ``built`` with the
-    model before it is solved, ``compiling`` with a remark when kernels have to be compiled first. ``judges``: whether
-    it is to be told if the mesh is fine enough.
+    ``state`` is called with each state, ``warn`` with each new warning, ``note`` with remarks, ``built`` with the model
+    before it is solved, ``compiling`` with a remark when kernels have to be compiled first. ``judges``: check whether
+    the mesh is fine enough, and warn if not.
     """
 
     state: Callable[[State], None] = lambda state: None
@@ -35,7 +35,7 @@ class Progress:
 
 
 class Clock:
-    """Hands on the states of a solver and counts the time that it takes, without what is done with them."""
+    """Iterator over the states of a solver that adds up the seconds the solver takes, not those between states."""
 
     def __init__(self, states: Iterator[State]) -> None:
         self.states, self.seconds = states, 0.0
@@ -52,18 +52,18 @@ class Clock:
 
 
 def run_end(case: Case) -> float:
-    """Return the time or load factor that a run ends at; infinite for a path, which may pass its last one before."""
+    """Return the final time or load factor of a run; infinite for a path, which may pass its final value on the way."""
     return float("inf") if case.solver.on_path else case.solver.end
 
 
 def beside(probes: dict[str, dict[str, float]], more: dict[str, dict[str, float]], what: str
            ) -> dict[str, dict[str, float]]:
-    """Return probes and more; what has the name of a probe is called so with ``what`` before it."""
+    """Return both dictionaries joined; a name in ``more`` that is also in ``probes`` gets the prefix ``what``."""
     return {**probes, **{name if name not in probes else f"{what} {name}": values for name, values in more.items()}}
 
 
 class Recorder:
-    """What is known of a run so far, kept in its result file too where there is a ``writer``."""
+    """Records of a run; with a ``writer``, they are also stored in its result file."""
 
     def __init__(self, model: Model, writer: Any, progress: Progress, warnings: list[str]) -> None:
         from ..solvers.contact_between import Between
@@ -77,7 +77,7 @@ class Recorder:
         self.fields = FieldReader(model) if writer is not None else None
         self.end = run_end(self.case)
         self.moves = self.case.solver.moves
-        # of equilibria that nothing is written of, the last one alone is told
+        # without a result file, only the last of the equilibria is reported
         self.reads_all = self.moves or writer is not None
         self.state: State | None = None
         self.reacted: tuple[State | None, dict[str, dict[str, float]]] = (None, {})
@@ -86,11 +86,11 @@ class Recorder:
         self.report: dict[str, Any] = {}
         self.worst: dict[str, Graded] = {}
         self.clock, self.windows = Clock(iter(())), Windows(model)
-        # what elements remember before the first step
+        # history variables of the elements before the first step
         self.unloaded = model.states.copy() if model.remembers else None
 
     def take(self, state: State) -> None:
-        """Take the next state."""
+        """Record the next state."""
         if self.writer is not None and self.totals["steps"] == 0 and isinstance(self.case.solver, Static):
             self._reference()
         self.state = state
@@ -107,7 +107,7 @@ class Recorder:
         self.progress.state(state)
 
     def conclude(self) -> None:
-        """Tell the worst of all states, and look at the last one as a whole."""
+        """Report the worst of the collected warnings, and check the last state as a whole."""
         from ..model.element_limits import coarse_warnings
 
         self._warn(map(str, self.worst.values()))
@@ -138,11 +138,10 @@ class Recorder:
         self._store(start, None, self._over_time(start, self.observer.observe(start)))
 
     def _over_time(self, state: State, probes: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
-        """Return what is written of each state: probes, where points and obstacles move, the reaction that is the goal.
-        """
+        """Return the values to store for a state: probes, moving points and obstacles, the goal's reaction."""
         if self.writer is None:
             return probes
-        # no probe has a name with dots
+        # no name of a probe contains a dot
         places = self.case.places_over_time(state.side)
         probes = {**probes, **places}
         if self.model.frames:
@@ -181,7 +180,7 @@ class Recorder:
             self.writer.table(name, columns)
 
     def _take_motion(self, state: State) -> None:
-        """Count the steps since the last state, and store them with this one."""
+        """Add up the steps since the last state, and store them with this one."""
         self._count(state.blocks)
         if self.progress.judges:
             self.resolution.take(state)
@@ -189,7 +188,7 @@ class Recorder:
             return
         self._write_once(state)
         v = None if state.v is None else state.v[:self.model.n_q]
-        # controllers are recorded over time as probes are
+        # controllers are recorded over time, like probes
         told = self._over_time(state, self.probes) | state.controllers
         self._store(state, None, told, v=v, steps=state.blocks, energies=state.history,
                     checkpoint=self._checkpoint(state))
@@ -214,7 +213,7 @@ class Recorder:
     # ------------------------------------------------------------------ interruptions
 
     def _checkpoint(self, state: State) -> Checkpoint | None:
-        """Return what the run can be resumed from; none at the end, where nothing would be left to compute."""
+        """Return the checkpoint of a state; None at the end of the run, where nothing is left to compute."""
         if state.checkpoint is None or state.last or state.t >= self.end:
             return None
         from ..results import Checkpoint
@@ -226,7 +225,7 @@ class Recorder:
         return Checkpoint(state.t, state.checkpoint, notes)
 
     def go_on(self, found: Checkpoint) -> None:
-        """Take up what was known at a checkpoint."""
+        """Restore totals, report, warnings and collected values from a checkpoint."""
         notes = found.notes
         self.totals.update(notes["totals"])
         self.report.update(notes["report"])

@@ -1,4 +1,4 @@
-"""One case from model to summary and, where asked, to a result file."""
+"""One run of a case, from the model to the summary and, if requested, the result file."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 def vocabulary() -> Vocabulary:
-    """Return the names that a case may use, from the registries; plugins are loaded first. Raises PluginError."""
+    """Return the names that a case may use, from the registries; loads plugins first. Raises PluginError."""
     load_plugins()
     types = [*registry.ELEMENTS.values(), *(registry.ancf(1, q) for q in range(1, registry.MAX_ORDER[1] + 1))]
     coordinates = {c: None for t in types for n in t.nodes for k in n.coordinates if k != "theta"
@@ -47,7 +47,7 @@ def vocabulary() -> Vocabulary:
 
 @dataclass
 class Outcome:
-    """A finished run: the ``--json`` object, and the failure where there was one."""
+    """Outcome of a run: the ``--json`` object, and the failure if there was one."""
 
     summary: dict[str, Any]
     model: Model
@@ -56,15 +56,15 @@ class Outcome:
 
 
 def load(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> LoadedCase:
-    """Return the case in a file, read with the names that the registries know. Raises CaseError with all problems."""
+    """Return the case in a file, read with the names in the registries. Raises CaseError with all problems."""
     return load_case(path, overrides, vocabulary())
 
 
 def prepare(loaded: LoadedCase, like: Model | None = None, beside: bool = False) -> Model:
-    """Return the model of a case (nothing is compiled). Raises CaseError with all problems, the solver's too.
+    """Return the model of a case, without compiling anything. Raises CaseError with all problems, also the solver's.
 
-    ``like`` is a model of the case with other values, and ``beside`` tells that differences of the two are taken
-    (``build_model``).
+    ``like`` is a model of the same case with other values, whose unchanged parts are used. ``beside`` means that the
+    model only serves for differences to ``like`` (``build_model``): checks and warnings are left out.
     """
     from ..solvers.fields import field_problems
     from ..solvers.motion.initial import initial_problems
@@ -95,17 +95,17 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
              progress: Progress | None = None, resume: bool = False, conclude: Conclude | None = None,
              solve: Solve | None = None, checkpoints: Path | None = None, like: Model | None = None,
              kernels: str = "", brief: bool = False) -> Outcome:
-    """Solve a case; write its result file where ``out`` names one; return the outcome.
+    """Solve a case, write its result file if ``out`` names one, and return the outcome.
 
-    With ``resume``, a run over time that was interrupted goes on from its last checkpoint, to the same result bit for
-    bit; where there is nothing to resume from, the run starts afresh. ``conclude`` may add to the summary of a run
-    that has succeeded, before it is written. ``solve`` yields the states in place of the solver. ``checkpoints``: a
-    file that a run over time without result file is resumed from, while it lasts. ``like``: a model of the case with
-    other values, of which the run takes what is the same. ``kernels``: the name of those that it needs, if it is known.
-    ``brief``: reactions, contacts and energies are left out of the summary where no goal may be one.
+    With ``resume``, an interrupted run over time continues from its last checkpoint, to the same result bit for bit; if
+    there is no checkpoint, the run starts from the beginning. ``conclude`` may add to the summary of a successful run
+    before it is written. ``solve`` yields the states instead of the solver. ``checkpoints``: a file from which a run
+    over time without a result file can be resumed; it is removed at the end. ``like``: a model of the case with other
+    values, whose unchanged parts are used. ``kernels``: the name of the kernels that the run needs, if known.
+    ``brief``: leave reactions, contacts and energies out of the summary if no goal or expected value can need them.
 
-    Raises CaseError for a wrong case and ResultsError for a file that cannot be written or resumed; a failed
-    computation is returned, with the states found so far.
+    Raises CaseError for a wrong case and ResultsError for a file that cannot be written or resumed. A failed
+    computation is returned, with the states found before the failure.
     """
     from .warmup import warm_up
 
@@ -150,7 +150,7 @@ def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, wa
 
 
 def _states(model: Model, writer: Any, solve: Solve | None) -> Iterator[State]:
-    """Return the states, from what the writer has to resume from if anything."""
+    """Return the states of the solver, resumed from the writer's checkpoint if there is one."""
     from ..solvers import registry
 
     if writer is not None and writer.resumed is not None:
@@ -162,7 +162,7 @@ def _states(model: Model, writer: Any, solve: Solve | None) -> Iterator[State]:
 
 
 def _checked(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Iterator[State]:
-    """Return the states, their modes or load steps checked where the case asks for that."""
+    """Return the states, with modes or load steps verified if the case asks for it."""
     if not getattr(loaded.case.solver, "verify", False):
         return states
     from .verify import verified
@@ -172,12 +172,12 @@ def _checked(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Itera
 
 def summarise(loaded: LoadedCase, model: Model, recorder: Recorder, failure: ComputationError | None,
               brief: bool = False) -> dict[str, Any]:
-    """Return the object that ``--json`` prints, from what was recorded of a run; ``brief`` as in ``run_case``."""
+    """Return the object that ``--json`` prints, from the records of a run; ``brief`` as in ``run_case``."""
     from ..solvers.post import energies, reactions
 
     state = recorder.state
     asked = [goal for goal in (loaded.case.goal, *loaded.case.expected) if goal is not None]
-    # a goal that is no value of a probe is a reaction or an energy, or is found elsewhere
+    # goals other than quantities of probes may be reactions or energies
     brief = brief and all(goal.probe is not None for goal in asked)
     out: dict[str, Any] = {
         "case": loaded.source.file, "title": loaded.case.title, "status": "failed" if failure else "converged",
@@ -214,7 +214,7 @@ def summarise(loaded: LoadedCase, model: Model, recorder: Recorder, failure: Com
 
 
 def quantity(goal: Any, summary: dict[str, Any]) -> float | None:
-    """Return the value of a goal (or expected value) from a summary, None where it is not there."""
+    """Return the value of a goal (or expected value) from a summary, or None if it is not there."""
     if window_of(goal) is not None:
         return summary.get("windows", {}).get(window_key(goal), {}).get("value")
     if goal.limit_point is not None:
@@ -234,7 +234,7 @@ def quantity(goal: Any, summary: dict[str, Any]) -> float | None:
 
 
 def _response_value(goal: Any, response: dict[str, Any]) -> float | None:
-    """Return the part of a response that a goal asks for, of phases the one nearest to what is expected."""
+    """Return the part of a response that a goal asks for; of equivalent phases, the one nearest to the expected one."""
     found = response.get(goal.input, {}).get(goal.probe, {}).get(goal.quantity)
     if found is None:
         return None
@@ -251,7 +251,7 @@ def _response_value(goal: Any, response: dict[str, Any]) -> float | None:
 
 
 def describe_goal(goal: Any) -> str:
-    """Return 'mid uy' for a goal."""
+    """Return a goal in words, such as 'mid uy'."""
     if goal is None:
         return "responses"
     if goal.input is not None:
@@ -267,7 +267,7 @@ def describe_goal(goal: Any) -> str:
 
 
 def checks(case: Case, summary: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return each expected value beside the computed one and whether it is met."""
+    """Return the comparison of each expected value with the computed one: difference, tolerance, whether it is met."""
     out = []
     for item in case.expected:
         value = quantity(item, summary)
@@ -280,7 +280,7 @@ def checks(case: Case, summary: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def result_header(loaded: LoadedCase, command: str = "") -> dict[str, Any]:
-    """Return what every result file says of its case."""
+    """Return what every result file states about its case: text, name, digest of files, title, solver, units."""
     case = loaded.case
     return {"case_text": loaded.text, "case_completed": loaded.completed, "case_name": loaded.source.file,
             "case_files": files_of(loaded), "overrides": list(loaded.overrides), "title": case.title,
@@ -290,7 +290,7 @@ def result_header(loaded: LoadedCase, command: str = "") -> dict[str, Any]:
 
 
 def _resumes(case: Case, out: str, progress: Progress) -> bool:
-    """Whether there is something that a run can be resumed from; tells what there is."""
+    """Return whether the run can be resumed from a checkpoint; notes the checkpoint, or why there is none."""
     from ..results import part_path, read_checkpoint
 
     part, name, found = part_path(out), solver_name(case), None
@@ -330,7 +330,7 @@ def _keeper(loaded: LoadedCase, model: Model, path: Path) -> Any:
 
 
 def field_records(model: Model) -> list[FieldRecord]:
-    """Return what the result file tells of the fields that a case asks for."""
+    """Return the descriptions, for the result file, of the fields that a case asks for."""
     from ..results import FieldRecord
     from ..solvers.fields import FieldReader
 
@@ -342,11 +342,11 @@ SAMPLES = np.linspace(0.0, 1.0, 21)
 
 
 def body_record(mesh: Any) -> BodyRecord:
-    """Return how a body is drawn: sampled shape functions on the axis and at both faces."""
+    """Return the data to draw a body: shape functions sampled on the axis and at both faces (or layer boundaries)."""
     from ..results import BodyRecord
 
     element, plan = mesh.plan.element, mesh.plan
-    # faces that offsets from the axis make do not need shape functions of their own where the height varies
+    # elements that differ only by faces at varying offsets from the axis share their shape functions
     keys = [k if element.section_kind == "interpolated" else id(c.shape) for k, c in enumerate(mesh.classes)]
     alike = dict(zip(keys, mesh.classes, strict=True))
     rows = np.array([list(alike).index(key) for key in keys])

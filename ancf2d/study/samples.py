@@ -1,4 +1,4 @@
-"""Samples of uncertain numbers of a case, and what they say of its goal: moments, quantiles, shares of variance."""
+"""Samples of uncertain numbers of a case, and statistics of its goal: moments, quantiles, shares of variance."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from ..elements.shape import Array
 
 DESIGNS = ("sobol", "lhs", "random")
 QUANTILES = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
-# the highest degree of the polynomials in each parameter, and how many samples there are at least for each of them
+# highest degree of the polynomials in each parameter, and the least number of samples for each coefficient
 DEGREE, SAMPLES_PER_TERM = 5, 8
-# resamples for the standard errors of the shares, and the seed they are drawn with
+# bootstrap resamples for the standard errors of the shares, and the seed for drawing them
 RESAMPLES, SEED = 60, 0
 
 
 @dataclass(frozen=True)
 class Design:
-    """Samples of some paths: ``units`` (n, paths) in (0, 1), the quantiles at which each distribution is taken."""
+    """Samples of some paths; ``units`` (n, paths) in (0, 1) are the probabilities at which quantiles are taken."""
 
     distributions: tuple[Distribution, ...]
     kind: str
@@ -31,7 +31,7 @@ class Design:
 
     @property
     def axes(self) -> list[Axis]:
-        """The samples as lists that are run through together."""
+        """Return the samples as lists that are run through together."""
         return [Axis(d.path, tuple(_frozen(d).ppf(u).tolist()), d.text, SAMPLE)
                 for d, u in zip(self.distributions, self.units.T, strict=True)]
 
@@ -46,10 +46,10 @@ def design(distributions: Sequence[Distribution], n: int, seed: int = 0, kind: s
     else:
         maker = qmc.Sobol if kind == "sobol" else qmc.LatinHypercube
         with warnings.catch_warnings():
-            # numbers that are no power of 2 lose balance, not correctness
+            # numbers that are not powers of 2 are less balanced, but not wrong
             warnings.simplefilter("ignore", UserWarning)
             units = maker(count, seed=seed).random(n)
-    # neither end: normal distributions have no value there
+    # neither 0 nor 1, where normal distributions have no value
     tiny = 2.0**-53
     return Design(tuple(distributions), kind, seed, np.clip(units, tiny, 1.0 - tiny))
 
@@ -63,13 +63,13 @@ def _frozen(distribution: Distribution) -> Any:
     return stats.uniform(a, b - a) if distribution.kind == "uniform" else stats.lognorm(b, scale=np.exp(a))
 
 
-# ---------------------------------------------------------------------------- what they say
+# ---------------------------------------------------------------------------- statistics
 
 def statistics(values: Sequence[float | None], samples: Design) -> dict[str, Any]:
-    """Return mean, sd (n - 1), quantiles and shares of a value over the samples; None is one that was not computed.
+    """Return mean, sd (n - 1), quantiles and shares of a value over the samples; None marks a value not computed.
 
-    ``shares`` are first-order shares of the variance by path, ``share_errors`` their standard errors; None where
-    there are too few samples, or the value does not vary.
+    ``shares`` are first-order shares of the variance by path, ``share_errors`` their standard errors; None if there are
+    too few samples, or if the value does not vary.
     """
     given = np.array([np.nan if v is None else v for v in values], float)
     known = np.isfinite(given)
@@ -93,8 +93,8 @@ def shares(y: Array, samples: Design, known: Array) -> tuple[Array, Array] | Non
 
     The value is fitted by a sum of functions of one parameter each, in polynomials that are orthonormal under its
     distribution (Hermite, Legendre): the squares of the coefficients are the variances of E[y | parameter] (Sudret,
-    Reliability Engineering & System Safety 93, 2008), less what noise adds to them. Interactions are what is left,
-    and count as noise. Errors are those of bootstrap resamples. None where samples are too few or y is constant.
+    Reliability Engineering & System Safety 93, 2008), less the contribution of noise. Interactions remain in the
+    residual and count as noise. Errors come from bootstrap resamples. None if samples are too few or y is constant.
     """
     count = len(samples.distributions)
     degree = min(DEGREE, (len(y) // SAMPLES_PER_TERM - 1) // count)
@@ -122,7 +122,7 @@ def _polynomials(distribution: Distribution, u: Array, degree: int) -> Array:
 
 
 def _fitted(basis: Array, y: Array, weights: Array, count: int) -> Array:
-    """Return the shares (count,) of a fit with weights (n,), which add up to n."""
+    """Return the shares (count,) of a fit with weights (n,) that sum to n."""
     n, terms = basis.shape
     gram = np.linalg.pinv((basis.T * weights) @ basis, hermitian=True)
     coefficients = gram @ (basis.T @ (weights * y))

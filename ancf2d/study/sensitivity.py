@@ -1,4 +1,4 @@
-"""How the goal of a case depends on its numbers: a table, sorted by influence."""
+"""Sensitivity of the goal of a case to its numbers: a table sorted by influence."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ TABLE = "sensitivity"
 
 @dataclass(frozen=True)
 class Row:
-    """A number of the case, the derivative of the goal to it, and the estimate of the derivative's error.
+    """A number of the case, the derivative of the goal by it, and the estimated error of the derivative.
 
-    ``elasticity``: the relative change of the goal by a relative change of the number, None where either is 0.
-    ``influence``: the change of the goal where the number changes by its own size, that of its list or of the model
-    where it is 0. ``method`` tells how the derivative was found.
+    ``elasticity``: relative change of the goal over that of the number, None if either is 0. ``influence``: change of
+    the goal if the number changes by its own size; if it is 0, by the size of its list or of the model. ``method``: how
+    the derivative was found.
     """
 
     path: str
@@ -62,10 +62,10 @@ class Sensitivity:
 
 def sensitivity(loaded: LoadedCase, paths: Sequence[str] = (), progress: Progress | None = None,
                 done: Done = lambda share, left: None) -> Sensitivity:
-    """Return the derivatives of a case's goal to the numbers at ``paths``, without any to all that can vary.
+    """Return the derivatives of a case's goal by the numbers at ``paths``, by default by all that can vary.
 
-    A case that leaves the mesh to be chosen is solved to its accuracy first, and differentiated on that mesh. Raises
-    CaseError where the case has no goal, or a path leads to no number that can vary; ComputationError.
+    A case without a fixed mesh is solved to its accuracy first, and differentiated on the resulting mesh. Raises
+    CaseError if the case has no goal, or if a path leads to no number that can vary; ComputationError.
     """
     goal = goal_of(loaded, "nothing to differentiate")
     variables = numbers_at(loaded, paths) or variables_of(loaded)
@@ -95,7 +95,7 @@ def sensitivity(loaded: LoadedCase, paths: Sequence[str] = (), progress: Progres
 
 
 def on_its_mesh(loaded: LoadedCase, progress: Progress) -> LoadedCase:
-    """Return a case with the mesh that its accuracy asks for, itself where it has one."""
+    """Return a case with the mesh that its accuracy requires, or the case itself if it has a mesh."""
     if not is_pursued(loaded):
         return loaded
     found = solve_to_accuracy(loaded, progress=progress).outcome.model.loaded
@@ -104,7 +104,7 @@ def on_its_mesh(loaded: LoadedCase, progress: Progress) -> LoadedCase:
 
 def _row(variable: Variable, goal: float, found: Quotient, method: str, extent: float) -> Row:
     slope = float(found.value[0])
-    # no negative zero
+    # adding 0 avoids a negative zero
     elasticity = slope * variable.value / goal + 0.0 if variable.value and goal else None
     return Row(variable.path, variable.value, slope, elasticity, float(found.error[0]),
                abs(slope) * size_of(variable, extent), method)
@@ -112,7 +112,7 @@ def _row(variable: Variable, goal: float, found: Quotient, method: str, extent: 
 
 def write_sensitivity(study: Sensitivity, loaded: LoadedCase, path: str, command: str = "", *,
                       force: bool = False) -> Path:
-    """Write the rows as table ``sensitivity``; return where. Raises ResultsError."""
+    """Write the rows as table ``sensitivity``; return the path. Raises ResultsError."""
     names = ("path", "value", "derivative", "elasticity", "error", "influence", "method")
     columns = (Column("value", "1", "the number, in units of the case"), Column("path", "none", "place in the case"),
                Column("derivative", "1", f"of {study.described} by the number, in units of the case"),

@@ -27,11 +27,11 @@ from .warmup import kernels_of, warm_up
 
 def plan(case: str, axes: list[Axis], overrides: Sequence[str], folder: Path, workers: Workers, command: str = "",
          force: bool = False, *, paired: bool = False, samples: Design | None = None, keep: bool = False) -> Sweep:
-    """Return the sweep of a case file over some axes, nothing computed yet; results go to ``folder``.
+    """Return the sweep of a case file over some axes, with nothing computed yet; results go to ``folder``.
 
-    The axes are combined, or with ``paired``, and those of ``samples``, run through together. A variant that is no
-    valid case is a refused row. Raises CaseError where all are, with all their problems, and where no row uses a
-    parameter that varies.
+    The axes are combined; with ``paired`` or ``samples``, they are run through together. An invalid variant gives a
+    refused row. Raises CaseError with all problems if all variants are invalid, and if no row uses a parameter that
+    varies.
     """
     text, file, known = read_text(case), workers.file(case), vocabulary()
     axes = axes if samples is None else samples.axes
@@ -59,7 +59,7 @@ def plan(case: str, axes: list[Axis], overrides: Sequence[str], folder: Path, wo
         place = workers.file(str(folder / RUNS / f"{name}.h5"))
         sweep.jobs.append(Job(text, file, options, loaded.case.goal, place, name, kernels_of(loaded.data),
                               _size(loaded.case), command, force, keep,
-                              # without texts that are not asked for again
+                              # a copy without cached texts, which are not needed again
                               replace(loaded) if workers == ALONE else None))
     if not any(sweep.jobs):
         raise CaseError(_distinct(problems, axes))
@@ -78,7 +78,7 @@ def _size(case: Case) -> float:
 
 
 def _distinct(problems: list[Problem], axes: list[Axis]) -> list[Problem]:
-    """Return each problem once; those of overrides that the axes became name the axis as it was given."""
+    """Return each problem once; problems of overrides made from an axis name the axis as it was given."""
     found: dict[tuple[Any, ...], Problem] = {}
     for p in problems:
         axis = next((a for a in axes if p.file.startswith(f"{SET}{a.path}=")), None)
@@ -90,11 +90,11 @@ def _distinct(problems: list[Problem], axes: list[Axis]) -> list[Problem]:
 
 def run_sweep(sweep: Sweep, workers: Workers, compiling: Callable[[str], None] = lambda text: None,
               done: Done = lambda share, left: None) -> None:
-    """Fill in the rows of a sweep, from what was computed before, else by running the case; write ``sweep.h5``.
+    """Fill in the rows of a sweep from earlier results or by running the case; write ``sweep.h5``.
 
-    Equal cases are run once. Results of the same case by the same ancf2d are used again unless the sweep forces new
-    ones. ``done`` is told the progress. Raises ResultsError where there can be no folder or file, and what
-    ``run_jobs`` raises.
+    Equal cases are run once. Results of the same case by the same ancf2d are reused unless the sweep forces new ones.
+    ``done`` is called with the progress. Raises ResultsError if the folder or file cannot be created, and the errors of
+    ``run_jobs``.
     """
     try:
         (sweep.folder / RUNS if sweep.keep else sweep.folder).mkdir(parents=True, exist_ok=True)
@@ -143,7 +143,7 @@ def _run(sweep: Sweep, ledger: Ledger, workers: Workers, compiling: Callable[[st
 
 
 def _known(job: Job, ledger: Ledger) -> dict[str, Any] | None:
-    """Return what is known of a case: of the folder's rows, or of its own result file, which alone will do to keep."""
+    """Return the known result of a case, from the rows of the folder or (always with ``keep``) its result file."""
     if not job.keep and job.name in ledger.known:
         return {**ledger.known[job.name], "output": job.output if os.path.exists(job.output) else None}
     summary = stored_summary(job)
@@ -155,7 +155,7 @@ def _known(job: Job, ledger: Ledger) -> dict[str, Any] | None:
 
 
 def _warm_up(jobs: Sequence[Job], compiling: Callable[[str], None]) -> None:
-    """Compile in this process what several would wait for; a case that is refused is told by its row."""
+    """Compile in this process what several would wait for; refused cases are reported in their rows."""
     first = {job.kernels: job for job in reversed(jobs)}
     for job in first.values():
         try:

@@ -1,4 +1,4 @@
-"""One variant of a case, run where its turn comes: in this process, another one, or on a cluster."""
+"""Runs of single variants of a case: in this process, in another one, or on a cluster."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from .pool import DIED
 from .record import Progress
 from .run import run_case, vocabulary
 
-# between two looks at a result that another process is writing
+# interval of checking for a result that another process is writing
 TURN_SECONDS = 0.1
-# elements of a model that is kept for the next variant
+# largest number of elements of a model that is kept for the next variant
 SMALL = 20_000
 
 
@@ -30,8 +30,8 @@ SMALL = 20_000
 class Job:
     """A run that another process can do.
 
-    ``output`` is its result file where ``keep`` is set. ``name`` is that of its result by content, ``kernels`` what it
-    compiles, ``size`` elements times steps. ``loaded`` is the case, which other processes read from the text.
+    ``output`` is its result file if ``keep`` is set. ``name`` identifies its result by content, ``kernels`` the kernels
+    it compiles, ``size`` is elements times steps. ``loaded`` is the case, which other processes read from the text.
     """
 
     text: str
@@ -48,7 +48,7 @@ class Job:
     loaded: LoadedCase | None = field(default=None, repr=False, compare=False)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what is sent to another process."""
+        """Return the state to send to another process, without the case."""
         return {**vars(self), "loaded": None}
 
     def load(self) -> LoadedCase:
@@ -58,14 +58,14 @@ class Job:
 
 @lru_cache(1)
 def _origin(text: str, file: str) -> CaseText:
-    """Return the text that the jobs of a sweep have in common."""
+    """Return the parsed text that all jobs of a sweep share."""
     return CaseText(text, file, os.path.dirname(file))
 
 
 class _Last:
-    """The model of the variant that this process has run last, of which the next one takes what is the same.
+    """The model of the variant that this process has run last; the next variant reuses its unchanged parts.
 
-    It is not kept where it is large: building it takes a small share of its solve.
+    It is not kept if it is large, where building a model takes a small share of the solve.
     """
 
     def __init__(self) -> None:
@@ -73,12 +73,12 @@ class _Last:
         self.model: Model | None = None
 
     def run(self, job: Job, loaded: LoadedCase, *args: Any, **options: Any) -> dict[str, Any]:
-        """Return the summary of ``run_case``."""
+        """Run a case and return the summary of ``run_case``."""
         like, self.model = self.model if job.text == self.text else None, None
         outcome = run_case(loaded, *args, like=like, kernels=job.kernels, **options)
         model = outcome.model
         if model.n_elements <= SMALL:
-            # what that was like is not needed any longer
+            # the model's own predecessor is not needed any longer
             model.like = None
             self.text, self.model = job.text, model
         return outcome.summary
@@ -88,14 +88,14 @@ _last = _Last()
 
 
 def stored_summary(job: Job) -> dict[str, Any] | None:
-    """Return the summary of a finished result of the same case by the same ancf2d, None where there is none."""
+    """Return the summary of a finished result of the same case by the same ancf2d, or None if there is none."""
     from ..results import open_results
 
     if not os.path.exists(job.output):
         return None
     try:
         with open_results(job.output) as found:
-            # the name tells the case; that the file is what its name says is asked of what it holds
+            # the name identifies the case; check that the content of the file matches its name
             same = content_name(found.case_completed, files_of(job.load())) == job.name
             if found.status != "converged" or found.attrs.get("version_ancf2d") != __version__ or not same:
                 return None
@@ -105,7 +105,7 @@ def stored_summary(job: Job) -> dict[str, Any] | None:
 
 
 def solve_job(job: Job, progress: Progress | None = None) -> dict[str, Any]:
-    """Run one case and return its summary; what fails is told in it."""
+    """Run one case and return its summary; a failure is reported in the summary."""
     try:
         return _solve_in_turn(job, progress)
     except UNSOLVED as error:
@@ -114,12 +114,12 @@ def solve_job(job: Job, progress: Progress | None = None) -> dict[str, Any]:
     except ResultsError as error:
         return {"status": "failed", "reason": str(error)}
     except Exception as error:
-        # a row among thousands: the others are not given up for it
+        # one row among thousands: an internal error in it must not stop the others
         return {"status": "failed", "reason": f"internal error, please report: {type(error).__name__}: {error}"}
 
 
 def _solve_in_turn(job: Job, progress: Progress | None) -> dict[str, Any]:
-    """Run one case, or wait for another process that runs it, and take its result."""
+    """Run one case; if another process is running it, wait and take over its result."""
     from ..results.target import BusyError
 
     while True:
@@ -151,13 +151,13 @@ def _solve(job: Job, progress: Progress | None) -> dict[str, Any]:
         try:
             return _last.run(job, loaded, job.output, resume=True, progress=progress, **options)
         except ResultsError:
-            # left by other options or an unreadable file: it is replaced
+            # the unfinished file was written with other options or is unreadable: it is replaced
             pass
     return _last.run(job, loaded, job.output, progress=progress, **options)
 
 
 def _checkpoints(job: Job) -> Path | None:
-    """Return the file that a run over time goes on from, which ``force`` empties; None where there is no folder."""
+    """Return the checkpoint file of a run over time (``force`` deletes it), or None if there is no folder."""
     folder = Path(job.output).parents[1]
     found = folder / f"{job.name}.checkpoint" if folder.is_dir() else None
     if job.force and found is not None:
@@ -166,19 +166,19 @@ def _checkpoints(job: Job) -> Path | None:
 
 
 def _judged(summary: dict[str, Any]) -> dict[str, Any]:
-    """Return a summary as that of a failure where the wanted accuracy was not reached."""
+    """Return a summary with status 'failed' if the wanted accuracy was not reached."""
     wanted = summary["accuracy"]["wanted"]
     short = {"status": "failed", "reason": f"the wanted accuracy {wanted:g} was not reached"}
     return {**summary, **(short if fell_short(summary) else {})}
 
 
 def fell_short(summary: dict[str, Any]) -> bool:
-    """Whether a run has a value, but not with the accuracy that its case asks for."""
+    """Return whether a run yields a value, but not with the accuracy that its case asks for."""
     return (summary.get("accuracy") or {}).get("achieved") is False
 
 
 def _left_over(output: str) -> bool:
-    """Return whether a file under the name of a result, which no one else gives, is one or the beginning of one."""
+    """Return whether the file is a result file or the beginning of one, and may therefore be overwritten."""
     from ..results.safe import SIGNATURE
 
     try:

@@ -1,7 +1,7 @@
-"""The rows of a sweep: what each variant sets, what came of it, tables of them, and ``sweep.h5``, which holds them all.
+"""The rows of a sweep: values and outcome of each variant, tables of them, and the file ``sweep.h5`` for all of them.
 
-Rows are added to a list beside the file, ``sweep.rows``, as they come: a line of JSON each, so that whatever ends the
-sweep costs no row that was finished. The sweep's end puts them into ``sweep.h5`` and removes the list.
+Finished rows are first appended to a list beside the file, ``sweep.rows``, one line of JSON each, so that no finished
+row is lost when the sweep is ended. At its end, the sweep writes them to ``sweep.h5`` and removes the list.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from .run import describe_goal, quantity
 from .samples import Design, statistics
 from .sweep_runs import Job, fell_short
 
-# made once: it takes longer than to write a row
+# created once, since creating it takes longer than writing a row
 _JSON = json.JSONEncoder(default=plain)
-# what all rows of a sweep are in, and the folder of the result files that are kept
+# the file with all rows of a sweep, and the folder of result files that are kept
 NAME, RUNS = "sweep.h5", "runs"
-# modes and buckling loads that a row tells where the case has no goal
+# modes and buckling loads in a row if the case has no goal
 FIRST = 3
 LIST = "sweep.rows"
-# tables of the file: the rows, and everything that was computed, by the name of its case
+# tables of the file: the rows, and all computed results by the name of their case
 ROWS, COMPUTED = "sweep", "computed"
-# between two looks at a folder that another sweep writes to
+# interval of checking a folder to which another sweep writes
 TURN_SECONDS = 0.1
 _OWN = {"status": "converged, failed or refused", "output": "the result file of the row",
         "reason": "why it failed or was refused", "name": "digest of case, files and program"}
@@ -47,12 +47,12 @@ _OWN = {"status": "converged, failed or refused", "output": "the result file of 
 
 @dataclass
 class Row:
-    """One variant: the values ``set``, and what came of it.
+    """One variant: its values ``set``, and its outcome.
 
-    ``status`` is converged, failed (by the computation) or refused (as a case), the latter two with a ``reason``;
-    empty until it is known. ``output`` is the file that has its result. ``values`` are the goal or, where the case
-    has none, probes, modes or load factors; ``estimate`` is that of the relative error. ``reused`` where an earlier run
-    had computed it.
+    ``status`` is converged, failed (by the computation) or refused (as a case), the latter two with a ``reason``; empty
+    until it is known. ``output`` is the file that contains its result. ``values`` are the goal or, if the case has
+    none, probes, modes or load factors; ``estimate`` is that of the relative error. ``reused``: an earlier run computed
+    it.
     """
 
     set: dict[str, Any]
@@ -70,27 +70,27 @@ class Row:
 
     @property
     def estimate(self) -> float | None:
-        """The estimate of the relative error, where the run gives one."""
+        """The estimate of the relative error, or None if the run gives none."""
         return (self.accuracy or {}).get("estimate")
 
     def take(self, found: dict[str, Any], reused: bool = False) -> None:
-        """Take what ``outcome_of`` tells of a run."""
+        """Store what ``outcome_of`` returned for a run."""
         for name, value in found.items():
             setattr(self, name, value)
         self.reused = reused
 
     def as_json(self) -> dict[str, Any]:
-        """Return what ``--json`` prints of the row."""
+        """Return the ``--json`` form of the row."""
         out = {k: v for k, v in vars(self).items() if k not in ("reason", "warnings") or v}
         return {**out, "status": self.status or "waiting"}
 
 
 @dataclass
 class Sweep:
-    """Variants of a case: a row of each and the job that it needs, None where it is refused.
+    """Variants of a case: the row of each and its job, None if it is refused.
 
-    ``paired``: the values of all axes are run through together. ``samples``: what these were drawn from, if they were.
-    ``keep``: each variant has a result file of its own too. ``header``: what ``sweep.h5`` says of the case.
+    ``samples``: the design from which the values of the axes were drawn, if any. ``keep``: each variant also has a
+    result file of its own. ``header``: the description of the case in ``sweep.h5``.
     """
 
     case: str
@@ -113,11 +113,11 @@ class Sweep:
 
     @cached_property
     def file(self) -> Path:
-        """The file of all rows."""
+        """The file with all rows."""
         return self.folder / NAME
 
     def statistics(self) -> dict[str, Any]:
-        """Return what samples say of each computed value, that of the goal as ``goal``."""
+        """Return the statistics over the samples for each computed value; that of the goal is called ``goal``."""
         if self.samples is None:
             return {}
         goal = any(job is not None and job.goal is not None for job in self.jobs)
@@ -137,7 +137,7 @@ class Sweep:
 
 
 def outcome_of(goal: Goal | None, summary: dict[str, Any]) -> dict[str, Any]:
-    """Return what a row tells of a run."""
+    """Return the fields of a row that follow from the summary of a run."""
     out: dict[str, Any] = {"status": summary["status"], "reason": summary.get("reason", ""), "goal": None, "values": {}}
     out |= {name: summary.get(name) for name in ("elements", "dofs", "wall_s", "accuracy", "output")}
     out["warnings"] = list(summary.get("warnings", ()))
@@ -148,7 +148,7 @@ def outcome_of(goal: Goal | None, summary: dict[str, Any]) -> dict[str, Any]:
 
 
 def told(summary: dict[str, Any]) -> dict[str, float | None]:
-    """Return the numbers that tell most of a run without a goal: modes, load factors or displacements of probes."""
+    """Return the main numbers of a run without a goal: modes, load factors or displacements of probes."""
     found: dict[str, float | None] = {f"{name}.{q}": values.get(q) for name, values in summary["probes"].items()
                                       for q in ("ux", "uy")}
     if summary.get("frequencies"):
@@ -159,19 +159,19 @@ def told(summary: dict[str, Any]) -> dict[str, float | None]:
 
 
 def value_names(sweep: Sweep) -> list[str]:
-    """Return the names of the computed values of any row."""
+    """Return the names of the computed values of all rows."""
     return list(dict.fromkeys(name for row in sweep.rows for name in row.values))
 
 
 def shown(value: Any) -> str:
-    """Return a value as it is read in a table: texts as they are, all else as YAML has it."""
+    """Return a value as shown in a table: texts unchanged, others as in YAML."""
     return value if isinstance(value, str) else flow(value)
 
 
 def write_csv(sweep: Sweep, path: str | os.PathLike[str], *, force: bool = False) -> None:
-    """Write the finished rows: full paths of the varied values, then what was computed, at full precision.
+    """Write the finished rows: full paths of the varied values, then the computed ones, at full precision.
 
-    Raises ResultsError where the file cannot be written, or was not made by ancf2d, unless ``force``.
+    Raises ResultsError if the file cannot be written, or was not made by ancf2d, unless ``force``.
     """
     paths, names = [axis.path for axis in sweep.axes], value_names(sweep)
     with (replacing(path, force) as private,
@@ -184,10 +184,10 @@ def write_csv(sweep: Sweep, path: str | os.PathLike[str], *, force: bool = False
 
 
 class Ledger:
-    """The rows that are known in the folder of a sweep, which it holds alone while it runs.
+    """The rows known in the folder of a sweep, which is locked while the sweep runs.
 
-    ``known``: by the name of the case, what ``Row`` holds of its result. ``told`` is called where another sweep has to
-    end first. Raises ResultsError where files are in the way that ancf2d did not make, unless ``force``.
+    ``known``: the fields of ``Row`` by the name of the case. ``told`` is called if another sweep has to end first.
+    Raises ResultsError if files not made by ancf2d have the same names, unless ``force``.
     """
 
     def __init__(self, folder: Path, force: bool = False, told: Callable[[str], None] = lambda text: None) -> None:
@@ -202,7 +202,7 @@ class Ledger:
             raise
 
     def _claimed(self, told: Callable[[str], None]) -> Any:
-        """Return the open list once no other sweep has it."""
+        """Return the open list when no other sweep has locked it."""
         while True:
             try:
                 stream = self.list.open("a+b")
@@ -217,7 +217,7 @@ class Ledger:
             time.sleep(TURN_SECONDS)
 
     def _read(self, force: bool) -> None:
-        """Take up the rows of a sweep that was ended; a line that was cut off is left out."""
+        """Read the rows of a sweep that was ended early, without an incomplete last line."""
         self._stream.seek(0)
         lines = self._stream.read().split(b"\n")
         if lines != [b""] and not is_own(self.list) and not force:
@@ -226,14 +226,14 @@ class Ledger:
         if _parsed(lines[0]).get(MARK) == program():
             found = (_parsed(line) for line in lines[1:])
             self.known |= {line["name"]: line["row"] for line in found if "name" in line}
-        # a cut line must not be continued
+        # rewrite the list, so that nothing is appended to an incomplete line
         self._stream.truncate(0)
         self._add({MARK: program()})
         for name, row in self.known.items():
             self._add({"name": name, "row": row})
 
     def _stored(self) -> dict[str, Any]:
-        """Return the rows of an earlier sweep, none where its file cannot be read or is that of another program."""
+        """Return the rows of an earlier sweep, or none if its file is unreadable or written by another version."""
         if not self.file.exists():
             return {}
         try:
@@ -251,13 +251,13 @@ class Ledger:
         self._stream.write(_JSON.encode(line).encode() + b"\n")
 
     def take(self, name: str, row: dict[str, Any]) -> None:
-        """Note what came of a case; it survives the end of this process."""
+        """Store the outcome of a case; it survives the end of this process."""
         self.known[name] = row
         self._add({"name": name, "row": row})
         self._stream.flush()
 
     def close(self, sweep: Sweep) -> None:
-        """Write the file and give up the folder. Raises ResultsError; the list of rows then stays."""
+        """Write the file and unlock the folder. Raises ResultsError; the list of rows then remains."""
         try:
             self._stream.flush()
             if sweep.header is not None:
@@ -289,7 +289,7 @@ def _write(sweep: Sweep, known: dict[str, Any]) -> None:
               "reason": [row.reason for row in rows]}
     computed = {"name": list(known), "wall_s": [row["wall_s"] for row in known.values()],
                 "row": [_JSON.encode({k: v for k, v in row.items() if k != "wall_s"}) for row in known.values()]}
-    # what an interrupted writer left is nobody's: the folder is held
+    # the folder is locked, so a part file is left over from an interrupted writer
     part_path(sweep.file).unlink(missing_ok=True)
     attrs = {"paths": json.dumps([axis.path for axis in sweep.axes]), "values": json.dumps(names),
              "sampled": sweep.samples is not None}

@@ -1,4 +1,4 @@
-"""Variants of a case: other element types, finer meshes, as overrides of the case's text."""
+"""Variants of a case with other element types or finer meshes, as overrides of the case's text."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from ..model.own_element import DefinitionError, own_element
 from ..model.plan import acting_points, has_regular_nodes
 from .run import vocabulary
 
-# elements per stretch of the coarsest mesh that others are refinements of
+# elements per stretch of the coarsest mesh, of which finer ones are refinements
 ENOUGH = 2
-# meshes of a study whose case names none
+# number of meshes of a study whose options name none
 LEVELS = 5
-# files that describe an element
+# suffixes of files that describe an element
 SUFFIXES = (".yaml", ".yml", ".json")
 _MEMBER = re.compile(r"(\w+)\[\s*(\d+)\s*,\s*(\d+)\s*\]")
 
 
 def element_named(name: str) -> ElementType:
-    """Return the element type that ``2d2n`` or ``ancf[3,2]`` names. Raises ValueError with the nearest name."""
+    """Return the element type named by ``2d2n`` or ``ancf[3,2]``. Raises ValueError with the nearest name."""
     member = _MEMBER.fullmatch(name.strip())
     if member and member[1] == registry.FAMILY:
         return registry.ancf(int(member[2]), int(member[3]))
@@ -46,12 +46,12 @@ def element_named(name: str) -> ElementType:
 
 
 def is_file(name: str) -> bool:
-    """Whether a name is that of a file that describes an element, and not of a listed type."""
+    """Return whether a name is that of a file that describes an element, and not of a listed type."""
     return name.endswith(SUFFIXES) or (os.path.isfile(name) and name not in (*registry.names(), RIGID_TYPE.name))
 
 
 def described(path: str) -> tuple[ElementType, Source]:
-    """Return the element type that a file describes. Raises CaseError with all that is wrong with the file."""
+    """Return the element type described by a file. Raises CaseError with all mistakes of the file."""
     definition, source = read_definition(path, vocabulary())
     try:
         return own_element(definition, path), source
@@ -70,9 +70,9 @@ def formulation_named(name: str) -> str:
 
 @dataclass(frozen=True)
 class Variant:
-    """An element type with a formulation that replaces those of a case; None keeps what the case has.
+    """An element type with a formulation that replace those of a case; None keeps that of the case.
 
-    ``definition``: the file that describes the type, where it is a user's own.
+    ``definition``: the file that describes a user-defined type.
     """
 
     type: str | None = None
@@ -82,20 +82,20 @@ class Variant:
 
     @property
     def element(self) -> str:
-        """The type as it is written: ``ancf[3,2]``; 'as given' where it is the case's."""
+        """The type as written by users: ``ancf[3,2]``; 'as given' for that of the case."""
         order = "" if self.order is None else f"[{self.order[0]},{self.order[1]}]"
         return f"{self.type or 'as given'}{order}"
 
     @property
     def label(self) -> str:
-        """Type and formulation as they are written: ``vallejo:structural``."""
+        """Type and formulation as written by users: ``vallejo:structural``."""
         return self.element + (f":{self.formulation}" if self.formulation else "")
 
 
 def parse_variants(text: str, formulation: str | None = None) -> list[Variant]:
     """Return the variants in ``2d2n,ancf[3,2],vallejo:structural,own.yaml``; ``formulation`` for those without one.
 
-    Raises ValueError for what is no type or formulation, CaseError for files that describe none.
+    Raises ValueError for unknown types and formulations, CaseError for files that do not describe a type.
     """
     found = []
     for part in re.split(r",(?![^\[]*\])", text):
@@ -114,7 +114,7 @@ def parse_variants(text: str, formulation: str | None = None) -> list[Variant]:
 
 
 def pieces(body: Body) -> int:
-    """Return how many elements a body needs at least."""
+    """Return the least number of elements of a body."""
     return body.geometry.least
 
 
@@ -124,7 +124,7 @@ def flexible(case: Case) -> dict[str, Body]:
 
 
 def stretches_of(case: Case) -> dict[str, list[float]]:
-    """Return the lengths of the stretches of each body that has a mesh: each needs an element at least."""
+    """Return the lengths of the stretches of each body that has a mesh; each needs at least one element."""
     acting = acting_points(case)
     return {name: stretches(body.geometry, () if has_regular_nodes(body.element) else acting[name],
                             grading_of(body.element))
@@ -132,27 +132,27 @@ def stretches_of(case: Case) -> dict[str, list[float]]:
 
 
 def check_flexible(loaded: LoadedCase, instead: str) -> None:
-    """Raise CaseError where no body has a mesh to refine; ``instead``: what can be done then."""
+    """Raise CaseError if no body has a mesh to refine; ``instead``: the alternative to suggest."""
     if not flexible(loaded.case):
         raise CaseError(loaded.source.problem(("bodies",), "every body is rigid, so there is no mesh to refine",
                                               expected=f"a body that deforms, or {instead}"))
 
 
 def count_of(body: Body) -> int:
-    """Return the number of elements that a case gives a body (one per piece where it leaves that open)."""
+    """Return the number of elements of a body in the case (one per piece if it gives none)."""
     return (body.element.number or pieces(body)) * (body.element.refine or 1)
 
 
 def distribute(case: Case, total: int) -> dict[str, int]:
-    """Return the elements of each body for ``total`` in all, in the proportions of the case.
+    """Return the elements of each body for ``total`` elements, in the proportions of the case.
 
-    Every body gets one per stretch at least, so that the sum can exceed ``total``.
+    Every body gets at least one per stretch, so that the sum can exceed ``total``.
     """
     bodies, least = flexible(case), {name: len(lengths) for name, lengths in stretches_of(case).items()}
     whole = sum(count_of(b) for b in bodies.values())
     parts = {name: divmod(total * count_of(b), whole) for name, b in bodies.items()}
     counts = {name: max(part, least[name]) for name, (part, _) in parts.items()}
-    # what rounding down left over goes to the largest remainders
+    # elements left over by rounding down go to the largest remainders
     for name in sorted(parts, key=lambda n: -parts[n][1]):
         if sum(counts.values()) < total:
             counts[name] += 1
@@ -160,7 +160,7 @@ def distribute(case: Case, total: int) -> dict[str, int]:
 
 
 def proportional(case: Case, counts: dict[str, int]) -> bool:
-    """Whether counts are in the proportions of the case."""
+    """Return whether counts have the proportions of the case."""
     bodies = flexible(case)
     if not bodies:
         return True
@@ -175,10 +175,10 @@ def default_meshes(case: Case) -> list[int]:
 
 
 def nested_base(count: int, stretches: int) -> int:
-    """Return the elements of the coarse mesh whose refinement a mesh of ``count`` elements is.
+    """Return the elements of the coarse mesh of which a mesh of ``count`` elements is a refinement.
 
-    Shares of several stretches are in whole numbers, and would not be in proportion from one mesh to the next. So
-    meshes that double are refinements of one that has a few elements per stretch.
+    Elements of several stretches are whole numbers, whose proportions would change from mesh to mesh. So doubled meshes
+    are refinements of one with a few elements per stretch.
     """
     while stretches > 1 and count % 2 == 0 and count >= 2 * ENOUGH * stretches:
         count //= 2
@@ -186,16 +186,16 @@ def nested_base(count: int, stretches: int) -> int:
 
 
 def divided(count: int, base: int) -> dict[str, int]:
-    """Return ``count`` and ``refine`` of a mesh that is one of ``base`` elements refined, if the one is a multiple."""
+    """Return ``count`` and ``refine`` of a mesh, refined from ``base`` elements if ``count`` is a multiple of them."""
     return {"count": base, "refine": count // base} if base < count and count % base == 0 else {"count": count}
 
 
 def element_data(body: Body, variant: Variant, count: int, base: int) -> dict[str, Any]:
-    """Return the ``element`` of a body for a variant and a mesh of ``count`` elements, as a case has it.
+    """Return the ``element`` of a body, in case format, for a variant and a mesh of ``count`` elements.
 
-    The mesh is the refinement of one of ``base`` elements where the one is a multiple of the other. A type of its own
-    keeps what the case says of it; another one has its own defaults, and of the case only its nodes and grading, the
-    shear factor, where it shears, and the preset, where the paper has the type.
+    The mesh is a refinement of ``base`` elements if ``count`` is a multiple of them. The case's own type keeps its
+    options. Another type has its own defaults and takes from the case only the nodes and grading, the shear factor if
+    it shears, and the preset if the paper has the type.
     """
     own = body.element
     same = variant.type is None or (variant.type, variant.order, variant.definition) == (own.type, own.order, None)
@@ -231,7 +231,7 @@ def _written(quadrature: Any) -> Any:
 
 
 def overrides_for(case: Case, variant: Variant, counts: dict[str, int]) -> list[str]:
-    """Return the ``PATH=VALUE`` overrides that make a case its variant on a mesh."""
+    """Return the ``PATH=VALUE`` overrides that turn a case into a variant on a mesh."""
     lengths = stretches_of(case)
     return [f"bodies.{name}.element="
             + json.dumps(element_data(body, variant, counts[name], nested_base(counts[name], len(lengths[name]))))

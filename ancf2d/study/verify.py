@@ -1,6 +1,6 @@
-"""Modes checked on a mesh twice as fine, load steps by steps half as long.
+"""Verification of modes on a mesh twice as fine, and of load steps by steps half as long.
 
-A mode that has no counterpart on the finer mesh belongs to the mesh, not to the beam.
+A mode without a counterpart on the finer mesh is an artefact of the mesh, not a motion of the beam.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from ..solvers.small_motions.section_motions import class_motions, interpolation
 from ..solvers.state import State
 from ..solvers.statics.static import STEPS
 
-# a counterpart's frequency lies within this share of the mode's own ...
+# a counterpart has a frequency within this share of the mode's own ...
 NEAR = 0.15
-# ... and such modes hold at least this share of its kinetic energy
+# ... and all counterparts together contain at least this share of its kinetic energy
 ALIKE = 0.8
-# modes of the finer mesh that are looked at, beyond twice those of the first
+# modes computed on the finer mesh, beyond twice the number on the first
 MORE = 20
 
 
 class Fields:
-    """Modes of a model as vectors whose scalar products are those of kinetic energy: its velocity at many points.
+    """Modes of a model as vectors whose scalar product is that of the kinetic energy: scaled velocities at many points.
 
-    The points are the stations of a ``fine`` model of the same bodies and element types.
+    The points are the integration points of a ``fine`` model of the same bodies and element types.
     """
 
     def __init__(self, model: Model, fine: Model) -> None:
@@ -47,7 +47,7 @@ class Fields:
         self.within = {name: self._places(name) for name in fine.meshes}
 
     def _places(self, name: str) -> list[tuple[Array, int, Array]]:
-        """Return (fine elements, class, table) that lie alike in the model's elements, and in which element each."""
+        """Return groups of fine elements that lie alike: (fine and coarse elements, coarse class, interpolation)."""
         coarse, fine = self.model.meshes[name], self.fine.meshes[name]
         x = self.finer[name][0].xi
         found: dict[tuple[int, float, float], list[tuple[int, int]]] = {}
@@ -79,14 +79,15 @@ class Fields:
 
 
 def verified(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Iterator[State]:
-    """Yield the states of a solver, with what is found of their modes or load steps."""
+    """Yield the states of a solver, with the results of verifying their modes or load steps."""
     return (_modes if loaded.case.solver.vibrates else _load_steps)(loaded, model, states)
 
 
 def _load_steps(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Iterator[State]:
-    """Yield the states; the report of the last tells the error of displacements that load steps leave.
+    """Yield the states; the report of the last one contains the estimated error of displacements due to load steps.
 
-    It is twice the difference to steps half as long, as of errors of first order, relative to the largest displacement.
+    The estimate is twice the difference from a run with steps half as long (errors of first order), relative to the
+    largest displacement.
     """
     spec = cast(Static, loaded.case.solver)
     steps = 2 * (spec.steps or STEPS)
@@ -106,7 +107,7 @@ def _load_steps(loaded: LoadedCase, model: Model, states: Iterator[State]) -> It
 
 
 def _modes(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Iterator[State]:
-    """Yield the states with each mode's ``verified`` and, by it, its kind; numbers are counted again."""
+    """Yield the states with ``verified`` for each mode, and its kind and number updated accordingly."""
     for state in states:
         entries: list[dict[str, Any]] = state.report["frequencies"]
         fine = build_model(refined(loaded))
@@ -114,7 +115,7 @@ def _modes(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Iterato
         ours, theirs = Fields(model, fine), Fields(fine, fine)
         others = np.array([theirs(v) for v in found.arrays["modes/shapes"][0]])
         omegas = np.array([f["omega"] for f in found.report["frequencies"]])
-        # a branch that lives in gaps is dense enough to imitate anything
+        # a branch that lives in the gaps between elements is dense enough to imitate any mode
         shared = np.array([f["gaps"] <= GAPS for f in found.report["frequencies"]])
         for entry, shape in zip(entries, state.arrays["modes/shapes"][0], strict=True):
             near = shared & (np.abs(omegas - entry["omega"]) <= NEAR * entry["omega"])

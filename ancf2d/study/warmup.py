@@ -1,4 +1,4 @@
-"""Compiles before timing: the first run of a kind of model waits for its kernels, and says so."""
+"""Compilation before timing: the first run of a kind of model compiles its kernels, and reports it."""
 
 from __future__ import annotations
 
@@ -27,30 +27,30 @@ from ..processors import spread
 
 try:
     import fcntl
-except ImportError:  # no such locks here: processes that compile at the same time do the same work twice
+except ImportError:  # without file locks, processes that compile at the same time do the work twice
     fcntl = None  # type: ignore[assignment]
 
-# seconds for which kernels are compiled without a word
+# seconds of compiling before it is reported
 PATIENCE = 1.5
-# the file in the cache that lists what was compiled, and the bytes at which it begins anew: some thousand names
+# the file in the cache that lists what was compiled, and the size in bytes (some thousand names) at which it is emptied
 NAMES, MOST_NAMES = "compiled", 1 << 16
-# a process that compiles shows every so many seconds that it lives; without a sign for so long, it has stopped
+# a compiling process touches the lock file every BEAT seconds; without that for STILL seconds, it has stopped
 BEAT, STILL, TICK = 0.5, 5.0, 0.05
-# share of a motion that is gone through to compile its kernels
+# share of a motion that is computed to compile its kernels
 MOMENT = 1e-6
-# names of the kernels that this process has gone through: solving the same kind of case again needs no other ones
+# names of the kernels that this process has used: another case of the same kind needs no new ones
 _READY: set[str] = set()
-# after how many new objects, and of how many such rounds, garbage is looked for meanwhile
+# thresholds of the garbage collector while kernels are compiled
 SELDOM = (100_000, 50, 1000)
 
 
 def warm_up(model: Model, compiling: Callable[[str], None] = lambda text: None, kernels: str = "") -> None:
     """Compile (or load from the cache) the kernels that a model's solve will call, on empty work.
 
-    ``compiling`` and the logger "ancf2d" are told where some are compiled, here or by a process that this one waits
-    for: at once with an empty cache, else after 1.5 s. Of several processes that need the same kernels, one compiles
-    them and the others wait. Nothing is done where this process has solved a case of the same kind before. ``kernels``
-    is their name by ``kernels_of``, if it is known.
+    Compiling, here or in a process that this one waits for, is reported to ``compiling`` and the logger "ancf2d": at
+    once if the cache is empty, else after 1.5 s. If several processes need the same kernels, one compiles them and the
+    others wait. Nothing is done if this process has solved a case of the same kind before. ``kernels`` is the name of
+    the kernels by ``kernels_of``, if known.
     """
     from ..kernels.lowlevel.jit import CACHE, REFUSED, expect_kernels
 
@@ -77,7 +77,7 @@ def warm_up(model: Model, compiling: Callable[[str], None] = lambda text: None, 
 
 
 def _announce(what: str, compiling: Callable[[str], None], begun: threading.Event, ended: threading.Event) -> None:
-    """Tell ``what`` when kernels are compiled, or another process is waited for, and this does not end soon."""
+    """Report ``what`` if compiling, or waiting for another process, takes long."""
     from ..kernels.lowlevel.jit import cache_is_cold, missed
 
     cold, since = cache_is_cold(), math.inf
@@ -92,7 +92,7 @@ def _announce(what: str, compiling: Callable[[str], None], begun: threading.Even
 
 @contextmanager
 def _seldom_collected() -> Iterator[None]:
-    """Look for garbage seldom: of all that the compiler makes little is, and looking takes a tenth of its time."""
+    """Collect garbage rarely: compiling makes little of it, and looking for it takes a tenth of the time."""
     before = gc.get_threshold()
     gc.set_threshold(*SELDOM)
     try:
@@ -102,7 +102,7 @@ def _seldom_collected() -> Iterator[None]:
 
 
 def kernels_of(data: dict[str, Any]) -> str:
-    """Return a name of the kernels that a case, as plain data, needs: its words select them, its numbers do not."""
+    """Return a name for the kernels that a case, as plain data, needs: its words select them, its numbers do not."""
     return hashlib.sha256(json.dumps(_words(data)).encode()).hexdigest()[:16]
 
 
@@ -116,9 +116,9 @@ def _words(data: Any) -> Any:
 
 @contextmanager
 def _alone(cache: Path | None, kernels: str, tell: Callable[[str], None] = lambda text: None) -> Iterator[bool]:
-    """Let no other process compile at the same time, unless these kernels were compiled before.
+    """Keep other processes from compiling at the same time, unless these kernels were compiled before.
 
-    Yields whether they are to be compiled into the cache.
+    Yields whether the kernels still have to be compiled into the cache.
     """
     if cache is None or fcntl is None or _is_compiled(cache, kernels):
         yield False
@@ -127,7 +127,7 @@ def _alone(cache: Path | None, kernels: str, tell: Callable[[str], None] = lambd
         lock.enter_context(_locked(cache / "lock", tell))
         new = not _is_compiled(cache, kernels)
         if not new:
-            # another process has compiled them meanwhile; to read them, none has to wait
+            # another process has compiled them meanwhile; reading them needs no lock
             lock.close()
         yield new
         _note_compiled(cache, kernels)
@@ -149,7 +149,7 @@ def _note_compiled(cache: Path, kernels: str) -> None:
 
 @contextmanager
 def _locked(path: Path, tell: Callable[[str], None]) -> Iterator[None]:
-    """Hold a lock; where it cannot be had, go on without: then the same work is done twice at worst."""
+    """Hold a lock; continue without it if it cannot be obtained: at worst the same work is done twice."""
     descriptor, ended = None, threading.Event()
     try:
         with suppress(OSError):
@@ -168,13 +168,13 @@ def _locked(path: Path, tell: Callable[[str], None]) -> Iterator[None]:
 
 
 def _had(descriptor: int) -> bool:
-    """Wait for a lock; return False where the process that holds it shows no sign of life."""
+    """Wait for a lock; return False if the process that holds it shows no sign of life."""
     seen, since = 0, time.monotonic()
     while True:
         with suppress(BlockingIOError):
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             return True
-        # its own clock may be another machine's: whether it moves is what counts
+        # the file may be stamped by another machine's clock, so only changes of the time count
         sign = os.fstat(descriptor).st_mtime_ns
         if sign != seen:
             seen, since = sign, time.monotonic()
@@ -190,7 +190,7 @@ def _show_life(path: Path, ended: threading.Event) -> None:
 
 
 def _touch(model: Model, new: bool) -> None:
-    """Go through what a static or a modal solve calls, first together with other processes where it is ``new``."""
+    """Call the kernels of a static or modal solve on empty work; if ``new``, first compile them on all processors."""
     from ..solvers.linear import make_matrix
 
     matrix = make_matrix(model)
@@ -207,7 +207,7 @@ def _touch(model: Model, new: bool) -> None:
 
 
 def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
-    """Return the calls, on empty work, of what goes through elements and patches."""
+    """Return calls, on empty work, of the kernels that loop over elements and patches."""
     from ..kernels.batch import no_group
     from ..kernels.elements import force, force_noise, force_tangent, natural_slope, tangent_action
     from ..kernels.lowlevel.records import Record
@@ -238,7 +238,7 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
 
 
 def _touch_motion(model: Model, spec: Dynamic, new: bool) -> None:
-    """Go through the first moment of a motion; what is wrong with it is told by the run itself."""
+    """Solve the first moment of a motion; problems of the case are left for the run itself to report."""
     from ..model.interactions import of_interactions
     from ..solvers.contact import memory, recall
     from ..solvers.motion.problem import nothing, of_motion
@@ -253,12 +253,12 @@ def _touch_motion(model: Model, spec: Dynamic, new: bool) -> None:
     with suppress(Ancf2dError):
         for _ in SOLVERS[Dynamic](model, replace(spec, t_end=moment, dt=None if spec.dt is None else moment)):
             pass
-    # friction holds to nothing yet where the run begins
+    # restore the contact memory: friction holds nothing when the run starts
     recall(model, contacts)
 
 
 def _touch_matrix(kind: type) -> None:
-    """Factor and solve with a matrix of one unknown, which also imports the library that does it."""
+    """Factor and solve with a matrix of one unknown, which also imports the library for it."""
     from ..solvers.linear import matrix_of_one
 
     small = matrix_of_one(kind)

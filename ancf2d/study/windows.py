@@ -1,7 +1,7 @@
-"""Values of a motion over windows of time: the mean, or the largest magnitude, and what stored times leave open.
+"""Values of a motion over time windows: mean or largest magnitude, and their uncertainty due to stored times.
 
-The value at one time of a motion with stick and slip, impacts or waves that no step resolves need not have a limit over
-meshes and steps. Its mean over a window has one, as has an impulse.
+The value at a single time of a motion with stick and slip, impacts or waves that no step resolves need not converge
+under refinement of mesh and steps. Its mean over a window converges, as does an impulse.
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ if TYPE_CHECKING:
 
 
 def window_of(goal: Any) -> tuple[float, float] | None:
-    """Return the window [s] that a goal or an expected value is over, None where it is of the last state."""
+    """Return the window [s] of a goal or an expected value, or None if it refers to the last state."""
     found: tuple[float, float] | None = goal.mean_over or goal.peak_over
     return found
 
 
 def window_key(goal: Any) -> str:
-    """Return what the value of a goal over a window is called in a summary."""
+    """Return the key of a goal over a window in a summary."""
     begin, end = window_of(goal) or (0.0, 0.0)
     return f"{'mean' if goal.mean_over else 'peak'} of {_read_by(goal)} from {begin:g} to {end:g} s"
 
 
 def _read_by(goal: Any) -> str:
-    """Return what the values that a goal reads are called over time."""
+    """Return the name of the values over time that a goal reads."""
     return " ".join(str(p) for p in (goal.probe, goal.reaction, goal.quantity) if p is not None)
 
 
 def value_at(goal: Any, summary: dict[str, Any]) -> float | None:
-    """Return the value of a goal in what is known of one state, None where it is not there."""
+    """Return the value of a goal from the summary of one state, or None if it is not there."""
     if goal.probe is not None:
         found: float | None = summary["probes"].get(goal.probe, {}).get(goal.quantity)
     elif goal.reaction is not None:
@@ -47,7 +47,7 @@ def value_at(goal: Any, summary: dict[str, Any]) -> float | None:
 
 
 class Windows:
-    """Follows those of some goals that are over windows, from state to state; without any those of the case."""
+    """Collects the values of goals over windows, state by state; by default those of the case."""
 
     def __init__(self, model: Model, goals: Sequence[Any] | None = None) -> None:
         told = (model.case.goal, *model.case.expected) if goals is None else goals
@@ -58,7 +58,7 @@ class Windows:
 
     def take(self, state: State, probes: dict[str, dict[str, float]],
              reacted: Callable[[State], dict[str, dict[str, float]]]) -> None:
-        """Take the next state, what its probes read, and what tells its reactions, which is dear."""
+        """Record the next state with its probes; ``reacted`` computes its reactions, which is expensive."""
         if not self.goals:
             return
         summary = {"probes": probes, "energy": state.history}
@@ -69,10 +69,10 @@ class Windows:
             self.samples[name].append((state.t, np.nan if value is None else value))
 
     def values(self) -> dict[str, dict[str, Any]]:
-        """Return ``value`` of each, and ``sampling``, its difference from that of every second stored time.
+        """Return ``value`` of each goal, and ``sampling``, its difference from the value with every second stored time.
 
-        Both are None where the motion has not come to the end of the window. ``of``, ``from`` and ``to`` tell what they
-        are of.
+        Both are None if the motion has not reached the end of the window. ``of``, ``from`` and ``to`` describe quantity
+        and window.
         """
         return {name: {"of": _read_by(goal), **dict(zip(("from", "to"), window_of(goal) or (), strict=False)),
                        **self._told(goal, np.array(self.samples[name]).reshape(-1, 2))}
@@ -85,25 +85,25 @@ class Windows:
         if not len(found) or found[-1, 0] < window[1] - near or np.isnan(found[:, 1]).any():
             return {"value": None, "sampling": None}
         of = mean if goal.mean_over else peak
-        # the first and the last are of both
+        # both samplings include the first and the last time
         half = found[np.unique([*range(0, len(found), 2), len(found) - 1])]
         value = of(found[:, 0], found[:, 1], window)
         return {"value": value, "sampling": abs(value - of(half[:, 0], half[:, 1], window))}
 
     def kept(self) -> dict[str, list[tuple[float, float]]]:
-        """Return what a run that is resumed needs."""
+        """Return the samples for a checkpoint."""
         return dict(self.samples)
 
     def go_on(self, found: dict[str, list[tuple[float, float]]]) -> None:
-        """Take up what was kept."""
+        """Restore the samples from a checkpoint."""
         self.samples.update({name: [(float(t), float(v)) for t, v in rows] for name, rows in found.items()})
 
 
 def _within(t: Array, f: Array, window: tuple[float, float]) -> tuple[Array, Array]:
-    """Return samples within a window, those at its ends between their neighbours."""
+    """Return the samples within a window, with interpolated ones at its ends."""
     inside = (t > window[0]) & (t < window[1])
     times = np.concatenate([window[:1], t[inside], window[1:]])
-    # of two samples of one time, before and after a jump, the integral needs both
+    # keep both samples at the time of a jump, for the integral
     values = np.concatenate([[np.interp(window[0], t, f)], f[inside], [np.interp(window[1], t, f)]])
     return times, values
 
@@ -120,9 +120,9 @@ def peak(t: Array, f: Array, window: tuple[float, float]) -> float:
 
 
 def window_weights(goal: Any, t: Array, f: Array) -> Array:
-    """Return what a change of each sample f (n,) at times t (n,) does to the value of a goal over a window.
+    """Return the derivative of a goal over a window by each sample f (n,) at times t (n,).
 
-    The mean is linear in the samples, and the peak is one of them, or lies between two at an end of the window.
+    The mean is linear in the samples; the peak is one sample, or interpolated between two at an end of the window.
     """
     window = window_of(goal)
     assert window is not None

@@ -1,4 +1,4 @@
-"""What a page shows of bodies: points, symbols of supports and loads that move with them, fields as colour."""
+"""Layers of a page: points of bodies, symbols of supports and loads that move with them, fields as colours."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from ancf2d.results.geometry import (
 )
 from ancf2d.results.symbols import STEP, Symbol, outlines, symbols_of, tracks_of, within
 
-WANTED_POINTS = 600  # along each face of a body
-STRIDES = (1, 2, 4, 5, 10, 20)  # of the 21 samples of an element
-MAX_NODES = 100  # of a body whose nodes are shown: more would merge into a line
+WANTED_POINTS = 600  # points along each face of a body
+STRIDES = (1, 2, 4, 5, 10, 20)  # intervals between drawn samples, out of the 21 samples of an element
+MAX_NODES = 100  # nodes are shown only for bodies with at most this number, since more would merge into a line
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """How one body is sampled: some elements, every so manyeth sample along them."""
+    """Sampling of one body: some elements, and every ``stride``-th sample along them."""
 
     record: BodyRecord
     elements: np.ndarray
@@ -49,12 +49,12 @@ class Drawn:
 
     @property
     def has_nodes(self) -> bool:
-        """Whether nodes are shown."""
+        """Return whether nodes are shown."""
         return len(self.record.dofs) <= MAX_NODES
 
     @property
     def samples(self) -> int:
-        """Points along a face of one element."""
+        """The number of points along a face of one element."""
         return len(self.record.sample_xi[::self.stride])
 
 
@@ -67,7 +67,7 @@ def drawn_body(body: BodyRecord) -> Drawn:
 
 
 def listed(drawn: Iterable[Drawn]) -> tuple[list[dict[str, Any]], int]:
-    """Return the bodies as the page takes them, and the number of their points."""
+    """Return the bodies in the page's format, and the number of their points."""
     out, first = [], 0
     for d in drawn:
         elements = len(d.elements)
@@ -85,15 +85,15 @@ def packed(values: np.ndarray, kind: str) -> str:
 
 
 MAX_SYMBOLS = 400
-ARM = 0.1  # of the extent: how far the point lies that tells how far a symbol has turned
-LARGEST_CODE = 255  # of a field's value; 0 stands for what is no number
-ACROSS = np.array([0.0, 0.5, 1.0])  # where a field is shown over the height of a section
-FEWEST_FRAMES = 30  # of a field, before its points become fewer
-FIRST = ("stress", "strain", "energy", "N", "Q", "M")  # in which order fields are listed
+ARM = 0.1  # of the extent: distance of a second point that shows the rotation of a symbol
+LARGEST_CODE = 255  # largest code of a field's value; 0 marks values that are not numbers
+ACROSS = np.array([0.0, 0.5, 1.0])  # fractions of the section's height at which a field is shown
+FEWEST_FRAMES = 30  # least number of frames of a field before its points are thinned
+FIRST = ("stress", "strain", "energy", "N", "Q", "M")  # order in which fields are listed
 
 
 class Attached:
-    """The points of symbols, which move with the bodies; a second one beside each symbol that turns."""
+    """The points of symbols, which move with the bodies, with a second point for each symbol that rotates."""
 
     def __init__(self, results: Results, extent: float) -> None:
         found = (s for s in symbols_of(results, None, 1.0) if s.acts[0] < math.inf)
@@ -107,7 +107,7 @@ class Attached:
             (p, t) for s in self.symbols for p, t in zip(s.on, s.tracks, strict=True)) if place and track]
         self.turning = np.array([k for k, s in zip(self._first(), self.symbols, strict=True) if s.turns], int)
         self.ahead: list[tuple[np.ndarray, tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]] = []
-        # distances of points from the axes of their bodies, and the axes about them
+        # distances of points from the axes of their bodies, and axis points before and after them
         off = np.array([y for s in self.symbols for y in s.off or (0.0,) * len(s.points)])
         self.beside: list[tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray],
                                 tuple[np.ndarray, np.ndarray]]] = []
@@ -127,9 +127,10 @@ class Attached:
         return (np.cumsum(counts) - counts).astype(int).tolist() if counts else []
 
     def points(self, e: np.ndarray, state: int | None = None) -> np.ndarray:
-        """Return the points (n, 2) of all symbols, then the arms of those that turn.
+        """Return the points (n, 2) of all symbols, then the second points of those that rotate.
 
-        Those that move along bodies are displaced as the bodies are where they are in a state; ``ways`` are their ways.
+        Symbols that move along bodies are displaced like the bodies at their places in a state; ``ways`` gives these
+        places.
         """
         out, arms = self.ground.copy(), np.zeros((len(self.turning), 2))
         for mine, row in self.rows:
@@ -146,7 +147,7 @@ class Attached:
         return np.concatenate([out, out[self.turning] + arms])
 
     def ways(self, first: int, states: np.ndarray) -> list[dict[str, Any]]:
-        """Return the way along its body of each point that moves in some states, nan where it is off the body."""
+        """Return the path along its body of each moving point over some states, NaN where it is off the body."""
         out = []
         for k, name, track in self.moving:
             s = track[states]
@@ -156,7 +157,7 @@ class Attached:
         return out
 
     def listed(self, first: int) -> dict[str, Any]:
-        """Return symbols and outlines as the page takes them; ``first`` is the number of the first point."""
+        """Return symbols and outlines in the page's format; ``first`` is the number of the first point."""
         arms = first + len(self.ground)
         out = []
         for k, symbol in zip(self._first(), self.symbols, strict=True):
@@ -198,8 +199,8 @@ def fields(results: Results, drawn: Sequence[Drawn], chosen: Sequence[int | None
            wanted: Sequence[str] = ()) -> list[dict[str, Any]]:
     """Return fields in some states (None: rest), each component with its values as codes of 8 bits.
 
-    ``frames`` are the positions in ``chosen`` at which values are given: for (frame, body, element, station, across).
-    Without names that are ``wanted``, all fields that the results have. Raises ResultsError for one that they have not.
+    ``frames`` are the positions in ``chosen`` at which values are given, in the order (frame, body, element, station,
+    across). Without names in ``wanted``, all fields of the results. Raises ResultsError for an unknown field.
     """
     known = _names(results)
     for name in wanted:
@@ -228,7 +229,7 @@ def _parts(results: Results, name: str) -> Iterator[str]:
 
 
 def _count(results: Results, d: Drawn, name: str, every: int) -> int:
-    """Return how many values of a field one body has in one state."""
+    """Return the number of values of a field on one body in one state."""
     record = results.fields.get(d.record.name, {}).get(name)
     if record is None:
         return 0
@@ -236,9 +237,9 @@ def _count(results: Results, d: Drawn, name: str, every: int) -> int:
 
 
 def _thinned(results: Results, drawn: Sequence[Drawn], names: Sequence[str], most: int) -> tuple[dict[str, int], int]:
-    """Return of which samples of each body fields are shown (every first, second, ...), and how many values that is.
+    """Return at which samples of each body fields are shown (every first, second, ...), and the number of values.
 
-    These are no more than ``most`` in one state, unless all have only the ends of their elements.
+    There are at most ``most`` values per state, unless only the ends of all elements remain.
     """
     for step in range(1, max(d.samples for d in drawn) + 1):
         every = {d.record.name: max(k for k in range(1, step + 1) if (d.samples - 1) % k == 0) for d in drawn}
@@ -250,7 +251,7 @@ def _thinned(results: Results, drawn: Sequence[Drawn], names: Sequence[str], mos
 
 def _coded(results: Results, drawn: Sequence[Drawn], name: str, part: str, states: Sequence[int | None],
            every: dict[str, int]) -> dict[str, Any]:
-    """Return one component of a field over the bodies that have it: codes, and what the smallest and largest mean."""
+    """Return one component of a field over the bodies that have it: codes, and their smallest and largest values."""
     bodies, values, units = [], [], ""
     for k, d in enumerate(drawn):
         record = results.fields.get(d.record.name, {}).get(name)
@@ -269,7 +270,7 @@ def _coded(results: Results, drawn: Sequence[Drawn], name: str, part: str, state
 
 
 def _across(levels: np.ndarray | None, eta: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Return weights (len(at), len(eta)) of a field at fractions of the height, straight lines within layers."""
+    """Return weights (len(at), len(eta)) of a field at fractions of the height; linear within layers."""
     if levels is None or len(eta) == 1:
         return station_weights(0.5 * (1.0 + eta), at)
     return linear_weights(eta, eta[0] + (eta[-1] - eta[0]) * at)
@@ -277,16 +278,16 @@ def _across(levels: np.ndarray | None, eta: np.ndarray, at: np.ndarray) -> np.nd
 
 def _sampled(results: Results, d: Drawn, name: str, state: int | None, formula: Formula,
              weights: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-    """Return the values (elements, stations, across) of a component on one body in one state; at rest nothing."""
+    """Return the values (elements, stations, across) of a component on one body in one state; zeros at rest."""
     if state is None:
         return np.zeros((len(d.elements), weights[0].shape[-2], len(weights[1])))
     stored = formula(results.field(d.record.name, name, state)[d.elements])
-    # polynomials overshoot: an energy would be negative where there is none
+    # polynomials overshoot: an energy could become negative
     return np.clip(np.einsum("...xi,yj,...ij->...xy", *weights, stored), stored.min(), stored.max())
 
 
 def _codes(values: np.ndarray, signed: bool) -> tuple[np.ndarray, float, float]:
-    """Return codes from 1 to LARGEST_CODE and the values at both ends, evenly about zero for what has a sign."""
+    """Return codes from 1 to LARGEST_CODE and the values at both ends, symmetric about zero for signed fields."""
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
     if signed:

@@ -1,4 +1,4 @@
-"""One self-contained page (markup, style, script and data in a single text), and the server that shows it."""
+"""A self-contained page (markup, style, script and data in a single text), and the server that shows it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SCRIPTS = "scene.js", "layers.js", "controls.js"
 
 @dataclass(frozen=True)
 class Page:
-    """A page, and in words what it holds less than the file."""
+    """A page, and a remark about what it leaves out of the file."""
 
     html: str
     remark: str
@@ -36,14 +36,14 @@ def _escaped(text: str) -> str:
 def make_page(results: Results, fields: Sequence[str] = ()) -> Page:
     """Return the page of a result file. Raises ResultsError.
 
-    ``fields`` names those that are shown, without any all that the results have.
+    ``fields`` names the fields to show, by default all that the results have.
     """
     data = scene(results, fields)
-    # a title with a tag in it is no tag
+    # so that a tag within the data, such as </script> in a title, has no effect
     text = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
     script = "".join(map(_part, SCRIPTS))
     parts = {"TITLE": _escaped(data["title"]), "MARK": MARK, "STYLE": _part("page.css"), "SCRIPT": script, "DATA": text}
-    # all at once: what is put in may look like a place itself
+    # all in one pass, since inserted text may look like a placeholder itself
     html = re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], _part("page.html"))
     shown, what = len(data["t"]), "mode" if data["kind"] == "modes" else "state"
     some = f"{shown} of {data['stored']} {what}s" if shown < data["stored"] else (
@@ -59,8 +59,8 @@ class _Handler(BaseHTTPRequestHandler):
     page = b""
 
     def do_GET(self) -> None:
-        """Answer with the page at the root of this machine's own names, with nothing elsewhere."""
-        # a page of another host, whose name was made to lead here, may not read this one
+        """Answer with the page at the root of this machine's own names, and with an error elsewhere."""
+        # rejects pages of other hosts whose name resolves to this machine (DNS rebinding)
         host = self.headers.get("Host", "").partition(":")[0].lower()
         found = self.path.split("?")[0] == "/" and host in NAMES
         body = self.page if found else b"not here"
@@ -72,13 +72,13 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
     def log_message(self, format: str, *args: object) -> None:
-        """Say nothing of requests."""
+        """Log nothing about requests."""
 
 
 def serve(html: str, port: int, ready: Callable[[str], None]) -> None:
     """Serve a page on localhost until interrupted; ``ready`` is called with its address.
 
-    ``port`` 0 takes a free one. Raises ResultsError where the port is taken.
+    ``port`` 0 takes a free one. Raises ResultsError if the port is in use.
     """
     handler = type("Handler", (_Handler,), {"page": html.encode()})
     try:

@@ -1,4 +1,4 @@
-"""What a page shows, as plain numbers: bodies in many states or modes, what lies over them, and the curves beside."""
+"""The data of a page: bodies in many states or modes, symbols and fields over them, and curves."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ from ancf2d.results.obstacles import Obstacle, obstacles_of
 from ancf2d.results.symbols import completed_case
 from ancf2d.view.layers import Attached, Drawn, drawn_body, fields, listed, packed
 
-BUDGET = 2_800_000  # bytes of states and fields: in base 64, with all else, a page stays below 5 MB
-FIELDS = 0.35  # of it, where there are fields
+BUDGET = 2_800_000  # bytes of states and fields: in base 64 and with all else, a page stays below 5 MB
+FIELDS = 0.35  # share of the budget, if there are fields
 MAX_STATES = 1500
 LARGEST_CODE = 32767
 SHOWN_MODES = 24
-MODE_SIZE = 0.12  # of the extent: displacement that a mode is drawn with
-SMALL = 1e-6  # of the extent: motion that the rates of a section are read from
-INVISIBLE, VISIBLE = 0.01, 0.1  # of the extent: smaller displacements are magnified to that share
+MODE_SIZE = 0.12  # of the extent: largest displacement of a drawn mode
+SMALL = 1e-6  # of the extent: motion from which rates of points are found by differences
+INVISIBLE, VISIBLE = 0.01, 0.1  # of the extent: smaller displacements are magnified towards that share
 QUARTER = "modes/quarter"
 NO_CURVES: dict[str, Any] = {"series": [], "probes": [], "traces": [], "goal": None}
 
 
 def _quantised(moves: np.ndarray) -> tuple[str, float]:
-    """Return displacements as 16-bit codes, and what one code stands for."""
+    """Return displacements as 16-bit codes, and the value of one code."""
     step = float(np.abs(moves).max(initial=0.0)) / LARGEST_CODE
     codes = np.rint(moves / step) if step > 0.0 else np.zeros_like(moves)
     return packed(codes, "i2"), step
 
 
 def scene(results: Results, wanted: Sequence[str] = ()) -> dict[str, Any]:
-    """Return everything that a page shows as a JSON-able object; of the fields those that are ``wanted``, or all.
+    """Return everything that a page shows, ready for JSON; of the fields those that are ``wanted``, or all.
 
     ``reference`` (points, 2) are points of all bodies (f4); ``moves`` (frames, points, 2) their displacements in
-    ``step`` (i2). Raises ResultsError for a file without bodies or states.
+    multiples of ``step`` (i2). Raises ResultsError for a file without bodies or states.
     """
     if not results.bodies:
         raise ResultsError(f"'{results.path}' holds no bodies to show")
@@ -61,14 +61,14 @@ def _points(drawn: Sequence[Drawn], e: np.ndarray) -> np.ndarray:
 
 
 def outlined(solids: Sequence[Obstacle]) -> list[np.ndarray]:
-    """Return the points of obstacles: of each what is filled, then the lines of its surface."""
+    """Return the points of obstacles: for each its filled area, then the lines of its surface."""
     return [points for solid in solids for points in (solid.solid, *solid.lines)]
 
 
 class Stage:
     """All points of a page: ``count`` of the bodies, then those of symbols and of obstacles.
 
-    ``start`` (points, 2): where they begin.
+    ``start`` (points, 2): their initial positions.
     """
 
     def __init__(self, results: Results, drawn: Sequence[Drawn], attached: Attached, base: np.ndarray,
@@ -77,12 +77,12 @@ class Stage:
         self.start = self.points(base)
 
     def points(self, e: np.ndarray, state: int | None = None) -> np.ndarray:
-        """Return all points (n, 2) at nodal coordinates e (nq,); obstacles are where they are in a state."""
+        """Return all points (n, 2) at nodal coordinates e (nq,), with obstacles at their places in a state."""
         solids = obstacles_of(self.results, state, 1.0)
         return np.concatenate([_points(self.drawn, e), self.attached.points(e, state), *outlined(solids)])
 
     def listed(self) -> dict[str, Any]:
-        """Return symbols and obstacles as the page takes them: the first of their points, and how many."""
+        """Return symbols and obstacles in the page's format: the number of their first point, and how many."""
         solids, out = obstacles_of(self.results, None, 1.0), []
         first = len(self.start) - sum(len(points) for points in outlined(solids))
         for solid in solids:
@@ -92,7 +92,7 @@ class Stage:
         return {**self.attached.listed(self.count), "obstacles": out}
 
     def rate(self, shape: np.ndarray, extent: float) -> np.ndarray:
-        """Return the rates (points, 2) of all points where the nodal coordinates change by ``shape`` (nq,)."""
+        """Return the rates (points, 2) of all points for rates ``shape`` (nq,) of the nodal coordinates."""
         size = SMALL * extent / (float(np.abs(shape).max()) or 1.0)
         return (self.points(self.base + size * shape) - self.start) / size
 
@@ -101,8 +101,8 @@ class Stage:
         return float(np.linalg.norm(moves[..., :self.count, :], axis=-1).max(initial=0.0))
 
     def most(self, budget: int) -> int:
-        """Return how many states fit into so many bytes."""
-        size = self.start.nbytes // 4  # two numbers of 16 bits for two of 64
+        """Return how many states fit into ``budget`` bytes."""
+        size = self.start.nbytes // 4  # two numbers of 16 bits instead of two of 64
         return max(2, min(budget // max(size, 1), MAX_STATES))
 
 
@@ -110,7 +110,7 @@ class Stage:
 
 
 def _even(t: np.ndarray, most: int) -> np.ndarray:
-    """Return at most ``most`` states, evenly spaced in t where it only grows, else in their number."""
+    """Return at most ``most`` states, evenly spaced in t if it always increases, else in number."""
     if len(t) <= most:
         return np.arange(len(t))
     if np.any(np.diff(t) <= 0):
@@ -125,7 +125,7 @@ def _states(results: Results, stage: Stage, extent: float, wanted: Sequence[str]
     t = results.t[chosen]
     shown: list[int | None] = [int(i) for i in chosen]
     dynamic = results.over_time
-    if results.solver == "linear_static" and len(t) == 1:  # what lies between rest and a linear answer is known
+    if results.solver == "linear_static" and len(t) == 1:  # states in between follow by scaling
         t, moves = np.array([0.0, t[0]]), np.concatenate([np.zeros_like(moves), moves])
         shown = [None, *shown]
     codes, step = _quantised(moves)
@@ -137,7 +137,7 @@ def _states(results: Results, stage: Stage, extent: float, wanted: Sequence[str]
 
 
 def _magnification(largest: float, extent: float) -> float:
-    """Return the power of ten that makes an invisible motion visible, 1 where it is or where there is none."""
+    """Return the power of ten that makes an invisible motion visible, or 1 if it is visible or zero."""
     if not 1e-12 * extent < largest < INVISIBLE * extent:
         return 1.0
     return float(10.0 ** np.floor(np.log10(VISIBLE * extent / largest)))
@@ -148,7 +148,7 @@ def _magnification(largest: float, extent: float) -> float:
 
 def _modes(results: Results, stage: Stage, extent: float) -> dict[str, Any]:
     shapes = results.array("modes/shapes")[:min(stage.most(BUDGET), SHOWN_MODES)]
-    # of modes whose points do not pass through rest together: where they are a quarter of a period later
+    # for modes whose points do not pass through rest together: the shape a quarter of a period later
     later = results.array(QUARTER)[:len(shapes)] if QUARTER in results.arrays else np.zeros_like(shapes)
     moves = []
     for parts in zip(shapes, later, strict=True):
@@ -175,7 +175,7 @@ def _mode_label(results: Results, k: int) -> str:
     return f"{table['kind'][k]} {int(table['number'][k])}: {', '.join(parts)}"
 
 
-MAX_ROWS = 4000  # of each curve
+MAX_ROWS = 4000  # most rows of each curve
 CURVE_BYTES = 600_000  # bytes of all curves together
 WHERE = ("x", "y", "ux", "uy")
 
@@ -184,7 +184,7 @@ def curves(results: Results, t: np.ndarray) -> dict[str, Any]:
     """Return the curves of a file whose states at times (or load factors) ``t`` are shown.
 
     ``series`` are times with the row of each shown state; each of ``probes`` belongs to one of them. ``traces`` are the
-    ways of probes; ``goal`` is the number of the curve that the goal of the case asks for, None where there is none.
+    paths of probes; ``goal`` is the number of the curve of the case's goal, or None if there is none.
     """
     goal = completed_case(results).get("goal")
     goal = goal if isinstance(goal, dict) else {}
@@ -208,28 +208,28 @@ def curves(results: Results, t: np.ndarray) -> dict[str, Any]:
 
 
 def _wanted(goal: dict[str, Any], results: Results) -> tuple[str, str]:
-    """Return the names under which a file has what the goal asks for: of a point and a quantity."""
+    """Return the names of the point and the quantity under which a file stores the goal."""
     quantity = str(goal.get("quantity", "")).removesuffix("_energy")
     if "reaction" in goal:
-        beside = f"reaction {goal['reaction']}"  # where a probe has the name of the support
+        beside = f"reaction {goal['reaction']}"  # used if a probe has the name of the support
         return beside if beside in results.probes else str(goal["reaction"]), quantity
     return str(goal.get("probe", "energy")), quantity
 
 
 def _energies(results: Results) -> Table:
-    """Return the energies at each stored state; those of statics are written with the steps."""
+    """Return the energies at each stored state; for statics they are read from the steps."""
     if results.energies:
         return results.energies
     found, strain = Table(), np.asarray(results.history.get("energy", ()), float)
     if 0 < len(strain) >= results.nt - 1:
-        # a path begins at rest, before its first step
+        # a path starts at rest, before its first step
         found["strain"] = np.concatenate([np.zeros(results.nt), strain])[-results.nt:]
         found.units = {"strain": results.history.units.get("energy", "")}
     return found
 
 
 def _kept(times: np.ndarray, t: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rows that are shown, and where among them each state is: between two where its own is left out."""
+    """Return the rows to show, and the (fractional) position among them of each state."""
     rows = _rows_of(times, t)
     if len(times) <= most:
         return np.arange(len(times)), rows
@@ -249,7 +249,7 @@ def _varying(found: dict[str, Table], kept: np.ndarray, wanted: tuple[str, str])
 
 
 def _traces(found: dict[str, Table], kept: np.ndarray) -> Iterator[dict[str, Any]]:
-    """Yield the way of each probe: where it begins, and its displacements."""
+    """Yield the path of each probe: its start, and its displacements."""
     for name, columns in found.items():
         if all(q in columns for q in WHERE):
             x, y, ux, uy = (np.asarray(columns[q], float)[kept] for q in WHERE)
@@ -258,7 +258,7 @@ def _traces(found: dict[str, Table], kept: np.ndarray) -> Iterator[dict[str, Any
 
 
 def _rows_of(times: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Return the row of each state's values: the first of its time behind that of the state before."""
+    """Return the row of each state: the first one with its time after the row of the state before."""
     out, row = np.zeros(len(t), int), 0
     for k, value in enumerate(t):
         later = np.flatnonzero(times[row:] == value)

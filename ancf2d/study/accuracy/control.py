@@ -1,4 +1,4 @@
-"""A case solved to a wanted accuracy of its goal: element types, time steps, meshes, and what to say of them."""
+"""Solution of a case to a wanted accuracy of its goal: choice of element types, time steps and meshes, and reports."""
 
 from __future__ import annotations
 
@@ -25,42 +25,42 @@ from .motion import Motion
 from .pursuit import LEAST_TOLERANCE, MOST_WORK, Pursuit
 from .setting import Level, with_setting
 
-# accuracy of a case that leaves element types open and names none
+# accuracy for a case that leaves element types open and gives no accuracy
 DEFAULT = 1e-3
-# of the wanted error: what time steps or load steps, what simpler models, and what points in the frequency may take
+# largest shares of the wanted error for time or load steps, for simpler models, and for frequency points
 TIME, MODEL, POINTS = 0.2, 0.3, 0.1
-# what the model error is multiplied by, which meshes of four times the least number of elements tell
+# safety factor of the model error, which is found on coarse meshes
 SAFE = 1.25
 # of the wanted error: two solutions of one mesh further apart are on different branches
 BRANCH = 0.1
 BEAM, CABLE, RIGID = Variant("reissner3"), Variant("cable"), Variant("rigid")
 CONTINUUM = (Variant("ancf", (3, 3)), Variant("ancf", (3, 2)), Variant("ancf", (3, 1)))
-# times the least mesh: where models are compared, and up to where meshes are refined while that brings them closer
+# times the coarsest mesh: the mesh for comparing models, and the finest one if refinement brings them closer
 SIZE, FINEST = 4.0, 64.0
-# of the goal: models further apart are not told from their meshes
+# of the goal: if models are further apart, refinement of their meshes is not tried
 FAR = 0.1
 
 
 @dataclass
 class Reached:
-    """The end of a pursuit: the outcome of the run that is the result, and its accuracy."""
+    """The result of a search for an accuracy: the outcome of the final run, and its accuracy."""
 
     outcome: Outcome
     accuracy: dict[str, Any]
 
     @property
     def achieved(self) -> bool:
-        """Whether the estimated error is below the wanted one."""
+        """Return whether the estimated error is below the wanted one."""
         return bool(self.accuracy["achieved"])
 
 
 def is_pursued(loaded: LoadedCase) -> bool:
-    """Whether a case asks for an accuracy, or leaves element types open."""
+    """Return whether a case asks for an accuracy, or leaves element types open."""
     return loaded.case.accuracy is not None or bool(_open_bodies(loaded))
 
 
 def first_mesh(loaded: LoadedCase) -> LoadedCase:
-    """Return a case on its coarsest mesh, with beams where element types are left open. Raises CaseError."""
+    """Return a case on its coarsest mesh, with beams for open element types. Raises CaseError."""
     pursuit = Pursuit(loaded, loaded.case.accuracy or DEFAULT, Progress())
     types = dict.fromkeys(_open_bodies(loaded), BEAM)
     return with_setting(loaded, Ladder(pursuit, types, _tolerance_of(pursuit)).setting(1.0))
@@ -80,10 +80,10 @@ def _open_bodies(loaded: LoadedCase) -> list[str]:
 
 def solve_to_accuracy(loaded: LoadedCase, target: Target | None = None, progress: Progress | None = None,
                       tell: Callable[[str], None] = lambda text: None) -> Reached:
-    """Solve a case to the accuracy that it asks for; the best that was found where that is not reached.
+    """Solve a case to the accuracy that it asks for; if that is not reached, return the best solution found.
 
-    Raises CaseError for a case without a goal (a frequency response needs none) or that cannot be solved at all,
-    ComputationError where no mesh could be.
+    Raises CaseError for a case without a goal (a frequency response needs none) or one that cannot be solved at all,
+    ComputationError if no mesh could be solved.
     """
     wanted = loaded.case.accuracy or DEFAULT
     dense = _with_points(loaded, POINTS * wanted)
@@ -96,7 +96,7 @@ def solve_to_accuracy(loaded: LoadedCase, target: Target | None = None, progress
         if body.element.nodes == "regular" and stretches(body.geometry, acting_points(loaded.case)[name])[1:]:
             pursuit.tell(f"bodies.{name}: nodes are placed where something acts, despite nodes: regular, because "
                          "meshes with kinks inside elements cannot show the accuracy")
-    # what depends on the way to it has to be reached by it on every mesh
+    # states that depend on the path must be reached along it on every mesh
     pursuit.guesses = not follows_way(loaded.case)
     types = _types(pursuit)
     accuracy = _climbed(pursuit, types, _tolerance_of(pursuit))
@@ -107,9 +107,9 @@ def solve_to_accuracy(loaded: LoadedCase, target: Target | None = None, progress
 
 
 def _with_points(loaded: LoadedCase, error: float) -> LoadedCase | None:
-    """Return a frequency response over a range with points so dense that a cubic between them errs by no more.
+    """Return a frequency response over a range, with points so dense that cubic interpolation meets the error.
 
-    None where the accuracy is of something else, or of one frequency.
+    None if the accuracy concerns something else, or a single frequency.
     """
     solver, goal = loaded.case.solver, loaded.case.goal
     if not isinstance(solver, FrequencyResponse) or solver.frequencies is not None:
@@ -120,7 +120,7 @@ def _with_points(loaded: LoadedCase, error: float) -> LoadedCase | None:
 
 
 def _climbed(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | None) -> dict[str, Any]:
-    """Refine the mesh, and the time steps where there are some; write the result and return its accuracy."""
+    """Refine the mesh, and the time steps if there are any; write the result and return its accuracy."""
     left = max(pursuit.wanted - pursuit.apart, 0.1 * pursuit.wanted)
     direct = _directly(pursuit, types, tolerance, left) if pursuit.guesses else None
     if direct is not None:
@@ -147,7 +147,7 @@ def _climbed(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | Non
 
 def _directly(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | None, wanted: float
               ) -> tuple[Level, float, Estimate] | None:
-    """Return what meshes do that are predicted at once, None where a ladder of meshes has to tell."""
+    """Return the result of directly predicted meshes, or None if a ladder of meshes is needed."""
     direct = Direct(pursuit, types)
     if tolerance is None:
         return direct.reach(wanted)
@@ -158,16 +158,16 @@ def _directly(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | No
 
 
 def _strayed(level: Level, expected: Answer | None, allowed: float) -> bool:
-    """Whether the load steps of a level failed, or ended elsewhere than was found from a guess."""
+    """Return whether the load steps of a level failed, or ended in another state than the solve from a guess."""
     if level.reason or level.answer is None or expected is None:
         return True
     return level.answer.distance(expected) > allowed * expected.size
 
 
 def _in_time(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> dict[str, Any]:
-    """Solve the mesh that was chosen with smaller steps, until that moves the goal little; return its accuracy."""
+    """Solve the chosen mesh with smaller steps, until that hardly changes the goal; return its accuracy."""
     def told(level: Level) -> tuple[Estimate, float]:
-        # ten times the tolerance errs thrice as much, at the least
+        # a ten times larger tolerance has at least three times the error
         pursuit.report["time_error"] = 0.5 * apart(level, rough)
         return found, error + pursuit.report["time_error"]
 
@@ -196,12 +196,12 @@ def _types(pursuit: Pursuit) -> dict[str, Variant]:
 
 
 def _tolerance_of(pursuit: Pursuit) -> float | None:
-    """Return the tolerance that time steps are begun with, None where nothing moves."""
+    """Return the initial tolerance of time steps, or None if the case is not a motion."""
     return pursuit.wanted if pursuit.loaded.case.solver.moves else None
 
 
 def _measured_by(accuracy: dict[str, Any], goal: Any) -> str:
-    """Return what the relative error of a goal is relative to, in words."""
+    """Return in words the scale of the relative error of a goal."""
     value, size = accuracy["value"], accuracy["scale"]
     if abs(size - abs(value)) <= 1e-12 * size:
         return "the value"
@@ -212,7 +212,7 @@ def _measured_by(accuracy: dict[str, Any], goal: Any) -> str:
 
 
 def describe(accuracy: dict[str, Any], goal: Any) -> str:
-    """Return what was reached in one sentence."""
+    """Return the accuracy reached, in one sentence."""
     estimate = accuracy["estimate"]
     about = "no estimate of the error"
     if estimate is not None:
@@ -226,7 +226,7 @@ def describe(accuracy: dict[str, Any], goal: Any) -> str:
 
 @dataclass
 class Choice:
-    """Element types by body, why each, and the error of the model, relative to the goal."""
+    """Element types by body, the reason for each, and the relative model error of the goal."""
 
     types: dict[str, Variant]
     why: dict[str, str]
@@ -234,10 +234,10 @@ class Choice:
 
 
 def candidates(pursuit: Pursuit, name: str) -> list[Variant]:
-    """Return the types that a body may have, the simplest first, the one that errors are against last."""
+    """Return the types that a body may have, the simplest first; the last one is the reference for errors."""
     case = pursuit.loaded.case
     goal = case.goal
-    # a rigid body alone has a course over time, but no equilibrium to tell of
+    # a single rigid body can move, but statics of it alone has no meaning
     moves = case.solver.moves or len(case.bodies) > 1
     out = [RIGID, CABLE, BEAM] if moves else [CABLE, BEAM]
     if goal is not None and goal.model == "continuum" and isinstance(case.bodies[name].section, Rectangle):
@@ -246,10 +246,10 @@ def candidates(pursuit: Pursuit, name: str) -> list[Variant]:
 
 
 def choose_types(pursuit: Pursuit, bodies: list[str], allowed: float, tolerance: float | None) -> Choice:
-    """Return the simplest types with which the goal moves by no more than ``allowed`` (relative) in all.
+    """Return the simplest types that change the goal by no more than ``allowed`` (relative) in all.
 
-    Each body in turn is made as simple as its share allows, the others as they are so far; what is left of the
-    allowance goes to the next.
+    One body after the other is made as simple as its share allows, with the present types of the others; the rest of
+    its share goes to the next body.
     """
     ladders = {name: candidates(pursuit, name) for name in bodies}
     best = {name: ladder[-1] for name, ladder in ladders.items()}
@@ -278,20 +278,20 @@ def choose_types(pursuit: Pursuit, bodies: list[str], allowed: float, tolerance:
 
 @dataclass
 class _Meshes:
-    """Meshes that models are compared on."""
+    """The meshes on which models are compared."""
 
     pursuit: Pursuit
     tolerance: float | None
 
     def solve(self, types: dict[str, Variant], size: float, why: str) -> Level:
-        """Return the level of some types on a mesh of a size."""
+        """Return the level solved with some types on the mesh of a size."""
         return self.pursuit.solve(Ladder(self.pursuit, types, self.tolerance).setting(size), why)
 
     def moved(self, types: dict[str, Variant], best: dict[str, Variant], enough: float, why: str) -> float | None:
-        """Return how far the goal moves with simpler types, relative; None where they cannot be had.
+        """Return how far the goal moves with simpler types, relative; None if the types are not possible.
 
-        Where that is more than ``enough`` it may be the mesh that errs, not the model: meshes double as long as the
-        two come closer by at least a half.
+        A distance of more than ``enough`` may be due to the mesh instead of the model: meshes are doubled as long as
+        this reduces the distance at least by half.
         """
         if self.pursuit.refuses(Ladder(self.pursuit, types, self.tolerance).setting(SIZE)) is not None:
             return None
@@ -300,7 +300,7 @@ class _Meshes:
         while True:
             simple = self.solve(types, size, why)
             gap = apart(simple, self.solve(best, size, "reference model for the errors"))
-            # one that misses an obstacle tells nothing
+            # a mesh that misses an obstacle cannot be compared
             gap = float("inf") if simple.off else gap
             if gap <= enough or 2.0 * size > finest or not gap <= min(FAR, 0.5 * before):
                 return min(gap, before) if math.isfinite(min(gap, before)) else None

@@ -1,9 +1,8 @@
-"""A mesh chosen at once: by the order that its element types promise, then by the error of each of its elements.
+"""Direct choice of a mesh: by the order of its element types, then by the error of each of its elements.
 
-The first mesh is the one that the order of the types asks for. It is solved once, with all load steps, and judged
-beside its neighbours. If its error is too large, the next mesh has n elements in all, in proportion to what each
-contributes: contributions w h^p (p + 1 in the length of an element) are least in sum where each element contributes as
-much as any other.
+The first mesh is predicted from the order of the types. It is solved once, with all load steps, and judged with the
+help of its neighbours. If its error is too large, the elements of the next mesh are distributed by their contributions:
+the sum of contributions w h^p (p + 1 in the length of an element) is smallest if all elements contribute equally.
 """
 
 from __future__ import annotations
@@ -30,28 +29,28 @@ from .setting import AS_GIVEN, Level, Setting, bodies_with_meshes, meshed
 if TYPE_CHECKING:
     from .weighted import Weighted
 
-# the most elements of a body that a first mesh has, and corrections of it
+# most elements of a body in the first mesh, and number of corrections
 FIRST, CORRECTIONS = 128, 3
-# times the elements that the order asks for: what a correction costs is more than what a few elements do
+# times the elements predicted from the order: a correction costs more than a few extra elements
 MORE = 1.25
-# of the wanted error, when a mesh is predicted; and the largest refinement at once
+# of the wanted error: target of a predicted mesh; and the largest refinement at once
 AIM, LEAP = 0.6, 16.0
-# of equal elements: with fewer than so many, unequal ones pay
+# unequal elements are used if their number is below this share of the equal ones
 PAYS = 0.75
-# the order that contributions have before one shows
+# assumed order of contributions before one is observed
 UNSEEN = 2.0
-# contributions of neighbours, and of the mean, below which none is taken to be: signs change between elements
+# least contributions, relative to those of neighbours and to the mean: signs change between elements
 BESIDE, SLIGHT = 0.25, 1e-3
-# of a body: no element is made shorter
+# shortest element, relative to the body
 SHORTEST = 4e-5
 MOST_ORDER = 6.0
 
 
 def order_of(element: ElementType) -> float:
-    """Return the order of goals that an element type promises: twice that of its strains.
+    """Return the order of goals expected of an element type: twice that of its strains.
 
-    Axes and the turning of sections are polynomials complete up to degree k, and strains of bending up to k - 1: errors
-    of strains fall with h^k, and those of goals with their square (Strang & Fix 1973, section 3.4).
+    Axes and section rotations are complete polynomials up to degree k, bending strains up to k - 1: errors of strains
+    fall with h^k, and those of goals with their square (Strang & Fix 1973, section 3.4).
     """
     terms = {(t.i, t.j) for p in element.polynomials if len(p.terms) == 1 for t in p.terms}
 
@@ -66,7 +65,7 @@ def order_of(element: ElementType) -> float:
 
 @dataclass
 class Direct:
-    """Meshes of a case with some element types, each judged beside its neighbours."""
+    """Search over meshes of a case with some element types, each judged with the help of its neighbours."""
 
     pursuit: Pursuit
     types: dict[str, Variant]
@@ -79,9 +78,9 @@ class Direct:
         self.orders = {name: self._order(name) for name in meshed(self.pursuit.loaded.case, self.types)}
 
     def reach(self, wanted: float) -> tuple[Level, float, Estimate] | None:
-        """Return a level whose estimated error is below ``wanted``, that error, and what its neighbours tell.
+        """Return a level whose estimated error is below ``wanted``, its error, and the estimate.
 
-        None where no mesh can be judged so: a ladder of meshes can tell more.
+        None if no mesh can be judged in this way; a ladder of meshes may still succeed.
         """
         if not self.suits():
             return None
@@ -95,7 +94,7 @@ class Direct:
             if level.answer is None:
                 return None
             if verdict is None:
-                # too coarse, perhaps: two of the three meshes are known of the one twice as fine
+                # perhaps too coarse: of the mesh twice as fine, two of the three meshes are known already
                 unseen += 1
                 found = None if unseen == 1 else self._unseen(level)
                 if unseen > 1 + CORRECTIONS:
@@ -120,9 +119,9 @@ class Direct:
         return replace(setting, counts=counts), "twice as fine, as the meshes beside tell nothing"
 
     def _unseen(self, level: Level) -> tuple[Setting, str] | None:
-        """Return a mesh with far shorter elements where those of a mesh contribute most, that shows no order yet.
+        """Return a mesh with far shorter elements where a mesh that shows no order yet has the largest errors.
 
-        None where the adjoint does not tell, or where all would be shorter: layers may be thinner than all elements.
+        None if there is no adjoint, or if all elements would be shorter: layers may be thinner than all elements.
         """
         found = self._parts()
         if found is None:
@@ -134,7 +133,7 @@ class Direct:
         return Setting(fewer, self.types, None, nodes), "elements as the error of each asks for"
 
     def suits(self) -> bool:
-        """Whether meshes can be judged by their neighbours: values are numbers, and no kink moves through elements."""
+        """Return whether meshes can be judged by neighbours: values are numbers, and no kink moves through elements."""
         case = self.pursuit.loaded.case
         bodies = bodies_with_meshes(case, self.types)
         if case.goal is None or not bodies or not case.solver.shows_order:
@@ -150,13 +149,13 @@ class Direct:
         return 2.0 if kind == "user" else order_of(registry.element_type(kind, order))
 
     def first(self, wanted: float) -> Setting:
-        """Return the mesh that has an error of about ``wanted`` where the goal's constant is one."""
+        """Return the mesh whose error is about ``wanted`` if the goal's error constant is one."""
         counts, case = {}, self.pursuit.loaded.case
-        # the k-th shape has k waves
+        # the k-th mode shape has k half waves
         waves = max(1.0, 0.5 * ((case.goal and (case.goal.number or case.goal.load_factor)) or 1))
         lengths = {name: sum(stretches(case.bodies[name].geometry, ())) for name in self.orders}
         for name, mesh in meshed(case, self.types).items():
-            # arcs need more: as many times as they turn by right angles
+            # arcs need more elements, in proportion to the right angles that they turn through
             n = waves * MORE * max(1.0, 0.5 * mesh.least / mesh.stretches) * wanted ** (-1.0 / self.orders[name])
             n = min(n, FIRST) * math.sqrt(lengths[name] / max(lengths.values()))
             if mesh.stretches > 1:
@@ -166,7 +165,7 @@ class Direct:
         return Setting(counts, self.types)
 
     def _told(self, level: Level) -> tuple[Estimate, float]:
-        """Judge a level that is solved just now beside its neighbours."""
+        """Judge the level solved last with the help of its neighbours."""
         pursuit = self.pursuit
         self.verdict = self.fine = self.finer = None
         assert pursuit.last is not None
@@ -183,7 +182,7 @@ class Direct:
         return self.verdict.found, self.verdict.error
 
     def _weigh(self, coarse: Level) -> None:
-        """Find out by how much the mesh of each of several bodies moves the goal: by the adjoint where it tells."""
+        """Find the influence of each body's mesh on the goal, by the adjoint if there is one."""
         pursuit, found = self.pursuit, self._parts()
         if found is not None:
             pursuit.weights, pursuit.by_adjoint = found.bodies, True
@@ -193,7 +192,7 @@ class Direct:
             pursuit.last, pursuit.case = kept
 
     def _parts(self) -> Weighted | None:
-        """Return what each element contributes to the error of a level that is solved just now."""
+        """Return the contributions of elements to the error of the level solved last, or None without an adjoint."""
         assert self.pursuit.last is not None
         assert self.pursuit.case is not None
         from .weighted import weighted
@@ -201,13 +200,13 @@ class Direct:
         return None if self.fine is None else weighted(self.pursuit.case, self.pursuit.last[1], self.fine)
 
     def _known(self, level: Level) -> Level | None:
-        """Return the level of a mesh half as fine where it is solved already."""
+        """Return the level of the mesh half as fine if it is solved already."""
         counts = {name: n // 2 for name, n in level.setting.counts.items()}
         found = self.pursuit.known.get(replace(level.setting, counts=counts).name)
         return None if found is None or found.answer is None else found
 
     def _next(self, level: Level, verdict: Verdict, wanted: float) -> tuple[Setting, str]:
-        """Return the mesh that is predicted to do, of unequal elements where these pay, and why it is tried."""
+        """Return the mesh predicted to suffice, with unequal elements if these save enough, and why it is tried."""
         assert verdict.found.order is not None
         p = min(max(verdict.found.order, 1.0), max(self.orders.values()))
         excess = min(verdict.error / (AIM * wanted), LEAP**p)
@@ -226,9 +225,9 @@ class Direct:
         return even, "predicted from the observed order"
 
     def _graded(self, level: Level, found: Weighted, excess: float, p: float) -> dict[str, tuple[float, ...]]:
-        """Return nodes, every second one of a mesh whose elements contribute alike and too little by ``excess``.
+        """Return every second node of a mesh with equal contributions, whose error is smaller by ``excess``.
 
-        Pairs of elements are halved as often as is needed: few lengths differ, and so models are built quickly.
+        Pairs of elements are halved repeatedly: this gives few different lengths, so that models are built quickly.
         """
         assert self.pursuit.last is not None
         meshes = self.pursuit.last[1].model.meshes
@@ -251,18 +250,18 @@ class Direct:
 
 
 def _as_told(found: Estimate, error: float) -> Told:
-    """Return what tells of any level that it has an error."""
+    """Return a function that gives any level this estimate and error."""
     return lambda level: (found, error)
 
 
 def _smooth(w: Array) -> Array:
-    """Return contributions (n,), none far below those of both neighbours."""
+    """Return contributions (n,) that are not far below those of both neighbours."""
     padded = np.pad(w, 1)
     return np.maximum(w, BESIDE * np.maximum(padded[:-2], padded[2:]))
 
 
 def _gentle(halved: Array) -> Array:
-    """Return how often elements are halved, neighbours alike but for two."""
+    """Return how often to halve elements, with numbers of neighbours that differ by two at most."""
     out = halved.copy()
     for way in (slice(None), slice(None, None, -1)):
         view = out[way]
@@ -272,7 +271,7 @@ def _gentle(halved: Array) -> Array:
 
 
 def _parts_of(length: float, halved: int) -> int:
-    """Return into how many elements a stretch is divided, none shorter than allowed."""
+    """Return the number of elements in a stretch, none shorter than allowed."""
     while halved > 0 and length < SHORTEST * 2**halved:
         halved -= 1
     return int(2**halved)

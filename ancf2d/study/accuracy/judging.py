@@ -1,4 +1,4 @@
-"""What the sequence of solved levels tells of the error of each."""
+"""Error estimates from the sequence of solved levels."""
 
 from __future__ import annotations
 
@@ -10,34 +10,34 @@ from ..goal import sequence
 from ..order import Estimate, estimate, observed_order, round_off_level
 from .setting import Level
 
-# orders that errors are estimated by, how much neighbouring ones may differ, and what is added to be safe
+# range of orders used for estimates, largest ratio of two neighbouring orders that agree, and the safety factor
 LEAST, MOST, ALIKE, SAFETY = 0.5, 8.0, 2.0, 1.75
-# what an order that nothing confirms may promise, one that changes sign, and what is added there
+# largest order used if it is unconfirmed, or if values oscillate, and the safety factor there
 UNCONFIRMED, SWINGING, DOUBTFUL = 3.0, 2.0, 2.0
-# a mesh that misses so much of the goal says little of the order: what it may promise there
+# of the goal: if coarser meshes differ by more, the order is unreliable and at most ROUGH is used
 FAR, ROUGH = 0.1, 2.0
-# orders by which changes between meshes have fallen since, the last first, where zones end within elements
+# orders by which changes between meshes are assumed to have decreased since (last first), if zones end within elements
 OF_ZONES = 0.0, 1.5, 2.0
-# levels that the best is looked for in, and the share of the last estimate below which an earlier one is better
+# levels among which the best is sought, and the share of the last estimate below which an earlier level is better
 RECENT, SPOILT = 4, 0.1
 # levels without which no order is confirmed
 CONFIRMING = 3
-# what the last of two orders promises at least, where the one before was none
+# least value used for the order before the last one, if these disagree
 NONE_BEFORE = 1.0
 
 
 def apart(level: Level, finest: Level) -> float:
-    """Return how far the answers of two solved levels are apart, relative."""
+    """Return the relative distance between the answers of two solved levels."""
     if level.answer is None or finest.answer is None:
         return math.inf
     return level.answer.distance(finest.answer) / finest.answer.size
 
 
 def choose(levels: Sequence[Level], wanted: float) -> tuple[Level | None, float, Estimate]:
-    """Return the coarsest of solved levels whose error is below the wanted one, its error, and what they tell.
+    """Return the coarsest solved level with an error below ``wanted``, its error, and the estimate.
 
-    The error of the finest is estimated from the order, those of the others are their distance to it beside. The
-    finest where none will do, None where there are none.
+    The error of the finest level is estimated from the order; those of the others also include their distance to it.
+    Returns the finest level if none suffices, or None if there are no levels.
     """
     found, last = judge(levels)
     if not levels:
@@ -50,7 +50,7 @@ def choose(levels: Sequence[Level], wanted: float) -> tuple[Level | None, float,
 
 
 def best(levels: Sequence[Level], wanted: float) -> tuple[Level | None, float, Estimate]:
-    """Return what ``choose`` does; where none will do, the one of the last few whose estimate is far the smallest.
+    """Return the result of ``choose``; if no level suffices, an earlier level if its estimate is far smaller.
 
     Round-off grows with the mesh: the finest may be worse than those before.
     """
@@ -63,14 +63,14 @@ def best(levels: Sequence[Level], wanted: float) -> tuple[Level | None, float, E
 
 
 def telling(levels: Sequence[Level]) -> Sequence[Level]:
-    """Return the last of solved levels, none of which misses an obstacle."""
+    """Return the levels after the last one that misses an obstacle."""
     return levels[next((n for n in range(len(levels), 0, -1) if levels[n - 1].off), 0):]
 
 
 def judge(levels: Sequence[Level]) -> tuple[Estimate, float]:
-    """Return what solved levels tell, and the estimated error of the last one, relative (infinite without one).
+    """Return the estimate from solved levels, and the relative error of the last one (infinite if unknown).
 
-    Meshes that miss an obstacle, as their elements are longer than that, may agree: they say nothing of others.
+    Meshes whose contact points miss an obstacle may agree by accident: they do not count in the estimate of others.
     """
     found, error = _by_order(telling(levels) or levels)
     off = levels[-1].off if levels else 0.0
@@ -81,11 +81,11 @@ def judge(levels: Sequence[Level]) -> tuple[Estimate, float]:
 
 
 def _by_order(levels: Sequence[Level]) -> tuple[Estimate, float]:
-    """Return what solved levels tell, and the estimated error of the last one, relative (infinite without one).
+    """Return the estimate from solved levels, and the relative error of the last one (infinite if unknown).
 
-    Two neighbouring orders are averaged where they agree by and large, and the smaller one is taken where not: meshes
-    on the way to an accuracy are seldom asymptotic yet, and orders that still grow promise too much. Of values that
-    swing about their limit the differences tell the order.
+    Two neighbouring orders are averaged if they roughly agree, else the smaller one is used: meshes on the way to an
+    accuracy are seldom asymptotic yet, and growing orders are too optimistic. For values that oscillate about their
+    limit, the order follows from the decrease of the differences.
     """
     answers = [level.answer for level in levels if level.answer is not None]
     n = [float(level.setting.elements) for level in levels if level.answer is not None]
@@ -94,14 +94,14 @@ def _by_order(levels: Sequence[Level]) -> tuple[Estimate, float]:
     if n[-1] == 0.0:
         return Estimate(None, None, None, True, "every body is rigid, so there is no mesh error"), 0.0
     f, size = sequence(answers), answers[-1].size
-    # meshes that agree by chance are no round-off: the last ones have to
+    # agreement is round-off only if the last meshes show it; others may agree by accident
     if len(f) < 3 or round_off_level(f[-2:], size) is not None or round_off_level(f[-3:], size) == 1:
         found = estimate(n[-3:], f[-3:], size)
         return found, math.inf if found.error_bar is None else found.error_bar / size
     order, before = observed_order(n[-3:], f[-3:]), observed_order(n[-4:-1], f[-4:-1]) if len(f) > 3 else None
     gaps, ratio = (abs(f[-2] - f[-3]), abs(f[-1] - f[-2])), math.log(n[-1] / n[-2])
     if levels[-1].kinks or answers[-1].jumps:
-        # an order between two of them says nothing of the next one; what two meshes moved bounds what a third will
+        # an observed order says nothing about the next mesh; the last changes bound the next one
         error = DOUBTFUL * max(gaps)
         why = "a point slides along a body, so its kink moves through the elements" if levels[-1].kinks else (
             "a peak may be another one on each mesh")
@@ -129,9 +129,9 @@ def _by_order(levels: Sequence[Level]) -> tuple[Estimate, float]:
 
 
 def _of_zones(n: Sequence[float], f: Sequence[float], size: float) -> tuple[Estimate, float]:
-    """Return what ``_by_order`` does of values f on meshes n with zones that yield or touch and end within elements.
+    """Same as ``_by_order`` for values f on meshes n with zones of yield or contact that end within elements.
 
-    How much of an element such a zone takes is a matter of chance, and so is a small change.
+    The fraction of an element that such a zone covers varies at random between meshes, so a small change proves little.
     """
     p = OF_ZONES[1]
     last = [abs(b - a) * (k / n[-1])**order for (a, b), k, order in zip(

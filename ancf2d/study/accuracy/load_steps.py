@@ -1,4 +1,4 @@
-"""Load steps to a wanted accuracy, where an equilibrium depends on the way to it: where bodies rub or remember."""
+"""Load steps to a wanted accuracy, for equilibria that depend on the path: with friction, or materials with memory."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from .judging import apart
 from .pursuit import MOST_ELEMENTS, MOST_WORK, Pursuit
 from .setting import Level
 
-# of the wanted error: load steps that move the goal by no more leave what meshes tell as it is; and the share of an
-# error that a mesh twice as fine is taken to have at least
+# of the wanted error: smaller effects of load steps on the goal leave the estimate of meshes valid; and the least error
+# assumed of a mesh twice as fine, as a share of the coarser one's
 MOVED, FALLS = 0.2, 0.35
 
 
 def follows_way(case: Case) -> bool:
-    """Return whether load steps that a case has lead to an equilibrium that depends on them."""
+    """Return whether a case has load steps to an equilibrium that depends on the path."""
     return case.solver.takes_guess and (any(contact.friction > 0.0 for contact in case.contacts) or any(
         material.remembers for body in case.bodies.values() for material in body.materials))
 
 
 def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> dict[str, Any]:
-    """Solve the mesh that was chosen with steps half as long, until that moves the goal little; return its accuracy.
+    """Solve the chosen mesh with steps half as long, until that hardly changes the goal; return its accuracy.
 
-    Errors of steps are of first order: that of the shorter ones is the difference. It is no less than half of that of
-    the longer ones, since points that stick or slip by chance alike in both move nothing; steps twice as long tell that
-    of the first. Where shorter steps have moved the goal, a mesh twice as fine tells whether the error is still what
-    meshes with long ones told.
+    Errors of steps are of first order: that of the shorter ones is the difference. At least half the error of the
+    longer ones is assumed, since points that stick or slip alike by accident in both runs hide the difference; the
+    error of the first run comes from steps twice as long. If shorter steps have changed the goal, a mesh twice as fine
+    shows whether the mesh error is still the one found with long steps.
     """
     from ...solvers.statics.static import STEPS
 
@@ -65,10 +65,11 @@ def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> d
 
 
 def _refined(pursuit: Pursuit, level: Level, error: float) -> tuple[Level, float]:
-    """Return a level, or a finer mesh with its load steps that errs by no more than is wanted, and its error.
+    """Return a level, or a finer mesh with its load steps whose error is small enough, and its error.
 
-    The level itself where a mesh twice as fine differs by no more than its ``error``; the finest where none will do.
-    The error of meshes is their difference to those half as fine, or a share of the error of these if that is more.
+    Returns the level itself if a mesh twice as fine differs by no more than its ``error``, and the finest mesh if none
+    is good enough. The error of a mesh is its difference from that half as fine, or a share of that one's error if
+    larger.
     """
     coarse, told = level, 0.0
     while True:

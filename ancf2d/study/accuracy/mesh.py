@@ -1,4 +1,4 @@
-"""The coarsest mesh that is fine enough: a ladder of nested meshes, then a jump to where its order says."""
+"""The coarsest mesh that is fine enough: a ladder of nested meshes, then a jump predicted from the observed order."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from .judging import apart, best, choose, judge, telling
 from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_LEVELS, MOST_WORK, Pursuit
 from .setting import Level, Setting, meshed, with_setting
 
-LADDER = 3          # levels at least, the first of which is the least mesh
-HOPELESS = 256      # times the least mesh: a case that no mesh up to there solves
-AIM = 0.7           # of the wanted error, when a mesh is predicted
-TRUSTED = (1.0, 6.0)  # orders that predictions believe
-LEAP, HOP = 32.0, 4.0  # largest refinement at once, and the largest that needs no order confirmed after it
-STEP = 1.5          # smallest refinement that says anything
-# levels before several bodies are shared out, and the least share of a body in that
+LADDER = 3          # least number of levels; the first is the coarsest mesh
+HOPELESS = 256      # times the coarsest mesh: the case is given up if no mesh up to this size can be solved
+AIM = 0.7           # of the wanted error: target of a predicted mesh
+TRUSTED = (1.0, 6.0)  # range of orders that predictions accept
+LEAP, HOP = 32.0, 4.0  # largest refinement at once, and the largest whose order need not be confirmed
+STEP = 1.5          # smallest useful refinement
+# levels before the elements are redistributed over several bodies, and log2 of the largest ratio of their shares
 EVEN, SLIGHT = 4, 3
-# of the goal: what two coarse meshes may differ by where a third goes back again
+# of the goal: larger differences of two coarse meshes count as oscillation if the third mesh goes back
 SWING = 0.02
-# meshes in a row that do not make the error smaller: where it is given up
+# the search is given up after this many meshes in a row without a smaller error
 STALLED = 4
-# of the difference between meshes: what time steps may move before they are made smaller
+# of the difference between meshes: if time steps have more effect than this, they are reduced
 NOISE = 0.25
 
 
@@ -40,14 +40,14 @@ class Ladder:
         self.levels: list[Level] = []
 
     def setting(self, size: float) -> Setting:
-        """Return the mesh of a size."""
+        """Return the setting of the mesh of a size."""
         counts = {name: self.meshes[name].count(share * size) for name, share in self.shares.items()}
         return Setting(counts, self.types, self.tolerance, method=self.method)
 
     def climb(self, wanted: float) -> tuple[Level | None, float, Estimate]:
         """Refine until the estimated error of a mesh is below ``wanted``.
 
-        Returns that level, or the finest that was solved (None where none was), its error, and what meshes tell.
+        Returns that level, or the finest that was solved (None if there is none), its error, and the estimate.
         """
         size, shared, hopeless = 1.0, len(self.shares) < 2, ""
         for _ in range(MOST_LEVELS):
@@ -73,10 +73,10 @@ class Ladder:
         return level, error, replace(found, note="; ".join(note for note in (found.note, hopeless) if note))
 
     def _tells(self) -> bool:
-        """Whether there are levels enough: three.
+        """Return whether there are enough levels for an estimate: three.
 
-        One more where they swing, as those of elements that lock can, and where zones end within elements: coarse
-        meshes may differ little where none of their sampling points are in zones that yield.
+        One more is needed if the values oscillate, as with elements that lock, and if zones end within elements: coarse
+        meshes may hardly differ if none of their integration points are in the zones that yield.
         """
         levels = telling(self.levels)
         if len(levels) != LADDER:
@@ -88,7 +88,7 @@ class Ladder:
         return not swings or apart(*levels[:2]) <= SWING
 
     def _hopeless(self, size: float) -> str:
-        """Return why a mesh of a size is not worth its solve, empty where it is."""
+        """Return why a mesh of a size is not worth solving, or an empty text."""
         elements = self.setting(size).elements
         if elements > MOST_ELEMENTS:
             return f"more than {MOST_ELEMENTS} elements would be needed"
@@ -100,7 +100,7 @@ class Ladder:
         return ""
 
     def _steps_matter(self) -> bool:
-        """Whether meshes differ because of the time steps; the tolerance is smaller then, and levels begin again."""
+        """Return whether meshes differ because of the time steps; if so, reduce the tolerance, discard all levels."""
         if self.tolerance is None or len(self.levels) <= LADDER or self.tolerance <= LEAST_TOLERANCE:
             return False
         if self.levels[-1].off:
@@ -118,14 +118,14 @@ class Ladder:
         return True
 
     def _chosen(self, wanted: float) -> tuple[Level | None, float, Estimate]:
-        """Return the coarsest level that will do, or the finest where it is written already and its order confirmed."""
+        """Return the coarsest sufficient level, or the finest if its order is confirmed and it is written already."""
         found, error = judge(self.levels)
         if found.asymptotic and self.tolerance is None and self.levels and self.pursuit.written is self.levels[-1]:
             return self.levels[-1], error, found
         return choose(self.levels, wanted)
 
     def _share(self, size: float) -> float:
-        """Share the elements by how much the bodies matter, and begin again; return the size to go on with."""
+        """Distribute the elements by the influence of the bodies and discard the levels; return the next size."""
         if not self.pursuit.by_adjoint:
             self.pursuit.weights = moved_alone(self.pursuit, self.setting(size / 2.0)) or self.pursuit.weights
         weights = shares_by_weight(self.pursuit.weights)
@@ -137,10 +137,9 @@ class Ladder:
         return size
 
     def _weigh(self) -> None:
-        """Find out by how much the mesh of each of several bodies moves the goal, before the first estimate is told.
+        """Find the influence of each body's mesh on the goal, before the first estimate is reported.
 
-        By the adjoint on the second mesh where there is one, else by refining one body of the first mesh after the
-        other.
+        Uses the adjoint on the second mesh if possible, else refines one body of the first mesh after the other.
         """
         pursuit = self.pursuit
         if len(self.levels) != LADDER - 1 or len(self.shares) < 2 or pursuit.weights:
@@ -166,23 +165,23 @@ class Ladder:
         return level
 
     def _factor(self, excess: float, found: Estimate) -> float:
-        """Return how much finer the next mesh is, for an error that is too large by ``excess``.
+        """Return the refinement factor of the next mesh, for an error that is too large by ``excess``.
 
-        Twice, unless the order is confirmed; and where meshes begin from the state of another one, in which case
-        those on the way cost little, and more of them tell more.
+        It is 2 unless the order is confirmed, and also if meshes start from the state of another one: then the meshes
+        in between cost little, and more of them improve the estimate.
         """
         if self.pursuit.begins or not found.asymptotic or found.order is None or len(self.levels) <= LADDER:
             return 2.0
         p = min(max(found.order, TRUSTED[0]), TRUSTED[1])
         wanted = (excess / AIM) ** (1.0 / p)
-        # a long way is gone in two leaps, the first of which confirms the order
+        # a long way takes two leaps, the first of which confirms the order
         factor = wanted if wanted <= HOP else min(wanted / 2.0, LEAP)
-        # in halves: nodes stay where they were in the mesh before the last
+        # multiples of one half keep the nodes of the mesh before the last
         return max(STEP, math.ceil(2.0 * factor - 0.25) / 2.0)
 
 
 def moved_alone(pursuit: Pursuit, base: Setting) -> dict[str, float] | None:
-    """Return how far the goal moves where each body of a mesh alone is refined once; None where that is unknown."""
+    """Return how far the goal moves if each body of a mesh alone is refined once, or None if that is unknown."""
     middle = pursuit.solve(base, "starting mesh for refining single bodies")
     if middle.answer is None:
         return None
@@ -197,14 +196,14 @@ def moved_alone(pursuit: Pursuit, base: Setting) -> dict[str, float] | None:
 
 
 def shares_by_weight(moves: dict[str, float]) -> dict[str, float] | None:
-    """Return the share of each body in the elements, by how much the goal depends on its mesh; None where unknown.
+    """Return the share of each body in the elements, from the goal's change with its mesh, or None if unknown.
 
-    With contributions D n^-p to the error, the least number of elements for an error has n of each body in the
-    proportions D^(1/(p + 1)). Shares are powers of two, so that meshes double in proportion.
+    With contributions D n^-p to the error, the fewest elements for an error have n of each body in the proportions
+    D^(1/(p + 1)). Shares are powers of two, so that meshes double in proportion.
     """
     most = max(moves.values(), default=0.0)
     if most == 0.0:
         return None
-    # the order is not known yet: two
+    # the order is not known yet; two is assumed
     return {name: 2.0 ** -(SLIGHT if move == 0.0 else min(SLIGHT, round(math.log2(most / move) / 3.0)))
             for name, move in moves.items()}

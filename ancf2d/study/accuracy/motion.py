@@ -1,7 +1,7 @@
-"""Motions to a wanted accuracy: the time steps are judged on a coarse mesh, the mesh by three of them.
+"""Motions to a wanted accuracy: time steps are judged on a coarse mesh, the mesh by three meshes.
 
-Errors of time steps hardly depend on the mesh that they are made on. So the mesh half as fine as the one that the order
-of the element types predicts is solved with a tenth of the tolerance, too, and the predicted one only once.
+Errors of time steps hardly depend on the mesh. So the mesh with half the elements predicted from the order of the
+element types is also solved with a tenth of the tolerance, and the predicted mesh only once.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from .mesh import moved_alone
 from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_WORK, Pursuit, tenth
 from .setting import Level, Setting, meshed
 
-# with a tenth of the tolerance steps err at most a third as much: factors from the difference to the error of each
+# factors from the difference of two runs to the error of each: a tenth of the tolerance leaves at most a third of it
 LOOSE, TIGHT = 1.5, 0.5
-# what time errs more on a finer mesh, and the share of the wanted error that it may take
+# allowance for larger errors of time steps on a finer mesh, and their largest share of the wanted error
 FINER, SHARE = 1.5, 0.25
-# meshes beyond the first three, and how much finer each is
+# meshes after the first three; target error and largest refinement of each
 MORE, AIM, LEAP = 2, 0.7, 4.0
 
 
 @dataclass
 class Motion:
-    """A motion with some element types on meshes that begin with a quarter of ``predicted`` elements of each body."""
+    """Search for a motion with some element types; its first mesh has a quarter of the ``predicted`` elements."""
 
     pursuit: Pursuit
     types: dict[str, Variant]
@@ -37,9 +37,9 @@ class Motion:
     method: str | None = None
 
     def reach(self, wanted: float) -> tuple[Level, float, Estimate] | None:
-        """Return a level whose estimated error is below ``wanted``, that error, and what meshes tell.
+        """Return a level whose estimated error is below ``wanted``, its error, and the estimate.
 
-        None where three to five meshes do not reach it.
+        None if three to five meshes do not reach it.
         """
         pursuit = self.pursuit
         if not self.predicted or pursuit.loaded.case.goal is None or pursuit.slides(self._setting(1)):
@@ -72,7 +72,7 @@ class Motion:
         return Setting(counts, self.types, self.tolerance, method=self.method)
 
     def _timed(self, wanted: float) -> bool:
-        """Solve two coarse meshes, the second with two tolerances at least, and choose one; whether there is one."""
+        """Solve two coarse meshes, the second with several tolerances, and choose one; return whether one suffices."""
         first = self.pursuit.solve(self._setting(1), "a quarter of the elements that are predicted")
         loose = self.pursuit.solve(self._setting(2), "half of the elements that are predicted")
         while self.tolerance > LEAST_TOLERANCE and 2 * loose.work <= MOST_WORK:

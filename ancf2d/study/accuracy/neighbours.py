@@ -1,8 +1,7 @@
-"""A solved mesh beside two others: one with elements twice as long, one with elements half as long.
+"""Error estimate of a solved mesh from two neighbours: elements twice as long, and elements half as long.
 
-In statics both begin from the state that is known, so each costs a model and a few iterations. Three meshes show an
-order, and the finer one shows the error of the middle one itself: f(h/2) - f(h) = -e (1 - 2^-p), with little left to
-the order p.
+In statics both start from the known state, so each costs a model and a few iterations. Three meshes show an order, and
+the finer one shows the error of the middle one: f(h/2) - f(h) = -e (1 - 2^-p), which depends little on the order p.
 """
 
 from __future__ import annotations
@@ -23,19 +22,19 @@ from ..order import ROUND_OFF, Estimate
 from ..run import quantity
 from .setting import Level
 
-# what an estimate is multiplied by, and where the values swing about their limit
+# safety factor of an estimate, and that for values that oscillate about their limit
 SAFETY, SWINGING = 1.25, 2.0
-# the least order that is believed, and how much larger than that of the type an order may be that is no accident
+# smallest order accepted, and how far an order may exceed that of the type before it counts as accidental
 LEAST, BEYOND = 0.75, 2.0
-# of the goal: differences from the coarser mesh beyond which values that swing, and all values, tell nothing
+# shares of the goal: larger differences from the coarser mesh make oscillating values, or any values, useless
 SWING, FAR = 0.02, 0.5
-# what the finer mesh's own error is multiplied by, and the order that it is estimated with at most
+# safety factor of the finer mesh's own error, and the largest order used for its estimate
 DOUBTFUL, UNCONFIRMED = 2.0, 3.0
 
 
 @dataclass
 class Neighbour:
-    """A mesh beside a solved one: its case, model and last state."""
+    """A neighbour of a solved mesh: its case, model and last state."""
 
     loaded: LoadedCase
     model: Model
@@ -44,7 +43,7 @@ class Neighbour:
 
 @dataclass
 class Verdict:
-    """What three meshes tell: the estimate, and the relative errors of the middle one and of the finest."""
+    """The result of three meshes: the estimate, and the relative errors of the middle mesh and of the finest."""
 
     found: Estimate
     error: float
@@ -64,9 +63,9 @@ def coarsened(loaded: LoadedCase) -> LoadedCase:
 
 
 def beside(loaded: LoadedCase, solved: Solved, level: Level, finer: bool) -> tuple[Level, Neighbour | None]:
-    """Return the mesh that is twice as fine as a solved one, or half as fine, and its state.
+    """Solve the mesh twice as fine as a solved one, or half as fine; return its level and its state.
 
-    A level without an answer, and no state, where it cannot be solved.
+    If it cannot be solved, the level has no answer and the second value is None.
     """
     setting, size = level.setting, 2.0 if finer else 0.5
     other = Level(replace(setting, counts={name: round(n * size) for name, n in setting.counts.items()}),
@@ -74,7 +73,7 @@ def beside(loaded: LoadedCase, solved: Solved, level: Level, finer: bool) -> tup
     began = time.perf_counter()
     try:
         case = refined(loaded) if finer else coarsened(loaded)
-        # what solves to an accuracy is not asked whether its mesh is fine enough
+        # with an accuracy set, the solver does not check whether the mesh is fine enough
         case = replace(case, case=replace(case.case, accuracy=case.case.accuracy or 1.0))
         model = build_model(case)
         state = _solved(model, solved)
@@ -91,7 +90,7 @@ def beside(loaded: LoadedCase, solved: Solved, level: Level, finer: bool) -> tup
 
 
 def _solved(model: Model, solved: Solved) -> Any:
-    """Return the last state of a model, from the state of another mesh where the solver takes one."""
+    """Return the last state of a model, starting from the state of another mesh if the solver accepts a start."""
     from ...solvers.statics.newton import Start
 
     if not model.case.solver.takes_guess:
@@ -112,9 +111,10 @@ def _summary(loaded: LoadedCase, model: Model, state: Any) -> dict[str, Any]:
 
 
 def judged(coarse: Level, middle: Level, fine: Level, order: float) -> Verdict | None:
-    """Return what three meshes tell, whose type promises an order; None where they tell nothing.
+    """Return the verdict of three meshes, given the order of the element type, or None if they show no error.
 
-    An order much higher than the type's is an accident of two meshes: then what the coarser one differs by counts too.
+    An order much higher than the type's is an accident of two meshes: then the difference from the coarser mesh counts
+    too.
     """
     if coarse.answer is None or middle.answer is None or fine.answer is None or middle.kinks:
         return None

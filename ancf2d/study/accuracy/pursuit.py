@@ -1,4 +1,4 @@
-"""Levels solved on the way to a wanted accuracy, each once."""
+"""The levels solved on the way to a wanted accuracy, each solved once."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ from .setting import Level, Setting, bodies_with_meshes, with_setting
 if TYPE_CHECKING:
     from ...solvers.statics.newton import Start
 
-# of all bodies, on the way to an accuracy
+# most elements of all bodies in the search for an accuracy
 MOST_ELEMENTS = 200_000
-# elements times iterations of one solve: some minutes
+# most elements times iterations of one solve: some minutes
 MOST_WORK = 10**7
 MOST_LEVELS = 30
 LEAST_TOLERANCE = 1e-12
 
 
-# of a solved level: what meshes tell, and its relative error
+# gives the estimate and relative error of a solved level
 Told = Callable[[Level], tuple[Estimate, float]]
 
 
 @dataclass
 class Pursuit:
-    """A case, the relative accuracy that is wanted, and all levels solved so far, in their order.
+    """A case, the relative accuracy wanted, and all levels solved so far, in order.
 
-    ``apart``: the error of simpler models, which meshes do not tell of; ``guesses``: whether statics may begin from
+    ``apart``: the error of simpler models or frequencies, which meshes do not show; ``guesses``: statics may start from
     the ``latest`` state of the same element types on another mesh. ``last``: the level solved last, and its solution;
-    ``case``: the case with its setting. ``weights``: by how much the mesh of each body moves the goal, relative to one
-    another; ``by_adjoint``: whether the adjoint tells them.
+    ``case``: the case with its setting. ``weights``: the influence of each body's mesh on the goal, relative to the
+    others; ``by_adjoint``: they come from the adjoint.
     """
 
     loaded: LoadedCase
@@ -64,8 +64,8 @@ class Pursuit:
     def solve(self, setting: Setting, why: str, told: Told | None = None) -> Level:
         """Return the level of a setting, solved unless it is known.
 
-        ``told`` tells of its error where it may be the result: it is written, unless it begins from a guess. Raises
-        CaseError for a case that cannot be.
+        ``told`` gives its error if it may be the result: then it is written, unless it starts from a guess. Raises
+        CaseError for an invalid case.
         """
         level = self.known.get(setting.name)
         if level is None:
@@ -77,7 +77,7 @@ class Pursuit:
         return level
 
     def begun(self, setting: Setting, why: str) -> Level:
-        """Return a new level of a setting, which is told of and not solved yet."""
+        """Return a new level of a setting, reported and not solved yet."""
         self.tell(many(setting.elements, "element") + (
             "" if setting.tolerance is None else f", tolerance {setting.tolerance:.1g}") + (
             "" if setting.method is None else f", {setting.method}") + f": {why}")
@@ -87,16 +87,16 @@ class Pursuit:
         return level
 
     def whole(self, setting: Setting, why: str, told: Told) -> Level:
-        """Return the level of a setting, solved with all its load steps and written as the result, for now."""
+        """Return the level of a setting, solved with all its load steps and written as the preliminary result."""
         return self.again(self.known.get(setting.name) or self.begun(setting, why), told)
 
     def again(self, level: Level, told: Told) -> Level:
-        """Solve a level with all its load steps and write it as the result, for now."""
+        """Solve a level with all its load steps and write it as the preliminary result."""
         self._run(level, told)
         return level
 
     def beside(self, found: tuple[Level, Any]) -> tuple[Level, Any]:
-        """Keep a level that was solved beside another one, with what belongs to it; return both."""
+        """Store a level that was solved as a neighbour, with its additional data; return both."""
         level, other = found
         self.tell(f"{many(level.setting.elements, 'element')}: {level.why}")
         self.levels.append(level)
@@ -104,32 +104,34 @@ class Pursuit:
         return level, other
 
     def slides(self, setting: Setting) -> bool:
-        """Whether a point slides along a body that deforms."""
+        """Return whether a point slides along a body that deforms."""
         case = self.loaded.case
         meshed = bodies_with_meshes(case, setting.types)
         return any(joint.slides_along in meshed for joint in case.joints)
 
     def ends_within(self, setting: Setting) -> bool:
-        """Whether zones end within elements, at another place in each mesh: where fibres of a body that deforms yield
-        or follow a curve, or where bodies touch without a law in statics."""
+        """Return whether zones end within elements, at a different place in each mesh.
+
+        Such zones occur where fibres of a body yield or follow a curve, or where bodies touch without a law in statics.
+        """
         case = self.loaded.case
         meshed = bodies_with_meshes(case, setting.types)
         touches = case.solver.balances and any(contact.law is None for contact in case.contacts)
         return touches or any(material.fibres for body in meshed.values() for material in body.materials)
 
     def write(self, level: Level, told: Told) -> None:
-        """Make a level the result, solved once more, from the reference on, unless it is written already."""
+        """Make a level the result: solve it once more from the reference configuration, unless written already."""
         if self.written is not level:
             self.tell(f"{many(level.setting.elements, 'element')}: the result")
             self._run(level, told)
 
     @property
     def begins(self) -> bool:
-        """Whether meshes begin from the state of another one."""
+        """Return whether meshes start from the state of another one."""
         return self.guesses and self.loaded.case.solver.takes_guess
 
     def _guess(self, model: Model, level: Level) -> Start | None:
-        """Return the latest state of the same element types on another mesh."""
+        """Return the latest state of the same element types on another mesh, as a start."""
         from ...model.transfer import transferred
         from ...solvers.statics.newton import Start
 
@@ -140,8 +142,8 @@ class Pursuit:
         return None if d is None else Start(d, int(latest.state.history["negative_pivots"]), latest.state.turned)
 
     def _run(self, level: Level, told: Told | None, how: Solve | None = None) -> None:
-        """Solve a level; where its error is ``told`` it is the result, for now."""
-        # of meshes on the way their sequence tells more than each by itself
+        """Solve a level; if its error is ``told``, it becomes the preliminary result."""
+        # warnings about intermediate meshes are suppressed: their sequence shows more than each by itself
         quiet = replace(self.progress, warn=lambda text: None, note=lambda text: None, judges=told is not None)
 
         def conclude(found: Solved) -> None:
@@ -158,7 +160,7 @@ class Pursuit:
             level.reason = verdict(error)[1]
             return
         if self.loaded.case.solver.takes_guess and not level.off:
-            # an obstacle that a mesh has missed may be on the other side of the body
+            # a mesh that has missed an obstacle may be on its wrong side, so its state is no start for others
             self.latest[level.setting.kinds] = found
         if told is not None:
             self.outcome, self.written = found.outcome, level
@@ -166,7 +168,7 @@ class Pursuit:
                 self.target.written = True
 
     def accuracy(self, level: Level, found: Estimate, error: float) -> dict[str, Any]:
-        """Return ``accuracy`` of the summary for a level, of which meshes tell ``found`` and ``error``."""
+        """Return ``accuracy`` of the summary for a level, with its estimate ``found`` and its ``error``."""
         sampled = 0.0 if level.answer is None else level.answer.sampling / level.answer.size
         total, note = error + self.apart + sampled, found.note
         if sampled:
@@ -188,9 +190,9 @@ class Pursuit:
                 "path": [level.as_json() for level in self.levels]}
 
     def by_body(self, level: Level, error: float) -> dict[str, float] | None:
-        """Return the parts of the mesh's error that are due to each body, None where that is unknown.
+        """Return the parts of the mesh error due to each body, or None if unknown.
 
-        They add up to what of the estimate is neither due to time steps nor to simpler models.
+        Their sum is the part of the estimate that is due neither to time or load steps nor to simpler models.
         """
         left = error - self.report.get("time_error", 0.0) - self.report.get("steps_error", 0.0)
         bodies = level.setting.counts
@@ -199,15 +201,15 @@ class Pursuit:
         weights = {name: self.weights.get(name, 0.0) for name in bodies}
         whole = sum(weights.values())
         if whole == 0.0:
-            # one body alone, or none moves the goal
+            # a single body, or no body that affects the goal
             weights, whole = dict.fromkeys(bodies, 1.0), float(len(bodies))
         return {name: left * weights.get(name, 0.0) / whole if whole else 0.0 for name in self.loaded.case.bodies}
 
     def sharper(self, setting: Setting) -> Setting:
-        """Return a setting whose time steps show by how much those of a solved one err.
+        """Return a setting whose finer time steps show the error of those of a solved one.
 
-        Where Newton's method limits the steps, a smaller tolerance changes few of them, so the default method is judged
-        by a better one. A method that the case names remains.
+        If Newton's method limits the steps, a smaller tolerance changes few of them, so the default method is compared
+        with a more accurate one. A method that the case names is kept.
         """
         assert setting.tolerance is not None
         method = setting.method
@@ -216,7 +218,7 @@ class Pursuit:
         return replace(setting, tolerance=tenth(setting.tolerance), method=method)
 
     def refuses(self, setting: Setting) -> Ancf2dError | None:
-        """Return why the case cannot be built with a setting, None where it can."""
+        """Return why the case cannot be built with a setting, or None if it can."""
         try:
             prepare(with_setting(self.loaded, setting))
         except CaseError as error:
@@ -230,5 +232,5 @@ class Pursuit:
 
 
 def tenth(tolerance: float) -> float:
-    """Return a tenth of a tolerance, without the digits that tenths of decimal numbers leave."""
+    """Return a tenth of a tolerance, without round-off digits of decimal fractions."""
     return float(f"{0.1 * tolerance:.6g}")

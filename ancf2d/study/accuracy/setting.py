@@ -1,4 +1,4 @@
-"""What accuracy control chooses: elements of each body, element types and the tolerance of time steps."""
+"""Settings of accuracy control: elements of each body, element types, tolerance of time steps, load steps."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from ..run import vocabulary
 from ..variants import Variant, element_data, flexible
 
 AS_GIVEN = Variant()
-# an arc is begun with one element for so much of its angle
+# the coarsest mesh has one element for each such angle of an arc
 ARC = math.pi / 4
-# times the fewest elements of several stretches: what meshes may begin with, and the longest of them beside the mean
+# largest coarsest mesh, in multiples of the fewest elements, and its largest element length relative to the mean
 NESTED, UNEVEN = 4, 1.25
 
 
 @dataclass(frozen=True)
 class Setting:
-    """Elements of every body that deforms, the element types that replace those of the case, tolerance and load steps.
+    """Elements of each body that deforms, element types that replace those of the case, tolerance and load steps.
 
-    ``nodes``: places S from 0 to 1 of bodies with unequal elements, each two of which have a whole share of the
-    elements between them; ``method``: the integrator, where it is not that of the case.
+    ``nodes``: places S from 0 to 1 for bodies with unequal elements; each interval has an equal share of the elements.
+    ``method``: the integrator, if not that of the case.
     """
 
     counts: dict[str, int]
@@ -43,50 +43,50 @@ class Setting:
 
     @property
     def kinds(self) -> tuple[tuple[str, Variant], ...]:
-        """The element types, to be compared."""
+        """The element types in a form that can be compared."""
         return tuple(self.types.items())
 
     @property
     def name(self) -> Hashable:
-        """What settings that are the same have in common."""
+        """The key by which equal settings are found."""
         return (tuple(self.counts.items()), self.kinds, self.tolerance, tuple(self.nodes.items()), self.steps,
                 self.method)
 
     def places(self) -> dict[str, list[float]] | None:
-        """Return the places S of all nodes of bodies with unequal elements, None where there are none."""
+        """Return the places S of all nodes of bodies with unequal elements, or None if there are none."""
         out = {name: np.interp(np.linspace(0.0, 1.0, self.counts[name] + 1), np.linspace(0.0, 1.0, len(given)),
                                given).tolist() for name, given in self.nodes.items()}
         return out or None
 
     @property
     def elements(self) -> int:
-        """All elements."""
+        """The number of all elements."""
         return sum(self.counts.values())
 
 
 class Mesh(NamedTuple):
-    """The elements that a body is begun with, and the stretches that it has.
+    """The elements of a body's coarsest mesh, and the number of its stretches.
 
-    The meshes of a body of several stretches are refinements of the first one, so that all are in one proportion.
+    The meshes of a body with several stretches are refinements of the coarsest one, so that all have the same
+    proportions.
     """
 
     least: int
     stretches: int
 
     def count(self, wanted: float) -> int:
-        """Return the elements of the coarsest mesh with as many as are wanted, or a few more."""
+        """Return the elements of the coarsest mesh that has at least the wanted number."""
         unit = self.least if self.stretches > 1 else 1
         return max(self.least, unit * math.ceil(wanted / unit - 1e-9))
 
 
 @dataclass
 class Level:
-    """A solved setting: its answer (None where it failed, with the reason), what it cost, and why it was tried.
+    """A solved setting: its answer (None if it failed, with the reason), its cost, and why it was tried.
 
-    ``kinks``: whether a point slides along a body, whose kink then stands at another place of an element in each mesh.
-    ``zones``: whether fibres yield or follow a curve, or bodies touch, in zones that end at another place of an element
-    in each mesh.
-    ``off``: how far a body is off an obstacle between its contact points, relative, where that is told.
+    ``kinks``: a point slides along a body, so its kink is at a different place within an element in each mesh.
+    ``zones``: fibres yield or follow a curve, or bodies touch, in zones that end at a different place within an element
+    in each mesh. ``off``: relative distance by which a body misses an obstacle between contact points, if known.
     """
 
     setting: Setting
@@ -102,7 +102,7 @@ class Level:
     off: float = 0.0
 
     def take(self, answer: Answer, summary: dict[str, Any]) -> None:
-        """Keep the answer of a solve, and add what it has cost."""
+        """Store the answer of a solve, and add its cost."""
         self.answer = answer
         self.wall_s += summary["wall_s"]
         self.iterations += summary["iterations"]
@@ -110,11 +110,11 @@ class Level:
 
     @property
     def work(self) -> int:
-        """Elements times iterations over all steps, at least one: what a solve costs on whatever machine."""
+        """Elements times iterations over all steps, at least one: the cost of a solve on any machine."""
         return self.setting.elements * max(self.iterations, 1)
 
     def as_json(self) -> dict[str, Any]:
-        """Return what ``--json`` prints of it."""
+        """Return the ``--json`` form of the level."""
         out: dict[str, Any] = {"elements": self.setting.elements, "why": self.why,
                                "value": None if self.answer is None else self.answer.value,
                                "estimate": self.estimate, "wall_s": self.wall_s, "dofs": self.dofs,
@@ -133,17 +133,17 @@ class Level:
 
 
 def least(body: Body, acting: Sequence[float] = ()) -> int:
-    """Return the elements that a body is begun with: one per stretch at least, and one per 45 degrees that it turns.
+    """Return the elements of a body's coarsest mesh: at least one per stretch, and one per 45 degrees of turning.
 
-    ``acting`` are the places S where something acts. More where that makes elements of stretches equally long, or
-    nearly so.
+    ``acting`` are the places S where loads, supports or joints act. More elements are used if that makes their lengths
+    equal, or nearly so.
     """
     lengths = stretches(body.geometry, acting, grading_of(body.element))
     fewest = len(lengths)
     fewest = max(fewest, math.ceil(turning(body.geometry) / ARC - 1e-9))
 
     def longest(n: int) -> float:
-        """Return the longest of n elements beside the mean."""
+        """Return the length of the longest of n elements relative to the mean."""
         return max(length / share for length, share in zip(lengths, share_count(lengths, n), strict=True)) * n / sum(
             lengths)
 
@@ -152,19 +152,19 @@ def least(body: Body, acting: Sequence[float] = ()) -> int:
 
 
 def meshed(case: Case, types: dict[str, Variant]) -> dict[str, Mesh]:
-    """Return how the mesh of each body that deforms begins, once ``types`` replace those of the case."""
+    """Return the coarsest mesh of each body that deforms, with ``types`` instead of those of the case."""
     acting = acting_points(case)
     return {name: Mesh(least(body, acting[name]), len(stretches(body.geometry, acting[name], grading_of(body.element))))
             for name, body in bodies_with_meshes(case, types).items()}
 
 
 def bodies_with_meshes(case: Case, types: dict[str, Variant]) -> dict[str, Body]:
-    """Return the bodies that are meshed once ``types`` replace those of the case."""
+    """Return the bodies that have a mesh, with ``types`` instead of those of the case."""
     return {name: b for name, b in flexible(case).items() if types.get(name, AS_GIVEN).type != "rigid"}
 
 
 def overrides(case: Case, setting: Setting) -> list[str]:
-    """Return the ``PATH=VALUE`` overrides that make a case what a setting says."""
+    """Return the ``PATH=VALUE`` overrides that apply a setting to a case."""
     out, meshes = [], meshed(case, setting.types)
     for name, body in flexible(case).items():
         variant = setting.types.get(name, AS_GIVEN)
@@ -172,7 +172,7 @@ def overrides(case: Case, setting: Setting) -> list[str]:
         if name in meshes:
             count, mesh = setting.counts[name], meshes[name]
             data = element_data(body, variant, count, mesh.least if mesh.stretches > 1 else count)
-            # an order is seen only where no kink moves through the elements
+            # an order is visible only if no kink moves through the elements
             if name in setting.nodes:
                 given = setting.nodes[name]
                 data = {k: v for k, v in data.items() if k not in ("count", "grading")}
@@ -190,5 +190,5 @@ def overrides(case: Case, setting: Setting) -> list[str]:
 
 
 def with_setting(loaded: LoadedCase, setting: Setting) -> LoadedCase:
-    """Return a case with a setting, as if it had been written so. Raises CaseError."""
+    """Return a case with a setting, as if the case had been written with it. Raises CaseError."""
     return with_overrides(loaded, overrides(loaded.case, setting), vocabulary())

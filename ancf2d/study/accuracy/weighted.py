@@ -1,10 +1,10 @@
-"""The error of a goal from each element, by the adjoint: the dual-weighted residual on a mesh twice as fine.
+"""Error of a goal from each element by the adjoint method: the dual-weighted residual on a mesh twice as fine.
 
-The state of a mesh, taken over to one with elements half as long, leaves forces R there. With the tangent K and the
-gradient g of the goal J, K z = g gives how the goal answers to forces, and J(h/2) - J(h) = -z R (Becker & Rannacher
-2001, An optimal control approach to a posteriori error estimation, section 2). K and g are those halfway between the
-two states, so that what is left out is of third order: thin elements answer to a state taken over with axial forces far
-from small. What elements contribute is told by z less its interpolation on the coarse mesh, to which R is orthogonal.
+The state of a mesh, transferred to one with elements half as long, leaves residual forces R there. With the tangent K
+and the gradient g of the goal J, the adjoint z solves K z = g, and J(h/2) - J(h) = -z R (Becker & Rannacher 2001, An
+optimal control approach to a posteriori error estimation, section 2). K and g are taken halfway between the two states,
+which leaves an error of third order; this matters because thin elements respond to a transferred state with large axial
+forces. The contributions of elements use z minus its interpolation on the coarse mesh, to which R is orthogonal.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from ..goal import Solved, goal_kind
 from ..measures import GoalValues
 from .neighbours import Neighbour
 
-# step of differences, of the model's size; unknowns whose gradient is found one by one; and how far the gradient of
-# what is near the goal may be from the change along the correction before all others are looked at
+# difference step relative to the model's size; most unknowns whose gradient is found one by one; relative error along
+# the correction that makes the gradient near the goal insufficient
 STEP, MOST, OFF = 1e-5, 400, 0.05
-# iterations on the finer mesh, and the last correction beside the whole
+# iterations on the finer mesh, and the last correction relative to the whole
 NEWTON, CLOSE = 8, 1e-4
-# how far the adjoint may be from the change that the finer mesh makes, beside it, to be believed
+# largest relative difference between adjoint and actual change for which the adjoint is trusted
 TRUST = 0.25
 
 
 @dataclass
 class Weighted:
-    """How the goal changes on a mesh twice as fine: in all, by the adjoint alone, and from each element of bodies."""
+    """Change of the goal on a mesh twice as fine: actual, by the adjoint, and the contribution of each element."""
 
     change: float
     adjoint: float
@@ -46,22 +46,22 @@ class Weighted:
 
     @property
     def bodies(self) -> dict[str, float]:
-        """How large the contribution of each body is."""
+        """Return the size of the contribution of each body."""
         return {name: float(abs(found.sum())) for name, found in self.elements.items()}
 
 
 def has_adjoint(loaded: LoadedCase, model: Model) -> bool:
-    """Whether the error of a solved case can be told by its adjoint: statics whose forces have a potential."""
+    """Return whether the adjoint can estimate the error of a solved case: statics whose forces have a potential."""
     solver = loaded.case.solver
     return (solver.linear or solver.takes_guess) and not model.remembers and not model.contacts and bool(
         model.symmetric or solver.linear)
 
 
 def weighted(loaded: LoadedCase, solved: Solved, finer: Neighbour | None = None) -> Weighted | None:
-    """Return where the error of a solved case comes from, None where the adjoint cannot tell.
+    """Return the contributions of elements to the error of a solved case, or None if the adjoint cannot give them.
 
     ``loaded`` is the case with the mesh that was solved. Costs a model with elements half as long, its tangent and a
-    few solves with that; less where that mesh is solved already, and given as ``finer``.
+    few solves with that; less if that mesh is solved already and given as ``finer``.
     """
     from ...solvers.derivatives.statics import Equilibrium
 
@@ -79,7 +79,7 @@ def weighted(loaded: LoadedCase, solved: Solved, finer: Neighbour | None = None)
         if finer is None and not _settled(found, begin):
             return None
         end, J = found.z, _Goal(goal, found)
-        # halfway, where gradient and tangent of what is quadratic tell of the whole way
+        # halfway: with a gradient and tangent taken there, quadratic terms are exact
         g = J.gradient(0.5 * (begin + end), end - begin)
         if g is None:
             return None
@@ -87,7 +87,7 @@ def weighted(loaded: LoadedCase, solved: Solved, finer: Neighbour | None = None)
         z, first = found.system.matrix.solve(g), J(begin) - solved.answer.value
         left = found.state_at(fine, begin)
         parts = _by_element(model, fine, z, left.Q - left.F, state.Q - state.F)
-        # the goal itself reads the finer mesh otherwise
+        # the goal of the same state differs on the finer mesh
         here = [(body, mesh.element_at(s)[0]) for body, s in J.points() if body in parts
                 for mesh in [model.meshes[body]]] or [(b, k) for b, v in parts.items() for k in range(len(v))]
         for body, ie in here:
@@ -99,7 +99,7 @@ def weighted(loaded: LoadedCase, solved: Solved, finer: Neighbour | None = None)
 
 
 def _settled(found: Any, begin: Array) -> bool:
-    """Move to the equilibrium of the finer mesh; whether it is found."""
+    """Move to the equilibrium of the finer mesh; return whether it is found."""
     for _ in range(0 if found.linear else NEWTON):
         found.tangent_at(found.z)
         if found.correct() <= CLOSE * found.system.norm(found.z - begin):
@@ -132,14 +132,14 @@ class _Goal:
         return (self(z + h * way) - self(z - h * way)) / (2.0 * h)
 
     def gradient(self, z: Array, way: Array) -> Array | None:
-        """Return dJ/dz (n,) by differences for the unknowns near the goal, for all where those do not explain ``way``.
+        """Return dJ/dz (n,) by differences for unknowns near the goal, or for all if those do not explain ``way``.
 
-        None where there are too many.
+        None if there are too many unknowns.
         """
         g, known = np.zeros_like(z), np.zeros(len(z), dtype=bool)
         along = self.slope(z, way)
         if goal_kind(self.goal) == "energy":
-            # forces of what stores energy are its gradient, unless loads do
+            # elastic forces are the gradient of the energy, unless loads store energy too
             state = self.found.state_at(self.found.model, z)
             g = self.found.model.numbering.reduce(state.Q)
             if abs(float(g @ way) - along) <= OFF * abs(along):
@@ -160,7 +160,7 @@ class _Goal:
         return None
 
     def _near(self) -> Index:
-        """Return the unknowns of the elements at the goal's point; beside them, too, where it is a force."""
+        """Return the unknowns of the elements at the goal's point, and of their neighbours if the goal is a force."""
         model: Model = self.found.model
         beside = 0 if goal_kind(self.goal) in ("displacement", "position", "rotation") else 1
         full = np.zeros(len(model.numbering.place), dtype=bool)
@@ -181,10 +181,10 @@ class _Goal:
 
 
 def _by_element(coarse: Model, fine: Model, z: Array, R: Array, balance: Array) -> dict[str, Array]:
-    """Return what elements of the coarse mesh contribute to -z R: (ne,) of each body that deforms.
+    """Return the contributions to -z R of the elements (ne,) of the coarse mesh, for each body that deforms.
 
-    ``R`` are the forces left on nodal coordinates of the fine mesh and ``balance`` those of the coarse one, where they
-    are what bodies exchange: so each body is told by its own.
+    ``R`` are the residual forces at the nodal coordinates of the fine mesh and ``balance`` those of the coarse one,
+    which are the forces between bodies: with them, each body gets its own contribution.
     """
     full = np.zeros(len(fine.numbering.place))
     fine.numbering.expand(z, full)
@@ -202,7 +202,7 @@ def _by_element(coarse: Model, fine: Model, z: Array, R: Array, balance: Array) 
         before = coarse.meshes[name]
         own, theirs = np.unique(mesh.dofs), np.unique(before.dofs)
         elements = parts[mesh.dofs].sum(axis=1).reshape(len(before.dofs), -1).sum(axis=1)
-        # what the finer mesh integrates otherwise goes where the rest comes from
+        # the effect of different integration on the finer mesh is distributed like the rest
         rest = float(down[theirs] @ balance[theirs] - full[own] @ R[own]) - float(elements.sum())
         size = float(abs(elements).sum())
         out[name] = elements + (rest / size * abs(elements) if size else rest / len(elements))

@@ -1,1 +1,1 @@
-"""The examination of an element type: what its basis, coordinates, formulation and quadrature do, by computation."""
+"""Examination of an element type by computation: its basis, coordinates, formulation and quadrature."""

@@ -1,4 +1,4 @@
-"""What an element costs: time and floating-point work of its forces and tangent."""
+"""Cost of an element: time and floating-point operations of its forces and tangent."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 from .fields import beam
 from .subject import NOTE, Finding, Subject, subject
 
-# what every element is measured beside, in the same process
+# element to compare with, measured in the same process
 YARDSTICK = "vallejo"
 ELEMENTS, REPEATS = 500, 7
 
 
 def seconds_per_element(s: Subject) -> float:
-    """Return the time of forces and tangent of one element, the best of several passes over many."""
+    """Return the time of forces and tangent per element, the best of several passes over many."""
     from ...kernels.elements import element_matrices
 
     model = s.free(float(ELEMENTS), ELEMENTS)
@@ -31,7 +31,7 @@ def seconds_per_element(s: Subject) -> float:
 
 
 def operations(s: Subject) -> int:
-    """Return the multiplications and additions of forces and tangent of one element, zeros in B and D left out."""
+    """Return the multiplications and additions of one element's forces and tangent, without zeros in B and D."""
     law = s.free(1.0, 1).groups[0].law
     fields, stations, n = law.B.shape[1:]
     strains = law.D.shape[1]
@@ -43,7 +43,7 @@ def operations(s: Subject) -> int:
 
 
 def cost(s: Subject) -> Finding:
-    """Examine the time of forces and tangent of an element beside that of vallejo."""
+    """Examine the time of forces and tangent of an element, compared with vallejo."""
     yard = subject(YARDSTICK)
     own, theirs = seconds_per_element(s), seconds_per_element(yard)
     return Finding(own / theirs, NOTE, f"{1e6 * own:.2f} us for forces and tangent, compared with {1e6 * theirs:.2f} "

@@ -1,4 +1,4 @@
-"""The list of checks, and the examination that goes through it."""
+"""The list of checks, and the audit that runs them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..warmup import warm_up
 from . import cost, kinematics, laws, locking, meshes, patches
 from .subject import FAIL, NOTE, Answer, Check, Finding, Subject
 
-# the one place where a check is added
+# every check is listed here
 CHECKS = (
     Check("solvability", "Do the nodal coordinates determine the basis? Condition number of the interpolation matrix",
           kinematics.solvability),
@@ -50,7 +50,7 @@ CHECKS = (
     Check("order_eigen", "With what order does a frequency converge, and to what?", meshes.order_eigen, 17),
     Check("cost", "What do forces and tangent cost, compared with vallejo?", cost.cost, 5),
 )
-# what is asked of the laws of materials that it bears, where that is asked for
+# further checks, made on request, of the material laws that the element supports
 LAW_CHECKS = (
     Check("law_tangent", "Is the tangent of each law the derivative of the forces, along a way and back?",
           laws.law_tangent),
@@ -58,25 +58,25 @@ LAW_CHECKS = (
     Check("law_dissipation", "Does any step of a way make energy?", laws.law_dissipation),
     Check("law_cycles", "Does a cycle lose the same energy again and again?", laws.law_cycles, 5),
 )
-# what can be asked of coordinates that do not determine the basis
+# checks that are possible if the coordinates do not determine the basis
 WITHOUT_SHAPES = ("solvability",)
 
 
 @dataclass(frozen=True)
 class Audit:
-    """A finished examination."""
+    """A finished audit of an element."""
 
     subject: Subject
     answers: tuple[Answer, ...]
 
     @property
     def made(self) -> tuple[Answer, ...]:
-        """The answers to what could be asked."""
+        """The answers to checks that were possible."""
         return tuple(a for a in self.answers if self.subject.flaw is None or a.check.name in WITHOUT_SHAPES)
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many checks have each verdict."""
+        """The number of checks with each verdict."""
         return dict(Counter(a.finding.verdict for a in self.answers))
 
     def as_json(self) -> dict[str, Any]:
@@ -91,9 +91,9 @@ class Audit:
 
 def audit(subject: Subject, checks: tuple[Check, ...] = CHECKS, compiling: Callable[[str], None] = lambda text: None,
           done: Callable[[float, str], None] = lambda share, name: None) -> Audit:
-    """Put an element through all checks; ``done`` is told the share that is behind, and which check is next.
+    """Run all checks on an element; ``done`` is called with the share of work done and the name of the next check.
 
-    ``compiling`` is told where kernels must be compiled first.
+    ``compiling`` is called if kernels must be compiled first.
     """
     answers = []
     if subject.flaw is None:
@@ -108,7 +108,7 @@ def audit(subject: Subject, checks: tuple[Check, ...] = CHECKS, compiling: Calla
 
 
 def _answer(check: Check, subject: Subject) -> Finding:
-    """Return what a check finds; one that cannot be made is told, and does not pass."""
+    """Return the finding of a check; one that cannot be computed fails with the reason."""
     if subject.flaw is not None and check.name not in WITHOUT_SHAPES:
         return Finding(None, NOTE, "not examined: there are no shape functions")
     try:

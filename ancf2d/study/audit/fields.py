@@ -1,4 +1,4 @@
-"""What the checks are made of: linear fields as nodal coordinates, forces of stresses, free bodies, cantilevers."""
+"""Tools of the checks: linear fields as nodal coordinates, forces of stresses, free beams, cantilevers."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from .subject import Subject
 
 # (x, y) -> stresses xx, xy, yy
 Stress = Callable[[Array, Array], tuple[Array, Array, Array]]
-# a load under which the linear beam moves by a small share of its length
+# load on a linear beam that moves it by a small share of its length
 SMALL = 1e-6
-# F L^2/(EI) that bends a cantilever through about half its length, and how such states are found
+# F L^2/(EI) that deflects a cantilever by about half its length, and the solver for it
 FAR, LARGE = 2.0, {"type": "static", "steps": 2}
 
 
 def beam(model: Model) -> BodyMesh:
-    """Return the one body of an audit's model."""
+    """Return the only body of an audit's model."""
     return model.meshes["beam"]
 
 
 def linear_field(model: Model, G: Array) -> Array:
     """Return the displacements (n_q,) of nodal coordinates in the field u = G (x, y), G (2, 2) small.
 
-    A section turns with its material line across: theta = -du_x/dy.
+    Sections rotate with the material line across the beam: theta = -du_x/dy.
     """
     mesh = beam(model)
     pattern: dict[tuple[int, int], Array] = {(1, 0): G[:, 0], (0, 1): G[:, 1]}
@@ -48,7 +48,7 @@ def linear_field(model: Model, G: Array) -> Array:
 
 
 def turned(model: Model, d: Array, angle: float, shift: tuple[float, float] = (0.0, 0.0)) -> Array:
-    """Return the displacements (n_q,) that turn a deformed body about the origin and move it on."""
+    """Return the displacements (n_q,) of a deformed body after a rotation about the origin and a translation."""
     mesh = beam(model)
     e, out = model.e0 + d, np.empty_like(d)
     c, s = np.cos(angle), np.sin(angle)
@@ -62,9 +62,9 @@ def turned(model: Model, d: Array, angle: float, shift: tuple[float, float] = (0
 
 
 def displacement_rows(mesh: BodyMesh, shape: ShapeFunctions, xi: Array, eta: Array) -> Array:
-    """Return the rows (points, 2, n_dof) of the displacement of points of an element along x.
+    """Return the matrix (points, 2, n_dof) that gives the displacement of points of an element along x.
 
-    The sections of a beam with theta, or of one without any coordinate across, turn as rigid lines.
+    Sections of a beam with theta, or of one without coordinates of the section, rotate as rigid lines.
     """
     element, nc = mesh.plan.element, mesh.plan.element.components
     across = element.section_kind == "interpolated"
@@ -150,7 +150,7 @@ def elastic(model: Model, d: Array) -> tuple[float, Array]:
 
 
 def reduced(model: Model, K: Array) -> Array:
-    """Return T^T K T (n_unknowns, n_unknowns): stiffness of what the welds of pieces leave free."""
+    """Return T^T K T (n_unknowns, n_unknowns), the stiffness of the unknowns that remain after welding the pieces."""
     num = model.numbering
     T = np.zeros((model.n_q, num.n_unknowns))
     for k, row in enumerate(np.eye(num.n_unknowns)):
@@ -161,9 +161,9 @@ def reduced(model: Model, K: Array) -> Array:
 
 
 def response(model: Model, Q: Array) -> Array:
-    """Return displacements (n_q,) of a free beam under forces (n_q,) that balance, K d = Q.
+    """Return displacements (n_q,) of a free beam under self-equilibrated forces (n_q,), K d = Q.
 
-    Motions without strain energy are left out: rigid ones, and hidden ones where there are any.
+    They contain no motions without strain energy: neither rigid ones nor zero-energy modes.
     """
     num = model.numbering
     w = model.weights[num.free]
@@ -177,18 +177,18 @@ def response(model: Model, Q: Array) -> Array:
 
 
 def compliance(model: Model, Q: Array) -> float:
-    """Return Q . d of a free beam under forces (n_q,) that balance."""
+    """Return Q . d of a free beam under self-equilibrated forces (n_q,)."""
     return float(Q @ response(model, Q))
 
 
 def work_inside(model: Model, d: Array) -> float:
-    """Return d . K d of the elements of the middle half of a beam, which the ends do not disturb."""
+    """Return d . K d of the elements in the middle half of a beam, undisturbed by the ends."""
     dofs, K = beam(model).dofs, element_stiffness(model)
     inner = slice(len(dofs) // 4, len(dofs) - len(dofs) // 4)
     return float(np.einsum("ea,eab,eb->", d[dofs[inner]], K[inner], d[dofs[inner]]))
 
 
-# eigenvalues of K in displacements below this share of the largest are zero
+# eigenvalues of K, scaled to displacements, below this share of the largest count as zero
 ZERO = 1e-12
 
 
@@ -201,16 +201,16 @@ def last_state(model: Model) -> Array:
 
 
 def tip_force(s: Subject, F: float, at: str) -> dict[str, Any]:
-    """Return a force across at an end, spread over the section as shear stress is, where the section can tell."""
+    """Return a transverse force at an end, distributed like shear stress if the section is interpolated."""
     spread = {"spread": "parabolic"} if s.element.section_kind == "interpolated" else {}
     return {"type": "force", "at": at, "value": [0.0, F], **spread}
 
 
 def deflected(s: Subject, length: float, count: int, F: float, solver: Any = "linear_static", *,
               angle: float = 0.0, wall: int = 0) -> tuple[Model, Array]:
-    """Return model and displacements of a cantilever whose wall is at S = ``wall``, under a force at its other end.
+    """Return model and displacements of a cantilever clamped at S = ``wall``, under a force at its other end.
 
-    The wall lets its section contract; where hidden modes make that singular, it holds every coordinate. Raises
+    The clamp lets its section contract; if zero-energy modes make that singular, it holds every coordinate. Raises
     ComputationError.
     """
     walls = [{**s.wall, "at": f"beam@{wall}"}, {"type": "clamp", "at": f"beam@{wall}", "hold": "all"}]
@@ -228,7 +228,7 @@ def deflected(s: Subject, length: float, count: int, F: float, solver: Any = "li
 
 
 def deflection(model: Model, d: Array, wall: int = 0, angle: float = 0.0) -> float:
-    """Return how far the tip moves across the beam, from where the wall's axis is."""
+    """Return the transverse displacement of the tip relative to the clamped end."""
     mesh = beam(model)
     ends = [np.array([dot(c, d) for c in point_ref(mesh, float(at)).position()]) for at in (wall, 1 - wall)]
     return float((ends[1] - ends[0]) @ np.array([-np.sin(angle), np.cos(angle)]))

@@ -1,4 +1,4 @@
-"""Checks of basis and nodal coordinates alone: what the shape functions can and cannot do."""
+"""Checks of basis and nodal coordinates alone: properties of the shape functions."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ...model.own_element import SINGULAR, condition, rank
 from .fields import displacement_rows, linear_field, points_over, turned
 from .subject import FAIL, NOTE, NU, PASS, ROUND_OFF, Finding, Subject, judged
 
-# lengths over height, and Poisson ratios, over which a basis must keep its rank
+# lengths relative to the height, and Poisson ratios, for which a basis must keep its rank
 LENGTHS = (0.1, 1.0, 100.0)
 RATIOS = (0.0, 0.3, 0.49)
 WELL = 1e8
@@ -32,7 +32,7 @@ def solvability(s: Subject) -> Finding:
 
 
 def completeness(s: Subject) -> Finding:
-    """Examine whether linear fields come out of their nodal coordinates as they are."""
+    """Examine whether the shape functions reproduce linear fields from their nodal coordinates."""
     model = s.free(1.0, 1)
     mesh, shape = model.meshes["beam"], s.shape(1.0)
     xi, eta = points_over(s.element)
@@ -44,7 +44,7 @@ def completeness(s: Subject) -> Finding:
     for a, b in ((0, 0), (1, 0), (0, 1), (1, 1)):
         G = np.zeros((2, 2))
         G[a, b] = 1.0
-        # a rigid section does not thin, and that of a cable turns with the axis
+        # a rigid section does not change its height, and that of a cable rotates with the axis
         if not across and (b == 1 or not s.element.has_theta):
             G = np.array([[1.0, 0.0], [0.0, 0.0]]) if a == b else np.array([[0.0, -1.0], [1.0, 0.0]])
         d = linear_field(model, G)
@@ -55,7 +55,7 @@ def completeness(s: Subject) -> Finding:
 
 
 def _change(s: Subject, along: float, across: float) -> float:
-    """Return how much of a mirrored field is outside the span: the sine of the largest angle between the two."""
+    """Return the part of mirrored shapes outside the span: the sine of the largest angle between both spaces."""
     worst = 0.0
     x, wx = gauss(s.element.degree_x + 2)
     y, wy = gauss(s.element.degree_y + 2)
@@ -70,7 +70,7 @@ def _change(s: Subject, along: float, across: float) -> float:
 
 
 def reversal(s: Subject) -> Finding:
-    """Examine whether swapping the ends, S(xi) -> S(-xi), leads to the same space of shapes."""
+    """Examine whether swapping the ends, S(xi) -> S(-xi), gives the same space of shapes."""
     change = _change(s, -1.0, 1.0)
     if change <= ROUND_OFF:
         return Finding(change, PASS, "swapping the ends gives the same element")
@@ -80,7 +80,7 @@ def reversal(s: Subject) -> Finding:
 
 
 def _tip(s: Subject, wall: int) -> float:
-    """Return the large deflection of a cantilever of four elements, its wall at either end."""
+    """Return the large deflection of a cantilever of four elements, clamped at either end."""
     from .fields import FAR, LARGE, deflected, deflection
 
     model, d = deflected(s, 10.0, 4, FAR / 1200.0, LARGE, wall=wall)
@@ -88,15 +88,15 @@ def _tip(s: Subject, wall: int) -> float:
 
 
 def mirror(s: Subject) -> Finding:
-    """Examine whether y -> -y leads to the same space of shapes."""
+    """Examine whether y -> -y gives the same space of shapes."""
     return judged(_change(s, 1.0, -1.0), ROUND_OFF, "the element is symmetric about its axis",
                   "not symmetric about its axis: exchanging y and -y changes the shape functions")
 
 
 def _jump(s: Subject, i: int, eta: Array) -> float:
-    """Return the largest jump of l^i d^i r/dx^i between neighbours, per displacement that a coordinate stands for.
+    """Return the largest jump of l^i d^i r/dx^i between neighbours, per unit displacement of a scaled coordinate.
 
-    Both elements have the coordinates of the shared node; all others are free.
+    Both elements have the coordinates of the shared node in common; all others are independent.
     """
     length = 1.0
     shape, weights = s.shape(length), s.free(length, 1).weights[::s.element.components]
@@ -123,7 +123,7 @@ def position_continuity(s: Subject) -> Finding:
 
 
 def slope_continuity(s: Subject) -> Finding:
-    """Examine whether r_x passes from element to element."""
+    """Examine whether r_x is continuous between elements."""
     jump, axis = _jump(s, 1, _across(s)), _jump(s, 1, np.zeros(1))
     if jump <= ROUND_OFF:
         return Finding(jump, PASS, "r_x is continuous over the whole section")

@@ -1,7 +1,7 @@
-"""Laws of materials in the element: tangent, objectivity, dissipation, and cycles.
+"""Checks of material laws in the element: tangent, objectivity, dissipation, and cycles.
 
-Every law that the formulation bears is tried, and its own where it is a plugin's that remembers. A free beam of two
-elements goes along a way of random displacements, which strain it far beyond yield.
+They are made for every law that the formulation supports, or for its own law if that has memory. A free beam of two
+elements follows a path of random displacements that strain it far beyond yield.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ LAWS: dict[str, dict[str, Any]] = {
     "yield": YIELD,
     "curve": {"stress_strain": {"strain": [0.004, 0.01, 0.02], "stress": [0.004, 0.006, 0.012], "unloading": "curve"}},
     "neo_hooke": {"law": "neo_hooke"}}
-# the formulation's own, where it remembers
+# the formulation's own law, if it has memory
 OWN = "own"
 # largest displacement of a coordinate, as a share of the height; steps of a cycle, time of a step, and cycles
 SIZE, STEPS, DT, CYCLES = 0.03, 40, 0.05, 12
-# step of differences beside the displacements; what these, sums along a way, and differences of cycles are good for
+# relative step of differences; accuracy of these, of sums along a path, and of differences of cycles
 STEP, DIFFERENCED, SUMMED, SETTLED = 1e-6, 1e-5, 1e-2, 1e-4
 
 
 def _borne(s: Subject) -> dict[str, Model]:
-    """Return a free beam of each law that the element bears."""
+    """Return a free beam for each law that the element supports."""
     own = s.formulation.law
     if own.state and not own.elastic:
         return {OWN: s.free(3.0, 2)}
@@ -51,7 +51,7 @@ def _borne(s: Subject) -> dict[str, Model]:
 
 
 def _worst(s: Subject, measure: Callable[[Model], float], allowed: float, good: str, bad: str) -> Finding:
-    """Return what a number of each law tells: the largest."""
+    """Return the finding for the law with the largest value of ``measure``."""
     found = {name: measure(model) for name, model in _borne(s).items()}
     if not found:
         return Finding(None, NOTE, "the formulation supports only linear laws")
@@ -61,19 +61,19 @@ def _worst(s: Subject, measure: Callable[[Model], float], allowed: float, good: 
 
 
 def _ways(model: Model) -> Array:
-    """Return two random displacements (2, n_q) of a size."""
+    """Return two random displacement vectors (2, n_q) of magnitude SIZE."""
     return SIZE * np.random.default_rng(2).uniform(-1.0, 1.0, (2, model.n_q)) / model.weights
 
 
 def _cycle(model: Model, share: float = 1.0) -> list[Array]:
-    """Return the displacements along a closed way, or a share of it, that begins at the reference."""
+    """Return the displacements along a closed path from the reference configuration, or along a share of it."""
     a, b = _ways(model)
     phase = 2.0 * math.pi * np.arange(1, round(share * STEPS) + 1) / STEPS
     return [math.sin(p) * a + (1.0 - math.cos(p)) * b for p in phase]
 
 
 def _walk(model: Model, way: Sequence[Array], every: int = 1) -> tuple[Array, Array]:
-    """Go a way; return the work done and the energy stored at its beginning and after each so many steps (m,)."""
+    """Follow a path; return the work and the stored energy (m,) at its start and after every ``every`` steps."""
     system, work, energy = System(model), [0.0], [0.0]
     last, Q = np.zeros(model.n_q), np.zeros(model.n_q)
     for k, d in enumerate(way, start=1):
@@ -89,7 +89,7 @@ def _walk(model: Model, way: Sequence[Array], every: int = 1) -> tuple[Array, Ar
 
 
 def law_tangent(s: Subject) -> Finding:
-    """Examine the tangent in the middle of a step, on the way out and on the way back."""
+    """Examine the tangent within a step, on the way out and on the way back."""
     def off(model: Model) -> float:
         system, worst = System(model), 0.0
         for share in (0.3, 0.8):
@@ -109,7 +109,7 @@ def law_tangent(s: Subject) -> Finding:
 
 
 def law_objectivity(s: Subject) -> Finding:
-    """Examine the forces at the end of a way on which the body turns by more with every step."""
+    """Examine the forces at the end of a path on which the body rotates further with every step."""
     def off(model: Model) -> float:
         start, way, system = model.states.copy(), _cycle(model, 0.6), System(model)
         _walk(model, way, STEPS)
@@ -124,7 +124,7 @@ def law_objectivity(s: Subject) -> Finding:
 
 
 def law_dissipation(s: Subject) -> Finding:
-    """Examine whether the work of the steps less what is stored ever falls, beside the largest energy."""
+    """Examine whether work minus stored energy ever decreases, relative to the largest energy."""
     def off(model: Model) -> float:
         work, energy = _walk(model, _cycle(model) * 2)
         lost = work - energy
@@ -133,7 +133,7 @@ def law_dissipation(s: Subject) -> Finding:
 
 
 def law_cycles(s: Subject) -> Finding:
-    """Examine cycles: each loses what the one before has lost once the first are behind, elastic laws nothing."""
+    """Examine whether cycles, after the first ones, dissipate equal energies, and elastic laws none."""
     def off(model: Model) -> float:
         work, energy = _walk(model, _cycle(model) * CYCLES, STEPS // 2)
         lost = np.diff((work - energy)[::2])

@@ -1,4 +1,4 @@
-"""Shear and locking: what a bending beam loses to strains that it should not have."""
+"""Checks for shear and locking: deflection that a bending beam loses to spurious strains."""
 
 from __future__ import annotations
 
@@ -30,23 +30,23 @@ from .fields import (
 from .patches import bending_compliance, constitutive
 from .subject import FAIL, NOTE, NU, PASS, Finding, Subject, percent, subject
 
-# how far a shear factor may be from the rectangle's: as a constant, and as bending sees it
+# allowed relative difference of a shear factor from the rectangle's: in uniform shear, and in bending
 UNIFORM, BENT = 0.05, 0.06
 # share of the work below which there is no shear
 NOTHING = 1e-6
 SLENDER = (10.0, 100.0, 1000.0)
 # share of stiffness beyond which an element locks
 LOCKS = 0.01
-# share of a loss that may be left in the limit of fine meshes where it is the mesh's
+# a loss is due to the mesh if at most this share of it remains in the limit of fine meshes
 GOES = 0.2
 RATIOS = (-0.5, 0.0, 0.3, 0.45, 0.499)
 REFERENCE = "reissner3"
-# what bending can be lost to
+# strains that take up energy in bending
 AXIS, ACROSS, SHEAR = "axial strain", "thickness strain", "shear strain"
 
 
 def shear_factor(s: Subject) -> Finding:
-    """Examine the energy of uniform shear over that of the shear modulus, G A gamma^2/2."""
+    """Examine the energy of uniform shear relative to that of the shear modulus, G A gamma^2/2."""
     model = s.free(3.0, 3)
     C, _ = constitutive(model, stiffness(model), 3.0)
     G, right = 0.5 / (1.0 + NU), timoshenko(NU)
@@ -64,22 +64,22 @@ def shear_factor(s: Subject) -> Finding:
 
 
 def factor_in_bending(s: Subject) -> float:
-    """Return k inside a free beam bent to an S by end forces: work = int M^2/(EI) + Q^2/(k G A) dx.
+    """Return the shear factor k inside a free beam that end forces bend to an S: work = int M^2/(EI) + Q^2/(k G A) dx.
 
     The tractions are those of Saint-Venant's bending with Q = 1 and M = L/2 - x, L = 4 h; only the middle half counts,
-    from -h to h. EI is that of the same elements in pure bending with M = 1. Infinite where nothing shears.
+    from -h to h. EI is that of the same elements in pure bending with M = 1. Infinite if there is no shear.
     """
     model = s.free(4.0, 4 * max(2, s.affordable(32, 800) // 4))
     bent = response(model, boundary_forces(model, lambda x, y: (-12 * y, 0 * x, 0 * x)))
     sheared = response(model, boundary_forces(model, lambda x, y: (12 * (x - 2) * y, 1.5 * (1 - 4 * y * y), 0 * x)))
     total = work_inside(model, sheared)
-    # int M^2 dx is 2/3 from -h to h, where that of the pure moment is 2
+    # int M^2 dx from -h to h is 2/3, and 2 for the pure moment
     shear = total - work_inside(model, bent) / 3.0
     return 4.0 * (1.0 + NU) / shear if shear > NOTHING * total else math.inf
 
 
 def shear_in_bending(s: Subject) -> Finding:
-    """Examine the shear factor that bending sees."""
+    """Examine the effective shear factor in bending."""
     value, right = factor_in_bending(s), timoshenko(NU)
     if not math.isfinite(value):
         return Finding(None, NOTE, "the element does not shear")
@@ -89,7 +89,7 @@ def shear_in_bending(s: Subject) -> Finding:
 
 
 def shear_locking(s: Subject) -> Finding:
-    """Examine cantilevers of four elements, ever more slender: Timoshenko's deflection must stay."""
+    """Examine cantilevers of four elements of growing slenderness: they must keep Timoshenko's deflection."""
     ratios = []
     for slenderness in SLENDER:
         section = s.chosen.section
@@ -105,10 +105,10 @@ def shear_locking(s: Subject) -> Finding:
 
 
 def _cause(s: Subject, model: Model, d: Array, large: float) -> str:
-    """Return the strain that takes most of the energy beside bending: of the axis, across, or shear.
+    """Return the strain with the most energy besides bending: axial, thickness or shear strain.
 
-    ``large`` is 1 for the strains of large displacements, 0 for those of small ones; taken at the element's own points
-    of quadrature, on straight elements along x.
+    ``large`` is 1 for large displacements, 0 for linearised strains. Evaluated at the element's own integration points,
+    on straight elements along x.
     """
     mesh, shape = beam(model), beam(model).classes[0].shape
     section, kind = mesh.plan.section, s.element.section_kind
@@ -135,7 +135,7 @@ def _cause(s: Subject, model: Model, d: Array, large: float) -> str:
 
 @dataclass(frozen=True)
 class Lost:
-    """Compliance in bending lost to nu: at which nu most, there and at 0.3, and what of it a fine mesh would keep."""
+    """Bending compliance lost to nu: the largest loss and its nu, the loss at 0.3, and what remains on fine meshes."""
 
     most: float
     at: float
@@ -143,7 +143,7 @@ class Lost:
     kept: float
 
     def finding(self, good: str, bad: str, remedy: str = "") -> Finding:
-        """Return the finding: what goes with the mesh is the matter of another check."""
+        """Return the finding; a loss that vanishes with refinement is left to another check."""
         if self.most <= LOCKS:
             return Finding(max(self.most, 0.0), PASS, good)
         if self.kept <= max(LOCKS, GOES * self.most):
@@ -155,7 +155,7 @@ class Lost:
 
 
 def _lost_to_nu(s: Subject) -> Lost:
-    """Return what bending loses on the way from nu = 0."""
+    """Return the loss of bending compliance relative to nu = 0."""
     count = s.affordable(24, 400)
     found = {nu: bending_compliance(s, 10.0, count, nu) for nu in RATIOS}
     lost = {nu: found[0.0] - found[nu] for nu in RATIOS}
@@ -163,7 +163,7 @@ def _lost_to_nu(s: Subject) -> Lost:
     kept = lost[at]
     if kept > LOCKS:
         fine = bending_compliance(s, 10.0, 2 * count, 0.0) - bending_compliance(s, 10.0, 2 * count, at)
-        # of second order in the length of an element, as what goes with the mesh is
+        # extrapolated: a loss due to the mesh is of second order in the element length
         kept = fine - (lost[at] - fine) / 3.0
     return Lost(lost[at], at, lost[NU], kept)
 
@@ -175,7 +175,7 @@ def poisson_locking(s: Subject) -> Finding:
 
 
 def poisson_locking_of_basis(s: Subject) -> Finding:
-    """Examine the same with the elastic forces of the whole continuum, whatever the formulation."""
+    """Examine Poisson locking with the elastic forces of the full continuum, independent of the formulation."""
     full = s.with_formulation("continuum")
     if full is None:
         return Finding(None, NOTE, "the element has no thickness strain")
@@ -185,7 +185,7 @@ def poisson_locking_of_basis(s: Subject) -> Finding:
 
 
 def thickness_locking(s: Subject) -> Finding:
-    """Examine cantilevers bent far, ever more slender, beside the geometrically exact beam."""
+    """Examine cantilevers of growing slenderness in large bending, compared with the geometrically exact beam."""
     reference, ratios = subject(REFERENCE), []
     for slenderness in SLENDER:
         F = FAR / 12.0 / slenderness**2

@@ -1,4 +1,4 @@
-"""Checks over meshes: orders of convergence, limits, modes that belong to the mesh, damping of modes."""
+"""Checks over meshes: orders of convergence, limits, spurious modes, damping of modes."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from .locking import REFERENCE
 from .subject import FAIL, NOTE, PASS, ROUND_OFF, Finding, Subject, percent, subject
 
 MESHES = (2, 4, 8, 16, 32)
-# distance of the limit from beam theory beyond which it is a wrong one
+# relative distance of the limit from beam theory beyond which it is wrong
 WRONG = 0.02
-# orders from here on are what a beam element should have at least
+# least order expected of a beam element
 LEAST = 1.8
-# simply supported beam, elements and modes among which a spurious branch is sought
+# length of a simply supported beam, elements, and modes among which a spurious branch is sought
 SPAN, BRANCH, MODES = 5.0, (16, 32, 64), 40
-# a frequency falls where a mesh twice as fine has less than this of it
+# a frequency falls if it is below this share of itself on the next coarser mesh
 FALLS = 0.9
 
 
 def _judge(f: list[float], meshes: list[float], exact: float, what: str) -> Finding:
-    """Return the finding of a quantity over meshes: order, and distance of its limit from the beam's."""
+    """Return the finding for a quantity over meshes: its order, and the distance of its limit from beam theory."""
     e: Estimate = estimate(meshes, f, abs(f[-1]))
     limit = f[-1] if e.value is None else e.value
     off = limit / exact - 1
@@ -75,9 +75,9 @@ def order_eigen(s: Subject) -> Finding:
 
 
 def lowest_spurious(s: Subject, count: int) -> tuple[float | None, float, float]:
-    """Return omega of the lowest mode that belongs to the mesh, its share in gaps, and omega of the first bending mode.
+    """Return omega of the lowest spurious mode, its share of energy in gaps, and omega of the first bending mode.
 
-    None where the lowest modes have no such.
+    The first is None if no spurious mode is among the lowest modes.
     """
     held = [{"type": "pin", "at": "beam@0"}, {"type": "roller", "at": "beam@1", "fixed": "y"}]
     modes = _modes(s.model(SPAN, count, {"type": "eigen", "modes": MODES}, boundary_conditions=held))
@@ -87,7 +87,7 @@ def lowest_spurious(s: Subject, count: int) -> tuple[float | None, float, float]
 
 
 def spurious_branch(s: Subject) -> Finding:
-    """Examine the lowest modes of a beam over meshes for such as belong to the mesh and come down with it."""
+    """Examine whether spurious modes fall among the lowest modes of a beam as the mesh is refined."""
     counts = sorted({s.affordable(n, 2000) for n in BRANCH})
     found = [lowest_spurious(s, n) for n in counts]
     last, gaps, bending = found[-1]
@@ -109,13 +109,13 @@ def spurious_branch(s: Subject) -> Finding:
 # Rayleigh's alpha [1/s] and beta [s], and the retardation time tau [s]: damping ratios of some percent
 ALPHA, BETA, TAU = 1e-3, 0.04, 0.06
 PAIRS = 4
-# relative error of a damping ratio that is still round-off of the eigenvalues
+# relative error of a damping ratio due to round-off of the eigenvalues
 EXACT = 1e-7
 ANGLES = (0.0, 0.9, -2.4)
 
 
 def damping(s: Subject) -> Finding:
-    """Examine damping ratios of a cantilever beside alpha/(2 omega) + (beta + tau) omega/2, and forces of spinning."""
+    """Examine whether damping ratios are alpha/(2 omega) + (beta + tau) omega/2, and viscous forces of rigid motion."""
     off, resists = _ratios_off(s), _resists_spinning(s)
     if not off <= EXACT:
         return Finding(off, FAIL, "damping ratios differ from alpha/(2 omega) + (beta + tau) omega/2, so the damping "
@@ -127,9 +127,9 @@ def damping(s: Subject) -> Finding:
 
 
 def _ratios_off(s: Subject) -> float:
-    """Return the largest relative error of the damping ratios of the lowest pairs, and of the formed matrix C.
+    """Return the largest relative error of the damping ratios of the lowest pairs, and of the assembled matrix C.
 
-    Pairs are computed through the strains; factorisations and reduced models use the formed matrix.
+    Pairs are computed through the strains; factorisations and reduced models use the assembled matrix.
     """
     from ...solvers.small_motions.eigen import pairs_of
     from ...solvers.small_motions.linearised import small_motions
@@ -152,7 +152,7 @@ def _ratios_off(s: Subject) -> float:
 
 
 def _resists_spinning(s: Subject) -> float:
-    """Return the largest viscous force of rigid velocities of a deformed, turned body, beside that of strain rates."""
+    """Return the largest viscous force of rigid velocities of a deformed, rotated body, relative to strain rates."""
     from ...solvers.small_motions.linearised import RateForces
 
     model = s.model(3.0, 2, {"type": "eigen", "modes": 1}, tau=TAU)
@@ -169,7 +169,7 @@ def _resists_spinning(s: Subject) -> float:
 
 
 def _rigid_velocities(model: Model, d: Array) -> Array:
-    """Return the rates (3, n_q) of the coordinates in two translations and a rotation about the origin, at d (n_q,)."""
+    """Return the coordinate rates (3, n_q) of two translations and a rotation about the origin, at d (n_q,)."""
     kinds, e, still = beam(model).kinds, model.e0 + d, np.zeros(model.n_q)
     first = np.flatnonzero((kinds == 0) | (kinds == 3))
     spin = np.where(kinds == 2, 1.0, 0.0)

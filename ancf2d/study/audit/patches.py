@@ -1,4 +1,4 @@
-"""Checks of forces and energies: rigid motion, constant stress on unequal elements, hidden motions without energy."""
+"""Checks of forces and energies: rigid motion, patch tests on unequal elements, zero-energy modes."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ from .fields import (
 from .subject import FAIL, NOTE, NU, PASS, ROUND_OFF, Finding, Subject, judged, percent
 
 ANGLES = (0.3, 1.6, -2.9)
-# three pieces of unequal length
+# ends of three pieces of unequal length, as shares
 UNEQUAL = (0.0, 0.2, 0.65, 1.0)
-# share by which a residual of constant stress may be off
+# allowed relative residual of states of constant stress
 EXACT = 1e-8
-# bending error of a fine mesh that still counts as the beam's
+# bending error of a fine mesh that is attributed to the beam, not to the element
 FINE = 1e-2
-# motions of a free beam without strain
+# rigid motions of a free beam
 RIGID = 3
 STRAINS = {"xx": (0, 0), "yy": (1, 1), "xy": (1, 0)}
 
 
 def rigid_motion(s: Subject) -> Finding:
-    """Examine the elastic forces of finite rigid motions, per unit displacement that strains."""
+    """Examine the elastic forces of finite rigid motions, relative to those of a unit displacement that strains."""
     model = s.free(3.0, 2)
     still, w = np.zeros(model.n_q), model.weights
     scale = float(np.abs(stiffness(model) / np.outer(w, w)).max())
@@ -63,7 +63,7 @@ def objectivity(s: Subject) -> Finding:
 
 
 def forces_turned(model: Model, Q: Array, angle: float) -> Array:
-    """Return forces whose pairs of components are turned."""
+    """Return forces with their pairs of components rotated."""
     kinds, out = beam(model).kinds, Q.copy()
     first = np.flatnonzero((kinds == 0) | (kinds == 3))
     c, s = np.cos(angle), np.sin(angle)
@@ -72,7 +72,7 @@ def forces_turned(model: Model, Q: Array, angle: float) -> Array:
 
 
 def isotropy(s: Subject) -> Finding:
-    """Examine whether a cantilever bends alike whichever way it points."""
+    """Examine whether a cantilever bends alike in all directions of the plane."""
     straight = tip_deflection(s, 10.0, 4)
     worst = max(abs(tip_deflection(s, 10.0, 4, angle=a) / straight - 1) for a in ANGLES)
     return judged(worst, EXACT, "the response does not depend on the direction of the beam",
@@ -80,7 +80,7 @@ def isotropy(s: Subject) -> Finding:
 
 
 def constitutive(model: Model, K: Array, length: float) -> tuple[Array, dict[str, Array]]:
-    """Return C (3, 3) of stress = C strain (xx, yy, xy) in uniform fields, by their energies, and the fields (n_q,)."""
+    """Return C (3, 3) of stress = C strain (xx, yy, xy) from energies of uniform fields, and these fields (n_q,)."""
     fields = {}
     for name, (a, b) in STRAINS.items():
         G = np.zeros((2, 2))
@@ -91,9 +91,9 @@ def constitutive(model: Model, K: Array, length: float) -> tuple[Array, dict[str
 
 
 def _patch(s: Subject, name: str) -> tuple[float, float] | None:
-    """Return (residual, modulus) of a uniform state of one stress alone; None where the element has no such strain.
+    """Return (residual, modulus) of a uniform state of one stress alone, or None if the element has no such strain.
 
-    The nodal forces of the state must be those that its stress exerts on ends and faces, at every node.
+    At every node, the nodal forces of the state must equal those that its stress exerts on ends and faces.
     """
     model = s.free(3.0, 3, breaks=UNEQUAL)
     K = stiffness(model)
@@ -124,24 +124,24 @@ def _patch_finding(s: Subject, name: str, what: str, modulus: float, none: str) 
 
 
 def patch_axial(s: Subject) -> Finding:
-    """Examine uniform tension, the section free to contract."""
+    """Examine uniform tension with sections free to contract."""
     return _patch_finding(s, "xx", "uniform tension", 1.0, "the element has no axial strain")
 
 
 def patch_transverse(s: Subject) -> Finding:
-    """Examine uniform tension across, the element free to contract along."""
+    """Examine uniform transverse tension with the element free to contract along its axis."""
     return _patch_finding(s, "yy", "uniform transverse tension", 1.0, "the section keeps its height, so it has no such "
                           "strain")
 
 
 def patch_shear(s: Subject) -> Finding:
-    """Examine uniform shear; the shear factor is a matter of its own."""
+    """Examine uniform shear; the shear factor is checked separately."""
     return _patch_finding(s, "xy", "uniform shear", s.chosen.section.mu_k, "the element does not shear")
 
 
 def bending_compliance(s: Subject, length: float, count: int, nu: float = NU,
                        breaks: tuple[float, ...] = (0.0, 1.0)) -> float:
-    """Return the work of a linear normal stress on both ends of a free beam over that of the beam of stiffness EI."""
+    """Return the work of a linear normal stress on both ends of a free beam, relative to that of a beam with EI."""
     model = s.free(length, count, nu=nu, breaks=breaks)
     section = beam(model).plan.section
     work = compliance(model, boundary_forces(model, lambda x, y: (-y, 0 * x, 0 * x)))
@@ -149,7 +149,7 @@ def bending_compliance(s: Subject, length: float, count: int, nu: float = NU,
 
 
 def patch_bending(s: Subject) -> Finding:
-    """Examine pure bending of unequal elements, and whether what is missing comes with refinement."""
+    """Examine pure bending of unequal elements, and whether the error vanishes with refinement."""
     coarse = bending_compliance(s, 10.0, 3, breaks=UNEQUAL) - 1
     fine = bending_compliance(s, 10.0, s.affordable(24, 800), breaks=UNEQUAL) - 1
     if abs(coarse) <= EXACT:
@@ -163,7 +163,7 @@ def patch_bending(s: Subject) -> Finding:
 
 
 def hidden_modes(model: Model, K: Array) -> int:
-    """Return how many motions without strain energy K (n_q, n_q) has beyond the rigid ones."""
+    """Return the number of motions without strain energy for K (n_q, n_q), beyond the rigid ones."""
     w = model.weights
     values = np.linalg.eigvalsh(K / np.outer(w, w))
     return int((values < 100 * ZERO * values[-1]).sum()) - RIGID
@@ -175,7 +175,7 @@ def zero_energy_modes(s: Subject) -> Finding:
     for nu in (NU, 0.0):
         model = s.free(1.0, 1, nu=nu)
         K = element_stiffness(model)[0]
-        # without shape functions at this nu, which is told by another check
+        # not finite where the shape functions do not exist at this nu, which another check reports
         hidden = hidden_modes(model, K) if np.isfinite(K).all() else 0
         if hidden > worst:
             worst, at = hidden, nu

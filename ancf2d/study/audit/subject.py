@@ -1,6 +1,6 @@
-"""The element under examination, the models made of it, and what a check finds.
+"""The element under examination, models made of it, and the results of checks.
 
-The beams that it is tried on are straight, of height, width, E and density 1.
+The test beams are straight; height, width, E and density are 1.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from ...model.plan import BodyPlan, plan_bodies
 from ..run import vocabulary
 from ..variants import described, element_named, is_file
 
-# every number of the examination is one of the element, not of a unit
+# with unit data, all numbers of the examination characterise the element
 HEIGHT = 1.0
 NU = 0.3
 
@@ -36,8 +36,8 @@ def beam_case(name: str, element: dict[str, Any], length: float, solver: Any, *,
               **scene: Any) -> LoadedCase:
     """Return the case of a body ``beam`` from the origin; ``scene`` holds other top-level keys of the case.
 
-    ``breaks`` are shares of the length that end pieces of unequal elements, ``tau`` [s] is the retardation time of the
-    material, ``material`` what else it has. Raises CaseError.
+    ``breaks`` are shares of the length that bound pieces with elements of different lengths, ``tau`` [s] is the
+    retardation time of the material, ``material`` holds its other keys. Raises CaseError.
     """
     points = [[length * s * math.cos(angle), length * s * math.sin(angle)] for s in breaks]
     geometry = ({"type": "line", "start": points[0], "end": points[1]} if len(points) == 2
@@ -51,9 +51,9 @@ def beam_case(name: str, element: dict[str, Any], length: float, solver: Any, *,
 
 @dataclass(frozen=True)
 class Subject:
-    """An element type with formulation and quadrature; ``spec`` is what the ``element`` of a body says of it.
+    """An element type with formulation and quadrature; ``spec`` is the value of ``element`` in its body.
 
-    ``plan`` is None where the nodal coordinates do not determine the basis; ``flaw`` says why.
+    ``plan`` is None if the nodal coordinates do not determine the basis; ``flaw`` says why.
     """
 
     name: str
@@ -64,7 +64,7 @@ class Subject:
 
     @property
     def chosen(self) -> BodyPlan:
-        """Formulation, quadrature and section of an element whose shape functions exist."""
+        """Return formulation, quadrature and section. Raises ValueError for an element without shape functions."""
         if self.plan is None:
             raise ValueError(self.flaw)
         return self.plan
@@ -88,22 +88,22 @@ class Subject:
         return build_model(beam_case(self.name, {**self.spec, "count": count}, length, solver, **scene))
 
     def free(self, length: float, count: int, **scene: Any) -> Model:
-        """Return the model of such a beam that nothing holds."""
+        """Return the model of such a beam without supports."""
         return self.model(length, count, {"type": "eigen", "modes": 1}, **scene)
 
     def affordable(self, most: int, coordinates: int) -> int:
-        """Return at most ``most`` elements, fewer where they would have more nodal coordinates, at least 2."""
+        """Return ``most`` elements, or fewer (at least 2) if they would exceed this number of nodal coordinates."""
         shared = self.element.components * sum(c != "theta" for c in self.element.nodes[0].coordinates)
         return max(2, min(most, coordinates // max(self.element.n_dof - shared, 1)))
 
     @property
     def wall(self) -> dict[str, Any]:
-        """The clamp that holds a section without keeping it from contracting."""
+        """The clamp that holds a section but lets it contract."""
         hold = "breathe" if self.element.section_kind == "interpolated" else "section"
         return {"name": "wall", "type": "clamp", "at": "beam@0", "hold": hold}
 
     def with_formulation(self, name: str) -> Subject | None:
-        """Return the same element with another formulation and its default quadrature, None where it has none."""
+        """Return the element with another formulation and its default quadrature, or None if it is refused."""
         spec = {k: v for k, v in self.spec.items() if k != "quadrature"} | {"formulation": name}
         try:
             return Subject(self.name, self.element, spec, _plan(self.name, spec, None))
@@ -112,9 +112,9 @@ class Subject:
 
 
 def subject(name: str, preset: str | None = None, formulation: str | None = None, quadrature: Any = None) -> Subject:
-    """Return what ``ancf2d audit NAME`` examines: a listed type, a member ``ancf[p,q]``, or a description in a file.
+    """Return the element that ``ancf2d audit NAME`` examines: a listed type, a member ``ancf[p,q]`` or one in a file.
 
-    Raises CaseError for names, files and options that cannot be.
+    Raises CaseError for invalid names, files and options.
     """
     options = {"preset": preset, "formulation": formulation, "quadrature": quadrature}
     chosen = {k: v for k, v in options.items() if v is not None}
@@ -142,7 +142,7 @@ def _described(path: str, chosen: dict[str, Any]) -> Subject:
 
 
 def _plan(name: str, spec: dict[str, Any], source: Source | None) -> BodyPlan:
-    """Return what is chosen for a body of the element. Raises CaseError in the words of its file or of the options."""
+    """Return the plan of a body of the element. Raises CaseError in terms of the element's file or of the options."""
     try:
         plans, problems = plan_bodies(beam_case(name, {**spec, "count": 1}, 1.0, {"type": "eigen", "modes": 1}))
     except CaseError as error:
@@ -153,7 +153,7 @@ def _plan(name: str, spec: dict[str, Any], source: Source | None) -> BodyPlan:
 
 
 def _about(problem: Problem, spec: dict[str, Any], source: Source | None) -> Problem:
-    """Return a problem of the body that stands for the element, told of where its user wrote it."""
+    """Return a problem of the test body in terms of the place where the user described the element."""
     key = problem.path[3] if len(problem.path) > 3 else ""
     message = problem.message.replace("bodies.beam.element.", "").replace("bodies.beam.element: ", "")
     if key in spec:
@@ -164,13 +164,13 @@ def _about(problem: Problem, spec: dict[str, Any], source: Source | None) -> Pro
 
 
 PASS, FAIL, NOTE = "pass", "fail", "note"
-# below this share of its scale a number is round-off
+# numbers below this share of their scale are round-off
 ROUND_OFF = 1e-9
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A number (None where there is none), a verdict (pass, fail, note) and one line that says what it means."""
+    """A number (None if there is none), a verdict (pass, fail, note), and its meaning in one line."""
 
     value: float | None
     verdict: str
@@ -179,9 +179,9 @@ class Finding:
 
 @dataclass(frozen=True)
 class Check:
-    """One question put to an element: its name, the question, and the computation that answers it.
+    """One question about an element: its name, the question, and the computation that answers it.
 
-    ``work`` is about how long that takes, compared with the other checks.
+    ``work`` is roughly the time it takes, relative to the other checks.
     """
 
     name: str
@@ -192,26 +192,26 @@ class Check:
 
 @dataclass(frozen=True)
 class Answer:
-    """A check with what it found."""
+    """A check with its finding."""
 
     check: Check
     finding: Finding
 
     def as_json(self) -> dict[str, Any]:
-        """Return what ``--json`` prints of a check."""
+        """Return the ``--json`` form of a check."""
         f = self.finding
         return {"name": self.check.name, "value": f.value, "verdict": f.verdict, "meaning": f.meaning,
                 "question": self.check.question}
 
 
 def judged(value: float, allowed: float, good: str, bad: str) -> Finding:
-    """Return a finding that passes up to an allowed size; a number that is none fails."""
+    """Return a finding that passes if the value is finite and of at most the allowed size."""
     if math.isfinite(value) and abs(value) <= allowed:
         return Finding(value, PASS, good)
     return Finding(value, FAIL, bad)
 
 
 def percent(share: float) -> str:
-    """Return a share as people read it: 9.0 %, 0.02 %."""
+    """Return a share in percent with few digits: 9.0 %, 0.02 %."""
     size = abs(100.0 * share)
     return f"{size:.1f} %" if size >= 0.1 else f"{size:.2g} %"

@@ -1,1 +1,1 @@
-"""Work and precision: what settings of a case cost, and how large their errors are."""
+"""Work and precision: the cost of settings of a case, and the size of their errors."""

@@ -1,4 +1,4 @@
-"""One solution of a case, measured: its answer, what it costs in time and memory."""
+"""One measured solution of a case: its answer, and its cost in time and memory."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from ..run import prepare, vocabulary
 from ..variants import Variant, element_data, flexible, nested_base, stretches_of
 from ..warmup import kernels_of, warm_up
 
-# solves are measured anew until they took SHORT [s] together, or MANY times
+# solves are repeated until they took SHORT [s] together, or MANY times
 SHORT, MANY = 0.02, 9
-_WARM: set[str] = set()  # the kernels that this process has in hand
+_WARM: set[str] = set()  # the kernels that this process has loaded
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What is chosen for a case beside its mesh; what is None, or empty, is as the case has it.
+    """Choices for a case other than its mesh; those that are None or empty are left as in the case.
 
-    ``key`` says what a motion's steps are given by, dt [s] or tolerance, and ``step`` its value.
+    ``key`` names the quantity that gives a motion's steps, dt [s] or tolerance, and ``step`` is its value.
     """
 
     variant: Variant
@@ -42,7 +42,7 @@ class Setting:
     step: float | None = None
 
     def overrides(self, loaded: LoadedCase, counts: dict[str, int]) -> tuple[str, ...]:
-        """Return the ``PATH=VALUE`` overrides that give this, with so many elements of each body."""
+        """Return the ``PATH=VALUE`` overrides of this setting, with the given number of elements of each body."""
         out, lengths = [], stretches_of(loaded.case)
         for name, body in flexible(loaded.case).items():
             data = self.element(body, counts[name], nested_base(counts[name], len(lengths[name])))
@@ -50,7 +50,7 @@ class Setting:
         return (*out, *self._steps(loaded))
 
     def element(self, body: Body, count: int, base: int) -> dict[str, Any]:
-        """Return the ``element`` of a body with so many elements, refined from ``base`` ones, as a case has it."""
+        """Return the ``element`` of a body, in case format, with ``count`` elements refined from ``base`` ones."""
         data = element_data(body, self.variant, count, base)
         return data if self.quadrature is None else {**data, "quadrature": self.quadrature}
 
@@ -61,7 +61,7 @@ class Setting:
         method = self.method or solver.method
         other = (method or DEFAULT) != (solver.method or DEFAULT)
         if other or (self.key and getattr(solver, self.key) is None):
-            # a value that the case has cannot be taken away, only the whole of the solver replaced
+            # an override cannot remove a key of the case, so the whole solver is replaced
             changed: dict[str, Any] = {"method": method}
             if self.key:
                 changed.update({"dt": None, "tolerance": None, self.key: self.step})
@@ -77,11 +77,11 @@ def _plain(data: dict[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Task:
-    """What another process needs to solve and measure one setting.
+    """Everything that another process needs to solve and measure one setting.
 
-    ``chosen`` overrides come on top of those of the case; ``element`` is what the type is called; ``repeat``: how often
-    its cost is measured, 0 for its answer alone, less where ``patience`` [s] is over; ``interval`` [time] of the states
-    of a motion that names none.
+    ``chosen`` overrides are added to those of the case; ``element`` is the name of the type; ``repeat``: number of
+    timed runs, 0 if only the answer is wanted, fewer when ``patience`` [s] is exceeded; ``interval`` [time] of the
+    stored states of a motion that gives none.
     """
 
     text: str
@@ -96,7 +96,7 @@ class Task:
     interval: float | None = None
 
     def cost(self, once: float) -> float:
-        """Return what all runs of the task will take [s], of which one takes ``once``."""
+        """Return the time [s] of all runs of the task, if one run takes ``once``."""
         return once * (1 + min(self.repeat, max(1, int(self.patience / max(once, 1e-9)))))
 
     def load(self) -> LoadedCase:
@@ -111,11 +111,11 @@ class Task:
 
 @dataclass
 class Measured:
-    """What solving a task gave.
+    """The result of solving a task.
 
-    ``wall_s``: the median of ``runs`` solves, without reading, building and compiling; ``memory`` [bytes]: the most
-    that Python and numpy held at a time for model and solution; ``elapsed``: all in all; ``status``: converged,
-    failed, or refused where the case cannot have this setting.
+    ``wall_s``: median time of ``runs`` solves, without reading, building and compiling; ``memory`` [bytes]: peak memory
+    of Python and numpy for model and solution; ``elapsed``: total time; ``status``: converged, failed, or refused if
+    the case does not allow this setting.
     """
 
     task: Task
@@ -133,13 +133,13 @@ class Measured:
 
 
 def lost(task: Task) -> Measured:
-    """Return what is known of a task whose process has died."""
+    """Return the result of a task whose process died."""
     return Measured(task, task.element, task.setting.variant.formulation or "", task.elements, status="failed",
                     reason=DIED)
 
 
 def measure(task: Task) -> Measured:
-    """Solve a task; what goes wrong is told in the result."""
+    """Solve a task; failures are reported in the result."""
     out, began = replace(lost(task), status="converged", reason=""), time.perf_counter()
     try:
         _measure(task, out)
@@ -150,16 +150,16 @@ def measure(task: Task) -> Measured:
 
 
 def make_ready(task: Task, compiling: Callable[[str], None] = lambda text: None) -> None:
-    """Compile, or load, the kernels of a task, and go once through a solve with them.
+    """Compile, or load, the kernels of a task, and run one solve with them.
 
-    Raises CaseError for a setting that the case cannot have.
+    Raises CaseError for a setting that the case does not allow.
     """
     loaded = task.load()
     model = prepare(loaded)
     kernels = kernels_of(loaded.data)
     if kernels not in _WARM:
         warm_up(model, compiling)
-        # libraries that only a whole solve calls; how it ends, the run that is measured tells
+        # loads libraries that only a whole solve calls; a failure will be reported by the measured run
         with suppress(ComputationError):
             solve_for_goal(loaded)
         _WARM.add(kernels)
@@ -183,14 +183,14 @@ def _measure(task: Task, out: Measured) -> None:
 
 
 def _again(times: list[float], task: Task) -> bool:
-    """Whether to measure once more: as often as asked for, oftener what is short, less often what takes long."""
+    """Return whether to measure once more: as often as asked for, more often if short, less often if long."""
     if not times or (len(times) < MANY and sum(times) < SHORT):
         return True
     return len(times) < task.repeat and sum(times) + times[-1] < task.patience
 
 
 def _traced(loaded: LoadedCase) -> tuple[Solved, int]:
-    """Solve and return the most memory [bytes] held at a time from the model on; tracing it takes time of its own."""
+    """Solve, and return the peak memory [bytes] from the model on; tracing it takes additional time."""
     tracemalloc.start()
     try:
         found = solve_for_goal(loaded, Progress(built=lambda model: tracemalloc.reset_peak()))

@@ -1,4 +1,4 @@
-"""What a study of work and precision solves: every setting's meshes, coarse to fine, and what errors are against."""
+"""Plan of a study of work and precision: the meshes of every setting, coarse to fine, and the references of errors."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ from ..pool import Workers
 from ..variants import Variant, check_flexible, count_of, divided, flexible, parse_variants, stretches_of
 from .measure import Measured, Setting, Task
 
-STUDIED = "reissner3,cable,vallejo,ancf[3,1],2d2n,2d3n"  # beside the case's own type
+STUDIED = "reissner3,cable,vallejo,ancf[3,1],2d2n,2d3n"  # in addition to the case's own type
 ACCURACIES = (1e-2, 1e-3, 1e-4)
 BUDGET = 60.0
 REPEAT = 3
-SHARE = 0.02  # of the budget: what repeating one measurement may take
+SHARE = 0.02  # of the budget: longest time for repeating one measurement
 LEAST_ELEMENTS, USUAL_ELEMENTS, USUAL_OF_MOTION = 2, 64, 16
-BEYOND = 3  # doublings of the finest mesh that a reference may take
-STATES = 100  # of a motion that names no interval
-FINER = 1e-2  # tolerance of a reference over the finest one studied
+BEYOND = 3  # doublings of the finest mesh allowed for a reference
+STATES = 100  # stored states of a motion that gives no interval
+FINER = 1e-2  # tolerance of a reference relative to the finest one studied
 FINEST_TOLERANCE, REFERENCE_TOLERANCE = 1e-12, 1e-9
-# names of solver keys that steps are given by, with what the case's own value is multiplied by
+# solver keys that define the steps, with factors applied to the case's own value
 LEVELS = {"tolerance": (1e4, 1e2, 1.0), "dt": (4.0, 2.0, 1.0)}
 LOOSEST_TOLERANCE = 1e-2
 
 
 @dataclass(frozen=True)
 class Choice:
-    """What is studied. Empty or None stands for what ``study_of`` chooses; ``meshes`` count all elements."""
+    """The settings to study. Empty or None stands for the defaults of ``Planner``; ``meshes`` count all elements."""
 
     variants: tuple[Variant, ...] = ()
     meshes: tuple[int, ...] = ()
@@ -50,14 +50,14 @@ class Choice:
     budget: float = BUDGET
     accuracies: tuple[float, ...] = ACCURACIES
     reference: float | None = None
-    continuum: bool = False  # whether errors are against the continuum rather than each type's own limit
+    continuum: bool = False  # errors are relative to the continuum instead of each type's own limit
 
 
 @dataclass
 class Chain:
     """Meshes of one setting, coarse to fine; those from ``judged`` on only serve the reference.
 
-    ``settles``: whether it may end where the answer no longer changes.
+    ``settles``: the chain may end when the answer no longer changes.
     """
 
     tasks: list[Task]
@@ -68,11 +68,11 @@ class Chain:
 
     @property
     def next(self) -> Task | None:
-        """What is solved next; None at the end."""
+        """The next task to solve, or None at the end."""
         return None if self.ended or len(self.done) == len(self.tasks) else self.tasks[len(self.done)]
 
     def take(self, found: Measured) -> None:
-        """Take the result of the next task."""
+        """Store the result of the next task."""
         self.done.append(found)
         self.ended |= found.status == "refused" or (self.settles and self._settled())
 
@@ -81,13 +81,13 @@ class Chain:
         return a is not None and b is not None and a.distance(b) <= ROUND_OFF * b.size
 
     def drop(self) -> list[Task]:
-        """End here; return what is not solved."""
+        """End the chain; return the tasks not solved."""
         left = [] if self.ended else self.tasks[len(self.done):]
         self.ended = True
         return left
 
     def cost(self) -> float | None:
-        """Return what the next task will take [s], after those before; None where there are none."""
+        """Return the predicted time [s] of the next task, from those solved; None if there are none."""
         task, runs = self.next, [m for m in self.done if m.status == "converged"]
         if task is None or not runs:
             return None
@@ -98,10 +98,10 @@ class Chain:
 
 @dataclass
 class Series:
-    """All that is solved of one element type, formulation and quadrature, which have one limit.
+    """All chains of one element type, formulation and quadrature, which share one limit.
 
-    ``reference`` is the chain that tells the limit: of a motion one of its own with a tight tolerance, and ``steps``
-    one with a looser tolerance, which tells what that leaves; else the one of the rows.
+    ``reference`` is the chain that gives the limit. For a motion it is a separate one with a tight tolerance, and
+    ``steps`` one with a looser tolerance that shows the error of its steps; otherwise it is the chain of the rows.
     """
 
     setting: Setting
@@ -116,7 +116,7 @@ class Series:
         return [*self.rows, *more]
 
     def cost(self, chain: Chain) -> float:
-        """Return what a chain's next task will take [s]; 0 where nothing like it was solved yet."""
+        """Return the predicted time [s] of a chain's next task; 0 if nothing similar was solved yet."""
         own = chain.cost()
         if own is not None or chain.next is None:
             return own or 0.0
@@ -125,7 +125,7 @@ class Series:
 
 
 class Planner:
-    """Makes the series of a case."""
+    """Builds the series of a case."""
 
     def __init__(self, loaded: LoadedCase, choice: Choice, workers: Workers) -> None:
         self.loaded, self.choice, self.workers = loaded, choice, workers
@@ -156,7 +156,7 @@ class Planner:
         return key, tuple(sorted({float(f"{x:.12g}") for x in steps}, reverse=True))
 
     def _coarsest(self) -> int:
-        """Return the fewest elements, two at least, that are in the proportions of the case."""
+        """Return the fewest elements, at least two, in the proportions of the case."""
         bodies = flexible(self.loaded.case)
         counts = {name: count_of(b) for name, b in bodies.items()}
         divisor = math.gcd(*counts.values())
@@ -178,7 +178,7 @@ class Planner:
         return list(self.choice.variants) or [Variant(), *parse_variants(STUDIED)]
 
     def series(self) -> list[Series]:
-        """Return the series of all variants and quadratures, none twice."""
+        """Return the series of all variants and quadratures, without duplicates."""
         out, seen = [], set()
         for variant in self._variants:
             for quadrature in self.choice.quadratures:
@@ -231,7 +231,7 @@ class Planner:
     # ------------------------------------------------------------------ the continuum
 
     def at_least(self, elements: int, levels: int) -> list[dict[str, int]]:
-        """Return the elements of each body of meshes that double from ``elements`` or a little more on."""
+        """Return the elements of each body for meshes that double, the first with at least ``elements``."""
         first = self._coarsest()
         while first < elements:
             first *= 2
@@ -243,7 +243,7 @@ class Planner:
         return plain if self.motion is None else self._precise(plain)
 
 
-RESOLVED = 10.0  # an error is told where it is so many times that of its reference
+RESOLVED = 10.0  # an error is shown if it is this many times that of its reference
 ALONG = 3  # order along the axis of the elements that approach the continuum
 ACROSS, ACROSS_IN_MOTION = (1, 2, 3, 4), (1, 2, 3)
 CONTINUUM_ELEMENTS, CONTINUUM_MESHES = 4, 3
@@ -252,9 +252,9 @@ SPREADABLE = ("boundary_conditions", "loads")
 
 @dataclass
 class Limit:
-    """What a series tends to: an answer, known to ``bar`` (relative; infinite where that is not known).
+    """Limit of a series: an answer, with its relative error ``bar`` (infinite if unknown).
 
-    Without an answer, ``note`` says why there is none.
+    Without an answer, ``note`` gives the reason.
     """
 
     answer: Answer | None = None
@@ -262,21 +262,21 @@ class Limit:
     note: str = ""
 
     def error(self, answer: Answer) -> float:
-        """Return the relative error of an answer; infinite where the limit is not known."""
+        """Return the relative error of an answer; infinite if the limit is unknown."""
         return math.inf if self.answer is None else answer.distance(self.answer) / self.answer.size
 
     @property
     def known(self) -> bool:
-        """Whether there is an answer, and how well it is known."""
+        """Return whether there is an answer with a known error."""
         return self.answer is not None and math.isfinite(self.bar)
 
     def resolves(self, error: float) -> bool:
-        """Whether an error is so large that the limit's own does not matter."""
+        """Return whether an error is so large that the limit's own does not matter."""
         return self.known and error >= RESOLVED * self.bar
 
 
 def limit(series: Series, reference: float | None = None) -> Limit:
-    """Return what a series tends to, from what was solved of it."""
+    """Return the limit of a series, estimated from its solved tasks."""
     good = [(m, m.answer) for m in series.reference.done if m.answer is not None]
     if not good:
         return Limit(note="nothing was solved that could show the limit")
@@ -289,14 +289,14 @@ def limit(series: Series, reference: float | None = None) -> Limit:
     if reference is not None:
         return Limit(answer, 0.0)
     gaps = [abs(b - a) for a, b in pairwise(f)]
-    # the finest meshes moved the answer more than coarser ones had: nothing tells where that will end
+    # the finest meshes changed the answer more than coarser ones did, so the limit is not visible
     wanders = not found.asymptotic and len(gaps) > 1 and gaps[-1] > min(gaps)
     bar = math.inf if found.error_bar is None or wanders else found.error_bar / answer.size
     return Limit(answer, bar + _of_steps(series, answer), found.note)
 
 
 def _of_steps(series: Series, limit: Answer) -> float:
-    """Return how far off a motion's reference is by its steps: less than with a ten times looser tolerance."""
+    """Return the error of a motion's reference due to its steps: less than the change with ten times the tolerance."""
     if series.steps is None:
         return 0.0
     for loose in series.steps.done:
@@ -307,22 +307,22 @@ def _of_steps(series: Series, limit: Answer) -> float:
 
 
 def smallest_error(series: Series, found: Limit) -> float:
-    """Return the smallest error of the rows that were solved."""
+    """Return the smallest error of the solved rows."""
     done = [m for chain in series.rows for m in chain.done[:chain.judged]]
     return min((found.error(m.answer) for m in done if m.answer is not None), default=math.inf)
 
 
 def suffices(series: Series, found: Limit) -> bool:
-    """Whether the reference of a series is good enough for all its rows."""
+    """Return whether the reference of a series is accurate enough for all its rows."""
     return found.resolves(smallest_error(series, found))
 
 
 # ---------------------------------------------------------------------------- the continuum
 
 def continuum_series(planner: Planner) -> dict[int, Series]:
-    """Return the series of ``ancf[3, q]`` by q; none where sections are given as stiffnesses, without a continuum.
+    """Return the series of ``ancf[3, q]`` by q; none if sections are given as stiffnesses, without a continuum.
 
-    Supports and forces act on the mean of a section: at a point, a continuum gives way without limit.
+    Supports and forces act on the mean of a section, because a continuum deforms without limit at a point force.
     """
     loaded = planner.loaded
     if any(isinstance(b.section, Stiffness) for b in flexible(loaded.case).values()):
@@ -342,16 +342,16 @@ def _of(planner: Planner) -> dict[str, Any]:
 
 
 class Plain(Setting):
-    """A setting whose elements have all defaults of their type, and nothing of the case's."""
+    """A setting with all defaults of its element type, independent of the case's element."""
 
     def element(self, body: Body, count: int, base: int) -> dict[str, Any]:
-        """Return the ``element`` of a body."""
+        """Return the ``element`` of a body in case format."""
         variant = self.variant
         return {"type": variant.type, "order": list(variant.order or ()), **divided(count, base)}
 
 
 def _spread(loaded: LoadedCase) -> list[str]:
-    """Return overrides that let supports and forces at points of the axis act on the section's mean."""
+    """Return overrides that make supports and forces at points of the axis act on the section's mean."""
     out = []
     for name in SPREADABLE:
         for i, item in enumerate(getattr(loaded.case, name)):
@@ -361,7 +361,7 @@ def _spread(loaded: LoadedCase) -> list[str]:
 
 
 def continuum(found: dict[int, Limit]) -> Limit:
-    """Return the limit over the order across; known as well as the last two orders agree, and their meshes tell."""
+    """Return the limit over the order across; its error includes the difference between the last two orders."""
     good = [found[q] for q in sorted(found) if found[q].known]
     if len(good) < 2 or good[-2].answer is None:
         return Limit(note="the budget did not allow it, or it has no limit" if found else "sections are given as "
@@ -370,5 +370,5 @@ def continuum(found: dict[int, Limit]) -> Limit:
 
 
 def distance(a: Limit, b: Limit) -> tuple[float, float]:
-    """Return how far the limit ``a`` is from ``b``, relative to ``b``, and how well that is known."""
+    """Return the distance of the limit ``a`` from ``b``, relative to ``b``, and its uncertainty."""
     return (math.inf if a.answer is None else b.error(a.answer)), a.bar + b.bar

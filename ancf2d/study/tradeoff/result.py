@@ -19,9 +19,9 @@ from .plan import RESOLVED, Limit, Series, distance
 
 
 def pareto(cost: Sequence[float], error: Sequence[float]) -> list[bool]:
-    """Return of each point whether no other one beats it: has no more of both, and less of one.
+    """Return for each point whether no other one beats it, with at most its cost and error and less of one of them.
 
-    Points that are not finite are never on the front, nor do they beat any.
+    Points that are not finite are never on the front, nor do they beat others.
     """
     front, best = [False] * len(cost), (math.inf, math.inf)
     known = [i for i in range(len(cost)) if math.isfinite(cost[i]) and math.isfinite(error[i])]
@@ -32,7 +32,7 @@ def pareto(cost: Sequence[float], error: Sequence[float]) -> list[bool]:
 
 
 def cheapest(cost: Sequence[float], error: Sequence[float], wanted: float) -> int | None:
-    """Return the number of the cheapest point with an error of at most ``wanted``, None where there is none."""
+    """Return the index of the cheapest point with an error of at most ``wanted``, or None if there is none."""
     good = [i for i in range(len(cost)) if math.isfinite(cost[i]) and error[i] <= wanted]
     return min(good, key=lambda i: (cost[i], error[i])) if good else None
 
@@ -52,9 +52,9 @@ WHAT = {
 class Row:
     """One setting on one mesh.
 
-    ``error`` is None where it is not told; it is then less than ``error_below``, where that is known. ``judged`` is
-    what the front and the recommendations go by: the error, or its bound, with that of the model where errors are
-    against the continuum; infinite where nothing is known.
+    ``error`` is None if unknown; it is then below ``error_below``, if that is known. ``judged`` is the basis of the
+    front and the recommendations: the error, or its bound, plus the model error if errors are relative to the
+    continuum; infinite if unknown.
     """
 
     measured: Measured
@@ -67,11 +67,11 @@ class Row:
 
     @property
     def task(self) -> Task:
-        """What was solved."""
+        """The task that was solved."""
         return self.measured.task
 
     def as_json(self) -> dict[str, Any]:
-        """Return what ``--json`` prints of the row."""
+        """Return the ``--json`` form of the row."""
         m, setting = self.measured, self.task.setting
         out: dict[str, Any] = {"element": m.element, "formulation": m.formulation, "elements": m.elements}
         out.update(_chosen(setting))
@@ -84,13 +84,13 @@ class Row:
         return {**out, "reason": m.reason} if m.reason else out
 
     def as_recommendation(self) -> dict[str, Any]:
-        """Return what is recommended: the row, and the overrides that give it."""
+        """Return the recommendation: the row, and the overrides that give it."""
         row = {k: v for k, v in self.as_json().items() if k not in ("runs", "status", "pareto")}
         return {**row, "set": list(self.task.chosen)}
 
 
 def _chosen(setting: Any) -> dict[str, Any]:
-    """Return what a setting says beside type and mesh."""
+    """Return the choices of a setting other than type and mesh."""
     out = {} if setting.quadrature is None else {"quadrature": setting.quadrature}
     if setting.key:
         out.update({"method": setting.method, setting.key: setting.step})
@@ -99,7 +99,7 @@ def _chosen(setting: Any) -> dict[str, Any]:
 
 @dataclass
 class Known:
-    """What is known of a series: its limit, and how far that is from the continuum's."""
+    """Results for a series: its limit, and the distance of that from the continuum's limit."""
 
     element: str
     formulation: str
@@ -112,14 +112,14 @@ class Known:
 
     @property
     def model_error_at_most(self) -> float:
-        """The model error where it is told, the most that it can be where it is not; infinite where it is not known."""
+        """The model error, or its upper bound if it is not resolved; infinite if it is unknown."""
         if self.model_error is None or self.model_error_bar is None:
             return math.inf
         told = self.model_error >= RESOLVED * self.model_error_bar
         return self.model_error if told else self.model_error + self.model_error_bar
 
     def as_json(self) -> dict[str, Any]:
-        """Return what ``--json`` prints of the series."""
+        """Return the ``--json`` form of the series."""
         limit = self.limit
         chosen = {} if self.quadrature is None else {"quadrature": self.quadrature}
         return {"element": self.element, "formulation": self.formulation, **chosen,
@@ -131,7 +131,7 @@ class Known:
 
 @dataclass
 class Study:
-    """A finished study; ``dropped`` are tasks that the budget had no room for, ``spent`` [s] of it."""
+    """A finished study; ``dropped`` are the tasks that did not fit into the budget, of which ``spent`` [s] was used."""
 
     case: str
     title: str
@@ -150,17 +150,17 @@ class Study:
 
     @property
     def converged(self) -> bool:
-        """Whether anything could be solved."""
+        """Return whether any task could be solved."""
         return any(row.measured.answer is not None for row in self.rows)
 
     def judge(self) -> None:
-        """Find the front."""
+        """Mark the rows on the Pareto front."""
         times = [math.inf if r.measured.wall_s is None else r.measured.wall_s for r in self.rows]
         for row, best in zip(self.rows, pareto(times, [r.judged for r in self.rows]), strict=True):
             row.pareto = best
 
     def recommended(self, accuracy: float) -> Row | None:
-        """Return the cheapest row that reaches an accuracy; None where there is none."""
+        """Return the cheapest row that reaches an accuracy, or None if there is none."""
         times = [math.inf if r.measured.wall_s is None else r.measured.wall_s for r in self.rows]
         found = cheapest(times, [r.judged for r in self.rows], accuracy)
         return None if found is None else self.rows[found]
@@ -188,7 +188,7 @@ class Study:
 
 
 def accuracy_name(accuracy: float) -> str:
-    """Return an accuracy as it is written: 1e-3, 5e-4."""
+    """Return an accuracy as it is usually written: 1e-3, 5e-4."""
     mantissa, exponent = f"{accuracy:.6e}".split("e")
     return f"{float(mantissa):g}e{int(exponent)}"
 
@@ -200,9 +200,9 @@ def _left_out(task: Task) -> dict[str, Any]:
 
 def rows_of(number: int, series: Series, found: Limit, behind: Limit, against_continuum: bool, given: bool,
             ) -> tuple[list[Row], Known]:
-    """Return the rows of a series, judged against its limit, and what is known of it.
+    """Return the rows of a series, judged by its limit, and its summary.
 
-    ``behind`` is the limit of the continuum; ``given``: the reference is a number that the user gave.
+    ``behind`` is the limit of the continuum; ``given``: the reference is a number given by the user.
     """
     rows = [Row(m, number) for chain in series.rows for m in chain.done[:chain.judged]]
     known = Known("", "", found, series.setting.quadrature)
@@ -243,7 +243,7 @@ TABLE = "tradeoff"
 
 
 def write_tradeoff(study: Study, loaded: LoadedCase, path: str, command: str = "", *, force: bool = False) -> Path:
-    """Write the rows that were solved as table ``tradeoff``; return where. Raises ResultsError."""
+    """Write the solved rows as table ``tradeoff``; return the path. Raises ResultsError."""
     columns = (Column("value", goal_units(loaded), f"the goal: {study.goal}"),
                Column("error_below", "1", WHAT["error_below"]), Column("model_error", "1", WHAT["model_error"]),
                Column("judged", "1", WHAT["judged"]),

@@ -1,4 +1,4 @@
-"""Error against cost of a case over element types, meshes, integrators and steps, within a time."""
+"""Error against cost of a case over element types, meshes, integrators and steps, within a time budget."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from .result import Study, rows_of
 def tradeoff(loaded: LoadedCase, choice: Choice, workers: Workers = ALONE,
              compiling: Callable[[str], None] = lambda text: None, done: Done = lambda share, left: None,
              clock: Callable[[], float] = time.monotonic) -> Study:
-    """Solve a case with every setting of ``choice``, cheapest first, and judge what each costs and how far off it is.
+    """Solve a case with every setting of ``choice``, the cheapest first, and judge cost and error of each.
 
-    The budget counts from when all kernels are compiled. A setting that the case refuses is a row that says why.
-    Raises CaseError for a case without a goal, or one that refuses all, ComputationError where errors are wanted
-    against a continuum that the budget had no room for.
+    The budget starts when all kernels are compiled. A setting that the case refuses gives a row with the reason. Raises
+    CaseError for a case without a goal, or one that refuses all settings, ComputationError if errors are wanted
+    relative to a continuum that did not fit into the budget.
     """
     planner = Planner(loaded, choice, workers)
     series, behind = planner.series(), continuum_series(planner)
@@ -50,7 +50,7 @@ def tradeoff(loaded: LoadedCase, choice: Choice, workers: Workers = ALONE,
 
 
 def _ready(series: Sequence[Series], own: int, compiling: Callable[[str], None]) -> None:
-    """Compile what any chain needs; end chains that the case refuses. Raises CaseError where it refuses all."""
+    """Compile the kernels of all chains; end chains that the case refuses. Raises CaseError if it refuses all."""
     problems: list[Problem] = []
     refused = 0
     for k, s in enumerate(series):
@@ -69,15 +69,15 @@ def _ready(series: Sequence[Series], own: int, compiling: Callable[[str], None])
 
 @dataclass
 class _Todo:
-    """The chains of a study, and which of them go on: each group of series has its share of the time."""
+    """The chains of a study, and which of them continue: each group of series has its share of the time."""
 
     groups: list[list[Series]]
     reference: float | None
 
     def heads(self) -> list[tuple[float, Chain]]:
-        """Return the chains that go on, with what the next task of each will cost [s].
+        """Return the chains that continue, with the predicted cost of the next task of each [s].
 
-        Those of the group that took the least so far come first, and the cheapest within it.
+        The group with the least time spent comes first, with its cheapest chain.
         """
         out = []
         for group in self.groups:
@@ -86,7 +86,7 @@ class _Todo:
         return [(cost, chain) for _, cost, chain in sorted(out, key=lambda head: head[:2])]
 
     def left(self) -> float:
-        """Return what solving all rows, and references one level finer than those, will take one after another [s]."""
+        """Return the predicted time [s] of all remaining rows, and of references up to one level finer, one by one."""
         chains = [(c, max(t.elements for r in s.rows or s.chains for t in r.tasks[:r.judged or None]))
                   for group in self.groups for s in group for c in s.chains]
         ahead = Forecast()
@@ -98,7 +98,7 @@ class _Todo:
                    if not chain.ended for task in chain.tasks[len(chain.done):] if task.elements <= 2 * finest)
 
     def _needed(self, series: Series, chain: Chain) -> bool:
-        """Whether the next task of a chain tells anything: rows do, references as long as they are too coarse."""
+        """Return whether the next task of a chain is useful: rows are, references only while they are too coarse."""
         task = chain.next
         if task is None or task.repeat or chain is not series.reference:
             return task is not None
@@ -108,7 +108,7 @@ class _Todo:
 
 
 def _solve(todo: _Todo, workers: Workers, budget: Budget, done: Done) -> list[Task]:
-    """Solve what there is room for; return what there was none for."""
+    """Solve the tasks that fit into the budget; return those that do not."""
     dropped: list[Task] = []
     while heads := todo.heads():
         batch: list[Chain] = []
