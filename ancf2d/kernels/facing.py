@@ -111,7 +111,7 @@ def _box(par, fields, box):  # type: ignore[no-untyped-def]
     for c in range(2):
         middle, half = fields[c * terms], abs(par[OFFSET])
         if par[END] != 0.0:
-            # at the end of the element
+            # the straight end of a body
             half = abs(par[MIDDLE]) + abs(par[HALF])
         for j in range(1, terms):
             half += abs(fields[c * terms + j])
@@ -120,7 +120,7 @@ def _box(par, fields, box):  # type: ignore[no-untyped-def]
 
 @inner
 def _away(box, x, y):  # type: ignore[no-untyped-def]
-    """Return the square of the distance of (x, y) from a box."""
+    """Return the squared distance of (x, y) from a box."""
     dx, dy = max(box[0] - x, 0.0, x - box[2]), max(box[1] - y, 0.0, y - box[3])
     return dx * dx + dy * dy
 

@@ -79,7 +79,7 @@ def _scale(builder: Any, parts: list[Any]) -> Any:
 
 
 class _Block:
-    """Where the rows of a block are, as code is generated that works on it."""
+    """Code generation for a block: addresses of its rows, loads and masks."""
 
     def __init__(self, context: Any, builder: Any, array_type: Any, array: Any, at: Any, bw: Any) -> None:
         self.builder, self.is_complex = builder, isinstance(array_type.dtype, types.Complex)
@@ -89,14 +89,14 @@ class _Block:
         return self.builder.gep(self.start, [self.builder.mul(self.bw, r)])
 
     def rows(self, count: Any) -> tuple[list[Any], list[Any]]:
-        """Return where the four rows start, the last one again for those that are not there; and which are."""
+        """Return pointers to the four rows (the last existing row instead of missing ones), and which rows exist."""
         b = self.builder
         there = [b.icmp_signed("<", ir.Constant(INDEX, r), count) for r in range(LANES)]
         last = b.sub(count, ir.Constant(INDEX, 1))
         return [self.row(b.select(t, ir.Constant(INDEX, r), last)) for r, t in enumerate(there)], there
 
     def inside(self, outside: Any, r: int) -> Any:
-        """Return which of the four columns of row r lie in the band."""
+        """Return the mask of the columns of row r that lie in the band."""
         b = self.builder
         lanes = ir.Constant(ir.VectorType(INDEX, LANES), list(range(LANES)))
         return b.icmp_signed(">=", lanes, repeated(b, b.add(outside, ir.Constant(INDEX, r))))

@@ -123,10 +123,7 @@ def _linkable(result: Any) -> Any:
 
 
 def _entry(result: Any, wrapper: Any) -> Any:
-    """Return the Python entry point, by which numba identifies functions; without a wrapper, calling it raises.
-
-    Raises: TypeError when it is called without a wrapper.
-    """
+    """Return the Python entry point, by which numba identifies functions; without wrapper, a call raises TypeError."""
     fndesc, library = result.fndesc, result.library
     if wrapper is not None and library.get_pointer_to_function(fndesc.llvm_cpython_wrapper_name):
         return wrapper

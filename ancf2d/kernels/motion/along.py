@@ -91,9 +91,9 @@ def residuals(p, w, at, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def actions(p, w, at, dz, dv, da, step, out):  # type: ignore[no-untyped-def]
-    """Fill out (m, n) with the derivative of each residual along (dz, dv, da) (m, n), by differences.
+    """Fill out (m, n) with the derivative of each residual along (dz, dv, da) (m, n).
 
-    These are of fourth order, over ``step`` times the change.
+    It is computed by differences of fourth order over ``step`` times these vectors.
     """
     n = len(w.R)
     for k in range(len(at.t)):

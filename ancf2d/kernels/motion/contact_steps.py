@@ -36,7 +36,7 @@ MOVES, INTO = 1e-5, 1e-8
 @addressed_with_memory
 @seldom
 def point_sides(points, d, v, amps, out):  # type: ignore[no-untyped-def]
-    """Set 1 at the multipliers (n_full,) of one-sided constraints that are closed at d, 0 at those that are open."""
+    """Set out (n_full,) to 1 at the multipliers of one-sided constraints that are closed at d, 0 at open ones."""
     u, w, a, f = np.zeros(FIELDS), np.zeros(FIELDS), np.zeros(3), np.zeros(FIELDS)
     for i in range(len(points.forces)):
         if points.restitution[i] >= 0.0 and rests(points, i):

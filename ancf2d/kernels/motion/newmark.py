@@ -243,7 +243,7 @@ def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
 
 @inner
 def _of_step(m, backward):  # type: ignore[no-untyped-def]
-    """Return m, or the backward Euler method: z_1 = z_0 + h v_1, v_1 = v_0 + h a_1."""
+    """Return m or, if ``backward``, the backward Euler method: z_1 = z_0 + h v_1, v_1 = v_0 + h a_1."""
     own = 0.0 if backward else 1.0
     return Newmark(own * m.am, own * m.af, own * m.beta + (1.0 - own), own * m.gamma + (1.0 - own), own, m.tolerance,
                    m.max_iterations, m.full, m.end, m.alg, m.rows, m.before, m.after)

@@ -188,8 +188,8 @@ def fill_full(p, z, amps, order, out):  # type: ignore[no-untyped-def]
 class Turning(NamedTuple):
     """Section directions whose rotations are counted through full turns.
 
-    Direction i has the components ``along`` and ``across`` (weights of d[dofs], from begin[i] to begin[i + 1]) in the
-    frame of its reference, (length[i], 0) there.
+    In the frame of its reference, direction i is (length[i], 0) plus d[dofs] times the weights ``along`` and
+    ``across``, from begin[i] to begin[i + 1].
     """
 
     begin: Any
