@@ -175,7 +175,8 @@ def _try(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: i
     nx, ny = -sign * by / size, sign * bx / size
     inside = nx * rx + ny * ry < 0.0
     if found != WITHIN and inside and other[BOTH] == 0.0 and best[4] != CLOSED:
-        # if the nearest point from inside a body is a corner, it lies between elements; closed points slide past ends
+        # an end as the nearest point from inside a body counts only where the next element joins; other ends are where
+        # the body stops, which closed points may slide past
         joined = int(other[JOINED])
         if not (joined % 2 == 1 if found == AT_FIRST else joined >= 2):
             return False

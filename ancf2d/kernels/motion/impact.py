@@ -103,8 +103,8 @@ def _settle(p, w, z, v, a, t, impulse, how):  # type: ignore[no-untyped-def]
 @kernel_with_memory
 @seldom
 def begin(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
-    """Same as ``consistent`` at the start of a motion with closed hard contacts: those that separate are opened, those
-    that approach have an impact.
+    """Same as ``consistent`` with closed hard contacts, at the start of a motion or after a break: those that separate
+    are opened, those that approach have an impact.
     """
     n = len(p.points.mem)
     how, g, rate, second = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)

@@ -189,7 +189,8 @@ def _euler_length(p, s, own, h):  # type: ignore[no-untyped-def]
 
 @inner
 def _closing_time(p, w, s, own, t, h, x):  # type: ignore[no-untyped-def]
-    """Return the time that points which close at the fraction x of the step need for the gap that is allowed there."""
+    """Return the time in which points that close at the fraction x of the step move by the gap allowed before closing.
+    """
     size = max(s.numbers[SIZE], 1e-3 * p.extent)
     allowed = max((NEAR * own.tolerance if own.tolerance > 0.0 else FIXED) * size, NEAREST * p.extent)
     before, time = max(0.0, x - BESIDE), np.inf
