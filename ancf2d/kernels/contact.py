@@ -40,7 +40,7 @@ from .points import amplitude_of, fields_of_item
 # samples of an interval between contact points; penetration next to an existing point counts from this fraction of the
 # beam's local deflection there
 SAMPLES, BESIDE = 9, 0.25
-# fractions of the extent: a path less deep than the first does not pass through an obstacle; depth that counts as none
+# fractions of the extent: a path less deep than this does not pass through an obstacle; depth that counts as touching
 DEPTH, TOUCHES = 1e-3, 1e-9
 # a point has passed through if the cosine between the normals where it enters and leaves is below the first number,
 # or below the second one on a path deeper than the third (fraction of the extent)

@@ -321,7 +321,7 @@ def _add_size(work, factor, source, target, lanes):  # type: ignore[no-untyped-d
 
 @kernel
 def stations(group, d, eps_out, sigma_out):  # type: ignore[no-untyped-def]
-    """Fill strains and stresses D eps at every station: (ne, stations, n_eps) each."""
+    """Fill strains and stresses D eps at every station at d: (ne, stations, n_eps) each."""
     at, slot = layout(group.law)
     work, k = group.plan.work, group.law.strains
     _, _, ns, S = sizes(group)

@@ -270,7 +270,7 @@ def _reach(points, i, d):  # type: ignore[no-untyped-def]
 
 @kernel
 def face(table, points, d, near):  # type: ignore[no-untyped-def]
-    """Find the element that every contact point on bodies faces at d (n_full,), and store it in the point laws.
+    """Find the element that every contact point between bodies faces at d (n_full,), and store it in the point laws.
 
     ``near`` : only for points close enough to have a force; the others are marked as apart and keep their element.
     """

@@ -47,7 +47,7 @@ def read_states(p, w, side, onto, z, v, a, turns, feet, states,  # type: ignore[
     """Fill d, rates, second and Q = Q - F (m, n_full) with the full coordinates and forces of stored states.
 
     z, v and a (m, n) are first corrected in place as ``onto`` (m,) says: AS_IS (not), RATES (projected onto the
-    constraints) or POSITIONS (projected too); FORCES_ALONE only recomputes a and multipliers from the equations of
+    constraints) or POSITIONS (projected too); FORCES_ALONE only recomputes a and multipliers, from the equations of
     motion. side (m,) are the times for signals; turns, feet and states the history variables (``advance.Rows``).
     energy (m, 2) : strain energy of the elements, and kinetic energy.
     """

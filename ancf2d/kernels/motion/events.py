@@ -23,7 +23,7 @@ LOOKS, HALVINGS = 8, 20
 FLOAT, FLOATS = 2.220446049250313e-16, 4.0
 # a step that should end at an event: how far beyond its end the event is searched, and most tries to hit it
 BEYOND, TRIES = 0.05, 8
-# fraction of a step that stands for no place in it
+# returned instead of a fraction of a step if there is none
 NOWHERE = 2.0
 
 

@@ -59,7 +59,7 @@ MORE, MOST_BOUNCES, EQUAL, ROUND = 1.1, 12, 1e-9, 1e-12
 
 @inner_with_memory
 def _hold(p, w, z, v, how):  # type: ignore[no-untyped-def]
-    """Determine which items are CLOSED or OPEN at unknowns z (by gap and multiplier), fill ``how`` (items,), fix them.
+    """Fill ``how`` (items,) with CLOSED or OPEN at unknowns z, by gap and multiplier, and hold the items in that state.
     """
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)

@@ -19,7 +19,7 @@ HELD_TIME, HELD_STEP, HELD_STEPS, HELD_COST = range(13, 17)
 GAINED, GIVEN = 17, 18
 # whether the next step starts from consistent accelerations; energy lost in a step by friction of hard contacts
 FRESH, RUBBED = 19, 20
-# whether a step uses the backward Euler method, because a hard contact opens in it
+# whether a step uses the backward Euler method (a hard contact opens in it, or NEXT > 0)
 BACKWARD = 21
 # backward Euler steps between Radau steps (``switching``): size of the next one, 0 for none; size that meets the
 # tolerance, 0 if unknown; size of the last one, 0 after longer Radau steps; size of Radau steps before they were cut;

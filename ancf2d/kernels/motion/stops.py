@@ -134,7 +134,7 @@ def land(m, p, w, s, at, plan, t, h, room, tries):  # type: ignore[no-untyped-de
     x, what = calls.stop_crossing(p.calls, (p, w, s, m, at, t, h, near, AHEAD if tries > 0 else 0.0))
     if x == NOWHERE or (x > 1.0 and (h >= room or tries >= TRIES)):
         return True, h, STAYS
-    # an implicit step that runs into a stiff stop ends where the stop engages, so the first try proves nothing
+    # any implicit step that runs into a stiff stop ends where the stop engages, so the first try proves nothing
     if abs(x - 1.0) <= ENDS and (tries > 0 or what != BEGINS):
         return True, h, what
     if tries >= TRIES and what != BEGINS:
