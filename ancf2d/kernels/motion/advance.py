@@ -287,7 +287,7 @@ def _end(m, p, w, s, at, plan, t, h, room, aims):  # type: ignore[no-untyped-def
 def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-untyped-def]
     """Advance the motion s until t_stop, until ``rows`` are full, or for at most ``steps`` steps.
 
-    ``wanted_from`` is the first wanted time not yet stored. Returns (REACHED, FULL, FAILED or EVENT; number of states
+    Wanted times are stored from index ``wanted_from`` on. Returns (REACHED, FULL, FAILED or EVENT; number of states
     stored, steps logged, outcome and iterations of the last try).
     """
     stored, logged, next_wanted = 0, 0, wanted_from
@@ -336,14 +336,13 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         inside, at_end = passed(rows, next_wanted, end, NEAR * h)
         needed, left = inside + 1 if at_end or inside > 0 else 0, len(rows.t) - stored
         if needed > left and stored > 0:
-            # the next call repeats this step, with room for its states
+            # the next call repeats this step, with room for its (further) states
             return FULL, stored, logged, outcome, iterations
         for _ in range(min(inside, left)):
             _store_inside(m, p, w, s, at, plan, rows, stored, rows.wanted[next_wanted], t, h, logged)
             stored, next_wanted = stored + 1, next_wanted + 1
         recall(m, p, h, 0.0)
         if needed > left:
-            # more states inside the step than rows: the next call repeats it for the rest
             return FULL, stored, logged, outcome, iterations
         s.numbers[WORK] += work
         s.numbers[LOST] += lost
