@@ -1,1 +1,1 @@
-"""The compiled code: element force and tangent, assembly, band factorisation (the only numba in the project)."""
+"""Compiled code: element forces and tangents, assembly, factorisation, time steps; the only numba in the project."""

@@ -1,4 +1,4 @@
-"""What batches of elements are made of: fields in lanes, strains, stresses, second derivatives, and back again."""
+"""Steps of batches of elements: gather fields into lanes, strains, stresses, second derivatives, scatter of forces."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from .natural import Memory, Natural, natural_strain, no_memory, no_natural
 class Law(NamedTuple):
     """The sampled law of one body.
 
-    address, internal : of the law's operations and internal strains; fields, strains, references, state : of one point;
-    timed : whether states end with the time since the last. B : (classes, fields, stations, n_dof); ref : (classes,
-    any, stations); D : (classes, strains, strains, stations), quadrature weight and volume included: of all points of
-    a station, one after another. Parts of a class count as classes.
+    address, internal : addresses of the law's operations and internal strains; fields, strains, references, state :
+    numbers of one point; timed : whether states end with the time since the last. B : (classes, fields, stations,
+    n_dof); ref : (classes, any, stations); D : (classes, strains, strains, stations), quadrature weight and volume
+    included; rows of a station are those of all its points in turn. Parts of a class count as classes.
     """
 
     address: int
@@ -38,9 +38,8 @@ class Law(NamedTuple):
 class Group(NamedTuple):
     """Elements of one type and formulation, as the kernels see them.
 
-    law : sampled law; natural : their natural strains; memory : what the law remembers; cls : (ne,) class of each
-    element; turn : (ne, 2) or (1, 2) cosine and sine of the element frame; dofs : (ne, n_dof) coordinates; plan : how
-    they are worked on in batches.
+    law : sampled law; natural : natural strains; memory : history of the law; cls : (ne,) class of each element; turn :
+    (ne, 2) or (1, 2) cosine and sine of the element frame; dofs : (ne, n_dof) coordinates; plan : batches, work buffer.
     """
 
     law: Law
@@ -54,7 +53,7 @@ class Group(NamedTuple):
 
 
 def no_group() -> Group:
-    """Return a group without elements: all groups are of its type."""
+    """Return a group without elements, which has the record type of all groups."""
     x, n = np.zeros(0), np.zeros(0, dtype=np.int64)
     table, index = np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
     law = Law(0, 0, 1, 1, 1, 0, False, np.zeros((0, 1, 1, 1)), np.zeros((0, 1, 1)), np.zeros((0, 1, 1, 1)))
@@ -70,26 +69,27 @@ def sizes(group):  # type: ignore[no-untyped-def]
 
 @inner
 def points_of(law):  # type: ignore[no-untyped-def]
-    """Return how many points a station has."""
+    """Return the number of points of a station."""
     return law.B.shape[1] // law.fields
 
 
 @inner
 def layout(law):  # type: ignore[no-untyped-def]
-    """Return (where the points of a station are in the work buffer, where things are in a point)."""
+    """Return (``Places`` of a station in the work buffer, ``Slots`` of a point)."""
     return (places(law.fields, law.strains, law.references, law.state, points_of(law)),
             slots(law.fields, law.strains, law.references, law.state))
 
 
 @inner
 def place_of(i, size, at, slot):  # type: ignore[no-untyped-def]
-    """Return the row of value i among those of all points, ``size`` each, in a slot."""
+    """Return the row of value i of a slot, where all points have ``size`` values each."""
     return (i // size) * at.rows + slot + i % size
 
 
 @inner
 def batch_length(group, first, last):  # type: ignore[no-untyped-def]
-    """Return how many elements from ``first`` on, below ``last``, make a batch: a run of one class, evenly cut."""
+    """Return the length of the batch that starts at element ``first``: a run of one class until ``last``, cut evenly.
+    """
     most = group.plan.most
     run = 1
     while first + run < last and run < 2 * most and group.cls[first + run] == group.cls[first]:
@@ -101,7 +101,7 @@ def batch_length(group, first, last):  # type: ignore[no-untyped-def]
 
 @inner
 def copy_rows(work, source, step, target, stride, m, lanes):  # type: ignore[no-untyped-def]
-    """Copy m rows of so many lanes; starts and distances in entries of the work buffer."""
+    """Copy m rows of ``lanes`` numbers; starts and strides count entries of the work buffer."""
     for i in range(m):
         x, y = array_at(work, source + i * step, (lanes,)), array_at(work, target + i * stride, (lanes,))
         for l in range(lanes):
@@ -110,7 +110,7 @@ def copy_rows(work, source, step, target, stride, m, lanes):  # type: ignore[no-
 
 @inner
 def clear_rows(work, k, m, lanes):  # type: ignore[no-untyped-def]
-    """Set m rows from row k on to zero."""
+    """Set rows k, ..., k + m - 1 to zero."""
     for i in range(m):
         target = row(work, k + i)
         for l in range(lanes):
@@ -119,7 +119,7 @@ def clear_rows(work, k, m, lanes):  # type: ignore[no-untyped-def]
 
 @inner
 def combine_rows(work, a, x, b, y, out, m, lanes):  # type: ignore[no-untyped-def]
-    """Set m rows ``out`` to a x + b y."""
+    """Set m rows from ``out`` on to a x + b y."""
     for i in range(m):
         p, q, target = row(work, x + i), row(work, y + i), row(work, out + i)
         for l in range(lanes):
@@ -128,7 +128,7 @@ def combine_rows(work, a, x, b, y, out, m, lanes):  # type: ignore[no-untyped-de
 
 @inner
 def turn_rows(work, x, y, turn, sign, lanes):  # type: ignore[no-untyped-def]
-    """Turn the vectors in rows x and y: out of the element frames (sign 1) or into them (-1)."""
+    """Rotate the vectors in rows x and y out of the element frames (sign 1) or into them (-1)."""
     p, q, c, s = row(work, x), row(work, y), row(work, turn), row(work, turn + 1)
     for l in range(lanes):
         a, b = p[l], q[l]
@@ -138,7 +138,7 @@ def turn_rows(work, x, y, turn, sign, lanes):  # type: ignore[no-untyped-def]
 
 @inner
 def pad(work, k, m, lanes):  # type: ignore[no-untyped-def]
-    """Fill m rows up to full vectors with their first lane."""
+    """Pad m rows to full vectors with their first lane."""
     for i in range(m):
         target = row(work, k + i)
         for l in range(lanes, vectors_of(lanes)):
@@ -147,7 +147,7 @@ def pad(work, k, m, lanes):  # type: ignore[no-untyped-def]
 
 @inner
 def repeat(work, k, values, first, stations, count):  # type: ignore[no-untyped-def]
-    """Fill row k with what is the same for all elements: one value of each station."""
+    """Fill row k with values (stations,) that are the same for all elements of the batch."""
     target, source = row(work, k), array_at(values, first, (stations,))
     for s in range(stations):
         for m in range(count):
@@ -171,13 +171,13 @@ def set_constants(law, q, count, work):  # type: ignore[no-untyped-def]
 
 @inner
 def turned(group):  # type: ignore[no-untyped-def]
-    """Return whether elements have frames of their own."""
+    """Return whether any element frame is rotated."""
     return len(group.turn) > 1 or group.turn[0, 0] != 1.0 or group.turn[0, 1] != 0.0
 
 
 @inner
 def begin(group, part, first, count):  # type: ignore[no-untyped-def]
-    """Prepare a batch: constants of its class, cosine and sine of each lane; return the class of this part."""
+    """Prepare a batch: constants of its class, cosine and sine of each lane; return the class index of this part."""
     law, plan = group.law, group.plan
     S = law.B.shape[2]
     q = group.cls[first] * plan.parts + part
@@ -197,14 +197,14 @@ def begin(group, part, first, count):  # type: ignore[no-untyped-def]
 
 @inner
 def matrices(group, at):  # type: ignore[no-untyped-def]
-    """Return where displacements, lanes in a row, forces, tangents and products start in the work buffer."""
+    """Return where displacements, flat lanes, forces, tangents and products start in the work buffer."""
     law, plan = group.law, group.plan
     return matrices_at(at, law.B.shape[3], max(law.B.shape[1], len(plan.pairs)), len(plan.entries))
 
 
 @inner
 def turn_fields(group, slot, sign, lanes):  # type: ignore[no-untyped-def]
-    """Turn the vectors among the fields in a slot."""
+    """Rotate the vectors among the fields of a slot out of the element frames (sign 1) or into them (-1)."""
     vectors, NU = group.plan.vectors, group.law.fields
     at, _ = layout(group.law)
     for v in range(len(vectors)):
@@ -245,7 +245,7 @@ def spread(group, B, count, slot):  # type: ignore[no-untyped-def]
 
 @inner
 def from_lanes(group, part, q, count):  # type: ignore[no-untyped-def]
-    """Make the forces B^T g (n, count) of slot g, all parts so far; g is turned out of the element frames."""
+    """Add the forces B^T g (n, count) of this part (part 0: set them); slot g is rotated out of the element frames."""
     law = group.law
     n, nu, _, S = sizes(group)
     _, slot = layout(law)
@@ -256,7 +256,7 @@ def from_lanes(group, part, q, count):  # type: ignore[no-untyped-def]
 
 @inlined
 def gather(group, B, part, count):  # type: ignore[no-untyped-def]
-    """Make the forces B^T g (n, count) of slot g, all parts so far; B (fields, stations, n_dof) is given flat."""
+    """Add the forces B^T g (n, count) of this part (part 0: set them); B (fields, stations, n_dof) is given flat."""
     law, plan = group.law, group.plan
     n, nu, _, S = sizes(group)
     at, slot = layout(law)
@@ -270,7 +270,7 @@ def gather(group, B, part, count):  # type: ignore[no-untyped-def]
 
 @inner
 def each_point(group, what, lanes):  # type: ignore[no-untyped-def]
-    """Do an operation of the law for every point of the stations."""
+    """Perform an operation of the law at every point of the stations."""
     law = group.law
     at, _ = layout(law)
     for p in range(points_of(law)):
@@ -279,7 +279,7 @@ def each_point(group, what, lanes):  # type: ignore[no-untyped-def]
 
 @inner
 def load_stiffness(group, p, q, lanes):  # type: ignore[no-untyped-def]
-    """Put D between points p and q where the operations of q find it."""
+    """Copy the block of D that couples points p and q to slot D of point q."""
     points, k = points_of(group.law), group.law.strains * group.law.strains
     if points > 1:
         at, slot = layout(group.law)
@@ -289,7 +289,7 @@ def load_stiffness(group, p, q, lanes):  # type: ignore[no-untyped-def]
 
 @inner
 def add_stresses(group, keep, factor, lanes):  # type: ignore[no-untyped-def]
-    """Set sigma to ``keep`` times what it is and factor D eps."""
+    """Set sigma to ``keep`` sigma + ``factor`` D eps, where ``keep`` is 0 or 1."""
     law, work = group.law, group.plan.work
     at, slot = layout(law)
     points = points_of(law)
@@ -306,7 +306,7 @@ def add_stresses(group, keep, factor, lanes):  # type: ignore[no-untyped-def]
 
 @inner
 def take_natural(group, part, first, count, what, slot):  # type: ignore[no-untyped-def]
-    """Take natural strains off the strains in a slot."""
+    """Subtract natural strains (NOW, RATES, BEFORE or CHANGE) from the strains in a slot."""
     law, natural, plan = group.law, group.natural, group.plan
     if len(natural.amount) > 0:
         at, _ = layout(law)
@@ -320,7 +320,7 @@ def take_natural(group, part, first, count, what, slot):  # type: ignore[no-unty
 
 @inner
 def material(group, factor, lanes):  # type: ignore[no-untyped-def]
-    """Fill H, block by block of points (p <= q), with factor J^T D J."""
+    """Fill H with ``factor`` J^T D J, in blocks of points p <= q."""
     law, work = group.law, group.plan.work
     at, slot = layout(law)
     points, k = points_of(law), law.fields * law.fields
@@ -342,7 +342,7 @@ def material(group, factor, lanes):  # type: ignore[no-untyped-def]
 
 @inner
 def add_geometric(group, keep, lanes):  # type: ignore[no-untyped-def]
-    """Add sigma . d2 eps/du2 to the upper halves of the diagonal blocks of ``keep`` times H."""
+    """Set the upper halves of the diagonal blocks of H to ``keep`` H + sigma . d2eps/du2, where ``keep`` is 0 or 1."""
     law, work = group.law, group.plan.work
     at, slot = layout(law)
     points, k = points_of(law), law.fields * law.fields
@@ -357,7 +357,7 @@ def add_geometric(group, keep, lanes):  # type: ignore[no-untyped-def]
 
 @inner
 def add_turning(group, lanes):  # type: ignore[no-untyped-def]
-    """Add H u0 to g, H being given by the upper halves of its diagonal blocks."""
+    """Add H u0 to g, with H given by the upper halves of its diagonal blocks."""
     law, work = group.law, group.plan.work
     at, slot = layout(law)
     NU, points = law.fields, points_of(law)
@@ -372,7 +372,7 @@ def add_turning(group, lanes):  # type: ignore[no-untyped-def]
 
 @inner
 def combine(group, a, x, b, y, out, m, lanes):  # type: ignore[no-untyped-def]
-    """Set slot ``out`` of every point, m rows, to a x + b y."""
+    """Set slot ``out`` of every point (m rows) to a x + b y of slots x and y."""
     at, _ = layout(group.law)
     for p in range(points_of(group.law)):
         k = p * at.rows
@@ -381,7 +381,7 @@ def combine(group, a, x, b, y, out, m, lanes):  # type: ignore[no-untyped-def]
 
 @inner
 def product(group, a, b, lanes):  # type: ignore[no-untyped-def]
-    """Return the sum of two slots of strains, multiplied, over exactly so many lanes."""
+    """Return the inner product of two slots of strains over all points and exactly ``lanes`` lanes (no padding)."""
     at, _ = layout(group.law)
     total = 0.0
     for p in range(points_of(group.law)):

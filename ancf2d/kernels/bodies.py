@@ -1,4 +1,4 @@
-"""Forces of all elements of a model, which the kernels of motion call by address."""
+"""Forces and tangents of all elements of a model in motion, by calls through the model's table of addresses."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from .matrices.symmetric import in_band, in_fronts, places_in
 
 
 def addresses(groups: Sequence[Record]) -> Any:
-    """Return where the records of groups are (g,), which ``Model.groups`` keeps."""
+    """Return the addresses (g,) of the records of groups, which must stay alive (``Model.groups``)."""
     return np.array([group.address for group in groups], dtype=np.int64)
 
 
@@ -36,7 +36,8 @@ group_at = at(GROUP)
 
 
 def _with_matrix(stored: Any, kind: str) -> tuple[Any, Any]:
-    """Return the tangents of elastic forces, and of those of a step, for matrices of a kind."""
+    """Return the functions that add tangents of elastic forces, and of those of a conserving step, to one matrix kind.
+    """
     def tangent(p, g, scale, d, Q, A):  # type: ignore[no-untyped-def]
         return force_tangent(group_at(p.groups[g]), d, scale, Q, stored(p, A), places_in(p))
 
@@ -51,10 +52,10 @@ _TANGENTS = _with_matrix(in_band, "band"), _with_matrix(in_fronts, "fronts")
 
 def element_functions(fronts: bool, viscous: bool, mean: bool, natural: bool, remembers: bool, problem: Any
                       ) -> dict[Any, tuple[Any, ...]]:
-    """Return the functions of elements that the table of a model of this type has (``kernels.calls.table``).
+    """Return the entries for elements of the table of a model (``kernels.calls.table``).
 
-    ``viscous``, ``mean``, ``natural``, ``remembers`` : whether viscous forces, forces of a step that keeps energy, the
-    power of natural strains, and the states of laws with memory are wanted.
+    ``viscous``, ``mean``, ``natural``, ``remembers`` : whether viscous forces, forces of energy-conserving steps, the
+    power of natural strains, and laws with memory are needed.
     """
     out: dict[Any, tuple[Any, ...]] = {calls.force: (force,), calls.noise: (force_noise,),
                                        calls.tangent: (_TANGENTS[fronts][0], problem)}
@@ -73,7 +74,7 @@ def element_functions(fronts: bool, viscous: bool, mean: bool, natural: bool, re
 
 @inner
 def set_natural(p, amps, before):  # type: ignore[no-untyped-def]
-    """Let natural strains be those of the signals ``amps``, and those of ``before`` at the start of a step."""
+    """Set natural strains to those of the signals ``amps``, and those at the start of a step to those of ``before``."""
     for g in range(len(p.groups)):
         natural = group_at(p.groups[g]).natural
         for k in range(len(natural.signal)):
@@ -84,7 +85,7 @@ def set_natural(p, amps, before):  # type: ignore[no-untyped-def]
 
 @inner
 def power_of_natural(p, d, v):  # type: ignore[no-untyped-def]
-    """Return the power that natural strains bring in at d with rates v."""
+    """Return the power that changing natural strains feed in at d with rates v."""
     power = 0.0
     for g in range(len(p.groups)):
         changes = False
@@ -98,7 +99,7 @@ def power_of_natural(p, d, v):  # type: ignore[no-untyped-def]
 
 @inner
 def work_of_natural(p, h, d0, d1):  # type: ignore[no-untyped-def]
-    """Return the work of natural strains in a step h, and what of it their viscous stresses take."""
+    """Return the work of natural strains in a conserving step h from d0 to d1, and the viscous part of this work."""
     work, viscous = 0.0, 0.0
     for g in range(len(p.groups)):
         changes = False
@@ -133,8 +134,9 @@ def elastic_tangent(p, c, d, Q, A):  # type: ignore[no-untyped-def]
 
 @inner
 def remember_elements(p, d, amps, timed):  # type: ignore[no-untyped-def]
-    """Let laws with memory, ``timed`` ones or not, remember the accepted state d; return the energy dissipated since
-    the last.
+    """Update the history variables at the accepted state d; return the energy dissipated since the last one.
+
+    ``timed`` : whether laws with a clock are updated too.
     """
     set_natural(p, amps, amps)
     lost = 0.0
@@ -147,7 +149,7 @@ def remember_elements(p, d, amps, timed):  # type: ignore[no-untyped-def]
 
 @inner
 def give_remembered(p):  # type: ignore[no-untyped-def]
-    """Give laws that relax the internal strains that they remember, as fixed ones."""
+    """Prescribe for relaxing laws the internal strains of their stored states, as fixed ones."""
     for g in range(len(p.groups)):
         law, memory = group_at(p.groups[g]).law, group_at(p.groups[g]).memory
         if law.timed:
@@ -160,7 +162,7 @@ def give_remembered(p):  # type: ignore[no-untyped-def]
 
 @inner
 def elastic_noise(p, d, out):  # type: ignore[no-untyped-def]
-    """Add what round-off can leave of the forces to ``out``."""
+    """Add the sizes of the terms of the elastic forces, which bound their round-off, to ``out`` (n_full,)."""
     for g in range(len(p.groups)):
         calls.noise(p.calls, (group_at(p.groups[g]), d, out))
 
@@ -177,13 +179,13 @@ def viscous(p, d, v, Q):  # type: ignore[no-untyped-def]
 
 @inner
 def mean_elastic(p, h, d0, d1, Q):  # type: ignore[no-untyped-def]
-    """Add the forces of a step h that keeps energy and momentum to Q."""
+    """Add the elastic and viscous forces of an energy-momentum step h from d0 to d1 to Q."""
     for g in range(len(p.groups)):
         calls.mean(p.calls, (group_at(p.groups[g]), p.tau[g] / h, d0, d1, Q))
 
 
 @inner
 def mean_elastic_tangent(p, h, d0, d1, Q, A):  # type: ignore[no-untyped-def]
-    """As ``mean_elastic``, and add the derivative to A."""
+    """Same as ``mean_elastic``, and add the symmetric tangent by d1 to A."""
     for g in range(len(p.groups)):
         calls.mean_tangent(p.calls, (p, g, p.tau[g] / h, d0, d1, Q, A))

@@ -1,4 +1,4 @@
-"""Contact points that pass through a body between two states, and are outside it in both."""
+"""Detect contact points that pass through a body between two states and are outside it in both."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .lowlevel.arrays import copy, vector
 from .lowlevel.jit import inner, kernel_with_memory, seldom
 from .points import fields_of_item
 
-# of how deep a point may be: what it goes at most between looks at whether it passes through; what is no depth
+# fractions of the largest penetration allowed: largest motion between two samples, and penetration that counts as 0
 PART, SAME = 0.2, 1e-6
 
 _curve_at, _gap_between, _size_of, _stand = (part(f) for f in (
@@ -24,7 +24,7 @@ _curve_at, _gap_between, _size_of, _stand = (part(f) for f in (
 
 @inner
 def _places(table, points, d, out):  # type: ignore[no-untyped-def]
-    """Fill where points and then both ends of curves (k + 2 curves, 2) are at d (n_full,)."""
+    """Fill out (k + 2 curves, 2) with the positions of the points, then of both ends of the curves, at d (n_full,)."""
     fill_curves(table, d)
     u, none, work, across, n = vector(200), vector(200), vector(WORK), vector(WORK), len(table.item)
     par_of = vector(table.curve.shape[1])
@@ -42,7 +42,10 @@ def _places(table, points, d, out):  # type: ignore[no-untyped-def]
 
 @inner
 def _look(table, points, d, gaps, side):  # type: ignore[no-untyped-def]
-    """Fill the gaps (k,) of points at d (n_full,), infinite where nothing is opposite; return the least."""
+    """Fill the gaps (k,) of points at d (n_full,), inf for points that face nothing; return the smallest gap.
+
+    ``side`` (k,) : side of an axis that each point is on, found here where it is 0.
+    """
     near = np.inf
     for k in range(len(table.item)):
         points.mem[table.item[k], SIDE] = side[k]
@@ -66,9 +69,9 @@ def _look(table, points, d, gaps, side):  # type: ignore[no-untyped-def]
 @kernel_with_memory
 @seldom
 def bodies_cross(table, points, d0, d1):  # type: ignore[no-untyped-def]
-    """Return whether a point passes through a body on the straight way from d0 (n_full,) to d1, apart at both.
+    """Return whether a point passes through a body along the straight path from d0 (n_full,) to d1, apart at both.
 
-    It is looked at where it cannot have gone further than it was away, or a part of a height of the body.
+    Between samples of the path no point moves further than the smallest gap, or a fraction of the body's height.
     """
     n = len(table.item)
     one, two = np.zeros((n + 2 * len(table.curve), 2)), np.zeros((n + 2 * len(table.curve), 2))

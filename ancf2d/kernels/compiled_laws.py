@@ -1,8 +1,8 @@
-"""Strain laws and point laws, each compiled by itself and called by address: other kernels are compiled once for all.
+"""Strain laws and point laws, each compiled on its own and called by address, so that other kernels compile only once.
 
-A strain law works on the rows of one point in a work buffer (``lanes.Slots``): what it does is told by a number. Laws
-with memory are told how many reference values and numbers of state a point has, so that one serves any number of
-fibres and terms.
+A strain law works on the rows of one point in a work buffer (``lanes.Slots``); a number selects its operation. Laws
+with memory get the numbers of reference values and state variables of a point as arguments, so that one compiled law
+serves any number of fibres or Maxwell terms.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from .lowlevel.jit import addressed, inlined, inner, merged, seldom
 from .lowlevel.records import address_of, at, caller, rows, table, type_of
 from .motion.state import evaluate_with_gradient
 
-# what a law is asked for: each reads and writes rows of one point (``lanes.Slots``)
+# operations of a law; each reads and writes rows of one point (``lanes.Slots``)
 STRAIN, GEOMETRIC, MEAN, STRESS, PUSH, PULL, TIMES, SQUARE, REMEMBER, BEAR, RELAX = range(11)
 
 
 def _no_mean(ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-def]
-    # entries that are zero stay so for whatever is asked for next
+    # mark as not available; other zero entries of J must stay zero for later operations
     for l in range(lanes):
         J[0, 0, l] = np.nan
 
@@ -94,7 +94,7 @@ def _from(A, B, m, n, lanes):  # type: ignore[no-untyped-def]
 
 
 def _any_size(law: StrainLaw) -> StrainLaw:
-    """Return a law with memory as it is compiled, whatever the number of what it remembers."""
+    """Return a law with memory in the form in which it is compiled for any number of state variables."""
     return replace(law, references=0, state=1, stored=None) if law.state and not law.elastic else law
 
 
@@ -103,7 +103,7 @@ def _operations_of(law: StrainLaw) -> Any:
     grows = bool(law.state) and not law.elastic
     # internal strains, of laws with memory
     NI = NS if law.state else 0
-    # inlined, so that rows a constant distance apart are seen to be so
+    # inlined, so that LLVM sees that rows are a constant distance apart
     strain, geometric, mean = (_seen_whole(f) for f in (law.strain, law.geometric, law.mean or _no_mean))
 
     def operate(what, work, base, references, state, lanes):  # type: ignore[no-untyped-def]
@@ -141,7 +141,7 @@ def _operations_of(law: StrainLaw) -> Any:
             _matrix_vector(slope, eps, t, NI, NI, lanes)
             _less(eps, t, NI, lanes)
 
-    # the cache knows it by this name
+    # the name in the cache
     operate.__qualname__ = f"operate_{law.strain.__module__.rpartition('.')[2]}_{law.strain.__name__}"
     return addressed(operate)
 
@@ -157,7 +157,7 @@ def _compiled(law: StrainLaw) -> tuple[Any, int]:
 
 
 def law_address(law: StrainLaw) -> int:
-    """Return the address of a law's operations, compiled when first asked for."""
+    """Return the address of a law's operations, compiled on first use."""
     return _compiled(_any_size(law))[1]
 
 
@@ -174,13 +174,13 @@ def _compiled_internal(internal: Any) -> tuple[Any, int]:
 
 
 def internal_address(law: StrainLaw) -> int:
-    """Return the address of what fills internal strains, compiled once for all laws that share it; 0 for none."""
+    """Return the address of a law's function of internal strains, compiled once for all laws that share it, or 0."""
     return 0 if law.internal is None else _compiled_internal(law.internal)[1]
 
 
 @inner
 def remember(law, at, work, base, lanes):  # type: ignore[no-untyped-def]
-    """Fill the new state and slope of a point of a law with memory from its strains; ``at`` are its ``Slots``."""
+    """Compute the new state and the slope of one point of a law with memory from its strains; ``at``: its ``Slots``."""
     _internal(law.internal, (
         rows(work, base + at.ref, law.references), rows(work, base + at.eps, law.strains),
         rows(work, base + at.old, law.state), rows(work, base + at.new, law.state),
@@ -188,7 +188,7 @@ def remember(law, at, work, base, lanes):  # type: ignore[no-untyped-def]
 
 
 class Formula(NamedTuple):
-    """Functions of n quantities that a law knows by their address: what ``evaluate_formula`` reads and fills."""
+    """Functions of n quantities in a record that laws take by address: arguments, results of ``evaluate_formula``."""
 
     programs: Any
     values: Any
@@ -196,7 +196,7 @@ class Formula(NamedTuple):
 
 
 def formula(programs: Any, n: int) -> Formula:
-    """Return functions of n quantities."""
+    """Return the record of functions of n quantities, with room for arguments and results."""
     return Formula(programs, np.zeros(n), np.zeros(1 + n))
 
 
@@ -216,16 +216,16 @@ def _evaluate_formula(formula, k, s):  # type: ignore[no-untyped-def]
     evaluate_with_gradient(formula.programs, k, s, formula.values, formula.out)
 
 
-# functions that laws are written with, as kernels call them
+# compiled versions of the functions that laws may call
 _PARTS: dict[Any, Any] = {
     point_laws.formula_at: _formula_at, point_laws.evaluate_formula: _evaluate_formula,
     point_laws.work_vector: vector, point_laws.work_matrix: array}
-# numba knows the functions of these itself
+# numba compiles functions of these packages itself
 _KNOWN = ("numba", "numpy", "scipy", "math")
 
 
 def part(function: Callable[..., Any]) -> Any:
-    """Return a function of laws as kernels call it: compiled once for all that share it, and so are those it calls."""
+    """Return the compiled version of a function used by laws; it and those that it calls are compiled only once."""
     if function not in _PARTS:
         copy = _copied(function)
         _PARTS[function] = inner(copy)
@@ -235,14 +235,14 @@ def part(function: Callable[..., Any]) -> Any:
 
 @cache
 def _seen_whole(function: Callable[..., Any]) -> Any:
-    """Return a function of laws as a kernel inlines it; what it calls are parts."""
+    """Return a version of a law's function for inlining into a kernel; the functions it calls are ``part``s."""
     copy = _copied(function)
     _connect(copy)
     return merged(copy)
 
 
 def _copied(function: Any) -> Any:
-    """Return a function whose globals and closure are its own."""
+    """Return a copy of a function with its own globals and closure."""
     cells = tuple(CellType(c.cell_contents) for c in function.__closure__ or ())
     copy = FunctionType(function.__code__, dict(function.__globals__), function.__name__, function.__defaults__, cells)
     copy.__qualname__ = function.__qualname__
@@ -250,7 +250,7 @@ def _copied(function: Any) -> Any:
 
 
 def _connect(copy: Any) -> None:
-    """Let a copy call parts where it called plain functions."""
+    """Replace the plain functions that a copied function calls by their compiled versions (``part``)."""
     known = copy.__globals__
     for name in _names(copy.__code__):
         if _is_plain(known.get(name)):
@@ -275,7 +275,7 @@ _v, _m = types.float64[::1], types.float64[:, ::1]
 _FORCES = types.UniTuple(types.float64, 2)(_v, _v, _v, _v, _v, _v, _v, _m, _m)
 _MEAN = types.UniTuple(types.float64, 2)(_v, _v, _v, _v, _v, _v, _v, _v, _v)
 _ACCEPT = types.void(_v, _v, _v, _v)
-# of many items: a row of constants and of memory for each
+# for many items together: a row of constants and of history for each
 _ALONG = types.UniTuple(types.float64, 2)(_v, _v, _v, _m, _v, _m, _v, _m, _m)
 _ACCEPT_ALONG = types.void(_v, _v, _m, _m)
 call_forces, call_mean, call_accept = caller(_FORCES), caller(_MEAN), caller(_ACCEPT)
@@ -284,7 +284,7 @@ call_along, call_accept_along = caller(_ALONG), caller(_ACCEPT_ALONG)
 
 @cache
 def _compiled_point_law(law: PointLaw, what: str) -> tuple[Any, int]:
-    """Return one of a law's functions with its address, which holds as long as the function lives."""
+    """Return one compiled function of a law with its address, which is valid as long as the function lives."""
     law_of = part(getattr(law, what))
 
     def forces(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
@@ -301,27 +301,27 @@ def _compiled_point_law(law: PointLaw, what: str) -> tuple[Any, int]:
     function: Any
     function, signature = {"forces": (forces, _FORCES), "mean": (mean, _MEAN), "accept": (accept, _ACCEPT),
                            "along": (forces, _ALONG), "accept_along": (accept, _ACCEPT_ALONG)}[what]
-    # the cache knows it by this name
+    # the name in the cache
     function.__qualname__ = f"{what}_{law.name}"
     compiled = addressed(seldom(function) if what.startswith("accept") else function)
     return compiled, address_of(compiled, signature)
 
 
 def _wanted(law: PointLaw, steps: bool) -> list[str]:
-    """Return which functions of a law are wanted; with ``steps`` its forces over a step too."""
+    """Return the names of the functions of a law that are needed; ``steps``: forces of conserving steps too."""
     return ["forces", *(["mean"] if steps else []),
             *(name for name in ("accept", "along", "accept_along") if getattr(law, name) is not None)]
 
 
 def point_law_compilations(law: PointLaw, steps: bool) -> list[Callable[[], object]]:
-    """Return what compiles a law's functions, one by one; with ``steps`` its forces over a step too."""
+    """Return one callable per function of a law, which compiles it; ``steps``: forces of conserving steps too."""
     return [partial(_compiled_point_law, law, what) for what in _wanted(law, steps)]
 
 
 def point_law_addresses(law: PointLaw, steps: bool) -> list[int]:
-    """Return the addresses of forces, mean, accept, along and accept_along of a law, 0 for what it has not.
+    """Return the addresses of forces, mean, accept, along and accept_along of a law, 0 for functions it does not have.
 
-    With ``steps`` that of its forces over a step too.
+    mean, the forces of a conserving step, is 0 without ``steps``.
     """
     found = {what: _compiled_point_law(law, what)[1] for what in _wanted(law, steps)}
     return [found.get(what, 0) for what in ("forces", "mean", "accept", "along", "accept_along")]

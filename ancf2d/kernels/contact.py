@@ -1,4 +1,4 @@
-"""Gaps of points of contact, and where along an element a body is deepest in an obstacle."""
+"""Gaps of contact points, and where along an element a body penetrates an obstacle most."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ from .lowlevel.arrays import vector
 from .lowlevel.jit import inner, kernel, seldom
 from .points import amplitude_of, fields_of_item
 
-# places at which an interval between points of contact is looked at; depth beside a point that it contains already, of
-# what the beam yields there
+# samples of an interval between contact points; penetration next to an existing point counts from this fraction of the
+# beam's local deflection there
 SAMPLES, BESIDE = 9, 0.25
-# of the extent: a way that leads no deeper into an obstacle does not pass through it; what is no deeper touches
+# fractions of the extent: a path less deep than this does not pass through an obstacle; depth that counts as touching
 DEPTH, TOUCHES = 1e-3, 1e-9
-# cosines of the angle between the surfaces that a point enters and leaves, below which it has passed through: on any
-# way, and on one that leads so deep (of the extent)
+# a point has passed through if the cosine between the normals where it enters and leaves is below the first number,
+# or below the second one on a path deeper than the third (fraction of the extent)
 TURNED, TURNED_DEEP, DEEP = -0.5, 0.5, 2e-2
-# what a layer yields on an interval is summed up on either side of the deepest place, over so many lengths each twice
-# as long as the one before, at so many places of each
+# the depth is integrated on either side of the deepest point of an interval, over this many lengths, each twice as long
+# as the one before, with this many midpoints each
 HALVES, PIECES = 12, 4
 
 _feature_at, _gap_at, _is_back, _stand = (part(f) for f in (
@@ -58,7 +58,7 @@ _facing, _foot, _least, _slopes, _yields, _yields_beside = (part(f) for f in (
 @kernel
 @seldom
 def contact_gaps(points, d, amps, gaps, along, faces):  # type: ignore[no-untyped-def]
-    """Fill the gap, the place on the obstacle and whether it is the face that touches (n,) of points at d (n_full,)."""
+    """Fill gap, position on the obstacle and whether the point looks towards it (n,) for all points at d (n_full,)."""
     u, w, a, work = vector(200), vector(200), vector(3), vector(WORK)
     for i in range(len(points.forces)):
         b, m = points.field[i], points.field[i + 1] - points.field[i]
@@ -75,11 +75,11 @@ def contact_gaps(points, d, amps, gaps, along, faces):  # type: ignore[no-untype
 
 @inner
 def is_crossed(par, x, y, g, dx, dy, depth):  # type: ignore[no-untyped-def]
-    """Return whether a straight way (dx, dy) from (x, y), where the gap is g, leads deep into an obstacle."""
+    """Return whether the straight path (dx, dy) from (x, y), where the gap is g, leads ``depth`` into an obstacle."""
     length = math.sqrt(dx * dx + dy * dy)
     s = max(g, depth)
     while s < length:
-        # nothing is nearer than the gap
+        # the obstacle is at least as far away as the gap
         g = _gap_at(par, x + s / length * dx, y + s / length * dy, -1.0)[0]
         if g < -depth:
             return True
@@ -89,7 +89,7 @@ def is_crossed(par, x, y, g, dx, dy, depth):  # type: ignore[no-untyped-def]
 
 @inner
 def _met(par, x, y, dx, dy, depth):  # type: ignore[no-untyped-def]
-    """Return the normal of an obstacle where a straight way (dx, dy) from (x, y) first comes near it."""
+    """Return the normal of an obstacle where the straight path (dx, dy) from (x, y) first comes within ``depth``."""
     length, s = math.sqrt(dx * dx + dy * dy), 0.0
     g, nx, ny, _, _, _ = _gap_at(par, x, y, -1.0)
     while g > depth and s < length:
@@ -101,11 +101,11 @@ def _met(par, x, y, dx, dy, depth):  # type: ignore[no-untyped-def]
 @kernel
 @seldom
 def obstacle_crossed(points, before, amps_before, d, amps, extent):  # type: ignore[no-untyped-def]
-    """Return whether a point at home passes through its obstacle on the straight way from one state to another, outside
-    in both.
+    """Return whether a point at its home position passes through its obstacle on the straight path between two states.
 
-    What leads into it and leaves a surface turned by more than 120 degrees passes through, and by more than 60 degrees
-    where it leads deep; what turns less slides along. ``extent`` is that of the scene.
+    It is outside in both. The path passes through if the surface where it leaves is turned by more than 120 degrees
+    from the one where it enters, or by more than 60 degrees if it leads deep; otherwise the point slides along.
+    ``extent`` is that of the scene.
     """
     depth, near = DEPTH * extent, TOUCHES * extent
     u, w, a, work = vector(200), vector(200), vector(3), vector(WORK)
@@ -135,7 +135,7 @@ def obstacle_crossed(points, before, amps_before, d, amps, extent):  # type: ign
 @kernel
 @seldom
 def lean(points, d, amps, slope, bend):  # type: ignore[no-untyped-def]
-    """Fill g_z and g_zz of the gap of each point between others (n,) at d (n_full,)."""
+    """Fill slope = g_z and bend = g_zz (n,) of the gap of each point that was placed off its home, at d (n_full,)."""
     u, w, a, work = vector(200), vector(200), vector(3), vector(WORK)
     for i in range(len(points.forces)):
         if points.mem[i, FREE] <= 0.0:
@@ -150,16 +150,16 @@ def lean(points, d, amps, slope, bend):  # type: ignore[no-untyped-def]
 
 @inner
 def _try(par, p0, u, mem, work, z, feature, low, high, about, best):  # type: ignore[no-untyped-def]
-    """Follow the gap to one part of the obstacle downhill from z; keep its least value where that is the deepest.
+    """Minimise the gap to one ``feature`` of the obstacle from z; store the minimum in ``best`` if it is the deepest.
 
-    ``about``: it is looked for as the place nearest to the centre of a circle.
+    ``about``: the minimum is found as the foot point of the centre of a circle.
     """
     mem[PLACE], mem[FEATURE] = z, feature
     found = _foot(par, p0, u, z, work) if about else _least(par, p0, u, mem, 0.0, work)
     if math.isnan(found) or not low <= found <= high:
         return
     g, nx, ny, _, _, _ = _facing(par, mem, found, 0.0, work)
-    # to a corner, the gap of what is behind it outside the obstacle is negative, too
+    # the gap to a corner can also be negative outside of the obstacle, behind the corner
     inside = feature < 0.0 or _gap_at(par, work[RHO], work[RHO + 1], -1.0)[0] < 0.0
     if g < best[0] and inside and not _is_back(par, nx, ny, work):
         best[0], best[1], best[2] = g, found, feature
@@ -168,9 +168,9 @@ def _try(par, p0, u, mem, work, z, feature, low, high, about, best):  # type: ig
 @kernel
 @seldom
 def deepest(points, free, d, amps, depth, place, feature):  # type: ignore[no-untyped-def]
-    """Fill how deep a body is in its obstacle within the interval of each point that may move, where, and in what.
+    """Fill the largest penetration (depth) in the interval of each point that may move, its place, and the feature.
 
-    ``free`` (n,) tells which points may move; depth (n,) is 0 where nothing overlaps between the ends of the interval.
+    ``free`` (n,) : which points may move; depth (n,) is 0 if nothing penetrates inside the interval.
     """
     u, w, a, work = vector(200), vector(200), vector(3), vector(WORK)
     mem, best, g, zs = vector(MEMORY), vector(3), vector(SAMPLES), vector(SAMPLES)
@@ -197,7 +197,7 @@ def deepest(points, free, d, amps, depth, place, feature):  # type: ignore[no-un
                 longest = max(longest, math.hypot(xs[k] - xs[k - 1], ys[k] - ys[k - 1]))
             if g[k] < g[at]:
                 at = k
-        # the gap changes by no more than the way along the curve
+        # the gap changes at most by the distance along the curve
         if g[at] > longest:
             continue
         best[0] = 0.0
@@ -207,7 +207,7 @@ def deepest(points, free, d, amps, depth, place, feature):  # type: ignore[no-un
         if int(par[SHAPE]) != POLYLINE:
             circle = int(par[SHAPE]) == CIRCLE
             if not circle or par[ORIGIN + 2] > 0.0 or 0 < at < SAMPLES - 1:
-                # samples further apart than its centre is away
+                # a circle whose centre is closer than the samples are to each other
                 small = circle and par[ORIGIN + 2] > 0.0 and par[ORIGIN + 2] + g[at] < longest
                 _try(par, p0, u, mem, work, zs[at], -1.0, low, high, small, best)
         else:
@@ -218,9 +218,9 @@ def deepest(points, free, d, amps, depth, place, feature):  # type: ignore[no-un
 @kernel
 @seldom
 def overlaps(points, d, amps, place, x, w, exact, summed):  # type: ignore[no-untyped-def]
-    """Fill the integral over z of the depth on each interval (n,) at d (n_full,), and its sum over points x (m,).
+    """Fill the integral of the depth over z on each interval (n,) at d (n_full,), and its sum over points x (m,).
 
-    ``place`` (n,) is where on each interval the body is deepest; ``w`` (m,) are the weights of x from 0 to 1.
+    ``place`` (n,) is the deepest point of each interval; ``w`` (m,) are the weights of x in [0, 1].
     """
     u, v, a, work = vector(200), vector(200), vector(3), vector(WORK)
     for i in range(len(points.forces)):
@@ -247,7 +247,7 @@ def overlaps(points, d, amps, place, x, w, exact, summed):  # type: ignore[no-un
 
 @inner
 def _depth(par, p0, u, z, work):  # type: ignore[no-untyped-def]
-    """Return how deep the curve is in the obstacle at z, 0 where its back is."""
+    """Return the depth of the curve in the obstacle at z, or 0 if it is the back of the curve."""
     _stand(par, p0, u, z, work)
     g, nx, ny, _, _, _ = _gap_at(par, work[RHO], work[RHO + 1], -1.0)
     return -g if g < 0.0 and not _is_back(par, nx, ny, work) else 0.0
@@ -255,8 +255,8 @@ def _depth(par, p0, u, z, work):  # type: ignore[no-untyped-def]
 
 @inner
 def _beside(par, multiplier, mem, x, y, z, g):  # type: ignore[no-untyped-def]
-    """Return (depth, z, feature) where a body is in another part of an obstacle than a point in the same interval, by
-    more than a share of what it yields there."""
+    """Return (depth, z, feature) if sample z penetrates another feature than the existing point of the interval, by
+    more than a share of the beam's local deflection there; else zeros."""
     what = float(_feature_at(par, x, y)) if int(par[SHAPE]) == POLYLINE else mem[FEATURE]
     soft = 0.0 if mem[FREE] == OWN else _yields(par, mem[PLACE])[0]
     if what == mem[FEATURE] or g >= BESIDE * multiplier * soft:
@@ -266,7 +266,7 @@ def _beside(par, multiplier, mem, x, y, z, g):  # type: ignore[no-untyped-def]
 
 @inner
 def _try_polyline(par, p0, u, mem, work, zs, xs, ys, g, longest, best):  # type: ignore[no-untyped-def]
-    """Try the sides of a polyline that samples (x, y) with gaps g are next to, and the corners between them."""
+    """Call ``_try`` for the sides of a polyline close to samples (x, y) with gaps g, and for its convex corners."""
     low, high = zs[0], zs[SAMPLES - 1]
     for k in range(SAMPLES):
         if g[k] <= longest:
@@ -288,7 +288,7 @@ def _try_polyline(par, p0, u, mem, work, zs, xs, ys, g, longest, best):  # type:
 
 @inner
 def _convex(par, v, n):  # type: ignore[no-untyped-def]
-    """Whether the solid of a polyline has a corner that sticks out at v; the ends of an open one are none."""
+    """Return whether vertex v of a polyline is a convex corner of the solid; ends of an open polyline are not."""
     c = ORIGIN + 2
     if par[ORIGIN + 1] < 0.0 and (v == 0 or v == n - 1):
         return False
@@ -300,9 +300,9 @@ def _convex(par, v, n):  # type: ignore[no-untyped-def]
 
 def contact_compilations(problem: Any, obstacles: bool, bodies: bool, sided: bool, soft: bool, moves: bool
                          ) -> list[Callable[[], object]]:
-    """Return what compiles the kernels that find what touches, for models of a type with contacts of these kinds.
+    """Return callables that compile the kernels of contact search, for a model with contacts of these kinds.
 
-    ``sided``: some without a law; ``soft``: some with one; ``moves``: for a motion, which looks at steps otherwise.
+    ``sided``: some are hard; ``soft``: some have a law; ``moves``: for a motion, which checks its steps by ``tunnels``.
     """
     points, facing = (problem.place[name][1] for name in ("points", "facing"))
     x, xx, b = types.float64[::1], types.float64[:, ::1], types.boolean[::1]

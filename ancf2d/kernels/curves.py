@@ -1,4 +1,4 @@
-"""Forces and tangents of all point laws; contact points on one curve are evaluated together, distant ones skipped."""
+"""Forces and tangents of all point laws; contact points on one curve are evaluated together, and skipped if distant."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from .points import (
     work_arrays,
 )
 
-# of the largest entry of a matrix: what is less symmetric than this
+# fraction of the largest entry of a matrix: a smaller skew part counts as zero
 SKEW = 1e-12
-# what of an item acts: nothing; its multiplier alone, which is 0 where a constraint does not act; or all
+# which forces of an item are nonzero: none; only the one on its multiplier (inactive constraint: multiplier = 0); all
 NOTHING, MULTIPLIER, ALL = range(3)
 
 
 @inner
 def _both_fields(points, i, d, v, u, w):  # type: ignore[no-untyped-def]
-    """Fill the fields u and the rates w of item i together, where its coordinates alone move it."""
+    """Fill the fields u and the rates w of item i together, without drift."""
     n, m = points.dof[i + 1] - points.dof[i], points.field[i + 1] - points.field[i]
     dofs, span = coordinates_of_item(points, i)
     for k in range(m):
@@ -44,13 +44,15 @@ def _both_fields(points, i, d, v, u, w):  # type: ignore[no-untyped-def]
 
 @inlined
 def _rows(x, i, count):  # type: ignore[no-untyped-def]
-    """Return so many rows of a table from row i on."""
+    """Return ``count`` rows of a table from row i on."""
     return array_at(x, i * x.shape[1], (count, x.shape[1]))
 
 
 @inner
 def is_apart(points, i, d):  # type: ignore[no-untyped-def]
-    """Return whether items from i on cannot act, by how far they were from it and what has moved since."""
+    """Return whether the items from i on are still out of reach: the coordinates moved less than the last known
+    distance to acting.
+    """
     n, first, way = points.dof[i + 1] - points.dof[i], points.dof[i], 0.0
     dofs, lever = array_at(points.dofs, first, (n,)), array_at(points.lever, first, (n,))
     there = array_at(points.there, first, (n,))
@@ -61,7 +63,7 @@ def is_apart(points, i, d):  # type: ignore[no-untyped-def]
 
 @inner
 def _stay_apart(points, i, d, apart):  # type: ignore[no-untyped-def]
-    """Keep how far items from i on are from acting at d."""
+    """Store the distance ``apart`` of the items from i on to acting, and d as the point where it holds."""
     points.apart[i] = apart
     if apart > 0.0:
         n, first = points.dof[i + 1] - points.dof[i], points.dof[i]
@@ -72,9 +74,10 @@ def _stay_apart(points, i, d, apart):  # type: ignore[no-untyped-def]
 
 @inner
 def _evaluate_run(points, i, d, v, amps, u, w, a, f, H, C, alone):  # type: ignore[no-untyped-def]
-    """Fill f, H, C with the sum over the items from i on that share fields; return (energy, power, what of them acts).
+    """Fill f, H, C with the sum over the items from i on that share fields; return (energy, power, which forces act).
 
-    ``alone``: H and C need not be filled. Where MULTIPLIER acts, only their last entries are.
+    The third result is NOTHING, MULTIPLIER or ALL; with MULTIPLIER only the last entries of f and H are filled.
+    ``alone``: H and C are not needed.
     """
     b, m, run = points.field[i], points.field[i + 1] - points.field[i], points.run[i]
     if points.along[i] == 0:
@@ -127,9 +130,9 @@ def point_forces(points, d, v, amps, Q):  # type: ignore[no-untyped-def]
 
 @inner
 def _add_sewn(points, i, H, C, c, rows, values):  # type: ignore[no-untyped-def]
-    """Add W (H + c C) W^T of the curve that begins at item i to the matrix, and keep what of it is not symmetric.
+    """Add the symmetric part of W (H + c C) W^T of the curve that begins at item i to the matrix; store the skew part.
 
-    Returns whether anything is not. ``rows`` (unknowns + 1, most fields,) is room.
+    Returns whether the skew part is nonzero. ``rows`` (unknowns fields,) is work space.
     """
     sewn, m = points.sewn, points.field[i + 1] - points.field[i]
     begin, n = array_at(sewn.begin, 3 * i, (3,)), sewn.begin[i + 1, 0] - sewn.begin[i, 0]
@@ -157,7 +160,7 @@ def _add_sewn(points, i, H, C, c, rows, values):  # type: ignore[no-untyped-def]
 
 @inlined
 def _product(x, i, y, j, span, s):  # type: ignore[no-untyped-def]
-    """Return the product of a row at i and one at j over the fields of ``span``."""
+    """Return the product of the row of x at entry i and the row of y at entry j, over the fields of span[s]."""
     low, total = span[s, 0], 0.0
     a, b = array_at(x, i + low, (span[s, 1] - low,)), array_at(y, j + low, (span[s, 1] - low,))
     for q in range(len(a)):
@@ -167,9 +170,9 @@ def _product(x, i, y, j, span, s):  # type: ignore[no-untyped-def]
 
 @inner
 def add_skew(points, x, y, places):  # type: ignore[no-untyped-def]
-    """Add to y (n,) what items have of a product with x (n,) that their symmetric tangents, made last, leave out.
+    """Add N x to y (n,), where N is the skew part of all items that their last symmetric tangents leave out.
 
-    Returns whether there is any.
+    Returns whether N is nonzero.
     """
     sewn, found = points.sewn, False
     for i in range(len(sewn.rubs)):
@@ -192,7 +195,7 @@ def add_skew(points, x, y, places):  # type: ignore[no-untyped-def]
 
 @inner
 def _add_skew_between(points, i, x, y, places):  # type: ignore[no-untyped-def]
-    """Do as ``add_skew`` for an item between bodies, whose coordinates change: see ``matrices.matrix.scatter``."""
+    """Same as ``add_skew`` for an item between bodies, whose coordinates change (cf. ``matrices.matrix.scatter``)."""
     place, start, unknown, factor = places
     dofs, _ = coordinates_of_item(points, i)
     n = len(dofs)
@@ -217,7 +220,7 @@ def _add_skew_between(points, i, x, y, places):  # type: ignore[no-untyped-def]
 
 @inner
 def _halve(K, skew):  # type: ignore[no-untyped-def]
-    """Leave the symmetric part of K (n, n), and keep the other; return whether there is any."""
+    """Replace K (n, n) by its symmetric part and store the skew part; return whether that is nonzero."""
     k, largest, least = 0, 0.0, 0.0
     for r in range(len(K)):
         for s in range(r + 1):
@@ -267,7 +270,7 @@ def point_tangent(points, d, v, amps, c, Q, matrix, places):  # type: ignore[no-
 @kernel
 @seldom
 def point_accept(points, d, amps):  # type: ignore[no-untyped-def]
-    """Let laws remember the accepted state d."""
+    """Update the history variables of all point laws at the accepted state d."""
     if len(points.forces) == 0:
         return
     u, w, a, _, _, _ = work_arrays(points)
@@ -275,7 +278,7 @@ def point_accept(points, d, amps):  # type: ignore[no-untyped-def]
     while i < len(points.forces):
         b, m, run = points.field[i], points.field[i + 1] - points.field[i], points.run[i]
         if points.along[i] != 0:
-            # apart or not: friction holds to where the last accepted state was
+            # even if apart: the anchor of friction belongs to the last accepted state
             fields_of_item(points, i, d, u)
             amplitude_of(points, i, amps, u, w, a)
             call_accept_along(points.accept_along[i], (points.p0[b:b + m], u[:m], _rows(points.par, i, run),

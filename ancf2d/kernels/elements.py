@@ -1,13 +1,13 @@
 """Element kernels, generic in the element type and the formulation.
 
-With u = B d (fields in the element's own frame), eps = eps(u) - eps*, sigma = D eps (eps* are the natural strains, and
-the internal ones of laws with memory):
+With u = B d (fields in the element frame), eps = eps(u) - eps* and sigma = D eps, where eps* are natural strains and
+the internal strains of laws with memory:
 U = eps.sigma/2, Q_e = B^T J^T sigma, K = B^T (J^T D J + sigma . d2eps/du2) B, J = d eps/du.
 
-Forces of a step from d0 to d1 that keep energy and angular momentum take the mean stress on the discrete Jacobian: with
-J (u1 - u0) = eps1 - eps0 and sigma = D (eps0 + eps1)/2 the forces B^T J^T sigma do the work U(d1) - U(d0) along d1 -
-d0, and no moment about the mid-configuration. Kelvin-Voigt stress adds D tau (eps1 - eps0)/h. Natural strains are taken
-off both strains; where they change, they do the work -sigma . (eps*1 - eps*0).
+Forces of an energy-momentum step from d0 to d1 apply the mean stress to the discrete Jacobian: with
+J (u1 - u0) = eps1 - eps0 and sigma = D (eps0 + eps1)/2, the forces B^T J^T sigma do the work U(d1) - U(d0) along
+d1 - d0 and have no moment about the mid-configuration. Kelvin-Voigt stress adds D tau (eps1 - eps0)/h. Natural strains
+are subtracted from both strains; if they change, they do the work -sigma . (eps*1 - eps*0).
 """
 
 from __future__ import annotations
@@ -52,10 +52,10 @@ from .matrices.matrix import scatter_packed
 from .natural import NOW
 
 
-# the loops over batches: what few kernels call is smaller in each of them than beside them
+# loops over batches; inlined if few kernels use them, which makes less code than a separate function
 @inlined
 def _sums(what, group, factor, d, e):  # type: ignore[no-untyped-def]
-    """Return the two sums over all elements of what they are asked for (``forces.element_batch``)."""
+    """Return the two results of quantity ``what`` (``forces.element_batch``), summed over all elements."""
     energy, lost, first, last = 0.0, 0.0, 0, len(group.dofs)
     while first < last:
         count = batch_length(group, first, last)
@@ -68,7 +68,7 @@ def _sums(what, group, factor, d, e):  # type: ignore[no-untyped-def]
 
 @inner
 def _add_forces(what, group, factor, d, e, Q):  # type: ignore[no-untyped-def]
-    """As ``_sums``, and add the forces of all elements to Q."""
+    """Same as ``_sums``, and add the forces of all elements to Q."""
     energy, lost, first, last = 0.0, 0.0, 0, len(group.dofs)
     while first < last:
         count = batch_length(group, first, last)
@@ -82,7 +82,7 @@ def _add_forces(what, group, factor, d, e, Q):  # type: ignore[no-untyped-def]
 
 @inlined
 def _add_tangents(what, group, factor, d, e, scale, Q, matrix, places):  # type: ignore[no-untyped-def]
-    """As ``_add_forces``, and add ``scale`` times the tangents to the matrix of the unknowns."""
+    """Same as ``_add_forces``, and add ``scale`` times the tangents to the matrix of the unknowns."""
     energy, lost, first, last = 0.0, 0.0, 0, len(group.dofs)
     while first < last:
         count = batch_length(group, first, last)
@@ -110,44 +110,44 @@ def force_tangent(group, d, scale, Q, matrix, places):  # type: ignore[no-untype
 
 @kernel
 def viscous_force(group, tau, d, v, Q):  # type: ignore[no-untyped-def]
-    """Add the Kelvin-Voigt forces B^T J^T D tau (J B v - eps*') of all elements to Q, which rigid motion has none of.
+    """Add the Kelvin-Voigt forces B^T J^T D tau (J B v - eps*') of all elements to Q; rigid motions cause none.
 
-    Returns the power that they take out, of strain rates beyond those of natural strains.
+    Returns the power dissipated by the strain rates less those of natural strains.
     """
     return _add_forces(RATE, group, tau, d, v, Q)[0]
 
 
 @shared
 def natural_slope(group, d, Q):  # type: ignore[no-untyped-def]
-    """Add -B^T J^T D eps*' of all elements to Q: how their forces follow the rates of natural strains.
+    """Add -B^T J^T D eps*' of all elements to Q: the rate of their forces due to the rates of natural strains.
 
-    Returns eps*'^T D eps*'/2, what they would store if nothing moved.
+    Returns eps*'^T D eps*'/2, the corresponding energy if nothing moves.
     """
     return _add_forces(SLOPE, group, 0.0, d, d, Q)[0]
 
 
 @kernel
 def natural_power(group, tau, d, v):  # type: ignore[no-untyped-def]
-    """Return the power -sigma . eps*' that natural strains bring in at rates v, Kelvin-Voigt stress included."""
+    """Return the power -sigma . eps*' that natural strains feed in at rates v; sigma includes Kelvin-Voigt stress."""
     return _sums(POWER, group, tau, d, v)[0]
 
 
 @shared
 def tangent_action(group, d, v, out):  # type: ignore[no-untyped-def]
-    """Add K(d) v to ``out`` (full coordinates) by way of the strains that v makes.
+    """Add K(d) v to ``out`` (full coordinates), computed through the strains caused by v.
 
-    The entries of K of fine meshes are large and cancel; strains are small differences taken once, so that this
-    keeps digits which the formed matrix has lost.
+    In fine meshes the entries of K are large and cancel. Strains take these differences once, so this product keeps
+    digits that the assembled matrix has lost.
     """
     _add_forces(ACTION, group, 0.0, d, v, out)
 
 
 @kernel
 def viscous_action(group, tau, d, v, lam, by_d, by_v, other):  # type: ignore[no-untyped-def]
-    """Add to by_v C lam: what changes of v do to lam . Q, Q the Kelvin-Voigt forces. ``other`` is room.
+    """Add C lam to by_v: the derivative of lam . Q by v, with Q the Kelvin-Voigt forces. ``other`` is work space.
 
-    What changes of d do is by_d - by_v. To by_d half the difference of what is quadratic in the rates w is added, their
-    forces and sigma . d2eps/du2 B w, at w = v + lam and v - lam.
+    The derivative by d is by_d - by_v. It is formed from the TWIST forces, which are quadratic in the rates w: by_d
+    gets half their difference at w = v + lam and w = v - lam.
     """
     for k in range(2):
         sign = 1.0 - 2.0 * k
@@ -159,16 +159,16 @@ def viscous_action(group, tau, d, v, lam, by_d, by_v, other):  # type: ignore[no
 
 @kernel
 def commit(group, d):  # type: ignore[no-untyped-def]
-    """Let the elements of a law with memory remember the accepted state d; return the energy dissipated since the last.
+    """Update the history variables of a law with memory at the accepted state d; return the energy dissipated since.
 
-    It is that of internal strains which change under the stress at d.
+    It is the work of the stress at d on the change of internal strains.
     """
     return _sums(COMMIT, group, 0.0, d, d)[1]
 
 
 @kernel
 def take_strains(group, d, first, out):  # type: ignore[no-untyped-def]
-    """Write the strains at d, internal ones among them, to ``out`` (n,) from ``first`` on, as they are remembered."""
+    """Write the strains at d, internal strains not subtracted, to ``out`` (n,) from ``first`` on, ordered as states."""
     at, slot = layout(group.law)
     law, work, memory, k = group.law, group.plan.work, group.memory, group.law.strains
     _, _, ns, S = sizes(group)
@@ -198,13 +198,13 @@ def mean_force(group, tau_over_h, d0, d1, Q):  # type: ignore[no-untyped-def]
 
 @kernel
 def mean_force_tangent(group, tau_over_h, d0, d1, Q, matrix, places):  # type: ignore[no-untyped-def]
-    """As ``mean_force``, and add the symmetric tangent by d1 to the matrix of the unknowns."""
+    """Same as ``mean_force``, and add the symmetric tangent by d1 to the matrix of the unknowns."""
     return _add_tangents(STEP_TANGENT, group, tau_over_h, d0, d1, 1.0, Q, matrix, places)
 
 
 @kernel
 def natural_work(group, tau_over_h, d0, d1):  # type: ignore[no-untyped-def]
-    """Return the work of changing natural strains in a step, by the stresses of ``mean_force``."""
+    """Return the work -sigma . (eps*1 - eps*0) of changing natural strains in a step, sigma as in ``mean_force``."""
     return _sums(WORK, group, tau_over_h, d0, d1)[1]
 
 
@@ -230,9 +230,9 @@ def element_matrices(group, d, Q, K):  # type: ignore[no-untyped-def]
 @shared
 @seldom
 def force_noise(record, d, out):  # type: ignore[no-untyped-def]
-    """Add what a unit relative error of every product of Q_e = B^T J^T D eps(B d) can sum up to.
+    """Add to out (n_full,) the sum of the sizes of all products in Q_e = B^T J^T D eps(B d).
 
-    Times the unit round-off this bounds the error of the forces, cancellation inside the element included.
+    Times the unit round-off this bounds the error of the forces, including cancellation inside elements.
     """
     group = whole(record)
     law, plan = group.law, group.plan
@@ -267,7 +267,7 @@ def force_noise(record, d, out):  # type: ignore[no-untyped-def]
 
 @inner
 def _turn_sizes(group, slot, lanes):  # type: ignore[no-untyped-def]
-    """Turn the sizes of fields into the frames of the elements, or out of them: both ways they can sum up alike."""
+    """Rotate the sizes of fields by the absolute rotation matrix, which is the same into and out of element frames."""
     if turned(group):
         work, vectors, k = group.plan.work, group.plan.vectors, group.law.fields
         at, _ = layout(group.law)
@@ -281,7 +281,7 @@ def _turn_sizes(group, slot, lanes):  # type: ignore[no-untyped-def]
 
 @inner
 def _pull_sizes(group, part, first, count, lanes):  # type: ignore[no-untyped-def]
-    """Set g to |J|^T |D| (|J| u0 + |eps*| + |eps_i|), or with the sizes that internal strains are sums of."""
+    """Set g to |J|^T |D| (|J| u0 + |eps*| + |eps_i|); if the state has them, the sizes summed in eps_i are used."""
     work, NU, NS, points = group.plan.work, group.law.fields, group.law.strains, points_of(group.law)
     at, slot = layout(group.law)
     for p in range(points):
@@ -313,7 +313,7 @@ def _pull_sizes(group, part, first, count, lanes):  # type: ignore[no-untyped-de
 
 @inner
 def _add_size(work, factor, source, target, lanes):  # type: ignore[no-untyped-def]
-    """Add the size of row ``factor`` times row ``source`` to row ``target``."""
+    """Add |row ``factor``| times row ``source`` to row ``target``."""
     a, x, y = row(work, factor), row(work, source), row(work, target)
     for l in range(lanes):
         y[l] += abs(a[l]) * x[l]
@@ -321,7 +321,7 @@ def _add_size(work, factor, source, target, lanes):  # type: ignore[no-untyped-d
 
 @kernel
 def stations(group, d, eps_out, sigma_out):  # type: ignore[no-untyped-def]
-    """Fill the strains and D eps at every station: (ne, stations, n_eps) each."""
+    """Fill strains and stresses D eps at every station at d: (ne, stations, n_eps) each."""
     at, slot = layout(group.law)
     work, k = group.plan.work, group.law.strains
     _, _, ns, S = sizes(group)

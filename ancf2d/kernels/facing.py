@@ -1,9 +1,9 @@
-"""Finds the element of a body that each contact point of another body, or of the same one, is opposite to.
+"""Search for the element of a body that each contact point of another body, or of the same one, faces.
 
-The curves that a body may be touched at are the leaves of a binary tree of boxes, in their order along the body. It is
-filled anew for every state, and each point goes down it to the curve whose foot point is nearest: the cost is linear in
-the points and curves, but for a logarithm. Where forces alone are asked for, points that are too far away to have one
-are left out.
+The curves at which a body may be touched are the leaves of a binary tree of boxes, in their order along the body. The
+boxes are updated for every state, and each point descends to the curve with the nearest foot point, so the cost is
+linear in the number of points and curves up to a logarithm. If only forces are needed, points that are too far away to
+have one are skipped.
 """
 
 from __future__ import annotations
@@ -66,13 +66,13 @@ from .lowlevel.arrays import copy, numbers, vector
 from .lowlevel.jit import inner, kernel, seldom
 from .points import fields_of_first, fields_of_item, weights_of_item
 
-# faces that touch look against one another by at least this cosine; a corner touches what it looks away from by less
+# largest cosine between outward normals of faces that may touch; between those of a corner and of a surface
 AGAINST, ASIDE = -0.3, 0.5
-# z beyond this is beyond the end of an element, so that what lies side by side is within both; places that are the same
+# |z| beyond this is off the end of an element, so that a point between two elements is within both; equal positions
 BESIDE, SAME = 1.0 + 1e-6, 1e-6
-# places at which an interval between points of contact is looked at, and sections around the deepest
+# samples of an interval between contact points, and golden sections around the deepest one
 SAMPLES, SECTIONS, GOLDEN = 9, 40, 0.6180339887498949
-# entries of a branch that wait, at most: two for each level of a tree
+# most nodes of the tree that wait during a descent: two for each level
 _DEEP = 128
 
 _beyond, _curve_at, _foot_on, _gap_between, _place_opposite, _size_of = (part(f) for f in (
@@ -106,12 +106,12 @@ def fill_curves(table, d):  # type: ignore[no-untyped-def]
 
 @inner
 def _box(par, fields, box):  # type: ignore[no-untyped-def]
-    """Set (low x, low y, high x, high y) to what a curve is within: no power of z is beyond its coefficient."""
+    """Set box to bounds (low x, low y, high x, high y) of a curve, from the sizes of its coefficients, as |z| <= 1."""
     terms = int(par[TERMS])
     for c in range(2):
         middle, half = fields[c * terms], abs(par[OFFSET])
         if par[END] != 0.0:
-            # at the end of the element
+            # the straight end of a body
             half = abs(par[MIDDLE]) + abs(par[HALF])
         for j in range(1, terms):
             half += abs(fields[c * terms + j])
@@ -120,14 +120,14 @@ def _box(par, fields, box):  # type: ignore[no-untyped-def]
 
 @inner
 def _away(box, x, y):  # type: ignore[no-untyped-def]
-    """Return the square of the distance of (x, y) from a box."""
+    """Return the squared distance of (x, y) from a box."""
     dx, dy = max(box[0] - x, 0.0, x - box[2]), max(box[1] - y, 0.0, y - box[3])
     return dx * dx + dy * dy
 
 
 @inner
 def _may_touch(par, other, s, nx, ny, tx, ty):  # type: ignore[no-untyped-def]
-    """Whether a point with the tangent (tx, ty) of its body may touch at S = s [m], where the normal is (nx, ny)."""
+    """Return whether a point on a body with tangent (tx, ty) may touch at S = s [m], where the normal is (nx, ny)."""
     away = abs(s - other[OWN])
     if other[ROUND] > 0.0:
         away = min(away, other[ROUND] - away)
@@ -144,9 +144,9 @@ def _may_touch(par, other, s, nx, ny, tx, ty):  # type: ignore[no-untyped-def]
 
 @inner
 def _try(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: ignore[no-untyped-def]
-    """Take the foot point on a curve as best (distance squared, z, what it is) where it is the nearest that touches.
+    """Replace ``best`` by the foot point on a curve if it is nearer and may touch; return whether it was replaced.
 
-    Behind these, ``best`` has the side of the point and whether it is closed.
+    best : (distance squared, z, kind of foot point, side of the point, whether the point is closed).
     """
     cx, cy = 0.0, 0.0
     terms = int(other[TERMS])
@@ -161,8 +161,8 @@ def _try(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: i
     elif z > BESIDE:
         z, found = 1.0, AT_LAST
     if other[YIELDS] > 0.0 and (best[4] != CLOSED or par[FRICTION] > 0.0):
-        # places that have points of their own, from one end of the curve to the other; what is closed without friction
-        # slides past them
+        # positions with contact points of their own, spaced evenly along the curve, are left to these; closed points
+        # without friction slide past them
         place = 0.5 * (z + 1.0) * (other[YIELDS] if other[GOES] > 0.0 else 1.0)
         if abs(place - round(place)) < SAME:
             return False
@@ -175,7 +175,8 @@ def _try(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: i
     nx, ny = -sign * by / size, sign * bx / size
     inside = nx * rx + ny * ry < 0.0
     if found != WITHIN and inside and other[BOTH] == 0.0 and best[4] != CLOSED:
-        # a corner that is the nearest from within a body is one between elements; what is closed slides beyond others
+        # an end as the nearest point from inside a body counts only where the next element joins; other ends are where
+        # the body stops, which closed points may slide past
         joined = int(other[JOINED])
         if not (joined % 2 == 1 if found == AT_FIRST else joined >= 2):
             return False
@@ -189,9 +190,9 @@ def _try(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: i
 
 @inner
 def _nearest(table, way, par, x, y, tx, ty, best, room, none, own, across, waiting):  # type: ignore[no-untyped-def]
-    """Return the curve that a point of contact is opposite to, -1 where there is none; fill best as ``_try`` does.
+    """Return the curve that a contact point faces, or -1 if there is none; fill ``best`` (``_try``).
 
-    Nothing is looked for beyond the distance squared that best has at first.
+    Only curves nearer than the initial squared distance in ``best`` are found.
     """
     first, n, root, found = table.first[way], table.first[way + 1] - table.first[way], table.tree[way], -1
     best[1], best[2] = 0.0, NOWHERE
@@ -212,7 +213,7 @@ def _nearest(table, way, par, x, y, tx, ty, best, room, none, own, across, waiti
         one, two = 2 * k + 1, 2 * k + 2
         if _away(table.boxes[root + one], x, y) < _away(table.boxes[root + two], x, y):
             one, two = two, one
-        # the nearer one is looked at first
+        # the nearer one is visited first
         waiting[count], waiting[count + 1] = one, two
         count += 2
     return found
@@ -220,15 +221,15 @@ def _nearest(table, way, par, x, y, tx, ty, best, room, none, own, across, waiti
 
 @inner
 def _rests(fixed, z):  # type: ignore[no-untyped-def]
-    """Return whether supports hold the place z of a curve."""
+    """Return whether supports hold the point z of a curve (``fixed``: FIXED of the curve)."""
     return fixed >= 4.0 or (fixed % 2.0 == 1.0 and z < SAME - 1.0) or (fixed >= 2.0 and z > 1.0 - SAME)
 
 
 @inner
 def _find(table, points, k, u, z, within, best, room, none, own, across, waiting):  # type: ignore[no-untyped-def]
-    """Write what point k is opposite to from place z of its element, whose fields are in u.
+    """Find the curve that point k faces from position z of its element, whose fields are in u, and store it.
 
-    Where nothing is ``within`` such a distance, the point is apart.
+    If nothing is ``within`` this distance, the point is marked as apart.
     """
     i = table.item[k]
     points.apart[i] = 0.0
@@ -241,7 +242,7 @@ def _find(table, points, k, u, z, within, best, room, none, own, across, waiting
     tx, ty = _along(par, own, AT_1, 1)
     for q in range(len(room)):
         room[q] = par[ORIGIN + q] if CURVE_SIZE <= q < BODY_SIZE else 0.0
-    # what is between the ends of its element
+    # arc length of the point itself on its body
     room[OWN] += 0.5 * (z - par[HOME]) * room[OWN_GOES]
     best[0], best[3], best[4] = within * within, mem[SIDE], mem[HELD]
     c = _nearest(table, table.way[k], par, x, y, tx, ty, best, room, none, own, across, waiting)
@@ -250,7 +251,7 @@ def _find(table, points, k, u, z, within, best, room, none, own, across, waiting
         return
     mem[FOOT], mem[FOUND] = best[1], best[2]
     if c >= 0 and par[ORIGIN + RESTS] != 0.0 and _rests(table.curve[c, FIXED], best[1]):
-        # a gap that supports hold tells no force
+        # supports determine the gap, so no contact force can
         mem[FOUND] = NOWHERE
     if c >= 0:
         _put(table, points, k, i, c)
@@ -258,20 +259,20 @@ def _find(table, points, k, u, z, within, best, room, none, own, across, waiting
 
 @inner
 def _reach(points, i, d):  # type: ignore[no-untyped-def]
-    """Return the distance beyond which point i has no force at d (n_full,), whatever it is opposite to."""
+    """Return the distance beyond which point i has no force at d (n_full,), whatever it faces."""
     par, k = points.par[i], points.multiplier[i]
     reach = par[ORIGIN + DEEPEST]
     if k < 0 or points.mem[i, HELD] == OPEN:
         return reach
-    # without a law a force closes what is as near as this
+    # a hard contact closes if its multiplier exceeds STIFFNESS times the gap; a closed one has no limit
     return reach if points.mem[i, HELD] != CLOSED and -d[k] < par[STIFFNESS] * (reach - par[TOUCH]) else np.inf
 
 
 @kernel
 def face(table, points, d, near):  # type: ignore[no-untyped-def]
-    """Let every point that may touch a body act on the element of it that is opposite at d (n_full,).
+    """Find the element that every contact point between bodies faces at d (n_full,), and store it in the point laws.
 
-    ``near`` : only those that may have a force; the others are apart, and opposite to what they were before.
+    ``near`` : only for points close enough to have a force; the others are marked as apart and keep their element.
     """
     if len(table.item) == 0:
         return
@@ -290,10 +291,10 @@ def face(table, points, d, near):  # type: ignore[no-untyped-def]
 @kernel
 @seldom
 def body_gaps(table, points, d, gaps, places):  # type: ignore[no-untyped-def]
-    """Fill the gap of each point, infinite where nothing is opposite, after ``face`` at d (n_full,).
+    """Fill the gap of each point, inf if it faces nothing, after ``face`` at d (n_full,).
 
-    ``places`` (n, 3): the place opposite on its surface, how far a unit of that is, and which surface it is; nan where
-    there is none.
+    ``places`` (n, 3): position of the opposite point on its surface, length of a unit of this position, and number of
+    the surface; nan if there is none.
     """
     u, own, work, across = vector(200), vector(WORK), vector(WORK), vector(WORK)
     for i in table.item:
@@ -309,7 +310,7 @@ def body_gaps(table, points, d, gaps, places):  # type: ignore[no-untyped-def]
 
 @inner
 def _gap_from(table, points, k, d, z, u, best, room, none, own, work, across, waiting):  # type: ignore[no-untyped-def]
-    """Return the gap of point k at place z of its element, infinite where nothing is opposite but an end."""
+    """Return the gap of point k at position z of its element, inf if it faces nothing or only an end."""
     i = table.item[k]
     points.mem[i, PLACE] = z
     fields_of_item(points, i, d, u)
@@ -325,10 +326,10 @@ def _gap_from(table, points, k, d, z, u, best, room, none, own, work, across, wa
 @kernel
 @seldom
 def body_deepest(table, points, free, d, depth, place):  # type: ignore[no-untyped-def]
-    """Fill how deep a body is in the other within the interval of each point that may move, and where.
+    """Fill the largest penetration (depth) within the interval of each point that may move, and its position (place).
 
-    ``free`` (n,) tells which points may move; depth (n,) is 0 where nothing overlaps between the ends of the interval.
-    After ``face`` at d (n_full,).
+    ``free`` (n,) : which points may move; depth (n,) is 0 if there is no maximum inside the interval. Call it after
+    ``face`` at d (n_full,).
     """
     u, none, best = vector(200), vector(200), vector(5)
     own, work, across, room = vector(WORK), vector(WORK), vector(WORK), vector(points.par.shape[1])
@@ -345,7 +346,7 @@ def body_deepest(table, points, free, d, depth, place):  # type: ignore[no-untyp
             g[s] = _gap_from(table, points, k, d, low + s * step, u, best, room, none, own, work, across, waiting)
             at = s if g[s] < g[at] else at
         if 0 < at < SAMPLES - 1 and g[at] < 0.0:
-            # between its neighbours, by the golden section
+            # golden section search between the neighbours
             a, e = low + (at - 1) * step, low + (at + 1) * step
             for _ in range(SECTIONS):
                 one, two = e - GOLDEN * (e - a), a + GOLDEN * (e - a)
@@ -361,7 +362,7 @@ def body_deepest(table, points, free, d, depth, place):  # type: ignore[no-untyp
 
 @inner
 def _put(table, points, k, i, c):  # type: ignore[no-untyped-def]
-    """Write curve c where item i has its own."""
+    """Copy coordinates, weights and constants of curve c into item i, after the item's own."""
     m, n = table.sizes[c, 0], table.sizes[c, 1]
     dof, entry, field = table.at[c, 0], table.at[c, 1], table.at[c, 2]
     fields, coords = table.own[k, 0], table.own[k, 1]

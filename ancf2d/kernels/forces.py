@@ -1,7 +1,7 @@
-"""All that elements are asked for, batch by batch, in one kernel that is called by address: it is compiled once.
+"""All element quantities, batch by batch, computed by one kernel that is called by address and compiled once.
 
-What a batch is asked for is a short program of steps, so that every step is compiled into it once. Drivers go through
-the batches of a group and put what comes out (``results``) where it belongs.
+Each quantity is a short program of steps, so that the kernel contains the code of every step only once. The drivers
+(``elements``) loop over the batches of a group and assemble the ``results``.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ from .lowlevel.records import STRIDE, address_of, array_at, caller, row, type_of
 from .natural import BEFORE, CHANGE, NOW, RATES
 from .tangents import tangents
 
-# what a batch is asked for: strains and stresses alone; forces; forces and tangents; viscous forces at rates e; K e by
-# way of strains; forces (and tangents) of a step from d to e; forces by the rates of natural strains; power of these at
-# rates e, and their work in a step from d to e; to remember the states at d; RATE, and what turning e adds to it;
-# strains alone, internal ones among them
+# quantities of a batch: strains and stresses; forces; forces and tangents; viscous forces at rates e; K e by way of
+# strains; forces (and tangents) of a conserving step from d to e; derivative of the forces by time due to natural
+# strains; power of natural strains at rates e, and their work in a step from d to e; update of the history variables at
+# d; viscous forces with their geometric term along e; strains, internal ones included
 STRAINS, FORCE, TANGENT, RATE, ACTION, STEP, STEP_TANGENT, SLOPE, POWER, WORK, COMMIT, TWIST, WHOLE = range(13)
-# steps, and what they are given
+# steps of a program; their arguments follow in the tuples below
 LANES, LAW, STRESS, COMBINE, PRODUCT, FORCES, MATERIAL, GEOMETRIC, TURNING, TANGENTS, BEYOND, MEMORY = range(12)
-# numbers that steps multiply by: the last two are the program's own factor, and that and a half
+# numbers that steps multiply by; the last two are the ``factor`` of the call, and factor + 1/2
 ZERO, ONE, HALF, MINUS, MINUS_HALF, FACTOR, HALF_MORE = range(7)
 _D, _E = range(2)
-# beside what laws with memory are asked for: to remember their new states, or to keep them on trial
+# arguments of MEMORY beyond those of the laws: accept the new states, or store them as trial states
 _KEEP, _TRY = -1, -2
 _U, _U0, _EPS, _EPS0, _SIGMA, _G = (Slots._fields.index(name) for name in ("u", "u0", "eps", "eps0", "sigma", "g"))
 
@@ -62,8 +62,8 @@ _ACTION = [*_STRESSES, (LANES, _E, _U0), (GEOMETRIC, ZERO), (LAW, PUSH), (COMBIN
            (MEMORY, RELAX), (STRESS, ZERO, ONE), (LAW, PULL), (TURNING,), (FORCES,)]
 # Q = B^T (J^T sigma + sigma . d2eps/du2 B v) with sigma = D tau (J B v - eps*')
 _TWIST = [*_VISCOUS[:-3], (GEOMETRIC, ZERO), (LAW, PULL), (TURNING,), (FORCES,)]
-# Q = B^T J^T (D (eps0 + eps1)/2 + tau/h D J (u1 - u0)) with the discrete J: the strain increment by J keeps digits that
-# the difference of the strains has lost. The strain in the middle waits where forces come later.
+# Q = B^T J^T (D (eps0 + eps1)/2 + tau/h D J (u1 - u0)) with the discrete J: the strain increment J (u1 - u0) keeps
+# digits that the difference of the strains has lost. The mean strain is kept in slot g until forces overwrite it.
 _MIDDLE = [(LANES, _D, _U), (LAW, STRAIN), (COMBINE, ONE, _U, ZERO, _U, _U0), (COMBINE, ONE, _EPS, ZERO, _EPS, _EPS0),
            (LANES, _E, _U), (LAW, STRAIN), (LAW, MEAN), (BEYOND, NOW, _EPS), (BEYOND, BEFORE, _EPS0),
            (STRESS, ZERO, ONE), (PRODUCT, HALF, _EPS, _SIGMA, 0), (COMBINE, HALF, _EPS, HALF, _EPS0, _G),
@@ -73,15 +73,15 @@ _STEP = [*_MIDDLE, (COMBINE, ONE, _EPS0, ZERO, _EPS0, _EPS), (STRESS, ZERO, FACT
 # Q = -B^T J^T D eps*', and eps*'^T D eps*'/2
 _SLOPE = [(LANES, _D, _U), (LAW, STRAIN), _NONE, (BEYOND, RATES, _EPS), (STRESS, ZERO, ONE),
           (PRODUCT, HALF, _EPS, _SIGMA, 0), (LAW, PULL), (FORCES,)]
-# -sigma . eps*', and the same of a step, second of two
+# -sigma . eps*', and the same over a step, as second result
 _POWER = [(LANES, _D, _U), (LANES, _E, _U0), (LAW, STRAIN), (LAW, PUSH), (BEYOND, NOW, _EPS), (MEMORY, REMEMBER),
           (BEYOND, RATES, _EPS0), (COMBINE, ONE, _EPS, FACTOR, _EPS0, _EPS), (STRESS, ZERO, ONE), _NONE,
           (BEYOND, RATES, _EPS), (PRODUCT, ONE, _EPS, _SIGMA, 0)]
 _WORK = [*_MIDDLE, (COMBINE, ONE, _G, FACTOR, _EPS0, _EPS), (STRESS, ZERO, ONE), _NONE, (BEYOND, CHANGE, _EPS),
          (PRODUCT, ONE, _EPS, _SIGMA, 1)]
-# K = B^T ((1/2 + tau/h) J^T D J + sigma . d2eps/du2/2) B with the mean stress at the mid-configuration: there the
-# strain of the mid-configuration itself is no guide, as a turn by w shortens what lies between two states by w^2/8.
-# The derivative itself has the derivative of the strain at d1 for the second J.
+# K = B^T ((1/2 + tau/h) J^T D J + sigma . d2eps/du2/2) B with the mean stress, at the mid-configuration. The strain of
+# the mid-configuration itself would be wrong, since a rotation by w shortens it by w^2/8. The exact derivative would
+# have the Jacobian of the strain at d1 as the second J.
 _STEP_TANGENT = [*_STEP, (COMBINE, ONE, _U, MINUS_HALF, _U0, _U), (COMBINE, HALF, _SIGMA, ZERO, _SIGMA, _SIGMA),
                  (MATERIAL, HALF_MORE), (GEOMETRIC, ONE), (TANGENTS,)]
 _PROGRAMS = {STRAINS: _STRESSES, FORCE: [*_ELASTIC, (MEMORY, _TRY)],
@@ -95,14 +95,14 @@ _STARTS = np.cumsum([0] + [len(_PROGRAMS[k]) for k in range(len(_PROGRAMS))])
 
 @inner
 def is_given(group):  # type: ignore[no-untyped-def]
-    """Return whether internal strains are given in the place of those by the law."""
+    """Return whether internal strains are prescribed (``Memory.given``) instead of computed by the law."""
     slope = group.memory.slope
     return len(slope) > 0 and slope[0] <= 0.0
 
 
 @inner
 def recall(group, part, first, count):  # type: ignore[no-untyped-def]
-    """Fill the lanes of what the elements of a batch remember."""
+    """Fill slot ``old`` with the accepted states of the elements of a batch."""
     law, work, memory = group.law, group.plan.work, group.memory
     at, slot = layout(law)
     S = law.B.shape[2]
@@ -117,7 +117,7 @@ def recall(group, part, first, count):  # type: ignore[no-untyped-def]
 
 @inner
 def recall_given(group, part, first, count):  # type: ignore[no-untyped-def]
-    """Fill the lanes of internal strains that are given, and take them off the strains."""
+    """Fill slot ``new`` with the given internal strains, and subtract them from the strains."""
     law, work, memory = group.law, group.plan.work, group.memory
     at, slot = layout(law)
     S, k = law.B.shape[2], law.strains
@@ -135,7 +135,7 @@ def recall_given(group, part, first, count):  # type: ignore[no-untyped-def]
 
 @inner
 def give_slopes(group, lanes):  # type: ignore[no-untyped-def]
-    """Fill the lanes of the slopes of internal strains that are given."""
+    """Fill slot ``slope`` with the slope of given internal strains."""
     at, slot = layout(group.law)
     for p in range(points_of(group.law)):
         for i in range(group.law.strains):
@@ -146,7 +146,7 @@ def give_slopes(group, lanes):  # type: ignore[no-untyped-def]
 
 @inner
 def given_work(group, part, first, count):  # type: ignore[no-untyped-def]
-    """Return the energy that internal strains which are given have taken."""
+    """Return sigma . taken of a batch: the work of the stresses on the given changes of internal strains."""
     law, work, memory = group.law, group.plan.work, group.memory
     at, slot = layout(law)
     S, lost = law.B.shape[2], 0.0
@@ -160,7 +160,7 @@ def given_work(group, part, first, count):  # type: ignore[no-untyped-def]
 
 @inner
 def keep_states(group, part, first, count):  # type: ignore[no-untyped-def]
-    """Let the elements of a batch remember their new states; return the energy that internal strains have taken."""
+    """Accept the new states of a batch; return the work of the stresses on the change of internal strains."""
     law, work, memory = group.law, group.plan.work, group.memory
     at, slot = layout(law)
     S, lost = law.B.shape[2], 0.0
@@ -189,7 +189,8 @@ def put_states(group, states, part, first, count):  # type: ignore[no-untyped-de
 
 @inner
 def with_memory(group, what, part, first, count):  # type: ignore[no-untyped-def]
-    """Do a step of a law with memory; return the energy that internal strains have taken."""
+    """Perform a MEMORY step of a program; return the energy that internal strains took (0 unless states are accepted).
+    """
     if what == _KEEP:
         if is_given(group):
             return given_work(group, part, first, count)
@@ -202,7 +203,7 @@ def with_memory(group, what, part, first, count):  # type: ignore[no-untyped-def
         recall_given(group, part, first, count)
         return 0.0
     if what == BEAR and not given:
-        # REMEMBER has done that
+        # REMEMBER has filled state and slope, and JE
         return 0.0
     if given:
         give_slopes(group, vectors_of(group.law.B.shape[2] * count))
@@ -217,12 +218,12 @@ def with_memory(group, what, part, first, count):  # type: ignore[no-untyped-def
 
 @addressed
 def element_batch(what, record, d, e, first, count, part, factor):  # type: ignore[no-untyped-def]
-    """Do what is asked for of elements first, ..., first + count - 1, which are of one class.
+    """Compute quantity ``what`` for elements first, ..., first + count - 1, which are all of one class.
 
-    STRAINS leaves strains and stresses of one part of the stations in the work buffer, WHOLE strains; all else goes
-    through all parts.
-    Returns (strain energy at d, of a step at e, of natural strains alone for SLOPE, power lost for RATE, or power of
-    natural strains; energy dissipated by a step or, for COMMIT, by internal strains, or work of natural strains).
+    STRAINS leaves strains and stresses of one ``part`` of the stations in the work buffer, WHOLE the strains; all other
+    quantities loop over all parts. Returns two numbers. The first is the strain energy at d (at e for STEP), for SLOPE
+    the energy of natural strains alone, for RATE the dissipated power, for POWER the power of natural strains. The
+    second is the energy dissipated in a STEP or, for COMMIT, by internal strains, and for WORK that of natural strains.
     """
     group = whole(record)
     law = group.law
@@ -268,7 +269,7 @@ def element_batch(what, record, d, e, first, count, part, factor):  # type: igno
     return energy, lost
 
 
-# the type of every group of elements
+# the record type of every element group
 GROUP = type_of(no_group())
 _x, _i = types.float64[::1], types.int64
 _BATCH = types.UniTuple(types.float64, 2)(_i, GROUP, _x, _x, _i, _i, _i, types.float64)
@@ -277,7 +278,7 @@ call_batch = caller(_BATCH)
 
 @cache
 def batch_address() -> int:
-    """Return the address of ``element_batch``, compiled when first asked for."""
+    """Return the address of ``element_batch``, compiled on first use."""
     return address_of(element_batch, _BATCH)
 
 

@@ -1,8 +1,8 @@
-"""Stations of several elements side by side: the vector lanes that laws are evaluated in.
+"""Vector lanes: the stations of several elements side by side, at which laws are evaluated in vector instructions.
 
-A batch is a run of elements of one class. Its lanes are the stations of all its elements, station by station, element
-by element within: what is constant along a row of the work buffer is a component, what varies is the lane. Fields
-u = B d, forces B^T g and tangents are products of matrices for the whole batch at once (BLAS).
+A batch is a run of elements of one class. Its lanes are the stations of all its elements, station by station, with the
+elements inside. Each row of the work buffer holds one component for all lanes. Fields u = B d, forces B^T g and
+tangents are matrix products for the whole batch at once (BLAS).
 """
 
 from __future__ import annotations
@@ -14,22 +14,22 @@ from numba.extending import register_jitable
 from .lowlevel.jit import inner
 from .lowlevel.records import STRIDE
 
-# lanes of a batch; rows lie further apart (STRIDE)
+# most lanes of a batch; the distance of rows is larger (STRIDE)
 LANES = 64
-# lanes are rounded up to full vectors
+# the number of lanes is rounded up to a multiple of this
 VECTOR = 8
 
 
 class Plan(NamedTuple):
-    """How the batches of a group are worked on.
+    """How the batches of a group are processed.
 
-    parts : stations come in this many parts of equal length; most : elements of a batch at most; vectors : (v, 2)
+    parts : number of equal parts that the stations are divided into; most : most elements of a batch; vectors : (v, 2)
     fields that are the x and y of a vector; coupled : (points, points) whether D couples points of a station; blocks :
-    (b, 4) first pair, pairs, first entry and entries of K that are made at once; pairs : (k, 2) fields i <= j of the
-    entries of H that are used; entries : (m, 2) coordinates a >= b of the entries of K, those of blocks first;
-    following : (k, 3) how others follow from them (``tangents.follow``); products : (classes parts, size) what the
-    entries of H are multiplied by, empty where it is made anew each time; held : class and elements that
-    the constants in ``work`` are for; dgemm, forces : addresses of what multiplies matrices and makes a batch's forces.
+    (b, 4) first pair, pairs, first entry and entries of K that are computed by one product; pairs : (k, 2) fields
+    i <= j of the entries of H that are used; entries : (m, 2) coordinates a >= b of the entries of K, computed ones
+    first; following : (k, 3) rules for the others (``tangents.follow``); products : (classes * parts, size) factors of
+    the entries of H (``tangents.fill_products``), empty if they are recomputed each time; held : class and number of
+    elements of the constants in ``work``; dgemm, forces : addresses of BLAS's dgemm and of ``forces.element_batch``.
     """
 
     parts: int
@@ -48,12 +48,12 @@ class Plan(NamedTuple):
 
 
 class Slots(NamedTuple):
-    """Rows of a point where each quantity starts, and how many they are: all constants of its law.
+    """First row of each quantity of a point in the work buffer, and the number of rows; constants of a law.
 
-    u, eps, sigma, J : fields, strains, stresses and Jacobian; u0, eps0 : other fields and strains beside them; t, DJ :
-    D eps and D J; D, H, g : stiffness, second derivatives of the energy and forces by the fields; ref : reference
-    values. Of laws with memory, slope : of internal strains by strains; JE : what the fields make of strains that bear
-    stress, J of other laws; old, new : state before and after.
+    u, eps, sigma, J : fields, strains, stresses and Jacobian; u0, eps0 : second set of fields and strains; t, DJ :
+    D eps and D J; D, H, g : stiffness, second derivatives of the energy by the fields, forces on the fields; ref :
+    reference values. Laws with memory: slope : derivative of internal strains by strains; JE : Jacobian of strains
+    less internal strains (J for other laws); old, new : state before and after.
     """
 
     u: int
@@ -76,9 +76,9 @@ class Slots(NamedTuple):
 
 
 class Places(NamedTuple):
-    """Rows of the work buffer of a station: ``rows`` of each point, then D and H of pairs of points, then the turns.
+    """Rows of a station in the work buffer: ``rows`` of each point, then D and H of pairs of points, then the turns.
 
-    Where a station is one point, D and H are the point's own.
+    If a station has one point, D and H are the point's own.
     """
 
     rows: int
@@ -90,9 +90,9 @@ class Places(NamedTuple):
 
 @register_jitable
 def slots(fields, strains, references, state):  # type: ignore[no-untyped-def]
-    """Return the rows of a point whose law has so many fields, strains, reference values and numbers of state.
+    """Return the rows of a point for a law with these numbers of fields, strains, reference values and state variables.
 
-    Those whose number only a run tells come last: others are a constant distance apart, and are seen not to overlap.
+    Quantities whose size is known only at run time come last: LLVM then sees that the others do not overlap.
     """
     u0 = fields
     eps = u0 + fields
@@ -115,7 +115,7 @@ def slots(fields, strains, references, state):  # type: ignore[no-untyped-def]
 
 @register_jitable
 def places(fields, strains, references, state, points):  # type: ignore[no-untyped-def]
-    """Return the places for stations of so many points."""
+    """Return the rows of a station with ``points`` points."""
     at = slots(fields, strains, references, state)
     if points == 1:
         D, H, turn = at.D, at.H, at.rows
@@ -128,13 +128,13 @@ def places(fields, strains, references, state, points):  # type: ignore[no-untyp
 
 @inner
 def vectors_of(lanes):  # type: ignore[no-untyped-def]
-    """Return lanes rounded up to full vectors: those beyond repeat the first, and count nowhere."""
+    """Return lanes rounded up to full vectors; padding lanes repeat the first one and are never summed."""
     return (lanes + VECTOR - 1) // VECTOR * VECTOR
 
 
 @register_jitable
 def matrices_at(at, n, flat, entries):  # type: ignore[no-untyped-def]
-    """Return where displacements, lanes in a row, forces, tangents and products start in the buffer."""
+    """Return where displacements, flat lanes, forces, tangents and products start in the buffer."""
     de = at.end * STRIDE
     lanes = de + n * LANES
     Q = lanes + flat * LANES

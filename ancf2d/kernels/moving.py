@@ -1,8 +1,8 @@
-"""Points that move along bodies: where they are now, and the inertia of the masses there.
+"""Points that move along bodies: their current position, and the inertia of their masses.
 
-Forces at such points are point laws (``kernels.points``) whose coordinates and weights are written anew for every
+Forces at such points are point laws (``kernels.points``) whose coordinates and weights are rewritten for every
 configuration. A mass at r(s(t), t) has the acceleration S q'' + 2 s' S_s q' + (s'' S_s + s'^2 S_ss) e: the first term
-is added to the mass matrix, the others are a point law's. The table: elements.sliding.
+is added to the mass matrix, the others belong to a point law. The table is ``elements.sliding.Moving``.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .points import weights_of_item
 
 @inner
 def place_moving(p, d, amps):  # type: ignore[no-untyped-def]
-    """Write coordinates, weights and rates at rest of all points that move, at displacements d (n_full,)."""
+    """Update coordinates, weights, p0 and drift of all moving points in the table of point laws, at d (n_full,)."""
     if len(p.moving.item) > 0:
         calls.place_moving(p.calls, (p, d, amps))
 
@@ -69,7 +69,7 @@ def _place(p, j, d, amps):  # type: ignore[no-untyped-def]
 
 @inner
 def _coordinate(p, c, x, amps, order):  # type: ignore[no-untyped-def]
-    """Return full coordinate c from the unknowns x, and with ``order`` > 0 what is prescribed of that rate of it."""
+    """Return full coordinate c from the unknowns x; with ``order`` > 0 add its prescribed rate of that order."""
     k, s = p.place[c], 0.0
     if k >= 0:
         return x[k]
@@ -85,7 +85,7 @@ def _coordinate(p, c, x, amps, order):  # type: ignore[no-untyped-def]
 
 @inner
 def _of_point(p, j, x, amps, order):  # type: ignore[no-untyped-def]
-    """Return S x: both components at point j, as ``_coordinate`` has x."""
+    """Return both components of S x at point j, with x and ``order`` as in ``_coordinate``."""
     points, i = p.points, p.moving.item[j]
     first, G = points.dof[i], weights_of_item(points, i)
     out_x, out_y = 0.0, 0.0
@@ -98,7 +98,7 @@ def _of_point(p, j, x, amps, order):  # type: ignore[no-untyped-def]
 
 @inner
 def moving_inertia(p, amps, a, Q):  # type: ignore[no-untyped-def]
-    """Add m S^T S q'' of the masses that move to Q (n_full,), from second rates a (n,) of the unknowns."""
+    """Add m S^T S q'' of the moving masses to Q (n_full,), from second rates a (n,) of the unknowns."""
     if len(p.moving.fixed) > 0:
         calls.moving_inertia(p.calls, (p, amps, a, Q))
 
@@ -117,7 +117,7 @@ def _inertia(p, amps, a, Q):  # type: ignore[no-untyped-def]
 
 @inner
 def add_moving_product(p, x, y):  # type: ignore[no-untyped-def]
-    """Add what the masses that move make of x (n,) to y (n,), where they were placed last."""
+    """Add the mass matrix of the moving masses, where they were placed last, times x (n,) to y (n,)."""
     if len(p.moving.fixed) > 0:
         calls.moving_product(p.calls, (p, x, y))
 
@@ -141,7 +141,7 @@ def _product(p, x, y):  # type: ignore[no-untyped-def]
 
 
 def _with_matrix(stored: Any, kind: str) -> Any:
-    """Return what adds to matrices of a kind what the masses that move add to the mass matrix."""
+    """Return the function that adds the mass matrix of the moving masses to matrices of one kind."""
     def moving_mass(p, factor, A):  # type: ignore[no-untyped-def]
         most = 0
         for i in p.moving.item:
@@ -166,7 +166,7 @@ _MOVING_MASS = _with_matrix(in_band, "band"), _with_matrix(in_fronts, "fronts")
 
 
 def moving_functions(fronts: bool, has_masses: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
-    """Return the functions of points that move, and of the masses there, that the table of a model has."""
+    """Return the entries for moving points and their masses of the table of a model (``kernels.calls.table``)."""
     out: dict[Any, tuple[Any, ...]] = {calls.place_moving: (_place_all, problem)}
     if has_masses:
         out |= {calls.moving_mass: (_MOVING_MASS[fronts], problem), calls.moving_inertia: (_inertia, problem),

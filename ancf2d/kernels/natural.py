@@ -1,5 +1,5 @@
-"""Strains that bear no stress: natural ones, which elements would have if they were free, as temperature or an actuator
-makes them, and internal ones, which laws with memory remember."""
+"""Stress-free strains: natural strains of free elements, e.g. by temperature or actuators, and internal strains of laws
+with memory."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import numpy as np
 
 from .lowlevel.jit import inner
 
-# of natural strains: what they are now, their rates, what they were before a step, and how they change in it
+# natural strains now, their rates, those before a step, and their change in the step
 NOW, RATES, BEFORE, CHANGE = range(4)
 
 
 class Natural(NamedTuple):
-    """Strains that elements would have if they were free: stresses are D times what they are strained beyond these.
+    """Natural strains: those of free elements; stresses are D times the strains beyond them.
 
-    stretch : (loads, patterns parts, strains, stations) of each load, per unit of it; quadratic : (strains of a point,)
-    1 where the strain of a stretch L is L + L^2/2, 0 where it is L; pattern : (ne,) which of the patterns an element
-    has; amount : (loads, 3) of each load now, its rate, and its amount before a step; signal : (loads,) what it
-    follows in motion. All are empty where nothing but displacements strains the elements.
+    stretch : (loads, patterns * parts, strains, stations) stretch per unit of each load; quadratic : (strains of a
+    point,) 1 where a stretch L gives the strain L + L^2/2, 0 where it gives L; pattern : (ne,) pattern of each
+    element; amount : (loads, 3) of each load now, its rate, and its amount before a step; signal : (loads,) row of the
+    signal that it follows in motion. All are empty if only displacements strain the elements.
     """
 
     stretch: Any
@@ -32,28 +32,28 @@ class Natural(NamedTuple):
 
 @cache
 def no_natural() -> Natural:
-    """Return the same natural strains always, those of elements that nothing but displacements strains."""
+    """Return the (shared) empty natural strains, for elements that only displacements strain."""
     n = np.zeros(0, dtype=np.int64)
     return Natural(np.zeros((0, 0, 0, 0)), np.zeros(0), n, np.zeros((0, 3)), n)
 
 
 def of_some(natural: Natural, which: Any) -> Natural:
-    """Return the natural strains of some elements, which follow the same amounts."""
+    """Return the natural strains of the elements ``which``; the amounts are shared."""
     return natural._replace(pattern=np.ascontiguousarray(natural.pattern[which])) if len(natural.pattern) else natural
 
 
-# slopes are 0 or less
+# marks internal strains that are not given; slopes of given ones are 0 or less
 UNGIVEN = 1.0
 
 
 class Memory(NamedTuple):
-    """What laws with memory remember of the last accepted state.
+    """History variables of laws with memory.
 
-    row : (ne,) where that of each element is in states (rows, stations of all parts, numbers of all points), which may
-    be those of other groups too; trial : room for those of the state whose forces were last asked for, which may be
-    accepted next, or nothing. slope (1,) : that of internal strains which are given in the place of the law's own,
-    UNGIVEN where none are; given, taken (rows, stations of all parts, strains of all points) : these, and what they
-    have taken. All are empty where the law has none.
+    states : (rows, stations of all parts, numbers of all points) last accepted state, possibly shared by groups; row :
+    (ne,) row of each element; trial : like states, of the last evaluation of forces, or empty. slope (1,) : slope of
+    given internal strains, which replace those of the law, or UNGIVEN; given, taken (rows, stations of all parts,
+    strains of all points) : given internal strains, and the change of internal strains whose work is asked for. All are
+    empty if the law has no memory.
     """
 
     row: Any
@@ -66,13 +66,13 @@ class Memory(NamedTuple):
 
 @cache
 def no_memory() -> Memory:
-    """Return the same memory always, that of laws that have none."""
+    """Return the (shared) empty memory, for laws without history."""
     none = np.zeros((0, 0, 0))
     return Memory(np.zeros(0, dtype=np.int64), none, none, np.zeros(0), none, none)
 
 
 def memory_of_some(memory: Memory, which: Any) -> Memory:
-    """Return the memory of some elements, which is a part of that of all."""
+    """Return the memory of the elements ``which``; the states are shared."""
     return memory._replace(row=np.ascontiguousarray(memory.row[which])) if memory.states.size else memory
 
 
@@ -83,7 +83,7 @@ def _strain_of(stretch, quadratic):  # type: ignore[no-untyped-def]
 
 @inner
 def natural_strain(natural, what, q, i, s, quadratic):  # type: ignore[no-untyped-def]
-    """Return what is asked for of natural strain i at station s of pattern q."""
+    """Return natural strain i at station s of pattern q: NOW, its RATES, BEFORE the step or its CHANGE (``what``)."""
     now, rate, before = 0.0, 0.0, 0.0
     for k in range(len(natural.amount)):
         v = natural.stretch[k, q, i, s]

@@ -1,4 +1,4 @@
-"""Contact points that pass through an obstacle between two states of a motion, and are outside it in both."""
+"""Detect contact points that pass through an obstacle in a time step and are outside it at both ends."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from .motion.dynamics import signals_at, to_full
 from .points import amplitude_of, fields_of_item
 
 _gap_at, _stand = part(contact_geometry.gap_at), part(contact_geometry.stand)
-# fields of a contact at most
+# most fields of a contact
 _FIELDS = 100
 
 
 @inner_with_memory
 def _place(p, d, i, amps, u, work):  # type: ignore[no-untyped-def]
-    """Return where point i is, as its obstacle sees it, and its gap, at d (n_full,) and signals ``amps``."""
+    """Return x and y of point i in the frame of its obstacle, and its gap, at d (n_full,) and signals ``amps``."""
     points = p.points
     b, m = points.field[i], points.field[i + 1] - points.field[i]
     rates, amplitude = u[len(u) // 2:], work[WORK:]
@@ -33,14 +33,17 @@ def _place(p, d, i, amps, u, work):  # type: ignore[no-untyped-def]
 
 @inner_with_memory
 def _meets_obstacle(p, i):  # type: ignore[no-untyped-def]
-    """Return whether item i is a point of contact in use that may meet an obstacle."""
+    """Return whether item i is an active contact point that may touch an obstacle (not a body)."""
     return (not p.points.restitution[i] < 0.0 and p.points.mem[i, FREE] >= 0.0
             and int(p.points.par[i, SHAPE]) != BODY)
 
 
 @inner_with_memory
 def _stays_apart(points, i, before, after):  # type: ignore[no-untyped-def]
-    """Return whether the curve that begins at item i cannot act between two states: what cannot act is convex."""
+    """Return whether the curve that begins at item i is out of reach all the way between two states.
+
+    It is if both states are, because the set of states that are out of reach is convex.
+    """
     return (points.along[i] != 0 and points.apart[i] > 0.0 and is_apart(points, i, before)
             and is_apart(points, i, after))
 
@@ -48,7 +51,10 @@ def _stays_apart(points, i, before, after):  # type: ignore[no-untyped-def]
 @addressed_with_memory
 @seldom
 def tunnels(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
-    """Return whether a point passes through an obstacle in the step from s at t to m.end, out of it at both."""
+    """Return whether a contact point passes through an obstacle or body in the step from s at t to m.end.
+
+    It is outside of it at both ends.
+    """
     n, end, depth = len(p.points.mem), m.end, DEPTH * p.extent
     near = TOUCHES * p.extent
     u, work, amps = np.zeros(2 * _FIELDS), np.zeros(WORK + 3), w.amps.copy()

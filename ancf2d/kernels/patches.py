@@ -1,4 +1,4 @@
-"""Point laws and prismatic joints of a model in motion: what kernels ask of them, where the model has any."""
+"""Point laws and prismatic joints of a model in motion, called through the model's table if it has any."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from .sliding import (
 
 @kernel
 def point_violation(points, d, amps):  # type: ignore[no-untyped-def]
-    """Return the largest |g| of the constraints, each beside the size of its terms."""
+    """Return the largest |g| of the active constraints, each relative to the size of its terms (``scale``)."""
     worst = 0.0
     if len(points.forces) == 0:
         return worst
@@ -50,9 +50,9 @@ def point_violation(points, d, amps):  # type: ignore[no-untyped-def]
 @kernel
 @seldom
 def point_noise(points, d, out):  # type: ignore[no-untyped-def]
-    """Add what a unit relative error of every coordinate's share in a force can sum up to (n_full,).
+    """Add to out (n_full,) the sum of the sizes of all terms in the forces; times the unit round-off it bounds errors.
 
-    Signals count as 1: at rates of zero, to within the size of an amplitude.
+    Rates count as 0 and signals as 1, so the bound holds up to the size of the amplitudes.
     """
     if len(points.forces) == 0:
         return
@@ -85,7 +85,7 @@ def point_noise(points, d, out):  # type: ignore[no-untyped-def]
 
 @inner
 def face_bodies(p, d):  # type: ignore[no-untyped-def]
-    """Let points that may have a force on a body at d (n_full,) act on the elements that they are opposite to."""
+    """Update which elements the contact points face at d (n_full,), for points close enough to have a force."""
     if len(p.facing.item) > 0:
         calls.face(p.calls, (p.facing, p.points, d, True))
 
@@ -110,7 +110,10 @@ def _let_contacts_act(p, act):  # type: ignore[no-untyped-def]
 
 @inner
 def forces_but_contacts(p, d, v, amps, Q):  # type: ignore[no-untyped-def]
-    """Do as ``patch_forces`` without contacts, but for obstacles that follow signals: what rests does no work."""
+    """Same as ``patch_forces``, without contacts except those with obstacles that signals move.
+
+    Contacts with obstacles at rest do no work.
+    """
     if not p.touches:
         return patch_forces(p, d, v, amps, Q)
     _let_contacts_act(p, False)
@@ -131,12 +134,12 @@ def add_patch_tangent(p, d, v, amps, c, Q, A):  # type: ignore[no-untyped-def]
 
 @addressed
 def _skew(p, x, y):  # type: ignore[no-untyped-def]
-    """Do as ``curves.add_skew``."""
+    """Add the skew part of the point laws' tangent times x to y; return whether there is any (``curves.add_skew``)."""
     return add_skew(p.points, x, y, places_in(p))
 
 
 def _with_matrix(stored: Any, kind: str) -> tuple[Any, Any]:
-    """Return the tangents of point laws and of joints for matrices of a kind."""
+    """Return the functions that add tangents of point laws and of joints to matrices of one kind."""
     def points(p, d, v, amps, c, Q, A):  # type: ignore[no-untyped-def]
         point_tangent(p.points, d, v, amps, c, Q, stored(p, A), places_in(p))
 
@@ -151,9 +154,9 @@ _TANGENTS = _with_matrix(in_band, "band"), _with_matrix(in_fronts, "fronts")
 
 def patch_functions(fronts: bool, has_points: bool, has_sliding: bool, has_facing: bool, mean: bool,
                     problem: Any) -> dict[Any, tuple[Any, ...]]:
-    """Return the functions of point laws and joints that the table of a model of this type has, if it has any.
+    """Return the entries for point laws and joints of the table of a model (``kernels.calls.table``).
 
-    ``has_facing`` : whether bodies touch one another; ``mean`` : whether forces of a step that keeps energy are wanted.
+    ``has_facing`` : whether bodies may touch each other; ``mean`` : whether forces of energy-momentum steps are needed.
     """
     out: dict[Any, tuple[Any, ...]] = {}
     if has_facing:
@@ -180,7 +183,7 @@ def patch_functions(fronts: bool, has_points: bool, has_sliding: bool, has_facin
 
 @inner
 def patch_noise(p, d, out):  # type: ignore[no-untyped-def]
-    """Add what round-off can leave of the forces of point laws and joints to ``out``."""
+    """Add the sizes of the terms in the forces of point laws and joints, which bound round-off, to out (n_full,)."""
     if len(p.points.mem) > 0:
         face_bodies(p, d)
         calls.point_noise(p.calls, (p.points, d, out))
@@ -202,10 +205,10 @@ def violation(p, d, amps):  # type: ignore[no-untyped-def]
 
 @inner
 def accept_patches(p, d, amps):  # type: ignore[no-untyped-def]
-    """Let point laws and joints remember the accepted state d."""
+    """Update the history variables of point laws and joints at the accepted state d."""
     if len(p.points.mem) > 0:
         if len(p.facing.item) > 0:
-            # however far away: laws remember on which side they are
+            # distant points too: laws store on which side of an axis they are
             calls.face(p.calls, (p.facing, p.points, d, False))
         calls.point_accept(p.calls, (p.points, d, amps))
     if len(p.sliding.multiplier) > 0:
@@ -214,7 +217,7 @@ def accept_patches(p, d, amps):  # type: ignore[no-untyped-def]
 
 @inner
 def rates_of_constraints(p, d, v, amps, velocity, acceleration):  # type: ignore[no-untyped-def]
-    """Set what the constraints' rates and accelerations are at their multipliers without those of the unknowns."""
+    """Set velocity to g_t and acceleration to v^T g_qq v + 2 g_qt v + g_tt, at the multipliers of all constraints."""
     if len(p.points.mem) > 0:
         face_bodies(p, d)
         calls.point_rates(p.calls, (p.points, d, v, amps, velocity, acceleration))

@@ -1,4 +1,4 @@
-"""Springs, dampers, turning loads and constraints of points, one by one: laws (``elements.point_laws``) in a table."""
+"""Point laws item by item: springs, dampers, turning loads and constraints in a table (``elements.point_laws``)."""
 
 from __future__ import annotations
 
@@ -11,15 +11,14 @@ from .lowlevel.records import array_at
 
 
 class Sewn(NamedTuple):
-    """What curves with points of contact (``Points.run``), and points that rub without a law, act on of the unknowns,
-    and where their matrices go.
+    """Direct assembly for contact curves (``Points.run``) and hard contact points with friction: unknowns and slots.
 
-    Of points that rub on bodies, which act on what they are opposite to, only ``skew`` is there, of their coordinates.
+    Points that rub on other bodies have changing coordinates: for them only ``skew`` exists, by their coordinates.
 
-    begin : (n + 1, 3) where the unknowns, rows and entries of each item begin; unknown (k,), with the matrix W (k,
-    fields) that gives the fields, ``span`` (k, 2) as ``Points`` has it; slot : of each lower entry (k, l), row by row,
-    the place in the matrix; skew : what is not symmetric of it, of the tangent made last, and rubs (n,) whether any is;
-    most : unknowns of an item. Empty in statics.
+    begin : (n + 1, 3) where the unknowns, rows of W and entries of each item begin; unknown (k,) : the unknowns that an
+    item acts on; W (k, fields) : W^T maps them to the fields, with ``span`` (k, 2) as in ``Points``; slot : place in
+    the matrix of each entry of the lower half, row by row; skew : skew part of the last tangent, and rubs (n,) :
+    whether it is not zero; most : largest number of unknowns of an item. Empty in statics.
     """
 
     begin: Any
@@ -33,21 +32,20 @@ class Sewn(NamedTuple):
 
 
 class Points(NamedTuple):
-    """Items of point laws. Item i has fields p0 + G d[dofs] and coordinates dofs.
+    """Items of point laws. Item i has the fields p0 + G d[dofs] and acts on the coordinates dofs.
 
-    forces, mean, accept, along, accept_along : (n,) addresses of the law's functions, 0 for what it has not or nobody
-    asks for; field, dof, entry : (n + 1,) where the fields, coordinates and entries of G of item i begin in p0, dofs
-    and G (columns of G one after another); span : (coordinates, 2) fields from the first to behind the last one that
-    each moves; par : (n, constants); mem : (n, numbers) last angles, and what else laws remember;
-    signal : (n, 3) rows of the amplitudes, -1 for a constant 1; fed : (n, 3) fields that these signals prescribe, or
-    -1;
-    multiplier : (n,) full coordinate of the multiplier, or -1; scale : (n,) size of the constraint's terms;
-    on : (n,) whether it acts: where it does not, a law has no force and a constraint no multiplier; drift : rates that
-    fields have while their coordinates rest;
-    restitution : (n,) what an impact returns to one-sided constraints, nan: contacts with a law, -1: no contact; run :
-    (n,) how many items from here on share fields, coordinates and amplitude: ``along`` has them all. apart : (n,) how
-    far they were from acting at ``there`` (coordinates,), each beside what coordinates move, ``lever`` (coordinates,),
-    and points that face bodies are now (``facing``).
+    forces, mean, accept, along, accept_along : (n,) addresses of the law's functions, 0 if it has none or it is not
+    needed; field, dof, entry : (n + 1,) where the fields, coordinates and entries of G of item i begin in p0, dofs and
+    G (columns of G one after another); span : (coordinates, 2) first and last + 1 field that each coordinate changes;
+    par : (n, constants); mem : (n, numbers) last angles and other history variables; signal : (n, 3) rows of the
+    amplitudes, -1 for a constant 1; fed : (n, 3) fields that these signals prescribe, or -1; multiplier : (n,) full
+    coordinate of the multiplier, or -1; scale : (n,) size of the constraint's terms; on : (n,) whether the item is
+    active (an inactive law has no force, an inactive constraint a zero multiplier); drift : rates of the fields while
+    their coordinates are constant; restitution : (n,) coefficient of one-sided constraints, nan: contacts with a law,
+    -1: no contact; run : (n,) how many items from here on share fields, coordinates and amplitude, which ``along``
+    evaluates together. apart : (n,) change of the fields below which the run cannot act, measured from the coordinates
+    ``there`` (coordinates,), where a unit of a coordinate counts ``lever`` (coordinates,); for points that face bodies,
+    their current distance, 0 if near (``facing``).
     """
 
     forces: Any
@@ -87,14 +85,14 @@ def weights_of_item(points, i):  # type: ignore[no-untyped-def]
 
 @inlined
 def coordinates_of_item(points, i):  # type: ignore[no-untyped-def]
-    """Return the coordinates (n,) of item i, and the fields (n, 2) that each moves."""
+    """Return the coordinates (n,) of item i, and the range of fields (n, 2) that each changes."""
     first, n = points.dof[i], points.dof[i + 1] - points.dof[i]
     return array_at(points.dofs, first, (n,)), array_at(points.span, 2 * first, (n, 2))
 
 
 @inner
 def fields_of_first(points, i, n, d, out):  # type: ignore[no-untyped-def]
-    """Fill what the first n coordinates of item i give of G d."""
+    """Fill out with the contribution of the first n coordinates of item i to G d."""
     m = points.field[i + 1] - points.field[i]
     dofs, span = coordinates_of_item(points, i)
     for k in range(m):
@@ -109,13 +107,13 @@ def fields_of_first(points, i, n, d, out):  # type: ignore[no-untyped-def]
 
 @inner
 def fields_of_item(points, i, d, out):  # type: ignore[no-untyped-def]
-    """Fill G d of item i."""
+    """Fill out with the fields G d of item i, without p0."""
     fields_of_first(points, i, points.dof[i + 1] - points.dof[i], d, out)
 
 
 @inner
 def rates_of_item(points, i, v, out):  # type: ignore[no-untyped-def]
-    """Fill the rates of the fields of item i."""
+    """Fill out with the rates of the fields of item i, drift included."""
     fields_of_item(points, i, v, out)
     for k in range(points.field[i + 1] - points.field[i]):
         out[k] += points.drift[points.field[i] + k]
@@ -123,7 +121,8 @@ def rates_of_item(points, i, v, out):  # type: ignore[no-untyped-def]
 
 @inner
 def amplitude_of(points, i, amps, u, w, a):  # type: ignore[no-untyped-def]
-    """Fill the amplitude of item i, and the fields that its signals prescribe with their rates."""
+    """Fill a (3,) with the amplitude of item i and its derivatives; set the fields (u) and rates (w) given by signals.
+    """
     k = points.signal[i, 0]
     a[0], a[1], a[2] = 1.0, 0.0, 0.0
     if k >= 0:
@@ -158,7 +157,7 @@ def evaluate_item(points, i, d, v, amps, u, w, a, f, H, C):  # type: ignore[no-u
 
 @inner
 def evaluate_at(points, i, d, amps, u, w, a, f, H, C):  # type: ignore[no-untyped-def]
-    """Do as ``evaluate_item`` does with the rates in w."""
+    """Same as ``evaluate_item``, with the rates already in w."""
     fields_of_item(points, i, d, u)
     amplitude_of(points, i, amps, u, w, a)
     return law_of_item(points, i, u, w, a, f, H, C, points.field[i + 1] - points.field[i])
@@ -166,7 +165,7 @@ def evaluate_at(points, i, d, amps, u, w, a, f, H, C):  # type: ignore[no-untype
 
 @inner
 def rests(points, i):  # type: ignore[no-untyped-def]
-    """Return whether item i does not act, whatever its fields: it is switched off, or faces nothing that is near."""
+    """Return whether item i is inactive: switched off, or a point with no body nearby."""
     return not points.on[i] or (points.apart[i] > 0.0 and points.along[i] == 0)
 
 
@@ -174,7 +173,7 @@ def rests(points, i):  # type: ignore[no-untyped-def]
 def law_of_item(points, i, u, w, a, f, H, C, wide):  # type: ignore[no-untyped-def]
     """Fill f (m,), H and C (m, m), both row by row, of item i from its fields and amplitude.
 
-    Returns (energy, dissipated power). ``wide`` is m, or 0 where forces are asked for alone.
+    Returns (energy, dissipated power). ``wide`` is m, or 0 if only forces are needed.
     """
     b, m = points.field[i], points.field[i + 1] - points.field[i]
     f[:m] = 0.0
@@ -191,7 +190,7 @@ def law_of_item(points, i, u, w, a, f, H, C, wide):  # type: ignore[no-untyped-d
 
 @inlined
 def most_of(begin):  # type: ignore[no-untyped-def]
-    """Return how many entries an item has at most, from where those of each begin."""
+    """Return the largest number of entries of an item, from the offsets (n + 1,) of the entries."""
     most = 0
     for i in range(len(begin) - 1):
         most = max(most, begin[i + 1] - begin[i])
@@ -200,16 +199,16 @@ def most_of(begin):  # type: ignore[no-untyped-def]
 
 @inlined
 def work_arrays(points):  # type: ignore[no-untyped-def]
-    """Return u, w, a, f, H, C."""
+    """Return work arrays u, w, a, f, H, C for any item of the table."""
     n = most_of(points.field)
     return vector(n), vector(n), vector(3), vector(n), vector(n * n), vector(n * n)
 
 
 @inner
 def stiffness_of(points, i, H, C, h, c, symmetric, row, K):  # type: ignore[no-untyped-def]
-    """Fill K (n, n) with G^T (h H + c C) G of item i, or its symmetric part; ``row`` (fields,) is room.
+    """Fill K (n, n) with G^T (h H + c C) G of item i, or its symmetric part; ``row`` (fields,) is work space.
 
-    H is overwritten.
+    Overwrites H.
     """
     m, n = points.field[i + 1] - points.field[i], points.dof[i + 1] - points.dof[i]
     A = array_at(H, 0, (m, m))
@@ -246,8 +245,8 @@ def stiffness_of(points, i, H, C, h, c, symmetric, row, K):  # type: ignore[no-u
 def point_matrices(points, d, v, amps, linear, energy, Q, K, C):  # type: ignore[no-untyped-def]
     """Fill energies (n,), forces Q (n, k), stiffness K and damping C (n, k, k) of items with k coordinates each.
 
-    K and C of no size are left out. ``linear``: what a signal prescribes enters to first order only, as in linear
-    theory about the reference.
+    K and C are skipped if their size is 0. ``linear``: fields prescribed by a signal enter to first order only, as in
+    linear theory about the reference.
     """
     u, w, a, f, H, D = work_arrays(points)
     row = vector(len(f))
@@ -260,7 +259,7 @@ def point_matrices(points, d, v, amps, linear, energy, Q, K, C):  # type: ignore
         first_order = linear and fed >= 0
         if first_order:
             u[fed] = held
-        # points of curves need no matrix for their forces
+        # forces of points on curves do not need H
         wide = 0 if len(K) == 0 and points.along[i] != 0 and not first_order else m
         energy[i] = law_of_item(points, i, u, w, a, f, H, D, wide)[0]
         if first_order:
@@ -280,8 +279,8 @@ def point_matrices(points, d, v, amps, linear, energy, Q, K, C):  # type: ignore
 def point_mean_forces(points, d0, d1, v, amps0, amps1, lam_from_d1, Q):  # type: ignore[no-untyped-def]
     """Add the forces of a step from d0 to d1 with mean rates v to Q; return (energy at d1, dissipated power).
 
-    Forces with a potential do exactly its difference as work; constraints are met at d1, with multipliers of d1
-    (``lam_from_d1``) or else the mean of both.
+    The work of forces with a potential is exactly the difference of the potential. Constraints are satisfied at d1,
+    with the multipliers of d1 (``lam_from_d1``) or else the mean of both.
     """
     energy, power = 0.0, 0.0
     if len(points.forces) == 0:
@@ -316,7 +315,7 @@ def point_mean_forces(points, d0, d1, v, amps0, amps1, lam_from_d1, Q):  # type:
 def point_constraint_rates(points, d, v, amps, out_velocity, out_acceleration):  # type: ignore[no-untyped-def]
     """Set g_t and v^T g_qq v + 2 g_qt v + g_tt at the multiplier of each constraint g(q, t) = 0 (n_full,) each.
 
-    Rates and accelerations that keep it obey g_q v = -g_t and g_q v' = -(the second).
+    Consistent rates and accelerations satisfy g_q v = -g_t and g_q v' = -(the second).
     """
     if len(points.forces) == 0:
         return

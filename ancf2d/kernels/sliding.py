@@ -1,7 +1,7 @@
-"""Prismatic joints: a point stays on the axis of a deformed body. Formulas and table: elements.sliding.
+"""Prismatic joints: a point keeps its distance from the axis of a deformed body. Formulas and table: elements.sliding.
 
-Signatures are those of kernels.points; rates and signals that a joint does not need are there for that alone. Forces of
-a step need no signals, and room for the configuration in its middle.
+Signatures are those of kernels.points, including arguments that joints do not use. Forces of a conserving step need no
+signals, but work space for the mean configuration.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from .matrices.matrix import scatter
 _point_at, _find, _rows_at, _second = (part(f) for f in (
     sliding.point_at, sliding.foot, sliding.rows_at, sliding.second))
 _END = sliding.END
-# relative motion below this share of the distance from the origin cannot be told from round-off
+# relative motion below this fraction of the distance from the origin is lost in round-off
 _STILL = 1e-7
 
 
 @inner
 def _foot(table, i, d):  # type: ignore[no-untyped-def]
-    """Return (element, z, (g, nx, ny, tx, ty, c)) of joint i, from the foot point last accepted."""
+    """Return (element, z, (g, nx, ny, tx, ty, c)) of joint i; the search starts at the last accepted foot point."""
     return _find(table, i, d, matrices(2, 2, table.terms[i]))
 
 
 @inner
 def _size(table, i):  # type: ignore[no-untyped-def]
-    """Return how many coordinates joint i touches at a time."""
+    """Return how many coordinates joint i acts on at a time (without the multiplier)."""
     return 2 * (table.points[i] + table.shapes[i])
 
 
@@ -62,14 +62,14 @@ def _force(table, i, d, Q):  # type: ignore[no-untyped-def]
 
 @kernel
 def sliding_forces(table, d, v, amps, Q):  # type: ignore[no-untyped-def]
-    """Add lambda dg/dq and, at the multipliers, g to Q (n_full,); not a number where a point is off the end."""
+    """Add lambda dg/dq and, at the multipliers, the change of g to Q (n_full,); nan if a point is off the end."""
     for i in range(len(table.multiplier)):
         _force(table, i, d, Q)
 
 
 @inner
 def _fill(table, i, d, dofs, rows, K):  # type: ignore[no-untyped-def]
-    """Fill coordinates and rows as ``_linearise`` does, and the stiffness K (k + 1, k + 1); return g."""
+    """Fill coordinates and rows as in ``_linearise``, and the stiffness K (k + 1, k + 1); return g."""
     k, multiplier = rows.shape[1], d[table.multiplier[i]]
     g, tx, ty, bend = _linearise(table, i, d, dofs, rows)
     _second(g, tx, ty, bend, rows, K)
@@ -83,7 +83,7 @@ def _fill(table, i, d, dofs, rows, K):  # type: ignore[no-untyped-def]
 
 @inner
 def _fill_idle(table, i, dofs, rows, K):  # type: ignore[no-untyped-def]
-    """Fill coordinates and the stiffness K (k + 1, k + 1) of a joint that does not hold: its multiplier is 0."""
+    """Fill coordinates and the stiffness K (k + 1, k + 1) of an inactive joint: its equation is multiplier = 0."""
     k = rows.shape[1]
     _rows_at(table, i, int(table.memory[i, 0]), 0.0, 0.0, 0.0, 0.0, 0.0, dofs, rows)
     dofs[k] = table.multiplier[i]
@@ -109,9 +109,9 @@ def _tangent(table, i, d, Q, matrix, places):  # type: ignore[no-untyped-def]
 @kernel
 @seldom
 def sliding_matrix(table, i, d, dofs, Q, K):  # type: ignore[no-untyped-def]
-    """Fill coordinates, forces (k + 1,) and stiffness (k + 1, k + 1) of joint i, and begin the next search here.
+    """Fill coordinates, forces (k + 1,) and stiffness (k + 1, k + 1) of joint i; the next search starts here.
 
-    Returns whether the point is above the body.
+    Returns whether the point is beside the body, not off its ends.
     """
     rows = array(3, len(Q) - 1)
     if not table.on[i]:
@@ -132,7 +132,7 @@ def sliding_matrix(table, i, d, dofs, Q, K):  # type: ignore[no-untyped-def]
 
 @inner
 def sliding_tangent(table, d, v, amps, c, Q, matrix, places):  # type: ignore[no-untyped-def]
-    """As ``sliding_forces``, and add the derivative to the matrix of the unknowns."""
+    """Same as ``sliding_forces``, and add the derivative to the matrix of the unknowns."""
     for i in range(len(table.multiplier)):
         _tangent(table, i, d, Q, matrix, places)
 
@@ -141,10 +141,10 @@ def sliding_tangent(table, d, v, amps, c, Q, matrix, places):  # type: ignore[no
 def _mean_row(table, i, d, d0, d1, change, dofs, rows):  # type: ignore[no-untyped-def]
     """Fill coordinates and, in the first row, the discrete gradient G of a step: G.(d1 - d0) = change of g.
 
-    It is the gradient at the mean configuration d, and a force c on the point with its counterpart on the body where
-    the point is: W + (a/|t|) t B are the rows of their relative motion there, a the distance of the point in the mean
+    It is the gradient at the mean configuration d plus a force c on the point, with the reaction on the body at the
+    same place. The rows of their relative motion are W + (a/|t|) t B, where a is the distance of the point in the mean
     configuration, the lever of c. Neither part has a resultant or a moment. c is along the relative motion w of the
-    step; where there is none, no force can do work.
+    step; without relative motion no force can do work.
     """
     g, tx, ty, _ = _linearise(table, i, d, dofs, rows)
     size = math.sqrt(tx * tx + ty * ty)
@@ -179,9 +179,9 @@ def _mean_force(table, i, d, d0, d1, Q):  # type: ignore[no-untyped-def]
 
 @kernel
 def sliding_mean_forces(table, d0, d1, mid, Q):  # type: ignore[no-untyped-def]
-    """Add the forces of a step that keeps energy and momentum: lambda of d1 times the discrete gradient, g at d1.
+    """Add the forces of an energy-momentum step to Q: lambda of d1 times the discrete gradient, and g at d1.
 
-    ``mid`` (n_full,) to work in.
+    ``mid`` (n_full,) is work space.
     """
     for k in range(len(mid)):
         mid[k] = 0.5 * (d0[k] + d1[k])
@@ -207,7 +207,7 @@ def _constraint_rates(table, i, d, v, out_velocity, out_acceleration):  # type: 
 @kernel
 @seldom
 def sliding_constraint_rates(table, d, v, amps, out_velocity, out_acceleration):  # type: ignore[no-untyped-def]
-    """Set 0 and v^T g_qq v at the multipliers: rates obey g_q v = 0, accelerations g_q v' = -v^T g_qq v."""
+    """Set 0 and v^T g_qq v at the multipliers: rates satisfy g_q v = 0, accelerations g_q v' = -v^T g_qq v."""
     for i in range(len(table.multiplier)):
         if table.on[i]:
             _constraint_rates(table, i, d, v, out_velocity, out_acceleration)
@@ -217,7 +217,7 @@ def sliding_constraint_rates(table, d, v, amps, out_velocity, out_acceleration):
 
 @kernel
 def sliding_violation(table, d, amps):  # type: ignore[no-untyped-def]
-    """Return the largest change of distance beside the size of the coordinates it is formed from."""
+    """Return the largest change of distance, relative to the size of the coordinates it is computed from."""
     worst = 0.0
     for i in range(len(table.multiplier)):
         if not table.on[i]:
@@ -232,7 +232,7 @@ def sliding_violation(table, d, amps):  # type: ignore[no-untyped-def]
 @kernel
 @seldom
 def sliding_accept(table, d):  # type: ignore[no-untyped-def]
-    """Take the foot points of the accepted state d as where the next searches begin."""
+    """Store the foot points of the accepted state d, where the next searches start."""
     for i in range(len(table.multiplier)):
         if not table.on[i]:
             continue
@@ -273,7 +273,8 @@ def _noise(table, i, d, out):  # type: ignore[no-untyped-def]
 @kernel
 @seldom
 def sliding_noise(table, d, out):  # type: ignore[no-untyped-def]
-    """Add what a unit relative error of every coordinate's share in a force can sum up to (n_full,)."""
+    """Add to out (n_full,) the sum of the sizes of all terms in the forces; times the unit round-off it bounds errors.
+    """
     for i in range(len(table.multiplier)):
         if table.on[i]:
             _noise(table, i, d, out)

@@ -1,7 +1,7 @@
-"""Tangents of batches: K = sum of entries of H times what B makes of them, packed, without the zeros.
+"""Tangents of batches, K = B^T H B, in packed form without zero entries.
 
-Entry (a, b) of B^T H B is the sum over stations and fields i <= j of H_ij (B_ia B_jb + B_ja B_ib), once where i = j.
-The factors in brackets are constants of a class: one product of matrices makes the tangents of a batch.
+Entry (a, b) is the sum over stations and fields i <= j of H_ij (B_ia B_jb + B_ja B_ib), once where i = j. The brackets
+are constants of a class, so one matrix product computes the tangents of a batch.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from .lowlevel.blas import multiply
 from .lowlevel.jit import inner, kernel
 from .lowlevel.records import STRIDE, array_at
 
-# of the 53 bits of a number, those that leave room for the sums of a few
+# bits kept of the 53 of a number, so that sums of a few numbers are exact
 ROUNDED_BITS = 51
 
 
 @kernel
 def fill_products(B, q, plan, out):  # type: ignore[no-untyped-def]
-    """Fill what the entries of H of class q are multiplied by: block by block, (entries, pairs, stations)."""
+    """Fill out with the factors of the entries of H for class q: block by block, (entries, pairs, stations)."""
     S = B.shape[2]
     at = 0
     for b in range(len(plan.blocks)):
@@ -38,13 +38,13 @@ def fill_products(B, q, plan, out):  # type: ignore[no-untyped-def]
 
 @inner
 def row_of_H(i, j, points, fields):  # type: ignore[no-untyped-def]
-    """Return the row of H_ij behind at.H: blocks of points, fields x fields each."""
+    """Return the row of H_ij relative to at.H: blocks of points, fields x fields each."""
     return ((i // fields) * points + j // fields) * fields * fields + (i % fields) * fields + j % fields
 
 
 @inner
 def turn_H(group, lanes):  # type: ignore[no-untyped-def]
-    """Turn H, given by its upper half, out of the frames of the elements: rows, then columns."""
+    """Rotate H, given by its upper half, out of the element frames: rows, then columns."""
     work, vectors = group.plan.work, group.plan.vectors
     at, _ = layout(group.law)
     nu, NU, P = group.law.B.shape[1], group.law.fields, points_of(group.law)
@@ -64,7 +64,7 @@ def turn_H(group, lanes):  # type: ignore[no-untyped-def]
 
 @inner
 def tangents(group, part, q, count):  # type: ignore[no-untyped-def]
-    """Make the packed tangents (entries, count) of what is in H, all parts so far, in global components."""
+    """Add the packed tangents (entries, count) of H of this part (part 0: set them), in global components."""
     law, plan = group.law, group.plan
     S = law.B.shape[2]
     at, _ = layout(law)
@@ -94,14 +94,14 @@ def tangents(group, part, q, count):  # type: ignore[no-untyped-def]
 
 @inner
 def follow(rules, K):  # type: ignore[no-untyped-def]
-    """Fill the entries of tangents K (entries, m) that follow from others, so that translations meet no force at all.
+    """Fill the entries of tangents K (entries, m) that follow from others, so that translations cause exactly no force.
 
-    Round-off of an element is a spring to the ground of unit round-off times EA/l, alike in all elements that are: a
-    million together outdo bending. What couples to the first node's position is therefore what couples to those of the
-    others, summed up with the other sign; sums of positions are exact as what they sum is rounded alike. Rules are
-    (entries that are rounded alike from here on, of which on the diagonal, -1), then (entry, 0, 0) each; (entry, one
-    that it is the opposite of, the same); (entry, two that it is the opposite of the sum of); or (entry, itself, one
-    that it is less by).
+    The round-off of an element acts like a spring to the ground of stiffness EA/l times the unit round-off. It is the
+    same in equal elements, and in a million of them it exceeds the bending stiffness. The entries of the first node's
+    position are therefore minus the sum of those of the other nodes, which is exact because all summands are first
+    rounded to multiples of one number. Rules: (n, m, -1), followed by n rows (entry, 0, 0): round these entries, by the
+    largest of the first m, which are on the diagonal; (t, a, a): K_t = -K_a; (t, a, b): K_t = -K_a - K_b; (t, t, b):
+    subtract K_b from K_t.
     """
     k, count = 0, K.shape[1]
     flat = array_at(K, 0, (K.shape[0] * count,))
@@ -125,7 +125,7 @@ def follow(rules, K):  # type: ignore[no-untyped-def]
 
 @inner
 def _round_alike(rules, first, diagonal, last, flat, count):  # type: ignore[no-untyped-def]
-    """Round entries to multiples of one power of two, by the largest of those on the diagonal."""
+    """Round entries to multiples of one power of two, chosen from the largest entry on the diagonal."""
     largest = 0.0
     for k in range(first, diagonal):
         for m in range(count):

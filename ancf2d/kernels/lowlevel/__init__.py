@@ -1,11 +1,12 @@
-"""What needs the inner parts of numba (``numba.core``, llvmlite), gathered; all other kernels use its public doors.
+"""The modules that use internals of numba (``numba.core``, llvmlite); all other kernels use its public interface.
 
-* ``jit``, ``cache``: how kernels are compiled, and kept between processes with a checksum, without importing what
-  compiling needs; functions that only kernels call become machine code in their callers alone.
-* ``records``: arrays of a model by one address, kernels called by address: what a scene adds compiles alone.
-* ``blas``: small products of matrices by SciPy's BLAS without the way through Python objects.
-* ``blocks``, ``vectors``: bands eliminated in blocks of four rows and columns, in vector instructions.
-* ``arrays``: small arrays without the allocator, copies that compile fast.
+* ``jit``, ``cache``: compile kernels, and store them between processes with a checksum, so that a warm start does not
+  import the compiler; functions called only by kernels become machine code only as parts of these.
+* ``records``: pass the arrays of a model by one address and call kernels by address, so that a case compiles only the
+  functions that it adds.
+* ``blas``: small matrix products by SciPy's BLAS, without Python objects.
+* ``blocks``, ``vectors``: eliminate bands in blocks of four rows and columns, in vector instructions.
+* ``arrays``: small arrays without the allocator, and copies that compile fast.
 
-No class of numba's compiler, code library or cache is derived from. docs/architecture.md has what each piece earns.
+No class of numba's compiler, code library or cache is derived from. docs/architecture.md lists what each piece saves.
 """

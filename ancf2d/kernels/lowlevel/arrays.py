@@ -1,4 +1,4 @@
-"""Small arrays on a kernel's stack, and arrays copied by loops, which compile faster than slices."""
+"""Small arrays on a kernel's stack, and copies by loops, which compile faster than slices."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from .records import array_over
 
 @intrinsic
 def rank(_: Any, x: Any) -> Any:
-    """Return a whole number that sizes x >= 0 compare by as by x, and what is no number lies above all."""
+    """Return the bits of x >= 0 as an integer, which orders like x, with nan above all numbers."""
     return types.int64(types.float64), lambda context, builder, _, args: builder.bitcast(args[0], ir.IntType(64))
 
 
 @intrinsic
 def ranked(_: Any, k: Any) -> Any:
-    """Return the number of a rank."""
+    """Return the number x of a ``rank``."""
     return types.float64(types.int64), lambda context, builder, _, args: builder.bitcast(args[0], ir.DoubleType())
 
 
@@ -45,7 +45,7 @@ _SIZE = 8
 
 @intrinsic
 def _zeros(_: Any, shape: Any) -> Any:
-    """Return an array of zeros in the frame of the caller."""
+    """Return an array of zeros in the stack frame of the caller."""
     result = types.Array(types.float64, len(shape), "C")
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -62,7 +62,7 @@ def _zeros(_: Any, shape: Any) -> Any:
 
 @intrinsic
 def numbers(_: Any, like: Any, count: Any) -> Any:
-    """Return room for so many numbers of an array's kind, as ``vector`` does; what they are is not said."""
+    """Return an uninitialised array (count,) of the type of ``like``, on the stack as in ``vector``."""
     result = types.Array(like.dtype, 1, "C")
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -74,17 +74,17 @@ def numbers(_: Any, like: Any, count: Any) -> Any:
 
 @inlined
 def vector(n):  # type: ignore[no-untyped-def]
-    """Return zeros (n,). Made before loops, never in them, and never returned: gone when the kernel returns."""
+    """Return zeros (n,) on the stack; call it before loops, not in them, and never return the array from a kernel."""
     return _zeros((n,))
 
 
 @inlined
 def matrices(k, n, m):  # type: ignore[no-untyped-def]
-    """Return zeros (k, n, m), as ``vector`` does."""
+    """Return zeros (k, n, m) on the stack, as in ``vector``."""
     return _zeros((k, n, m))
 
 
 @inlined
 def array(n, m):  # type: ignore[no-untyped-def]
-    """Return zeros (n, m), as ``vector`` does."""
+    """Return zeros (n, m) on the stack, as in ``vector``."""
     return _zeros((n, m))

@@ -1,4 +1,4 @@
-"""Products of matrices by the BLAS that SciPy brings, called by address: a call costs no more than a small product."""
+"""Matrix products by SciPy's BLAS, called by address, so that a call costs no more than a small product."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ _DGEMM = ir.FunctionType(ir.VoidType(), [
 
 @cache
 def dgemm_address() -> int:
-    """Return the address of dgemm, with which ``multiply`` is called.
+    """Return the address of BLAS's dgemm, the first argument of ``multiply``.
 
-    Its module alone is loaded, under its own name: all of scipy.linalg takes longer to import than a small case to
-    solve.
+    Only its module is loaded, under its own name, since importing all of scipy.linalg takes longer than solving a small
+    case.
     """
     name = "scipy.linalg.cython_blas"
     if name not in sys.modules:
@@ -39,7 +39,7 @@ def dgemm_address() -> int:
         if spec is not None and spec.loader is not None:
             sys.modules[name] = module = module_from_spec(spec)
             spec.loader.exec_module(module)
-    # the capsule of Cython's public functions: what numba asks for by the same name
+    # capsule of a public Cython function, as numba uses it, too
     capsule = import_module(name).__pyx_capi__["dgemm"]
     named = ctypes.pythonapi.PyCapsule_GetName
     named.restype, named.argtypes = ctypes.c_char_p, [ctypes.py_object]
@@ -66,7 +66,7 @@ def _multiplier(transposed: bool) -> Any:
             m, k, n = (held(builder.trunc(v, _INT)) for v in (rows, inner, columns))
             plain, turned = (held(ir.Constant(ir.IntType(8), ord(x))) for x in "NT")
             one, beta = held(ir.Constant(_DOUBLE, 1.0)), held(builder.uitofp(add, _DOUBLE))
-            # by rows here, by columns there: C^T = B^T A^T
+            # row-major here, column-major in BLAS: C^T = B^T A^T
             arguments = [plain, turned if transposed else plain, n, m, k, one, start(B, signature.args[3], b), n,
                          start(A, signature.args[1], a), m if transposed else k, beta,
                          start(C, signature.args[5], c), n]
@@ -79,6 +79,6 @@ def _multiplier(transposed: bool) -> Any:
     return multiply
 
 
-# C (rows, columns) = A (rows, inner) B, or A^T B with A (inner, rows); added to C where ``add``. Each array is given
-# with the entry where its matrix starts: multiply(dgemm, A, a, B, b, C, c, rows, inner, columns, add)
+# C (rows, columns) = A (rows, inner) B, or A^T B with A (inner, rows); added to C if ``add``. Each array is followed by
+# the entry where its matrix starts: multiply(dgemm, A, a, B, b, C, c, rows, inner, columns, add)
 multiply, multiply_transposed = _multiplier(False), _multiplier(True)

@@ -1,7 +1,7 @@
-"""Blocks of four rows and four columns of a symmetric band stored row by row: eliminated, and solved with.
+"""Elimination and solution with blocks of four rows and four columns of a symmetric band stored row by row.
 
-A block starts at entry ``at`` of the band ``A`` (flat, rows of bw + 1): row r of it lies r bw entries further. Its
-first ``outside`` + r columns lie left of the band, and only ``count`` rows are there: what is not counts as zero.
+A block starts at entry ``at`` of the band ``A`` (flat, rows of bw + 1 numbers); its row r starts r bw entries later.
+The first ``outside`` + r columns of row r lie left of the band, and only ``count`` rows exist: the rest counts as zero.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _i = types.intp
 
 @inlined
 def room(bw):  # type: ignore[no-untyped-def]
-    """Return how many numbers a factorisation works with: C (4, bw rounded up), then the factors of a block (4, 4)."""
+    """Return the size of a factorisation's work space: C (4, bw rounded up), then the factors of a block (4, 4)."""
     return 4 * ((bw + 3) // 4 * 4) + 16
 
 
@@ -40,7 +40,7 @@ def size(_, x):  # type: ignore[no-untyped-def]
 
 @intrinsic
 def inverse(_, x):  # type: ignore[no-untyped-def]
-    """Return 1/x; of a complex number whose square is none by way of one that is a power of two smaller or larger."""
+    """Return 1/x; complex x whose |x|^2 over- or underflows is first scaled by a power of two."""
     def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
         one = ir.Constant(ir.DoubleType(), 1.0)
         if not isinstance(signature.args[0], types.Complex):
@@ -48,7 +48,7 @@ def inverse(_, x):  # type: ignore[no-untyped-def]
         parts = [builder.extract_value(args[0], k) for k in range(2)]
         square, plain = _over_square(builder, parts, one)
         out = [cgutils.alloca_once_value(builder, v) for v in plain]
-        # its exponent is not from 100 to 1946, of 2047
+        # the biased exponent is outside 100 to 1946 (of 2047)
         above = builder.sub(builder.bitcast(square, INDEX), ir.Constant(INDEX, 100 << 52))
         with cgutils.if_unlikely(builder, builder.icmp_unsigned(">", above, ir.Constant(INDEX, 1846 << 52))):
             scale = _scale(builder, parts)
@@ -70,7 +70,7 @@ def _over_square(builder: Any, parts: list[Any], factor: Any) -> tuple[Any, list
 
 
 def _scale(builder: Any, parts: list[Any]) -> Any:
-    """Return the power of two, a normal number, that brings the larger part next to one."""
+    """Return the power of two, a normal number, that scales the larger part to about one."""
     exponent, most = ir.Constant(INDEX, 2047 << 52), ir.Constant(INDEX, 2045 << 52)
     sizes = [builder.and_(builder.bitcast(v, INDEX), exponent) for v in parts]
     size = builder.select(builder.icmp_unsigned(">", *sizes), *sizes)
@@ -79,7 +79,7 @@ def _scale(builder: Any, parts: list[Any]) -> Any:
 
 
 class _Block:
-    """Where the rows of a block are, as code is generated that works on it."""
+    """Code generation for a block: addresses of its rows, loads and masks."""
 
     def __init__(self, context: Any, builder: Any, array_type: Any, array: Any, at: Any, bw: Any) -> None:
         self.builder, self.is_complex = builder, isinstance(array_type.dtype, types.Complex)
@@ -89,14 +89,14 @@ class _Block:
         return self.builder.gep(self.start, [self.builder.mul(self.bw, r)])
 
     def rows(self, count: Any) -> tuple[list[Any], list[Any]]:
-        """Return where the four rows start, the last one again for those that are not there; and which are."""
+        """Return pointers to the four rows (the last existing row instead of missing ones), and which rows exist."""
         b = self.builder
         there = [b.icmp_signed("<", ir.Constant(INDEX, r), count) for r in range(LANES)]
         last = b.sub(count, ir.Constant(INDEX, 1))
         return [self.row(b.select(t, ir.Constant(INDEX, r), last)) for r, t in enumerate(there)], there
 
     def inside(self, outside: Any, r: int) -> Any:
-        """Return which of the four columns of row r lie in the band."""
+        """Return the mask of the columns of row r that lie in the band."""
         b = self.builder
         lanes = ir.Constant(ir.VectorType(INDEX, LANES), list(range(LANES)))
         return b.icmp_signed(">=", lanes, repeated(b, b.add(outside, ir.Constant(INDEX, r))))
@@ -120,10 +120,11 @@ def _data(context: Any, builder: Any, array_type: Any, array: Any, at: Any) -> A
 
 @intrinsic
 def eliminate(_, A, at, bw, outside, count, C, stride, column, scale, row, over, below):  # type: ignore[no-untyped-def]
-    """Turn a block below four pivots to factors l = x/d, and return whether it has any: x goes to columns of C.
+    """Replace a block below four pivots by its factors l = x/d; return whether any is nonzero.
 
-    over : (4,) reciprocal pivots; below : what lies below them in their own rows times pivot, (0, 1), (0, 2), (1, 2),
-    (0, 3), (1, 3), (2, 3); C (4, stride) from ``column`` on; behind C the factors again; sizes |l x| add to scale.
+    x = l d goes to C (4, stride) from ``column`` on, the factors also behind C; sizes |l x| are added to scale from
+    ``row`` on. over : (4,) reciprocal pivots; below : L D below the pivots in the triangle, entries (1, 0), (2, 0),
+    (2, 1), (3, 0), (3, 1), (3, 2).
     """
     def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
         A, at, bw, outside, count, C, stride, column, scale, row, over, below = args
@@ -196,14 +197,14 @@ def _take_row(block: _Block, r: int, factors: Any, columns: list[Four], diagonal
         v.store(place)
 
 
-# take(A, at, bw, count, C, stride, column): A less l C for a block, l being the factors behind C, C (4, 4) from
-# ``column`` on; of a block on the diagonal its lower half alone
+# take(A, at, bw, count, C, stride, column): subtract l C from a block of A, with the factors l behind C and the columns
+# of C (4, 4) from ``column`` on; take_diagonal changes only the lower half of a block on the diagonal
 take, take_diagonal = _taker(False), _taker(True)
 
 
 @intrinsic
 def forward(_, A, at, bw, x, k, blocks):  # type: ignore[no-untyped-def]
-    """Solve for x[k:k + 4], whose first pivot is at entry ``at``; take what they make from so many blocks below."""
+    """Solve for x[k:k + 4], whose first pivot is at entry ``at``; subtract their terms from ``blocks`` blocks below."""
     def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
         A, at, bw, x, k, blocks = args
         own = _Block(context, builder, signature.args[0], A, at, bw)
@@ -211,7 +212,7 @@ def forward(_, A, at, bw, x, k, blocks):  # type: ignore[no-untyped-def]
         v, solved = own.load(target), []
         for j, column in enumerate(transposed(_triangle(own))):
             solved.append(v.lane(j))
-            # the last column holds nothing but zeros
+            # the last column is zero
             v = v.less(column, solved[j]) if j < LANES - 1 else v
         v.store(target)
         with cgutils.for_range(builder, blocks) as loop:
@@ -227,7 +228,7 @@ def forward(_, A, at, bw, x, k, blocks):  # type: ignore[no-untyped-def]
 
 @intrinsic
 def backward(_, A, at, bw, x, k, blocks):  # type: ignore[no-untyped-def]
-    """Take from x[k:k + 4] what so many blocks below make, transposed, the nearest last, and solve for them."""
+    """Subtract the transposed terms of ``blocks`` blocks below from x[k:k + 4], the nearest last, and solve for it."""
     def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
         A, at, bw, x, k, blocks = args
         own = _Block(context, builder, signature.args[0], A, at, bw)
@@ -239,7 +240,7 @@ def backward(_, A, at, bw, x, k, blocks):  # type: ignore[no-untyped-def]
             rows, place = _below(context, builder, signature, args, back)
             v = Four(builder, *(builder.load(part) for part in parts))
             numbers = _numbers(own, place)
-            # the last of them has been solved for first
+            # in the order in which they were solved
             for r in reversed(range(LANES)):
                 v = v.less(rows[r], numbers[r])
             for part, value in zip(parts, v.parts, strict=True):
@@ -255,14 +256,14 @@ def backward(_, A, at, bw, x, k, blocks):  # type: ignore[no-untyped-def]
 
 
 def _triangle(block: _Block) -> list[Four]:
-    """Return the rows of a triangle, zero from the diagonal on."""
+    """Return the rows of the strict lower triangle of a block."""
     masks = [ir.Constant(ir.VectorType(ir.IntType(1), LANES), [j < r for j in range(LANES)]) for r in range(LANES)]
     return [block.zeros()] + [block.load(block.row(ir.Constant(INDEX, r))).where(masks[r], block.zeros())
                               for r in range(1, LANES)]
 
 
 def _below(context: Any, builder: Any, signature: Any, args: Any, number: Any) -> tuple[list[Four], Any]:
-    """Return the rows of a block below four pivots, and where its numbers are."""
+    """Return the rows of block ``number`` below four pivots, and a pointer to its part of x."""
     A, at, bw, x, k, _ = args
     below = builder.mul(builder.add(number, ir.Constant(INDEX, 1)), ir.Constant(INDEX, LANES))
     block = _Block(context, builder, signature.args[0], A, builder.add(at, builder.mul(below, bw)), bw)
@@ -273,7 +274,7 @@ def _below(context: Any, builder: Any, signature: Any, args: Any, number: Any) -
 
 
 def _numbers(block: _Block, pointer: Any) -> list[Four]:
-    """Return four numbers, each four times."""
+    """Return the four numbers at a pointer, each repeated in all lanes."""
     builder = block.builder
     if block.is_complex:
         pointer = builder.bitcast(pointer, ir.LiteralStructType([ir.DoubleType()] * 2).as_pointer())

@@ -1,7 +1,7 @@
-"""Where compiled kernels are kept between processes: in a folder of the sources' hash that is the user's alone.
+"""Storage of compiled kernels between processes: a private folder of the user, named by a hash of the sources.
 
-Each is one file with a checksum at its end, which appears whole: a cache that can be damaged or written at any time
-serves no stale or damaged machine code.
+Each kernel is one file that ends with a checksum and is created by an atomic rename, so that neither stale nor damaged
+machine code is ever loaded.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ import numba
 from numba.core import serialize
 
 _PACKAGE = Path(__file__).resolve().parents[2]
-# whose sources are hashed as a whole, and a file of another room that kernels compile
+# folders whose sources are hashed as a whole, and one file of another folder that kernels compile
 ROOMS, MACHINE = ("kernels", "elements"), "case/jets.py"
 _KEEP_SECONDS = 30 * 24 * 3600
-# how files of kernels end
+# suffix of kernel files
 SUFFIX = ".kernel"
 _CHECKSUM = struct.Struct("<I")
-_OTHERS_WRITE = 0o022  # bits of modes
+_OTHERS_WRITE = 0o022  # permission bits
 
 
 def source_hash() -> str:
-    """Hash every source that can end up in a kernel: numba itself looks at a kernel's own file only."""
+    """Return a hash of all sources that can be part of a kernel; numba itself checks only a kernel's own file."""
     digest = hashlib.sha256(f"{numba.__version__} {llvmlite.__version__}".encode())
     for paths in ([_PACKAGE / MACHINE], *(sorted((_PACKAGE / room).rglob("*.py")) for room in ROOMS)):
         for path in paths:
@@ -43,9 +43,9 @@ def source_hash() -> str:
 
 
 def fingerprint(function: Any) -> str:
-    """Return a hash of a function's code, of what it is closed over and, outside ``ROOMS``, of globals it refers to.
+    """Return a hash of a function's code, its closure and, outside ``ROOMS``, the globals that it uses.
 
-    Sources of these rooms are hashed as a whole; those of interactions and plugins are not.
+    The sources in these folders are hashed as a whole; those of interactions and plugins are not.
     """
     digest, seen = hashlib.sha256(), set()
 
@@ -73,13 +73,16 @@ def fingerprint(function: Any) -> str:
 
 
 def file_of(folder: Path, function: Any, kind: str) -> Path:
-    """Return the file of a function compiled for a ``kind``: argument types, and the processor."""
+    """Return the file of a function compiled for a ``kind`` (argument types and processor)."""
     name = f"{sys.implementation.cache_tag} {fingerprint(function)} {kind}"
     return folder / f"{function.__name__}-{hashlib.sha256(name.encode()).hexdigest()[:24]}{SUFFIX}"
 
 
 def read(path: Path) -> Any:
-    """Return what is kept in a file; raises ValueError where it is damaged, or others may write to it: it is run."""
+    """Return the value stored in a file, which contains code to run.
+
+    Raises ValueError if the file is damaged or other users may write to it.
+    """
     with open(path, "rb") as stream:
         data = stream.read()
         private = is_private(os.fstat(stream.fileno()))
@@ -89,7 +92,7 @@ def read(path: Path) -> Any:
 
 
 def write(path: Path, value: Any) -> None:
-    """Keep a value in a file, readable by its owner alone; raises OSError where there is no room."""
+    """Store a value in a file that only its owner can read; raises OSError if that fails."""
     data = serialize.dumps(value)
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     descriptor, part = tempfile.mkstemp(".part", dir=path.parent)
@@ -104,10 +107,10 @@ def write(path: Path, value: Any) -> None:
 
 
 def cache_folder() -> tuple[Path | None, str]:
-    """Return the folder of compiled kernels, made where it was not there; or None, and why none can be used.
+    """Return the folder of compiled kernels, created if needed, and ""; or None and the reason why there is none.
 
-    It is below NUMBA_CACHE_DIR, XDG_CACHE_HOME or ~/.cache. What is in it is run: a folder that another user owns is
-    not used, and what others could write to is dropped. So are folders that were not used for 30 days.
+    It is below NUMBA_CACHE_DIR, XDG_CACHE_HOME or ~/.cache. Since its files are executed, a folder owned by another
+    user is not used, and one that others could write to is emptied. Folders unused for 30 days are deleted.
     """
     root = _root()
     if root is None:
@@ -133,7 +136,7 @@ def cache_folder() -> tuple[Path | None, str]:
 
 
 def is_private(found: os.stat_result, others: int = _OTHERS_WRITE) -> bool:
-    """Return whether a file or folder is this user's own, and ``others`` (bits of its mode) may do nothing to it."""
+    """Return whether a file or folder belongs to this user and has none of the permission bits ``others``."""
     return not hasattr(os, "geteuid") or (found.st_uid == os.geteuid() and not found.st_mode & others)
 
 

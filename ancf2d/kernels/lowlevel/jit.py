@@ -1,7 +1,7 @@
-"""How kernels are compiled and kept between processes; what only kernels call gets no machine code of its own.
+"""Compilation of kernels and their storage between processes; functions called only by kernels get no machine code.
 
-numba stops before it makes machine code (``no_compile``). What only kernels call (``inner``) is kept as code to be
-linked: it is optimised, and made machine code of, once, in the kernels that it becomes part of.
+numba stops before it generates machine code (``no_compile``). Functions called only by kernels (``inner``) are stored
+as code to be linked: they are optimised and compiled to machine code only as parts of the kernels that call them.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from numba.core.runtime import rtsys
 from .cache import SUFFIX, cache_folder, file_of, read, write
 
 _REFUSE = ctypes.cast(ctypes.pythonapi.PyErr_BadArgument, ctypes.c_void_p).value
-# where compiled kernels are kept; None, and why, where they cannot be
+# folder of compiled kernels, or None with the reason why there is none
 CACHE, REFUSED = cache_folder()
-# the first byte is 1 as soon as this process, or a copy of it, has a kernel to compile
+# set to 1 as soon as this process, or a fork of it, has to compile a kernel
 _MISSED = mmap.mmap(-1, 1)
-# functions that kernels are made of for size
+# functions whose kernels are optimised for size
 _SELDOM: set[Any] = set()
 
 
 class _Kernel:
-    """How a kernel is compiled, in the place of numba's compiler, and what of it is kept."""
+    """The compiler of kernels, which replaces numba's, and the form in which results are stored."""
 
     def __init__(self, typing: Any, target: Any, library: Any, args: Any, restype: Any, flags: Any,
                  *rest: Any) -> None:
@@ -40,7 +40,7 @@ class _Kernel:
         self._compiler = compiler.Compiler(typing, target, library, args, restype, flags, *rest)
 
     def compile_extra(self, function: Any) -> Any:
-        """Return what numba compiles a function to, known to those who call it."""
+        """Compile a function with all it calls linked in, and register it for its callers; return numba's result."""
         result = self._compiler.compile_extra(function)
         library = result.library
         for other in dict.fromkeys(library._linking_libraries):
@@ -58,12 +58,12 @@ class _Kernel:
 
     @staticmethod
     def _finished(result: Any) -> Any:
-        """Make machine code, with copies of its own of all that is linked into it.
+        """Generate machine code, with private copies of all functions that are linked into it.
 
-        Those have the same name in each kernel that they are linked into, but are optimised with its other parts: sums
-        are in another order. By that name a kernel would call the copy that happens to be there first, so that a
-        process that has just compiled other kernels had other last digits than one that found its kernels kept. What
-        counts references keeps its name, by which numba finds counts that cancel.
+        These functions have the same name in every kernel, but each kernel optimises its copy differently, e.g. sums in
+        another order. Under a shared name a kernel would call the copy loaded first, so the last digits would differ
+        between a process that has compiled other kernels and one that loads them. The functions of reference counting
+        keep their names, by which numba removes counts that cancel.
         """
         mark = hashlib.sha256(result.fndesc.mangled_name.encode()).hexdigest()[:12]
         for function in result.library._final_module.functions:
@@ -75,18 +75,18 @@ class _Kernel:
 
     @staticmethod
     def reduced(result: Any) -> Any:
-        """Return what can be pickled of a result."""
+        """Return the picklable part of a result."""
         return result._reduce()
 
     @staticmethod
     def rebuilt(target: Any, kept: Any) -> Any:
-        """Return the result that was reduced."""
+        """Return the result from its ``reduced`` form."""
         result = compiler.CompileResult._rebuild(target, *kept)
         return result._replace(entry_point=_entry(result, result.entry_point))
 
 
 class _Inner(_Kernel):
-    """What only kernels call: code that is linked into theirs, which would optimise all of it once more."""
+    """The compiler of functions called only by kernels: linkable code, which kernels optimise after linking."""
 
     @staticmethod
     def _finished(result: Any) -> Any:
@@ -115,7 +115,7 @@ class _Inner(_Kernel):
 
 
 def _linkable(result: Any) -> Any:
-    """Return a result without machine code, whose code can be linked."""
+    """Return a result without machine code, ready for linking into others."""
     library = result.library
     library._finalize_dynamic_globals()
     library._shared_module, library._finalized = library._final_module, True
@@ -123,7 +123,7 @@ def _linkable(result: Any) -> Any:
 
 
 def _entry(result: Any, wrapper: Any) -> Any:
-    """Return what Python calls, and numba tells functions apart by: where there is no way in, it raises TypeError."""
+    """Return the Python entry point, by which numba identifies functions; without wrapper, a call raises TypeError."""
     fndesc, library = result.fndesc, result.library
     if wrapper is not None and library.get_pointer_to_function(fndesc.llvm_cpython_wrapper_name):
         return wrapper
@@ -131,17 +131,17 @@ def _entry(result: Any, wrapper: Any) -> Any:
 
 
 class Kept:
-    """The compiled code of one function between processes, in the place of numba's cache."""
+    """Storage of the compiled code of one function between processes, which replaces numba's cache."""
 
     def __init__(self, function: Callable[..., Any], folder: Any, kind: type[_Kernel]) -> None:
         self.function, self.cache_path, self._kind = function, folder, kind
 
     def load_overload(self, sig: Any, target: Any) -> Any:
-        """Return what was kept for argument types, or None.
+        """Return the stored result for argument types, or None.
 
-        Its machine code is complete: of numba it needs the memory management, and nothing of what compiling needs
-        (all that a kernel may call, numba's and scipy's linear algebra among it), which takes longer to import than
-        a small case to solve. What cannot be read is compiled anew, in its place.
+        Its machine code is complete: it needs only numba's memory management, not the modules that compiling needs
+        (e.g. numba's and scipy's linear algebra), which take longer to import than a small case to solve. A file that
+        cannot be read is compiled again and replaced.
         """
         rtsys.initialize(target)
         with suppress(Exception):
@@ -150,7 +150,7 @@ class Kept:
         return None
 
     def save_overload(self, sig: Any, result: Any) -> None:
-        """Keep what was compiled where there is room; else it is compiled for this process alone."""
+        """Store a compiled result; if that fails, it is available only in this process."""
         if result.library.has_dynamic_globals:
             warnings.warn(f"'{self.function.__qualname__}' refers to large arrays or addresses: every run compiles it",
                           numba.errors.NumbaWarning, stacklevel=2)
@@ -163,9 +163,9 @@ class Kept:
 
 
 _PRESET: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract", "reassoc"}, "no_cfunc_wrapper": True}
-# code that counts references to arrays is as much as all else: what makes no arrays is compiled without
+# reference counting doubles the code, so functions that allocate no arrays are compiled without it
 _NO_MEMORY: dict[str, Any] = {"_nrt": False}
-# said, as numba compiles what is called as its caller is
+# explicit, because numba compiles callees with the options of their caller
 _MEMORY: dict[str, Any] = {"_nrt": True}
 
 
@@ -186,76 +186,76 @@ def _compiled(function: Callable[..., Any], kind: type[_Kernel] = _Kernel, **opt
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a module-level function on first use, cached between processes; NaN-safe, no Python objects.
 
-    It makes no arrays, nor does it call what returns arrays that it made: see ``kernel_with_memory``.
+    It must not allocate arrays, nor call functions that return newly allocated ones: see ``kernel_with_memory``.
     """
     return _compiled(function, **_NO_MEMORY)
 
 
 def seldom(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Let a kernel that runs once in a step, or less, be optimised for its size, which takes LLVM half as long."""
+    """Mark a kernel that runs at most once per step: it is optimised for size, which takes LLVM half as long."""
     _SELDOM.add(function)
     return function
 
 
 def shared(function: Callable[..., Any]) -> Any:
-    """Compile as ``kernel`` what several threads do at once: Python's lock is let go meanwhile."""
+    """Compile as ``kernel``, without Python's global lock, so that several threads can run it at once."""
     return _compiled(function, nogil=True, **_NO_MEMORY)
 
 
 def kernel_with_memory(function: Callable[..., Any]) -> Any:
-    """Compile as ``kernel`` what makes arrays."""
+    """Compile as ``kernel`` a function that allocates arrays."""
     return _compiled(function, **_MEMORY)
 
 
 def addressed(function: Callable[..., Any]) -> Any:
-    """Compile as ``kernel`` what is called by its address alone: the way in from Python takes long to compile."""
+    """Compile as ``kernel`` a function that is only called by address, without the Python wrapper, to save time."""
     return _compiled(function, no_cpython_wrapper=True, **_NO_MEMORY)
 
 
 def addressed_with_memory(function: Callable[..., Any]) -> Any:
-    """Compile as ``addressed`` what makes arrays."""
+    """Compile as ``addressed`` a function that allocates arrays."""
     return _compiled(function, no_cpython_wrapper=True, **_MEMORY)
 
 
 def named(function: Callable[..., Any], kind: str) -> Callable[..., Any]:
-    """Return a function of which there are several kinds under the name that the cache tells it from others by."""
+    """Append ``kind`` to a function's qualified name, by which the cache distinguishes its variants; return it."""
     function.__qualname__ = f"{function.__name__}_{kind}"
     return function
 
 
 def inner(function: Callable[..., Any]) -> Any:
-    """Compile as ``kernel`` what only kernels call: it becomes a part of them."""
+    """Compile as ``kernel`` a function that only kernels call; it is linked into them."""
     return _compiled(function, _Inner, no_cpython_wrapper=True, **_NO_MEMORY)
 
 
 def inner_with_memory(function: Callable[..., Any]) -> Any:
-    """Compile as ``inner`` what makes arrays."""
+    """Compile as ``inner`` a function that allocates arrays."""
     return _compiled(function, _Inner, no_cpython_wrapper=True, **_MEMORY)
 
 
 def merged(function: Callable[..., Any]) -> Any:
-    """Compile as ``inner`` what kernels are faster with when LLVM sees it whole: it makes no call of it."""
+    """Compile as ``inner``, and force LLVM to inline the function, which makes some kernels faster."""
     return _compiled(function, _Inner, no_cpython_wrapper=True, forceinline=True, **_NO_MEMORY)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """Compile a helper anew into each of its callers, where numba must see it whole (its frame, or what is constant).
+    """Inline a helper in numba itself, where a caller needs its stack frame or its constants.
 
-    This takes long to compile: ``merged`` is for all else.
+    This takes long to compile; use ``merged`` otherwise.
     """
     return numba.njit(inline="always")(function)
 
 
 def expect_kernels() -> None:
-    """Forget that kernels had to be compiled so far: ``missed`` tells of those to come."""
+    """Reset ``missed``, which then reports only kernels compiled from here on."""
     _MISSED[0] = 0
 
 
 def missed() -> bool:
-    """Whether a kernel was compiled since ``expect_kernels``, by this process or a copy of it, as none was kept."""
+    """Return whether this process or a fork had to compile a kernel since ``expect_kernels``, or there is no cache."""
     return CACHE is None or _MISSED[0] == 1
 
 
 def cache_is_cold() -> bool:
-    """Whether this machine has compiled no kernel of this version yet (the first run takes longer)."""
+    """Return whether the cache has no kernel of this version yet, so that the first run takes longer."""
     return CACHE is not None and not any(CACHE.glob(f"*{SUFFIX}"))

@@ -1,7 +1,7 @@
-"""Records of arrays that kernels take by their address, so that one number crosses a call, whatever is in them.
+"""Records: named tuples of arrays that kernels take by address, so that a call passes one number.
 
-A named tuple crosses a call as all that is in its arrays, some hundred numbers for a model in motion, and every
-function that it goes through is compiled for all of them.
+numba passes a named tuple as all fields of all its arrays, some hundred numbers for a model in motion, and compiles
+every function on the way for all of them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,10 @@ from numba.np import arrayobj
 
 
 def address_of(function: Any, signature: Any) -> int:
-    """Return the address of a kernel compiled for a signature; it holds as long as the kernel lives."""
+    """Return the address of a kernel compiled for a signature; it is valid as long as the kernel lives.
+
+    Raises TypeError if the kernel returns another type.
+    """
     function.compile(signature.args)
     result = function.get_compile_result(signature)
     if result.signature.return_type != signature.return_type:
@@ -38,7 +41,7 @@ def address_of(function: Any, signature: Any) -> int:
 
 
 def call_at(context: Any, builder: Any, signature: Any, address: Any, packed: Any) -> Any:
-    """Generate the call of an address with a tuple of arguments; return the result."""
+    """Generate a call of a function by address with a tuple of arguments; return its result."""
     restype, argtypes = signature.return_type, signature.args
     values = cgutils.unpack_tuple(builder, packed, len(argtypes))
     kind: ir.FunctionType = context.call_conv.get_function_type(restype, argtypes)
@@ -50,7 +53,7 @@ def call_at(context: Any, builder: Any, signature: Any, address: Any, packed: An
 
 
 def caller(signature: Any) -> Callable[..., Any]:
-    """Return what kernels call addresses of one signature by: ``call(address, (argument, ...))``."""
+    """Return the intrinsic that calls functions of one signature by address: ``call(address, (argument, ...))``."""
     restype, argtypes = signature.return_type, signature.args
 
     def generate(context: Any, builder: Any, _: Any, args: Any) -> Any:
@@ -64,7 +67,7 @@ def caller(signature: Any) -> Callable[..., Any]:
 
 
 def array_over(context: Any, builder: Any, kind: Any, data: Any, dims: Any) -> Any:
-    """Return an array, row by row, of a type over memory that it does not own: no references to it are counted."""
+    """Return a C-contiguous array over memory that it does not own, without reference counting."""
     intp = context.get_value_type(types.intp)
     size = intp(context.get_abi_sizeof(context.get_data_type(kind.dtype)))
     strides = [size]
@@ -75,12 +78,13 @@ def array_over(context: Any, builder: Any, kind: Any, data: Any, dims: Any) -> A
     return out._getvalue()
 
 
-# rows of a work buffer lie so far apart: further than lanes, so that they do not fall on the same lines of the cache
+# distance of rows in a work buffer: more than LANES, so that rows do not map to the same cache lines
 STRIDE = 72
 
 
 def _view(buffer: Any, places: list[Any], dimensions: int, parts: Any) -> Any:
-    """Return signature and code of an array over a buffer: ``parts`` makes (first entry, shape) of ``places``."""
+    """Return signature and generator of an array over a buffer; ``parts`` returns (first entry, shape) for ``places``.
+    """
     result = types.Array(buffer.dtype, dimensions, "C")
 
     def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
@@ -93,7 +97,7 @@ def _view(buffer: Any, places: list[Any], dimensions: int, parts: Any) -> Any:
 
 @intrinsic
 def array_at(_, buffer, first, shape):  # type: ignore[no-untyped-def]
-    """Return an array of a shape over a buffer from entry ``first`` on, of which no references are counted."""
+    """Return an array of a shape over a buffer from entry ``first`` on, without reference counting."""
     n = len(shape)
     return _view(buffer, [types.intp, types.UniTuple(types.intp, n)], n,
                  lambda builder, first, shape: (first, cgutils.unpack_tuple(builder, shape, n)))
@@ -122,9 +126,9 @@ def table(_, work, k, m, n):  # type: ignore[no-untyped-def]
 
 
 def call_entry(context: Any, builder: Any, signature: Any, own: Any, number: int, args: Any) -> Any:
-    """Generate the call of the address at an entry of a table; ``args`` are the table and a tuple of arguments.
+    """Generate a call of the function at entry ``number`` of a table of addresses.
 
-    ``own`` are their types.
+    ``args`` are the table and a tuple of arguments, ``own`` the signature with their types.
     """
     data = context.make_array(own.args[0])(context, builder, args[0]).data
     address = builder.load(builder.gep(data, [ir.Constant(ir.IntType(64), number)]))
@@ -136,9 +140,9 @@ _KINDS = {"f": types.float64, "i": types.int64, "b": types.boolean, "c": types.c
 
 
 class RecordType(types.Type):  # type: ignore[misc]
-    """The type of records of one kind of named tuple: ``fields`` (name, type) in the order of the tuple.
+    """The numba type of records of one named tuple class: ``fields`` (name, type) in the order of the tuple.
 
-    They are laid out in words of 8 bytes: a number is one, an array the address of its first entry and its shape.
+    A record consists of words of 8 bytes: one for a number, the address of the first entry and the shape for an array.
     """
 
     def __init__(self, kind: type, fields: tuple[tuple[str, types.Type], ...]) -> None:
@@ -149,7 +153,7 @@ class RecordType(types.Type):  # type: ignore[misc]
             at += words_of(field)
         self.words = at
         inside = ",".join(f.name for _, f in fields)
-        # it is in the names of all functions that take the record, each of which is in the code of many kernels
+        # short, since it is part of the names of all functions that take the record
         super().__init__(name=f"{kind.__name__}_{hashlib.sha256(inside.encode()).hexdigest()[:12]}")
 
     def whole(self) -> types.Type:
@@ -159,7 +163,7 @@ class RecordType(types.Type):  # type: ignore[misc]
 
 
 def words_of(field: types.Type) -> int:
-    """Return how many words a field takes."""
+    """Return the number of words of a field."""
     if isinstance(field, RecordType):
         return field.words
     return 1 + field.ndim if isinstance(field, types.Array) else 1
@@ -180,7 +184,7 @@ class _Fields(AttributeTemplate):  # type: ignore[misc]
 
 
 def _word(builder: Any, address: Any, at: int, kind: Any = _WORD) -> Any:
-    """Return a word of a record; while a kernel runs it stays as it is, so that loops need not look again."""
+    """Return a word of a record, marked as constant while a kernel runs, so that loops need not reload it."""
     pointer = builder.inttoptr(builder.add(address, ir.Constant(_WORD, _BYTES * at)), kind.as_pointer())
     word = builder.load(pointer)
     word.set_metadata("invariant.load", builder.module.add_metadata([]))
@@ -216,12 +220,12 @@ def _of_record(_: Any, record: Any) -> Any:
     return record.whole()(record), lambda context, builder, signature, args: _whole(context, builder, record, args[0])
 
 
-# in kernels, the named tuple of a record: ``whole(record)``
+# for kernels: ``whole(record)`` returns the named tuple of a record
 whole: Any = intrinsic(_of_record)
 
 
 def at(kind: RecordType) -> Any:
-    """Return what takes, in kernels, the record of a type that is at an address."""
+    """Return the intrinsic that makes, in kernels, a record of this type from its address."""
     @intrinsic
     def record_at(_: Any, address: Any) -> Any:
         return kind(types.int64), lambda context, builder, signature, args: args[0]
@@ -239,12 +243,12 @@ def _unbox(kind: RecordType, record: Any, c: Any) -> Any:
     return NativeValue(address)
 
 
-# types by what they depend on of values: making one takes as long as a small solve
+# record types by form (``_form``); making one takes as long as a small solve
 _TYPES: dict[Any, RecordType] = {}
 
 
 def _form(value: Any) -> Any:
-    """Return what the type of a field depends on."""
+    """Return a hashable description of a value that determines the type of a field."""
     if isinstance(value, np.ndarray):
         return value.dtype.kind, value.ndim
     if isinstance(value, tuple):
@@ -253,7 +257,7 @@ def _form(value: Any) -> Any:
 
 
 def type_of(values: Any) -> Any:
-    """Return the type of a field: a number, an array row by row, or a named tuple of such."""
+    """Return the numba type of a field: a number, a C-contiguous array, or a named tuple of these."""
     return _type(_form(values))
 
 
@@ -269,13 +273,13 @@ def _type(form: Any) -> Any:
 
 
 class Record:
-    """A named tuple of numbers, arrays and named tuples, as kernels take it; its fields are those of the tuple.
+    """A named tuple of numbers, arrays and named tuples that kernels take by address, with the tuple's attributes.
 
-    Raises ValueError for arrays that are not row by row in 8 byte numbers (1 of booleans, 16 of complex numbers).
+    Raises ValueError for arrays that are not C-contiguous with 8-byte numbers (booleans 1 byte, complex 16).
     """
 
     def __init__(self, values: Any, others: Any = None) -> None:
-        # other records whose addresses are among the values live as long as this one
+        # keeps other records alive whose addresses are among the values
         self._others = others
         self._lay(values, type_of(values), np.array(list(_words(values)), dtype=np.int64))
 
@@ -284,7 +288,7 @@ class Record:
         self.address = words.ctypes.data
 
     def replaced(self, others: Any = None, **fields: Any) -> Record:
-        """Return a record with other values of some fields, whose types stay the same; ``others`` live as long."""
+        """Return a copy with other values of some fields, of the same types; it keeps ``others`` alive."""
         out, words = Record.__new__(Record), self._words.copy()
         for name, value in fields.items():
             _replace(words, *self._numba_type_.place[name], value, getattr(self.values, name))
@@ -294,7 +298,7 @@ class Record:
 
     @property
     def layout(self) -> RecordType:
-        """The type that kernels know it by."""
+        """The record's type in kernels."""
         return self._numba_type_
 
     def __getattr__(self, name: str) -> Any:
@@ -304,13 +308,13 @@ class Record:
             inside = Record.__new__(Record)
             inside._lay(value, kind, self._words[at:at + kind.words])
             value = inside
-        # asked for once only
+        # so that the next access does not get here
         self.__dict__[name] = value
         return value
 
 
 def _replace(words: Any, at: int, kind: Any, new: Any, old: Any) -> None:
-    """Write the words of a field, but for what is the same as it was. Raises TypeError where the type is another."""
+    """Write the words of a field, except for unchanged parts. Raises TypeError if the type changes."""
     if new is old:
         return
     if isinstance(kind, RecordType):

@@ -1,4 +1,4 @@
-"""Four numbers side by side, real or complex, as what generates machine code sees them: vectors of registers."""
+"""Vectors of four real or complex numbers for code generation with llvmlite."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def repeated(builder: Any, value: Any) -> Any:
 
 
 class Four:
-    """Four numbers in ``parts``: their real parts and, where they are complex, their imaginary ones."""
+    """Four numbers in ``parts``: a vector of real parts and, if complex, one of imaginary parts."""
 
     def __init__(self, builder: Any, *parts: Any) -> None:
         self.builder, self.parts = builder, parts
@@ -36,13 +36,13 @@ class Four:
 
     @classmethod
     def of(cls, builder: Any, value: Any, is_complex: bool) -> Four:
-        """Return a number, as numba holds it, four times."""
+        """Return a number in numba's representation, repeated in all lanes."""
         parts = [builder.extract_value(value, k) for k in range(2)] if is_complex else [value]
         return cls(builder, *(repeated(builder, x) for x in parts))
 
     @classmethod
     def load(cls, builder: Any, pointer: Any, is_complex: bool) -> Four:
-        """Return what is at a pointer, one behind the other."""
+        """Return four successive numbers at a pointer."""
         kind = ir.VectorType(DOUBLE, LANES * (1 + is_complex))
         v = builder.load(builder.bitcast(pointer, kind.as_pointer()), align=8)
         if not is_complex:
@@ -51,9 +51,9 @@ class Four:
 
     @classmethod
     def load_first(cls, builder: Any, pointer: Any, count: int, is_complex: bool) -> Four:
-        """Return the first so many numbers at a pointer; what follows them, which may not be there, is not read.
+        """Return the first ``count`` numbers at a pointer without reading beyond them, where memory may end.
 
-        What is before them is, instead.
+        Numbers before the pointer are read instead.
         """
         back = builder.gep(pointer, [ir.Constant(INDEX, count - LANES)])
         lanes = _order(*range(LANES - count, LANES), *[0] * (LANES - count))
@@ -61,25 +61,25 @@ class Four:
                               for x in cls.load(builder, back, is_complex).parts))
 
     def store(self, pointer: Any) -> None:
-        """Put the numbers one behind the other."""
+        """Store the four numbers one after another."""
         v, b = self.parts[0], self.builder
         if len(self.parts) == 2:
             v = b.shuffle_vector(*self.parts, _order(*(j for i in range(LANES) for j in (i, i + LANES))))
         b.store(v, b.bitcast(pointer, v.type.as_pointer()), align=8)
 
     def lane(self, k: int) -> Four:
-        """Return the number of one lane, four times."""
+        """Return the number of lane k, repeated in all lanes."""
         return Four(self.builder, *(self.builder.shuffle_vector(x, x, _order(*[k] * LANES)) for x in self.parts))
 
     def put(self, pointer: Any, lane: int) -> None:
-        """Put the number of one lane."""
+        """Store the number of one lane."""
         b = self.builder
         for k, x in enumerate(self.parts):
             place = b.gep(b.bitcast(pointer, DOUBLE.as_pointer()), [ir.Constant(INDEX, k)])
             b.store(b.extract_element(x, ir.Constant(ir.IntType(32), lane)), place)
 
     def times(self, other: Four) -> Four:
-        """Return the products."""
+        """Return the products with other numbers, lane by lane."""
         b, x, y = self.builder, self.parts, other.parts
         if len(x) == 1:
             return Four(b, b.fmul(x[0], y[0], flags=_FUSED))
@@ -87,7 +87,7 @@ class Four:
         return Four(b, real, self._more(b.fmul(x[0], y[1], flags=_FUSED), x[1], y[0]))
 
     def less(self, x: Four, y: Four) -> Four:
-        """Return these numbers less the products of x and y."""
+        """Return self - x * y, lane by lane."""
         s, p, q = self.parts, x.parts, y.parts
         if len(s) == 1:
             return Four(self.builder, self._less(s[0], p[0], q[0]))
@@ -101,7 +101,7 @@ class Four:
         return self.builder.fsub(s, self.builder.fmul(x, y, flags=_FUSED), flags=_FUSED)
 
     def where(self, mask: Any, other: Four) -> Four:
-        """Return these numbers where the mask is set, others where it is not."""
+        """Return these numbers where the mask is set, and ``other`` elsewhere."""
         return Four(self.builder, *(self.builder.select(mask, x, y)
                                     for x, y in zip(self.parts, other.parts, strict=True)))
 
@@ -113,14 +113,14 @@ class Four:
         return bare[0] if len(bare) == 1 else b.fadd(*bare)
 
     def any(self) -> Any:
-        """Return a mask of the lanes whose number is not zero."""
+        """Return a mask of the lanes whose number is nonzero."""
         b = self.builder
         found = [b.fcmp_unordered("!=", x, ir.Constant(_VECTOR, [0.0] * LANES)) for x in self.parts]
         return found[0] if len(found) == 1 else b.or_(*found)
 
 
 def transposed(rows: list[Four]) -> list[Four]:
-    """Return four columns of four rows."""
+    """Return the four columns of four rows."""
     b = rows[0].builder
 
     def columns(v: list[Any]) -> list[Any]:

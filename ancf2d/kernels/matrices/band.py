@@ -1,7 +1,7 @@
-"""Symmetric band LDL^T without pivoting: factor, solve, inertia; complex symmetric ones too.
+"""Symmetric band LDL^T without pivoting: factor, solve, inertia; for real and complex symmetric matrices.
 
-Storage is row by row: ``A[i, bw + j - i] = K[i, j]`` for i - bw <= j <= i, shape (n, bw + 1). Four pivots are taken out
-at a time, in blocks of four rows and four columns; narrow bands and what is left at the end one by one.
+Storage is row by row: ``A[i, bw + j - i] = K[i, j]`` for i - bw <= j <= i, shape (n, bw + 1). Pivots are eliminated
+four at a time, in blocks of four rows and four columns; in narrow bands and at the end one by one.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from ..lowlevel.arrays import numbers
 from ..lowlevel.blocks import backward, eliminate, forward, inverse, room, size, take, take_diagonal
 from ..lowlevel.jit import inner, kernel, merged
 
-# below this half bandwidth, blocks of four would reach over more than one row
+# below this half bandwidth, blocks of four would overlap more than one row
 NARROW = 4
 
 
@@ -20,9 +20,9 @@ NARROW = 4
 def ldl_factor(A, tiny, scale):  # type: ignore[no-untyped-def]
     """Factor K = L D L^T in place; return (first bad row or -1, negative pivots, smallest relative pivot).
 
-    ``A`` holds L below and D on the diagonal afterwards; ``scale`` (n,) is room to work in. A pivot is bad where it is
-    not a number or smaller than ``tiny`` times the terms that it is the difference of: the system is singular there.
-    Sizes of complex numbers are |re| + |im|.
+    Afterwards ``A`` holds L below and D on the diagonal; ``scale`` (n,) is work space. A pivot is bad if it is nan or
+    smaller than ``tiny`` times the sum of the terms that form it: the matrix is singular there. Sizes of complex
+    numbers are |re| + |im|.
     """
     n, w = A.shape
     bw = w - 1
@@ -33,9 +33,9 @@ def ldl_factor(A, tiny, scale):  # type: ignore[no-untyped-def]
 
 @inner
 def take_out(A, flat, pivots, tiny, scale, C):  # type: ignore[no-untyped-def]
-    """Take the first so many pivots out of all rows; return what ``ldl_factor`` does.
+    """Eliminate the first ``pivots`` pivots from all rows; returns as ``ldl_factor``.
 
-    ``flat`` is A in one row, C room for blocks.
+    ``flat`` is A as one row, C work space for blocks.
     """
     bad, negative, smallest, k = -1, 0, np.inf, 0
     bw = A.shape[1] - 1
@@ -59,7 +59,7 @@ def take_out(A, flat, pivots, tiny, scale, C):  # type: ignore[no-untyped-def]
 
 @merged
 def _one_pivot(A, k, scale):  # type: ignore[no-untyped-def]
-    """Take pivot k out of the rows below it, from the last on: those above still hold what it multiplies them by."""
+    """Eliminate pivot k from the rows below it, the last row first, since it needs column k of the rows above it."""
     n, w = A.shape
     bw = w - 1
     over = inverse(A[k, bw])
@@ -74,9 +74,9 @@ def _one_pivot(A, k, scale):  # type: ignore[no-untyped-def]
 
 @merged
 def _triangle(flat, at, bw):  # type: ignore[no-untyped-def]
-    """Factor the four rows of four pivots, the first at entry ``at``; return (D, 1/D, L D below the pivots, sizes).
+    """Factor the triangle of four pivots, the first at entry ``at``; return (D, 1/D, L D below the pivots, sizes).
 
-    Sizes are those of the terms that pivots 1, 2, 3 are less by.
+    ``sizes`` are the sums of the sizes of the terms subtracted from pivots 1, 2, 3.
     """
     b, c, d = at + bw, at + 2 * bw, at + 3 * bw
     d0, x10, x20, x30 = flat[at], flat[b], flat[c], flat[d]
@@ -101,7 +101,7 @@ def _triangle(flat, at, bw):  # type: ignore[no-untyped-def]
 
 @merged
 def _four_pivots(A, flat, k, tiny, scale, C):  # type: ignore[no-untyped-def]
-    """Take pivots k, ..., k + 3 out of the rows below; return (bad row or -1, negative pivots, smallest of them)."""
+    """Eliminate pivots k, ..., k + 3 from the rows below; return (bad row or -1, negative pivots, smallest ratio)."""
     n, w = A.shape
     bw = w - 1
     D, over, below, sizes = _triangle(flat, k * w + bw, bw)
@@ -137,14 +137,14 @@ def ldl_solve(A, x):  # type: ignore[no-untyped-def]
 
 @inner
 def solve_lower(A, flat, x, pivots):  # type: ignore[no-untyped-def]
-    """Solve L y = x for the first so many pivots, whatever is below them, and take them from all rows."""
+    """Solve L y = x in place for the first ``pivots`` unknowns, and subtract their terms from all rows below."""
     n, w = A.shape
     bw, last = w - 1, n // 4
     below, fours = (bw + 3) // 4, pivots // 4 if bw >= NARROW else 0
     for p in range(fours):
         k = 4 * p
         forward(flat, k * w + bw, bw, x, k, min(below, last - 1 - p))
-        # rows that no whole block is left for
+        # rows at the end that do not fill a block
         for i in range(4 * last, min(k + bw + 4, n)):
             for j in range(max(k, i - bw), k + 4):
                 x[i] -= A[i, bw + j - i] * x[j]
@@ -155,7 +155,7 @@ def solve_lower(A, flat, x, pivots):  # type: ignore[no-untyped-def]
 
 @inner
 def solve_upper(A, flat, x, pivots):  # type: ignore[no-untyped-def]
-    """Solve L^T y = x for the first so many pivots, the last first."""
+    """Solve L^T y = x in place for the first ``pivots`` unknowns, the last one first."""
     n, w = A.shape
     bw, last = w - 1, n // 4
     below, fours = (bw + 3) // 4, pivots // 4 if bw >= NARROW else 0

@@ -1,8 +1,8 @@
-"""Symmetric LDL^T without pivoting front by front, for what is no chain (``model.fronts``).
+"""Multifrontal symmetric LDL^T without pivoting, for models that are not chains (``model.fronts``).
 
-A front of s pivots and u rows beyond them holds its numbers row by row, in the lower half of s + u rows that lie
-s + u - 1 apart, as the band of a matrix that is full (``band``). The matrix has entries in columns of pivots
-alone; what these leave of the rest is added to the parent's front.
+A front of s pivots and u further rows is stored row by row as the lower half of an (s + u, s + u) matrix, with rows
+s + u - 1 numbers apart, which is the band storage of a full matrix (``band``). Only columns of pivots contain matrix
+entries; the Schur complement in the other columns is added to the parent front.
 """
 
 from __future__ import annotations
@@ -18,7 +18,10 @@ from .band import solve_lower, solve_upper, take_out
 
 @inner
 def _row(fronts, q, i):  # type: ignore[no-untyped-def]
-    """Return where row i of front q starts, less what the front's first column is: beyond the pivots by bisection."""
+    """Return the offset of row i of front q, so that column j of the matrix is at offset + j, for pivot columns j.
+
+    Rows beyond the pivots are found by bisection.
+    """
     first, pivots = fronts.first[q], fronts.first[q + 1] - fronts.first[q]
     row, apart = i - first, pivots + fronts.start[q + 1] - fronts.start[q] - 1
     if row >= pivots:
@@ -35,16 +38,16 @@ def _row(fronts, q, i):  # type: ignore[no-untyped-def]
 
 @inner
 def entry(fronts, i, j):  # type: ignore[no-untyped-def]
-    """Return where entry (i, j), j <= i, is stored."""
+    """Return where entry (i, j), j <= i, of the matrix is stored."""
     return _row(fronts, fronts.owner[j], i) + j
 
 
 @inner
 def fill_rows(fronts, d, place, shift, n, table):  # type: ignore[no-untyped-def]
-    """Fill where the entries of an element are, of coordinates a and b, b being taken out first.
+    """Fill ``table`` with row offsets for the entries of an element with coordinates d (n,).
 
-    It is ``table[table[n n + b] n + a]`` and the unknown of b, for coordinates d (n,) whose unknowns are ``shift``
-    beyond place[d]: each front that takes out one of them is looked through once.
+    The unknowns are place[d] + ``shift``. Entry (a, b), where b is eliminated first, is stored at
+    ``table[table[n n + b] n + a]`` + the unknown of b. Each front is searched only once.
     """
     known = 0
     for b in range(n):
@@ -69,7 +72,7 @@ def fill_rows(fronts, d, place, shift, n, table):  # type: ignore[no-untyped-def
 def fronts_factor(fronts, values, tiny, scale):  # type: ignore[no-untyped-def]
     """Factor K = L D L^T in place; return (first bad unknown or -1, negative pivots, smallest relative pivot).
 
-    As ``band.ldl_factor`` does.
+    Bad pivots are defined as in ``band.ldl_factor``.
     """
     C, sizes = numbers(values, room(fronts.largest)), vector(fronts.largest)
     for q in range(len(fronts.parent)):
@@ -102,7 +105,7 @@ def fronts_factor(fronts, values, tiny, scale):  # type: ignore[no-untyped-def]
 
 @inner
 def _hand_up(fronts, values, q, pivots, below):  # type: ignore[no-untyped-def]
-    """Add what is left of front q to its parent."""
+    """Add the Schur complement of front q to its parent front."""
     p, start, apart = fronts.parent[q], fronts.start[q], pivots + below - 1
     stride = fronts.first[p + 1] - fronts.first[p] + fronts.start[p + 1] - fronts.start[p] - 1
     into = array_at(fronts.into, start, (below,))

@@ -1,4 +1,4 @@
-"""Where the numbers of a matrix of the unknowns are: places of coordinates, tree of fronts. This needs no compiler."""
+"""Layout of matrices of the unknowns: places of coordinates, tree of fronts. This module needs no compiler."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ Index = NDArray[np.int64]
 
 
 class Places(NamedTuple):
-    """Where each of the full coordinates is among the unknowns.
+    """Position of each full coordinate among the unknowns.
 
-    place : (n_full,) its unknown (>= 0), -1 where it is held, or -2 - k where it is the combination k of unknowns,
-    ``unknown[start[k]:start[k + 1]]`` with factors ``factor``.
+    place : (n_full,) its unknown (>= 0), -1 if it is held, or -2 - k if it is the linear combination k of unknowns
+    ``unknown[start[k]:start[k + 1]]`` with the same range of ``factor``.
     """
 
     place: Index
@@ -24,11 +24,11 @@ class Places(NamedTuple):
 
 
 class Fronts(NamedTuple):
-    """The tree of fronts, children before parents; n unknowns, m fronts of s pivots and u rows beyond them.
+    """The tree of fronts, children before parents: n unknowns, m fronts of s pivots and u further rows.
 
-    first : (m + 1,) first pivot of each front; start : (m + 1,) where its rows are in ``rows`` (positions of unknowns)
-    and ``into`` (where they stand in the parent's front); at : (m + 1,) where its (s + u, s + u) numbers start among
-    all; parent : (m,) or -1; owner : (n,) the front that takes out each unknown; largest : the largest s + u.
+    first : (m + 1,) first pivot of each front; start : (m + 1,) range of its further rows in ``rows`` (unknowns) and
+    ``into`` (row in the parent front); at : (m + 1,) where its (s + u, s + u) numbers start; parent : (m,) parent front
+    or -1; owner : (n,) front that eliminates each unknown; largest : the largest s + u.
     """
 
     first: Index
@@ -42,7 +42,7 @@ class Fronts(NamedTuple):
 
 
 def no_fronts() -> Fronts:
-    """Return a tree of no fronts: all trees are of its type."""
+    """Return a tree without fronts, which has the type of all trees."""
     none, one = np.zeros(0, dtype=np.int64), np.zeros(1, dtype=np.int64)
     return Fronts(one, one, none, none, one, none, none, 0)
 

@@ -1,4 +1,4 @@
-"""Where element matrices go: symmetric band, fronts, general band or compressed rows, chosen by type."""
+"""Assembly of element matrices into a symmetric band, fronts, a general band or compressed rows, chosen by type."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def _add(matrix, i, j, v):  # type: ignore[no-untyped-def]
 
 
 def only_lower(matrix: Any) -> bool:
-    """Return whether a matrix stores its lower half alone."""
+    """Return whether a matrix stores only its lower half."""
     return isinstance(matrix, SymBand | Nested)
 
 
@@ -107,7 +107,7 @@ def _is_plain(place, dofs, m):  # type: ignore[no-untyped-def]
 
 @inner
 def scatter(matrix, Ke, dofs, m, places):  # type: ignore[no-untyped-def]
-    """Add T^T Ke T of element m to the matrix; Ke is symmetric where the matrix is. ``places``: ``layout.Places``."""
+    """Add T^T Ke T of element m to the matrix; Ke is symmetric if the matrix is. ``places`` is a ``layout.Places``."""
     n, place = dofs.shape[1], places.place
     lower = only_lower(matrix)
     if _is_plain(place, dofs, m):
@@ -163,7 +163,7 @@ def scatter_patches(matrix, Ks, dofs, first, count, places):  # type: ignore[no-
 def scatter_packed(matrix, Ks, scale, entries, dofs, first, places):  # type: ignore[no-untyped-def]
     """Add ``scale`` times the symmetric matrices Ks (entries, m) of elements first, first + 1, ... to the matrix.
 
-    ``entries`` (k, 2) are the rows a and columns b <= a that are given: all that are not zero.
+    ``entries`` (k, 2) are the rows a and columns b <= a of the entries of Ks; all others are zero.
     """
     lower, n, place = only_lower(matrix), dofs.shape[1], places.place
     K, starts, sources = array(n, n), numbers(dofs, len(entries)), numbers(dofs, len(entries))
@@ -193,15 +193,15 @@ def scatter_packed(matrix, Ks, scale, entries, dofs, first, places):  # type: ig
 
 @inner
 def _at(x, k):  # type: ignore[no-untyped-def]
-    """Return x[k], k >= 0: of any other index it is asked whether it counts from the end."""
+    """Return x[k], k >= 0, without the check for negative indices that numba adds to x[k]."""
     return array_at(x, k, (1,))[0]
 
 
 @inner
 def _chain(dofs, first, most, place):  # type: ignore[no-untyped-def]
-    """Return of how many elements the unknowns are those of the one before, all moved on by the same number.
+    """Return how many elements from ``first`` on form a chain: the unknowns of each are those before, shifted equally.
 
-    An element with coordinates that are held is alone, and none where one is a combination of unknowns.
+    The result is 1 for an element with held coordinates, 0 if a coordinate is a combination of unknowns.
     """
     n = dofs.shape[1]
     d = array_at(dofs, first * n, (most * n,))
@@ -271,7 +271,7 @@ def _add_chain_of(matrix, Ks, at, count, scale, entries, dofs, first, place, sta
     return {SymBand: _add_chain_symband, Nested: _add_chain_nested}.get(matrix.instance_class, _no_chain)
 
 
-# rows of a product that are made diagonal by diagonal, so that they stay in the cache
+# rows of a product that are computed at a time, diagonal by diagonal, so that they stay in the cache
 _ROWS = 512
 
 
@@ -299,7 +299,7 @@ def band_product(A, x, y):  # type: ignore[no-untyped-def]
 
 @inner
 def product_by_diagonals(p, x, y):  # type: ignore[no-untyped-def]
-    """Fill y = M x by those diagonals of the band that are not zero: the same row of x and y side by side."""
+    """Fill y = M x from the nonzero diagonals of the band (``Problem.diagonals``), in vector instructions."""
     n = len(y)
     for first in range(0, n, _ROWS):
         last = min(first + _ROWS, n)
@@ -316,7 +316,7 @@ def product_by_diagonals(p, x, y):  # type: ignore[no-untyped-def]
 
 @inner
 def _add_products(a, i, x, j, y, k, m):  # type: ignore[no-untyped-def]
-    """Add the products of m numbers each, from a[i] and x[j] on, to y[k] and what follows."""
+    """Add a[i:i + m] * x[j:j + m] to y[k:k + m], elementwise."""
     p, q, out = array_at(a, i, (m,)), array_at(x, j, (m,)), array_at(y, k, (m,))
     for l in range(m):
         out[l] += p[l] * q[l]

@@ -1,6 +1,6 @@
-"""Symmetric matrices of the unknowns as motions keep them: the entries of a band, or front by front.
+"""Symmetric matrices of the unknowns in motions, as flat arrays: the entries of a band, or front by front.
 
-Each of what is done with them is there twice, and called by its address: the table of a model has the right one.
+Each operation exists for both kinds of storage and is called by address from the model's table (``kernels.calls``).
 """
 
 from __future__ import annotations
@@ -15,39 +15,39 @@ from .fronts import fronts_factor, fronts_product, fronts_solve
 from .layout import Places
 from .matrix import Nested, SymBand, band_product, product_by_diagonals
 
-# pivots below this share of the terms that they are the difference of are none
+# pivots smaller than this fraction of the terms that form them count as zero
 TINY = 1e-16
 
 
 @inlined
 def band_of(p, A):  # type: ignore[no-untyped-def]
-    """Return a band as rows."""
+    """Return the flat matrix A as rows (n, width) of a band."""
     return array_at(A, 0, (p.inner, p.width))
 
 
 @inlined
 def in_band(p, A):  # type: ignore[no-untyped-def]
-    """Return where element matrices go in a band."""
+    """Return A as a band for assembly (``matrix.SymBand``)."""
     return SymBand(band_of(p, A))
 
 
 @inlined
 def in_fronts(p, A):  # type: ignore[no-untyped-def]
-    """Return where element matrices go in fronts."""
+    """Return A as fronts for assembly (``matrix.Nested``)."""
     return Nested(A, p.fronts)
 
 
 @inlined
 def places_in(p):  # type: ignore[no-untyped-def]
-    """Return where coordinates are among the unknowns."""
+    """Return the positions of coordinates among the unknowns, for assembly."""
     return Places(p.place, p.indptr, p.index, p.value)
 
 
 @addressed
 def factor_band(p, A, scale):  # type: ignore[no-untyped-def]
-    """Factor A = L D L^T in place; return whether it could be.
+    """Factor A = L D L^T in place; return whether it is regular.
 
-    What is in ``scale`` (n,) is lost; its first number is the row then at which the factors end, or -1.
+    Overwrites ``scale`` (n,); its first number becomes the row at which the factorisation broke down, or -1.
     """
     scale[0] = ldl_factor(band_of(p, A), TINY, scale)[0]
     return scale[0] < 0.0
@@ -55,7 +55,7 @@ def factor_band(p, A, scale):  # type: ignore[no-untyped-def]
 
 @addressed
 def factor_fronts(p, A, scale):  # type: ignore[no-untyped-def]
-    """Do as ``factor_band`` does."""
+    """Same as ``factor_band``, for fronts."""
     scale[0] = fronts_factor(p.fronts, A, TINY, scale)[0]
     return scale[0] < 0.0
 
@@ -114,7 +114,7 @@ def sizes_fronts(p, A, x, y):  # type: ignore[no-untyped-def]
 
 @addressed
 def keep_between_band(p, A, kind):  # type: ignore[no-untyped-def]
-    """Set to zero what is between unknowns of one kind (n,), but for the diagonal of multipliers (kind 0)."""
+    """Set entries between unknowns of the same ``kind`` (n,) to zero, but not the diagonal of multipliers (kind 0)."""
     n, bw = p.inner, p.width - 1
     rows = band_of(p, A)
     for i in range(n):
@@ -125,7 +125,7 @@ def keep_between_band(p, A, kind):  # type: ignore[no-untyped-def]
 
 @addressed
 def keep_between_fronts(p, A, kind):  # type: ignore[no-untyped-def]
-    """Do as ``keep_between_band`` does."""
+    """Same as ``keep_between_band``, for fronts."""
     fronts = p.fronts
     for q in range(len(fronts.parent)):
         first, pivots, start = fronts.first[q], fronts.first[q + 1] - fronts.first[q], fronts.start[q]
@@ -138,7 +138,7 @@ def keep_between_fronts(p, A, kind):  # type: ignore[no-untyped-def]
 
 
 def matrix_functions(fronts: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
-    """Return the functions of matrices that the table of a model of this type has (``kernels.calls.table``)."""
+    """Return the entries for matrices of the table of a model (``kernels.calls.table``)."""
     kinds = {calls.factor: (factor_band, factor_fronts), calls.factor_complex: (factor_band, factor_fronts),
              calls.solve: (solve_band, solve_fronts), calls.solve_complex: (solve_band, solve_fronts),
              calls.product: (product_band, product_fronts), calls.mass_product: (mass_band, mass_fronts),

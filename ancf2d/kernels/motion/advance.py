@@ -1,4 +1,4 @@
-"""Many steps in one call: step control, what is stored of them, work and loss along the way."""
+"""Many time steps in one call: step control, stored states, work and losses."""
 
 from __future__ import annotations
 
@@ -48,21 +48,22 @@ from .step_energy import count_impact, gains
 from .stops import STAYS, land, leave, soften
 from .work import recall, taken_inside
 
-# rotation in a step [rad] beyond which stages may be on another turn than the end of the step before
+# rotation in a step [rad] beyond which the turn of its stages is ambiguous
 FAR = 2.5
-# why ``advance`` comes back
+# why ``advance`` returns
 REACHED, FULL, FAILED, EVENT = range(4)
-# what a stored state is: inside a step, where one ends, or the end of a step that has states inside, for their balance
+# kind of a stored state: inside a step, at its end, or the end of a step with states inside, for the energy balance
 INSIDE, END, CHECK = range(3)
-# of a step: times so near to its end are its end
+# fraction of a step: times this close to its end count as its end
 NEAR = 1e-9
 
 
 class Plan(NamedTuple):
-    """How far, and how: fixed steps dt on the grid t0 + k dt, or adaptive ones (dt = 0) under ``tolerance``.
+    """Time span and step control: fixed steps dt on the grid t0 + k dt, or adaptive ones (dt = 0) with ``tolerance``.
 
-    smallest, largest : steps; fastest : rate [m/s] beyond which the motion fails; tracks : whether loads, motion or
-    dampers do work that has to be summed; lands : whether steps end at the times of stored states.
+    smallest, largest : step sizes; fastest : rate [m/s] above which the motion counts as failed; tracks : whether
+    loads, prescribed motion or dampers do work that must be summed; lands : whether steps end at the times of stored
+    states.
     """
 
     t0: float
@@ -77,13 +78,14 @@ class Plan(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """What is stored. wanted : times of states, in order; every : steps between states (0: the wanted times).
+    """Storage for states and the step log.
 
-    t, number, kind (m,), z, v, a (m, n), work (m, 2) : states (INSIDE, END or CHECK); turns (m, items, memory), feet
-    (m, joints, 2), states (m, numbers) : what point laws, prismatic joints and elements remembered there; turned
-    (m, sections) : rotations through full turns; log (k, 11) : step, t, dt, iterations, rejected, error, violation of
-    every step, and of an impact at its end 1 + the item with the largest impulse, how many have one, their sum, what it
-    takes.
+    wanted : times of states to store, ascending; every : steps between stored states (0: store the wanted times).
+    t, number, kind (m,), z, v, a (m, n), work (m, 2) : stored states: time, step number, INSIDE, END or CHECK,
+    unknowns, work and loss; turns (m, items, memory), feet (m, joints, 2), states (m, numbers) : history variables of
+    point laws, prismatic joints and elements; turned (m, sections) : rotations with full turns; log (k, 11) : number,
+    t, dt, iterations, rejected tries, error and violation of every step, and of an impact at its end 1 + the item with
+    the largest impulse, the number of impulses, their sum and the energy lost.
     """
 
     wanted: Any
@@ -104,7 +106,7 @@ class Rows(NamedTuple):
 
 @inner
 def _work_of_step(m, p, w, s, at, t, h):  # type: ignore[no-untyped-def]
-    """Return (work, loss) of a step that has been made."""
+    """Return (work, loss) of the step just computed."""
     if m.exact:
         return calls.work_of_step(m.calls, (p, w, s, m.own, t, h))
     return _work_within(m, p, w, s, at, t, h, 1.0)
@@ -112,7 +114,7 @@ def _work_of_step(m, p, w, s, at, t, h):  # type: ignore[no-untyped-def]
 
 @inner
 def _work_within(m, p, w, s, at, t, h, x):  # type: ignore[no-untyped-def]
-    """Return (work, loss) up to the fraction x of a step."""
+    """Return (work, loss) up to the fraction x of a step, friction of hard contacts included."""
     if p.sided:
         no_friction(p)
     work, lost = calls.work(m.calls, (p, w, s, m, at, t, h, x))
@@ -136,7 +138,10 @@ def _store(p, rows, r, t, number, kind, at, work, lost):  # type: ignore[no-unty
 
 @inner
 def _turn(p, w, s, z, v, t, h, out):  # type: ignore[no-untyped-def]
-    """Fill ``out`` with the turns of s, taken over a time h to z with rates v at t; d and v (n_full,) are left in w."""
+    """Fill ``out`` with the counted rotations of s after a time h, at z with rates v at time t.
+
+    Sets w.d, and w.v where turns are counted, to the full coordinates and rates.
+    """
     signals_at(p, t, w.amps)
     to_full(p, z, w.amps, 0, w.d)
     if len(p.turning.length) > 0:
@@ -148,7 +153,7 @@ def _turn(p, w, s, z, v, t, h, out):  # type: ignore[no-untyped-def]
 
 @inner
 def _log(s, log, t, h, iterations, relative, worst):  # type: ignore[no-untyped-def]
-    """Note what is told of a step (11,)."""
+    """Fill a row (11,) of the step log, and reset the counters of tries and impacts."""
     log[0], log[1], log[2], log[3] = s.numbers[COUNT], t, h, iterations
     log[4], log[5], log[6] = s.numbers[TRIES], relative, worst
     s.numbers[TRIES] = 0.0
@@ -158,7 +163,7 @@ def _log(s, log, t, h, iterations, relative, worst):  # type: ignore[no-untyped-
 
 @inner
 def _store_inside(m, p, w, s, at, plan, rows, r, time, t, h, number):  # type: ignore[no-untyped-def]
-    """Store the state at a time inside the step of length h from t."""
+    """Store the state at ``time`` inside the step of size h from t as row r."""
     x, work, lost = (time - t) / h, 0.0, 0.0
     if plan.tracks:
         work, lost = _work_within(m, p, w, s, at, t, h, x)
@@ -167,7 +172,7 @@ def _store_inside(m, p, w, s, at, plan, rows, r, time, t, h, number):  # type: i
     recall(m, p, h, x)
     _store(p, rows, r, time, number, INSIDE, at, s.numbers[WORK] + work, s.numbers[LOST] + lost)
     if len(p.states) > 0:
-        # what materials have taken since the start of the step
+        # energy dissipated by materials since the start of the step
         rows.work[r, 1] += remember_elements(p, w.d, w.amps, True)
         rows.work[r, 1] += taken_inside(m, p, w, s, at, t, h, x)
         copy(rows.states[r], p.states)
@@ -175,9 +180,10 @@ def _store_inside(m, p, w, s, at, plan, rows, r, time, t, h, number):  # type: i
 
 @inner
 def _tried(m, p, w, s, at, t, h, adaptive):  # type: ignore[no-untyped-def]
-    """Step, and return what that answers.
+    """Try a step of size h; return (outcome, iterations, error [m], contraction).
 
-    NOT_CONVERGED too where springs may have been taken on another turn, or a point has passed through an obstacle.
+    The outcome is also NOT_CONVERGED if a section rotated so far that its turn is ambiguous, or if a contact point
+    passed through an obstacle.
     """
     for k in p.clocks:
         p.states[k] = h
@@ -186,12 +192,12 @@ def _tried(m, p, w, s, at, t, h, adaptive):  # type: ignore[no-untyped-def]
     looks = outcome == DONE and p.sided and not m.switches
     if (adaptive and looks and s.numbers[FRESH] == 0.0 and opens(p, s.z, m.end.z)
             and calls.make_consistent(p.calls, (p, w, s, t))):
-        # rates off by some h^2, as constraints leave them, are forces in a step that is much shorter
+        # rates violate constraints by O(h^2), which would act as forces in a much shorter step
         calls.restart(m.calls, (s, m.own))
         outcome, more, error, contraction = calls.step(m.calls, (p, w, s, m.own, t, h))
         iterations += more
     if outcome == DONE and p.sided and not m.switches and opens(p, s.z, m.end.z):
-        # forces at the start would press on what has parted
+        # contact forces at the start of the step would still press on points that have opened
         s.numbers[BACKWARD] = 1.0
         outcome, more, error, contraction = calls.step(m.calls, (p, w, s, m.own, t, h))
         iterations += more
@@ -208,14 +214,15 @@ def _tried(m, p, w, s, at, t, h, adaptive):  # type: ignore[no-untyped-def]
 
 @inner
 def _moved(p, z):  # type: ignore[no-untyped-def]
-    """Return the largest displacement [m] of the unknowns z, or rate of these, states of controllers apart."""
+    """Return the largest displacement [m] (or rate [m/s]) in z (or v), without the states of controllers."""
     return norm(p, array_at(z, 0, (p.inner,)))
 
 
 @inner
 def _keep(p, w, m, s, t, h, tracks, given, happened):  # type: ignore[no-untyped-def]
-    """Make the end of the step the motion, a new one behind what ``impact`` says that HAPPENED; return the violation of
-    constraints there.
+    """Accept the step: copy its end to the motion s and update all history; return the violation of the constraints.
+
+    ``happened`` : result of ``impact``; after an impact (below 0) the method restarts.
     """
     if happened == HIT:
         count_impact(m, p, w, s, s.numbers[TIME], h, tracks, given)
@@ -227,7 +234,7 @@ def _keep(p, w, m, s, t, h, tracks, given, happened):  # type: ignore[no-untyped
     if happened < 0.0:
         for tau in p.tau:
             if tau > 0.0 and not m.switches:
-                # rates that are off behind an impact are viscous forces, and take or make energy
+                # errors of rates after an impact cause viscous forces, which lose or create energy
                 s.numbers[STRUCK] = 1.0
         calls.restart(m.calls, (s, m.own))
     s.numbers[COUNT] += 1.0
@@ -239,12 +246,12 @@ def _keep(p, w, m, s, t, h, tracks, given, happened):  # type: ignore[no-untyped
     if len(p.feedback.kind) > 0:
         calls.feedback_accept(p.calls, (p, w))
         for i in range(p.inner, len(s.z)):
-            # relative to the states as errors of displacements are to these
+            # so that errors are relative to the largest state, as displacement errors are to the largest displacement
             scale = p.feedback.scale[i - p.inner]
             p.weights[i] = s.numbers[SIZE] / scale if scale > 0.0 else 0.0
     if len(p.states) > 0:
         recall(m, p, h, 1.0)
-        # what is solved at stages is remembered already, and no time has passed since
+        # methods that solve for history variables at stages have updated them already: their clock is 0
         timed = len(p.clocks) > 0 and p.states[p.clocks[0]] > 0.0
         s.numbers[LOST] += remember_elements(p, w.d, w.amps, timed)
         for k in p.clocks:
@@ -257,10 +264,12 @@ def _keep(p, w, m, s, t, h, tracks, given, happened):  # type: ignore[no-untyped
 
 @inner
 def _end(m, p, w, s, at, plan, t, h, room, aims):  # type: ignore[no-untyped-def]
-    """Return whether a step may end where it does, and else how long it has to be, at most ``room``.
+    """Return whether a step may end where it does, and if not, the size to try instead, at most ``room``.
 
-    It ends at events, and where stops begin or cease to act: (whether it may, length, whether that is an event, what
-    stops do there, how often that was tried: above 0 for an event, below for a stop).
+    Steps end at events and where unilateral springs and contacts engage or release. Returns (accepted, step size,
+    whether it ends at an event, change of the stops at its end, number of tries so far: positive for an event,
+    negative for a stop). Size 0 means that the event is at the start of the step, below 0 that a condition has no
+    value.
     """
     stops = STAYS
     if len(p.stops) > 0:
@@ -276,9 +285,10 @@ def _end(m, p, w, s, at, plan, t, h, room, aims):  # type: ignore[no-untyped-def
 @shared
 @seldom
 def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-untyped-def]
-    """Step until t_stop, until rows are full or so many steps are done.
+    """Advance the motion s until t_stop, until ``rows`` are full, or for at most ``steps`` steps.
 
-    Returns (REACHED, FULL, FAILED or EVENT; states stored, steps logged, outcome and iterations of the last try).
+    Wanted times are stored from index ``wanted_from`` on. Returns (REACHED, FULL, FAILED or EVENT; number of states
+    stored, steps logged, outcome and iterations of the last try).
     """
     stored, logged, next_wanted = 0, 0, wanted_from
     outcome, iterations, aims, aimed, event, sooner = DONE, 0, 0, 0.0, False, 0.0
@@ -326,14 +336,13 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         inside, at_end = passed(rows, next_wanted, end, NEAR * h)
         needed, left = inside + 1 if at_end or inside > 0 else 0, len(rows.t) - stored
         if needed > left and stored > 0:
-            # done again by the next call, which has room for its states
+            # the next call repeats this step, with room for its (further) states
             return FULL, stored, logged, outcome, iterations
         for _ in range(min(inside, left)):
             _store_inside(m, p, w, s, at, plan, rows, stored, rows.wanted[next_wanted], t, h, logged)
             stored, next_wanted = stored + 1, next_wanted + 1
         recall(m, p, h, 0.0)
         if needed > left:
-            # more states than there is room for: done again for those that follow
             return FULL, stored, logged, outcome, iterations
         s.numbers[WORK] += work
         s.numbers[LOST] += lost

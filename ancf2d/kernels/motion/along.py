@@ -1,4 +1,4 @@
-"""Many states of a motion in one call: their full coordinates, and residuals and tangents for derivatives."""
+"""Many states of a motion in one call: full coordinates, and residuals and tangents for derivatives."""
 
 from __future__ import annotations
 
@@ -14,14 +14,15 @@ from ..moving import moving_inertia
 from ..points import add_to, evaluate_item, fields_of_item, work_arrays
 from .dynamics import FORCES, norm, residual, signals_at, to_full, to_unknowns, twice_kinetic
 
-# virtual displacements that have died out: they are not scaled
+# smaller virtual displacements count as zero and are not scaled
 NONE = 1e-200
-# what of a stored state is put onto the constraints
+# correction of a stored state: none; accelerations and multipliers; rates, too; positions, too
 AS_IS, FORCES_ALONE, RATES, POSITIONS = range(4)
 
 
 class Moments(NamedTuple):
-    """States of a motion. t (m,); z, v, a (m, n); turns (m, items, memory), feet (m, joints, 2): what laws remember."""
+    """States of a motion: t (m,), z, v, a (m, n), history turns (m, items, memory) of point laws, feet (m, joints, 2).
+    """
 
     t: Any
     z: Any
@@ -33,7 +34,7 @@ class Moments(NamedTuple):
 
 @inner
 def _recall(p, w, at, k):  # type: ignore[no-untyped-def]
-    """Let laws and signals be those of a state."""
+    """Restore the history of point laws and joints, and the signals, of state k."""
     copy_rows(at.turns[k], p.points.mem)
     copy_rows(at.feet[k], p.sliding.memory)
     signals_at(p, at.t[k], w.amps)
@@ -43,12 +44,12 @@ def _recall(p, w, at, k):  # type: ignore[no-untyped-def]
 @seldom
 def read_states(p, w, side, onto, z, v, a, turns, feet, states,  # type: ignore[no-untyped-def]
                 d, rates, second, Q, energy):
-    """Fill d, rates, second and Q - F (m, n_full) with what stored states are in full coordinates.
+    """Fill d, rates, second and Q = Q - F (m, n_full) with the full coordinates and forces of stored states.
 
-    They are put onto the constraints first, in z, v and a (m, n) themselves, as far as ``onto`` (m,) says: AS_IS, RATES
-    or POSITIONS too. With FORCES_ALONE a and multipliers alone are new, by the equations of motion. side (m,) are the
-    times of signals, turns, feet and states what is remembered there (``advance.Rows``). energy (m, 2) : of elements
-    and kinetic.
+    z, v and a (m, n) are first corrected in place as ``onto`` (m,) says: AS_IS (not), RATES (projected onto the
+    constraints) or POSITIONS (projected too); FORCES_ALONE only recomputes a and multipliers, from the equations of
+    motion. side (m,) are the times for signals; turns, feet and states the history variables (``advance.Rows``).
+    energy (m, 2) : strain energy of the elements, and kinetic energy.
     """
     for k in range(len(side)):
         copy_rows(turns[k], p.points.mem)
@@ -66,10 +67,10 @@ def read_states(p, w, side, onto, z, v, a, turns, feet, states,  # type: ignore[
         to_full(p, a[k], w.amps, 2, second[k])
         energy[k, 1] = 0.5 * twice_kinetic(p, w, v[k])
         energy[k, 0] = calls.forces(p.calls, (p, w, z[k], v[k]))[0]
-        # steps alone are counted
+        # only evaluations of steps are counted
         w.counts[FORCES] -= 1
         if p.patched:
-            # of elements alone
+            # without point laws
             w.other[:] = 0.0
             energy[k, 0] = elastic(p, w.d, w.other)
         moving_inertia(p, w.amps, a[k], w.Q)
@@ -90,9 +91,9 @@ def residuals(p, w, at, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def actions(p, w, at, dz, dv, da, step, out):  # type: ignore[no-untyped-def]
-    """Fill out (m, n) with the derivative of each residual along (dz, dv, da) (m, n), by differences.
+    """Fill out (m, n) with the derivative of each residual along (dz, dv, da) (m, n).
 
-    These are of fourth order, over ``step`` times the change.
+    It is computed by differences of fourth order over ``step`` times these vectors.
     """
     n = len(w.R)
     for k in range(len(at.t)):
@@ -101,7 +102,7 @@ def actions(p, w, at, dz, dv, da, step, out):  # type: ignore[no-untyped-def]
             total[i] = 0.0
         moved = 0.0
         for q in range(5):
-            # back to the state at last
+            # the last value returns to the state itself
             to = (1.0, -1.0, 2.0, -2.0, 0.0)[q] * step
             for i in range(n):
                 z[i] += (to - moved) * dz[k, i]
@@ -120,7 +121,7 @@ def actions(p, w, at, dz, dv, da, step, out):  # type: ignore[no-untyped-def]
 @kernel
 @seldom
 def tangents(p, w, at, c, out):  # type: ignore[no-untyped-def]
-    """Fill out (m, entries) with dQ/dz + c dQ/dz' of each state, as Newton's method has them."""
+    """Fill out (m, entries) with dQ/dz + c dQ/dz' of each state, as used by Newton's method."""
     for k in range(len(at.t)):
         _recall(p, w, at, k)
         calls.forces_tangent(p.calls, (p, w, at.z[k], at.v[k], c))
@@ -129,7 +130,7 @@ def tangents(p, w, at, c, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def works(p, w, at, lam, out):  # type: ignore[no-untyped-def]
-    """Fill out (m, k) with what the residual of each state does as work on lam (m, n, k)."""
+    """Fill out (m, k) with the products of the residual of each state and lam (m, n, k)."""
     for k in range(len(at.t)):
         _recall(p, w, at, k)
         calls.forces(p.calls, (p, w, at.z[k], at.v[k]))
@@ -143,7 +144,7 @@ def works(p, w, at, lam, out):  # type: ignore[no-untyped-def]
 
 @inner
 def _unsymmetric(points, d, v, amps, lam, by_d, by_v):  # type: ignore[no-untyped-def]
-    """Add to by_d and by_v what point laws do to lam . Q beside the symmetric parts of their tangents."""
+    """Add the derivatives of lam . Q of point laws by d and v to by_d and by_v, without the symmetric tangents."""
     if len(points.forces) == 0:
         return
     u, w, a, f, H, C = work_arrays(points)
@@ -163,9 +164,9 @@ def _unsymmetric(points, d, v, amps, lam, by_d, by_v):  # type: ignore[no-untype
 
 @kernel
 def left_out(p, w, at, lam, none, room, by_z, by_v):  # type: ignore[no-untyped-def]
-    """Fill by_z and by_v (m, n): what changes of z and v do to lam . R beyond what ``tangents`` tells.
+    """Fill by_z and by_v (m, n) with the derivatives of lam . R by z and v that ``tangents`` leaves out.
 
-    lam (m, n) belongs to each state; none (signals, 3) are signals that are zero, room (3, n_full) is overwritten.
+    lam (m, n) has one vector per state; none (signals, 3) are zero signals; room (3, n_full) is work space.
     """
     full, by_d, by_rate = room[0], room[1], room[2]
     for k in range(len(at.t)):
@@ -174,7 +175,7 @@ def left_out(p, w, at, lam, none, room, by_z, by_v):  # type: ignore[no-untyped-
         to_full(p, at.v[k], w.amps, 1, w.v)
         to_full(p, lam[k], none, 0, full)
         set_natural(p, w.amps, w.amps)
-        # what is quadratic in the rates keeps most digits where these are alike
+        # differences of terms quadratic in v +- lam keep most digits if both are of similar size
         size, rates = norm(p, lam[k]), max(norm(p, at.v[k]), 1e-3 * p.extent)
         scale = rates / size if size > NONE else 1.0
         for i in range(len(full)):

@@ -27,19 +27,19 @@ from .dynamics import (
 )
 from .state import CONTRACTION, DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SIZE
 
-# increments that no longer shrink are done below this share of the motion
+# increments that no longer shrink count as round-off below this fraction of the size of the motion
 ROUND_OFF = 1e-15
 
-# an iteration that shrinks the increment by less than this gets a tangent of its own
+# contraction above which the next iteration gets a new tangent
 SLOW = 0.2
 
 
 class Conserving(NamedTuple):
     """M (v_1 - v_0)/h + Q(z_0, z_1) = F, (z_1 - z_0)/h = (v_0 + v_1)/2 (Simo & Tarnow 1992, Gonzalez 2000).
 
-    tolerance : of Newton's increments, relative to the size of the motion; full : a tangent for every iteration;
-    end : a Step; d0 (n_full,), dz, mid, rate (n,); amps (3, signals, 3): start and end of the step, and the change
-    between.
+    tolerance : of Newton's increments, relative to the size of the motion; full : whether every iteration gets a new
+    tangent; end : a Step; d0 (n_full,) full coordinates at the start; dz, mid, rate (n,) : increment, work space, mean
+    rate; amps (3, signals, 3) : signals at start and end of the step, and their change.
     """
 
     tolerance: float
@@ -55,7 +55,7 @@ class Conserving(NamedTuple):
 
 @inner
 def _mean_patches(p, d0, d1, v, amps0, amps1, mid, Q):  # type: ignore[no-untyped-def]
-    """Add the forces of point laws and joints over a step to Q; return the power that is lost in them."""
+    """Add the forces of point laws and joints over a step to Q; return the power they dissipate."""
     if len(p.sliding.multiplier) > 0:
         calls.sliding_mean(p.calls, (p.sliding, d0, d1, mid, Q))
     if len(p.points.mem) == 0:
@@ -65,7 +65,7 @@ def _mean_patches(p, d0, d1, v, amps0, amps1, mid, Q):  # type: ignore[no-untype
 
 @inner
 def _half_patches(m, p, w, s, h):  # type: ignore[no-untyped-def]
-    """Fill w.A with half the tangent of point laws and joints in the middle; their constraints come out halved."""
+    """Set w.A to half the tangent of point laws and joints at the middle of the step, which halves constraints too."""
     for i in range(len(m.dz)):
         m.mid[i] = s.z[i] + 0.5 * m.dz[i] if p.coordinate[i] != 0.0 else m.end.z[i]
     to_full(p, m.mid, w.amps, 0, w.d)
@@ -76,9 +76,9 @@ def _half_patches(m, p, w, s, h):  # type: ignore[no-untyped-def]
 
 @inner
 def _balance(m, p, w, s, h, tangent):  # type: ignore[no-untyped-def]
-    """Fill w.R with M (v_1 - v_0)/h + T^T (Q - F), in w.Q without inertia; the signals of the middle are in w.amps.
+    """Fill w.R with M (v_1 - v_0)/h + T^T (Q - F) and w.Q with Q - F; w.amps has the signals of the middle.
 
-    With ``tangent`` also w.A with its derivative by z_1, symmetric, constraints halved.
+    With ``tangent``, also fill w.A with the symmetric derivative by z_1, where constraints are halved.
     """
     n = len(m.dz)
     to_full(p, m.rate, w.amps, 1, w.v)
@@ -113,7 +113,7 @@ def _balance(m, p, w, s, h, tangent):  # type: ignore[no-untyped-def]
 
 @inner
 def _error(m, p, w, s, h):  # type: ignore[no-untyped-def]
-    """Return the local error [m] by the change of the acceleration since the last step, stiff parts filtered."""
+    """Return the local error [m] from the change of acceleration since the last step, stiff components filtered."""
     for k in range(len(m.dz)):
         w.x[k] = (m.end.v[k] - s.v[k]) / h - s.a[k]
     calls.mass_product(p.calls, (p, w.x, w.y))
@@ -135,7 +135,7 @@ def conserving_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     last, rate = 0.0, s.numbers[CONTRACTION]
     size = max(s.numbers[SIZE], 1e-3 * p.extent)
     for i in range(n):
-        # stiff motions that nothing damps alternate from step to step: the last acceleration is no guide to the next
+        # undamped stiff motions alternate from step to step, so the last acceleration does not predict the next one
         m.dz[i] = p.coordinate[i] * h * s.v[i]
         m.rate[i] = m.dz[i] / h
         end.z[i] = s.z[i] + m.dz[i]
@@ -154,9 +154,9 @@ def conserving_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
             return NOT_FINITE, iteration + 1, 0.0, rate
         if iteration > 0:
             rate = step / last
-            # what is left of the residual does work in every step: to the last digit, not only to its bound
+            # a residual does work in every step, so iterate until increments stop shrinking
             if rate > 0.9:
-                # rates are differences of what is this large
+                # size of the terms whose differences are accelerations
                 for i in range(n):
                     m.mid[i] = 2.0 * (abs(m.rate[i]) + abs(s.v[i])) / h
                 if step <= ROUND_OFF * size or calls.at_floor(p.calls, (p, w, m.rate, m.mid)):
@@ -194,9 +194,9 @@ def _dot(x, y):  # type: ignore[no-untyped-def]
 
 @inner
 def _lost_in_elements(m, p, w, h, change, before):  # type: ignore[no-untyped-def]
-    """Add the elements' forces to w.Q; return what their damping loses over the change of d (n_full,), and their work.
+    """Add the elements' forces to w.Q; return the loss by their damping and the work of natural strains in the step.
 
-    ``before`` is the work of w.Q over it without them; they work where natural strains change.
+    ``change`` (n_full,) is the change of d; ``before`` the work of w.Q on it before the elements are added.
     """
     set_natural(p, m.amps[1], m.amps[0])
     work, viscous = work_of_natural(p, h, m.d0, w.d)
@@ -207,14 +207,14 @@ def _lost_in_elements(m, p, w, h, change, before):  # type: ignore[no-untyped-de
     if not damped:
         return 0.0, work
     w.other[:] = 0.0
-    # of an endless step: rates of nothing
+    # an infinite step has zero rates: elastic forces only
     mean_elastic(p, np.inf, m.d0, w.d, w.other)
     return _dot(w.Q, change) - before - _dot(w.other, change) + viscous, work
 
 
 @inner
 def _work_of_inertia(m, p, w, s, h):  # type: ignore[no-untyped-def]
-    """Return (work of prescribed motion on what has mass, loss to mass damping) of a step, signals of the middle."""
+    """Return (work of prescribed motion on masses, loss by mass damping) of a step; w.amps: signals of its middle."""
     work, signals = 0.0, p.motion_mass_signal
     lost = h * lost_to_mass_damping(p, w, m.rate)
     for k in range(len(signals)):
@@ -230,7 +230,7 @@ def _work_of_inertia(m, p, w, s, h):  # type: ignore[no-untyped-def]
             damped += p.motion_mutual[k, j] * w.amps[signals[j], 1]
         damped *= h * p.alpha
         work += mean * (gained + damped)
-        # rates that are prescribed are damped by the mean, as the kinetic energy sees them
+        # prescribed rates are damped with their mean over the step, consistent with the kinetic energy
         lost += (mean - w.amps[q, 1]) * damped
     return work, lost
 
@@ -238,9 +238,9 @@ def _work_of_inertia(m, p, w, s, h):  # type: ignore[no-untyped-def]
 @addressed
 @seldom
 def conserving_work(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
-    """Return (work, loss) of the step that has been made, by the forces of its balance: together they are exact.
+    """Return (work, loss) of the step just computed, by the forces of its balance, which makes their sum exact.
 
-    Of varying loads, motion and point laws, as ``power_of_loads`` has it.
+    Work is that of varying loads, prescribed motion and point laws, as in ``power_of_loads``.
     """
     change = w.v
     signals_at(p, t + 0.5 * h, w.amps)
@@ -267,8 +267,8 @@ def conserving_work(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
 
 @addressed
 def conserving_accept(s, m):  # type: ignore[no-untyped-def]
-    """Nothing is kept beside the end of the step."""
+    """Do nothing: only the end of the step is needed."""
 
 
 def conserving_restart(m: Any, s: Any) -> None:
-    """Nothing is kept of earlier steps."""
+    """Do nothing: the method has no data of earlier steps."""

@@ -1,4 +1,4 @@
-"""Rates that constraints allow, and the accelerations and multipliers that belong to a state."""
+"""Consistent states: rates that satisfy the constraints, and the accelerations and multipliers that follow."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .dynamics import FORCES, add_mass, patches_tangent, residual, signals_at, t
 @kernel
 @seldom
 def place_at(p, w, z, v, t):  # type: ignore[no-untyped-def]
-    """Place what moves along bodies where it is at t."""
+    """Place the points that move along bodies at their positions at time t (``moving.place_moving``)."""
     signals_at(p, t, w.amps)
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
@@ -38,7 +38,7 @@ def constraint_matrix(p, w):  # type: ignore[no-untyped-def]
 def factored_constraints(p, w, factors):  # type: ignore[no-untyped-def]
     """Factor a copy of ``constraint_matrix``, or w.A itself, in place; return whether it is regular.
 
-    Points of contact that others hold are left out of use, in w.A, too, unless it is that.
+    Contact points whose gaps depend on other constraints are deactivated, and the matrix (w.A too) is formed again.
     """
     while not calls.factor(p.calls, (p, factors, w.y)):
         if not p.sided or not calls.leave_dependent(p.calls, (p, w)):
@@ -51,7 +51,9 @@ def factored_constraints(p, w, factors):  # type: ignore[no-untyped-def]
 @addressed_with_memory
 @seldom
 def by_motion(p, w, order, out):  # type: ignore[no-untyped-def]
-    """Fill what prescribed motion alone makes of the constraints (order 1: rates, 2: accelerations) at multipliers."""
+    """Fill out (n,), at multipliers, with what prescribed motion adds to rates (order 1) or accelerations (2) of
+    constraints.
+    """
     out[:] = 0.0
     if len(p.motion_coord) == 0:
         return
@@ -81,9 +83,10 @@ def kinetic(p, w, s, t):  # type: ignore[no-untyped-def]
 
 @inner_with_memory
 def allowed_rates(p, w, z, v, impulse, rhs):  # type: ignore[no-untyped-def]
-    """Fill what rates v (n,) at z change by, and multipliers are, under an impulse (n,), with signals in w.amps.
+    """Fill rhs (n,) with the change of rates v (n,) at z that satisfies the constraints, and their multipliers.
 
-    Returns whether ``constraint_matrix`` is regular, and its factors.
+    ``impulse`` (n,) is an additional right-hand side; signals are in w.amps. Returns whether ``constraint_matrix`` is
+    regular, and its factors.
     """
     velocity, acceleration = np.zeros(len(w.d)), np.zeros(len(w.d))
     motion = np.zeros(len(rhs))
@@ -112,10 +115,10 @@ def allowed_rates(p, w, z, v, impulse, rhs):  # type: ignore[no-untyped-def]
 @kernel_with_memory
 @seldom
 def consistent(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
-    """Make rates v, accelerations a and the multipliers in z consistent at t; return whether that went well.
+    """Make rates v, accelerations a and the multipliers in z consistent at t; return whether this is possible.
 
-    Rates change by ``impulse`` (n,), that of rates which the unknowns do not have, and by the least kinetic energy that
-    meets the constraints.
+    ``impulse`` (n,) acts on the unknowns (e.g. when prescribed rates jump), and its entries at multipliers are wanted
+    rates of constraints. Beyond that, rates change by the least kinetic energy that satisfies the constraints.
     """
     n = len(z)
     signals_at(p, t, w.amps)
@@ -132,7 +135,7 @@ def consistent(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
     calls.forces(p.calls, (p, w, z, v))
     residual(p, w, v, a)
     for i in range(p.inner, n):
-        # rates of controllers' states are what they have to be
+        # rates of controllers' states follow from z' = g
         v[i] -= w.R[i]
         w.R[i] = 0.0
     for i in range(n):
@@ -154,7 +157,7 @@ def consistent(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
 
 @inner_with_memory
 def gap_rates(p, w, z, v, a, g, rate, second):  # type: ignore[no-untyped-def]
-    """Fill the gaps, their rates and second rates (items,) of items that are held closed at z; w.amps as there."""
+    """Fill gaps, their rates and second rates (items,) of items that are held closed at z, with signals in w.amps."""
     velocity, acceleration, y = np.zeros(len(w.d)), np.zeros(len(w.d)), np.zeros(len(z))
     calls.leave_supported(p.calls, (p, w, z))
     to_full(p, z, w.amps, 0, w.d)
@@ -176,7 +179,7 @@ def gap_rates(p, w, z, v, a, g, rate, second):  # type: ignore[no-untyped-def]
 
 @inner
 def _touches(p, w, z, v):  # type: ignore[no-untyped-def]
-    """Return whether a contact without a law is closed at z with rates v and the signals in w.amps."""
+    """Return whether a hard contact is closed at z with rates v and the signals in w.amps."""
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
     w.other[:] = 0.0
@@ -190,7 +193,7 @@ def _touches(p, w, z, v):  # type: ignore[no-untyped-def]
 
 @inner_with_memory
 def _onto_positions(p, w, z, t):  # type: ignore[no-untyped-def]
-    """Move z onto the constraints at t by the least change in the metric of the mass; multipliers stay."""
+    """Project z onto the constraints by the least change in the metric of the mass; multipliers stay."""
     n = len(z)
     rhs = np.zeros(n)
     for _ in range(5):
@@ -212,11 +215,11 @@ def _onto_positions(p, w, z, t):  # type: ignore[no-untyped-def]
 @kernel_with_memory
 @seldom
 def onto_constraints(p, w, z, v, a, t, inside):  # type: ignore[no-untyped-def]
-    """Move v, a and the multipliers in z onto the constraints at t, z too if the state is ``inside`` a step.
+    """Project v, a and the multipliers in z onto the constraints at t, and z itself if the state is ``inside`` a step.
 
-    The changes are the least in the metric of the mass: what residuals the state has, it keeps. Steps meet constraints
-    in positions, so that their rates and multipliers are of lower order. While a contact without a law is closed, whose
-    rates jump, the ends of steps stay as they are, and other states keep accelerations and forces.
+    Changes are the least in the metric of the mass, and residuals of the equations of motion stay the same. This is
+    needed because steps satisfy constraints in positions only, and rates and multipliers are of lower order. While a
+    hard contact is closed, so that rates jump, ends of steps are not changed, and states inside keep a and multipliers.
     """
     n = len(z)
     signals_at(p, t, w.amps)
@@ -228,7 +231,7 @@ def onto_constraints(p, w, z, v, a, t, inside):  # type: ignore[no-untyped-def]
     rhs, none = np.zeros(n), np.zeros(n)
     calls.forces(p.calls, (p, w, z, v))
     residual(p, w, v, a)
-    # steps alone are counted
+    # only evaluations of steps are counted
     w.counts[FORCES] -= 1
     before = w.R.copy()
     regular, factors = allowed_rates(p, w, z, v, none, rhs)
@@ -259,5 +262,5 @@ def onto_constraints(p, w, z, v, a, t, inside):  # type: ignore[no-untyped-def]
 
 
 def constraint_functions(problem: Any) -> dict[Any, tuple[Any, ...]]:
-    """Return the functions that the table of a model of this type has where it has constraints (``kernels.calls``)."""
+    """Return the entries of the table of a model with constraints (``kernels.calls.table``)."""
     return {calls.by_motion: (by_motion, problem), calls.onto_constraints: (onto_constraints, problem)}

@@ -1,4 +1,4 @@
-"""Hard contact points over a step: which of them close, open or rub, the states inside it, and what friction takes."""
+"""Hard contact points over a step: which close, open or slide, the states inside the step, and friction losses."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from ..patches import face_bodies
 from ..points import amplitude_of, coordinates_of_item, evaluate_at, fields_of_item, rests, weights_of_item, work_arrays
 from .dynamics import signals_at, to_full
 
-# of Coulomb's limit: points that bear more slide
+# fraction of Coulomb's limit: points with more friction slide
 AT_LIMIT = 0.999
-# fields of a contact at most
+# most fields of a contact
 FIELDS = 100
-# of a displacement: gaps that change by less are held by supports; of the extent: what counts as no gap there
+# gaps whose gradient by a displacement is smaller are held by supports; fraction of the extent: penetration allowed
 MOVES, INTO = 1e-5, 1e-8
 
 
 @addressed_with_memory
 @seldom
 def point_sides(points, d, v, amps, out):  # type: ignore[no-untyped-def]
-    """Set 1 at the multipliers (n_full,) of one-sided constraints that are closed at d, 0 at those that are open."""
+    """Set out (n_full,) to 1 at the multipliers of one-sided constraints that are closed at d, 0 at open ones."""
     u, w, a, f = np.zeros(FIELDS), np.zeros(FIELDS), np.zeros(3), np.zeros(FIELDS)
     for i in range(len(points.forces)):
         if points.restitution[i] >= 0.0 and rests(points, i):
@@ -50,13 +50,13 @@ def point_sides(points, d, v, amps, out):  # type: ignore[no-untyped-def]
             f[:m] = 0.0
             call_forces(points.forces[i], (points.p0[b:b + m], u[:m], w[:m], points.par[i], a, points.mem[i], f[:m], H,
                                            C))
-            # of those that are open, the multiplier is 0
+            # open points have the equation multiplier = 0, with a diagonal entry
             out[points.multiplier[i]] = 1.0 if H[m - 1, m - 1] == 0.0 else 0.0
 
 
 @inner
 def _has_supports(p, i):  # type: ignore[no-untyped-def]
-    """Return whether supports and joints have coordinates of item i, a point of contact without a law."""
+    """Return whether supports or joints eliminate coordinates of item i, a hard contact point."""
     found = False
     if p.points.mem[i, FREE] == AT_HOME:
         dofs, _ = coordinates_of_item(p.points, i)
@@ -67,7 +67,7 @@ def _has_supports(p, i):  # type: ignore[no-untyped-def]
 
 @inner_with_memory
 def _moves(p, i, row):  # type: ignore[no-untyped-def]
-    """Return whether unknowns change a gap with the gradient ``row`` (fields,) by the fields of item i."""
+    """Return whether any unknown changes the gap of item i, whose gradient by the fields is ``row`` (fields,)."""
     dofs, _ = coordinates_of_item(p.points, i)
     G, out = weights_of_item(p.points, i), np.zeros(len(p.weights))
     for c in range(len(dofs)):
@@ -87,7 +87,7 @@ def _moves(p, i, row):  # type: ignore[no-untyped-def]
 
 @inner
 def _closed_at(p, w, i, arrays):  # type: ignore[no-untyped-def]
-    """Fill the work ``arrays`` of ``points`` with what item i does at w.d where it is closed and nothing presses it."""
+    """Evaluate item i at w.d as if closed with zero multiplier, into the work ``arrays`` (``points.work_arrays``)."""
     u, v, a, f, H, C = arrays
     held, free, k = p.points.mem[i, HELD], p.points.mem[i, FREE], p.points.multiplier[i]
     p.points.mem[i, HELD], p.points.mem[i, FREE] = CLOSED, AT_HOME
@@ -100,9 +100,9 @@ def _closed_at(p, w, i, arrays):  # type: ignore[no-untyped-def]
 @addressed_with_memory
 @seldom
 def leave_supported(p, w, z):  # type: ignore[no-untyped-def]
-    """Leave points out of use whose gap no unknown changes at z, with the signals in w.amps: supports bear them.
+    """Deactivate contact points whose gap no unknown changes at z, with signals in w.amps: supports carry them.
 
-    All others that were left out are in use again. Bodies are opposite to what they were in the last forces.
+    Other points that were deactivated are active again. Points face the elements found in the last force evaluation.
     """
     arrays, placed = work_arrays(p.points), False
     for i in range(len(p.points.mem)):
@@ -124,9 +124,9 @@ def leave_supported(p, w, z):  # type: ignore[no-untyped-def]
 @addressed
 @seldom
 def leave_dependent(p, w):  # type: ignore[no-untyped-def]
-    """Leave a point out of use where the factors of a matrix end at its multiplier, as w.y tells; return whether so.
+    """Deactivate the contact point at whose multiplier a factorisation broke down (row w.y[0]); return whether any.
 
-    Its gap follows from what other points, supports and joints hold.
+    Its gap is determined by other points, supports and joints.
     """
     for i in range(len(p.points.mem)):
         if p.points.restitution[i] >= 0.0 and p.place[p.points.multiplier[i]] == w.y[0]:
@@ -138,7 +138,7 @@ def leave_dependent(p, w):  # type: ignore[no-untyped-def]
 @addressed_with_memory
 @seldom
 def into_supports(p, w, z):  # type: ignore[no-untyped-def]
-    """Return whether a point that was left out of use is in what it touches at z, with the signals in w.amps."""
+    """Return whether a deactivated contact point penetrates at z, with the signals in w.amps."""
     arrays, faced = work_arrays(p.points), False
     for i in range(len(p.points.mem)):
         if p.points.restitution[i] >= 0.0 and p.points.mem[i, FREE] == SUPPORTED:
@@ -154,9 +154,9 @@ def into_supports(p, w, z):  # type: ignore[no-untyped-def]
 
 @inner
 def let_rub(p, z):  # type: ignore[no-untyped-def]
-    """Let points that press at z have friction in the step to come, and the others, which may close in it, have none.
+    """Enable friction in the next step for points that press at z, and disable it for others, which may close in it.
 
-    What a step that was not accepted has set is gone then.
+    This also resets what a rejected step has set.
     """
     for i in range(len(p.points.mem)):
         if p.points.restitution[i] >= 0.0 and p.points.par[i, FRICTION] > 0.0:
@@ -165,7 +165,7 @@ def let_rub(p, z):  # type: ignore[no-untyped-def]
 
 @inner
 def no_friction(p):  # type: ignore[no-untyped-def]
-    """Leave friction of contacts without a law out of forces."""
+    """Disable friction of hard contacts in forces."""
     for i in range(len(p.points.mem)):
         if p.points.restitution[i] >= 0.0 and p.points.par[i, FRICTION] > 0.0:
             p.points.mem[i, SLIDES] = CLOSES
@@ -173,7 +173,7 @@ def no_friction(p):  # type: ignore[no-untyped-def]
 
 @inner
 def let_choose(p):  # type: ignore[no-untyped-def]
-    """Let Newton's method choose again which points are open."""
+    """Let Newton's method determine the active set of contact points again."""
     for i in range(len(p.points.mem)):
         if p.points.restitution[i] >= 0.0:
             p.points.mem[i, HELD] = BY_CHOICE
@@ -181,9 +181,9 @@ def let_choose(p):  # type: ignore[no-untyped-def]
 
 @inner
 def let_go(p, z):  # type: ignore[no-untyped-def]
-    """Let points that pull at z go, and none of them close again unless it is inside; return whether any did.
+    """Open points that pull at z, until they penetrate; return whether there are any.
 
-    Two points may have nearly one gap, as corners of bodies that lie on a floor with their joint: one of them pulls.
+    If two points have nearly the same gap, such as corners of bodies that lie on a floor at their joint, one may pull.
     """
     pulls = False
     for i in range(len(p.points.mem)):
@@ -213,7 +213,7 @@ def closes(p, s, how, i):  # type: ignore[no-untyped-def]
 
 @inner
 def go_straight(end, s):  # type: ignore[no-untyped-def]
-    """Let the step from s be interpolated by a straight line: between states that touch, nothing penetrates."""
+    """Interpolate the step from s linearly, so that no state between two touching ones penetrates."""
     for k in range(len(end.dense)):
         for i in range(len(s.z)):
             end.dense[k, i] = end.z[i] - s.z[i]
@@ -221,10 +221,10 @@ def go_straight(end, s):  # type: ignore[no-untyped-def]
 
 @inner
 def on_the_way(p, s, end, h, touched, at_impact):  # type: ignore[no-untyped-def]
-    """Let states inside the step from s be on the way to an impact at its end, with items open that close there.
+    """Set the interpolation of a step from s with an impact at its end, where items that close have no force.
 
-    Where the step ends ``at_impact``, on a parabola from the rates at its start; else, as the impact may be anywhere in
-    the step, straight on, so that no state is inside what neither end is in.
+    If the step ends ``at_impact``, it is a parabola with the rates at the start. Otherwise the impact may be anywhere
+    in the step, and a straight line ensures that no state penetrates an obstacle that both ends are outside of.
     """
     go_straight(end, s)
     for i in range(len(s.z) if at_impact else 0):
@@ -238,7 +238,7 @@ def on_the_way(p, s, end, h, touched, at_impact):  # type: ignore[no-untyped-def
 
 @inner
 def to_limits(p, z, friction):  # type: ignore[no-untyped-def]
-    """Let friction (n,) of points that slide at z be Coulomb's limit, which their springs give but nearly."""
+    """Set friction (n,) of points that slide at z to Coulomb's limit, which their springs reach only approximately."""
     for i in range(len(p.points.mem)):
         if p.points.restitution[i] >= 0.0 and p.points.par[i, FRICTION] > 0.0:
             k = p.place[p.points.multiplier[i]]
@@ -250,7 +250,7 @@ def to_limits(p, z, friction):  # type: ignore[no-untyped-def]
 @addressed_with_memory
 @seldom
 def friction_forces(p, w, z, v, t, out):  # type: ignore[no-untyped-def]
-    """Fill two rows of out, at multipliers, with friction of points that press at z, and rates of their places."""
+    """Fill out[0] with the friction of points that press at z, and out[1] with their sliding rates, at multipliers."""
     one = np.zeros(2)
     signals_at(p, t, w.amps)
     to_full(p, z, w.amps, 0, w.d)
@@ -267,10 +267,10 @@ def friction_forces(p, w, z, v, t, out):  # type: ignore[no-untyped-def]
 
 @inner
 def lost_to_friction(m, p, z):  # type: ignore[no-untyped-def]
-    """Return the power lost to friction in a step to z with forces m.before and m.after; fill what alg has of these.
+    """Return the mean power lost to friction in a step to z with forces m.before and m.after; fill m.after[2].
 
-    That is of the force by which the step changes rates, at the mean rate: so much of the kinetic energy is gone. alg
-    follows accelerations, and so does what it has of a force.
+    It is the force that changes the rates in the step times the mean sliding rate, which matches the loss of kinetic
+    energy. m.after[2] is the friction in alg, which follows the friction as alg follows the accelerations.
     """
     lost = 0.0
     for i in range(len(p.points.mem)):
@@ -286,7 +286,7 @@ def lost_to_friction(m, p, z):  # type: ignore[no-untyped-def]
 
 @inner
 def turned_back(p, m, h):  # type: ignore[no-untyped-def]
-    """Return how far [m] places may be off whose sliding turns back in a step of length h: friction turns then, too."""
+    """Return the position error [m] of points whose sliding, and so friction, reverses in a step of size h."""
     largest = 0.0
     for i in range(len(p.points.mem)):
         if p.points.restitution[i] >= 0.0:
@@ -298,7 +298,6 @@ def turned_back(p, m, h):  # type: ignore[no-untyped-def]
 
 
 def supported_functions(problem: Any) -> dict[Any, tuple[Any, ...]]:
-    """Return the functions of points that supports hold, as the table of a model with contacts without a law has them.
-    """
+    """Return the entries for contact points that supports hold, for the table of a model with hard contacts."""
     return {calls.leave_supported: (leave_supported, problem), calls.leave_dependent: (leave_dependent, problem),
             calls.into_supports: (into_supports, problem)}

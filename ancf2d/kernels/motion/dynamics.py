@@ -1,4 +1,4 @@
-"""The equations of motion: M z'' + T^T (Q(d, d') - F(t)) = 0, with the multipliers of constraints among z."""
+"""The equations of motion M z'' + T^T (Q(d, d') - F(t)) = 0; z includes the multipliers of the constraints."""
 
 from __future__ import annotations
 
@@ -15,29 +15,31 @@ from ..moving import moving_inertia, place_moving
 from ..patches import add_patch_tangent, forces_but_contacts, patch_forces, patch_noise, violation
 from .state import evaluate, evaluate_constants, fill_full
 
-# constraints hold where they are off by no more than this share of their scale
+# a constraint counts as satisfied if its violation is at most this share of its scale
 MET = 1e-13
-# what is counted of a motion: evaluations of forces alone, those with their tangent, factorisations
+# counters of a motion: evaluations of forces alone, of forces with tangent, factorisations
 FORCES, TANGENTS, FACTORS = range(3)
 
 
 class Problem(NamedTuple):
-    """A model in motion. n unknowns (multipliers included), n_full full coordinates.
+    """A model in motion, as kernels take it: n unknowns (multipliers included), n_full full coordinates.
 
-    groups : addresses of those of elements; states : all that their laws with memory remember, one group after another,
-    with the time since then at places clocks; given, slopes : of laws that relax (``model.groups.with_given``); calls :
-    addresses (``kernels.calls``); tau : (groups,) Kelvin-Voigt times [s]; points, sliding, moving, facing : tables of
-    point laws, joints, points that move along bodies or touch them; patched : whether there are any; stops : what acts
-    on one side alone, or from a gap on (items from, to); touches, sided : whether there are contacts, and one-sided
-    ones; turning : directions whose turns are counted; winds : whether forces depend on the turns; programs : signals;
-    place, indptr, index, value, full, dependents : numbering; fronts : of matrices, empty for bands of ``width``
-    entries a row; mass : T^T M T, stored so; diagonals (k,), along (k, n) : diagonals d of a band that are not zero,
-    entries (j + d, j); load_*, motion_* : dead loads, entries of P and (signals, n) T^T M P; alpha : mass damping
-    [1/s]; pairs : (m, 2) unknowns x and y of one vector; turns : (m, 4) how it turns: by theta, x and y of a gradient,
-    or of two points; e0 : (n_q,) reference; weights, straining : (n,) [m], those of ``Model``, and coordinate : (n,) 1,
-    all 0 for multipliers; extent : of the scene [m]. feedback : what answers the motion; inner : unknowns without
-    controllers' states, the last ones; rank : of what signals and states add to tangents (``feedback``); sure :
-    iterations at least, 2 where these switch: small increments do not see that.
+    groups : addresses of the element groups; states : history variables of all laws with memory, group after group,
+    with the time since the accepted state at entries ``clocks``; given, slopes : of relaxing laws
+    (``model.groups.with_given``); calls : addresses (``kernels.calls``); tau : (groups,) Kelvin-Voigt times [s].
+    points, sliding, moving, facing : tables of point laws, prismatic joints, points that move along bodies and points
+    that touch bodies; patched : whether there are laws or joints; stops : (k, 2) first and last + 1 item of each
+    unilateral or gapped law; touches, sided : whether there are contacts, and hard ones (a multiplier instead of a
+    law); turning : section directions whose turns are counted; winds : whether forces depend on the turns; programs :
+    signals. place, indptr, index, value, full, dependents : numbering; fronts : of matrices, empty for bands of
+    ``width`` entries a row; mass : T^T M T in this storage; diagonals (k,), along (k, n) : its nonzero diagonals d as a
+    band, entries (j + d, j); load_*, motion_* : dead loads, entries of P and (signals, n) T^T M P; alpha : mass damping
+    [1/s]. pairs : (m, 2) unknowns x and y of one vector; turns : (m, 4) full coordinates that give its rotation: theta,
+    x and y of a gradient, or those of two points; e0 : (n_q,) reference; weights, straining : (n,) [m] as in ``Model``,
+    and coordinate : (n,) 1, all three 0 for multipliers; extent : of the scene [m]. feedback : signals and controllers
+    that depend on the motion; inner : number of unknowns without controllers' states, which come last; rank : of the
+    feedback's part of tangents; sure : least number of iterations, 2 where feedback switches (increments do not show
+    it).
     """
 
     groups: Any
@@ -95,19 +97,19 @@ class Problem(NamedTuple):
 
 @kernel
 def signals_at(p, t, out):  # type: ignore[no-untyped-def]
-    """Fill out (signals, 3) with the signals of a model and their two derivatives at t, as ``evaluate`` does."""
+    """Fill out (signals, 3) with the signals of a model and their first two derivatives at t (``state.evaluate``)."""
     calls.signals(p.calls, (p.programs, t, out))
 
 
 @inner
 def to_full(p, z, amps, order, out):  # type: ignore[no-untyped-def]
-    """Do as ``fill_full``."""
+    """Fill the full coordinates, their rates or second rates (``order``) from the unknowns (``state.fill_full``)."""
     calls.full(p.calls, (p, z, amps, order, out))
 
 
 @inner
 def to_unknowns(p, full, out, sizes):  # type: ignore[no-untyped-def]
-    """Fill T^T of full forces: (n,); with ``sizes`` |T|^T of their sizes, which opposite signs cannot cancel."""
+    """Fill out (n,) with T^T full; with ``sizes`` with |T|^T full, so that terms of opposite sign do not cancel."""
     for i in range(len(out)):
         out[i] = full[p.full[i]]
     for k in range(len(p.dependents)):
@@ -118,7 +120,7 @@ def to_unknowns(p, full, out, sizes):  # type: ignore[no-untyped-def]
 
 @inner
 def remember(w, iteration, size):  # type: ignore[no-untyped-def]
-    """Note the size of an increment."""
+    """Record the size of a Newton increment in w.history, which iteration 0 clears."""
     if iteration == 0:
         w.history[:] = 0.0
     if iteration < len(w.history):
@@ -127,9 +129,9 @@ def remember(w, iteration, size):  # type: ignore[no-untyped-def]
 
 @inner
 def settled(step, rate, wanted, p, w, z, amps):  # type: ignore[no-untyped-def]
-    """Return whether what follows a last increment ``step`` is below ``wanted``, by the contraction ``rate``.
+    """Return whether Newton's method has converged: the error left after increment ``step`` is below ``wanted``.
 
-    Constraints have to hold to round-off beside that, at z and the signals ``amps``.
+    The contraction ``rate`` predicts that error. Constraints must also hold to round-off at z and signals ``amps``.
     """
     if not (step == 0.0 or (rate < 1.0 and step * rate <= wanted * (1.0 - rate))):
         return False
@@ -141,7 +143,7 @@ def settled(step, rate, wanted, p, w, z, amps):  # type: ignore[no-untyped-def]
 
 @inner
 def directions(p, d, x, y):  # type: ignore[no-untyped-def]
-    """Fill x and y (m,) of the vectors that pairs turn with at d (n_full,); of a theta itself, and 0."""
+    """Fill x and y (m,) with the direction that each pair rotates with at d (n_full,), or with theta and 0."""
     for k in range(len(p.turns)):
         i, j, a, b = p.turns[k, 0], p.turns[k, 1], p.turns[k, 2], p.turns[k, 3]
         if j < 0:
@@ -154,12 +156,15 @@ def directions(p, d, x, y):  # type: ignore[no-untyped-def]
 
 @inner
 def turned(theta, x, y, x0, y0):  # type: ignore[no-untyped-def]
-    """Return cosine and sine of the angle to a direction from another one, both as of ``directions``."""
+    """Return cosine and sine of the rotation from (x0, y0) to (x, y), both as filled by ``directions``.
+
+    ``theta`` : whether x and x0 are angles.
+    """
     if theta:
         angle = x - x0
         if abs(angle) > 0.5:
             return np.cos(angle), np.sin(angle)
-        q = angle * angle  # their series, to 1e-11
+        q = angle * angle  # power series, to 1e-11
         cosine = 1.0 - q * (0.5 - q * (1.0 / 24.0 - q * (1.0 / 720.0 - q * (1.0 / 40320.0 - q * (1.0 / 3628800.0)))))
         sine = 1.0 - q * (1.0 / 6.0 - q * (1.0 / 120.0 - q * (1.0 / 5040.0 - q * (1.0 / 362880.0))))
         return cosine, angle * sine
@@ -192,7 +197,7 @@ def add_inertia(p, w, v, a, R):  # type: ignore[no-untyped-def]
 
 @inner
 def answer(p, w):  # type: ignore[no-untyped-def]
-    """Set what answers the motion at w.d, w.v, and add z' - g of controllers' states to w.Q."""
+    """Evaluate the feedback at w.d, w.v: set its signals in w.amps, and add z' - g of controllers' states to w.Q."""
     if p.rank > 0:
         calls.feedback(p.calls, (p, w))
         for j in range(p.feedback.states):
@@ -219,9 +224,9 @@ def forces(p, w, z, v):  # type: ignore[no-untyped-def]
 
 @addressed
 def forces_tangent(p, w, z, v, c):  # type: ignore[no-untyped-def]
-    """As ``forces``, and fill w.A = dQ/dz + c dQ/dz' without inertia; return the strain energy.
+    """Same as ``forces``, and fill w.A = dQ/dz + c dQ/dz' without inertia; return the strain energy.
 
-    The damping of the elements is taken in proportion to their tangent, which their forces are not quite.
+    The tangent takes the damping of elements as tau times their stiffness, which is only approximately the derivative.
     """
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
@@ -242,7 +247,7 @@ def forces_tangent(p, w, z, v, c):  # type: ignore[no-untyped-def]
 
 @inner
 def patches_tangent(p, w, c):  # type: ignore[no-untyped-def]
-    """Add the tangent of point laws and joints at w.d, w.v to w.A; their forces are left in w.other."""
+    """Add the tangent of point laws and joints at w.d, w.v to w.A, and set w.other (n_full,) to their forces."""
     w.other[:] = 0.0
     place_moving(p, w.d, w.amps)
     add_patch_tangent(p, w.d, w.v, w.amps, c, w.other, w.A)
@@ -250,9 +255,9 @@ def patches_tangent(p, w, c):  # type: ignore[no-untyped-def]
 
 @inner
 def residual(p, w, v, a):  # type: ignore[no-untyped-def]
-    """Fill w.R = M (a + alpha v) + T^T (Q - F) from w.Q, to which the inertia of masses that move is added.
+    """Fill w.R = M (a + alpha v) + T^T (Q - F) from w.Q = Q - F, after adding the inertia of moving masses to w.Q.
 
-    Mass damping is none of theirs.
+    Mass damping does not act on moving masses.
     """
     moving_inertia(p, w.amps, a, w.Q)
     to_unknowns(p, w.Q, w.R, False)
@@ -261,7 +266,7 @@ def residual(p, w, v, a):  # type: ignore[no-untyped-def]
 
 @inner
 def add_mass(p, factor, A):  # type: ignore[no-untyped-def]
-    """Add factor M to A, masses that move where they were placed last."""
+    """Add ``factor`` times M to A, with moving masses where they were placed last."""
     for i in range(len(A)):
         A[i] += factor * p.mass[i]
     if len(p.moving.fixed) > 0:
@@ -270,21 +275,21 @@ def add_mass(p, factor, A):  # type: ignore[no-untyped-def]
 
 @inner
 def factor(p, w, A):  # type: ignore[no-untyped-def]
-    """Factor a matrix in place; return whether it could be. What is in w.y is lost."""
+    """Factor matrix A in place; return whether it is regular. Overwrites w.y."""
     w.counts[FACTORS] += 1
     return calls.factor(p.calls, (p, A, w.y))
 
 
 @inner
 def solve_with(p, A, x):  # type: ignore[no-untyped-def]
-    """Solve with the factors of a matrix in place."""
+    """Solve A x = b in place with the factors in A; x holds b on entry."""
     calls.solve(p.calls, (p, A, x))
 
 
 @inner
 def weighed(weights, x):  # type: ignore[no-untyped-def]
-    """Return the largest of weights times x; not a number where x is not."""
-    # as whole numbers, which are compared several at once
+    """Return the largest |weights * x|; nan if x contains nan."""
+    # compare bit patterns as integers, which vectorises
     largest = rank(0.0)
     for i in range(len(x)):
         largest = max(largest, rank(abs(weights[i] * x[i])))
@@ -293,14 +298,14 @@ def weighed(weights, x):  # type: ignore[no-untyped-def]
 
 @inner
 def norm(p, x):  # type: ignore[no-untyped-def]
-    """Return the largest displacement [m] that a change x of the unknowns means; not a number where x is not."""
+    """Return the largest displacement [m] that a change x of the unknowns causes; nan if x contains nan."""
     return weighed(p.weights, x)
 
 
 @addressed
 @seldom
 def at_floor(p, w, v, a):  # type: ignore[no-untyped-def]
-    """Return whether no residual in w.R exceeds what round-off can leave of its terms at w.d."""
+    """Return whether all residuals in w.R are within the round-off of their terms at w.d."""
     w.other[:] = 0.0
     if p.rank > 0:
         to_full(p, v, w.amps, 1, w.v)
@@ -328,7 +333,7 @@ def at_floor(p, w, v, a):  # type: ignore[no-untyped-def]
 
 @inner
 def twice_kinetic(p, w, v):  # type: ignore[no-untyped-def]
-    """Return v^T M v of the unknowns' rates v (n,) together with those of prescribed motion in w.amps."""
+    """Return twice the kinetic energy, v^T M v, of the unknowns' rates v (n,) and of prescribed motion in w.amps."""
     total = 0.0
     for i in range(len(v)):
         w.x[i] = p.coordinate[i] * v[i]
@@ -352,27 +357,28 @@ def lost_to_mass_damping(p, w, v):  # type: ignore[no-untyped-def]
 
 @inner
 def power_of_loads(p, w, v, a):  # type: ignore[no-untyped-def]
-    """Return the power of loads that vary or turn, of natural strains and of prescribed motion, less what springs take.
+    """Return the power fed in by loads that vary or turn, by natural strains and by prescribed motion.
 
-    After ``forces`` at the same state. What dampers and what contacts at rest take is not taken off.
+    The power that springs store and that moving masses take is subtracted; what dampers and contacts with obstacles at
+    rest take is not. Call it after ``forces`` at the same state.
     """
     total = power_of_natural(p, w.d, w.v)
     for m in range(len(p.load_coord)):
         if p.load_varies[m]:
             c = p.load_coord[m]
             total += p.load_value[m] * w.amps[p.load_signal[m], 0] * w.v[c]
-    # constraints that no signal moves do no work, also where interpolated states do not meet them
+    # constraints without a signal do no work, even where interpolated states violate them
     for i in range(len(p.points.multiplier)):
         if p.points.multiplier[i] >= 0 and p.points.fed[i, 0] < 0:
             w.d[p.points.multiplier[i]] = 0.0
     w.other[:] = 0.0
     total += forces_but_contacts(p, w.d, w.v, w.amps, w.other)[1]
-    # masses that move act as loads do: what they take is work
+    # moving masses act like loads: the power of their inertia counts as work
     moving_inertia(p, w.amps, a, w.other)
     moving_inertia(p, w.amps, a, w.Q)
     for i in range(len(w.other)):
         total -= w.other[i] * w.v[i]
-    # the forces that prescribed motion takes, on what moves: M a + Q - F there
+    # forces M a + Q - F at the prescribed coordinates, times their rates
     for m in range(len(p.motion_coord)):
         total += w.Q[p.motion_coord[m]] * p.motion_factor[m] * w.amps[p.motion_signal[m], 1]
     for k in range(len(p.motion_mass_signal)):
@@ -386,7 +392,8 @@ def power_of_loads(p, w, v, a):  # type: ignore[no-untyped-def]
 
 
 def dynamic_functions(constant: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
-    """Return what the table of a model (``kernels.calls.table``) has from here, for ``constant`` signals or others."""
+    """Return this module's part of a model's table (``calls.table``); ``constant`` : whether all signals are constant.
+    """
     return {calls.signals: (evaluate_constants if constant else evaluate, problem.place["programs"][1]),
             calls.full: (fill_full, problem), calls.forces: (forces, problem),
             calls.forces_tangent: (forces_tangent, problem), calls.at_floor: (at_floor, problem)}

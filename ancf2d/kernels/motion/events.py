@@ -1,7 +1,4 @@
-"""What ends a step early: conditions that something waits for.
-
-When in a step conditions come to hold is found by the step's interpolation.
-"""
+"""Events: steps end where a condition that is waited for becomes true, which the step's interpolation locates."""
 
 from __future__ import annotations
 
@@ -16,24 +13,27 @@ from .dynamics import signals_at, to_full
 from .feedback import tell
 from .state import evaluate_with_gradient
 
-# of a condition: nothing waits for it; it is waited for; it holds where the motion has come to an event
+# state of a condition: not waited for; waited for and false; true
 PASSED, WAITING, HOLDS = range(3)
-# what an answer says: no condition holds, one does, one has no value
+# results: no condition is true, at least one is, one has no value (nan)
 NONE, SOME, NO_VALUE = 0, 1, -1
-# a step is looked at in so many places, and the distance of a highest margin to these is halved so often
+# samples of a step, and halvings of the interval around a maximum of a margin
 LOOKS, HALVINGS = 8, 20
-# of the time: two of so many floats are one, and all that comes to hold between is one event
+# relative spacing of floats, and how many of these spacings apart two times count as one event
 FLOAT, FLOATS = 2.220446049250313e-16, 4.0
-# of a step that is to end at an event: how far behind its end that is looked for, and how often it is aimed at
+# a step that should end at an event: how far beyond its end the event is searched, and most tries to hit it
 BEYOND, TRIES = 0.05, 8
-# where in a step: nowhere
+# returned instead of a fraction of a step if there is none
 NOWHERE = 2.0
 
 
 @kernel
 @seldom
 def holding(p, w, z, v, t):  # type: ignore[no-untyped-def]
-    """Mark the conditions that hold at unknowns z with rates v at t; return NONE, SOME or NO_VALUE."""
+    """Mark in p.feedback.watched the conditions that are true at unknowns z, rates v and time t.
+
+    Returns NONE, SOME or NO_VALUE.
+    """
     f = p.feedback
     signals_at(p, t, w.amps)
     to_full(p, z, w.amps, 0, w.d)
@@ -74,14 +74,14 @@ def interpolate(m, p, s, h, x, z, v, a):  # type: ignore[no-untyped-def]
 
 @inner
 def _within(p, w, s, m, at, t, h, x):  # type: ignore[no-untyped-def]
-    """Do as ``holding`` at the fraction x of the step from s at t."""
+    """Same as ``holding``, at the fraction x of the step from s at t."""
     interpolate(m, p, s, h, x, at.z, at.v, at.a)
     return holding(p, w, at.z, at.v, t + x * h)
 
 
 @inner
 def _look(p, w, s, m, at, t, h, x):  # type: ignore[no-untyped-def]
-    """Let quantities be those at the fraction x of the step from s at t."""
+    """Evaluate the quantities of conditions at the fraction x of the step from s at t."""
     interpolate(m, p, s, h, x, at.z, at.v, at.a)
     signals_at(p, t + x * h, w.amps)
     to_full(p, at.z, w.amps, 0, w.d)
@@ -91,17 +91,17 @@ def _look(p, w, s, m, at, t, h, x):  # type: ignore[no-untyped-def]
 
 @inner
 def _margin(f, k, t):  # type: ignore[no-untyped-def]
-    """Return how far condition k is from holding at t, with the quantities looked at last."""
+    """Return the margin of condition k at t, positive where it is true, with the current quantities."""
     evaluate_with_gradient(f.programs, len(f.row) + f.states + len(f.watched) + k, t, f.values, f.slopes)
     return f.slopes[0]
 
 
 @inner
 def _highest(p, w, s, m, at, t, h, k, x, half):  # type: ignore[no-untyped-def]
-    """Return a fraction of the step at which condition k holds beside its highest margin, NOWHERE where it does not.
+    """Return a fraction of the step at which condition k is true near the maximum of its margin, or NOWHERE.
 
-    Its last three margins are those at x - half, x and x + half, the middle one the highest; the distance is halved
-    until the curvature says that none between can reach 0.
+    The stored margins are those at x - half, x and x + half, with the largest in the middle. The interval is halved
+    until its curvature rules out that a margin in it reaches 0.
     """
     f = p.feedback
     first = 1 + len(f.values) + 3 * k
@@ -127,9 +127,9 @@ def _highest(p, w, s, m, at, t, h, k, x, half):  # type: ignore[no-untyped-def]
 
 @inner
 def _between(p, w, s, m, at, t, h, n):  # type: ignore[no-untyped-def]
-    """Return a fraction of the step between the places n - 2 and n at which a condition holds that holds at neither.
+    """Return a fraction of the step between samples n - 2 and n at which a condition is true that is false at both.
 
-    NOWHERE where there is none. Quantities are those at n, whose margins are noted.
+    NOWHERE if there is none. Call it with the quantities at sample n; it stores the margins there.
     """
     f, x = p.feedback, n / LOOKS
     for k in range(len(f.watched)):
@@ -149,10 +149,10 @@ def _between(p, w, s, m, at, t, h, n):  # type: ignore[no-untyped-def]
 @addressed
 @seldom
 def crossing(p, w, s, m, at, t, h, beyond):  # type: ignore[no-untyped-def]
-    """Return the fraction of the step from s at t at which a condition comes to hold, up to 1 + ``beyond``.
+    """Return the fraction of the step from s at t, up to 1 + ``beyond``, at which the first condition becomes true.
 
-    NOWHERE where none does, NO_VALUE where one has none. What holds there, to round-off, is marked. Margins are looked
-    at one place before and behind the step, too, so that a highest one beside its ends is found.
+    NOWHERE if none does, NO_VALUE if one has no value. Conditions that are true there, to round-off, are marked.
+    Margins are also sampled one interval before and after the step, to find maxima near its ends.
     """
     low, high, found = 0.0, 0.0, NONE
     for n in range(-1, LOOKS + 2):
@@ -192,11 +192,11 @@ def crossing(p, w, s, m, at, t, h, beyond):  # type: ignore[no-untyped-def]
 
 @inner
 def aim(m, p, w, s, at, t, h, room, aims):  # type: ignore[no-untyped-def]
-    """Return whether a step from t ends at an event or has none in it, and else how long it has to be.
+    """Return (accepted, step size, event): whether a step from t has no event inside, and if not, the size to try next.
 
-    Steps are aimed at an event until they end there, so that the state there is one of the integrator; ``room`` is
-    how long they may be, ``aims`` how often that was tried. A length below 0 means that a condition has no value, and
-    0 that the event is where the step begins.
+    ``event`` tells whether the step ends at an event. Steps are repeated until they end at the event, so that the state
+    there is one of the integrator. ``room`` is the largest size allowed, ``aims`` the number of tries so far. A size
+    below 0 means that a condition has no value, 0 that the event is at the start of the step.
     """
     x = calls.crossing(p.calls, (p, w, s, m, at, t, h, BEYOND if aims > 0 else 0.0))
     if x < 0.0:
@@ -210,5 +210,5 @@ def aim(m, p, w, s, at, t, h, room, aims):  # type: ignore[no-untyped-def]
 
 
 def event_functions(problem: Any, accept: Any) -> dict[Any, tuple[Any, ...]]:
-    """Return the functions that the table of a model of this type has where something waits for conditions."""
+    """Return the entries of the table of a model with conditions to wait for (``kernels.calls.table``)."""
     return {calls.holding: (holding, problem), calls.crossing: (crossing, problem), calls.feedback_accept: accept}

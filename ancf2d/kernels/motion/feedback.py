@@ -1,10 +1,10 @@
-"""Signals and states that answer a motion: quantities of probes, programs of them, and their part of the tangent.
+"""Feedback: signals and controllers' states that depend on the motion, and their low-rank part of the tangent.
 
-Signals are functions of quantities, which are functions of coordinates and rates. Controllers' states are unknowns
-behind all others, in first-order equations z' = g. What both add to a tangent is of low rank: a matrix of a motion is
-D + P^T R with D symmetric, as without them; rows of P say what a signal, or the rate of a state, acts on, those of R
-what it depends on. It is solved by the formula of Sherman, Morrison and Woodbury: X = D^-1 P^T, then (1 + R X) y =
-R D^-1 b and x = D^-1 b - X y.
+Signals are functions of quantities (probes), which are functions of coordinates and rates. Controllers' states are the
+last unknowns and obey first-order equations z' = g. The matrix of a motion is D + P^T R, where D is the symmetric
+matrix without feedback: a row of P contains what a signal, or the rate of a state, acts on, the row of R what it
+depends on. It is solved by the formula of Sherman, Morrison and Woodbury: X = D^-1 P^T, then (1 + R X) y = R D^-1 b and
+x = D^-1 b - X y.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from .dynamics import to_unknowns
 from .state import SIZE, evaluate_with_gradient
 
 _turn = part(point_laws.turn)
-# what a quantity is: a position, a rate, the angle of a direction or its rate
+# kinds of quantities: a position, its rate, the angle of a direction, its rate
 POSITION, RATE, ANGLE, SPIN = range(4)
 
 
 class Feedback(NamedTuple):
     """Quantities (q), signals (k) that are functions of them, and states (m) of controllers.
 
-    kind (q,); quantity i is a function of ``along`` and ``across`` times d or d' at ``coords``, from begin[i] to
-    begin[i + 1], and of ``start``: what it is in the reference, or the length of a direction; near (q,) : angles last
-    accepted. row (k,) : signals; columns (k, n) : what the dead loads that follow them do to the residual; items : the
-    point laws that do, from first[j] to first[j + 1]; programs : of signals, rates, conditions, and the margins of
-    these (``model.feedback.margin``); watched (conditions,) : which are waited for (``events``); clock : the
-    signal that is the time; states : m; soon : a time in which states change; scale (m,) : how large states have been;
-    values (q,), slopes (1 + q, and three margins of each condition), rates (m,), full (n_full,), column (n,) to work
-    in.
+    kind (q,) : kinds of quantities; quantity i depends on d or d' at ``coords`` with weights ``along`` and ``across``,
+    from begin[i] to begin[i + 1], and on start[i], its value in the reference or the length of a direction; near (q,) :
+    last accepted angles. row (k,) : rows of the signals in the amplitudes; columns (k, n) : change of the residual per
+    unit signal by dead loads that follow it; items : point laws that follow signal j, from first[j] to first[j + 1];
+    programs : of signals, rates of states, conditions, and their margins (``model.feedback.margin``); watched
+    (conditions,) : PASSED, WAITING or HOLDS (``events``); clock : row of the signal t; states : m; soon : a time in
+    which states change [s]; scale (m,) : largest sizes of states so far. Work space: values (q,), slopes (1 + q, and
+    three margins of each condition), rates (m,), full (n_full,), column (n,).
     """
 
     kind: Any
@@ -69,13 +69,13 @@ class Feedback(NamedTuple):
 
 
 def tail_size(n: int, rank: int, states: int) -> int:
-    """Return how many numbers a matrix has beside D: P and R, the rates of states, 1 + R X and its pivots."""
+    """Return how many numbers follow D in a matrix: P and R, diagonal of the states, 1 + R X and its pivots."""
     return 2 * rank * n + states + rank * rank + rank
 
 
 @inlined
 def _tail(p, A):  # type: ignore[no-untyped-def]
-    """Return what a matrix has behind D: P, which becomes X, and R, the rates of states, 1 + R X and its pivots."""
+    """Return views of what follows D in a matrix: P (X once factored), R, diagonal of the states, 1 + R X, pivots."""
     n, rank, states = len(p.coordinate), p.rank, p.feedback.states
     square = len(A) - rank - rank * rank
     rates = square - states
@@ -86,7 +86,7 @@ def _tail(p, A):  # type: ignore[no-untyped-def]
 
 @inner
 def _components(f, i, x):  # type: ignore[no-untyped-def]
-    """Return what ``along`` and ``across`` of a quantity give of x (n_full,)."""
+    """Return the products of the weights ``along`` and ``across`` of quantity i with x (n_full,)."""
     one, two = 0.0, 0.0
     for e in range(f.begin[i], f.begin[i + 1]):
         one += f.along[e] * x[f.coords[e]]
@@ -96,7 +96,7 @@ def _components(f, i, x):  # type: ignore[no-untyped-def]
 
 @inner
 def tell(f, d, v):  # type: ignore[no-untyped-def]
-    """Fill the values of all quantities at d with rates v (n_full,)."""
+    """Fill f.values with all quantities at d with rates v (n_full,)."""
     for i in range(len(f.kind)):
         kind = f.kind[i]
         if kind == POSITION:
@@ -114,7 +114,7 @@ def tell(f, d, v):  # type: ignore[no-untyped-def]
 
 @inner
 def _add_gradient(f, i, d, v, factor, c, out):  # type: ignore[no-untyped-def]
-    """Add the derivative of quantity i by d, and c times that by v, times a factor."""
+    """Add ``factor`` times (derivative of quantity i by d, plus c times that by v) to out (n_full,)."""
     kind, one, two = f.kind[i], factor, 0.0
     if kind == RATE:
         one = factor * c
@@ -135,7 +135,7 @@ def _add_gradient(f, i, d, v, factor, c, out):  # type: ignore[no-untyped-def]
 
 @addressed
 def feedback(p, w):  # type: ignore[no-untyped-def]
-    """Set the signals that answer the motion at w.d, w.v in w.amps, and fill the rates of states."""
+    """Set the feedback signals in w.amps and the rates of controllers' states in f.rates, at w.d and w.v."""
     f = p.feedback
     tell(f, w.d, w.v)
     t, signals = w.amps[f.clock, 0], len(f.row)
@@ -149,7 +149,7 @@ def feedback(p, w):  # type: ignore[no-untyped-def]
 
 @inner
 def _by_amplitude(points, i, d, v, amps, out):  # type: ignore[no-untyped-def]
-    """Add the derivative of the forces of item i by the value of its amplitude, which they are linear in."""
+    """Add the derivative of the forces of item i by its amplitude, in which they are linear, to out (n_full,)."""
     u, w, a, f, H, C = work_arrays(points)
     fields_of_item(points, i, d, u)
     rates_of_item(points, i, v, w)
@@ -169,7 +169,7 @@ def _by_amplitude(points, i, d, v, amps, out):  # type: ignore[no-untyped-def]
 
 @addressed
 def feedback_tangent(p, w, c):  # type: ignore[no-untyped-def]
-    """Fill P, R and the rates of states of w.A at w.d, w.v, after ``feedback``."""
+    """Fill P, R and the diagonal of the states in w.A at w.d, w.v, after ``feedback``."""
     f, n = p.feedback, len(p.coordinate)
     signals, rank = len(f.row), p.rank
     P, R, rates, _, _ = _tail(p, w.A)
@@ -201,7 +201,7 @@ def feedback_tangent(p, w, c):  # type: ignore[no-untyped-def]
 
 @addressed
 def feedback_accept(p, w):  # type: ignore[no-untyped-def]
-    """Let angles be counted on from w.d, the state accepted, and states be as large as they are there."""
+    """Update the last accepted angles and the largest sizes of states at the accepted state w.d."""
     f = p.feedback
     for i in range(len(f.kind)):
         if f.kind[i] == ANGLE:
@@ -217,7 +217,7 @@ def feedback_accept(p, w):  # type: ignore[no-untyped-def]
 
 @inner
 def weigh_state(p, s, j, rate):  # type: ignore[no-untyped-def]
-    """Let errors of a controller's state count beside how large it has been, or becomes soon at a rate."""
+    """Set the weight of state j in error norms: relative to its largest size so far, or to ``soon`` times its rate."""
     scale = max(p.feedback.scale[j], p.feedback.soon * rate)
     p.feedback.scale[j] = scale
     p.weights[p.inner + j] = s.numbers[SIZE] / scale if scale > 0.0 else 0.0
@@ -225,7 +225,7 @@ def weigh_state(p, s, j, rate):  # type: ignore[no-untyped-def]
 
 @inner
 def _solve_small(S, pivots, x, n):  # type: ignore[no-untyped-def]
-    """Solve with the factors of ``_factor_small`` in place."""
+    """Solve S x = b in place with the factors of ``_factor_small``."""
     for k in range(n):
         q = int(pivots[k].real)
         x[k], x[q] = x[q], x[k]
@@ -240,7 +240,7 @@ def _solve_small(S, pivots, x, n):  # type: ignore[no-untyped-def]
 
 @inner
 def _factor_small(S, pivots, n):  # type: ignore[no-untyped-def]
-    """Factor S (n, n) by Gauss with row exchanges in place; return whether it could be."""
+    """Factor S (n, n) in place by Gaussian elimination with row exchanges; return whether it is regular."""
     for k in range(n):
         q = k
         for i in range(k + 1, n):
@@ -259,7 +259,7 @@ def _factor_small(S, pivots, n):  # type: ignore[no-untyped-def]
 
 
 def _with_border(factor_inner: Any, solve_inner: Any, kind: str) -> tuple[Any, Any]:
-    """Return the factors of D + P^T R and the solution with them for matrices of a kind."""
+    """Return the functions that factor D + P^T R and solve with these factors, for matrices of one kind."""
     factor_own, solve_own = inner(factor_inner), inner(solve_inner)
 
     def factor(p, A, scale):  # type: ignore[no-untyped-def]
@@ -268,7 +268,7 @@ def _with_border(factor_inner: Any, solve_inner: Any, kind: str) -> tuple[Any, A
         if not factor_own(p, A, scale):
             return False
         for j in range(states):
-            # in a matrix without feedback states stand alone
+            # in a matrix without feedback, states are decoupled
             if rates[j] == 0.0:
                 rates[j] = 1.0
         for k in range(rank):
@@ -327,7 +327,7 @@ _BORDERED = _with_border(_factor_band, _solve_band, "band"), _with_border(_facto
 
 
 def feedback_functions(fronts: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
-    """Return the functions that the table of a model of this type has where something answers its motion."""
+    """Return the entries of the table of a model with feedback (``kernels.calls.table``)."""
     factor, solve = _BORDERED[fronts]
     return {calls.feedback: (feedback, problem), calls.factor: (factor, problem),
             calls.factor_complex: (factor, problem), calls.solve: (solve, problem),
@@ -336,6 +336,6 @@ def feedback_functions(fronts: bool, problem: Any) -> dict[Any, tuple[Any, ...]]
 
 
 def no_feedback(programs: Any) -> Feedback:
-    """Return no quantities, signals and states: all problems are of its type."""
+    """Return feedback without quantities, signals and states, which has the type of all."""
     x, n, two = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 0))
     return Feedback(n, n, n, x, x, x, x, n, two, n, n, programs, n, 0, 0, 0.0, x, x, x, x, x, x)

@@ -1,14 +1,14 @@
-"""Impulses of friction at an impact: Coulomb's law between rates and impulses, beside those across the surfaces.
+"""Friction impulses of hard contact points at an impact: Coulomb's law between sliding rates and impulses.
 
-Where the impulse p_n of a closed point acts for no time, that of friction p_t is at most ``friction`` times it:
+The friction impulse p_t of a closed point is at most mu = ``friction`` times its normal impulse p_n:
 
-    |p_t| <= mu p_n,    p_t = -mu p_n sign(s') where the place on what it touches has the rate s' behind the impact
+    |p_t| <= mu p_n,    p_t = -mu p_n sign(s') where the point slides with the rate s' after the impact
 
-(Moreau, Unilateral contact and dry friction in finite freedom dynamics, 1988, sections 10 to 13). With the gradients N
-and S of gaps and places, rates of places s' = s'_0 + W p_t and impulses p_n = p_0 + P p_t answer linearly to p_t, by
-the matrix [M N^T; N 0], so that N v' stays as the impact without friction has it. Points are solved for exactly one
-after another until none changes. Forces behind it, and where a motion begins, are those of the same problem with second
-rates in the place of rates.
+(Moreau, Unilateral contact and dry friction in finite freedom dynamics, 1988, sections 10 to 13). s is the position of
+the point along the surface that it touches. With the gradients N of gaps and S of positions s, the sliding rates
+s' = s'_0 + W p_t and the impulses p_n = p_0 + P p_t are linear in p_t, by the matrix [M N^T; N 0], so that N v' is not
+changed by friction. The points are solved one after another, each exactly, until none changes. Friction forces after
+the impact, and at the start of a motion, solve the same problem with second rates instead of rates.
 """
 
 from __future__ import annotations
@@ -24,21 +24,22 @@ from ..points import add_to, amplitude_of, fields_of_item, rates_of_item
 from .consistent import allowed_rates, constraint_matrix, factored_constraints, gap_rates
 from .dynamics import to_full, to_unknowns
 
-# of the largest rate: places that pass slower than this are at rest; of the extent: way that rates are compared along
+# fraction of the largest rate: slower points are at rest; fraction of the extent: distance for differences of rates
 PARTING, ALONG = 1e-9, 1e-5
-# rounds over all points, and changes beside the largest impulse that are none
+# most rounds over all points, and the change relative to the largest impulse that ends them
 _ROUNDS, SAME = 1000, 1e-14
-# times the largest normal force: friction that grows beyond this has no balance
+# multiple of the largest normal force: if friction grows beyond it, the points lock and there is no solution
 LOCKED = 1e6
-# fields of a contact at most
+# most fields of a contact
 _FIELDS = 100
 
 
 @inner_with_memory
 def _way_of(points, i, u, w, a, out):  # type: ignore[no-untyped-def]
-    """Fill the gradient (fields,) of the place of item i on what it touches; the multiplier in u is overwritten.
+    """Fill out (fields,) with the gradient of the position of item i along the surface that it touches.
 
-    It is what forces of friction to either side, of a unit force across the surface, differ by.
+    It is computed from the difference of friction forces in both directions under a unit normal force. Overwrites the
+    multiplier in u.
     """
     b, m = points.field[i], points.field[i + 1] - points.field[i]
     back, H, C, kept = np.zeros(m), np.zeros((m, m)), np.zeros((m, m)), points.mem[i, SLIDES]
@@ -56,7 +57,7 @@ def _way_of(points, i, u, w, a, out):  # type: ignore[no-untyped-def]
 
 @addressed_with_memory
 def point_slip(points, i, d, v, amps, out):  # type: ignore[no-untyped-def]
-    """Add the gradient of the place of item i on what it touches to out (n_full,); return the rate of that place."""
+    """Add the gradient of the position of item i along the surface to out (n_full,); return its sliding rate."""
     m, rate = points.field[i + 1] - points.field[i], 0.0
     u, w, a, slide = np.zeros(m), np.zeros(m), np.zeros(3), np.zeros(m)
     fields_of_item(points, i, d, u)
@@ -71,10 +72,11 @@ def point_slip(points, i, d, v, amps, out):  # type: ignore[no-untyped-def]
 
 @inner_with_memory
 def _of_point(mu, rate, pressed, W, P, way):  # type: ignore[no-untyped-def]
-    """Return the friction of a point with this rate and normal force without it, and how they answer.
+    """Return the friction of one point by Coulomb's law.
 
-    Where it slides already (``way`` 1 or -1) that is Coulomb's limit against this; where it has a way of 0, what stops
-    it, or the limit.
+    rate, pressed : its sliding rate and normal force without its own friction; W, P : their changes per unit friction.
+    If it slides already (``way`` 1 or -1), friction is Coulomb's limit against that direction; if ``way`` is 0, it is
+    the force that stops the point, at most the limit.
     """
     if way == 0.0:
         if W <= 0.0:
@@ -86,13 +88,13 @@ def _of_point(mu, rate, pressed, W, P, way):  # type: ignore[no-untyped-def]
     else:
         stick, sign = 0.0, -way
     answer = 1.0 - sign * mu * P
-    # where friction presses the point on as fast as it grows, it locks
+    # if friction increases the normal force as fast as its own limit, the point locks
     return stick if answer <= 0.0 else sign * mu * max(pressed, 0.0) / answer
 
 
 @inner
 def rubs(p):  # type: ignore[no-untyped-def]
-    """Return whether contacts without a law have friction."""
+    """Return whether any hard contact has friction."""
     found = False
     for i in range(len(p.points.mem)):
         found |= p.points.restitution[i] >= 0.0 and p.points.par[i, FRICTION] > 0.0
@@ -101,7 +103,11 @@ def rubs(p):  # type: ignore[no-untyped-def]
 
 @inner_with_memory
 def _of_points(p, items, rate, pressed, W, P, way, given, found):  # type: ignore[no-untyped-def]
-    """Find the friction (k,) of points with these rates and normal forces without it, but for what is ``given``."""
+    """Solve for the friction found (k,) of all points, except those that are ``given``.
+
+    rate, pressed (k,) : sliding rates and normal forces without friction; W, P (k, k) : their changes per unit friction
+    (``_answer``); way (k,) : directions of sliding, 0 at rest.
+    """
     count, most = len(rate), 0.0
     for j in range(count):
         most = max(most, LOCKED * abs(pressed[j]))
@@ -121,7 +127,7 @@ def _of_points(p, items, rate, pressed, W, P, way, given, found):  # type: ignor
         if change <= SAME * largest:
             return
         if not largest <= most:
-            # points that press one another on as fast as their friction grows lock, as one does
+            # the points increase each other's normal forces as fast as friction grows: they lock, as one may
             for j in range(count):
                 if not given[j]:
                     found[j] = 0.0
@@ -130,7 +136,8 @@ def _of_points(p, items, rate, pressed, W, P, way, given, found):  # type: ignor
 
 @inner_with_memory
 def _closed(p, how, items):  # type: ignore[no-untyped-def]
-    """Fill ``items`` with those that are CLOSED in how (items,) and have friction; return how many."""
+    """Fill ``items`` with the indices of items that are CLOSED in how (items,) and have friction; return their number.
+    """
     count = 0
     for i in range(len(how)):
         if how[i] == CLOSED and p.points.par[i, FRICTION] > 0.0:
@@ -141,7 +148,11 @@ def _closed(p, how, items):  # type: ignore[no-untyped-def]
 
 @inner_with_memory
 def _answer(p, w, factors, items, rate, slips, answers, W, P):  # type: ignore[no-untyped-def]
-    """Fill rates of places (k,) at w.d and w.v, their gradients (k, n), and how all answers to friction there."""
+    """Fill the sliding rates (k,) at w.d and w.v, their gradients ``slips`` (k, n), and the response to friction.
+
+    answers (k, n) : change of the unknowns per unit friction of each point; W, P (k, k) : changes of sliding rates and
+    of normal forces.
+    """
     count, n = len(rate), slips.shape[1]
     for j in range(count):
         w.other[:] = 0.0
@@ -160,10 +171,10 @@ def _answer(p, w, factors, items, rate, slips, answers, W, P):  # type: ignore[n
 @addressed_with_memory
 @seldom
 def rub(p, w, z, v, impulse, approach, how):  # type: ignore[no-untyped-def]
-    """Change the rates v at z by the impulses of friction of those items that are CLOSED in how (items,).
+    """Change the rates v at z by the friction impulses of the items that are CLOSED in how (items,).
 
-    ``impulse`` (n,) is that of ``consistent``, which then makes rates what constraints allow; ``approach`` (n,) the
-    rates of gaps before the impact at their multipliers, of which v may keep a part. Signals are in w.amps.
+    ``impulse`` (n,) is the one for ``consistent``, which is called next to satisfy the constraints; ``approach`` (n,)
+    are gap rates before the impact, at multipliers (v may contain a part of these). Signals are in w.amps.
     """
     n, items = len(z), np.zeros(len(how), dtype=np.int64)
     count = _closed(p, how, items)
@@ -191,11 +202,11 @@ def rub(p, w, z, v, impulse, approach, how):  # type: ignore[no-untyped-def]
 
 @inner_with_memory
 def approach_freely(p, w, s, end, how, share, approach):  # type: ignore[no-untyped-def]
-    """Set the rates of gaps before an impact (n,), at their multipliers, to those at the end of the step from s where
-    items that closed in it, CLOSED in how (items,), had not pressed.
+    """Set ``approach`` (n,), gap rates before an impact at multipliers, to the rates without the new contact forces.
 
-    Their forces at the end act for the time ``share``. So friction has all of what presses in the step: the impact,
-    and what holds the body behind it. Nothing is done where nothing rubs. Signals are in w.amps.
+    These are the rates at the end of the step from s if items that closed in it (CLOSED in how (items,)) had not
+    pressed; their forces at the end act for the time ``share``. Friction then includes all normal impulses of the step:
+    of the impact and of the contact after it. Nothing changes without friction. Signals are in w.amps.
     """
     if not rubs(p):
         return
@@ -229,7 +240,7 @@ def approach_freely(p, w, s, end, how, share, approach):  # type: ignore[no-unty
 
 @inner_with_memory
 def _second_rates(p, w, z, v, a, items, out):  # type: ignore[no-untyped-def]
-    """Fill the second rates (k,) of places, by a difference of their rates along the motion."""
+    """Fill out (k,) with the second rates of positions along the surface, by differences of rates along the motion."""
     n, amps, fastest = len(z), w.amps.copy(), 0.0
     for i in range(n):
         fastest = max(fastest, p.weights[i] * abs(v[i]))
@@ -257,11 +268,11 @@ def _second_rates(p, w, z, v, a, items, out):  # type: ignore[no-untyped-def]
 @addressed_with_memory
 @seldom
 def drag(p, w, z, v, a, how):  # type: ignore[no-untyped-def]
-    """Add friction to accelerations a and multipliers in z, which have none, of items that are CLOSED in how.
+    """Add the friction of items that are CLOSED in how (items,) to accelerations a and multipliers in z.
 
-    What slides bears Coulomb's limit against its rate; what rests the force that keeps it where it is, or the limit
-    (the same problem as of impulses, with second rates). What stuck before keeps the force that it had. Accepting the
-    state takes these forces (BEHIND) as what friction goes on from. Signals are in w.amps.
+    Sliding points bear Coulomb's limit against their rate; points at rest bear the force that keeps them there, at most
+    the limit (the same problem as for impulses, with second rates). Points that stuck before keep their force. The
+    forces are stored (BEHIND), and friction continues from them when the state is accepted. Signals are in w.amps.
     """
     n, items = len(z), np.zeros(len(how), dtype=np.int64)
     for i in range(len(how)):
@@ -302,9 +313,9 @@ def drag(p, w, z, v, a, how):  # type: ignore[no-untyped-def]
 
 @addressed_with_memory
 def point_friction(points, i, d, v, amps, holds, out):  # type: ignore[no-untyped-def]
-    """Fill out (2,) with the force of friction of item i along the place, and the rate by which it takes power.
+    """Fill out (2,) with the friction force of item i along the surface, and the sliding rate conjugate to its power.
 
-    Where it ``holds``, the force is what keeps it where it is, unlimited.
+    With ``holds``, the force is the one that keeps the point in place, without Coulomb's limit.
     """
     b, m = points.field[i], points.field[i + 1] - points.field[i]
     u, w, a, f, slide = np.zeros(m), np.zeros(m), np.zeros(3), np.zeros(m), np.zeros(m)
@@ -314,7 +325,7 @@ def point_friction(points, i, d, v, amps, holds, out):  # type: ignore[no-untype
     amplitude_of(points, i, amps, u, w, a)
     kept, along, square, rate, power = points.mem[i, SLIDES], 0.0, 0.0, 0.0, 0.0
     if holds:
-        # without a force across it sticks alone
+        # normal force 0 and STICKS: only the sticking force remains
         u[m - 1], points.mem[i, SLIDES] = 0.0, STICKS
     call_forces(points.forces[i], (points.p0[b:b + m], u, w, points.par[i], a, points.mem[i], f, H, C))
     points.mem[i, SLIDES] = CLOSES
@@ -333,7 +344,7 @@ def point_friction(points, i, d, v, amps, holds, out):  # type: ignore[no-untype
 @addressed_with_memory
 @seldom
 def take_hold(points, d, amps):  # type: ignore[no-untyped-def]
-    """Let items begin with the friction that they have BEHIND an impact at d (n_full,)."""
+    """Start friction of all items from the force stored after an impact (BEHIND) at d (n_full,)."""
     for i in range(len(points.mem)):
         if points.restitution[i] >= 0.0 and points.par[i, FRICTION] > 0.0 and points.mem[i, BEHIND] != NONE:
             b, e = points.field[i], points.field[i + 1]

@@ -1,11 +1,11 @@
 """Impacts: how one-sided constraints (hard contacts) change rates, and which of them press afterwards.
 
-A step of the Newmark family ends where no gap is negative and no force pulls, by Newton's method. Where a constraint
-closes in the step, its positions are right, but the method takes the stop for a force over the whole step, and what is
-left of the rates depends on when in the step that was. So rates are set after it: to what the constraints that are
-closed allow, by the least change in kinetic energy (plastic impact), or to ``restitution`` times the rate of approach;
-accelerations and multipliers follow from the state. Both take energy, and never give any, where the obstacle rests.
-Friction has impulses, too (``friction``).
+A step of the Newmark family ends, by Newton's method, where no gap is negative and no force pulls. If a constraint
+closes in the step, its positions are right, but the method treats the impact as a force over the whole step, so the
+rates at its end depend on when in the step it happened. The rates are therefore set after the step: to those that the
+closed constraints allow, by the least change in kinetic energy (plastic impact), or to ``restitution`` times the rate
+of approach. Accelerations and multipliers follow from the state. If the obstacle is at rest, energy is lost or kept,
+never gained. Friction has impulses, too (``friction``).
 """
 
 from __future__ import annotations
@@ -46,25 +46,26 @@ from .impulses import approach_from, given_in_impact, note_impulses
 from .state import BACKWARD, GIVEN, HIT_AT, NEXT
 from .step_energy import kept, kept_before, lost_in_impact, taken_in_step
 
-# of the largest rate: constraints that part slower than this are closed
+# fraction of the largest rate: constraints that open more slowly count as closed
 PARTING = 1e-9
-# times that constraints let go after one another
+# most rounds in which constraints that pull are released
 _MOST = 20
-# what happened at the end of a step: an impact, or what a method that switches goes on from anew
+# end of a step: an impact, or rates made consistent after a backward Euler step, so that the method restarts
 HIT, ANEW = -1.0, -2.0
-# times the rate of approach: what a bounce may be more, so that it takes no energy; tries until it gives none; of the
-# energy that the bounce adds: what it may take, and what round-off may give
+# largest factor of a bounce so that it loses no energy; most tries until it gains none; as fractions of the energy that
+# the bounce adds: loss that is accepted, and gain that counts as round-off
 MORE, MOST_BOUNCES, EQUAL, ROUND = 1.1, 12, 1e-9, 1e-12
 
 
 @inner_with_memory
 def _hold(p, w, z, v, how):  # type: ignore[no-untyped-def]
-    """Fill ``how`` (items,) with CLOSED or OPEN at unknowns z, by the multipliers, and hold the items there."""
+    """Fill ``how`` (items,) with CLOSED or OPEN at unknowns z, by gap and multiplier, and hold the items in that state.
+    """
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
     for i in range(len(how)):
         if p.points.restitution[i] >= 0.0:
-            # and no friction behind the impact of a step that was not accepted
+            # and discard the friction after the impact of a rejected step
             p.points.mem[i, HELD], p.points.mem[i, BEHIND] = BY_CHOICE, NONE
     w.other[:] = 0.0
     face_bodies(p, w.d)
@@ -78,7 +79,8 @@ def _hold(p, w, z, v, how):  # type: ignore[no-untyped-def]
 
 @inner_with_memory
 def _settle(p, w, z, v, a, t, impulse, how):  # type: ignore[no-untyped-def]
-    """Make rates, accelerations and multipliers consistent, letting go what would pull; return whether it went."""
+    """Make rates, accelerations and multipliers consistent, releasing items that pull; return whether this is possible.
+    """
     for i in range(len(z)):
         z[i] *= p.coordinate[i]
     for _ in range(_MOST):
@@ -101,12 +103,14 @@ def _settle(p, w, z, v, a, t, impulse, how):  # type: ignore[no-untyped-def]
 @kernel_with_memory
 @seldom
 def begin(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
-    """Do as ``consistent`` where one-sided constraints touch: those that part are open, the others take the impact."""
+    """Same as ``consistent`` with closed hard contacts, at the start of a motion or after a break: those that separate
+    are opened, those that approach have an impact.
+    """
     n = len(p.points.mem)
     how, g, rate, second = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     for i in range(n):
         if p.points.restitution[i] >= 0.0 and p.points.mem[i, SLIDES] != CLOSES:
-            # as it stuck or slid in an equilibrium
+            # discard whether it stuck or slid in an equilibrium
             p.points.mem[i, SLIDES] = 0.0
     signals_at(p, t, w.amps)
     _hold(p, w, z, v, how)
@@ -139,7 +143,11 @@ def begin(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
 @addressed_with_memory
 @seldom
 def behind(p, w, z, v, a, t, impulse, approach, how, bounces):  # type: ignore[no-untyped-def]
-    """Set the rates behind an impact, then all else; what bounces off no longer presses."""
+    """Set the rates after an impact, then accelerations and multipliers; items that bounce off are opened.
+
+    ``impulse`` (n,) as for ``consistent``, with rates of bounces at multipliers; ``approach`` (n,) gap rates before
+    the impact; ``how`` (items,) CLOSED or OPEN, updated. Returns whether this is possible.
+    """
     if rubs(p):
         calls.rub(p.calls, (p, w, z, v, impulse, approach, how))
     if not bounces:
@@ -158,7 +166,7 @@ def behind(p, w, z, v, a, t, impulse, approach, how, bounces):  # type: ignore[n
 
 @inner
 def _signals_towards(p, w, end, h):  # type: ignore[no-untyped-def]
-    """Fill w.amps with signals a time h before ``end`` as second rates that stay as they are there would have them."""
+    """Fill w.amps with signals a time h before ``end``, extrapolated with the constant second rates at ``end``."""
     signals_at(p, end, w.amps)
     for k in range(len(w.amps)):
         w.amps[k, 0] -= h * (w.amps[k, 1] - 0.5 * h * w.amps[k, 2])
@@ -167,17 +175,17 @@ def _signals_towards(p, w, end, h):  # type: ignore[no-untyped-def]
 
 @inner_with_memory
 def _bounce(p, w, s, m, t, h, bounce, approach, how, conserves, pushed, moves):  # type: ignore[no-untyped-def]
-    """Do as ``behind`` in the step from s at t, with so much of the bounce that it gives no energy; return the work of
-    what moves (``given_in_impact``).
+    """Same as ``behind`` for the step from s at t, with the bounce scaled such that it gains no energy.
 
-    Kinetic energy behind an impact is that of a plastic one and the square of the bounce times what that adds. A
-    bounce with restitution 1 takes no energy either, where nothing that it touches ``moves`` by signals. With friction,
-    and with the work of what moves, energy is not quite that, and the largest share that gives none is looked for.
+    Returns the work of moving obstacles (``given_in_impact``). The kinetic energy after an impact is that of the
+    plastic impact plus a term with the square of the bounce. A bounce with restitution 1 (``conserves``) does not lose
+    energy either, if no obstacle ``moves`` by signals. With friction or moving obstacles the energy is not exactly
+    quadratic, and the largest share without a gain is searched.
     """
     end, searches = m.end, moves or rubs(p)
     z, v, a, sides, full = end.z.copy(), end.v.copy(), end.a.copy(), how.copy(), bounce.copy()
     before, share, whole, plastic, given = kept_before(p, w, s, m, t, h, False), 1.0, 0.0, 0.0, 0.0
-    # shares that give no energy, ``below`` 0 by so much, and that give some
+    # bracket: share without an energy gain (``below`` <= 0) and share with a gain (``above``)
     low, below, high, above = 0.0, 0.0, MORE, np.inf
     for attempt in range(MOST_BOUNCES if searches else 3):
         if attempt > 0:
@@ -218,13 +226,14 @@ def _bounce(p, w, s, m, t, h, bounce, approach, how, conserves, pushed, moves): 
 
 @inner_with_memory
 def _in_time(p, s, how, g, rate, second, h, allowed):  # type: ignore[no-untyped-def]
-    """Return how long a step may be so that what closes in it is off by no more than ``allowed`` [m], 0 if it is."""
+    """Return the step size with which points that close are off by at most ``allowed`` [m], or 0 if h is small enough.
+    """
     best = h
     for i in range(len(how)):
         if closes(p, s, how, i) and g[i] > 0.0:
             speed = -approach_from(g[i], rate[i], second[i], h)
             if speed > max(rate[i], 0.0):
-                # when the gap is 0, which began with g, its rate and second rate
+                # time at which the gap is 0, from its value and rate at the start and its rate there
                 closing = 2.0 * g[i] / (speed - rate[i])
                 if speed * (h - closing) > allowed:
                     best = min(best, closing + 0.5 * allowed / speed)
@@ -233,9 +242,10 @@ def _in_time(p, s, how, g, rate, second, h, allowed):  # type: ignore[no-untyped
 
 @inner_with_memory
 def _rates_of_bounces(p, s, how, g, rate, second, h, approach, bounce):  # type: ignore[no-untyped-def]
-    """Fill approach and bounce (n,), at multipliers of what closed in a step of length h from s with these gaps.
+    """Fill approach and bounce (n,) with gap rates before and after the impact, at multipliers of items that closed.
 
-    Returns whether any bounces, and whether all keep their energy.
+    g, rate, second : gaps and their rates at the start s of the step of size h. Returns whether any item bounces, and
+    whether all bounces conserve energy.
     """
     bounces, elastic_ones = False, True
     for i in range(len(how)):
@@ -250,7 +260,9 @@ def _rates_of_bounces(p, s, how, g, rate, second, h, approach, bounce):  # type:
 
 @inner_with_memory
 def _pushed(p, w, how, out):  # type: ignore[no-untyped-def]
-    """Fill how fast signals in w.amps bring what CLOSED items touch (items,); return whether that, and supports, move.
+    """Fill out (items,) with the speed at which signals move obstacles towards CLOSED items.
+
+    Returns whether any such obstacle moves, and whether any support does.
     """
     velocity, acceleration, moves, driven = np.zeros(len(w.d)), np.zeros(len(w.d)), False, False
     rates_of_constraints(p, w.d, w.v, w.amps, velocity, acceleration)
@@ -265,7 +277,7 @@ def _pushed(p, w, how, out):  # type: ignore[no-untyped-def]
 
 @inner_with_memory
 def _closing(p, s, how):  # type: ignore[no-untyped-def]
-    """Return whether an item closed in the step from s, and whether one bounces."""
+    """Return whether an item closed in the step from s, and whether one of these bounces."""
     any_closes, bounces = False, False
     for i in range(len(how)):
         if closes(p, s, how, i):
@@ -277,11 +289,11 @@ def _closing(p, s, how):  # type: ignore[no-untyped-def]
 @addressed_with_memory
 @seldom
 def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
-    """Do what constraints that closed in the step from s at t to m.end do to its end; note what obstacles GIVE.
+    """Apply the impacts of constraints that closed in the step from s at t to m.end; set the work of obstacles (GIVEN).
 
-    Returns HIT if there were any, 0 if none; or how long the step may be, with nothing done, where what closed would be
-    off by more than ``allowed`` [m] (0: it may). Of methods that switch, steps in which nothing may close are left
-    alone, and behind others the motion begins ANEW: rates become what closed points allow.
+    Returns HIT after an impact, 0 if nothing closed, or, without any change, the smaller step size to use if closing
+    points would be off by more than ``allowed`` [m] (0: no limit). For methods that switch, Radau steps are left alone,
+    and after a backward Euler step without impact rates are made consistent with closed points, returning ANEW.
     """
     if m.switches and s.numbers[NEXT] == 0.0:
         return 0.0
@@ -300,7 +312,7 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
         return ANEW if m.switches else 0.0
     touched, (moves, driven) = how.copy(), _pushed(p, w, how, pushed)
     if bounces or allowed > 0.0 or rubs(p) or moves:
-        # what moves is first taken to go on as it does at the start of the step, then to come to where the impact is
+        # moving obstacles are first extrapolated from the start of the step, then back from its end
         for towards in range(2 if allowed > 0.0 and moves else 1):
             if towards:
                 _signals_towards(p, w, t + h, h)
@@ -329,9 +341,9 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
 @addressed_with_memory
 @seldom
 def make_consistent(p, w, s, t):  # type: ignore[no-untyped-def]
-    """Make rates, accelerations and multipliers of s consistent at t, with the items closed that are; return whether.
+    """Make rates, accelerations and multipliers of s consistent at t, for its closed items; return whether it was done.
 
-    Not where points rub: their friction is that of the steps.
+    It is not done with friction, whose forces come from the steps.
     """
     if rubs(p):
         return False
@@ -348,9 +360,9 @@ def make_consistent(p, w, s, t):  # type: ignore[no-untyped-def]
 
 
 def impact_functions(contacts: Any, sided: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
-    """Return the functions that the table of a model with these contacts has (``kernels.calls.table``).
+    """Return the entries for impacts of the table of a model with these contacts (``kernels.calls.table``).
 
-    ``sided`` : whether some of them are without a law.
+    ``sided`` : whether some of them are hard.
     """
     out: dict[Any, tuple[Any, ...]] = {calls.tunnels: (tunnels, problem)} if contacts else {}
     if sided:

@@ -1,4 +1,4 @@
-"""Impulses of an impact across what is hit, and the work that obstacles which move do by them."""
+"""Normal impulses of an impact, and the work that moving obstacles do by them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .state import HIT_AT, HIT_POINTS, IMPULSE
 
 @inner_with_memory
 def approach_from(g, rate, second, h):  # type: ignore[no-untyped-def]
-    """Return the rate at which a gap closes that had g, its rate and second rate a time of at most h before."""
+    """Return the rate at which a gap closes, from its value g, rate and second rate at most a time h earlier."""
     if g <= 0.0:
         return min(rate, 0.0)
     square = rate * rate - 2.0 * second * g
@@ -27,7 +27,7 @@ def approach_from(g, rate, second, h):  # type: ignore[no-untyped-def]
 
 @inner_with_memory
 def _rates(p, w, s, t, touched, g, rate, second):  # type: ignore[no-untyped-def]
-    """Fill gaps (items,) and their first and second rates at a state s at t, of items as they ``touched``."""
+    """Fill gaps (items,) and their first and second rates at state s and time t, with items held as in ``touched``."""
     for i in range(len(touched)):
         if p.points.restitution[i] >= 0.0:
             p.points.mem[i, HELD] = touched[i]
@@ -37,8 +37,9 @@ def _rates(p, w, s, t, touched, g, rate, second):  # type: ignore[no-untyped-def
 
 @inner_with_memory
 def _impulses(p, w, end, t, touched, approach, out):  # type: ignore[no-untyped-def]
-    """Fill the impulses (items,) of those that were CLOSED in ``touched``, which change rates of gaps from ``approach``
-    (n,) to those at the end; return whether they are known.
+    """Fill out (items,) with the impulses that change gap rates from ``approach`` (n,) to those at ``end``.
+
+    They belong to items that are CLOSED in ``touched``. Returns whether they are determined.
     """
     n = len(touched)
     g, rate, second, rhs = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(len(end.z))
@@ -57,8 +58,9 @@ def _impulses(p, w, end, t, touched, approach, out):  # type: ignore[no-untyped-
 
 @inner_with_memory
 def note_impulses(p, w, s, end, t, h, touched):  # type: ignore[no-untyped-def]
-    """Note how large the impulses of an impact at the end of the step from s at t are, of how many items, and which is
-    the largest; what items remember stays.
+    """Store in s.numbers the sum and number of the impulses at the end of the step from s at t, and the largest's item.
+
+    The history variables of the items are restored.
     """
     n, kept = len(touched), np.zeros(p.points.mem.shape)
     copy_rows(p.points.mem, kept)
@@ -80,8 +82,10 @@ def note_impulses(p, w, s, end, t, h, touched):  # type: ignore[no-untyped-def]
 
 @inner_with_memory
 def given_in_impact(p, w, end, t, touched, approach, pushed):  # type: ignore[no-untyped-def]
-    """Return the work at most that obstacles which move do in an impact on items that were CLOSED in ``touched``: that
-    of the impulses which change rates of gaps from ``approach`` (n,) to those at the end, and of the largest friction.
+    """Return an upper bound of the work of moving obstacles in an impact on items that are CLOSED in ``touched``.
+
+    It is the work of the impulses that change gap rates from ``approach`` (n,) to those at ``end``, and of the largest
+    friction. ``pushed`` (items,) : speeds of the obstacles. inf if the impulses are not determined.
     """
     given, force, rest = 0.0, np.zeros(len(touched)), np.zeros(len(w.d))
     if not _impulses(p, w, end, t, touched, approach, force):

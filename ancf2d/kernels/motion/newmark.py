@@ -17,22 +17,22 @@ from .friction import rubs
 from .state import BACKWARD, CONTRACTION, DONE, FRESH, INTO_SUPPORTS, NOT_CONVERGED, NOT_FINITE, RUBBED, SINGULAR
 from .step_control import enough
 
-# iterations that a tangent with its factors costs: where the last one would take more of them, there is a new one
+# cost of a new tangent and its factors, in iterations: it is made if the old one would need more iterations than that
 MAKING = 3.0
-# of the extent: increments that tell nothing more where points open and close by turns. Those within the gap of a point
-# that counts as one that touches (1e-12) add up
+# fraction of the extent: smaller increments count as round-off while contact points alternately open and close (they
+# add up from the gap below which a point counts as touching, 1e-12)
 TOUCHES = 4e-11
-# what is not symmetric in a tangent: at most so many products with it for a solve, and what may be left of one
+# solves with an unsymmetric tangent: most products with its skew part, and the relative residual that is left
 KRYLOV, ENOUGH = 8, 1e-4
 
 
 class Newmark(NamedTuple):
     """(1 - am) alg_1 + am alg_0 = (1 - af) a_1 + af a_0 with Newmark's beta and gamma (Arnold & Bruls 2007).
 
-    starts : 1, or 0 where a step has no use for alg at its start; tolerance : of Newton's increments, relative to the
-    size of the motion; full : a tangent for every iteration; end : a Step; alg : (n,); rows (2 KRYLOV + 1, n) : room;
-    before, after (3, n) : at start and end, friction of contacts without a law, rates of their places, and what alg has
-    of the friction.
+    starts : 1, or 0 if the method does not use alg at the start of the step (backward Euler); tolerance : of Newton's
+    increments, relative to the size of the motion; full : whether every iteration gets a new tangent; end : a Step;
+    alg : (n,) algorithmic acceleration at its end; rows (2 KRYLOV + 1, n) : work space; before, after (3, n) : friction
+    forces of hard contacts, their sliding rates, and the friction contained in alg, at start and end of the step.
     """
 
     am: float
@@ -52,7 +52,7 @@ class Newmark(NamedTuple):
 
 @inner
 def _move(m, p, s, h):  # type: ignore[no-untyped-def]
-    """Fill the end of the step from the algorithmic acceleration there."""
+    """Compute z, v and a at the end of the step from the algorithmic acceleration there."""
     end = m.end
     for i in range(len(m.alg)):
         if p.coordinate[i] != 0.0:
@@ -64,16 +64,16 @@ def _move(m, p, s, h):  # type: ignore[no-untyped-def]
 
 @inner
 def _stands(p, w, end, iteration, step):  # type: ignore[no-untyped-def]
-    """Return whether increments that do not shrink are round-off."""
+    """Return whether an increment that no longer shrinks is round-off."""
     if calls.at_floor(p.calls, (p, w, end.v, end.a)):
         return True
-    # what touches may be open again in the next iteration, and closed in the one after it
+    # a touching point may open in one iteration and close in the next
     return p.sided and iteration > 2 and step <= TOUCHES * p.extent
 
 
 @inner
 def _left(step, rate, wanted):  # type: ignore[no-untyped-def]
-    """Return how many increments are to come before they are small enough, by the last one and the contraction."""
+    """Return how many more iterations are needed until increments are below ``wanted``, from the contraction rate."""
     if rate >= 0.5:
         return np.inf
     return np.log(wanted / step) / np.log(max(rate, 1e-3)) if step > wanted else 0.0
@@ -81,7 +81,7 @@ def _left(step, rate, wanted):  # type: ignore[no-untyped-def]
 
 @inner
 def _along(p, x, y, share):  # type: ignore[no-untyped-def]
-    """Return the product of two changes of the unknowns as displacements, and ``share`` times that of multipliers."""
+    """Return the inner product of two changes of the unknowns: of displacements, plus ``share`` times multipliers."""
     total, others = 0.0, 0.0
     for i in range(len(x)):
         if p.coordinate[i] != 0.0:
@@ -93,7 +93,7 @@ def _along(p, x, y, share):  # type: ignore[no-untyped-def]
 
 @inner
 def _share(p, x):  # type: ignore[no-untyped-def]
-    """Return by what multipliers count as much as displacements in a change of the unknowns."""
+    """Return the weight of multipliers in ``_along`` that gives them the same share as displacements in x."""
     moves = _along(p, x, x, 0.0)
     forces = _along(p, x, x, 1.0) - moves
     return moves / forces if forces > 0.0 else 0.0
@@ -101,7 +101,10 @@ def _share(p, x):  # type: ignore[no-untyped-def]
 
 @inner
 def _turn(p, w, x, out):  # type: ignore[no-untyped-def]
-    """Fill ``out`` with S^-1 N x, with the factors of S and what N a tangent has beside; return whether it has any."""
+    """Fill ``out`` with S^-1 N x, where w.A has the factors of S and N is the skew part; return whether N is nonzero.
+
+    If N is zero, ``out`` is set to zero.
+    """
     for i in range(len(out)):
         out[i] = 0.0
     if not calls.point_skew(p.calls, (p, x, out)):
@@ -114,7 +117,8 @@ def _turn(p, w, x, out):  # type: ignore[no-untyped-def]
 def _solve(m, p, w, x):  # type: ignore[no-untyped-def]
     """Solve (S + N) x = b in place, with the factors of S in w.A: x + S^-1 N x = S^-1 b by conjugate residuals.
 
-    Friction makes N, which is small beside S. The same as GMRES (Eisenstat, Elman & Schultz 1983), without restarts.
+    The skew part N stems from friction and is small compared with S. The iteration is equivalent to GMRES without
+    restarts (Eisenstat, Elman & Schultz 1983).
     """
     solve_with(p, w.A, x)
     n, r = len(x), m.rows[2 * KRYLOV]
@@ -148,7 +152,7 @@ def _solve(m, p, w, x):  # type: ignore[no-untyped-def]
 
 @inner
 def _error(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
-    """Return the local error [m]: the next term of the series in h, less what stiff motions make of it."""
+    """Return the local error [m]: the next term of the series in h, with stiff components filtered out."""
     for k in range(len(m.alg)):
         w.x[k] = m.alg[k] - m.starts * s.extra[0, k]
     calls.mass_product(p.calls, (p, w.x, w.y))
@@ -159,7 +163,7 @@ def _error(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
         w.y[k] *= factor
     solve_with(p, w.A, w.y)
     for k in range(p.inner, len(m.alg)):
-        # states of controllers have no mass: theirs is the term itself
+        # states of controllers have no mass: their error is the unfiltered term
         w.y[k] = factor / ca * w.x[k]
         weigh_state(p, s, k - p.inner, abs(m.end.v[k]))
     return norm(p, w.y)
@@ -167,7 +171,7 @@ def _error(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
 
 @inner
 def _go_to(m, p, s, h, share):  # type: ignore[no-untyped-def]
-    """Begin Newton's method with an end where the step began, plus a share of the way that its rates go in its time."""
+    """Set the first iterate of Newton's method to the start of the step plus ``share`` times h v."""
     for i in range(len(m.alg)):
         if p.coordinate[i] != 0.0:
             m.alg[i] = -((1.0 - share) * s.v[i] / h + (0.5 - m.beta) * m.starts * s.extra[0, i]) / m.beta
@@ -176,7 +180,7 @@ def _go_to(m, p, s, h, share):  # type: ignore[no-untyped-def]
 
 @inner
 def _factored(p, w, end, ca, cv):  # type: ignore[no-untyped-def]
-    """Fill w.A with the factors of the tangent at the end of a step; return whether it has some."""
+    """Fill w.A with the factors of the tangent at the end of a step; return whether it is regular."""
     if p.sided:
         calls.leave_supported(p.calls, (p, w, end.z))
     while True:
@@ -190,7 +194,10 @@ def _factored(p, w, end, ca, cv):  # type: ignore[no-untyped-def]
 
 @inner
 def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
-    """Find the end of the step by Newton's method from what it is; return (outcome, iterations, contraction)."""
+    """Solve for the end of the step by Newton's method, starting at m.alg and m.end.
+
+    Returns (outcome, iterations, contraction).
+    """
     n, end = len(m.alg), m.end
     cv = m.gamma / (m.beta * h)
     last, rate, pulls = 0.0, s.numbers[CONTRACTION], False
@@ -226,7 +233,7 @@ def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
         expected = rate if iteration > 1 else min(max(rate, 1e-2), 0.5)
         if iteration >= p.sure and not pulls and settled(step, expected, wanted, p, w, end.z, w.amps):
             break
-        # which constraints are open is found on the way: the first increments need not shrink
+        # the active set changes during the iteration, so the first increments need not shrink
         if iteration >= m.max_iterations or (rate > 2.0 and iteration > 2 and not p.sided):
             return NOT_CONVERGED, iteration, rate
     if p.sided and calls.into_supports(p.calls, (p, w, end.z)):
@@ -236,7 +243,7 @@ def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
 
 @inner
 def _of_step(m, backward):  # type: ignore[no-untyped-def]
-    """Return m, or the backward Euler method: z_1 = z_0 + h v_1, v_1 = v_0 + h a_1."""
+    """Return m or, if ``backward``, the backward Euler method: z_1 = z_0 + h v_1, v_1 = v_0 + h a_1."""
     own = 0.0 if backward else 1.0
     return Newmark(own * m.am, own * m.af, own * m.beta + (1.0 - own), own * m.gamma + (1.0 - own), own, m.tolerance,
                    m.max_iterations, m.full, m.end, m.alg, m.rows, m.before, m.after)
@@ -266,7 +273,7 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
         _go_to(m, p, s, h, 1.0)
     outcome, iterations, rate = _iterate(m, p, w, s, h, ca)
     if outcome == NOT_CONVERGED and p.sided:
-        # what sticks may have been predicted to slide, from where Newton's method goes from one way to the other
+        # a sticking point may have been predicted to slide, so that the iteration alternates between both directions
         let_choose(p)
         _go_to(m, p, s, h, 0.0)
         outcome, more, rate = _iterate(m, p, w, s, h, ca)
@@ -289,7 +296,7 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
 
 @addressed
 def newmark_accept(s, m):  # type: ignore[no-untyped-def]
-    """Keep what the next step needs beside the end of this one."""
+    """Store the algorithmic acceleration and friction of an accepted step for the next one."""
     copy(m.alg, s.extra[0])
     copy(m.after[0], s.extra[1])
     copy(m.after[2], s.extra[2])
@@ -298,7 +305,7 @@ def newmark_accept(s, m):  # type: ignore[no-untyped-def]
 
 @addressed
 def newmark_go_on(s, m):  # type: ignore[no-untyped-def]
-    """Do as ``newmark_restart`` does, behind an impact."""
+    """Restart in compiled code after an impact, same as ``newmark_restart``."""
     copy(s.a, s.extra[0])
     s.extra[1:] = 0.0
     s.numbers[FRESH] = 1.0
@@ -306,12 +313,12 @@ def newmark_go_on(s, m):  # type: ignore[no-untyped-def]
 
 @addressed
 def newmark_inside(p, m, h, x):  # type: ignore[no-untyped-def]
-    """Let materials that relax be asked for what they are after the fraction x of a step h, of linear strains."""
+    """Set the clocks of relaxing materials to the fraction x of a step h; their laws assume strains linear in time."""
     for k in p.clocks:
         p.states[k] = x * h
 
 
 def newmark_restart(m: Any, s: Any) -> None:
-    """Begin anew from consistent accelerations."""
+    """Restart from the accelerations in s, which are consistent."""
     s.extra[:] = 0.0
     s.extra[0], s.numbers[FRESH] = s.a, 1.0

@@ -1,4 +1,4 @@
-"""The equations of motion solved for accelerations: y' = f(t, y) with y = (z, z') of the coordinates alone."""
+"""The equations of motion as y' = f(t, y) for SciPy's integrators, with y = (z, z') of the coordinates only."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .dynamics import lost_to_mass_damping, power_of_loads, residual, signals_at
 
 @kernel
 def mass_factors(p, w, factors):  # type: ignore[no-untyped-def]
-    """Factor the mass matrix that ``factors`` holds, where there are no multipliers."""
+    """Factor the mass matrix in ``factors`` in place, for models without multipliers."""
     calls.factor(p.calls, (p, factors, w.y))
 
 
@@ -25,7 +25,7 @@ def mass_factors(p, w, factors):  # type: ignore[no-untyped-def]
 def accelerations(p, w, factors, s, t):  # type: ignore[no-untyped-def]
     """Fill s.a, and the multipliers in s.z, at coordinates s.z with rates s.v; return whether they are determined.
 
-    ``factors``: LDL^T of the mass matrix, which serves where there are no multipliers.
+    ``factors``: LDL^T of the mass matrix, used if there are neither multipliers nor moving masses.
     """
     n = len(s.z)
     rhs = np.zeros(n)
@@ -63,7 +63,7 @@ def accelerations(p, w, factors, s, t):  # type: ignore[no-untyped-def]
 
 @kernel
 def place(s, free, y):  # type: ignore[no-untyped-def]
-    """Put y = (z, z') of the coordinates ``free`` into the motion s."""
+    """Copy y = (z, z') of the coordinates ``free`` into the motion s."""
     m = len(free)
     for k in range(m):
         s.z[free[k]] = y[k]
@@ -72,7 +72,7 @@ def place(s, free, y):  # type: ignore[no-untyped-def]
 
 @kernel
 def rates(p, w, factors, s, free, t, y, out):  # type: ignore[no-untyped-def]
-    """Fill y' (2 m,); not a number where it is not determined."""
+    """Fill out with y' (2 m,), with nan for accelerations that are not determined."""
     m = len(free)
     place(s, free, y)
     found = calls.accelerations(p.calls, (p, w, factors, s, t))
@@ -80,7 +80,7 @@ def rates(p, w, factors, s, free, t, y, out):  # type: ignore[no-untyped-def]
         out[k] = y[m + k]
         out[m + k] = s.a[free[k]] if found else np.nan
         if free[k] >= p.inner:
-            # states of controllers have first derivatives alone: z' = g = v + (g - v), and v stays as it is
+            # states of controllers obey z' = g = v + (g - v); their v stays constant
             out[k] += out[m + k]
             out[m + k] = 0.0
 
@@ -88,7 +88,7 @@ def rates(p, w, factors, s, free, t, y, out):  # type: ignore[no-untyped-def]
 @kernel
 @seldom
 def tangents(p, w, s, t, K, C, KKT):  # type: ignore[no-untyped-def]
-    """Fill dQ/dz, dQ/dz + dQ/dz' and the matrix of [M G^T; G 0], stored as all are, at s with its multipliers."""
+    """Fill K = dQ/dz, C = dQ/dz + dQ/dz' and KKT = [M G^T; G 0], in the model's storage, at s with its multipliers."""
     signals_at(p, t, w.amps)
     calls.forces_tangent(p.calls, (p, w, s.z, s.v, 1.0))
     copy(w.A, C)
@@ -103,7 +103,7 @@ def tangents(p, w, s, t, K, C, KKT):  # type: ignore[no-untyped-def]
 @kernel
 @seldom
 def powers(p, w, factors, s, free, t, y):  # type: ignore[no-untyped-def]
-    """Return (power of varying loads, motion and point laws, power lost) at y."""
+    """Return (power of varying loads, prescribed motion and point laws; power dissipated) at y."""
     place(s, free, y)
     calls.accelerations(p.calls, (p, w, factors, s, t))
     signals_at(p, t, w.amps)
@@ -114,7 +114,7 @@ def powers(p, w, factors, s, free, t, y):  # type: ignore[no-untyped-def]
 @kernel
 @seldom
 def settle(p, w, s, t):  # type: ignore[no-untyped-def]
-    """Take the motion s at t as the end of a step, put onto the constraints; return their violation."""
+    """Accept the motion s at t as the end of a step, projected onto the constraints; return their violation."""
     if len(p.feedback.kind) > 0:
         signals_at(p, t, w.amps)
         to_full(p, s.z, w.amps, 0, w.d)
@@ -128,5 +128,5 @@ def settle(p, w, s, t):  # type: ignore[no-untyped-def]
 
 
 def ode_functions(problem: Any) -> dict[Any, tuple[Any, ...]]:
-    """Return the functions that the table of a model of this type has for SciPy's integrators (``kernels.calls``)."""
+    """Return the entries for SciPy's integrators of the table of a model (``kernels.calls.table``)."""
     return {calls.accelerations: (accelerations, problem)}

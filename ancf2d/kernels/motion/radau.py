@@ -1,10 +1,10 @@
 """One step of Radau IIA with s stages, order 2 s - 1, on positions, rates and multipliers (index 3).
 
 Stage values solve M A_i + Q(z_i, V_i) = F(t_i), g(z_i) = 0 with V = W (z - z_0)/h, A = W (V - v_0)/h, W the inverse
-of the coefficients (Hairer, Lubich & Roche 1989). Newton's systems of s n unknowns fall apart into one real and
-(s - 1)/2 complex bands by the eigenvectors of W (Hairer & Wanner 1996, IV.8). They share one tangent, which is turned
-with the sections from stage to stage: a slender element is so much stiffer along than across that the tangent of
-another stage, a hundredth of a turn away, would be none.
+of the coefficients (Hairer, Lubich & Roche 1989). The eigenvectors of W split Newton's system of s n unknowns into one
+real and (s - 1)/2 complex bands (Hairer & Wanner 1996, IV.8). These share one tangent, which is rotated with the
+sections from stage to stage: a slender element is so much stiffer along than across that the tangent of another stage,
+a hundredth of a turn away, would be useless.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def combine_all(F, X, out):  # type: ignore[no-untyped-def]
 
 @inner
 def separate(F, R, y, u, rows):  # type: ignore[no-untyped-def]
-    """Fill y (n,) and u (k, n) with F R: its first row, then real and imaginary parts; rows (s, TILE) to work in."""
+    """Fill y (n,) and u (k, n) with F R: its first row, then real and imaginary parts; rows (s, TILE) is work space."""
     n = len(y)
     for first in range(0, n, TILE):
         count = min(TILE, n - first)
@@ -63,7 +63,7 @@ def separate(F, R, y, u, rows):  # type: ignore[no-untyped-def]
 
 @inner
 def unite(F, y, u, R, rows):  # type: ignore[no-untyped-def]
-    """Fill R (s, n) with F (y, Re u_1, Im u_1, ...); rows (s, TILE) to work in."""
+    """Fill R (s, n) with F (y, Re u_1, Im u_1, ...); rows (s, TILE) is work space."""
     n = len(y)
     for first in range(0, n, TILE):
         count = min(TILE, n - first)
@@ -81,14 +81,15 @@ class Radau(NamedTuple):
     """Coefficients and arrays of Radau IIA with s stages (s odd), of a problem with n unknowns.
 
     c (s,) nodes; W (s, s); real mu, complex mus (k,) its eigenvalues; apart (s, s) : minus its left eigenvectors, the
-    real one, then real and imaginary parts; together (s, s) : what makes stages of the parts; embedded (1, s) and gamma
-    of the error estimate; tolerance of Newton's increments; full : a tangent for every step, as where materials yield;
-    fixed : whether steps have a fixed length; damped : whether tangents depend on rates; multipliers : which unknowns
-    are; end : a Step; X, V, A, R (s, n) stages; kept (s, n) residuals of the stages; B, C (k, ...) factors; y (n,), u
-    (k, n); amps (s, signals, 3); cosine, sine (s, pairs): how vectors have turned at a stage since the tangent's state;
-    held (4,) : time and length of the step that the factors are of, iterations of this one, and energy that relaxing
-    took; facing (2, pairs) : directions of the vectors at the tangent's state; F (s, s), rows (s, TILE) to work in;
-    relaxing : what materials that relax remember at the stages.
+    real one, then real and imaginary parts; together (s, s) : right eigenvectors, which combine these parts to stages;
+    embedded (1, s) and gamma of the error estimate; tolerance of Newton's increments; full : whether every step gets a
+    new tangent, as for materials that yield; fixed : whether steps have a fixed size; damped : whether tangents depend
+    on rates; multipliers : indices of the multipliers among the unknowns; end : a Step; X (less the start, except for
+    multipliers), V, A, R (s, n) stages; kept (s, n) residuals of the stages; B, C (k, ...) factors; y (n,), u (k, n);
+    amps (s, signals, 3); cosine, sine (s, pairs): rotation of vectors at a stage relative to the tangent's state;
+    held (4,) : time and step size of the factors, iterations of this step, and energy lost in relaxation; facing
+    (2, pairs) : directions of the vectors at the tangent's state; F (s, s), rows (s, TILE) : work space; relaxing :
+    history variables of relaxing materials at the stages.
     """
 
     c: Any
@@ -127,7 +128,7 @@ class Radau(NamedTuple):
 
 @inner
 def _predict(m, p, s, h):  # type: ignore[no-untyped-def]
-    """Fill the stages by what the last step's polynomials go on to, or by the series in h after a restart."""
+    """Predict the stages by extrapolating the last step's polynomials, or by the series in h after a restart."""
     stages, n = m.X.shape
     old = s.numbers[OLD_STEP]
     if old <= 0.0:
@@ -158,7 +159,7 @@ def _predict(m, p, s, h):  # type: ignore[no-untyped-def]
 
 @inner
 def _rates(m, s, h, further):  # type: ignore[no-untyped-def]
-    """Fill the rates and second rates of the stages, once R is added to them where ``further``; R is then V - v."""
+    """Compute V and A of the stages from X, after adding the increments R to X if ``further``; R becomes V - v."""
     stages, n = m.X.shape
     for i in range(stages):
         for j in range(stages):
@@ -184,7 +185,7 @@ def _rates(m, s, h, further):  # type: ignore[no-untyped-def]
 
 @inner
 def _solve(m, p):  # type: ignore[no-untyped-def]
-    """Turn the residuals into increments of the stages, in m.R; return how much the largest strains [m]."""
+    """Replace the residuals in m.R by the increments of the stages; return the largest, weighted by straining [m]."""
     stages = len(m.c)
     for i in range(stages):
         turn(m, p, i, -1.0, m.R[i])
@@ -204,13 +205,16 @@ def _solve(m, p):  # type: ignore[no-untyped-def]
 
 @inner
 def _error(m, p, w, s, h, kept):  # type: ignore[no-untyped-def]
-    """Return the local error [m] against the embedded formula of order s, stiff parts filtered."""
+    """Return the local error [m]: the difference from the embedded formula of order s, stiff components filtered.
+
+    ``kept`` : whether the factors are those of an earlier step, so that vectors must be rotated.
+    """
     n = len(m.y)
     g, f = m.gamma * h, (m.mu / h) ** 2
     for first in range(0, n, TILE):
         combine(m.embedded, 0, m.X, first, w.x, first, min(TILE, n - first))
         combine(m.embedded, 0, m.R, first, w.y, first, min(TILE, n - first))
-    # states of controllers have no mass: theirs is the difference itself
+    # states of controllers have no mass: their error is the unfiltered difference
     states = p.feedback.rates
     for j in range(n - p.inner):
         states[j] = w.x[p.inner + j] + g * s.v[p.inner + j]
@@ -245,7 +249,7 @@ def _met(m, p, w, s):  # type: ignore[no-untyped-def]
 
 @inner
 def _finish(m, p, s, h):  # type: ignore[no-untyped-def]
-    """Fill the end of the step and what its interpolation needs."""
+    """Fill the end of the step and the coefficients of its interpolation."""
     stages, n = m.X.shape
     end, last = m.end, stages - 1
     for k in range(n):
@@ -255,7 +259,7 @@ def _finish(m, p, s, h):  # type: ignore[no-untyped-def]
     for i in range(stages):
         for k in range(n):
             end.dense[1 + i, k] = h * m.V[i, k]
-    # multipliers by the polynomial through the start and all stages, as its rates there
+    # multipliers: polynomial through the start and all stages, given by its rates there
     for k in m.multipliers:
         for i in range(stages + 1):
             end.dense[i, k] = 0.0
@@ -272,14 +276,14 @@ def _finish(m, p, s, h):  # type: ignore[no-untyped-def]
 
 @inner
 def _at_floor(m, p, w, s, h):  # type: ignore[no-untyped-def]
-    """Return whether no residual of the stages, as they were kept, exceeds what round-off can leave of its terms."""
+    """Return whether all residuals of the stages (m.kept) are within the round-off of their terms."""
     stages = len(m.c)
     for i in range(stages):
         place(m, p, w, s, i)
         give(m.relaxing, m.relaxing.inner[i])
         to_full(p, m.y, w.amps, 0, w.d)
         copy(m.kept[i], w.R)
-        # second rates are differences of rates, which are as large as this
+        # size of the terms whose differences are the second rates
         for k in range(len(w.x)):
             size = 0.0
             for j in range(stages):
@@ -292,7 +296,7 @@ def _at_floor(m, p, w, s, h):  # type: ignore[no-untyped-def]
 
 @inner
 def _iterate(m, p, w, s, h):  # type: ignore[no-untyped-def]
-    """Solve for the stages from those predicted; return (outcome, iterations, contraction)."""
+    """Solve for the stages by Newton's method from the prediction; return (outcome, iterations, contraction)."""
     rate, last, iteration = s.numbers[CONTRACTION], 0.0, 0
     wanted, least = enough(p, s, h, m.tolerance), rounding(p, s)
     while True:
@@ -309,10 +313,10 @@ def _iterate(m, p, w, s, h):  # type: ignore[no-untyped-def]
             return NOT_FINITE, iteration + 1, rate
         if iteration > 0:
             rate = step / last
-        # what is left at this rate after all iterations that are allowed
+        # predicted size of the increment after the last iteration allowed
         ahead = step * rate ** (m.max_iterations - iteration - 1) if iteration > 2 else 0.0
         in_vain = iteration + 1 >= m.max_iterations or (rate > 2.0 and iteration > 1) or ahead > wanted
-        # increments are no guide where round-off makes them
+        # increments do not show convergence if they are round-off
         if iteration > 1 and (rate > 0.5 or in_vain) and _at_floor(m, p, w, s, h):
             _rates(m, s, h, False)
             return DONE, iteration, rate
@@ -322,7 +326,7 @@ def _iterate(m, p, w, s, h):  # type: ignore[no-untyped-def]
         expected = rate if iteration > 1 else min(max(rate, 1e-2), 0.5)
         small = step == 0.0 or (expected < 1.0 and step * expected <= wanted * (1.0 - expected))
         if m.fixed and iteration == 1:
-            # one increment tells no contraction, and what it leaves adds up over many short steps
+            # one increment gives no contraction rate, and its error adds up over many short steps
             small = step <= least
         if small and iteration >= p.sure and _met(m, p, w, s):
             return DONE, iteration, rate
@@ -364,12 +368,12 @@ def radau_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
 
 @addressed
 def radau_accept(s, m):  # type: ignore[no-untyped-def]
-    """Keep the stages, which the next step goes on from, and the tangent while it serves."""
+    """Store the stages of an accepted step for the next prediction, and count the cost of the tangent."""
     s.numbers[LOST] += m.held[3]
     copy_rows(m.X, array_at(s.extra, 0, m.X.shape))
     count(s, m.held[2])
 
 
 def radau_restart(m: Any, s: Any) -> None:
-    """Begin anew: the series in h predicts the first step."""
+    """Restart: the series in h predicts the next step, which gets a new tangent."""
     s.numbers[OLD_STEP] = s.numbers[HELD_STEP] = 0.0

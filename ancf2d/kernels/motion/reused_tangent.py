@@ -1,7 +1,7 @@
-"""The tangent of Radau's stages: that of an earlier state, turned with the sections, as long as it pays.
+"""The tangent of Radau's stages: that of an earlier state, rotated with the sections, as long as it pays.
 
-It is of the middle stage of the step that it was made for. From there it is turned to every stage, of that step and of
-the next ones of the same length: what is left of the contraction is that of the deformation alone.
+It is formed at the middle stage of one step and rotated to every stage of that step and of the following steps of the
+same size, so that only the change of deformation slows Newton's method.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from .dynamics import FACTORS, directions, factor, signals_at, to_full, turned
 from .stages import double, give, is_first, modulus, place
 from .state import HELD_COST, HELD_STEP, HELD_STEPS, HELD_TIME
 
-# what a tangent and its factors cost, in iterations
+# cost of a tangent and its factors, in iterations
 MAKING = 1.5
 
 
 @inner
 def turns(m, p, w, s):  # type: ignore[no-untyped-def]
-    """Fill how the vectors of all pairs stand at the stages, beside where the tangent is of."""
+    """Fill m.cosine and m.sine with the rotation of all pairs from the tangent's state to each stage."""
     stages = len(m.c)
     for i in range(stages):
         place(m, p, w, s, i)
@@ -33,7 +33,7 @@ def turns(m, p, w, s):  # type: ignore[no-untyped-def]
 
 @inner
 def turn(m, p, i, sense, x):  # type: ignore[no-untyped-def]
-    """Turn the vectors in x (n,) from the tangent's state to stage i (sense 1) or back (-1)."""
+    """Rotate the vectors in x (n,) from the tangent's state to stage i (sense 1) or back (-1)."""
     for k in range(len(p.pairs)):
         a, b = p.pairs[k, 0], p.pairs[k, 1]
         c, s = m.cosine[i, k], sense * m.sine[i, k]
@@ -42,7 +42,7 @@ def turn(m, p, i, sense, x):  # type: ignore[no-untyped-def]
 
 @inner
 def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
-    """Factor the real and the complex bands with the tangent at the held state; return whether they could be."""
+    """Factor the real and the complex bands with the tangent at the held state; return whether they are regular."""
     stages, A, B, M = len(m.c), w.A, m.B, p.mass
     z, v = s.extra[stages], s.extra[stages + 1]
     signals_at(p, s.numbers[HELD_TIME], w.amps)
@@ -70,7 +70,7 @@ def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
 
 @inner
 def _bands(m, p, w, h):  # type: ignore[no-untyped-def]
-    """Fill the bands with the tangent in w.A, and with what rates add to it, which m.B is beyond that."""
+    """Fill the bands from the tangent w.A = K and, if damped, m.B = K + C, with the mass terms for step size h."""
     size, A, B, M = len(w.A), w.A, m.B, p.mass
     for k in range(len(m.mus)):
         f = m.mus[k] / h
@@ -88,9 +88,10 @@ def _bands(m, p, w, h):  # type: ignore[no-untyped-def]
 
 @addressed
 def add_moduli(p, w, z, v, m, h):  # type: ignore[no-untyped-def]
-    """Add to each band what terms add to the modulus there, at the held unknowns z with rates v, where w.A is of."""
+    """Add the Maxwell terms' part of the complex modulus to each band, at the held z and v; w.A is the tangent there.
+    """
     q, size, A, B = m.relaxing, len(w.A), w.A, m.B
-    # by tangents with the stiffness of groups twice: each is the tangent at hand and that stiffness
+    # the stiffness of a group is the tangent with that stiffness doubled, less the tangent itself
     for sign in (-1.0, 1.0):
         for r in range(len(q.runs)):
             if not is_first(q, r):
@@ -109,19 +110,19 @@ def add_moduli(p, w, z, v, m, h):  # type: ignore[no-untyped-def]
 
 @inner
 def _serves(m, p, s, h):  # type: ignore[no-untyped-def]
-    """Return whether the tangent of an earlier step is taken on.
+    """Return whether the tangent of an earlier step is used again.
 
-    Point laws and joints remember where they were: theirs could not be made again.
+    With point laws or joints it is not: their tangents depend on history and could not be reproduced after a resume.
     """
     if m.full or p.patched:
         return False
-    # steps of one length differ by the round-off of the times between them
+    # equal steps differ by the round-off of their times
     return abs(s.numbers[HELD_STEP] - h) <= 1e-9 * h
 
 
 @inner
 def _hold(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
-    """Let the middle stage of the step be what the tangent is of; return whether it could be factored."""
+    """Make a new tangent at the middle stage of the step and factor it; return whether it is regular."""
     stages, middle = len(m.c), len(m.c) // 2
     place(m, p, w, s, middle)
     copy(m.y, s.extra[stages])
@@ -135,9 +136,9 @@ def _hold(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
 
 @inner
 def tangent(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
-    """Have a tangent and its factors: those at hand, made again after a resumption, or new ones; return success.
+    """Provide the factored tangent for a step: reused, rebuilt after a resume, or new; return whether it is regular.
 
-    Their state goes with the motion, so that one that is resumed has the same factors, to the last bit.
+    The state of the tangent is stored with the motion, so a resumed motion has bitwise the same factors.
     """
     if not _serves(m, p, s, h):
         return _hold(m, p, w, s, t, h)
@@ -148,7 +149,8 @@ def tangent(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
 
 @inner
 def count(s, iterations):  # type: ignore[no-untyped-def]
-    """Count what a step cost; give the tangent up where that was more than the mean, which is at its least there."""
+    """Count the iterations of a step; discard the tangent if they exceed the mean cost per step, which is then least.
+    """
     s.numbers[HELD_STEPS] += 1.0
     s.numbers[HELD_COST] += iterations
     if iterations * s.numbers[HELD_STEPS] > s.numbers[HELD_COST]:

@@ -1,13 +1,13 @@
-"""The stages of Radau's method: where they are, and what materials that relax are there.
+"""The stages of Radau's method: their unknowns, and the history variables of relaxing materials there.
 
-A Maxwell term h' + h/tau = eps' is solved at the stages as displacements are: with W the inverse of the coefficients
-and x the step over tau, H = G (E - eps_0 + h_0) for the values H (s,) of h and E of the strain, G = (W + x)^-1 W. So
-nothing but displacements is unknown. An eigenvector of W with the eigenvalue mu is one of G too, with mu/(mu + x):
-Newton's systems have the complex modulus of the material at mu/h.
+A Maxwell term h' + h/tau = eps' is integrated by the same stages as the displacements: with W the inverse of the
+coefficients and x the step size over tau, H = G (E - eps_0 + h_0) for the values H (s,) of h and E of the strain,
+G = (W + x)^-1 W. So only displacements are unknown. An eigenvector of W with eigenvalue mu is one of G too, with
+mu/(mu + x): Newton's systems contain the complex modulus of the material at mu/h.
 
-Forces need no more than the sums -sum g H of all terms, which are given to elements as internal strains
-(``kernels.forces``): a part -sum g G of the strains and what is left of the terms at the start. Terms are filled in
-where steps end.
+Forces need only the sums -sum g H over all terms. Elements take them as given internal strains (``kernels.forces``):
+-sum g G times the strains, plus a part that follows from the terms at the start. The terms themselves are computed only
+when a step ends.
 """
 
 from __future__ import annotations
@@ -24,22 +24,23 @@ from ..lowlevel.records import array_at
 from ..natural import UNGIVEN
 from .dynamics import to_full
 
-# slopes of internal strains that are given: of fixed ones, and of those that make a stiffness twice as large
+# slopes of given internal strains: fixed ones, and ones that double the stiffness
 FIXED, DOUBLING = 0.0, -1.0
-# numbers that are worked on at a time
+# numbers processed at a time, so that they stay in the cache
 TILE = 128
 
 
 class Relaxing(NamedTuple):
-    """What materials that relax remember at the stages of a step.
+    """Relaxing materials at the stages of a step.
 
-    runs (r, 8) : group, first number, points, numbers of a point, strains, first term, terms and first strain, of each
-    group that relaxes (those that relax alike have the same terms); terms (m, 2) : modulus and time; weights (s,) of
-    the stages; G (m, s, s), carried (m, s) its sums along rows; share (r, s, s) : -sum g G of a group; states, given,
-    slopes : those of the problem; start : the states at the start; strains, inner, left (s, k) : at each stage strains,
-    internal strains, and what of these does not follow from the strains; begun (k,) : internal strains at the start;
-    at_x (1 + m, 1 + s), rates (1 + s,) : what start and stages weigh inside the step (``_weigh``); calls : table of
-    what is called where something relaxes (``kernels.calls``).
+    runs (r, 8) : of each relaxing group its number, its first entry in states, number of points, entries per point,
+    strains per point, first term, number of terms, and first strain (groups with the same material share terms);
+    terms (m, 2) : modulus and relaxation time; weights (s,) of the stages; G (m, s, s), carried (m, s) its row sums;
+    share (r, s, s) : -sum g G of a group; states, given, slopes : those of the problem; start : the states at the start
+    of the step; strains, inner, left (s, k) : strains, internal strains, and the part of these that does not depend on
+    the strains, at each stage; begun (k,) : internal strains at the start; at_x (1 + m, 1 + s), rates (1 + s,) :
+    weights of start and stages for an instant inside the step (``_weigh``); calls : table of the functions for relaxing
+    materials (``kernels.calls``).
     """
 
     runs: Any
@@ -62,7 +63,7 @@ class Relaxing(NamedTuple):
 
 
 def relaxing(runs: Any, terms: Any, weights: Any, p: Any) -> Relaxing:
-    """Return the arrays for a method whose stages have these weights (s,), of a problem."""
+    """Return the arrays for a method with these weights (s,) of its stages, and problem p."""
     s, k = len(weights), p.given.shape[1] if len(runs) else 0
     strains, internal, left = (np.zeros((s, k)) for _ in range(3))
     return Relaxing(runs, terms, weights, np.zeros((len(terms), s, s)), np.zeros((len(terms), s)),
@@ -73,7 +74,8 @@ def relaxing(runs: Any, terms: Any, weights: Any, p: Any) -> Relaxing:
 
 @inner
 def combine(F, i, X, first, out, to, count):  # type: ignore[no-untyped-def]
-    """Fill numbers of ``out`` from entry ``to`` on with the sum of F[i, j] X[j, first:first + count] over j."""
+    """Fill ``count`` numbers of ``out`` from entry ``to`` on with the sum of F[i, j] X[j, first:first + count] over j.
+    """
     s, n = X.shape
     total, a, b, c = (array_at(out, to, (count,)), array_at(X, first, (count,)), array_at(X, n + first, (count,)),
                       array_at(X, 2 * n + first, (count,)))
@@ -89,7 +91,7 @@ def combine(F, i, X, first, out, to, count):  # type: ignore[no-untyped-def]
 
 @inner
 def place(m, p, w, s, i):  # type: ignore[no-untyped-def]
-    """Fill m.y with the unknowns at stage i, and the signals there."""
+    """Fill m.y with the unknowns at stage i, and w.amps with the signals there."""
     for k in range(len(m.y)):
         m.y[k] = s.z[k] * p.coordinate[k] + m.X[i, k]
     copy_rows(m.amps[i], w.amps)
@@ -97,7 +99,7 @@ def place(m, p, w, s, i):  # type: ignore[no-untyped-def]
 
 @inner
 def _set_coefficients(m, h):  # type: ignore[no-untyped-def]
-    """Fill G and what follows from it for a step h."""
+    """Fill G, its row sums and ``share`` for a step of size h."""
     q, s = m.relaxing, len(m.c)
     for k in range(len(q.terms)):
         x = h / q.terms[k, 1]
@@ -122,14 +124,14 @@ def _set_coefficients(m, h):  # type: ignore[no-untyped-def]
 
 @addressed
 def begin_stages(m, h):  # type: ignore[no-untyped-def]
-    """Keep what is remembered at the start of a step h, and prepare for what is at the stages."""
+    """Save the history variables at the start of a step of size h, and prepare the internal strains of its stages."""
     q, s = m.relaxing, len(m.c)
     _set_coefficients(m, h)
     for r in range(len(q.runs)):
         size, n, term, terms, share = q.runs[r, 3], q.runs[r, 4], q.runs[r, 5], q.runs[r, 6], q.share[r]
         for point in range(q.runs[r, 2]):
             first = q.runs[r, 1] + point * size
-            # no time has passed there
+            # the clock of the point
             q.states[first + size - 1] = 0.0
             for c in range(n):
                 x, at = q.runs[r, 7] + point * n + c, first + c
@@ -147,14 +149,14 @@ def begin_stages(m, h):  # type: ignore[no-untyped-def]
 
 @inner
 def ungive(q):  # type: ignore[no-untyped-def]
-    """Let laws tell internal strains again."""
+    """Make laws compute their internal strains themselves again."""
     for r in range(len(q.runs)):
         q.slopes[q.runs[r, 0]] = UNGIVEN
 
 
 @inner
 def give(q, internal):  # type: ignore[no-untyped-def]
-    """Give laws that relax fixed internal strains (k,)."""
+    """Prescribe fixed internal strains (k,) for the relaxing laws."""
     if len(q.runs) > 0:
         copy(internal, q.given[0])
         for r in range(len(q.runs)):
@@ -163,7 +165,7 @@ def give(q, internal):  # type: ignore[no-untyped-def]
 
 @inner
 def _strain(m, p, w, s, i):  # type: ignore[no-untyped-def]
-    """Fill the strains at stage i."""
+    """Fill q.strains[i] with the strains of relaxing groups at stage i."""
     q = m.relaxing
     place(m, p, w, s, i)
     to_full(p, m.y, w.amps, 0, w.d)
@@ -174,7 +176,7 @@ def _strain(m, p, w, s, i):  # type: ignore[no-untyped-def]
 
 @addressed
 def relax(p, w, s, m):  # type: ignore[no-untyped-def]
-    """Fill internal strains at the stages, from the displacements there."""
+    """Compute the internal strains at all stages from the displacements there."""
     q, k = m.relaxing, len(m.relaxing.begun)
     for i in range(len(m.c)):
         _strain(m, p, w, s, i)
@@ -192,14 +194,14 @@ def relax(p, w, s, m):  # type: ignore[no-untyped-def]
 
 @inner
 def let_relax(m, p, w, s):  # type: ignore[no-untyped-def]
-    """Do as ``relax``, where something does."""
+    """Call ``relax`` if the model has relaxing materials."""
     if len(m.relaxing.runs) > 0:
         calls.relax(m.relaxing.calls, (p, w, s, m))
 
 
 @inner
 def modulus(q, r, mu, h):  # type: ignore[no-untyped-def]
-    """Return what the terms of a group add to its modulus at mu/h, relative to the long-time one."""
+    """Return the terms' part of a group's complex modulus at mu/h, relative to the long-time modulus."""
     total = complex(0.0, 0.0)
     for k in range(q.runs[r, 5], q.runs[r, 5] + q.runs[r, 6]):
         total += q.terms[k, 0] * mu / (mu + h / q.terms[k, 1])
@@ -208,7 +210,7 @@ def modulus(q, r, mu, h):  # type: ignore[no-untyped-def]
 
 @inner
 def is_first(q, r):  # type: ignore[no-untyped-def]
-    """Return whether no group before has the same terms."""
+    """Return whether group r is the first with its terms."""
     first = True
     for k in range(r):
         first &= q.runs[k, 5] != q.runs[r, 5]
@@ -217,14 +219,14 @@ def is_first(q, r):  # type: ignore[no-untyped-def]
 
 @inner
 def double(q, r):  # type: ignore[no-untyped-def]
-    """Let tangents have the long-time stiffness of a group, and of those with the same terms, twice."""
+    """Double the long-time stiffness of group r, and of those with the same terms, in tangents."""
     for k in range(len(q.runs)):
         q.slopes[q.runs[k, 0]] = DOUBLING if q.runs[k, 5] == q.runs[r, 5] else FIXED
 
 
 @addressed
 def lost_in_relaxing(p, w, s, m):  # type: ignore[no-untyped-def]
-    """Return the energy that the internal strains of a step take, by the quadrature of the stages."""
+    """Return the energy that internal strains dissipate in a step, by the quadrature of the stages."""
     q, lost, stages = m.relaxing, 0.0, len(m.c)
     for i in range(stages):
         give(q, q.inner[i])
@@ -243,7 +245,7 @@ def lost_in_relaxing(p, w, s, m):  # type: ignore[no-untyped-def]
 
 @inner
 def _taken(p, w, q):  # type: ignore[no-untyped-def]
-    """Return the energy that internal strains take at w.d, as they are given; laws tell them again."""
+    """Return the work of the stresses at w.d on q.given[1], with internal strains q.given[0]; then call ``ungive``."""
     lost = 0.0
     set_natural(p, w.amps, w.amps)
     for r in range(len(q.runs)):
@@ -254,7 +256,7 @@ def _taken(p, w, q):  # type: ignore[no-untyped-def]
 
 @inner
 def _through(m, x, j):  # type: ignore[no-untyped-def]
-    """Return polynomial j of those that are 1 at one of start and stages and 0 at others, at x, and its derivative."""
+    """Return Lagrange polynomial j on start and stages at x, and its derivative."""
     f, rate, own = 1.0, 0.0, 0.0 if j == 0 else m.c[j - 1]
     for i in range(len(m.c) + 1):
         if i != j:
@@ -266,9 +268,9 @@ def _through(m, x, j):  # type: ignore[no-untyped-def]
 
 @inner
 def _weigh(m, x):  # type: ignore[no-untyped-def]
-    """Fill what stages and start weigh at the fraction x of the step: of strains (row 0), of each term, and of rates.
+    """Fill the weights of start and stages at the fraction x of the step: for strains (row 0), each term, and rates.
 
-    Terms are weighed by themselves at the start, and by strains beyond those at the start.
+    A term is a combination of its own value at the start and of the strains at the stages less those at the start.
     """
     q, s = m.relaxing, len(m.c)
     for j in range(s + 1):
@@ -285,7 +287,7 @@ def _weigh(m, x):  # type: ignore[no-untyped-def]
 
 @addressed
 def radau_inside(p, m, h, x):  # type: ignore[no-untyped-def]
-    """Let elements remember what they do at the fraction x of the step, by the polynomial through start and stages."""
+    """Set the history variables to those at the fraction x of the step, by the polynomial through start and stages."""
     q, s = m.relaxing, len(m.c)
     copy(q.start, q.states)
     if x == 0.0:
@@ -311,9 +313,9 @@ def radau_inside(p, m, h, x):  # type: ignore[no-untyped-def]
 
 @addressed
 def radau_taken(p, w, m, x):  # type: ignore[no-untyped-def]
-    """Return the energy that internal strains take at the fraction x of a step, where w has d, in the time of the step.
+    """Return the power that internal strains take at the fraction x of a step, times the step size; w.d is set there.
 
-    It is their rate by the polynomial through start and stages under the stress there.
+    It is the stress there times the rate of the polynomial through start and stages.
     """
     q = m.relaxing
     _weigh(m, x)

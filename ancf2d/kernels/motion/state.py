@@ -1,4 +1,4 @@
-"""The state that time stepping carries from step to step, its signals, and what a step answers."""
+"""The state carried from step to step, work arrays, signals, and the outcomes of a step."""
 
 from __future__ import annotations
 
@@ -11,46 +11,45 @@ from ...case import jets
 from ...elements.point_laws import turn
 from ..lowlevel.jit import addressed, inner, kernel
 
-# numbers that go from step to step; LIMIT: of adaptive steps since Newton's method failed at a longer one, 0 for none
+# numbers carried from step to step. LIMIT: largest adaptive step size since Newton's method failed, 0 for none
 TIME, STEP_SIZE, CONTRACTION, SIZE, OLD_ERROR, OLD_STEP, WORK, LOST, COUNT, GRID, REJECTED, TRIES, LIMIT = range(13)
-# of a tangent that serves several steps: its time, their length (0: none), how many, what it and they cost
+# a tangent shared by several steps: its time, their size (0: no tangent), their number, cost in iterations so far
 HELD_TIME, HELD_STEP, HELD_STEPS, HELD_COST = range(13, 17)
-# energy that fixed steps have made so far; work that obstacles which move do in the impact at the end of a step, inf
-# where it is not known
+# energy created by fixed steps so far; work of moving obstacles in the impact at the end of a step, inf if unknown
 GAINED, GIVEN = 17, 18
-# whether the next step is the first from accelerations that are consistent; energy that contacts without a law took in
-# a step by friction
+# whether the next step starts from consistent accelerations; energy lost in a step by friction of hard contacts
 FRESH, RUBBED = 19, 20
-# whether a step is made by the backward Euler method, as a contact without a law opens in it
+# whether a step uses the backward Euler method (a hard contact opens in it, or NEXT > 0)
 BACKWARD = 21
-# of methods that switch to it (``switching``): length of such a step to come, 0 for none; of one that meets the
-# tolerance, 0 where that is not known; of the last one, 0 behind longer steps of the other kind; of these before they
-# were cut; and how many such steps there were
+# backward Euler steps between Radau steps (``switching``): size of the next one, 0 for none; size that meets the
+# tolerance, 0 if unknown; size of the last one, 0 after longer Radau steps; size of Radau steps before they were cut;
+# number of backward Euler steps so far
 NEXT, EULER, LAST, UNCUT, SWITCHED = range(22, 27)
-# what materials with memory take of the strain energy in a step, where contacts without a law ask for it
+# energy taken by the internal strains of materials in a step; set only with hard contacts
 TAKEN = 27
-# length of the step to come, behind one that ends where a stop begins to act, 0 behind others; whether errors count as
-# those of rates: a stop acts that has begun to, or a viscous body has been hit; the largest rate so far
+# size of the next step after one that ends where a stop engages, else 0; whether errors are measured as errors of rates
+# (a stop has engaged or a viscous body was hit); the largest rate so far
 SOFT_STEP, STRUCK, FASTEST = range(28, 31)
-# of the impact at the end of a step: 1 + the item with the largest impulse, 0 for none; how many have one; their sum
-# [N s]; and the energy that it takes
+# impact at the end of a step: 1 + the item with the largest impulse (0: no impact); number of impulses; their sum
+# [N s]; energy lost
 HIT_AT, HIT_POINTS, IMPULSE, HIT_LOST = range(31, 35)
 NUMBERS = 35
 
 _turn = inner(turn)
-# increments of Newton's method that are kept for messages
+# number of Newton increments kept for messages
 HISTORY = 64
-# what a step answers; SWITCHES: that it has to be made anew, shorter or by another method, as NEXT tells;
-# INTO_SUPPORTS: that a point whose gap supports and other points hold would be in what it touches
+# outcomes of a step. SWITCHES: repeat it, shorter or (NEXT > 0) by backward Euler; INTO_SUPPORTS: a contact point whose
+# gap supports and other points determine would penetrate
 DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SWITCHES, UNBOUNDED, INTO_SUPPORTS = range(7)
 
 
 class Motion(NamedTuple):
-    """z, v, a : (n,) unknowns (multipliers included), their rates and second rates at the time numbers[TIME].
+    """State of a motion.
 
-    extra : (k, n) what a method keeps of earlier steps; numbers : step sizes, error and work so far (see above);
-    turned : (2, sections) rotations, counted through full turns, and their rates, of ``Turning``; remembered : internal
-    strains of materials that relax at the state that a tangent which serves several steps is of.
+    z, v, a : (n,) unknowns (multipliers included), their rates and second rates at the time numbers[TIME]; extra :
+    (k, n) data that a method keeps from earlier steps; numbers : step sizes, error, work etc. (see above); turned :
+    (2, sections) rotations with full turns, and their rates (``Turning``); remembered : internal strains of relaxing
+    materials at the state of the shared tangent.
     """
 
     z: Any
@@ -63,9 +62,9 @@ class Motion(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Arrays that evaluations write into: d, v, Q, other (n_full,), R, x, y (n,), A a matrix, amps (signals, 3).
+    """Work arrays of evaluations: d, v, Q, other (n_full,), R, x, y (n,), A a matrix, amps (signals, 3).
 
-    history : sizes [m] of the increments of the last Newton iteration, 0 beyond its end. counts (3,) : work so far.
+    history : sizes [m] of the increments of the last Newton iteration, then 0. counts (3,) : evaluations so far.
     """
 
     d: Any
@@ -82,7 +81,7 @@ class Scratch(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Where a step ends: z, v, a (n,), dense (k, n): what the interpolation over the step is made of."""
+    """End of a step: z, v, a (n,), and the coefficients dense (k, n) of the interpolation over the step."""
 
     z: Any
     v: Any
@@ -91,12 +90,13 @@ class Step(NamedTuple):
 
 
 class Method(NamedTuple):
-    """What stepping knows of an integrator: its order in h, the polynomials of a step, and where one ends.
+    """An integrator as the step control sees it.
 
-    basis : (k, degree + 1) of the rows of ``end.dense``; own : address of the integrator's own record; calls : table
-    of its functions (``kernels.calls``); exact : whether it knows the work of a step itself; impulse : by which
-    share of its length a force at the end of a step changes rates there; switches : whether contacts without a law open
-    and close in backward Euler steps alone.
+    order : of the local error in h; basis : (k, degree + 1) polynomials of the rows of ``end.dense``; end : of the
+    current step; own : address of the integrator's own record; calls : table of its functions (``kernels.calls``);
+    exact : whether it computes the work of a step exactly itself; impulse : factor c such that a force at the end of a
+    step of size h changes the momentum there by c h times the force; switches : whether hard contacts open and close
+    in backward Euler steps only.
     """
 
     order: int
@@ -110,13 +110,13 @@ class Method(NamedTuple):
 
 
 def method_of(order: int, basis: Any, n: int) -> Method:
-    """Return a method whose own record and functions are yet to come, of n unknowns."""
+    """Return a method for n unknowns without its own record and functions, which are set later."""
     end = Step(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((len(basis), n)))
     return Method(order, basis, end, 0, np.zeros(0, dtype=np.int64), False, 0.0, False)
 
 
 def scratch(n: int, n_full: int, entries: int, signals: int) -> Scratch:
-    """Return arrays for n unknowns, n_full full coordinates, a matrix of so many entries and so many signals."""
+    """Return work arrays for n unknowns, n_full full coordinates, a matrix of ``entries`` numbers, and ``signals``."""
     d, v, Q, other = (np.zeros(n_full) for _ in range(4))
     R, x, y = (np.zeros(n) for _ in range(3))
     return Scratch(d, v, Q, other, R, x, y, np.zeros(entries), np.zeros((signals, 3)), np.zeros(HISTORY),
@@ -124,13 +124,13 @@ def scratch(n: int, n_full: int, entries: int, signals: int) -> Scratch:
 
 
 def motion(n: int, kept: int, sections: int, remembered: int = 0) -> Motion:
-    """Return a motion of n unknowns at rest, with ``kept`` rows for the method and sections whose turns count.
+    """Return a motion of n unknowns at rest, with ``kept`` rows for the method and ``sections`` with counted turns.
 
-    ``remembered`` : how many internal strains go with the method's tangent.
+    ``remembered`` : number of internal strains stored with the method's tangent.
     """
     out = Motion(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((kept, n)), np.zeros(NUMBERS),
                  np.zeros((2, sections)), np.zeros(remembered))
-    # how fast Newton converges is not known yet
+    # the contraction of Newton's method is not known yet
     out.numbers[CONTRACTION] = 1.0
     return out
 
@@ -145,10 +145,10 @@ evaluate_with_gradient = kernel(jets.run_with_gradient)
 
 @kernel
 def evaluate(programs, t, out):  # type: ignore[no-untyped-def]
-    """Fill out (n, 3) with every function of ``case.programs.programs`` at t and its two derivatives by t.
+    """Fill out (n, 3) with every function of ``case.programs.programs`` at t and its first two derivatives by t.
 
-    At a corner or jump the values are those to its right, but never those of a time outside the programs' window.
-    Where there is no finite value the entry is nan; the Python signal says why.
+    At a corner or jump the values are right-hand limits; times outside the programs' window are moved to its ends.
+    Where there is no finite value the entry is nan; the Python signal reports why.
     """
     t = min(max(t, programs.window[0]), programs.window[1])
     for k in range(len(programs.first) - 1):
@@ -157,7 +157,7 @@ def evaluate(programs, t, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def evaluate_constants(programs, t, out):  # type: ignore[no-untyped-def]
-    """Do as ``evaluate`` where nothing depends on the time (``case.programs.are_constant``), which compiles sooner."""
+    """Same as ``evaluate`` for functions that are all constant (``case.programs.are_constant``); compiles faster."""
     out[:] = 0.0
     for k in range(len(programs.first) - 1):
         value = 0.0
@@ -172,7 +172,7 @@ def evaluate_constants(programs, t, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def fill_full(p, z, amps, order, out):  # type: ignore[no-untyped-def]
-    """Fill full coordinates (order 0), their rates (1) or second rates (2) from those of the unknowns."""
+    """Fill out (n_full,) with full coordinates (order 0), rates (1) or second rates (2) from those of the unknowns."""
     out[:] = 0.0
     for i in range(len(z)):
         out[p.full[i]] = z[i]
@@ -188,8 +188,8 @@ def fill_full(p, z, amps, order, out):  # type: ignore[no-untyped-def]
 class Turning(NamedTuple):
     """Section directions whose rotations are counted through full turns.
 
-    Direction i has the components ``along`` and ``across`` (weights of d[dofs], from begin[i] to begin[i + 1]) in the
-    frame of its reference, (length[i], 0) there.
+    In the frame of its reference, direction i is (length[i], 0) plus d[dofs] times the weights ``along`` and
+    ``across``, from begin[i] to begin[i + 1].
     """
 
     begin: Any
@@ -201,7 +201,10 @@ class Turning(NamedTuple):
 
 @kernel
 def turn_on(turning, d, v, h, angle, rate):  # type: ignore[no-untyped-def]
-    """Take angles with their rates (n,) over a time h to d with rates v (n_full,), by more than half a turn too."""
+    """Update counted angles and their rates (n,) after a time h, to d with rates v (n_full,).
+
+    The mean of old and new rate selects the turn, so steps of more than half a turn are allowed.
+    """
     for i in range(len(angle)):
         ux, uy, vx, vy = 0.0, 0.0, 0.0, 0.0
         for k in range(turning.begin[i], turning.begin[i + 1]):
@@ -218,4 +221,4 @@ def turn_on(turning, d, v, h, angle, rate):  # type: ignore[no-untyped-def]
 
 @addressed
 def keep_all(s, m):  # type: ignore[no-untyped-def]
-    """Keep what a method m knows of earlier steps, behind an impact or a stop: it does no harm."""
+    """Do nothing: method m may keep its data of earlier steps after an impact or a stop."""

@@ -1,4 +1,4 @@
-"""How long steps are, by their errors, by what cut them and by where they end; how small increments are in them."""
+"""Step sizes, from errors, failures and times where steps must end, and the tolerance of Newton's increments."""
 
 from __future__ import annotations
 
@@ -26,51 +26,53 @@ from .state import (
 )
 from .work import SECOND
 
-# what dies out at once, as behind an impact, moves too little for errors to be seen: steps of second order methods grow
-# no faster there, so that each is short beside all before
+# largest growth of steps of second order methods with losses or hard contacts: motions that die out quickly, as after
+# an impact, move too little to show in the errors, so each step stays short compared with the time since then
 DAMPED = 1.4
-# of the usual length: steps shorter than this are not made for a state alone
+# fraction of the step size: shorter steps are not made only to store a state
 SHORT = 1e-2
-# steps in which a motion goes as far as its size, where it moves as usual
+# most steps in which a motion at its usual speed moves as far as its size
 SO_MANY = 1e4
-# of positions, beside the size of a motion
+# round-off of positions, relative to the size of the motion
 ROUND = 1e-15
-# of the error of a backward Euler step in its length
+# order of the local error of a backward Euler step
 SECOND_ORDER = 2
-# backward Euler steps within a fixed step: each is so many times as long as the one before
+# growth of successive backward Euler steps within a fixed step
 GROWS = 8.0
 
 
 @inner
 def usual(s):  # type: ignore[no-untyped-def]
-    """Return the length of the next step, wherever it has to end."""
+    """Return the size of the next step as set by errors and failures, before any target limits it."""
     return s.numbers[NEXT] if s.numbers[NEXT] > 0.0 else s.numbers[STEP_SIZE]
 
 
 @inner
 def set_length(s, h):  # type: ignore[no-untyped-def]
-    """Set the length of the next try of the same kind."""
+    """Set the size of the next try (Radau or backward Euler, as the last one)."""
     s.numbers[NEXT if s.numbers[NEXT] > 0.0 else STEP_SIZE] = h
 
 
 @inner
 def length(s, last, target, sooner):  # type: ignore[no-untyped-def]
-    """Return the length of the next step: to ``target`` at most, which is before ``last`` for a stored state.
+    """Return the size of the next step, which ends at ``target`` at the latest (before ``last`` if for a stored state).
 
-    ``sooner`` : whether it is to end where an impact is expected.
+    ``sooner`` : whether it should end where an impact is expected.
     """
     left = target - s.numbers[TIME]
     h = min(usual(s), left)
     if left < 1.1 * h and not sooner:
         return left
-    # the method is less accurate where steps are unlike one another
+    # unequal successive steps reduce accuracy: halve the rest instead of leaving a short step
     return 0.5 * left if target < last and left < 2.0 * h and not sooner and s.numbers[NEXT] == 0.0 else h
 
 
 @inner
 def next_size(m, p, s, h, ratio, contraction, lost, cut):  # type: ignore[no-untyped-def]
-    """Return how long the step behind one of length h is, by its error (Gustafsson 1994); not much longer where Newton
-    was slow. What is ``cut`` for a stored state is no reason for a shorter one.
+    """Return the size of the step after one of size h, from its error ``ratio`` to the tolerance (Gustafsson 1994).
+
+    It grows only a little if Newton's method converged slowly. A step that was ``cut`` to store a state or to hit an
+    event does not shorten the next one.
     """
     low, order = max(ratio, 1e-10), m.order
     factor = 0.9 * low ** (-1.0 / order)
@@ -87,10 +89,10 @@ def next_size(m, p, s, h, ratio, contraction, lost, cut):  # type: ignore[no-unt
 
 @inner
 def shorten(m, s, plan, outcome, h, relative):  # type: ignore[no-untyped-def]
-    """Set the length of the next try after a step of length h that could not be made, or was not good enough."""
+    """Set the size of the next try after a step of size h that failed or exceeded the tolerance."""
     s.numbers[TRIES] += 1.0
     if outcome == SWITCHES:
-        # the method has set it
+        # the method has set the size
         return
     s.numbers[REJECTED] += 1.0
     euler = s.numbers[NEXT] > 0.0
@@ -107,7 +109,7 @@ def shorten(m, s, plan, outcome, h, relative):  # type: ignore[no-untyped-def]
 
 @inner
 def _go_on(s, plan, h, relative):  # type: ignore[no-untyped-def]
-    """Set the lengths of steps behind one by the backward Euler method, of a method that switches to it."""
+    """Set step sizes after a backward Euler step of a method that switches to it; the next one is Radau's again."""
     if plan.dt > 0.0:
         if h >= 0.5 * s.numbers[EULER]:
             s.numbers[EULER] = min(plan.dt, GROWS * h)
@@ -120,7 +122,7 @@ def _go_on(s, plan, h, relative):  # type: ignore[no-untyped-def]
 
 @inner
 def set_size(s, plan, h, relative, size):  # type: ignore[no-untyped-def]
-    """Set the length of the next step, behind one of length h with that error."""
+    """Set the size of the next step to ``size`` within its limits, after one of size h with that relative error."""
     if s.numbers[NEXT] > 0.0:
         _go_on(s, plan, h, relative)
         return
@@ -134,23 +136,26 @@ def set_size(s, plan, h, relative, size):  # type: ignore[no-untyped-def]
     s.numbers[OLD_ERROR] = max(relative / plan.tolerance, 1e-2)
     s.numbers[STEP_SIZE] = min(plan.largest, size)
     if s.numbers[LIMIT] > 0.0:
-        # what Newton's method could not take is tried again, but not at once
+        # sizes at which Newton's method failed are approached again slowly
         s.numbers[STEP_SIZE] = min(s.numbers[STEP_SIZE], s.numbers[LIMIT])
         s.numbers[LIMIT] *= 1.05
 
 
 @inner
 def late(plan, size):  # type: ignore[no-untyped-def]
-    """Return how far [m] a place may be off where a step ends behind an impact, else it is made again; 0 for any."""
+    """Return the largest position error [m] at the end of a step with an impact, beyond which the step is repeated.
+
+    0 with fixed steps: no limit.
+    """
     return plan.tolerance * size if plan.dt == 0.0 else 0.0
 
 
 @inner
 def targets(s, plan, rows, k):  # type: ignore[no-untyped-def]
-    """Return where a step ends at the latest: where the motion breaks, or a fixed one at the next time of the grid.
+    """Return (last, target): the latest end of the next step, and the end that storing state k or later asks for.
 
-    And where it ends for a stored state, from the k-th one on: no later, and there if plan.lands. Where such a step
-    would be far too short, the state is interpolated all the same.
+    ``last`` is t_stop or, for fixed steps, the next time of the grid. ``target`` is the wanted time of state k if steps
+    land on these (plan.lands) and neither part would be far too short; else ``last``, and the state is interpolated.
     """
     last = plan.t_stop
     if plan.dt > 0.0:
@@ -165,7 +170,8 @@ def targets(s, plan, rows, k):  # type: ignore[no-untyped-def]
 
 @inner
 def passed(rows, first, end, near):  # type: ignore[no-untyped-def]
-    """Return how many wanted times from the given one on lie inside a step, and whether one is its end."""
+    """Return how many wanted times, from the given one on, lie inside a step up to ``end``, and whether one is its end.
+    """
     last = first
     while rows.every == 0 and last < len(rows.wanted) and rows.wanted[last] <= end + near:
         last += 1
@@ -175,35 +181,35 @@ def passed(rows, first, end, near):  # type: ignore[no-untyped-def]
 
 @inner
 def rounding(p, s):  # type: ignore[no-untyped-def]
-    """Return how large [m] increments are that round-off alone may make."""
+    """Return the size [m] of increments that round-off alone may cause."""
     return ROUND * max(s.numbers[SIZE], p.extent)
 
 
 @inner
 def scale_of(s, size, fastest, h):  # type: ignore[no-untyped-def]
-    """Return what errors of displacements in a step of length h are relative to: the size of the motion.
+    """Return the scale of displacement errors in a step of size h: the size of the motion.
 
-    Where they count as errors of rates (STRUCK), it is the way of the fastest so far in the step.
+    If they count as errors of rates (STRUCK), it is the distance moved in the step at the largest rate so far.
     """
     if s.numbers[STRUCK] == 0.0:
         return size
-    # what a stop sets in motion has no rate yet
+    # a body at rest that a stop sets in motion has no rate yet: use the mean rate of the motion
     return min(size, max(s.numbers[FASTEST], fastest, size / max(s.numbers[TIME], h)) * h)
 
 
 @inner
 def error_beside(s, error, size, fastest, h):  # type: ignore[no-untyped-def]
-    """Return an error of displacements beside what it is relative to, 0 where that is nothing."""
+    """Return an error of displacements relative to its scale (``scale_of``), or 0 if the scale is 0."""
     scale = scale_of(s, size, fastest, h)
     return error / scale if scale > 0.0 else 0.0
 
 
 @inner
 def enough(p, s, h, tolerance):  # type: ignore[no-untyped-def]
-    """Return how small [m] increments are to be in a step of length h from the motion s, by their relative tolerance.
+    """Return the tolerance [m] of Newton's increments in a step of size h from s, from their relative ``tolerance``.
 
-    They are small beside the size of the motion; in steps that move far less than that, beside what SO_MANY of them
-    move, since errors of rates are those of positions over h; but no smaller than round-off lets them be.
+    It is relative to the size of the motion. Since errors of rates are those of positions over h, steps that move far
+    less use the distance moved in SO_MANY such steps instead. It is never below round-off.
     """
     size = scale_of(s, max(s.numbers[SIZE], 1e-3 * p.extent), 0.0, h)
     if s.numbers[TIME] <= 0.0:

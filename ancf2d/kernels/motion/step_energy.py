@@ -1,4 +1,4 @@
-"""Energy of steps with contacts without a law: what an impact takes, and whether a step makes some from nothing."""
+"""Energy of steps with hard contacts: losses in impacts, and detection of steps that create energy."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ from .dynamics import signals_at, to_full, twice_kinetic
 from .state import GAINED, GIVEN, HIT_LOST, LOST, NEXT, TAKEN, WORK
 from .work import recall, taken_inside
 
-# energy that fixed steps may make in all, and each beyond that, beside the kinetic energy; the shortest of them
+# fractions of the kinetic energy: what fixed steps may create in total, and each of them beyond that; steps shorter
+# than the last fraction of dt are accepted anyway
 GAIN, MORE_GAIN, LAST_TRY = 5e-3, 1e-5, 1e-3
-# of the scene: what contacts do over less is no energy, where the scene is at rest
+# fraction of the extent: contact forces times this distance count as energy of a scene at rest
 REST = 1e-9
 
 
 @inner_with_memory
 def kept(p, w, z, v, t, tracks):  # type: ignore[no-untyped-def]
-    """Return kinetic and strain energy less the work of constant loads, with that of contacts.
+    """Return kinetic, strain and contact energy, less the work of constant loads.
 
-    With that of springs, too, unless it counts as work.
+    The energy of springs is included unless ``tracks``, where it counts as work.
     """
     signals_at(p, t, w.amps)
     to_full(p, z, w.amps, 0, w.d)
@@ -43,9 +44,9 @@ def kept(p, w, z, v, t, tracks):  # type: ignore[no-untyped-def]
 
 @inner_with_memory
 def kept_before(p, w, s, m, t, h, tracks):  # type: ignore[no-untyped-def]
-    """Return ``kept`` at the start of the step from s to m.end, less what materials take in the step.
+    """Return ``kept`` at the start of the step from s to m.end, less the energy that materials dissipate in the step.
 
-    They are left as they are at its end.
+    The history variables are left as at the end of the step.
     """
     recall(m, p, h, 0.0)
     held = kept(p, w, s.z, s.v, t, tracks) - s.numbers[TAKEN]
@@ -56,7 +57,7 @@ def kept_before(p, w, s, m, t, h, tracks):  # type: ignore[no-untyped-def]
 @addressed_with_memory
 @seldom
 def lost_in_impact(p, w, s, m, t, h, tracks):  # type: ignore[no-untyped-def]
-    """Return by how much energy falls in the step from s at t to m.end, its work and losses not counted."""
+    """Return by how much the energy (``kept``) falls in the step from s at t to m.end, work and losses not counted."""
     before = kept_before(p, w, s, m, t, h, tracks)
     lost = before - kept(p, w, m.end.z, m.end.v, t + h, tracks)
     recall(m, p, h, 0.0)
@@ -65,7 +66,7 @@ def lost_in_impact(p, w, s, m, t, h, tracks):  # type: ignore[no-untyped-def]
 
 @inner_with_memory
 def _relaxing_energy(p, w, z, t):  # type: ignore[no-untyped-def]
-    """Return the strain energy of what relaxes, with the internal strains that it remembers."""
+    """Return the strain energy of relaxing materials at z and t, with their stored internal strains."""
     give_remembered(p)
     signals_at(p, t, w.amps)
     to_full(p, z, w.amps, 0, w.d)
@@ -82,9 +83,9 @@ def _relaxing_energy(p, w, z, t):  # type: ignore[no-untyped-def]
 @addressed_with_memory
 @seldom
 def taken_in_step(p, w, s, m, at, t, h):  # type: ignore[no-untyped-def]
-    """Return what internal strains take in the step from s at t to m.end: under the mean of the stresses at both ends.
+    """Return the energy that internal strains take in the step from s at t to m.end, by the mean of the end stresses.
 
-    Of a method that solves them at stages, what its quadrature says. What yields flows under the stress at the end.
+    Methods that solve for internal strains at stages use their quadrature; plastic flow uses the stress at the end.
     """
     before = p.states.copy()
     taken = taken_inside(m, p, w, s, at, t, h, 1.0)
@@ -99,7 +100,7 @@ def taken_in_step(p, w, s, m, at, t, h):  # type: ignore[no-untyped-def]
             lost = calls.commit(p.calls, (group_at(p.groups[g]), w.d))
             taken += lost if not law.timed else 0.0
     if ends:
-        # with stresses D (eps - q): the mean of what changes of q alone would take at the one end and at the other
+        # stress D (eps - q): mean of the energies that the change of q alone takes at the strains of either end
         taken -= 0.5 * (_relaxing_energy(p, w, s.z, t) + _relaxing_energy(p, w, m.end.z, t + h))
         copy(before, p.states)
         taken += 0.5 * (_relaxing_energy(p, w, s.z, t) + _relaxing_energy(p, w, m.end.z, t + h))
@@ -109,14 +110,14 @@ def taken_in_step(p, w, s, m, at, t, h):  # type: ignore[no-untyped-def]
 
 @inner
 def gains(m, p, w, s, plan, t, h, given, hit):  # type: ignore[no-untyped-def]
-    """Return whether a step makes energy beside what is given: what bounces may spin, or vibrate, too fast for it.
+    """Return whether a step creates energy beyond ``given``: bodies may spin or vibrate too fast for it after a bounce.
 
-    Steps of known error are not looked at: adaptive ones, unless a contact changes in a backward Euler step.
+    Only fixed steps and backward Euler steps with contact changes are checked; the others have error control.
     """
     if plan.dt == 0.0 and s.numbers[NEXT] == 0.0:
         return False
     if hit and np.isinf(s.numbers[GIVEN]):
-        # supports that are moved give some in an impact
+        # moved supports do work in an impact
         return False
     rise = -calls.lost_in_impact(p.calls, (p, w, s, m, t, h, plan.tracks)) - given - (s.numbers[GIVEN] if hit else 0.0)
     kinetic = 0.5 * max(twice_kinetic(p, w, s.v), twice_kinetic(p, w, m.end.v))
@@ -134,9 +135,9 @@ def gains(m, p, w, s, plan, t, h, given, hit):  # type: ignore[no-untyped-def]
 
 @inner
 def count_impact(m, p, w, s, t, h, tracks, given):  # type: ignore[no-untyped-def]
-    """Count what an impact takes of the energy, ``given`` all else that goes in, and what obstacles give that move.
+    """Add the energy lost in an impact to the losses and the work of moving obstacles to the work.
 
-    Where supports are moved, that is not known: they give what else appears from nothing.
+    ``given`` is all other energy fed in during the step. The work of moved supports is unknown: any gain is theirs.
     """
     known = s.numbers[GIVEN] if not np.isinf(s.numbers[GIVEN]) else 0.0
     gone = calls.lost_in_impact(p.calls, (p, w, s, m, t, h, tracks)) + given + known

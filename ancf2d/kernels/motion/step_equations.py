@@ -1,6 +1,6 @@
-"""The linear equations of the steps of a motion, one after the other: their factors, and what follows from them.
+"""The linearised equations of the steps of a motion: factors, forward (tangent) and backward (adjoint) solution.
 
-Matrices of steps of s stages are bands, the stages of an unknown side by side.
+The matrix of a step of s stages is a band, in which the stages of an unknown are adjacent.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from ..lowlevel.jit import inner, kernel
 
 @inner
 def _fill(step, K, C, mass, rows, columns, free, rates, bw, LU):  # type: ignore[no-untyped-def]
-    """Fill LU (n s, 3 bw + 1), row by row, the diagonal at bw, with the matrix of a step."""
+    """Fill LU (n s, 3 bw + 1), row by row with the diagonal at bw, with the matrix of a step."""
     s = rates.shape[2]
     for r in range(LU.shape[0]):
         for c in range(LU.shape[1]):
@@ -29,7 +29,7 @@ def _fill(step, K, C, mass, rows, columns, free, rates, bw, LU):  # type: ignore
 def _eliminate(bw, LU, pivots):  # type: ignore[no-untyped-def]
     """Factor a band with row exchanges; return whether it is regular.
 
-    ``pivots`` (2, n) are the rows exchanged, and the last column that each row then has.
+    ``pivots`` (2, n) are the rows exchanged, and the last column of each row afterwards.
     """
     n, end = LU.shape[0], 0
     for k in range(n):
@@ -68,7 +68,7 @@ def _swap(b, k, p):  # type: ignore[no-untyped-def]
 
 @inner
 def _solve(bw, LU, pivots, b):  # type: ignore[no-untyped-def]
-    """Solve with the factors of a band, in place of right-hand sides b (n s, k)."""
+    """Solve with the factors of a band; the solution overwrites the right-hand sides b (n s, k)."""
     n, m = b.shape
     for k in range(n):
         _swap(b, k, pivots[0, k])
@@ -90,7 +90,7 @@ def _solve(bw, LU, pivots, b):  # type: ignore[no-untyped-def]
 
 @inner
 def _solve_transposed(bw, LU, pivots, b):  # type: ignore[no-untyped-def]
-    """Solve with the transpose of a band, in place of right-hand sides b (n s, k)."""
+    """Solve with the transpose of a factored band; the solution overwrites the right-hand sides b (n s, k)."""
     n, m = b.shape
     for k in range(n):
         f = 1.0 / LU[k, bw]
@@ -114,8 +114,9 @@ def _solve_transposed(bw, LU, pivots, b):  # type: ignore[no-untyped-def]
 def factor(K, C, mass, rows, columns, free, rates, bw, LU, pivots):  # type: ignore[no-untyped-def]
     """Fill LU (steps, n s, 3 bw + 1) and pivots (steps, 2, n s) with the factors of all steps.
 
-    K, C (steps s, entries), mass (entries,) are those of the stages, at rows and columns; rates (steps, 2, s, s) what v
-    and a are of z. Returns the first step whose matrix is singular, or the number of steps.
+    K, C (steps s, entries), mass (entries,) are the matrices of the stages, at rows and columns; rates
+    (steps, 2, s, s) give v and a of the stages from z. Returns the first step whose matrix is singular, or the number
+    of steps.
     """
     for step in range(LU.shape[0]):
         _fill(step, K, C, mass, rows, columns, free, rates, bw, LU[step])
@@ -126,7 +127,7 @@ def factor(K, C, mass, rows, columns, free, rates, bw, LU, pivots):  # type: ign
 
 @inner
 def _begin(step, start, free, begins, v, a):  # type: ignore[no-untyped-def]
-    """Fill v and a (stages, n, k) of a step with what the change of its start (4, n, k) adds to them."""
+    """Fill v and a (stages, n, k) of a step with the contribution of the change of its start (4, n, k)."""
     s = begins.shape[2]
     for i in range(s):
         for r in range(v.shape[1]):
@@ -159,8 +160,9 @@ def follow(LU, pivots, bw, C, mass, rows, columns, free, rubs, rates, begins, ke
            dR, b, z, v, a, ends):
     """Fill z, v, a (steps s, n, k) with the changes of all stages, and ends (steps + 1, 4, n, k) from ends[0] on.
 
-    dR (steps s, n, k) is what residuals change by; begins (steps, 2, s, 4) what rates and second rates are of the
-    change of a start, kept (steps, 5) what its last part is of z at the end and of that change; b (n s, k) is room.
+    dR (steps s, n, k) are the changes of the residuals; begins (steps, 2, s, 4) give rates and second rates of the
+    stages from the change (z, v, a, the method's stored values) of a start; kept (steps, 5) gives the method's stored
+    values at the end from z there and from the change of the start; b (n s, k) is work space.
     """
     s = rates.shape[2]
     for step in range(LU.shape[0]):
@@ -188,9 +190,9 @@ def follow(LU, pivots, bw, C, mass, rows, columns, free, rubs, rates, begins, ke
 
 @inner
 def _goals(step, s, free, rates, zb, vb, ab, b):  # type: ignore[no-untyped-def]
-    """Fill b (n s, k) with what a change of the positions at each stage of a step does to goals.
+    """Fill b (n s, k) with the derivatives of the goals by positions at the stages of a step, on which v and a depend.
 
-    zb, vb, ab (stages, n, k) are what those of positions, rates and second rates there do.
+    zb, vb, ab (stages, n, k) are the partial derivatives by positions, rates and second rates there.
     """
     for j in range(s):
         for r in range(zb.shape[1]):
@@ -205,11 +207,11 @@ def _goals(step, s, free, rates, zb, vb, ab, b):  # type: ignore[no-untyped-def]
 @kernel
 def back(LU, pivots, bw, C, mass, rows, columns, free, rubs, rates, begins, kept,  # type: ignore[no-untyped-def]
          zb, vb, ab, b, lam, starts, end):
-    """Fill lam (steps s, n, k): goals change by -lam dR where the residuals of the stages do by dR.
+    """Fill lam (steps s, n, k), the adjoint variables: goals change by -lam dR for changes dR of the stages' residuals.
 
-    end (4, n, k) is what changes of the last end do to the goals and becomes what those of the first start do; starts
-    (steps, 4, n, k) are what those of the starts and zb, vb, ab (steps s, n, k) what those of the stages do beside
-    that, which are overwritten. All else is as in ``follow``.
+    end (4, n, k) are the derivatives of the goals by the last end; it becomes those by the first start. starts
+    (steps, 4, n, k) and zb, vb, ab (steps s, n, k) are the direct derivatives by starts and stages; they are
+    overwritten. All else is as in ``follow``.
     """
     s, n, m = rates.shape[2], zb.shape[1], zb.shape[2]
     for step in range(LU.shape[0] - 1, -1, -1):

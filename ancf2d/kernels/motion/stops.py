@@ -1,7 +1,7 @@
-"""Where in a step what acts on one side alone, or from a gap on, begins or ceases to act: steps end there.
+"""Locate where in a step a unilateral spring, a tendon or a compliant contact engages or releases; steps end there.
 
-These are springs, tendons and contacts with a law. Points of an elastic body that may touch count as one: what matters
-is when the first of them begins to act, and when the last of them ceases to. After that errors of steps tell.
+These laws are called stops. The contact points of an elastic body count as one stop, which engages with its first point
+and releases with its last; the error control handles changes in between.
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ from .dynamics import signals_at, to_full
 from .events import LOOKS, NOWHERE, interpolate
 from .state import OLD_STEP, SOFT_STEP, STRUCK
 
-# of a step: how near to its end a stop begins or ceases to act for the step to end there, and how near to its start
-# where the step before has ended there; how often it is aimed at; how often an interval is halved
+# fractions of a step: how close to its end a change of a stop must be for the step to end there; how close to its start
+# a change is that which ended the previous step. Most tries to hit a change; halvings of an interval
 ENDS, BEHIND, TRIES, HALVINGS = 1e-6, 3e-6, 5, 40
-# of a step that ends in a stop, or behind one that has not been seen: its path is wrong, so what is made at first ends
-# before the place where the stop begins, and is half of the step at most; how far behind a step that place is aimed at
+# a step that passes a change has a wrong path, so the first retry ends at this fraction of the way to the change, and
+# is at most this fraction of the step; how far beyond the end of a retry a change is searched [fraction of the step]
 BEFORE, SURE, AHEAD = 0.8, 0.5, 1.0
-# of a step that ends where a stop begins to act: the next one, as nothing is known yet of how stiff it is
+# size of the step after an engagement, as a fraction of the step before: the stiffness of the stop is not known yet
 SOFT = 1e-2
-# of the longest step: no shorter one is made for this, and what acts within so little is not found. Many points that
-# touch shortly after one another would shorten steps until round-off tells whether they act
+# fraction of the largest step: shorter steps are not made for a stop, and shorter contacts are missed. Without it, many
+# points that touch in quick succession would shorten steps until round-off decides whether they act
 LEAST = 1e-7
-# what stops do where a step ends
+# change of the stops at the end of a step: none, one engages, one releases, the last one releases
 STAYS, BEGINS, CEASES, PARTS = range(4)
 
 
 @inner
 def _item_acts(points, i, w, room):  # type: ignore[no-untyped-def]
-    """Return whether item i has a force or energy at w.d with rates w.v."""
+    """Return whether item i has a nonzero force or energy at w.d with rates w.v."""
     u, rates, a, f, H, C = room
     m = points.field[i + 1] - points.field[i]
     rates_of_item(points, i, w.v, rates)
@@ -50,7 +50,7 @@ def _item_acts(points, i, w, room):  # type: ignore[no-untyped-def]
 
 @inner
 def _tell(p, w, z, v, t, room, out):  # type: ignore[no-untyped-def]
-    """Fill 1 for the stops that act at unknowns z with rates v at t, 0 for the others."""
+    """Set out to 1 for each stop that acts at unknowns z and rates v at time t, else to 0."""
     signals_at(p, t, w.amps)
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
@@ -69,13 +69,13 @@ def _tell(p, w, z, v, t, room, out):  # type: ignore[no-untyped-def]
 @kernel
 @seldom
 def acting(p, w, z, v, t, out):  # type: ignore[no-untyped-def]
-    """Fill 1 for the stops (k,) that act at unknowns z with rates v at t, 0 for the others."""
+    """Set out (k,) to 1 for each stop that acts at unknowns z and rates v at time t, else to 0."""
     _tell(p, w, z, v, t, work_arrays(p.points), out)
 
 
 @inner
 def _acts(p, w, s, m, at, t, h, x, room, out):  # type: ignore[no-untyped-def]
-    """Fill 1 for the stops that act at the fraction x of the step from s at t to m.end, 0 for the others."""
+    """Set out to 1 for each stop that acts at the fraction x of the step from s at t to m.end, else to 0."""
     interpolate(m, p, s, h, x, at.z, at.v, at.a)
     _tell(p, w, at.z, at.v, t + x * h, room, out)
 
@@ -83,11 +83,10 @@ def _acts(p, w, s, m, at, t, h, x, room, out):  # type: ignore[no-untyped-def]
 @addressed
 @seldom
 def stop_crossing(p, w, s, m, at, t, h, near, beyond):  # type: ignore[no-untyped-def]
-    """Return (fraction, what): up to 1 + ``beyond`` of the step from s at t, where a stop BEGINS or CEASES to act.
+    """Return the fraction of the step from s at t, up to 1 + ``beyond``, of the first change of a stop, and its kind.
 
-    PARTS where the last one ceases to.
-
-    NOWHERE where none does. What is ``near`` its start is where the step before has ended, and is not found again.
+    The kind is BEGINS (engages), CEASES (releases), or PARTS if no other stop acts after a release. Without a change,
+    returns (NOWHERE, STAYS). A change up to the fraction ``near`` is the one that ended the previous step: ignored.
     """
     n = len(p.stops)
     room = work_arrays(p.points)
@@ -126,16 +125,16 @@ def stop_crossing(p, w, s, m, at, t, h, near, beyond):  # type: ignore[no-untype
 
 @inner
 def land(m, p, w, s, at, plan, t, h, room, tries):  # type: ignore[no-untyped-def]
-    """Return whether a step from t ends where a stop begins or ceases to act or has no such place in it, and else how
-    long it has to be; and what happens where it ends, see ``stop_crossing``: STAYS where nothing does.
+    """Return (accepted, step size, change): whether a step may end where it does, and if not, the size to try instead.
 
-    ``room`` is how long it may be, ``tries`` how often that was tried.
+    A step is accepted if no stop changes in it or if it ends at a change, which is returned (``stop_crossing``), else
+    STAYS. ``room`` is the largest size allowed, ``tries`` the number of tries so far.
     """
     near = max(BEHIND * max(h, s.numbers[OLD_STEP]), LEAST * plan.largest) / h
     x, what = calls.stop_crossing(p.calls, (p, w, s, m, at, t, h, near, AHEAD if tries > 0 else 0.0))
     if x == NOWHERE or (x > 1.0 and (h >= room or tries >= TRIES)):
         return True, h, STAYS
-    # a stiff stop holds the end of any implicit step where it begins to act
+    # any implicit step that runs into a stiff stop ends where the stop engages, so the first try proves nothing
     if abs(x - 1.0) <= ENDS and (tries > 0 or what != BEGINS):
         return True, h, what
     if tries >= TRIES and what != BEGINS:
@@ -147,9 +146,9 @@ def land(m, p, w, s, at, plan, t, h, room, tries):  # type: ignore[no-untyped-de
 
 @inner
 def leave(m, p, w, s, t, stops):  # type: ignore[no-untyped-def]
-    """Let the next step from s at t know nothing of the forces before what ``stops`` do there, if anything.
+    """Restart the method at s and t if ``stops`` is a change, so that the next step does not use earlier forces.
 
-    Rates that are off the constraints by some h^2, as steps leave them, would be forces in one that is much shorter.
+    Rates are projected onto the constraints first: their errors of O(h^2) would act as forces in a much shorter step.
     """
     if stops == STAYS:
         return
@@ -162,14 +161,14 @@ def leave(m, p, w, s, t, stops):  # type: ignore[no-untyped-def]
 
 @inner
 def soften(s, plan, h, stops, usual):  # type: ignore[no-untyped-def]
-    """Return how long the step behind one of length h is, at whose end ``stops`` tells what happens, else ``usual``.
+    """Return the size of the step after one of size h: short if a stop engages at its end, else ``usual``.
 
-    It is short where one begins to act. Of several that begin one after another, the first tells how short.
+    If several stops engage in succession, the first one determines the size.
     """
     s.numbers[SOFT_STEP] = max(SOFT * h, s.numbers[SOFT_STEP], LEAST * plan.largest) if stops == BEGINS else 0.0
     return usual if s.numbers[SOFT_STEP] == 0.0 else s.numbers[SOFT_STEP]
 
 
 def stop_functions(problem: Any) -> dict[Any, tuple[Any, ...]]:
-    """Return the functions that the table of a model of this type has where it has stops."""
+    """Return the entries of the table of a model with stops (``kernels.calls.table``)."""
     return {calls.stop_crossing: (stop_crossing, problem)}

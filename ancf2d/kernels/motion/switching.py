@@ -1,12 +1,12 @@
-"""Radau's method with contacts without a law: steps in which none opens or closes, and backward Euler steps between.
+"""Radau's method with hard contacts: steps with a fixed active set, and backward Euler steps where the set changes.
 
-In a step of Radau's method, points that press at its start are closed at all stages, and all others open: nothing is
-lost of its order. Afterwards its interpolation tells where an open point would be in what it touches, or a closed one
-pull. The step is then made again so that it ends just before that, and a short step by the backward Euler method
-follows, which finds by Newton's method what is closed at its end and has the impacts (``impact``). From there Radau's
-method begins anew. Where the next such place is no further away than a backward Euler step within the tolerance is
-long, that step is made at once: what opens and closes all the time takes no more steps than the tolerance asks for.
-With fixed steps, backward Euler steps grow until a longer step of Radau's method succeeds, so that each has few parts.
+In a Radau step, points that press at its start are closed at all stages and all others are open, so the step keeps its
+order. Its interpolation then shows where an open point would penetrate or a closed one would pull. The step is repeated
+to end just before that, and followed by a short backward Euler step, in which Newton's method finds the active set at
+its end and impacts occur (``impact``). Radau's method then restarts. If the next change is closer than the size of a
+backward Euler step within the tolerance, that step is made at once, so that contacts which open and close all the time
+take no more steps than the tolerance requires. With fixed steps, backward Euler steps grow until a longer Radau step
+succeeds, so that each fixed step has few parts.
 """
 
 from __future__ import annotations
@@ -41,25 +41,26 @@ from .state import (
     UNCUT,
 )
 
-# a step is looked at in so many places, and the way to where something opens or closes is halved so often
+# samples of a step, and halvings of the interval in which a point opens or closes
 LOOKS, HALVINGS = 8, 40
-# of the extent: gaps that are none; of the largest force of a contact: those that do not pull
+# fraction of the extent: smaller penetrations are ignored; of the largest contact force: smaller pulls are ignored
 GRAZES, PULLS = 1e-11, 1e-9
-# of the tolerance: how far from a surface a step may end before a point closes; at least this share of the extent
+# largest gap at the end of a step before a point closes: this fraction of the tolerance, and at least of the extent
 NEAR, NEAREST = 0.1, 1e-10
-# of fixed steps: so long is the first backward Euler step, and so far from a surface [size] may the step before it end
+# fixed steps: fraction of the step for the first backward Euler step, and largest gap before it [size of the motion]
 PART, FIXED = 1e-2, 1e-9
-# of a step: over such a way is the rate of a gap taken
+# fraction of a step for the difference quotient of a gap
 BESIDE = 1e-3
 
 
 class Switched(NamedTuple):
-    """radau, euler : addresses of the records of the two methods, which end in the same Step; calls : table of their
-    functions (``kernels.calls``); tolerance : of adaptive steps, 0 of fixed ones.
+    """Radau's method and the backward Euler method, with the data to switch between them.
 
-    basis : as of ``Method``; end, at : Steps, at to interpolate in; held (items,) : whether points are CLOSED in the
-    step; looks (3, items) : how far they are from a change, in three places; made (1,) : whether the step at hand is
-    one by the backward Euler method.
+    radau, euler : addresses of the records of the two methods, which share one Step as end; calls : table of their
+    functions (``kernels.calls``); tolerance : of adaptive steps, 0 for fixed ones; basis : as in ``Method``; end, at :
+    Steps, ``at`` for interpolated states; held (items,) : CLOSED or OPEN, state of the points in the step; looks
+    (3, items) : distance of the points to a change, at three samples; made (1,) : size NEXT of the current step if it
+    is a backward Euler step, else 0.
     """
 
     radau: int
@@ -76,7 +77,8 @@ class Switched(NamedTuple):
 
 @inner
 def _hold(p, s, held):  # type: ignore[no-untyped-def]
-    """Hold closed what presses, and open what does not; return whether something is closed."""
+    """Fix the active set of a step: points that press at s are closed, the others open; return whether any is closed.
+    """
     closes = False
     for i in range(len(held)):
         if p.points.restitution[i] >= 0.0:
@@ -88,8 +90,8 @@ def _hold(p, s, held):  # type: ignore[no-untyped-def]
 
 @inner
 def _look(p, w, s, own, t, h, x, out):  # type: ignore[no-untyped-def]
-    """Fill out (items,) with how far points are from a change at the fraction x of the step; return whether one is
-    below 0: forces of closed ones, gaps of open ones.
+    """Fill out (items,) with the distance of points to a change at the fraction x of the step: force of closed points,
+    gap of open ones, inf for others; return whether one is below 0, so that the point must change.
     """
     at, largest, changes = own.at, 0.0, False
     interpolate(own, p, s, h, x, at.z, at.v, at.a)
@@ -109,12 +111,12 @@ def _look(p, w, s, own, t, h, x, out):  # type: ignore[no-untyped-def]
             if own.held[i] == CLOSED:
                 out[i] = PULLS * largest - at.z[p.place[k]]
             elif w.other[k] != 0.0:
-                # 0 where nothing is opposite
+                # a gap of exactly 0 means that the point faces nothing
                 out[i] = w.other[k] + GRAZES * p.extent
             changes |= out[i] < 0.0
     if not changes:
         return False
-    # whether it faces what it is in is not seen by the gap
+    # a negative gap counts only if the point closes there by its own choice, e.g. not at the back of an obstacle
     let_choose(p)
     w.other[:] = 0.0
     calls.point_sides(p.calls, (p.points, w.d, w.v, w.amps, w.other))
@@ -129,9 +131,9 @@ def _look(p, w, s, own, t, h, x, out):  # type: ignore[no-untyped-def]
 
 @inner
 def _lowest(own, x):  # type: ignore[no-untyped-def]
-    """Return where the lowest of three neighbouring looks, the last at x, lets the parabola through them fall below 0.
+    """Return where the parabola through a point's last three samples, the last at x, has a negative minimum.
 
-    NOWHERE where none does.
+    NOWHERE if there is none.
     """
     for i in range(len(own.held)):
         a, b, c = own.looks[0, i], own.looks[1, i], own.looks[2, i]
@@ -144,7 +146,10 @@ def _lowest(own, x):  # type: ignore[no-untyped-def]
 
 @inner
 def _first(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
-    """Return where in the step a first point changes, to round-off, NOWHERE if none does; looks[2] is what is there."""
+    """Return the fraction of the step at which the first point changes, to round-off, or NOWHERE.
+
+    looks[2] is the sample there.
+    """
     low, high = 0.0, NOWHERE
     own.looks[:] = np.inf
     for n in range(LOOKS + 1):
@@ -173,7 +178,7 @@ def _first(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
 
 @inner
 def _euler_length(p, s, own, h):  # type: ignore[no-untyped-def]
-    """Return how long a backward Euler step within the tolerance is, its error h^2 a/2 if none was made before."""
+    """Return the size of a backward Euler step that meets the tolerance, estimated from its error h^2 a/2 at first."""
     if own.tolerance == 0.0:
         return max(s.numbers[EULER], PART * max(s.numbers[STEP_SIZE], s.numbers[UNCUT]))
     if s.numbers[EULER] > 0.0:
@@ -184,7 +189,8 @@ def _euler_length(p, s, own, h):  # type: ignore[no-untyped-def]
 
 @inner
 def _closing_time(p, w, s, own, t, h, x):  # type: ignore[no-untyped-def]
-    """Return how long the points that close at the fraction x of the step take for the way that they may be off."""
+    """Return the time in which points that close at the fraction x of the step move by the gap allowed before closing.
+    """
     size = max(s.numbers[SIZE], 1e-3 * p.extent)
     allowed = max((NEAR * own.tolerance if own.tolerance > 0.0 else FIXED) * size, NEAREST * p.extent)
     before, time = max(0.0, x - BESIDE), np.inf
@@ -199,13 +205,13 @@ def _closing_time(p, w, s, own, t, h, x):  # type: ignore[no-untyped-def]
 
 @inner
 def _switches(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
-    """Return whether a point changes in the step, which then has to be made again as STEP_SIZE or NEXT says."""
+    """Return whether a point changes in the step; it must then be repeated with the new STEP_SIZE or NEXT."""
     x = _first(p, w, s, own, t, h)
     if x == NOWHERE:
         return False
     euler = _euler_length(p, s, own, h)
     near = min(_closing_time(p, w, s, own, t, h, x), euler)
-    # further before it the more often that was tried
+    # end further before the change after every failed try
     sooner = x * h - 0.5 * near * 2.0 ** s.numbers[TRIES]
     if x * h > euler and sooner > 0.5 * euler:
         s.numbers[STEP_SIZE], s.numbers[UNCUT] = sooner, max(s.numbers[UNCUT], s.numbers[STEP_SIZE])
@@ -229,11 +235,11 @@ def switched_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
     closes = _hold(p, s, own.held)
     outcome, iterations, error, rate = calls.radau_step(own.calls, (p, w, s, own.radau, t, h))
     if outcome != DONE:
-        # where nothing is closed, no contact is the cause: a shorter step helps
+        # if no point is closed, contact is not the cause: a shorter step helps
         if closes and not h > 2.0 * _euler_length(p, s, own, h):
             s.numbers[NEXT], outcome = h, SWITCHES
     else:
-        # a step that is too long for its error is made again anyway
+        # a step that exceeds the tolerance is repeated anyway
         fine = own.tolerance == 0.0 or error <= own.tolerance * max(s.numbers[SIZE], norm(p, own.end.z))
         if fine and _switches(p, w, s, own, t, h):
             outcome = SWITCHES
@@ -245,20 +251,20 @@ def switched_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
 
 @addressed
 def switched_accept(s, own):  # type: ignore[no-untyped-def]
-    """Keep what the next step needs."""
+    """Store the data of an accepted step for the next one (Radau steps only)."""
     if not own.made[0] > 0.0:
         calls.radau_accept(own.calls, (s, own.radau))
 
 
 @addressed
 def switched_go_on(s, own):  # type: ignore[no-untyped-def]
-    """Begin anew behind a backward Euler step."""
+    """Restart Radau's method after a backward Euler step."""
     s.numbers[OLD_STEP] = s.numbers[HELD_STEP] = 0.0
 
 
 @addressed
 def switched_inside(p, own, h, x):  # type: ignore[no-untyped-def]
-    """Let materials that relax be as they are at the fraction x of the step."""
+    """Set the history variables of relaxing materials to the fraction x of the step."""
     if own.made[0] > 0.0:
         newmark_inside(p, own.euler, h, x)
     else:
@@ -267,14 +273,14 @@ def switched_inside(p, own, h, x):  # type: ignore[no-untyped-def]
 
 @addressed
 def switched_taken(p, w, own, x):  # type: ignore[no-untyped-def]
-    """Return the energy that internal strains take at the fraction x of a step, in the time of the step.
+    """Return the power that internal strains take at the fraction x of a step, times the step size.
 
-    0 where those are not solved at stages: the laws know it.
+    0 for backward Euler steps, where the laws themselves compute it.
     """
     return 0.0 if own.made[0] > 0.0 else calls.radau_taken(own.calls, (p, w, own.radau, x))
 
 
 def switched_restart(m: Any, s: Any) -> None:
-    """Begin anew, with steps of Radau's method."""
+    """Restart with steps of Radau's method."""
     radau_restart(m, s)
     s.numbers[[NEXT, EULER, LAST, UNCUT]] = 0.0

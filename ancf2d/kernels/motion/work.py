@@ -1,4 +1,4 @@
-"""Work of loads and of what is moved, and loss to dampers, over a step."""
+"""Work of loads and prescribed motion, and losses in dampers, over a step."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..lowlevel.jit import addressed, inner, seldom
 from .dynamics import lost_to_mass_damping, power_of_loads, signals_at, to_full
 from .events import interpolate
 
-# errors of methods of second order are of order 3
+# order of the local error of second order methods
 SECOND = 3
 # Lobatto's points in [0, 1], and their weights
 POINTS = (0.0, 0.27639320225002106, 0.7236067977499789, 1.0)
@@ -18,7 +18,7 @@ WEIGHTS = (1.0 / 12.0, 5.0 / 12.0, 5.0 / 12.0, 1.0 / 12.0)
 
 @inner
 def power(p, w, z, v, a, t):  # type: ignore[no-untyped-def]
-    """Return (power of varying loads, motion and point laws, power lost) of a state."""
+    """Return (power of varying loads, prescribed motion and point laws; power dissipated) of a state."""
     signals_at(p, t, w.amps)
     _, lost = calls.forces(p.calls, (p, w, z, v))
     return power_of_loads(p, w, v, a), lost + lost_to_mass_damping(p, w, v)
@@ -26,17 +26,17 @@ def power(p, w, z, v, a, t):  # type: ignore[no-untyped-def]
 
 @inner
 def recall(m, p, h, x):  # type: ignore[no-untyped-def]
-    """Let materials that relax be as they are at the fraction x of the step."""
+    """Set the history variables of relaxing materials to the fraction x of the step (0: its start)."""
     if len(p.clocks) > 0:
         calls.inside(m.calls, (p, m.own, h, x))
 
 
 @inner
 def _lost_on_the_way(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
-    """Return the mean power lost up to the fraction ``end`` of a step of a method of second order.
+    """Return the mean power dissipated up to the fraction ``end`` of a step of a second order method.
 
-    A dashpot takes its mean force along the way that is moved, c (v_0 + v_1)/2 dz: by differences of the power about
-    the mean rate dz/h. What dies out within the step, as behind an impact, begins fast, but moves little.
+    A dashpot loses its mean force times the distance moved, c (v_0 + v_1)/2 dz, found from differences of the power
+    about the mean rate dz/h. Motions that die out within the step, as after an impact, start fast but move little.
     """
     interpolate(m, p, s, h, end, at.z, at.v, at.a)
     for i in range(len(s.z)):
@@ -58,7 +58,7 @@ def _lost_on_the_way(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
 
 @inner
 def taken_inside(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
-    """Return what internal strains that are solved at stages take up to the fraction ``end`` of the step."""
+    """Return the energy that internal strains solved at stages take up to the fraction ``end`` of the step, else 0."""
     lost = 0.0
     if len(p.clocks) > 0 and m.order > SECOND:
         for k in range(4):
@@ -73,10 +73,10 @@ def taken_inside(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
 @addressed
 @seldom
 def work(p, w, s, m, at, t, h, end):  # type: ignore[no-untyped-def]
-    """Return (work, loss) up to the fraction ``end`` of the step, from its interpolation.
+    """Return (work, loss) up to the fraction ``end`` of the step, integrated over its interpolation.
 
-    By two Gauss points for methods of second order, by four of Lobatto for others. What dampers take in a step of
-    second order is their mean force times the way that they move.
+    Second order methods use two Gauss points, others four Lobatto points. Losses of second order methods are the mean
+    force of dampers times the distance moved.
     """
     done, lost, low = 0.0, 0.0, m.order <= SECOND
     for k in range(2 if low else 4):
