@@ -124,6 +124,14 @@ def elastic(p, d, Q):  # type: ignore[no-untyped-def]
 
 
 @inner
+def elastic_where_driven(p, d, Q):  # type: ignore[no-untyped-def]
+    """Add to Q the elastic forces of the groups with coordinates that prescribed motion drives."""
+    for g in range(len(p.groups)):
+        if p.driven[g]:
+            calls.force(p.calls, (group_at(p.groups[g]), d, Q))
+
+
+@inner
 def elastic_tangent(p, c, d, Q, A):  # type: ignore[no-untyped-def]
     """Add the elastic forces to Q, and to A the tangents times 1 + c tau; return the strain energy."""
     energy = 0.0

@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import calls
-from ..bodies import elastic, elastic_noise, elastic_tangent, power_of_natural, set_natural, viscous
+from ..bodies import elastic, elastic_noise, elastic_tangent, set_natural, viscous
 from ..lowlevel.arrays import rank, ranked
 from ..lowlevel.jit import addressed, inner, kernel, seldom
 from ..lowlevel.records import array_at
 from ..moving import moving_inertia, place_moving
-from ..patches import add_patch_tangent, forces_but_contacts, patch_forces, patch_noise, violation
+from ..patches import add_patch_tangent, patch_forces, patch_noise, violation
 from .state import evaluate, evaluate_constants, fill_full
 
 # a constraint counts as satisfied if its violation is at most this share of its scale
@@ -26,20 +26,20 @@ class Problem(NamedTuple):
 
     groups : addresses of the element groups; states : history variables of all laws with memory, group after group,
     with the time since the accepted state at entries ``clocks``; given, slopes : of relaxing laws
-    (``model.groups.with_given``); calls : addresses (``kernels.calls``); tau : (groups,) Kelvin-Voigt times [s].
-    points, sliding, moving, facing : tables of point laws, prismatic joints, points that move along bodies and points
-    that touch bodies; patched : whether there are laws or joints; stops : (k, 2) first and last + 1 item of each
-    unilateral or gapped law; touches, sided : whether there are contacts, and hard ones (a multiplier instead of a
-    law); turning : section directions whose turns are counted; winds : whether forces depend on the turns; programs :
-    signals. place, indptr, index, value, full, dependents : numbering; fronts : of matrices, empty for bands of
-    ``width`` entries a row; mass : T^T M T in this storage; diagonals (k,), along (k, n) : its nonzero diagonals d as a
-    band, entries (j + d, j); load_*, motion_* : dead loads, entries of P and (signals, n) T^T M P; alpha : mass damping
-    [1/s]. pairs : (m, 2) unknowns x and y of one vector; turns : (m, 4) full coordinates that give its rotation: theta,
-    x and y of a gradient, or those of two points; e0 : (n_q,) reference; weights, straining : (n,) [m] as in ``Model``,
-    and coordinate : (n,) 1, all three 0 for multipliers; extent : of the scene [m]. feedback : signals and controllers
-    that depend on the motion; inner : number of unknowns without controllers' states, which come last; rank : of the
-    feedback's part of tangents; sure : least number of iterations, 2 where feedback switches (increments do not show
-    it).
+    (``model.groups.with_given``); driven : (groups,) whether prescribed motion drives coordinates of the group; calls :
+    addresses (``kernels.calls``); tau : (groups,) Kelvin-Voigt times [s]. points, sliding, moving, facing : tables of
+    point laws, prismatic joints, points that move along bodies and points that touch bodies; patched : whether there
+    are laws or joints; stops : (k, 2) first and last + 1 item of each unilateral or gapped law; touches, sided :
+    whether there are contacts, and hard ones (a multiplier instead of a law); turning : section directions whose turns
+    are counted; winds : whether forces depend on the turns; programs : signals. place, indptr, index, value, full,
+    dependents : numbering; fronts : of matrices, empty for bands of ``width`` entries a row; mass : T^T M T in this
+    storage; diagonals (k,), along (k, n) : its nonzero diagonals d as a band, entries (j + d, j); load_*, motion_* :
+    dead loads, entries of P and (signals, n) T^T M P; alpha : mass damping [1/s]. pairs : (m, 2) unknowns x and y of
+    one vector; turns : (m, 4) full coordinates that give its rotation: theta, x and y of a gradient, or those of two
+    points; e0 : (n_q,) reference; weights, straining : (n,) [m] as in ``Model``, and coordinate : (n,) 1, all three 0
+    for multipliers; extent : of the scene [m]. feedback : signals and controllers that depend on the motion; inner :
+    number of unknowns without controllers' states, which come last; rank : of the feedback's part of tangents; sure :
+    least number of iterations, 2 where feedback switches (increments do not show it).
     """
 
     groups: Any
@@ -47,6 +47,7 @@ class Problem(NamedTuple):
     clocks: Any
     given: Any
     slopes: Any
+    driven: Any
     calls: Any
     tau: Any
     points: Any
@@ -353,42 +354,6 @@ def twice_kinetic(p, w, v):  # type: ignore[no-untyped-def]
 def lost_to_mass_damping(p, w, v):  # type: ignore[no-untyped-def]
     """Return the power alpha v^T M v, prescribed motion included."""
     return p.alpha * twice_kinetic(p, w, v) if p.alpha != 0.0 else 0.0
-
-
-@inner
-def power_of_loads(p, w, v, a):  # type: ignore[no-untyped-def]
-    """Return the power fed in by loads that vary or turn, by natural strains and by prescribed motion.
-
-    The power that springs store and that moving masses take is subtracted; what dampers and contacts with obstacles at
-    rest take is not. Call it after ``forces`` at the same state.
-    """
-    total = power_of_natural(p, w.d, w.v)
-    for m in range(len(p.load_coord)):
-        if p.load_varies[m]:
-            c = p.load_coord[m]
-            total += p.load_value[m] * w.amps[p.load_signal[m], 0] * w.v[c]
-    # constraints without a signal do no work, even where interpolated states violate them
-    for i in range(len(p.points.multiplier)):
-        if p.points.multiplier[i] >= 0 and p.points.fed[i, 0] < 0:
-            w.d[p.points.multiplier[i]] = 0.0
-    w.other[:] = 0.0
-    total += forces_but_contacts(p, w.d, w.v, w.amps, w.other)[1]
-    # moving masses act like loads: the power of their inertia counts as work
-    moving_inertia(p, w.amps, a, w.other)
-    moving_inertia(p, w.amps, a, w.Q)
-    for i in range(len(w.other)):
-        total -= w.other[i] * w.v[i]
-    # forces M a + Q - F at the prescribed coordinates, times their rates
-    for m in range(len(p.motion_coord)):
-        total += w.Q[p.motion_coord[m]] * p.motion_factor[m] * w.amps[p.motion_signal[m], 1]
-    for k in range(len(p.motion_mass_signal)):
-        rate = w.amps[p.motion_mass_signal[k], 1]
-        for i in range(len(a)):
-            total += rate * p.motion_mass[k, i] * (a[i] + p.alpha * v[i]) * p.coordinate[i]
-        for m in range(len(p.motion_mass_signal)):
-            s = p.motion_mass_signal[m]
-            total += rate * p.motion_mutual[k, m] * (w.amps[s, 2] + p.alpha * w.amps[s, 1])
-    return total
 
 
 def dynamic_functions(constant: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:

@@ -11,7 +11,8 @@ from ..lowlevel.arrays import copy
 from ..lowlevel.jit import kernel, kernel_with_memory, seldom
 from ..patches import accept_patches, rates_of_constraints, violation
 from .consistent import constraint_matrix
-from .dynamics import lost_to_mass_damping, power_of_loads, residual, signals_at, to_full
+from .dynamics import residual, signals_at, to_full
+from .work import power
 
 
 @kernel
@@ -106,9 +107,7 @@ def powers(p, w, factors, s, free, t, y):  # type: ignore[no-untyped-def]
     """Return (power of varying loads, prescribed motion and point laws; power dissipated) at y."""
     place(s, free, y)
     calls.accelerations(p.calls, (p, w, factors, s, t))
-    signals_at(p, t, w.amps)
-    _, lost = calls.forces(p.calls, (p, w, s.z, s.v))
-    return power_of_loads(p, w, s.v, s.a), lost + lost_to_mass_damping(p, w, s.v)
+    return power(p, w, s.z, s.v, s.a, t)
 
 
 @kernel

@@ -99,8 +99,8 @@ def nothing() -> Record:
     x, n, table2 = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 0))
     turning = Turning(n, n, x, x, x)
     return Record(Problem(
-        groups=n, states=x, clocks=n, given=table2, slopes=x, calls=n, tau=x, points=point_table([]),
-        sliding=sliding_table([], x), moving=moving_table([], int, x), facing=facing_table([]),
+        groups=n, states=x, clocks=n, given=table2, slopes=x, driven=np.zeros(0, dtype=bool), calls=n, tau=x,
+        points=point_table([]), sliding=sliding_table([], x), moving=moving_table([], int, x), facing=facing_table([]),
         stops=n.reshape(0, 2), patched=False, touches=False, sided=False, turning=turning, winds=False,
         programs=programs([]), place=n, indptr=n, index=n, value=x, full=n, dependents=n, fronts=no_fronts(), width=1,
         mass=x, diagonals=n, along=table2, load_coord=n, load_value=x, load_signal=n,

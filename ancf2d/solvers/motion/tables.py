@@ -113,7 +113,8 @@ def prescribed(model: Model, signals: Signals) -> dict[str, Array]:
 def motions(model: Model, M: csr_matrix, T: csr_matrix, signals: Signals) -> dict[str, Array]:
     """Return prescribed motion: entries of P, T^T M P and P^T M P by signal."""
     found = prescribed(model, signals)
-    return {**found, **moved_mass(M, T, **found)}
+    driven = [bool(np.isin(pool.dofs, found["motion_coord"]).any()) for pool in model.pools]
+    return {**found, **moved_mass(M, T, **found), "driven": np.array(driven, dtype=bool)}
 
 
 def moved_mass(M: csr_matrix, T: csr_matrix, motion_coord: Array, motion_factor: Array, motion_signal: Array
