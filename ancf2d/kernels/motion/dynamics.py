@@ -29,17 +29,18 @@ class Problem(NamedTuple):
     (``model.groups.with_given``); driven : (groups,) whether prescribed motion drives coordinates of the group; calls :
     addresses (``kernels.calls``); tau : (groups,) Kelvin-Voigt times [s]. points, sliding, moving, facing : tables of
     point laws, prismatic joints, points that move along bodies and points that touch bodies; patched : whether there
-    are laws or joints; stops : (k, 2) first and last + 1 item of each unilateral or gapped law; touches, sided :
-    whether there are contacts, and hard ones (a multiplier instead of a law); turning : section directions whose turns
-    are counted; winds : whether forces depend on the turns; programs : signals. place, indptr, index, value, full,
-    dependents : numbering; fronts : of matrices, empty for bands of ``width`` entries a row; mass : T^T M T in this
-    storage; diagonals (k,), along (k, n) : its nonzero diagonals d as a band, entries (j + d, j); load_*, motion_* :
-    dead loads, entries of P and (signals, n) T^T M P; alpha : mass damping [1/s]. pairs : (m, 2) unknowns x and y of
-    one vector; turns : (m, 4) full coordinates that give its rotation: theta, x and y of a gradient, or those of two
-    points; e0 : (n_q,) reference; weights, straining : (n,) [m] as in ``Model``, and coordinate : (n,) 1, all three 0
-    for multipliers; extent : of the scene [m]. feedback : signals and controllers that depend on the motion; inner :
-    number of unknowns without controllers' states, which come last; rank : of the feedback's part of tangents; sure :
-    least number of iterations, 2 where feedback switches (increments do not show it).
+    are laws or joints; stops : (k, 3) first and last + 1 item of each unilateral or gapped law, and the item that acted
+    last; touches, sided : whether there are contacts, and hard ones (a multiplier instead of a law); turning : section
+    directions whose turns are counted; winds : whether forces depend on the turns; programs : signals. place, indptr,
+    index, value, full, dependents : numbering; fronts : of matrices, empty for bands of ``width`` entries a row; mass :
+    T^T M T in this storage; diagonals (k,), along (k, n) : its nonzero diagonals d as a band, entries (j + d, j);
+    load_*, motion_* : dead loads, entries of P and (signals, n) T^T M P; alpha : mass damping [1/s]. pairs : (m, 2)
+    unknowns x and y of one vector; turns : (m, 4) full coordinates that give its rotation: theta, x and y of a
+    gradient, or those of two points; e0 : (n_q,) reference; weights, straining : (n,) [m] as in ``Model``, and
+    coordinate : (n,) 1, all three 0 for multipliers; extent : of the scene [m]. feedback : signals and controllers that
+    depend on the motion; inner : number of unknowns without controllers' states, which come last; rank : of the
+    feedback's part of tangents; sure : least number of iterations, 2 where feedback switches (increments do not show
+    it).
     """
 
     groups: Any

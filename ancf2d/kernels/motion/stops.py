@@ -57,12 +57,14 @@ def _tell(p, w, z, v, t, room, out):  # type: ignore[no-untyped-def]
     place_moving(p, w.d, w.amps)
     face_bodies(p, w.d)
     for k in range(len(p.stops)):
-        i, out[k] = p.stops[k, 0], 0.0
+        # usually the item that acted last still does
+        out[k], i = 1.0 if _item_acts(p.points, p.stops[k, 2], w, room) else 0.0, p.stops[k, 0]
         while i < p.stops[k, 1] and out[k] == 0.0:
             if p.points.along[i] != 0 and p.points.apart[i] > 0.0 and is_apart(p.points, i, w.d):
                 i += p.points.run[i]
                 continue
-            out[k] = 1.0 if _item_acts(p.points, i, w, room) else 0.0
+            if _item_acts(p.points, i, w, room):
+                out[k], p.stops[k, 2] = 1.0, i
             i += 1
 
 

@@ -101,7 +101,7 @@ def nothing() -> Record:
     return Record(Problem(
         groups=n, states=x, clocks=n, given=table2, slopes=x, driven=np.zeros(0, dtype=bool), calls=n, tau=x,
         points=point_table([]), sliding=sliding_table([], x), moving=moving_table([], int, x), facing=facing_table([]),
-        stops=n.reshape(0, 2), patched=False, touches=False, sided=False, turning=turning, winds=False,
+        stops=n.reshape(0, 3), patched=False, touches=False, sided=False, turning=turning, winds=False,
         programs=programs([]), place=n, indptr=n, index=n, value=x, full=n, dependents=n, fronts=no_fronts(), width=1,
         mass=x, diagonals=n, along=table2, load_coord=n, load_value=x, load_signal=n,
         load_varies=np.zeros(0, dtype=bool), motion_coord=n, motion_factor=x, motion_signal=n, motion_mass=table2,
@@ -224,7 +224,8 @@ def own(problem: Record, model: Model) -> Record:
     feedback = with_own(p.feedback, "near", "scale", "values", "slopes", "rates", "full", "column", "watched")
     return problem.replaced(
         groups, **changes, groups=addresses(groups), states=states, given=given, slopes=slopes,
-        straining=p.straining.copy(), weights=p.weights.copy(), sliding=with_own(p.sliding, "memory", "on", "gap"),
+        straining=p.straining.copy(), weights=p.weights.copy(), stops=p.stops.copy(),
+        sliding=with_own(p.sliding, "memory", "on", "gap"),
         points=with_own(points, "mem", "on", "apart", "there")._replace(sewn=with_own(points.sewn, "skew", "rubs")),
         feedback=feedback._replace(programs=with_own(p.feedback.programs, "data", "stack")),
         programs=with_own(p.programs, "window", "data", "stack"))

@@ -166,13 +166,14 @@ def sewn_laws(model: Model, T: csr_matrix, signals: Signals, steps: bool) -> Any
 
 
 def stops_of(model: Model) -> Index:
-    """Return the ranges (k, 2) of items in the table of all point laws that are one-sided or have a gap."""
+    """Return the ranges of items in the table of all point laws that are one-sided or have a gap, as ``Problem.stops``.
+    """
     first, found = 0, []
     for p in model.interactions.points:
         last, begin = first + len(p.items().p0), first + np.array(getattr(p, "breaks", ()), dtype=np.int64)
-        found.append(np.column_stack([begin, np.append(begin, last)[1:]]))
+        found.append(np.column_stack([begin, np.append(begin, last)[1:], begin]))
         first = last
-    return np.concatenate([np.zeros((0, 2), dtype=np.int64), *found])
+    return np.concatenate([np.zeros((0, 3), dtype=np.int64), *found])
 
 
 def point_laws(model: Model, signals: Signals, steps: bool = False) -> Any:
