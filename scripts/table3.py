@@ -194,9 +194,9 @@ def _spurious_text() -> str:
 
 PAGE_TOP = """# Table 3 of the paper, mode by mode
 
-This page is written by `python -m scripts.table3 --page`. The case is the simply supported beam of the paper's Sec.
-5.3: L = 2, 0.4 x 0.4, rho = 7850, nu = 0.3. Frequencies are in rad/s for E = 1e9; the text of the paper says 2.07e11,
-but its numbers belong to 1e9. Every printed frequency agrees with a computed one to all printed digits.
+`python -m scripts.table3 --page` writes this page. The case is the simply supported beam of the paper's Sec. 5.3
+(L = 2, 0.4 x 0.4, rho = 7850, nu = 0.3). Frequencies are in rad/s for E = 1e9; the text of the paper says 2.07e11, but
+its numbers belong to 1e9. Every printed frequency agrees with a computed one to all printed digits.
 
 `overlap` is the share of the mode's kinetic energy in the exact mode of that name. Shares and kinds are explained in
 [theory.md](theory.md#modes-and-their-kinds).
@@ -209,8 +209,8 @@ PAGE_OTHERS = """
 ## Other elements
 
 The table uses the correct shear energy. It gives the mode most similar to each exact mode, with its overlap; `-` means
-that no mode has an overlap of one half. Pins on the axis are singular for sections of order 2 and higher; an example is
-patel, whose axial frequencies decrease without limit.
+that no mode has an overlap of one half. For sections of order 2 and higher, pins on the axis are singular: the axial
+frequencies of patel, for example, decrease without limit.
 """
 PAGE_SPURIOUS = """
 ## The spurious branch
@@ -219,9 +219,9 @@ The lowest frequency [rad/s] with more than 0.1 of its kinetic energy in gaps be
 of elements (correct shear energy, default quadrature):
 """
 PAGE_END = """
-It falls like 1/n. Refinement brings it below all but the first few modes of the beam, so a fine mesh of these elements
-has more spurious modes among its lowest than a coarse one. In every other type, neighbouring elements share their whole
-end faces, and there is no such branch.
+This frequency falls like 1/n. Refinement brings it below all but the first few modes of the beam, so a fine mesh of
+these elements has more spurious modes among its lowest modes than a coarse one. In every other type, neighbouring
+elements share their whole end faces, and there is no such branch.
 """
 
 

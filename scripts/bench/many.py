@@ -1,4 +1,4 @@
-"""What surrounds a solve: variants of a sweep beside their solves alone, stored states and estimates beside the steps.
+"""Overhead of a solution: rows of a sweep against solving each case alone, stored states and estimates against steps.
 
 All are processor times of one process, with kernels in the cache. The sweeps are run by the command line; they vary the
 height of the section of a beam with 16 elements `vallejo` in ten load steps, the same in linear statics, and of a
@@ -135,12 +135,13 @@ def text(found: dict[str, Any]) -> str:
     ways = found["ways"]
     first = next(iter(ways.values()))
     steps = [[name, f"{1e3 * taken:.0f} ms", f"{taken / first:.1f}"] for name, taken in ways.items()]
-    return f"""## What surrounds a solve
+    return f"""## Overhead of a solution
 
-A sweep reads its case once. Each variant takes what it has in common with the variant before: records, meshes, sampled
-laws, places in the matrix, and what was found of bodies and supports. The rest is checked, built, solved and judged as
-in a run of its own, with the same result bit for bit. Processor time of whole sweeps from the command line, on one core
-without compiling. The start is that of a sweep of {LEAST} rows; the solve is the median of a variant solved alone:
+A sweep reads its case once. Each variant reuses the parts that it has in common with the previous one: records, meshes,
+sampled laws, positions in the matrix, and the checks of bodies and supports. The rest is checked, built, solved and
+assessed as in a separate run, with a bitwise identical result. The table gives the processor time of whole sweeps from
+the command line, on one core without compilation. The start is that of a sweep of {LEAST} rows; the solution time is
+the median of a variant solved alone:
 
 {table(["sweep of", "rows", "in all", "of it the start", "a row", "the solve", "ratio", "the solves"], rows)}
 

@@ -197,17 +197,17 @@ NOTES = {
         "gain nothing. Shorter steps, order 9 and generalized alpha were tried and are among the runs below."),
     "pendulum-2": (
         "Pendulum (2) to 1e-6 m: the sudden onset of gravity sends wave fronts with a jump in acceleration through "
-        "the thick bar. The error is largest, ten times its mean over time, where the shear fronts reach the tip "
+        "the thick bar. The error is largest, ten times its mean over time, when the shear fronts reach the tip "
         "(0.19, 0.57 and 0.94 s). It has two causes of about equal size: the mesh propagates waves of its own "
-        "element length too fast, ahead of the front, and a time step spreads the front over its length. High "
-        "order in space helps less than elsewhere: with `reissner3` each halving of the elements divides the error "
-        "by 2 to 5. With the mass that propagates waves best, 44 elements of order four are as accurate as 64 with "
-        "the exact mass and as 256 of order two; orders six to ten take about as long. Longer steps lose more than "
-        "they gain, shorter ones change little. Radau methods of order 13 and 17 take as long or longer; "
-        "`vallejo`, and `ancf` of order five along the axis, are no better. A profile of the 44 elements: two "
-        "fifths of the time are element forces (a quarter of that sines and cosines), a third band solutions "
-        "(three quarters of that complex ones), a fifth rates and rotations of the stages, and a fiftieth "
-        "factorisations, because a tangent serves some thirty steps."),
+        "element length too fast, ahead of the front, and a time step smears the front over the length of the step. "
+        "High order in space helps less than elsewhere: with `reissner3` each halving of the elements divides the "
+        "error by 2 to 5. With the mass that propagates waves best, 44 elements of order four are as accurate as 64 "
+        "with the exact mass and as 256 of order two; orders six to ten take about as long. Longer steps lose more "
+        "than they gain; shorter ones change little. Radau methods of order 13 and 17 take as long or longer; "
+        "`vallejo`, and `ancf` of order five along the axis, are no better. With 44 elements, element forces take two "
+        "fifths of the time (a quarter of that for sines and cosines), band solutions a third (three quarters of that "
+        "complex ones), rates and rotations of the stages a fifth, and factorisations a fiftieth, because a tangent "
+        "is reused for some thirty steps."),
     "iteration": (
         "One Newton iteration: {iteration}. The band is read from memory and written back."),
     "step": (
@@ -226,9 +226,9 @@ NOTES = {
         "load step computes their round-off bound. The band also exceeds the caches, and each iteration passes "
         "through it five times: clearing, filling, factorisation, forward and backward substitution."),
     "fixed": (
-        "The exponent below 0.95: with a thousand elements a part of the time, a few milliseconds, does not depend "
-        "on the size. It is spent once per load step and iteration. From 10 000 elements on, the time per element "
-        "is about constant."),
+        "The exponent below 0.95: with a thousand elements, a few milliseconds of the time do not depend on the size; "
+        "they are spent once per load step and iteration. From 10 000 elements on, the time per element is about "
+        "constant."),
     "explicit": (
         "RK45: see pendulum (1)."),
     "start": (
@@ -236,8 +236,8 @@ NOTES = {
         "case. `scripts/bench/start.py` times each way to start."),
     "sweep": (
         "Rows of linear statics: assembling and solving 16 elements takes a millisecond or two. Building the model of "
-        "a row, sampling its elements and judging its mesh each take about as long, and reading and checking its "
-        "values half as long; all of it is spread evenly."),
+        "a row, sampling its elements and checking its mesh each take about as long, and reading and checking its "
+        "values half as long."),
     "first": (
         "The first run ever compiles the kernels that the case needs (material law, matrix, solver), on two "
         "processors where available. Other kernels are compiled when they are needed. The remaining time is that "

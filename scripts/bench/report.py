@@ -49,23 +49,23 @@ reliable than seconds.
 ## What to expect
 
 * A small case takes about as long as importing Python's numerical libraries. `--help` and `validate` do not load the
-  compiler. The first run of a kind of model compiles its kernels, which are kept in the user's cache folder under a
-  name that changes with the sources, so they are never stale.
+  compiler. The first run of a kind of model compiles its kernels. They are stored in the user's cache folder under a
+  name that changes with the sources, so they are never out of date.
 * Time and memory grow in proportion to the number of elements, up to a million. A chain of elements is factored as a
   band matrix; frames with branches or loops use the multifrontal method. Statics with 8000 elements and more uses
   several threads, one per processor or as set by `OMP_NUM_THREADS`, with bitwise identical results. The command line
   restricts OpenBLAS to one thread, because more threads cost more time than they save here; in scripts, set
   `OPENBLAS_NUM_THREADS=1` before you import NumPy. An existing setting is not changed.
-* Motions use high-order integrators (`radau5`, `radau9`): smooth motion takes few steps, and additional digits cost
-  little time. `estimate: false` omits the coarser runs of the [error estimate](motion.md#summary). Each stored state
+* Motions use high-order integrators (`radau5`, `radau9`): smooth motions take few steps, and more digits cost little
+  extra time. `estimate: false` omits the coarser runs of the [error estimate](motion.md#summary). Each stored state
   adds about 0.1 ms, whatever the step.
 * `reissner3` is the fastest type for beam theory, `reissner2` the fastest per element. Elements with 12 coordinates
   cost three to six times as much each.
 
-## Aims
+## Performance goals
 
-The table compares the performance goals with this measurement, on one core unless stated otherwise. `*` marks times
-that are extrapolated, as explained below.
+The table compares the performance goals with this measurement, on one core unless stated otherwise. `*` marks
+extrapolated times, as explained below.
 
 {page.aims_table(found)}
 
@@ -77,10 +77,10 @@ that are extrapolated, as explained below.
 
 ### Compiling
 
-Kernels are compiled once per machine, when a run first needs them. The table gives the processor time that the first
-run of a kind takes more than the second. The kinds follow each other in the order of the table, so each compiles only
-what it adds; all processors share the work. `ancf2d compile` compiles the kernels of all kinds in advance.
-`scripts/bench/waits.py` contains the cases.
+Kernels are compiled once per machine, when a run first needs them. The table gives the additional processor time of the
+first run of each kind of case compared with the second. The kinds are run in the order of the table, so each compiles
+only the kernels that it adds; all processors share the work. `ancf2d compile` compiles the kernels of all kinds in
+advance. `scripts/bench/waits.py` contains the cases.
 
 {page.waits_table(found)}
 
@@ -89,7 +89,7 @@ what it adds; all processors share the work. `ancf2d compile` compiles the kerne
 The beam of Table 2 with 500 kN at the tip in 10 load steps, on one core, solution time only. Exudyn uses its
 geometrically exact beam, which corresponds to `reissner2`, at the tightest tolerance at which it converges (relative
 1e-6). OpenSees uses its force-based beam with shear in a corotational frame, with a line search; without a line search
-it does not converge on meshes as fine. Its Timoshenko element does not support large rotations. PyElastica has no
+it does not converge on such fine meshes. Its Timoshenko element does not support large rotations. PyElastica has no
 static solver. Memory is the peak of the process minus its memory after the imports.
 
 {page.static_table(found)}
@@ -105,7 +105,7 @@ elements from 8192 elements on.
 ## Kernels and the processor
 
 One core reaches {peak / 1e9:.0f} billion operations per second here, in chains of multiply-adds that stay in its
-registers. The operation counts are those of the forces, and of the forces with the lower half of the tangent, without
+registers. The operation counts are those of the forces, and of the forces with the lower half of the tangent, excluding
 the zeros of B; `scripts/bench/kernels.py` derives them from the array shapes. The time is per element among
 {kernels.ELEMENTS}.
 
@@ -117,9 +117,9 @@ One Newton iteration of {kernels.MANY} elements, per element, on one core:
 
 ## Frames
 
-One Newton iteration of branched frames compared with a chain of as many elements, in microseconds per element on one
-core. Frames use the multifrontal method where that costs less than a band. The last columns give the time of
-factorisation and solution with a band in reverse Cuthill-McKee order, and with a general sparse factorisation
+One Newton iteration of branched frames compared with a chain of the same number of elements, in microseconds per
+element on one core. Frames use the multifrontal method if it costs less than a band matrix. The last columns give the
+time of factorisation and solution with a band in reverse Cuthill-McKee order, and with a general sparse factorisation
 (SuperLU). `scripts/bench/frames.py` defines the scenes.
 
 {page.frames_table(found)}
@@ -160,8 +160,8 @@ use that of `reissner3`.
 
 {page.errors_table(found)}
 
-`*`: not reached by the runs below. The time is extrapolated with the power law of cost against error between the best
-run and the last one with at least twice its error. `-`: no such run.
+`*`: none of the runs below reaches this error. The time is extrapolated with the power law of cost against error
+between the best run and the last one with at least twice its error. `-`: no such run.
 
 {page.explicit_text(found)}
 
@@ -172,9 +172,9 @@ One implicit step of pendulum (2), 8 elements, dt = 1e-4, generalized alpha:
 ### Controllers
 
 A motor at its hub drives a flexible arm (8 elements of `reissner3`, steps of 1 ms); the table compares it with a
-rotational spring and damper in place of the motor. A PD motor gives the same motion in as many iterations. Each load
-that depends on the motion, and each state of a controller, adds one solution with the factors of the matrix whenever
-these are renewed. A sampled controller restarts the motion at its instants, here at every hundredth step.
+rotational spring and damper in place of the motor. A PD motor gives the same motion in the same number of iterations.
+Each load that depends on the motion, and each state of a controller, adds one solution with the factorised matrix after
+every factorisation. A sampled controller restarts the motion at its sampling times, here at every hundredth step.
 `scripts/bench/feedback.py` contains the scenes.
 
 {page.feedback_table(found)}
