@@ -1,8 +1,8 @@
 """Equilibrium of models that only their weight holds: ropes, chains and pendulums, from any start.
 
 Such a model may be a mechanism in its reference, where the tangent is singular or the equilibrium unstable. From there
-it sinks as if in a medium so viscous that inertia plays no part: M z' = -tau R(z), in implicit steps of growing length
-(pseudo-transient continuation; Kelley & Keyes 1998). As long as K + M/h is positive definite over each step, the
+it sinks as if in a medium so viscous that inertia plays no part: M z' = -R(z), in implicit steps of growing length h
+[s^2] (pseudo-transient continuation; Kelley & Keyes 1998). As long as K + M/h is positive definite over each step, the
 potential falls, so that the motion ends in a minimum, which Newton's method then finds exactly.
 """
 
@@ -138,19 +138,19 @@ class _Relaxation:
             first, *others = np.linspace(self.begin, self.t, LEVELS + 1)[1:].tolist()
             # moving supports do work, so that the potential need not fall
             self.checked = False
-            self._give(first)
+            self._begin_support_motion(first)
             for factor in others:
-                self._go(factor)
+                self._make_step(factor)
             self.checked = True
             self.turns = self.system.turns()
         while self.steps < MOST_STEPS and self.system.distance(self.d, self.start) < LOST * self.extent:
-            moved = self._go(self.t)
+            moved = self._make_step(self.t)
             # if a step of any length hardly moves the model, it cannot get away from the last equilibrium
-            if moved > NEAR * self.extent or (moved > LEFT * self.extent and self._close(self.left, AWAY)):
+            if moved > NEAR * self.extent or (moved > LEFT * self.extent and self._is_near(self.left, AWAY)):
                 continue
             result = self._newton(moved <= LEFT * self.extent)
             if result is None and moved <= STILL * self.extent:
-                result = self._as_it_is(moved)
+                result = self._as_result(moved)
             if result is None:
                 continue
             if not self.system.knows_inertia or result.negative_pivots <= 0:
@@ -164,10 +164,10 @@ class _Relaxation:
                                advice=f"{touch}supports or joints for all parts that can move without limit, or "
                                "gravity on all parts that can move")
 
-    def _close(self, d: Array | None, share: float) -> bool:
+    def _is_near(self, d: Array | None, share: float) -> bool:
         return d is not None and self.system.distance(self.d, d) <= share * self.extent
 
-    def _go(self, t: float) -> float:
+    def _make_step(self, t: float) -> float:
         """Make one step at load factor t; return how far it moved [m]. Failed steps are repeated shorter."""
         while True:
             self.steps += 1
@@ -255,7 +255,7 @@ class _Relaxation:
         self.system.count(result.d, self.t)
         return result
 
-    def _as_it_is(self, moved: float) -> NewtonResult:
+    def _as_result(self, moved: float) -> NewtonResult:
         """Return the current state as the equilibrium, if no step moves it but round-off stops Newton's method."""
         system, num = self.system, self.model.numbering
         balance = system.assemble(self.d, self.t)
@@ -263,7 +263,7 @@ class _Relaxation:
         return NewtonResult(self.d, balance.Q, balance.F, balance.energy, largest(balance.R), 0, [moved],
                             np.zeros(num.n_unknowns), pivots.negative - num.n_multipliers, moved)
 
-    def _give(self, factor: float) -> None:
+    def _begin_support_motion(self, factor: float) -> None:
         """Make the first step of moving supports.
 
         Links in one line between their supports bear any force, and their direction of sagging is undetermined: they
@@ -274,7 +274,7 @@ class _Relaxation:
         for sag, power in ((0.0, 0), *SAGS):
             self.d = start if failure is None else self._sagging(start, sag, power)
             try:
-                self._go(factor)
+                self._make_step(factor)
             except ComputationError as error:
                 failure = failure or error
                 self.h = self.shortest / SHORTEST
