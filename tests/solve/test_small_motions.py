@@ -267,7 +267,7 @@ def test_a_search_ends_where_round_off_moves_eigenvalues_for_ever(noise: float, 
         count = 44
 
     class Search:
-        space, problem, still = Space(), type("Problem", (), {"n": 10**6}), 0.0
+        space, problem, rest_limit = Space(), type("Problem", (), {"n": 10**6}), 0.0
 
         def extend(self, steps: int, seed: int) -> None:
             assert steps == STRIDE
@@ -301,5 +301,5 @@ def test_rayleighs_alpha_brakes_a_body_by_alpha_times_its_momentum() -> None:
     d = np.zeros(len(moves[0]))
     force = moves @ rates(d, v @ moves, 0.0, lambda: M)
     assert force == pytest.approx(alpha * 3.5 * v, rel=1e-12)
-    C, q = rates.plain_damping(d, 0.0, T.T @ M @ T), moves[:, model.numbering.free]
+    C, q = rates.external_damping(d, 0.0, T.T @ M @ T), moves[:, model.numbering.free]
     assert q @ (C @ (v @ q)) == pytest.approx(alpha * 3.5 * v, rel=1e-12)

@@ -110,7 +110,7 @@ class _Placing:
         self.tolerance = spec.resolution
         self.axis: Callable[[Array], Array] = np.log if spec.scale == "log" else np.asarray
         self.back: Callable[[Array], Array] = np.exp if spec.scale == "log" else np.asarray
-        self.judged = _judged(problem, probes)
+        self.compared = _comparable_outputs(problem, probes)
 
     def __call__(self, at: Callable[[Array], Complex], hz: Array, poles: Complex) -> Array:
         """Return frequencies ``hz`` and additional ones where the responses ``at`` them bend.
@@ -125,7 +125,7 @@ class _Placing:
             found = at(tries) if len(tries) else values[:0]
             guess, size = interpolated(self.axis(hz), values, self.axis(tries))
             size, bends = np.maximum(size, np.abs(found)), np.zeros(len(tries), dtype=bool)
-            for some, unit in self.judged:
+            for some, unit in self.compared:
                 gap, near = np.abs(found - guess)[:, :, some] * unit, size[:, :, some] * unit
                 near = np.maximum(near, FAINT * near.max(axis=2, keepdims=True, initial=0.0))
                 bends |= (gap > self.tolerance * near).any(axis=(1, 2))
@@ -180,7 +180,7 @@ class _Reduced:
     def __init__(self, problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Output]) -> None:
         self.problem, self.inputs, self.probes = problem, inputs, probes
         self.space, self.known = Space(problem, within_constraints(problem)), dict[float, Complex]()
-        self.judged = _judged(problem, probes)
+        self.compared = _comparable_outputs(problem, probes)
         self.lifts = np.zeros((len(inputs), problem.n))
         self._forces = [one.f for one in inputs]
         self._read = np.zeros((3, len(probes), 0))
@@ -199,9 +199,9 @@ class _Reduced:
         # first in the widest gap, then where the last extension changed the responses most
         old, calm, worst = self.at(hz), 0, self._widest(hz)
         while len(self.known) < SHARE * len(hz):
-            error = self._off(self._solve(float(hz[worst]))[None], old[worst:worst + 1])[0]
+            error = self._relative_change(self._solve(float(hz[worst]))[None], old[worst:worst + 1])[0]
             new, known = self.at(hz), np.isin(hz, list(self.known))
-            changes = self._off(new, old)
+            changes = self._relative_change(new, old)
             error = max(float(error), float(changes.max()))
             calm = calm + 1 if error <= SETTLED else 0
             if calm == CALM:
@@ -233,8 +233,8 @@ class _Reduced:
     def _lift(self, Z: Sequence[Complex]) -> None:
         p = self.problem
         for k, (one, z) in enumerate(zip(self.inputs, Z, strict=True)):
-            if one.f[0][~p.moved].any():
-                lift = self.lifts[k] = np.where(p.moved, z.real, 0.0)
+            if one.f[0][~p.is_coordinate].any():
+                lift = self.lifts[k] = np.where(p.is_coordinate, z.real, 0.0)
                 self._forces[k] = one.f - np.array([p.stiffness(lift), p.damping(lift), p.mass(lift)])
 
     def poles(self) -> Complex:
@@ -266,16 +266,16 @@ class _Reduced:
             out[first:first + BLOCK] = direct + sum((y @ self._read[k].T + held[:, :, k]) * s**k for k in rates)
         return out
 
-    def _off(self, new: Complex, old: Complex) -> Array:
+    def _relative_change(self, new: Complex, old: Complex) -> Array:
         """Return the difference of responses (m, inputs, outputs), relative to the largest of their kind (m,)."""
         out = np.zeros(len(new))
-        for some, unit in self.judged:
+        for some, unit in self.compared:
             size, off = (np.abs(x[:, :, some] * unit).max(axis=2) for x in (new, new - old))
             out = np.maximum(out, (off / np.where(size > 0.0, size, 1.0)).max(axis=1))
         return out
 
 
-def _judged(problem: Quadratic, probes: Sequence[Output]) -> list[tuple[Index, Array]]:
+def _comparable_outputs(problem: Quadratic, probes: Sequence[Output]) -> list[tuple[Index, Array]]:
     """Return the indices of displacements and of section forces among the outputs, with factors to compare them.
 
     Rotations count as displacements at the distance of the extent, moments as forces there. Velocities follow from
