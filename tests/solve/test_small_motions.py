@@ -19,7 +19,7 @@ from ancf2d.model.build import build_model
 from ancf2d.solvers.linear import full_mass, unknowns_to_coordinates
 from ancf2d.solvers.small_motions.linearised import Linearised, RateForces, base_state
 from ancf2d.solvers.small_motions.projected import Quadratic
-from ancf2d.solvers.small_motions.quadratic import MOST, STRIDE, _motions, _settled
+from ancf2d.solvers.small_motions.quadratic import MAX_VECTORS, STRIDE, _motions, _settled
 from ancf2d.study.run import run_case
 
 # a follower load, a torsion spring between sections, Kelvin-Voigt damping, a point mass
@@ -258,7 +258,7 @@ def test_pairs_of_frames_are_those_of_all_eigenvalues_at_once(load: str, table: 
     assert len(slow) == len(s)
 
 
-@pytest.mark.parametrize(("noise", "vectors"), [(0.0, 80), (1e-4, 240), (0.1, MOST + STRIDE)])
+@pytest.mark.parametrize(("noise", "vectors"), [(0.0, 80), (1e-4, 240), (0.1, MAX_VECTORS + STRIDE)])
 def test_a_search_ends_where_round_off_moves_eigenvalues_for_ever(noise: float, vectors: int) -> None:
     """Eigenvalues that converge tenfold with every vector more, but for noise: a larger space has no more digits."""
     random, exact = np.random.default_rng(1), 1j * np.arange(1.0, 11.0)
@@ -280,7 +280,7 @@ def test_a_search_ends_where_round_off_moves_eigenvalues_for_ever(noise: float, 
     search: Any = Search()
     s, _ = _settled(search, 10, 0)
     assert search.space.count <= vectors
-    assert (search.space.count >= MOST) == (vectors > MOST)
+    assert (search.space.count >= MAX_VECTORS) == (vectors > MAX_VECTORS)
     assert np.abs(s / exact - 1).max() < max(5 * noise, 1e-7)
 
 

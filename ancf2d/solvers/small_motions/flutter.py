@@ -36,7 +36,7 @@ LAST, BEYOND = 100.0, 4.0
 # linearly with damping
 UNDAMPED, DAMPED = 1e-5, 1e-9
 # relative change of a critical factor at which it is accepted, and the largest number of spaces for it
-SETTLED, MOST = 1e-8, 4
+SETTLED, MAX_SPACES = 1e-8, 4
 # relative width of the brackets of critical factors, and where the search continues after one
 ROUND, PAST = 1e-10, 1e-6
 # imaginary part relative to |s| of pairs that only relax (close rates form pairs); negligible share of load effects
@@ -323,7 +323,7 @@ class _Track:
     def refined(self, start: _Sample, low: float, high: float) -> Critical | None:
         """Return the critical factor near ``low`` and ``high``, above ``start``, or None if a better space has none."""
         last, found = math.inf, self._onset(low, high)
-        for _ in range(MOST):
+        for _ in range(MAX_SPACES):
             b = high if found is None else found[1]
             if found is not None and abs(b - last) <= SETTLED * b:
                 break

@@ -26,12 +26,12 @@ from .without_effect import warnings_of
 # minimum numbers of unknowns and frequencies for computing responses in a space of few vectors
 LARGE, MANY = 400, 40
 # number of frequencies with which the space starts, and the largest share of all frequencies that is solved
-BEGIN, SHARE = 6, 0.5
+FIRST_FREQUENCIES, MAX_SOLVED_SHARE = 6, 0.5
 # change of the responses, relative to the largest displacement of a probe at that frequency, that ends the search, and
 # how many times in succession it must be met
 SETTLED, CALM = 1e-7, 2
 # relative correction that is round-off, and the largest number of corrections of a solution
-ROUND_OFF, MOST = 1e-11, 6
+ROUND_OFF, MAX_CORRECTIONS = 1e-11, 6
 # number of frequencies evaluated in the space at a time
 BLOCK = 64
 # number of frequencies in a range for which a space is built before points are placed, and most rounds of both
@@ -194,11 +194,11 @@ class _Reduced:
 
     def _settled(self, hz: Array) -> tuple[Complex, float] | None:
         if not self.known:
-            for k in np.unique(np.linspace(0, len(hz) - 1, BEGIN).round().astype(int)):
+            for k in np.unique(np.linspace(0, len(hz) - 1, FIRST_FREQUENCIES).round().astype(int)):
                 self._solve(float(hz[k]))
         # first in the widest gap, then where the last extension changed the responses most
         old, calm, worst = self.at(hz), 0, self._widest(hz)
-        while len(self.known) < SHARE * len(hz):
+        while len(self.known) < MAX_SOLVED_SHARE * len(hz):
             error = self._relative_change(self._solve(float(hz[worst]))[None], old[worst:worst + 1])[0]
             new, known = self.at(hz), np.isin(hz, list(self.known))
             changes = self._relative_change(new, old)
@@ -311,7 +311,7 @@ def refined_response(problem: Quadratic, factors: Factors, f: Complex, s: comple
     """Return the solution for f, refined beyond the round-off of the assembled matrix of a fine mesh."""
     z = np.asarray(factors.solve(f))
     last = np.inf
-    for _ in range(MOST):
+    for _ in range(MAX_CORRECTIONS):
         more = np.asarray(factors.solve(f - problem.action(s, z)))
         size = float(np.linalg.norm(problem.weights * more) / (np.linalg.norm(problem.weights * z) or 1.0))
         if not size < 0.5 * last:

@@ -24,9 +24,9 @@ DENSE = 40
 # vectors of the space in addition to two for each wanted pair, and between two checks of the eigenvalues
 BEYOND, STRIDE = 24, 8
 # number of vectors at which the search ends
-MOST = 400
+MAX_VECTORS = 400
 # checks without change after which there are no more pairs than found; number of random starts
-CALM, TRIES = 5, 3
+CALM_CHECKS, RANDOM_STARTS = 5, 3
 # relative change at which eigenvalues have converged; the same if round-off limits them, which shows in changes that do
 # not fall below a share of the previous ones
 SETTLED, ROUGH, STALLED = 1e-8, 1e-6, 0.1
@@ -209,11 +209,11 @@ def lowest_pairs(problem: Quadratic, number: int, s0: float, rest_limit: float) 
     if search.complete:
         s, Y = search.corrected(*search.ritz(), number)
         return _chosen(search, s, Y, number, complete=True)
-    for seed in range(TRIES):
+    for seed in range(RANDOM_STARTS):
         s, Y = _settled(search, number, seed)
         found = _chosen(search, s, Y, number, complete=False)
         crowded = int((~_upper(found.s)).sum()) >= 2 * number
-        if not found.missing or crowded or seed == TRIES - 1:
+        if not found.missing or crowded or seed == RANDOM_STARTS - 1:
             break
     return found
 
@@ -232,8 +232,9 @@ def _settled(search: Search, number: int, seed: int) -> tuple[Complex, Complex]:
         # for very fine meshes round-off is larger still, and the changes stop decreasing
         idle = 0 if moved < 0.5 * least else idle + 1
         last, least = moved, min(least, moved)
-        rests, full = calm or (idle >= CALM and least <= STUCK), search.space.count >= min(MOST, search.problem.n)
-        if (rests and len(wanted) == number) or calm >= CALM or full:
+        rests = calm or (idle >= CALM_CHECKS and least <= STUCK)
+        full = search.space.count >= min(MAX_VECTORS, search.problem.n)
+        if (rests and len(wanted) == number) or calm >= CALM_CHECKS or full:
             return s, Y
         before, count = s, search.space.count
         search.extend(STRIDE, seed)

@@ -30,7 +30,7 @@ from .newton import NewtonResult, check_sound, negative_pivots, newton, state_of
 SLACK = 100.0
 # shares of the extent: first step, longest step, longest step after which Newton's method is tried, error of a step,
 # push away from an unstable equilibrium, and distance from it before Newton's method is tried again
-FIRST, FARTHEST, NEAR, LEFT, PUSH, AWAY = 0.05, 0.25, 0.02, 1e-7, 0.01, 0.1
+FIRST_STEP, LONGEST_STEP, SHORT_STEP, STEP_ERROR, PUSH, RETRY_DISTANCE = 0.05, 0.25, 0.02, 1e-7, 0.01, 0.1
 MOST_STEPS = 5000
 MOST_ITERATIONS = 12
 # the next step grows after few iterations and shrinks after many; failed steps are repeated with a shorter length
@@ -38,10 +38,10 @@ EASY, GROW, SHRINK = 4, 3.0, 0.3
 # share of the first step below which a failing step is given up
 SHORTEST = 1e-15
 # beyond this many times the extent from the start, the model falls for ever
-LOST = 100.0
+FARTHEST_FALL = 100.0
 # number of steps for moving supports; sag given to links stretched out between them: as a share of the extent, and
 # uniform (0) or as a parabola (1)
-LEVELS = 40
+SUPPORT_STEPS = 40
 SAGS = (0.02, 0), (0.05, 1), (0.07, 1), (0.05, 0), (0.03, 1), (0.1, 1)
 
 FELL = ("no path of stable equilibria leads from the reference to the full load: the reported equilibrium is the one "
@@ -118,14 +118,14 @@ class _Relaxation:
         g = max((float(np.hypot(*load.acceleration)) for load in self.model.case.loads
                  if load.acceleration is not None), default=0.0)
         self.extent = self.model.extent
-        self.h = FIRST * self.extent / (g or 1.0)
+        self.h = FIRST_STEP * self.extent / (g or 1.0)
         self.shortest = SHORTEST * self.h
         self.steps = self.iterations = self.failures = 0
         # whether the potential must fall in each step
         self.checked = True
         # negative pivots of an unstable equilibrium at the start, and the unstable equilibrium left last
         self.pushed = 0
-        self.left: Array | None = None
+        self.last_unstable: Array | None = None
         # the turns once supports have reached their positions, from which those of the equilibrium are counted
         self.turns = system.turns()
 
@@ -135,7 +135,7 @@ class _Relaxation:
         Raises ComputationError if it does not come to rest.
         """
         if self.model.moves:
-            first, *others = np.linspace(self.begin, self.t, LEVELS + 1)[1:].tolist()
+            first, *others = np.linspace(self.begin, self.t, SUPPORT_STEPS + 1)[1:].tolist()
             # moving supports do work, so that the potential need not fall
             self.checked = False
             self._begin_support_motion(first)
@@ -143,21 +143,22 @@ class _Relaxation:
                 self._make_step(factor)
             self.checked = True
             self.turns = self.system.turns()
-        while self.steps < MOST_STEPS and self.system.distance(self.d, self.start) < LOST * self.extent:
+        while self.steps < MOST_STEPS and self.system.distance(self.d, self.start) < FARTHEST_FALL * self.extent:
             moved = self._make_step(self.t)
             # if a step of any length hardly moves the model, it cannot get away from the last equilibrium
-            if moved > NEAR * self.extent or (moved > LEFT * self.extent and self._is_near(self.left, AWAY)):
+            near_unstable = self._is_near(self.last_unstable, RETRY_DISTANCE)
+            if moved > SHORT_STEP * self.extent or (moved > STEP_ERROR * self.extent and near_unstable):
                 continue
-            result = self._newton(moved <= LEFT * self.extent)
+            result = self._newton(moved <= STEP_ERROR * self.extent)
             if result is None and moved <= STILL * self.extent:
                 result = self._as_result(moved)
             if result is None:
                 continue
             if not self.system.knows_inertia or result.negative_pivots <= 0:
                 return result
-            if self.system.distance(result.d, self.start) <= NEAR * self.extent:
+            if self.system.distance(result.d, self.start) <= SHORT_STEP * self.extent:
                 self.pushed = result.negative_pivots
-            self.left = result.d
+            self.last_unstable = result.d
             self._push()
         touch = "contacts with a law, or a motion with damping (type: dynamic); " if self.hard else ""
         raise ComputationError("the model does not come to rest under its weight", at={"steps": self.steps},
@@ -226,10 +227,10 @@ class _Relaxation:
             dz = -system.matrix.solve(R)
             sizes.append(system.norm(dz))
             z += dz
-            if not np.isfinite(sizes[-1]) or system.norm(z - z0) > FARTHEST * self.extent:
+            if not np.isfinite(sizes[-1]) or system.norm(z - z0) > LONGEST_STEP * self.extent:
                 raise ComputationError("the step goes too far", at=at)
             d = self.model.displacements(z, t)
-            if sizes[-1] <= LEFT * self.extent:
+            if sizes[-1] <= STEP_ERROR * self.extent:
                 return d, iteration
         raise ComputationError("the step does not converge", at=at, history=sizes)
 
@@ -244,7 +245,7 @@ class _Relaxation:
             # gravity is so weak compared with the stiffness of a rope that a second solve improves the result
             with suppress(ComputationError):
                 result = newton(self.system, result.d.copy(), self.t, self.t, self.tolerance, self.max_iterations)
-            if self.system.distance(result.d, self.d) > AWAY * self.extent:
+            if self.system.distance(result.d, self.d) > RETRY_DISTANCE * self.extent:
                 raise ComputationError("another equilibrium", at={})
             result.negative_pivots = negative_pivots(self.system, result.d, self.t)
         except ComputationError as error:
