@@ -36,7 +36,7 @@ from .stepping import LOG, Row, Stepper
 STATES = 200
 # local errors are relative to the largest displacement so far: initially this share of the scene's size, or less if a
 # trial run over this share of the motion finds less
-BEGIN, AHEAD = 1e-3, 0.02
+FIRST_SIZE, TRIAL_SHARE = 1e-3, 0.02
 # error of the energy balance, relative to the energy, that is allowed without a warning
 DRIFT_ALLOWED = 0.01
 # interval at which the remaining time is estimated anew [s]
@@ -243,8 +243,8 @@ class Run:
 
     def _look_ahead(self, d: Array, v: Array, turned: Array) -> float:
         """Return a displacement [m] that the motion reaches early, at most a share of the scene's size."""
-        size = BEGIN * self.problem.extent
-        spec = replace(self.spec, t_end=AHEAD * self.spec.t_end)
+        size = FIRST_SIZE * self.problem.extent
+        spec = replace(self.spec, t_end=TRIAL_SHARE * self.spec.t_end)
         scout = type(self.stepper)(self.model, self.problem, self.signals, spec, 0.0, np.zeros(0))
         try:
             scout.start(d, v, turned)

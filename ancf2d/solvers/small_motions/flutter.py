@@ -123,7 +123,7 @@ class _Track:
         self.small, self.change, self.pairs = small, change, modes + EXTRA
         self.limit = DAMPED if small.rates.damps or change.damps or small.relaxing else UNDAMPED
         pencil = small.pencil_with_mass()
-        self.first = math.sqrt(first_shift(pencil))
+        self.first_shift = math.sqrt(first_shift(pencil))
         self.rest_limit = AT_REST * math.sqrt(characteristic(pencil))
         problem, self.terms = self._problem(0.0), list[Term]()
         self.space = Space(problem, within_constraints(problem))
@@ -149,7 +149,7 @@ class _Track:
         """Add a Krylov space at a load factor to the space, or all motions if they are few."""
         for rigid_dashpots in (True, False) if self.small.relaxing else (False,):
             problem = self._problem(factor, rigid_dashpots=rigid_dashpots)
-            search = Search(problem, shift_of(problem, self.first), self.rest_limit)
+            search = Search(problem, shift_of(problem, self.first_shift), self.rest_limit)
             search.fill(self.pairs)
             for x in search.space.V:
                 self.space.add(x)

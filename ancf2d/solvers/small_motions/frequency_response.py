@@ -250,13 +250,13 @@ class _Reduced:
         new = np.zeros((len(V) - old, len(self.probes), 3))
         for rows, v in zip(new, V[old:], strict=True):
             num.expand(v, d)
-            rows[:] = [probe.of(d) for probe in self.probes]
+            rows[:] = [probe.contributions(d) for probe in self.probes]
         self._read = np.concatenate([self._read, new.T], axis=2)
         F = np.array([f @ V.T for f in self._forces])
         held, direct = np.zeros((len(self.inputs), len(self.probes), 3)), _direct_parts(self.inputs, self.probes)
         for rows, one, lift in zip(held, self.inputs, self.lifts, strict=True):
             num.expand(lift, d)
-            rows[:] = [probe.of(d + one.p) for probe in self.probes]
+            rows[:] = [probe.contributions(d + one.p) for probe in self.probes]
         rates = [k for k in range(3) if self._read[k].any() or held[:, :, k].any()]
         out = np.zeros((len(hz), len(self.inputs), len(self.probes)), dtype=complex)
         for first in range(0, len(hz), BLOCK):

@@ -200,7 +200,7 @@ def find_shift(pencil: Pencil) -> float:
                            advice="check masses and stiffnesses for extreme values")
 
 
-def _all(pencil: Pencil, shift: float) -> tuple[Array, Array]:
+def _all_modes(pencil: Pencil, shift: float) -> tuple[Array, Array]:
     """Return every finite mode from L^T (K - shift M)^-1 L, M = L L^T."""
     M = map_rows(pencil.apply_B, np.eye(pencil.n))
     scale = np.sqrt(np.where(np.diag(M) > 0, np.diag(M), 1.0))
@@ -304,7 +304,7 @@ def lowest(pencil: Pencil, m: int) -> Modes:
     """Return the m lowest modes of a pencil (fewer if there are no more)."""
     shift = find_shift(pencil)
     if pencil.n <= max(DENSE, 2 * (m + EXTRA)):
-        values, V = _all(pencil, shift)
+        values, V = _all_modes(pencil, shift)
         values, V, rest = _refine(pencil, values[:m], V[:m], shift)
         counted: bool | None = True
     else:

@@ -46,9 +46,9 @@ class Quadratic:
         self.weights, self.is_coordinate = weights, num.free < num.n_q
         self.K_skew = None if small.model.symmetric and load is None else (self.K - self.K.T).tocsc()
         self.C_skew = (C - C.T).tocsc() if small.rates.gyrates else None
-        self._formed = small.external_damping + small.coriolis if damped else small.coriolis
+        self._assembled_damping = small.external_damping + small.coriolis if damped else small.coriolis
         if rates is not None:
-            self._formed = (self._formed + rates).tocsc()
+            self._assembled_damping = (self._assembled_damping + rates).tocsc()
 
     def matrix(self, s: complex) -> csc_array:
         """Return K + s C + s^2 M."""
@@ -101,7 +101,7 @@ class Quadratic:
 
     def damping(self, x: Array) -> Array:
         """Return C x, with Kelvin-Voigt damping computed through the strains."""
-        out = self._formed @ x
+        out = self._assembled_damping @ x
         return out + self.small.viscous_forces(x) if self.damped else out
 
     def mass(self, x: Array) -> Array:

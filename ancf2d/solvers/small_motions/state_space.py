@@ -27,9 +27,9 @@ from .without_effect import warnings_of
 # largest number of iterations of a solve with a shifted stiffness, and the relative correction that ends them
 ROUNDS, SETTLED = 200, 1e-13
 # relative shift of a matrix from an eigenvalue, so that it can be factored
-BESIDE = 1e-10
+SHIFT = 1e-10
 # a response is added as a vector if more than this share of it is independent of modes and other responses
-NEW = 1e-4
+INDEPENDENT_SHARE = 1e-4
 UNITS = "consistent units; u = 1 is the load or motion of the case"
 
 
@@ -202,7 +202,7 @@ def _relaxing(small: Linearised, spec: StateSpace, inputs: list[Input], outputs:
     lifted = [_lifted(problem, i, x) for i, x in zip(inputs, lifts, strict=True)]
     beside = [x for x, m in zip(rest, moved, strict=True) if not m]
     beside += _relaxation_responses(problem, lifted)
-    space = Projected(problem, [*shapes, *beside], NEW)
+    space = Projected(problem, [*shapes, *beside], INDEPENDENT_SHARE)
     m, n, W = len(space.W), len(space.A), space.W
     f0, f1, f2 = (np.array([i.f for i in lifted]) @ W.T).transpose(1, 2, 0)
     delayed = np.array([i.relaxing for i in lifted]) @ W.T
@@ -264,7 +264,7 @@ def _lifted(problem: Quadratic, one: Input, lift: Array) -> Input:
 
 def _left_vector(problem: Quadratic, s: complex, x: Complex) -> Complex:
     """Return y (n,) with y^T (K + s C + s^2 M) = 0 and y^T (C + 2 s M) x = 1, by inverse iteration."""
-    at = s * (1.0 + BESIDE)
+    at = s * (1.0 + SHIFT)
     factors = Factors(problem.matrix(at if s.imag else at.real).T.tocsc())
     y = np.asarray(problem.M @ (x.conj() if s.imag else x.real))
     for _ in range(3):

@@ -23,7 +23,7 @@ from ..small_motions.lowest_modes import Pencil, map_rows, ritz
 from ..small_motions.projected import Quadratic
 from ..state import State
 from .load_rates import SMALL, residual_rate, response_size, step_of, tangent_rate
-from .one_sided import changed, neglected
+from .one_sided import neglected_work, switching_springs
 from .static import unscaled
 
 # rotation or strain of the linear response above which a load factor means nothing
@@ -215,7 +215,7 @@ def _neglected_shares(pencil: Pencil, u: Array, h: float, found: Sequence[tuple[
             Kx = pencil.apply_K(x)
             stiffness += part * np.vdot(v, Kx)
             rest += part * np.vdot(v, pencil.matrix.product(tangent, x) - Kx + factor * pencil.apply_B(x))
-        share.append(max(abs(rest) / abs(stiffness), neglected(pencil, u, factor, h)))
+        share.append(max(abs(rest) / abs(stiffness), neglected_work(pencil, u, factor, h)))
     return np.array(share)
 
 
@@ -228,7 +228,7 @@ def _factor_warnings(pencil: Pencil, u: Array, factors: Array, size: float, shar
         if some.any():
             k = int(np.flatnonzero(some)[-1])
             named = ", ".join(f"{f:.6g}" for f in factors[some])
-            names = ", ".join(changed(pencil, u, factors[k]))
+            names = ", ".join(switching_springs(pencil, u, factors[k]))
             before = (f"{names} begins or ceases to act before the structure buckles" if names else
                       f"The structure bends or strains before it buckles, by {factors[k] * size:.2g} (rad)")
             out.append(f"linear buckling {says} the load factor{'s' if some.sum() > 1 else ''} {named}. {before} at "
