@@ -19,7 +19,7 @@ from ..model.model import Model
 from .linear import full_mass, unknowns_to_coordinates
 from .motion.initial import HELD, initial_motion
 from .post import Observer, turns_of
-from .small_motions.linearised import RateForces, stored
+from .small_motions.linearised import RateForces, to_sparse
 from .state import State
 from .system import System
 from .threads import largest
@@ -185,13 +185,13 @@ class DiscreteModel:
         else:
             self._system.assemble(full, t)
         matrix = self._system.matrix
-        return self._ordered(stored(self._model, matrix, matrix.values))
+        return self._ordered(to_sparse(self._model, matrix, matrix.values))
 
     def damping(self, d: ArrayLike, t: float = 1.0) -> csc_array:
         """Return C = dR/dv (n, n) without rates: damping of springs and materials, Coriolis forces."""
         full = self._reference if self._linear else self._full(self._unknowns(d, "d", t), t)
         viscous = self._rates.viscous_matrix(full)
-        C = self._rates.plain_damping(full, t, self._mass if self._rates.alpha else None) + self._rates.turning(t)
+        C = self._rates.external_damping(full, t, self._mass if self._rates.alpha else None) + self._rates.coriolis(t)
         return self._ordered(C if viscous is None else C + viscous)
 
     def _ordered(self, A: csc_array) -> csc_array:

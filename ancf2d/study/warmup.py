@@ -197,10 +197,10 @@ def _touch(model: Model, new: bool) -> None:
     touched: list[Callable[[], object]] = [*_drivers(model, matrix), partial(_touch_matrix, type(matrix))]
     if new:
         from ..model.interactions import of_interactions
-        from ..solvers.motion.problem import nothing, of_elements
+        from ..solvers.motion.problem import element_compilations, empty_problem
 
-        laws = of_interactions(model, False, nothing().layout)
-        spread([*laws[:1], *of_elements(model), *laws[1:], *touched])
+        laws = of_interactions(model, False, empty_problem().layout)
+        spread([*laws[:1], *element_compilations(model), *laws[1:], *touched])
     _ = model.groups
     for each in touched:
         each()
@@ -241,13 +241,14 @@ def _touch_motion(model: Model, spec: Dynamic, new: bool) -> None:
     """Solve the first moment of a motion; problems of the case are left for the run itself to report."""
     from ..model.interactions import of_interactions
     from ..solvers.contact import memory, recall
-    from ..solvers.motion.problem import nothing, of_motion
+    from ..solvers.motion.problem import empty_problem, motion_compilations
     from ..solvers.motion.schemes import INTEGRATORS, default_method
     from ..solvers.registry import SOLVERS
 
     if new:
-        laws = of_interactions(model, INTEGRATORS[spec.method or default_method(model)].conserves, nothing().layout)
-        spread([*laws[:1], *of_motion(model, spec), *laws[1:]])
+        conserves = INTEGRATORS[spec.method or default_method(model)].conserves
+        laws = of_interactions(model, conserves, empty_problem().layout)
+        spread([*laws[:1], *motion_compilations(model, spec), *laws[1:]])
     _ = model.groups
     moment, contacts = MOMENT * spec.t_end, memory(model)
     with suppress(Ancf2dError):

@@ -47,7 +47,7 @@ def third_axial_error(tmp_path, count: int, p: int, share: float) -> float:
     pencil = Pencil(bar, np.zeros(len(bar.numbering.place)), 0.0, True).with_mass()
     along = np.flatnonzero(np.isin(bar.numbering.free, np.flatnonzero(bar.meshes["bar"].kinds >= 0)[::3]))
     K, M = (np.column_stack([f(x) for x in np.eye(pencil.n)])[np.ix_(along, along)]
-            for f in (pencil.formed, pencil.other))
+            for f in (pencil.apply_K, pencil.apply_B))
     import scipy.linalg
 
     omega = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)[2])

@@ -59,7 +59,7 @@ class Ride:
         if tight:
             stepper = self.stepper
             stepper.m = Method(stepper.method.name, self.model.case.solver, stepper.p, tight,
-                               self.model.relaxing, stepper.tracks)
+                               self.model.relaxing, stepper.tracks_work)
         self.chunk, self.rows = chunk, []
 
     def start(self) -> Ride:
@@ -108,7 +108,7 @@ class Ride:
         energies, balance, total, momenta = Energies(self.model), Balance(self.model, self.stepper), [], []
         for k, row in enumerate(self.rows):
             d, v, _ = self.full(k)
-            total.append(sum(balance.take(row)[name] for name in ("kinetic", "strain", "potential")))
+            total.append(sum(balance.evaluate(row)[name] for name in ("kinetic", "strain", "potential")))
             momenta.append(energies.momentum(d, v))
         return np.array(total), np.array(momenta)
 

@@ -80,7 +80,7 @@ def test_states_inside_the_step_of_an_impact_are_on_their_way():
                   "obstacles": {"floor": FLOOR}, "contacts": [{"between": ["rod", "floor"], "side": "axis"}]},
                  t_end, states=50, tolerance=1e-4)
     # as in the coarser motions that an error is estimated by
-    falls.stepper.lands = False
+    falls.stepper.ends_at_states = False
     falls.start().on()
     t = np.array([row.t for row in falls.rows])
     expected = np.where(t < lands, height - 0.5 * G * t**2, 0.0)

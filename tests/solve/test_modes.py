@@ -53,7 +53,7 @@ def test_mass_of_a_translation_is_the_total_mass(solver_scene):
     for k in (0, 1):
         v = np.concatenate([rigid_motion(m, m.first_dof + np.arange(m.n_dofs), model.e0, np.zeros(2))[:, k]
                             for m in model.meshes.values()])[model.numbering.free]
-        assert v @ pencil.other(v) == pytest.approx(total, rel=1e-12)
+        assert v @ pencil.apply_B(v) == pytest.approx(total, rel=1e-12)
 
 
 def test_band_product_is_the_matrix_product():
@@ -75,7 +75,7 @@ def test_stiffness_by_strains_is_the_tangent_at_any_state(name, formulation):
     num.expand(d[num.free], d)
     pencil = Pencil(model, d, 0.0, loads=False)
     size = np.abs(pencil.K).max() * np.abs(x).max()
-    np.testing.assert_allclose(pencil.stiffness(x), pencil.formed(x), rtol=1e-9, atol=1e-11 * size)
+    np.testing.assert_allclose(pencil.stiffness(x), pencil.apply_K(x), rtol=1e-9, atol=1e-11 * size)
 
 
 def test_lanczos_finds_what_a_dense_solver_finds(monkeypatch):
@@ -120,7 +120,7 @@ def test_a_frame_that_is_no_chain_has_the_modes_of_its_dense_matrices():
     model = h.build(scene["bodies"], "eigen", joints=scene["joints"], bc=scene["bc"])
     pencil = pencil_of(model)
     assert type(pencil.matrix).__name__ == "SymmetricFronts"
-    K, M = (np.column_stack([f(column) for column in np.eye(pencil.n)]) for f in (pencil.formed, pencil.other))
+    K, M = (np.column_stack([f(column) for column in np.eye(pencil.n)]) for f in (pencil.apply_K, pencil.apply_B))
     np.testing.assert_allclose(lowest(pencil, 10).values, scipy.linalg.eigh(K, M, eigvals_only=True)[:10], rtol=1e-8)
 
 

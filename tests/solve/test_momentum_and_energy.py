@@ -113,5 +113,5 @@ def test_strain_energy_is_that_of_elements_and_springs(name):
     row = ride.stepper.last()
     statics = h.build({"b": h.body(h.LINE, h.element(name, 3))}, "static", **scene)
     expected = System(statics).forces(ride.stepper.full(row)[0], 1.0).energy
-    assert Balance(ride.model, ride.stepper).take(row)["strain"] == pytest.approx(expected, rel=1e-13)
+    assert Balance(ride.model, ride.stepper).evaluate(row)["strain"] == pytest.approx(expected, rel=1e-13)
     assert expected > 20.0

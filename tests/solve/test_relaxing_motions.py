@@ -77,7 +77,7 @@ def test_a_shaken_and_heated_beam_responds_with_the_complex_modulus(terms: tuple
         s = 2j * np.pi * f
         e = complex_modulus(s, terms)
         forces = (-(s**2) * num.reduce(Mr), e * heat.f[0], push.f[0])
-        exact = [tip.of(expanded(model, np.linalg.solve(e * K + s**2 * M, force)))[0] for force in forces]
+        exact = [tip.contributions(expanded(model, np.linalg.solve(e * K + s**2 * M, force)))[0] for force in forces]
         exact[0] += 1.0
         assert (np.abs(row / exact - 1.0) < 1e-7).all()
 

@@ -98,7 +98,7 @@ def test_what_is_gained_and_lost_is_the_work_of_drive_and_dampers(method):
     model, own, rows = moved(ARM, method, tolerance=1e-8)
     balance = Balance(model, own)
     for row in rows:
-        balance.take(row)
+        balance.evaluate(row)
     assert rows[-1].lost > 1.0
     assert rows[-1].work > 1.0
     assert 0.0 < balance.drift < 1e-6

@@ -19,7 +19,7 @@ from ancf2d.model.build import build_model
 from ancf2d.solvers.linear import full_mass, unknowns_to_coordinates
 from ancf2d.solvers.small_motions.linearised import Linearised, RateForces, base_state
 from ancf2d.solvers.small_motions.projected import Quadratic
-from ancf2d.solvers.small_motions.quadratic import MOST, STRIDE, _motions, _settled
+from ancf2d.solvers.small_motions.quadratic import MAX_VECTORS, STRIDE, _motions, _settled
 from ancf2d.study.run import run_case
 
 # a follower load, a torsion spring between sections, Kelvin-Voigt damping, a point mass
@@ -258,7 +258,7 @@ def test_pairs_of_frames_are_those_of_all_eigenvalues_at_once(load: str, table: 
     assert len(slow) == len(s)
 
 
-@pytest.mark.parametrize(("noise", "vectors"), [(0.0, 80), (1e-4, 240), (0.1, MOST + STRIDE)])
+@pytest.mark.parametrize(("noise", "vectors"), [(0.0, 80), (1e-4, 240), (0.1, MAX_VECTORS + STRIDE)])
 def test_a_search_ends_where_round_off_moves_eigenvalues_for_ever(noise: float, vectors: int) -> None:
     """Eigenvalues that converge tenfold with every vector more, but for noise: a larger space has no more digits."""
     random, exact = np.random.default_rng(1), 1j * np.arange(1.0, 11.0)
@@ -267,7 +267,7 @@ def test_a_search_ends_where_round_off_moves_eigenvalues_for_ever(noise: float, 
         count = 44
 
     class Search:
-        space, problem, still = Space(), type("Problem", (), {"n": 10**6}), 0.0
+        space, problem, rest_limit = Space(), type("Problem", (), {"n": 10**6}), 0.0
 
         def extend(self, steps: int, seed: int) -> None:
             assert steps == STRIDE
@@ -280,7 +280,7 @@ def test_a_search_ends_where_round_off_moves_eigenvalues_for_ever(noise: float, 
     search: Any = Search()
     s, _ = _settled(search, 10, 0)
     assert search.space.count <= vectors
-    assert (search.space.count >= MOST) == (vectors > MOST)
+    assert (search.space.count >= MAX_VECTORS) == (vectors > MAX_VECTORS)
     assert np.abs(s / exact - 1).max() < max(5 * noise, 1e-7)
 
 
@@ -301,5 +301,5 @@ def test_rayleighs_alpha_brakes_a_body_by_alpha_times_its_momentum() -> None:
     d = np.zeros(len(moves[0]))
     force = moves @ rates(d, v @ moves, 0.0, lambda: M)
     assert force == pytest.approx(alpha * 3.5 * v, rel=1e-12)
-    C, q = rates.plain_damping(d, 0.0, T.T @ M @ T), moves[:, model.numbering.free]
+    C, q = rates.external_damping(d, 0.0, T.T @ M @ T), moves[:, model.numbering.free]
     assert q @ (C @ (v @ q)) == pytest.approx(alpha * 3.5 * v, rel=1e-12)

@@ -71,7 +71,7 @@ def direct(case: dict[str, Any], s: complex) -> np.ndarray:
             d = np.zeros(len(full))
             model.numbering.expand(part, d)
             full += factor * d
-        columns.append([s**np.arange(3) @ rows[name].of(full) for name in spec["outputs"]])
+        columns.append([s**np.arange(3) @ rows[name].contributions(full) for name in spec["outputs"]])
     return np.array(columns).T
 
 

@@ -94,7 +94,7 @@ def test_coriolis_forces_do_no_work_and_are_linear_in_omega(element: str) -> Non
     np.testing.assert_allclose(found, -found.T, atol=1e-14 * np.abs(found).max())
     np.testing.assert_allclose(2 * found, coriolis_matrix(model, 6.0).toarray(), atol=1e-14)
     turning = Linearised(base_state(model, "static"))
-    np.testing.assert_allclose(turning.C.toarray(), RateForces(model).turning(0.0).toarray())
+    np.testing.assert_allclose(turning.C.toarray(), RateForces(model).coriolis(0.0).toarray())
     assert abs(turning.C - turning.coriolis).max() == 0.0
 
 

@@ -28,8 +28,8 @@ def test_laws_pass_in_the_formulations_that_bear_them(name: str, formulation: st
 def test_broken_laws_are_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """A tangent off by 1e-4, stored energy that is too much, forces that do not turn, loss that grows."""
     s = subject("reissner2")
-    known: Any = laws.stored
-    monkeypatch.setattr(laws, "stored", lambda *a: 1.0001 * known(*a))
+    known: Any = laws.to_sparse
+    monkeypatch.setattr(laws, "to_sparse", lambda *a: 1.0001 * known(*a))
     assert laws.law_tangent(s).verdict == "fail"
     monkeypatch.setattr(laws, "turned", lambda model, d, angle: d)
     assert laws.law_objectivity(s).verdict == "fail"

@@ -35,7 +35,7 @@ SLOW = 0.2
 
 
 class Conserving(NamedTuple):
-    """M (v_1 - v_0)/h + Q(z_0, z_1) = F, (z_1 - z_0)/h = (v_0 + v_1)/2 (Simo & Tarnow 1992, Gonzalez 2000).
+    """M (v_1 - v_0)/h + Q(z_0, z_1) = F, (z_1 - z_0)/h = (v_0 + v_1)/2 (Simo & Tarnow 1992, Gonzalez 1996).
 
     tolerance : of Newton's increments, relative to the size of the motion; full : whether every iteration gets a new
     tangent; end : a Step; d0 (n_full,) full coordinates at the start; dz, mid, rate (n,) : increment, work space, mean

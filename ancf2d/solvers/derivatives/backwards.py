@@ -154,7 +154,7 @@ class Backwards(Once):
             if part.count >= self.size:
                 self._add(part)
                 part = Part(self._checkpoint())
-            for row in [*step.rows, stepper.here()] if len(stepper.p.sliding.multiplier) else ():
+            for row in [*step.rows, stepper.current_row()] if len(stepper.p.sliding.multiplier) else ():
                 check_joints(stepper, row)
             yield step.rows
         self._add(part)

@@ -23,7 +23,7 @@ from ...model.mesh import Index
 from ...model.model import Model
 from ..linear import fluid_masses, full_mass, point_masses, scattered, unknowns_to_coordinates
 from ..motion.dynamic import Run
-from ..motion.problem import make_problem, own
+from ..motion.problem import make_problem, with_own_tables
 from ..motion.tables import (
     Signals,
     dead_loads,
@@ -78,7 +78,7 @@ class Differing:
         if same:
             self._reduce(base, found, signals)
         else:
-            self.problems = [own(make_problem(model)[0], model) for model in models]
+            self.problems = [with_own_tables(make_problem(model)[0], model) for model in models]
         # scratch arrays, shared by models with as many signals
         n, rooms = len(base.coordinate), dict[int, Record]()
         for p in self.problems:

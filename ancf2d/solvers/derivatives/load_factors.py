@@ -12,7 +12,7 @@ from ...elements.shape import Array
 from ...errors import ComputationError
 from ...model.model import Model
 from ..small_motions.changes import about_without_flow, load_change, set_speed, speed_change
-from ..small_motions.linearised import Base, Linearised, stored
+from ..small_motions.linearised import Base, Linearised, to_sparse
 from ..small_motions.lowest_modes import Pencil
 from ..small_motions.projected import Quadratic
 from ..state import State
@@ -76,7 +76,7 @@ class LinearResponse(OneByOne):
         free, pencil = self.model.numbering.free, self.pencil
         values = tangent_rate(pencil, self.full(self.model, self.u), self.h)
         moved = diags_array((free < self.model.n_q).astype(float))
-        return (moved @ stored(self.model, pencil.matrix, values) @ moved).tocsc()
+        return (moved @ to_sparse(self.model, pencil.matrix, values) @ moved).tocsc()
 
     def rates(self, pencil: Pencil, u: Array, Y: Array, X: Array) -> Array:
         """Return Y^T dK/dt X (m, k) along a response u, through the strains, without the rows of constraints."""
@@ -136,7 +136,7 @@ class Instability(LinearResponse):
         factor = float(np.mean([factors[k] for k in near]))
         pencil, n_q, free = self.pencil, self.model.n_q, self.model.numbering.free
         shapes = self.state.arrays["modes/shapes"][0][near]
-        K, rate = stored(self.model, pencil.matrix, pencil.K), factor * self.rate()
+        K, rate = to_sparse(self.model, pencil.matrix, pencil.K), factor * self.rate()
         start = np.where(free < n_q, shapes[:, np.minimum(free, n_q - 1)], 0.0).T
         return factor, null_vectors(K + (1.0 + BESIDE) * rate, K + rate, start).real, near.index(number)
 

@@ -94,7 +94,7 @@ class Once:
         self.run = Run(model, replace(spec, estimate=False))
         self.stepper = self.run.stepper
         self.stepper.tighten(tolerance)
-        self.stepper.balances = False
+        self.stepper.keeps_checks = False
         p, m = self.stepper.p, self.stepper.m
         assert m is not None
         self.own, self.method = m.own, method_of(m.own)
@@ -121,7 +121,7 @@ class Once:
                 stages = self.method.taken(self.own.values, self.before["z"], t, h)
                 yield Step(t, h, stages, turns, feet, rows)
                 rows = []
-            if stepper.breaks(why):
+            if stepper.at_break(why):
                 yield None
 
     def unlike(self) -> bool:

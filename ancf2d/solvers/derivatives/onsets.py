@@ -117,7 +117,7 @@ class Singular:
 
     def _vector(self, A: csc_array) -> Complex:
         """Return the vector (n,) that a matrix nearly maps to 0. Raises UnsuitedError if there are two."""
-        factors, moved = Factors(A), self.problem.moved
+        factors, moved = Factors(A), self.problem.is_coordinate
         weights = np.where(moved, self.problem.weights, 0.0)[:, None]
         X, sizes = np.random.default_rng(0).standard_normal((len(moved), 2)).astype(A.dtype), np.eye(2)
         for _ in range(ITERATIONS + 1):

@@ -21,7 +21,7 @@ from ..contact import memory, recall
 from ..post import Observer
 from ..refine import refined
 from ..small_motions.factors import Factors
-from ..small_motions.linearised import stored
+from ..small_motions.linearised import to_sparse
 from ..state import State
 from ..statics.continuation import Curve
 from ..statics.path_events import goal_of
@@ -215,7 +215,7 @@ class PathEnd(OneByOne):
         self.d = d = self.model.displacements(self.rest.z, t)
         system.assemble(d, t)
         self.by_t = self.curve.load_rate(d, t)
-        K = stored(self.model, system.matrix, system.matrix.target.values)
+        K = to_sparse(self.model, system.matrix, system.matrix.target.values)
         self.c = self.tangent * np.append(system.weights**2, (self.model.extent / self.t_size)**2)
         rows = [[K, self.by_t[:, None]], [self.c[None, :-1], self.c[None, -1:]]]
         A = block_array(rows, format="csc")

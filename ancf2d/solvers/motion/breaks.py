@@ -68,7 +68,7 @@ class MovingPoints:
         return [(bool(points.on[i]), points.drift[points.field[i]:points.field[i] + 2].copy())
                 for i in p.moving.item.tolist()]
 
-    def kinks(self, p: Record, w: Record, s: Record, t: float, before: Rates) -> Array:
+    def kink_impulse(self, p: Record, w: Record, s: Record, t: float, before: Rates) -> Array:
         """Return the impulse (n,) of masses whose velocities along a body differ from ``before``.
 
         They differ where the axis has a kink. A mass that comes onto a body moves with it, without an impulse.
@@ -85,7 +85,7 @@ class MovingPoints:
         return out
 
 
-def impulse_of_followers(motion: Any, v: Array) -> Array:
+def impulse_of_dependents(motion: Any, v: Array) -> Array:
     """Return T^T M (v - v') on the unknowns of a motion (``stepping.Stepper``) at its initial rates.
 
     v' (n_full,) are the rates that follow from those of the unknowns: where eliminated coordinates were given other
@@ -120,14 +120,14 @@ def pass_break(motion: Any, piece: int) -> None:
     s.v[:] -= off
     acted, before_impact = motion.events.acting(), s.v.copy()
     motion.enter(piece)
-    begun = motion.events.catch(acted)
+    begun = motion.events.hold_engaged(acted)
     signals_at(p, t, after)
     jump = after[:, 1] - before[:, 1]
     impulse = -jump[p.motion_mass_signal] @ p.motion_mass
-    kinks = motion.moving.kinks(p, w, s, t, carried)
+    kinks = motion.moving.kink_impulse(p, w, s, t, carried)
     sampled = motion.answers.sample(t)
     motion.consistent(t, impulse + kinks)
-    lost = motion.events.count(begun, before_impact) if begun else 0.0
+    lost = motion.events.record_impulses(begun, before_impact) if begun else 0.0
     s.v[:] += off
     if begun and not len(motion.driving):
         # supports and joints that engage on a moving body cause a plastic impact

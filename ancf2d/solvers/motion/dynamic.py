@@ -36,19 +36,19 @@ from .stepping import LOG, Row, Stepper
 STATES = 200
 # local errors are relative to the largest displacement so far: initially this share of the scene's size, or less if a
 # trial run over this share of the motion finds less
-BEGIN, AHEAD = 1e-3, 0.02
+FIRST_SIZE, TRIAL_SHARE = 1e-3, 0.02
 # error of the energy balance, relative to the energy, that is allowed without a warning
-LOST = 0.01
+DRIFT_ALLOWED = 0.01
 # interval at which the remaining time is estimated anew [s]
-OFTEN = 0.05
-# as LOST, for motions with fibres that yield, whatever the estimated error
-FIBRES = 0.1
+ESTIMATE_INTERVAL = 0.05
+# as DRIFT_ALLOWED, for motions with fibres that yield, whatever the estimated error
+FIBRE_DRIFT_ALLOWED = 0.1
 # energy that contact may add without a warning, relative to the energy
-GAINED = 0.02
+GAIN_ALLOWED = 0.02
 # share of the kinetic energy of initial velocities that supports and joints may change without a warning
-TAKEN = 1e-6
+INITIAL_LOSS_ALLOWED = 1e-6
 # displacements by rotation (times half the section height) may be this many times the other ones without a warning
-WOUND = 10.0
+ROTATIONS_ALLOWED = 10.0
 
 
 def stored_times(model: Model, spec: Dynamic) -> Array:
@@ -72,7 +72,7 @@ class Balance:
         steady = [load for load in model.loads.dead if is_constant(load.amplitude)]
         self.dead, self.varies = constant_loads(model, steady), len(steady) < len(model.loads.dead)
         # whether laws store energy that their stress does not show
-        self.keeps = any(pool.plan.formulation.law.stored is not None for pool in model.pools)
+        self.stores_energy = any(pool.plan.formulation.law.stored is not None for pool in model.pools)
         # [0] total at the start, [1] its largest change, [2] largest kinetic plus strain energy, [3] energy of springs
         # and moving masses at the start, [4] largest gain, [5] energy kept by materials and [6] their overcounted loss
         # at the start
@@ -82,9 +82,9 @@ class Balance:
         """Return the dead loads (n_full,) at t."""
         return self.model.external(t) if self.varies else self.dead
 
-    def take(self, row: Row) -> dict[str, float]:
+    def evaluate(self, row: Row) -> dict[str, float]:
         """Return the energies of a state, and update the error of the balance if the state is the end of a step."""
-        model, (strain, kinetic), springs = self.model, self.stepper.known(row).energy, 0.0
+        model, (strain, kinetic), springs = self.model, self.stepper.completed(row).energy, 0.0
         d, v, *_ = row.full
         model.states[:] = row.states
         model.set_natural(row.side)
@@ -96,17 +96,17 @@ class Balance:
             strain += model.interactions.energy(d, row.side)
             springs = model.interactions.energy(d, row.side, worked=not self.stepper.method.conserves)
         # energy kept by materials with memory, which counts as lost in the steps, and energy kept by other materials
-        kept, more, over = kept_energy(model, d, row.side) if self.keeps else (0.0, 0.0, 0.0)
+        kept, more, over = kept_energy(model, d, row.side) if self.stores_energy else (0.0, 0.0, 0.0)
         strain += more
         dead, potential = float(self.dead @ d), self.energies.potential(d)
-        own = strain - springs if self.stepper.tracks else strain
+        own = strain - springs if self.stepper.tracks_work else strain
         if np.isnan(self.numbers[6]):
             self.numbers[6] = over
         lost = row.lost - (over - float(self.numbers[6]))
         total = kinetic + own - dead - row.work + lost
         # the drive of a mass along a body does work on it, which equals the mass's gain of energy
         carried, lifted = self.energies.carried(d, v, row.side)[0], self.energies.lifted(d, row.side)
-        given = (springs if self.stepper.tracks else 0.0) + carried + lifted
+        given = (springs if self.stepper.tracks_work else 0.0) + carried + lifted
         if np.isnan(self.numbers[0]):
             self.numbers[0], self.numbers[3], self.numbers[5] = total, given, kept
         if row.kind != INSIDE:
@@ -150,46 +150,46 @@ class Run:
         # SciPy's methods have no coarser motions; states stored every so many adaptive steps have no common times
         beside = kind is Stepper and not every
         self.estimate = Estimate(self.stepper) if beside and spec.estimate else None
-        self.stepping = Pace()
-        self.taking: Pace | None = None
+        self.step_pace = Pace()
+        self.state_pace: Pace | None = None
         # states in full coordinates, as the derivatives need them
         self.seen: WeakKeyDictionary[Record, Any] = WeakKeyDictionary()
         # the remaining time, and when it was estimated
-        self.left: tuple[float | None, float] = None, -np.inf
+        self.time_left: tuple[float | None, float] = None, -np.inf
 
-    def states(self, kept: dict[str, Array] | None = None, advance: Callable[[], list[Row]] | None = None
+    def states(self, checkpoint: dict[str, Array] | None = None, advance: Callable[[], list[Row]] | None = None
                ) -> Iterator[State]:
         """Yield the states, from the start or from a checkpoint; ``advance`` replaces ``Stepper.run``."""
-        if kept is None:
+        if checkpoint is None:
             d, v, turned = self.begin()
             if self.estimate is not None:
                 self.estimate.start(d, v, turned)
             first = self.state(self.stepper.last())
-            self._tell_lost(v, first)
+            self._report_initial_loss(v, first)
             yield first
         else:
-            self._resume(kept)
-        self._set_off()
+            self._resume(checkpoint)
+        self._start_timing()
         while not self.stepper.done:
             since = self.stepper.t
-            with self.stepping.running():
+            with self.step_pace.running():
                 found = (advance or self.stepper.run)()
-            self.stepping.mark(self.stepper.t, within=step_ends(self.stepper, since, found))
+            self.step_pace.mark(self.stepper.t, within=step_ends(self.stepper, since, found))
             for row in found:
                 if row.kind == CHECK:
-                    self.stepper.answers.look(row)
-                    self.balance.take(row)
+                    self.stepper.answers.update_model(row)
+                    self.balance.evaluate(row)
             rows, ends = [row for row in found if row.kind != CHECK], self.stepper.done
             if self.inverted is None and rows:
                 # if any element is inverted, the states are searched one by one
                 self.intact = not any_inverted(self.model, np.array([self.stepper.full(row, 1)[0] for row in rows]))
             for k, row in enumerate(rows):
-                began, beside = time.monotonic(), self._beside()
+                began, beside = time.monotonic(), self._coarse_seconds()
                 # after a failure the last state may be amid an event: a resumed run repeats it from an earlier one
                 last = k == len(rows) - 1 and not ends and self.stepper.failed is None
                 if not ends or row.t < self.stepper.t:
                     yield self.state(row, keep=last)
-                self._took(row.t, time.monotonic() - began - self._beside() + beside)
+                self._time_state(row.t, time.monotonic() - began - self._coarse_seconds() + beside)
         yield self._end()
 
     def begin(self) -> tuple[Array, Array, Array]:
@@ -197,38 +197,38 @@ class Run:
         d, v, turned = initial_motion(self.model)
         self.stepper.start(d, v, turned)
         if self.spec.tolerance is not None and self.stepper.looks_ahead:
-            self.stepper.expect(self._look_ahead(d, v, turned))
+            self.stepper.set_size(self._look_ahead(d, v, turned))
         return d, v, turned
 
-    def _set_off(self) -> None:
+    def _start_timing(self) -> None:
         """Start measuring the time that steps, coarser motions and states take."""
         t = self.stepper.t
-        self.stepping, self.taking = Pace(t), None
+        self.step_pace, self.state_pace = Pace(t), None
         if self.estimate is not None:
             self.estimate.paces = [Pace(t) for _ in self.estimate.coarse]
 
-    def _took(self, t: float, seconds: float) -> None:
+    def _time_state(self, t: float, seconds: float) -> None:
         """Add the time spent on a state; ignore the first one, which takes longer than the rest."""
-        if self.taking is None:
-            self.taking = Pace(t, eases=False)
+        if self.state_pace is None:
+            self.state_pace = Pace(t, eases=False)
         else:
-            self.taking.mark(t, self.taking.seconds + seconds)
+            self.state_pace.mark(t, self.state_pace.seconds + seconds)
 
-    def _beside(self) -> float:
+    def _coarse_seconds(self) -> float:
         """Return the seconds spent on coarser motions."""
         return 0.0 if self.estimate is None else sum(pace.seconds for pace in self.estimate.paces)
 
-    def _left(self) -> float | None:
+    def _seconds_left(self) -> float | None:
         """Return the remaining seconds, with each part continuing at its own pace, or None if unknown."""
-        if self.taking is None:
+        if self.state_pace is None:
             return None
-        paces = [self.stepping, self.taking]
+        paces = [self.step_pace, self.state_pace]
         if self.estimate is not None and not self.estimate.failed:
             paces += self.estimate.paces[:self.estimate.levels]
         times = [pace.left(self.spec.t_end) for pace in paces]
         return None if None in times else float(sum(x for x in times if x is not None))
 
-    def _tell_lost(self, v: Array, first: State) -> None:
+    def _report_initial_loss(self, v: Array, first: State) -> None:
         """Report with the first state how supports and joints changed the kinetic energy of the rates v (n_full,)."""
         energies = self.balance.energies
         given, kinetic = energies.kinetic(v) + energies.carried(first.d, v, first.side)[0], first.history["kinetic"]
@@ -236,31 +236,31 @@ class Run:
             return
         lost = given - kinetic
         first.report["initial"] = {"given": given, "kinetic": kinetic, "lost": lost}
-        if abs(lost) > TAKEN * given:
+        if abs(lost) > INITIAL_LOSS_ALLOWED * given:
             how = "lost at t = 0, as in a plastic impact" if lost > 0.0 else "added at t = 0 by supports that move"
             first.warnings.append(f"the initial velocities violate supports, joints or contacts: {abs(lost):.6g} of "
                                   f"{given:.6g} of kinetic energy ({100 * abs(lost) / given:.3g} %) is {how}")
 
     def _look_ahead(self, d: Array, v: Array, turned: Array) -> float:
         """Return a displacement [m] that the motion reaches early, at most a share of the scene's size."""
-        size = BEGIN * self.problem.extent
-        spec = replace(self.spec, t_end=AHEAD * self.spec.t_end)
+        size = FIRST_SIZE * self.problem.extent
+        spec = replace(self.spec, t_end=TRIAL_SHARE * self.spec.t_end)
         scout = type(self.stepper)(self.model, self.problem, self.signals, spec, 0.0, np.zeros(0))
         try:
             scout.start(d, v, turned)
-            scout.expect(size)
+            scout.set_size(size)
             while not scout.done:
                 scout.run()
         except ComputationError:
             return 0.0
-        return min(size, scout.reached)
+        return min(size, scout.largest_displacement)
 
     def state(self, row: Row, keep: bool = False) -> State:
         """Return the full state of a row, with energies and the time left, and with a checkpoint if ``keep``."""
         d, v, a = self.stepper.full(row)
         # first, so that springs have the state of this motion: coarser motions and resumed runs share the model
-        controllers = self.stepper.answers.look(row)
-        energies = self.balance.take(row)
+        controllers = self.stepper.answers.update_model(row)
+        energies = self.balance.evaluate(row)
         if self.model.contacts:
             check_pressed(self.model, d, {"t": float(f"{row.t:.6g}")})
         F = self.balance.external(row.side)
@@ -275,9 +275,9 @@ class Run:
             self.estimate.take(row.t, d)
         if keep:
             state.checkpoint = self.checkpoint()
-        if time.monotonic() > self.left[1] + OFTEN:
-            self.left = self._left(), time.monotonic()
-        state.left = self.left[0]
+        if time.monotonic() > self.time_left[1] + ESTIMATE_INTERVAL:
+            self.time_left = self._seconds_left(), time.monotonic()
+        state.left = self.time_left[0]
         return state
 
     def _end(self) -> State:
@@ -293,13 +293,13 @@ class Run:
         state.report = {
             "method": self.stepper.method.name, "steps": int(numbers[COUNT]), "rejected": int(numbers[REJECTED]),
             "energy_drift": self.balance.drift, "momentum": {"linear": [px, py], "angular": h}}
-        found = self.stepper.events.told()
+        found = self.stepper.events.report()
         if found:
             state.report["events"] = found
         self.stepper.impacts.tell(state)
         if self.inverted is not None:
             state.warnings.append(self.inverted)
-        if self.balance.gain > GAINED and any(not pair.hard for pair in self.model.contacts):
+        if self.balance.gain > GAIN_ALLOWED and any(not pair.hard for pair in self.model.contacts):
             names = ", ".join(dict.fromkeys(pair.name for pair in self.model.contacts if not pair.hard))
             state.warnings.append(f"the motion has gained {100 * self.balance.gain:.2g} % of its energy by numerical "
                                   f"errors: the steps are too long for the contact layer ({names}). Use shorter steps, "
@@ -325,12 +325,12 @@ class Run:
             out.update(self.estimate.checkpoint())
         return out
 
-    def _resume(self, kept: dict[str, Array]) -> None:
-        self.stepper.resume(kept)
-        self.balance.numbers[:] = kept["balance"]
-        self.inverted = kept["inverted"].tobytes().decode() or None
+    def _resume(self, checkpoint: dict[str, Array]) -> None:
+        self.stepper.resume(checkpoint)
+        self.balance.numbers[:] = checkpoint["balance"]
+        self.inverted = checkpoint["inverted"].tobytes().decode() or None
         if self.estimate is not None:
-            self.estimate.resume(kept)
+            self.estimate.resume(checkpoint)
 
 
 def wound_warning(model: Model, d: Array) -> list[str]:
@@ -343,7 +343,7 @@ def wound_warning(model: Model, d: Array) -> list[str]:
     moved = model.weights * np.abs(d[:model.n_q])
     wound = float(np.max(moved, where=angles, initial=0.0))
     share = wound / max(float(np.max(moved, where=~angles, initial=0.0)), model.extent)
-    if share <= WOUND:
+    if share <= ROTATIONS_ALLOWED:
         return []
     return ["the error of the steps is larger than the tolerance suggests: the tolerance is relative to the largest "
             f"displacement, including rotations, which is {share:.2g} times the largest displacement of a point. Use a "
@@ -352,7 +352,7 @@ def wound_warning(model: Model, d: Array) -> list[str]:
 
 def drift_warning(drift: float, estimate: float | None) -> list[str]:
     """Return a warning if the error of the energy balance is much larger than the estimated error."""
-    if estimate is None or drift <= max(LOST, 10.0 * estimate):
+    if estimate is None or drift <= max(DRIFT_ALLOWED, 10.0 * estimate):
         return []
     return [f"the steps are too long for part of the motion: the energy balance has an error of {100 * drift:.2g} %, "
             f"but the estimated error is only {100 * estimate:.2g} %. Use shorter steps to find out which is right"]
@@ -360,19 +360,19 @@ def drift_warning(drift: float, estimate: float | None) -> list[str]:
 
 def fibres_warning(model: Model, drift: float) -> list[str]:
     """Return a warning if the energy balance is far off in a model with fibres that yield."""
-    if drift <= FIBRES or not model.hardens:
+    if drift <= FIBRE_DRIFT_ALLOWED or not model.hardens:
         return []
     return [f"the energy balance is off by {100 * drift:.2g} %: fibres remember the peaks of vibrations that steps do "
             "not resolve. Use shorter steps, or radau5, which damps them"]
 
 
-def solve_dynamic(model: Model, spec: Dynamic, kept: dict[str, Array] | None = None) -> Iterator[State]:
+def solve_dynamic(model: Model, spec: Dynamic, checkpoint: dict[str, Array] | None = None) -> Iterator[State]:
     """Yield the states of a motion, from the start or from a checkpoint.
 
     Raises ComputationError where it fails, and CheckpointError at once if the checkpoint is from another motion.
     """
     run = Run(model, spec)
-    if kept is not None:
-        check_kept(kept, run.checkpoint())
-    return run.states(kept)
+    if checkpoint is not None:
+        check_kept(checkpoint, run.checkpoint())
+    return run.states(checkpoint)
 

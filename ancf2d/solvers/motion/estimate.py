@@ -86,9 +86,9 @@ class Estimate:
         spec = fine.spec if fine.dt > 0.0 else replace(fine.spec, tolerance=factor * fine.tolerance)
         out = Stepper(fine.model, fine.problem, fine.signals, spec, factor * fine.dt, fine.wanted)
         # storing states must not shorten the steps
-        out.lands = False
+        out.ends_at_states = False
         # joints are checked in all states
-        out.balances = bool(fine.facing) or len(fine.p.sliding.multiplier) > 0
+        out.keeps_checks = bool(fine.facing) or len(fine.p.sliding.multiplier) > 0
         return out
 
     def start(self, d: Array, v: Array, turned: Array) -> None:
@@ -96,7 +96,7 @@ class Estimate:
         for stepper in self.coarse:
             stepper.start(d, v, turned)
             if stepper.dt == 0.0:
-                stepper.expect(self.stepper.size)
+                stepper.set_size(self.stepper.size)
 
     def _go_ahead(self) -> None:
         """Start one run of each coarser motion in a thread, unless the motion is finished or threads are of no use."""

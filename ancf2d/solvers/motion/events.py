@@ -33,8 +33,8 @@ SAME = 1e-7
 class Events:
     """The items that start or stop acting in a motion (``stepping.Stepper``), and the conditions that they wait for.
 
-    Each motion has its own latches. Those of the model, with which Python evaluates loads and springs, are set to those
-    of the motion that was shown last (``show``).
+    Each motion has its own latches. Those of the model, with which Python evaluates loads and springs, are copies
+    of the latches of one motion (``copy_latches_to_model``).
     """
 
     def __init__(self, motion: Any) -> None:
@@ -50,12 +50,12 @@ class Events:
         self.gates += [("answers", k, a.amplitude.latch) for k, a in enumerate(model.feedback.answers)
                        if isinstance(a.amplitude, Gated)]
         self.cuts: list[float] = []
-        self.switched = [(k, c) for k, c in _places(model.interactions.points)
+        self.switched = [(k, c) for k, c in _numbered(model.interactions.points)
                          if isinstance(c, PointConstraint) and c.active is not None]
         # prismatic joints have their own table, and negative numbers here
         self.switched += joints
         # by start of a piece: constraints that repeat others; by name: impulses of supports that engaged
-        self.repeated: dict[float, list[int]] = {}
+        self.redundant: dict[float, list[int]] = {}
         self.impulses: dict[str, dict[str, float]] = {}
         # prescribed motions that engage later: distance from the prescribed value there, by support and key
         self.offsets: dict[str, dict[str, float]] = {}
@@ -81,7 +81,7 @@ class Events:
     def enter(self, p: Record, piece: Piece) -> None:
         """Switch on the items that act in a piece of the motion, and watch the conditions that may come true in it."""
         t = 0.5 * (piece.first + piece.stop)
-        repeated = self.repeated.get(piece.first, [])
+        repeated = self.redundant.get(piece.first, [])
         for k, window in self.timed:
             on, i = (p.points.on, k) if k >= 0 else (p.sliding.on, -1 - k)
             on[i] = self.acts(window, t) and k not in repeated
@@ -96,14 +96,14 @@ class Events:
             asked = begun and (own is None or own.waiting() == waiting.which)
             p.feedback.watched[k] = WAITING if asked else PASSED
 
-    def show(self) -> None:
+    def copy_latches_to_model(self) -> None:
         """Copy the latches of this motion to the model."""
         for latch, own in zip(self.model.latches, self.latches, strict=True) if self.latches else ():
             latch.begin, latch.end = own.begin, own.end
 
     # ------------------------------------------------------------------ conditions that become true
 
-    def holds(self) -> bool:
+    def mark_conditions(self) -> bool:
         """Mark the conditions that hold at the current state, and return whether there are any."""
         if not self.conditions:
             return False
@@ -118,17 +118,17 @@ class Events:
 
         Raises ComputationError if ``solver.until`` is one of these.
         """
-        while self.holds():
-            self.happen()
+        while self.mark_conditions():
+            self.switch_marked()
             if self.motion.done:
                 raise ComputationError("solver.until is already true at t = 0", at={"t": 0.0},
                                        advice="a condition solver.until that is false at t = 0")
             acted = self.acting()
             self.motion.enter(0)
-            self.catch(acted)
+            self.hold_engaged(acted)
             self.motion.consistent(0.0, np.zeros(len(self.motion.s.z)))
 
-    def happen(self) -> int:
+    def switch_marked(self) -> int:
         """Start and stop at once the items whose conditions are marked; return the piece of the motion that follows."""
         motion, t = self.motion, self.motion.t
         marked = [c for k, c in enumerate(self.conditions) if motion.p.feedback.watched[k] == HOLDS]
@@ -161,13 +161,13 @@ class Events:
 
     def acting(self) -> set[int]:
         """Return the numbers of the switched supports and joints that act."""
-        return {k for k, _ in self.switched if self._on(k)}
+        return {k for k, _ in self.switched if self._is_on(k)}
 
-    def _on(self, k: int) -> bool:
+    def _is_on(self, k: int) -> bool:
         p = self.motion.p
         return bool(p.points.on[k] if k >= 0 else p.sliding.on[-1 - k])
 
-    def catch(self, acted: set[int]) -> list[PointConstraint]:
+    def hold_engaged(self, acted: set[int]) -> list[PointConstraint]:
         """Let supports and joints that engage (not in ``acted``) hold the current positions; return their constraints.
 
         Raises ComputationError for a joint that engages while its points are apart.
@@ -175,8 +175,8 @@ class Events:
         if not self.switched:
             return []
         motion = self.motion
-        d = motion.full(motion.here())[0]
-        found = [(k, c) for k, c in self.switched if k not in acted and self._on(k)]
+        d = motion.full(motion.current_row())[0]
+        found = [(k, c) for k, c in self.switched if k not in acted and self._is_on(k)]
         supports = {name for name, _ in self.model.supports}
         for k, c in found:
             foot, gap = self.model.interactions.joints[-1 - k].caught(d) if k < 0 else (None, 0.0)
@@ -187,15 +187,15 @@ class Events:
                                        advice="a condition that becomes true where the points meet, or a "
                                        "spring instead")
             if k < 0:
-                self._slide(-1 - k, foot, gap)
+                self._set_foot(-1 - k, foot, gap)
                 continue
             catch(c, d, motion.t)
             motion.p.points.mem[k, :len(c.mem)] = c.mem
             self._note_offset(c)
-        self._leave_out(d)
-        return [c for k, c in found if self._on(k)]
+        self._switch_off_redundant(d)
+        return [c for k, c in found if self._is_on(k)]
 
-    def _slide(self, i: int, foot: Any, gap: float) -> None:
+    def _set_foot(self, i: int, foot: Any, gap: float) -> None:
         """Set the foot point and the distance from the axis at which a prismatic joint holds its point."""
         for table in (self.motion.p.sliding, self.model.interactions.sliding):
             table.memory[i], table.gap[i] = foot, gap
@@ -206,18 +206,18 @@ class Events:
         if c.signal is not None:
             self.offsets.setdefault(c.owner, {})[MOTIONS[c.holds]] = float(c.mem[0])
 
-    def _leave_out(self, d: Array) -> None:
+    def _switch_off_redundant(self, d: Array) -> None:
         """Switch off constraints that others already imply at d (n_full,): their multipliers would be indeterminate."""
         motion, model = self.motion, self.model
         piece = motion.pieces[motion.piece]
         known: list[Array] = []
-        self.repeated.pop(piece.first, None)
+        self.redundant.pop(piece.first, None)
         motion.enter(motion.piece)
         weights = motion.p.weights[:motion.p.inner]
         one = np.divide(1.0, weights, out=np.zeros_like(weights), where=weights > 0.0)
         gradients, repeated = self._gradients(d), []
         own = {c.multiplier: k for k, c in self.switched}
-        off = {c.multiplier for k, c in self.switched if not self._on(k)}
+        off = {c.multiplier for k, c in self.switched if not self._is_on(k)}
         for multiplier in sorted(gradients, key=lambda i: (i in own, i)):
             coords, slopes = gradients[multiplier]
             full = np.zeros(len(model.numbering.place))
@@ -234,12 +234,12 @@ class Events:
             elif multiplier in own:
                 repeated.append(own[multiplier])
         if repeated:
-            self.repeated[piece.first] = repeated
+            self.redundant[piece.first] = repeated
             motion.enter(motion.piece)
 
     def _gradients(self, d: Array) -> dict[int, tuple[Any, Array]]:
         """Return coordinates and gradient at d (n_full,) of each constraint, by its multiplier."""
-        self.look(self.motion.p.points.mem)
+        self.update_model(self.motion.p.points.mem)
         t, out = max(self.motion.t, self.motion.pieces[self.motion.piece].first), {}
         d = d.copy()
         d[self.model.n_q:] = 1.0
@@ -248,14 +248,14 @@ class Events:
                 out[int(coords[-1])] = coords[:-1], q[:-1]
         return out
 
-    def look(self, mem: Array) -> None:
+    def update_model(self, mem: Array) -> None:
         """Copy the latches of this motion and the values that its supports hold to the model."""
-        self.show()
+        self.copy_latches_to_model()
         for k, c in self.switched:
             if k >= 0:
                 c.mem[:] = mem[k, :len(c.mem)]
 
-    def count(self, begun: list[PointConstraint], before: Array) -> float:
+    def record_impulses(self, begun: list[PointConstraint], before: Array) -> float:
         """Store the impulses of supports that engaged, from the rates ``before`` (n,) and those of the motion now.
 
         Return the lost energy, the kinetic energy of the change of rates, also if the engaged support moves.
@@ -267,7 +267,7 @@ class Events:
         jump = (s.v - before)[free]
         momentum = A[np.ix_(free, free)] @ jump
         impulse[held] = np.linalg.lstsq(A[np.ix_(held, free)].T, momentum)[0]
-        d = motion.full(motion.here())[0]
+        d = motion.full(motion.current_row())[0]
         e, gradients = model.e0 + d[:model.n_q], self._gradients(d)
         points = dict(model.supports)
         for name in dict.fromkeys(c.owner for c in begun if c.owner in points):
@@ -282,7 +282,7 @@ class Events:
 
     # ------------------------------------------------------------------ report and checkpoint
 
-    def told(self) -> list[dict[str, Any]]:
+    def report(self) -> list[dict[str, Any]]:
         """Return the events in order of time, by the names of the items in the case."""
         out: list[dict[str, Any]] = []
         names = [name for name, _ in self.model.supports]
@@ -305,33 +305,33 @@ class Events:
             out.append({"t": t_end, "what": f"the motion ends: {case.solver.until}"})
         return out
 
-    def kept(self) -> dict[str, Array]:
+    def checkpoint(self) -> dict[str, Array]:
         """Return the arrays for a checkpoint."""
-        told = [self.impulses, self.offsets, [*self.feet.items()],
-                [[first, *places] for first, places in self.repeated.items()]]
+        saved = [self.impulses, self.offsets, [*self.feet.items()],
+                [[first, *places] for first, places in self.redundant.items()]]
         return {"latched": np.array([latch.times for latch in self.latches]).reshape(-1, 2),
-                "cuts": np.array(self.cuts), "held": np.frombuffer(json.dumps(told).encode(), dtype=np.uint8)}
+                "cuts": np.array(self.cuts), "held": np.frombuffer(json.dumps(saved).encode(), dtype=np.uint8)}
 
-    def resume(self, kept: dict[str, Array]) -> None:
+    def resume(self, checkpoint: dict[str, Array]) -> None:
         """Restore the events from a checkpoint."""
-        for latch, (begin, end) in zip(self.latches, kept["latched"].reshape(-1, 2).tolist(), strict=True):
+        for latch, (begin, end) in zip(self.latches, checkpoint["latched"].reshape(-1, 2).tolist(), strict=True):
             latch.begin, latch.end = begin, end
-        self.impulses, self.offsets, feet, repeated = json.loads(kept["held"].tobytes())
+        self.impulses, self.offsets, feet, repeated = json.loads(checkpoint["held"].tobytes())
         for i, (ie, z, gap) in feet:
-            self._slide(i, np.array([ie, z]), gap)
-        self.repeated = {first: places for first, *places in repeated}
+            self._set_foot(i, np.array([ie, z]), gap)
+        self.redundant = {first: places for first, *places in repeated}
         pieces = self.motion.pieces
-        for t in kept["cuts"].tolist():
+        for t in checkpoint["cuts"].tolist():
             self.cut(next(i for i, piece in enumerate(pieces) if t < piece.stop), t)
 
 
 def _timed(patches: Iterable[Any]) -> list[tuple[int, Any]]:
     """Return the places among the point laws of the patches that start or stop acting, and their windows."""
-    return [(k, patch.active) for k, patch in _places(patches)
+    return [(k, patch.active) for k, patch in _numbered(patches)
             if isinstance(patch, PointPatch) and patch.active is not None]
 
 
-def _places(patches: Iterable[Any]) -> list[tuple[int, Any]]:
+def _numbered(patches: Iterable[Any]) -> list[tuple[int, Any]]:
     """Return the place of each patch among the point laws, and the patch."""
     out, at = [], 0
     for patch in patches:

@@ -46,7 +46,7 @@ def check_joints(motion: Any, row: Row) -> None:
     """Raise ComputationError if a joint has lost its meaning: a point off its body, a section turned inside out."""
     if not motion.facing and not len(motion.p.sliding.multiplier):
         return
-    p, d = motion.at_row(row), np.zeros(len(motion.p.place))
+    p, d = motion.problem_at(row), np.zeros(len(motion.p.place))
     signals_at(p, row.side, motion.w.amps)
     fill_full(p, row.z, motion.w.amps, 0, d)
     check_facing(motion.facing, d, row.side)
@@ -68,12 +68,12 @@ def failure(motion: Any, outcome: int) -> ComputationError:
                           "dt": float(f"{h:.3g}")}
     # steps shrink to round-off before a time from which an expression has no value
     check_signals(motion, motion.t + max(h, 1e-6 * motion.spec.t_end))
-    check_joints(motion, motion.here())
+    check_joints(motion, motion.current_row())
     weights = motion.p.weights
     worst = int(np.argmax(np.where(np.isfinite(motion.w.x), weights * np.abs(motion.w.x), np.inf)))
     if motion.p.full[worst] < motion.model.n_q:
         at["coordinate"] = motion.model.describe_coordinate(int(motion.p.full[worst]))
-    far = motion.reached / float(motion.p.extent)
+    far = motion.largest_displacement / float(motion.p.extent)
     if far > FAR or outcome == UNBOUNDED:
         how = f"it has gone {far:.2g} times as far as the model is large" if far > FAR else \
             f"it has become faster than {fastest(motion):.2g} {motion.model.case.units.labels[0]}/" \
@@ -120,7 +120,7 @@ def stuck(motion: Any, message: str | None) -> ComputationError:
     beyond = max(float(motion.s.numbers[OLD_STEP]), 1e-6 * motion.spec.t_end)
     for t in (motion.t, motion.t + beyond):
         check_signals(motion, t)
-    check_joints(motion, motion.here())
+    check_joints(motion, motion.current_row())
     reason = message or "the motion is no longer finite"
     return ComputationError(
         f"{motion.method.name}: {reason.rstrip('.').lower()}", at={"t": float(f"{motion.t:.9g}"),

@@ -31,13 +31,13 @@ class Answers:
                 p.feedback.near[k] = model.turns.theta(q.rotation, model.e0 + d, d, turned)
 
     @property
-    def counts(self) -> bool:
+    def counts_angles(self) -> bool:
         """Return whether feedback depends on angles, which are counted from state to state."""
         return ANGLE in self.motion.p.feedback.kind
 
-    def recall(self, p: Record, row: Row) -> None:
+    def recall_angles(self, p: Record, row: Row) -> None:
         """Set the counted angles to those of a stored state."""
-        if not self.counts:
+        if not self.counts_angles:
             return
         motion, d = self.motion, np.zeros(len(p.place))
         signals_at(p, row.side, motion.w.amps)
@@ -49,16 +49,16 @@ class Answers:
         if not self.feedback.states:
             return
         motion = self.motion
-        s, inner, row = motion.s, motion.p.inner, motion.here()
+        s, inner, row = motion.s, motion.p.inner, motion.current_row()
         d, v, _ = motion.full(row)
         s.z[inner:] = self.feedback.initial(d, v, motion.model.turns.at(d, row.turned))
         self.sample(0.0)
         motion.consistent(0.0, np.zeros(len(s.z)))
         # states that start at zero are scaled by the value that they reach soon
         motion.p.feedback.scale[:] = np.maximum(np.abs(s.z[inner:]), motion.p.feedback.soon * np.abs(s.v[inner:]))
-        self.weigh()
+        self.set_weights()
 
-    def weigh(self) -> None:
+    def set_weights(self) -> None:
         """Weigh increments and errors of controllers' states by the largest size of these states."""
         p, inner = self.motion.p, self.motion.p.inner
         one = np.divide(1.0, p.feedback.scale, out=np.zeros(len(p.feedback.scale)), where=p.feedback.scale > 0.0)
@@ -69,27 +69,27 @@ class Answers:
         due = self.feedback.due(t)
         if due:
             motion = self.motion
-            motion.s.z[motion.p.inner:] = self.feedback.sample(t, due, self.told(motion.here()))
+            motion.s.z[motion.p.inner:] = self.feedback.sample(t, due, self.values_at(motion.current_row()))
         return bool(due)
 
-    def told(self, row: Row) -> Array:
+    def values_at(self, row: Row) -> Array:
         """Return the quantities that feedback depends on and the controllers' states, at a state."""
         motion = self.motion
         d, v, _ = motion.full(row)
         return np.asarray(self.feedback.values(d, v, motion.model.turns.at(d, row.turned), row.z[motion.p.inner:]))
 
-    def look(self, row: Row) -> dict[str, dict[str, float]]:
+    def update_model(self, row: Row) -> dict[str, dict[str, float]]:
         """Set the model's latches and feedback loads to a state; return outputs and states of controllers there."""
-        self.motion.events.look(row.turns)
+        self.motion.events.update_model(row.turns)
         if not self.feedback.answers and not self.feedback.controllers:
             return {}
-        values = self.told(row)
+        values = self.values_at(row)
         self.feedback.look(row.side, values)
         return dict(self.feedback.outputs(row.side, values))
 
     def check(self, h: float) -> None:
         """Raise a ComputationError if an expression has no value here, or at the state extrapolated over h."""
-        motion, model, row = self.motion, self.motion.model, self.motion.here()
+        motion, model, row = self.motion, self.motion.model, self.motion.current_row()
         if not np.isfinite([row.z, row.v, row.a]).all():
             # nothing has a value here
             return
@@ -107,5 +107,5 @@ class Answers:
         """Restore the feedback from a checkpoint."""
         motion = self.motion
         motion.p.feedback.scale[:] = sizes
-        self.recall(motion.p, motion.here())
-        self.weigh()
+        self.recall_angles(motion.p, motion.current_row())
+        self.set_weights()

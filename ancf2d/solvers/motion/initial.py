@@ -106,7 +106,7 @@ def static_case(case: Case) -> Case:
     def acts(item: Any) -> bool:
         return item.active is None or bool(item.active.at(0.0))
 
-    def still(item: Any) -> Any:
+    def at_start(item: Any) -> Any:
         """Return an item with its moving points fixed where they are at t = 0."""
         def at(point: Any) -> Any:
             return replace(point, s=Constant(float(point.s.value(0.0)))) if isinstance(point, MovingPoint) else point
@@ -119,10 +119,10 @@ def static_case(case: Case) -> Case:
             return replace(item, between=tuple(map(at, item.between)))
         return replace(item, at=at(item.at)) if hasattr(item, "at") else item
 
-    return replace(case, loads=tuple(still(scaled(load)) for load in case.loads), initial=None, damping=None,
-                   masses=tuple(map(still, case.masses)), springs=tuple(map(still, case.springs)),
-                   boundary_conditions=tuple(map(still, map(held, filter(acts, case.boundary_conditions)))),
-                   joints=tuple(map(still, filter(acts, case.joints))), solver=Static())
+    return replace(case, loads=tuple(at_start(scaled(load)) for load in case.loads), initial=None, damping=None,
+                   masses=tuple(map(at_start, case.masses)), springs=tuple(map(at_start, case.springs)),
+                   boundary_conditions=tuple(map(at_start, map(held, filter(acts, case.boundary_conditions)))),
+                   joints=tuple(map(at_start, filter(acts, case.joints))), solver=Static())
 
 
 def _static(model: Model) -> tuple[Array, Array | None]:
@@ -153,7 +153,7 @@ def _from_file(model: Model, name: str) -> tuple[Array, Array, Array | None]:
     """
     from ...results import open_results
 
-    fail = _failing(model)
+    fail = _error_maker(model)
     path = _path(model, name)
     try:
         with open_results(path) as results:
@@ -172,7 +172,7 @@ def _from_file(model: Model, name: str) -> tuple[Array, Array, Array | None]:
         raise fail(str(error), "the result file of another run, relative to the case") from error
 
 
-def goes_on(model: Model) -> bool:
+def continues_from_file(model: Model) -> bool:
     """Return whether a motion continues one in a result file, with the same method, supports and joints."""
     from ...results import open_results
 
@@ -182,11 +182,11 @@ def goes_on(model: Model) -> bool:
             initial.bodies or moved):
         return False
     with open_results(_path(model, initial.from_)) as results:
-        before, here = _holding(results.case_completed), _holding(_loaded(model).completed)
+        before, here = _supports_and_joints(results.case_completed), _supports_and_joints(_loaded(model).completed)
         return before == here and results.summary.get("method") == getattr(case.solver, "method", None)
 
 
-def _holding(completed: str) -> list[str]:
+def _supports_and_joints(completed: str) -> list[str]:
     """Return the texts of the supports and joints of a completed case."""
     return [part for part in re.split(r"^(?=\S)", completed, flags=re.MULTILINE)
             if part.startswith(("boundary_conditions:", "joints:"))]
@@ -246,7 +246,7 @@ def _path(model: Model, name: str) -> str:
     return os.path.join(os.path.dirname(_loaded(model).source.file), name)
 
 
-def _failing(model: Model) -> Callable[..., CaseError]:
+def _error_maker(model: Model) -> Callable[..., CaseError]:
     """Return a function that makes a CaseError about the result file that a motion starts from."""
     def fail(message: str, expected: str = "") -> CaseError:
         path = "initial", "from"

@@ -104,12 +104,12 @@ class Maker(NamedTuple):
     make: Callable[[Dynamic, Any, float, Step, Relaxes], Any]
 
 
-def cubic() -> Array:
+def hermite_basis() -> Array:
     """Return the polynomials (3, 4) of x in [0, 1] that belong to h z'(0), z(1) - z(0) and h z'(1) (Hermite)."""
     return np.array([[0.0, 1.0, -2.0, 1.0], [0.0, 0.0, 3.0, -2.0], [0.0, 0.0, -1.0, 1.0]])
 
 
-def by_rates(c: Array) -> Array:
+def collocation_basis(c: Array) -> Array:
     """Return the polynomials (s + 1, s + 2) of x that belong to h z'(0) and h z'(c_i).
 
     The rates at the start and the stages determine the end: the quadrature of the stages is exact for them.
@@ -133,7 +133,7 @@ def _newmark_family(alphas: Callable[[float], tuple[float, float]], radius: bool
         return Newmark(am, af, 0.25 * (gamma + 0.5) ** 2, gamma, 1.0, tolerance, spec.max_iterations or MAX_ITERATIONS,
                        spec.newton == "full", end, np.zeros(n), np.zeros((2 * KRYLOV + 1, n)), np.zeros((3, n)),
                        np.zeros((3, n)))
-    return Maker(3, cubic(), make)
+    return Maker(3, hermite_basis(), make)
 
 
 def _switched(radau: Radau, basis: Array, spec: Dynamic, p: Any, relaxes: Relaxes) -> tuple[Switched, list[Record]]:
@@ -244,7 +244,7 @@ def radau(stages: int) -> Maker:
             cosine=cosine, sine=sine, held=np.zeros(4), facing=np.zeros((2, len(p.pairs))), F=F, rows=row,
             relaxing=relaxing(*relaxes, own.weights, p))
 
-    return Maker(stages + 1, by_rates(radau_nodes(stages)), make)
+    return Maker(stages + 1, collocation_basis(radau_nodes(stages)), make)
 
 
 # every integrator that is not SciPy's. HHT: spectral radius (1 - af)/(1 + af), 1/2 at the bound af = 1/3
@@ -253,7 +253,7 @@ MAKERS: dict[str, Maker] = {
     "generalized_alpha": _newmark_family(lambda rho: ((2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0))),
     "hht": _newmark_family(lambda rho: (0.0, (1.0 - rho) / (1.0 + rho))),
     "newmark": _newmark_family(lambda rho: (0.0, 0.0), radius=False),
-    "energy_momentum": Maker(3, cubic(), _energy_momentum),
+    "energy_momentum": Maker(3, hermite_basis(), _energy_momentum),
 }
 
 

@@ -162,12 +162,12 @@ class OdeStepper(Stepper):
             stop = self.pieces[self.piece].stop
             if self.solver is None:
                 self.solver = self._begin(stop)
-            event = not self._step(found) or self.events.holds()
-            following = self.events.happen() if event else self.piece + 1
+            event = not self._step(found) or self.events.mark_conditions()
+            following = self.events.switch_marked() if event else self.piece + 1
             while not self.done and (event or self.t >= stop):
                 pass_break(self, following)
-                stop, event = self.pieces[self.piece].stop, self.events.holds()
-                following = self.events.happen() if event else self.piece + 1
+                stop, event = self.pieces[self.piece].stop, self.events.mark_conditions()
+                following = self.events.switch_marked() if event else self.piece + 1
             if found and time.perf_counter() - started > stepping.CHUNK_SECONDS:
                 break
         self.pending = np.array(self.log).reshape(-1, len(LOG))
@@ -197,7 +197,7 @@ class OdeStepper(Stepper):
         solver = self.solver
         h, evaluations = solver.t - t, solver.nfev - evaluations
         inside = self._inside(t, solver.t)
-        if path is None and (self.tracks or len(inside)):
+        if path is None and (self.tracks_work or len(inside)):
             path = solver.dense_output()
         error = self._local_error(h)
         at_end = bool(len(inside)) and inside[-1] >= solver.t - NEAR * h
@@ -359,7 +359,7 @@ class OdeStepper(Stepper):
     def _work(self, path: Any, t: float, x: float) -> Array:
         """Return work and loss up to x in a step from t, integrated at the Lobatto points of its interpolation."""
         out = self.s.numbers[[WORK, LOST]]
-        for c, weight in LOBATTO if self.tracks else ():
+        for c, weight in LOBATTO if self.tracks_work else ():
             at = t + c * (x - t)
             rates = powers(self.p, self.w, self.factors, self.inner, self.free, at, path(at))
             out += (x - t) * weight * np.array(rates)

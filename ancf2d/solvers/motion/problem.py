@@ -2,30 +2,44 @@
 
 from __future__ import annotations
 
-from functools import cache
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from functools import cache, partial
+from typing import Any
 
+import numba
 import numpy as np
+from numba import types
 
-from ...case import Expression
+from ...case import Dynamic, Expression
 from ...case.programs import are_constant, programs, switches
 from ...elements.shape import Array
 from ...interactions.body_contact import facing_table
 from ...interactions.moving import MovingPatch, moving_table
 from ...interactions.prismatic import OnAxis, sliding_table
+from ...kernels import calls
+from ...kernels.batch import no_group
 from ...kernels.bodies import addresses, element_functions
 from ...kernels.calls import table
-from ...kernels.lowlevel.records import Record
+from ...kernels.compiled_laws import internal_address, law_address
+from ...kernels.forces import batch_address
+from ...kernels.lowlevel.records import Record, type_of
 from ...kernels.matrices.layout import no_fronts
 from ...kernels.matrices.symmetric import matrix_functions
+from ...kernels.motion import ode
+from ...kernels.motion.advance import Plan, Rows, advance
+from ...kernels.motion.along import read_states
+from ...kernels.motion.consistent import consistent, constraint_functions, kinetic
 from ...kernels.motion.dynamics import Problem, dynamic_functions, signals_at
 from ...kernels.motion.events import event_functions, holding
 from ...kernels.motion.feedback import Feedback, feedback_accept, feedback_functions, no_feedback, tail_size
 from ...kernels.motion.impact import begin, impact_functions
 from ...kernels.motion.ode import ode_functions
+from ...kernels.motion.state import Turning, fill_full, method_of, motion, scratch, turn_on
 from ...kernels.motion.stops import acting, stop_functions
 from ...kernels.moving import moving_functions
 from ...kernels.patches import patch_functions
+from ...kernels.sliding import sliding_check
+from ...kernels.tangents import fill_products
 from ...model.feedback import POSITION
 from ...model.groups import apart, with_given, with_states
 from ...model.interactions import point_table, turning_table
@@ -33,31 +47,9 @@ from ...model.model import Model
 from ...model.timing import Signal
 from ..energy import is_constant
 from ..linear import full_mass, unknowns_to_coordinates
+from .methods import MAKERS, Method
 from .schemes import INTEGRATORS, Integrator, default_method
 from .tables import Signals, dead_loads, mass_tables, motions, natural_signals, sewn_laws, stops_of, vectors, with_own
-
-if TYPE_CHECKING:
-    pass
-from collections.abc import Callable
-from functools import partial
-
-import numba
-from numba import types
-
-from ...case import Dynamic
-from ...kernels import calls
-from ...kernels.batch import no_group
-from ...kernels.compiled_laws import internal_address, law_address
-from ...kernels.forces import batch_address
-from ...kernels.lowlevel.records import type_of
-from ...kernels.motion import ode
-from ...kernels.motion.advance import Plan, Rows, advance
-from ...kernels.motion.along import read_states
-from ...kernels.motion.consistent import consistent, constraint_functions, kinetic
-from ...kernels.motion.state import Turning, fill_full, method_of, motion, scratch, turn_on
-from ...kernels.sliding import sliding_check
-from ...kernels.tangents import fill_products
-from .methods import MAKERS, Method
 
 # share of the whole time: controllers' states that start at zero are scaled by their value after this time
 SOON = 1e-2
@@ -73,7 +65,7 @@ def functions(model: Model, constant: bool) -> dict[Any, tuple[Any, ...]]:
 
     ``constant``: whether no signal depends on time.
     """
-    method, layout = _method(model), nothing().layout
+    method, layout = _method(model), empty_problem().layout
     fronts, viscous = model.numbering.fronts is not None, any(pool.tau for pool in model.pools)
     slides, acts = any(isinstance(c, OnAxis) for c in model.constraints), bool(model.interactions.points)
     faces = any(pair.on_bodies for pair in model.contacts)
@@ -94,7 +86,7 @@ def functions(model: Model, constant: bool) -> dict[Any, tuple[Any, ...]]:
 
 
 @cache
-def nothing() -> Record:
+def empty_problem() -> Record:
     """Return an empty problem; all problems have its type."""
     x, n, table2 = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 0))
     turning = Turning(n, n, x, x, x)
@@ -139,7 +131,7 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
     found = signals.programs()
     p = Record(Problem(programs=found, calls=table(functions(model, are_constant(found))), patched=patched,
                        touches=bool(model.contacts), sided=model.sided, **data))
-    if p.layout != nothing().layout:
+    if p.layout != empty_problem().layout:
         raise TypeError(f"a problem of another type: {p.layout}")
     return p, signals.all
 
@@ -206,7 +198,7 @@ def _quantities(model: Model) -> dict[str, Array]:
             "start": np.array([*start, *[0.0] * m])}
 
 
-def own(problem: Record, model: Model) -> Record:
+def with_own_tables(problem: Record, model: Model) -> Record:
     """Return a problem with its own copies of the tables that store history variables or intermediate results."""
     p: Problem = problem.values
     groups, states = with_states([apart(group) for group in model.groups])
@@ -231,13 +223,13 @@ def own(problem: Record, model: Model) -> Record:
         programs=with_own(p.programs, "window", "data", "stack"))
 
 
-def driving(p: Record) -> list[int]:
+def driving_signals(p: Record) -> list[int]:
     """Return the signals that positions or angles follow."""
     fed = p.points.signal[p.points.fed >= 0].tolist()
     return sorted({*p.motion_signal.tolist(), *fed})
 
 
-def tracks(model: Model) -> bool:
+def tracks_work(model: Model) -> bool:
     """Return whether any force lacks a potential: varying loads, motion, damping, friction, turning loads."""
     dampers = any(spring.damped or spring.signal is not None or spring.active is not None for spring in model.springs)
     fed = any(np.max(point.items().fed) >= 0 for point in model.interactions.points)
@@ -255,7 +247,7 @@ _f, _i = types.float64, types.int64
 _x, _n, _xx = types.float64[::1], types.int64[::1], types.float64[:, ::1]
 
 
-def of_elements(model: Model) -> list[Compilation]:
+def element_compilations(model: Model) -> list[Compilation]:
     """Return functions that compile the forces of a model's elements, without matrices."""
     laws = {m.plan.formulation.law: None for m in model.meshes.values() if not m.plan.rigid}
     if not laws:
@@ -266,17 +258,17 @@ def of_elements(model: Model) -> list[Compilation]:
             partial(fill_products.compile, products)]
 
 
-def of_motion(model: Model, spec: Dynamic) -> list[Compilation]:
+def motion_compilations(model: Model, spec: Dynamic) -> list[Compilation]:
     """Return functions that compile everything for a motion, the slowest first."""
-    name, p = spec.method or default_method(model), nothing()
-    works = tracks(model)
+    name, p = spec.method or default_method(model), empty_problem()
+    works = tracks_work(model)
     own = calls.compilations(Method(name, spec, p, 0.0, model.relaxing, works).functions) if name in MAKERS else []
     # if this guess is wrong, missing functions are compiled when the problem is made
     called = functions(model, not (works or model.feedback.rank))
     slides = calls.sliding_forces in called
-    return [*of_elements(model), *own, *_called_from_python(p.layout, name in MAKERS, slides, model.sided),
-            *([partial(holding.compile, _holding(p.layout))] if model.feedback.conditions else []),
-            *([partial(acting.compile, (*_holding(p.layout), _x))]
+    return [*element_compilations(model), *own, *_called_from_python(p.layout, name in MAKERS, slides, model.sided),
+            *([partial(holding.compile, _condition_types(p.layout))] if model.feedback.conditions else []),
+            *([partial(acting.compile, (*_condition_types(p.layout), _x))]
               if len(stops_of(model)) and name not in MAKERS else []),
             *calls.compilations(called)]
 
@@ -304,7 +296,7 @@ def _called_from_python(P: Any, own: bool, slides: bool, sided: bool) -> list[Co
     return [partial(kernel.compile, signature) for kernel, signature in signatures.items()]
 
 
-def _holding(P: Any) -> tuple[Any, ...]:
+def _condition_types(P: Any) -> tuple[Any, ...]:
     """Return the argument types of ``holding``, which evaluates the conditions of a motion."""
     return P, type_of(scratch(0, 0, 0, 0)), _x, _x, _f
 

@@ -65,7 +65,7 @@ _LIST = (
                radii=(0.5, 1.0)),
     Integrator("newmark", 2, 3, "Newmark 1959", "average acceleration: second order, no damping, no multipliers",
                damps=False),
-    Integrator("energy_momentum", 2, 0, "Simo & Tarnow 1992; Gonzalez 2000",
+    Integrator("energy_momentum", 2, 0, "Simo & Tarnow 1992; Gonzalez 1996",
                "second order, conserves energy and momentum exactly", damps=False, conserves=True),
     Integrator("RK45", 5, 0, "Dormand & Prince 1980", "SciPy's explicit pair 5(4), known as ode45",
                scipy=Scheme(True, stages=6, keeps=True)),

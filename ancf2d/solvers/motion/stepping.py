@@ -34,14 +34,14 @@ from ...model.point_patch import PointConstraint
 from ...model.timing import Signal
 from ..state import MEMORIES, Row
 from ..system import least_size
-from .breaks import MovingPoints, impulse_of_followers, pass_break
+from .breaks import MovingPoints, impulse_of_dependents, pass_break
 from .events import Events
 from .failures import check_joints, check_signals, failure, fastest
 from .feedback import Answers
 from .impacts import COLUMNS, Impacts
-from .initial import goes_on
+from .initial import continues_from_file
 from .methods import MAKERS, Method, newton_tolerance
-from .problem import driving, own, tracks
+from .problem import driving_signals, tracks_work, with_own_tables
 from .schemes import INTEGRATORS, default_method
 
 # approximate duration of a call of the kernels [s], for progress bars and interrupts
@@ -54,20 +54,20 @@ LOG = ("step", "t", "dt", "iterations", "rejected", "error", "violation")
 class Stepper:
     """A motion in progress. ``dt`` 0: adaptive steps under ``tolerance``; ``wanted``: times of states."""
 
-    # adaptive steps start with the size of the motion given to ``expect``
+    # adaptive steps start with the size of the motion given to ``set_size``
     looks_ahead = True
-    balances = True  # whether states between the wanted ones are stored for the energy balance
+    keeps_checks = True  # whether states between the wanted ones are stored for the energy balance
 
     def __init__(self, model: Model, problem: Record, signals: list[Signal], spec: Dynamic, dt: float,
                  wanted: Array, every: int = 0) -> None:
         self.model, self.signals, self.spec = model, signals, spec
-        self.problem, self.p = problem, own(problem, model)
+        self.problem, self.p = problem, with_own_tables(problem, model)
         n = len(problem.coordinate)
         self.w = Record(scratch(n, len(problem.place), len(problem.mass), len(signals)))
         self.method = INTEGRATORS[spec.method or default_method(model)]
         self.tolerance = spec.tolerance or 0.0
         # in steps with contact without a law, where rates jump, interpolated states have more energy than both ends
-        self.tracks, self.lands = tracks(model), bool(self.p.sided)
+        self.tracks_work, self.ends_at_states = tracks_work(model), bool(self.p.sided)
         self.m: Method | None = None  # None for SciPy's methods
         if self.method.name in MAKERS:
             self.tighten(newton_tolerance(self.method, self.tolerance))
@@ -90,20 +90,20 @@ class Stepper:
         self._at = Record(motion(n, 0, len(self.p.turning.length)))
         # projection of states inside and at the ends of steps; rates of conserving methods are not projected
         free = bool(self.p.coordinate.all())
-        self.inside, self.ends = AS_IS if free else POSITIONS, AS_IS if free else RATES
+        self.projection_inside, self.projection_at_ends = AS_IS if free else POSITIONS, AS_IS if free else RATES
         if self.method.conserves:
-            self.ends = FORCES_ALONE
-        self.driving = np.array(driving(problem), dtype=np.int64)
+            self.projection_at_ends = FORCES_ALONE
+        self.driving = np.array(driving_signals(problem), dtype=np.int64)
         self.facing = [c for c in model.constraints if isinstance(c, PointConstraint) and c.facing is not None]
 
     @cached_property
-    def past(self) -> Record:
+    def evaluation_problem(self) -> Record:
         """The problem with which stored states are evaluated, with their history variables."""
-        return own(self.problem, self.model)
+        return with_own_tables(self.problem, self.model)
 
     def tighten(self, tolerance: float) -> None:
         """Set the tolerance of Newton's increments, relative to the size of the motion."""
-        self.m = Method(self.method.name, self.spec, self.p, tolerance, self.model.relaxing, self.tracks)
+        self.m = Method(self.method.name, self.spec, self.p, tolerance, self.model.relaxing, self.tracks_work)
 
     def _rows(self, n: int) -> Record:
         m = int(min(max(STATE_BYTES // (24 * max(n, 1)), 2), max(len(self.wanted), 2) if not self.every else LOG_ROWS))
@@ -135,18 +135,18 @@ class Stepper:
         """
         self._begin_from(d, v, turned)
         self.s.numbers[SIZE] = least_size(self.model, self.tolerance if self.dt == 0.0 else 0.0)
-        self.answers.weigh()
+        self.answers.set_weights()
         if self.dt == 0.0:
             self.s.numbers[STEP_SIZE] = self.first_step()
 
     def _begin_from(self, d: Array, v: Array, turned: Array) -> None:
         self._place(d, v, turned)
         given = self.s.v.copy()
-        self.events.catch(self.events.acting())
-        self.consistent(0.0, impulse_of_followers(self, v))
+        self.events.hold_engaged(self.events.acting())
+        self.consistent(0.0, impulse_of_dependents(self, v))
         self.answers.begin()
         self.events.begin()
-        if self.method.conserves and goes_on(self.model):
+        if self.method.conserves and continues_from_file(self.model):
             # rates that conserve the energy satisfy constraints only in the mean of steps
             self.s.v[:] = given * self.p.coordinate
 
@@ -205,12 +205,12 @@ class Stepper:
         return min(times) * 0.1 * self.tolerance ** (1.0 / order)
 
     def _largest(self) -> float:
-        return self.spec.t_end / (50.0 if len(self.pieces) > 1 or self.tracks else 10.0)
+        return self.spec.t_end / (50.0 if len(self.pieces) > 1 or self.tracks_work else 10.0)
 
-    def expect(self, size: float) -> None:
+    def set_size(self, size: float) -> None:
         """Set the displacement [m] that local errors of adaptive steps are relative to, at least."""
         self.s.numbers[SIZE] = max(size, least_size(self.model, self.tolerance))
-        self.answers.weigh()
+        self.answers.set_weights()
         self.s.numbers[STEP_SIZE] = self.first_step()
 
     @property
@@ -219,7 +219,7 @@ class Stepper:
         return float(self.s.numbers[SIZE])
 
     @property
-    def reached(self) -> float:
+    def largest_displacement(self) -> float:
         """The displacement [m] at the time reached, the largest of all coordinates."""
         inner = self.p.inner
         return float(np.max(self.p.weights[:inner] * np.abs(self.s.z[:inner]), initial=0.0))
@@ -244,7 +244,7 @@ class Stepper:
     def _cut_off(self, found: list[Row]) -> None:
         """Drop states from the first one on in which a joint has lost its meaning, and fail there."""
         # only stored states and the last one: the other ends of calls depend on the clock
-        for k, row in enumerate([*found, self.here()] if self.done else found):
+        for k, row in enumerate([*found, self.current_row()] if self.done else found):
             try:
                 check_joints(self, row)
             except ComputationError as error:
@@ -261,10 +261,10 @@ class Stepper:
                 steps = CHUNK_SECONDS * logged / max(time.perf_counter() - began, 1e-6)
                 self.steps = int(min(max(steps, 1), 4 * self.steps, LOG_ROWS))
             if why == kernels.EVENT:
-                following = self.events.happen()
+                following = self.events.switch_marked()
                 if not self.done:
                     pass_break(self, following)
-            elif self.breaks(why):
+            elif self.at_break(why):
                 pass_break(self, self.piece + 1)
             if found and time.perf_counter() - started > CHUNK_SECONDS:
                 break
@@ -277,7 +277,7 @@ class Stepper:
         assert self.m is not None
         stop, end = self.pieces[self.piece].stop, self.spec.t_end
         plan = kernels.Plan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), fastest(self),
-                            self.tracks, self.lands)
+                            self.tracks_work, self.ends_at_states)
         self._plan = self._plan if self._plan is not None and self._plan.values == plan else Record(plan)
         why, stored, logged, outcome, _ = kernels.advance(
             self.m.record, self.p, self.w, self.s, self._at, self._plan, self.rows, self.next_wanted, steps)
@@ -286,7 +286,7 @@ class Stepper:
             raise failure(self, outcome)
         return why, logged
 
-    def breaks(self, why: int) -> bool:
+    def at_break(self, why: int) -> bool:
         """Return whether the motion has reached the end of a piece that is not the last."""
         return why == kernels.REACHED and self.pieces[self.piece].stop < self.spec.t_end
 
@@ -301,10 +301,10 @@ class Stepper:
             rows.append(Row(float(t[k]), float(side[k]), int(kind[k]), z[k], v[k], a[k], *work[k].tolist(),
                             *(x[k] for x in memory), log[first:last]))  # type: ignore[call-arg]
             first = last
-        if rows and not self.answers.counts:
-            self._let_act(self.past, piece)
+        if rows and not self.answers.counts_angles:
+            self._switch_items(self.evaluation_problem, piece)
             self._read(rows, side, kind, z, v, a, *memory[:3])
-        found += [row for row in rows if self.balances or row.kind != kernels.CHECK]
+        found += [row for row in rows if self.keeps_checks or row.kind != kernels.CHECK]
         self.pending = log[first:]
         self.next_wanted += 0 if self.every else int(np.count_nonzero(kind != kernels.CHECK))
 
@@ -321,10 +321,10 @@ class Stepper:
         Projected states keep the z, v and a of their step, which derivatives need.
         """
         full, energy = np.zeros((4, len(rows), len(self.p.place))), np.zeros((len(rows), 2))
-        onto = np.where(kind == kernels.INSIDE, self.inside, self.ends)
+        onto = np.where(kind == kernels.INSIDE, self.projection_inside, self.projection_at_ends)
         if onto.any():
             columns = *(x.copy() for x in columns[:3]), *columns[3:]
-        read_states(self.past, self.w, side, onto, *columns, *full, energy)
+        read_states(self.evaluation_problem, self.w, side, onto, *columns, *full, energy)
         n = len(self.model.numbering.place)
         for row, d, rates, second, Q, one in zip(rows, *full[..., :n], energy, strict=True):
             row.full, row.energy = (d, rates, second, Q), (float(one[0]), float(one[1]))
@@ -333,48 +333,48 @@ class Stepper:
         """Switch signals and active items to a piece of the motion."""
         self.piece = piece
         self.p.programs.window[:] = self.pieces[piece][:2]
-        self._let_act(self.p, self.pieces[piece])
+        self._switch_items(self.p, self.pieces[piece])
 
-    def _let_act(self, p: Record, piece: Piece) -> None:
+    def _switch_items(self, p: Record, piece: Piece) -> None:
         """Switch on the items that act in a piece of the motion, and place moving points."""
         self.events.enter(p, piece)
         self.moving.enter(p, piece, self.events.acts)
 
-    def here(self) -> Row:
+    def current_row(self) -> Row:
         s = self.s
         return self._row(self.t, kernels.END, s.z, s.v, s.a, s.numbers[[WORK, LOST]], *self._memory(), s.turned[0],
                          self.pending)
 
     def last(self) -> Row:
         """Return the state at the time reached, with the rest of the log."""
-        row, self.pending = self.here(), self.pending[:0]
+        row, self.pending = self.current_row(), self.pending[:0]
         return row
 
     def full(self, row: Row, orders: int = 3) -> list[Array]:
         """Return d, v, a (n_full,) of a stored state, or only the first ``orders``, projected onto the constraints."""
-        return list(self.known(row).full[:orders])
+        return list(self.completed(row).full[:orders])
 
     def forces(self, row: Row) -> Array:
         """Return Q - F (n_full,) of a stored state: all forces, damping and multipliers included, less dead loads."""
-        return self.known(row).full[3]
+        return self.completed(row).full[3]
 
-    def known(self, row: Row) -> Row:
+    def completed(self, row: Row) -> Row:
         """Return a stored state with its full coordinates, forces and energies filled in."""
         if not row.full:
-            self.at_row(row)
+            self.problem_at(row)
             self._read([row], np.array([row.side]), np.array([row.kind]),
                        *(x[None] for x in (row.z, row.v, row.a, row.turns, row.feet, row.states)))
         return row
 
-    def at_row(self, row: Row) -> Record:
+    def problem_at(self, row: Row) -> Record:
         """Return the problem with the history variables of a stored state."""
-        self.past.points.mem[:] = row.turns
-        self.past.sliding.memory[:] = row.feet
-        self.past.states[:] = row.states
+        self.evaluation_problem.points.mem[:] = row.turns
+        self.evaluation_problem.sliding.memory[:] = row.feet
+        self.evaluation_problem.states[:] = row.states
         if self.moving or self.events:
-            self._let_act(self.past, piece_at(self.pieces, row.side))
-        self.answers.recall(self.past, row)
-        return self.past
+            self._switch_items(self.evaluation_problem, piece_at(self.pieces, row.side))
+        self.answers.recall_angles(self.evaluation_problem, row)
+        return self.evaluation_problem
 
     # ------------------------------------------------------------------ checkpoints
 
@@ -383,18 +383,18 @@ class Stepper:
         out = {name: np.array(value) for name, value in zip(Motion._fields, self.s.values, strict=True)}
         out |= {"log": np.array(self.pending), "places": np.array([self.next_wanted, self.piece, self.every]),
                 "dt": np.array([self.dt, self.tolerance])}
-        out |= {"sizes": self.p.feedback.scale.copy(), **self.events.kept(), **self.impacts.kept()}
+        out |= {"sizes": self.p.feedback.scale.copy(), **self.events.checkpoint(), **self.impacts.kept()}
         return out | dict(zip(MEMORIES, (x.copy() for x in self._memory()), strict=True))
 
-    def resume(self, kept: dict[str, Array]) -> None:
+    def resume(self, checkpoint: dict[str, Array]) -> None:
         """Restore the motion from a checkpoint."""
         for name, value in zip(Motion._fields, self.s.values, strict=True):
-            value[:] = kept[name]
-        self.pending = kept["log"].reshape(-1, len(LOG))
-        self.next_wanted = int(kept["places"][0])
-        self.events.resume(kept)
-        self.impacts.resume(kept)
-        self.enter(int(kept["places"][1]))
+            value[:] = checkpoint[name]
+        self.pending = checkpoint["log"].reshape(-1, len(LOG))
+        self.next_wanted = int(checkpoint["places"][0])
+        self.events.resume(checkpoint)
+        self.impacts.resume(checkpoint)
+        self.enter(int(checkpoint["places"][1]))
         for values, name in zip(self._memory(), MEMORIES, strict=True):
-            values[:] = kept[name]
-        self.answers.resume(kept["sizes"])
+            values[:] = checkpoint[name]
+        self.answers.resume(checkpoint["sizes"])

@@ -79,9 +79,7 @@ class Found:
 
 def _real(small: Linearised, spec: Eigen) -> Found:
     """Return undamped modes of a symmetric K: s = i omega, or a growth rate if K is indefinite."""
-    pencil = small.pencil
-    pencil.with_mass(small.model.e0 + small.base.state.d[:small.model.n_q])
-    modes = lowest(pencil, spec.modes)
+    modes = lowest(small.pencil_with_mass(), spec.modes)
     zero = np.abs(modes.values) <= modes.floor
     values = np.where(zero, 0.0, modes.values)
     s = np.where(values < 0.0, np.sqrt(np.abs(values)), 1j * np.sqrt(np.abs(values)))
@@ -91,11 +89,11 @@ def _real(small: Linearised, spec: Eigen) -> Found:
 def _relaxing(small: Linearised, spec: Eigen, real: bool) -> Found:
     """Return pairs and real eigenvalues of relaxing materials, starting from the modes of the long-time modulus."""
     start, problem = (_real if real else _complex)(small, spec), Quadratic(small, relaxes=True)
-    still, moves = np.flatnonzero(start.zero), ~start.zero
+    at_rest, moves = np.flatnonzero(start.zero), ~start.zero
     known = [*start.vectors[moves], *(() if start.quarter is None else start.quarter[moves])]
     pairs = relaxing_pairs(problem, known, int(moves.sum()) if real else spec.modes)
-    s = np.concatenate([np.zeros(len(still)), pairs.s])
-    X = np.concatenate([start.vectors[still].astype(complex), pairs.vectors])
+    s = np.concatenate([np.zeros(len(at_rest)), pairs.s])
+    X = np.concatenate([start.vectors[at_rest].astype(complex), pairs.vectors])
     order = np.lexsort((np.abs(s), s.imag))
     phases = [problem.phases(x) for x in X[order]]
     vectors, quarter = (np.array([p[k] for p in phases]).reshape(len(order), small.n) for k in (0, 1))
@@ -103,14 +101,14 @@ def _relaxing(small: Linearised, spec: Eigen, real: bool) -> Found:
     if pairs.lost:
         warnings = [*warnings, f"{pairs.lost} eigenvalue{'s' * (pairs.lost > 1)} of viscoelastic materials "
                     f"{'were' if pairs.lost > 1 else 'was'} not found. Increase solver.modes"]
-    return Found(s[order], vectors, quarter, (np.arange(len(s)) < len(still))[order],
-                 np.concatenate([start.residual[still], pairs.gaps])[order], warnings)
+    return Found(s[order], vectors, quarter, (np.arange(len(s)) < len(at_rest))[order],
+                 np.concatenate([start.residual[at_rest], pairs.gaps])[order], warnings)
 
 
 def _complex(small: Linearised, spec: Eigen) -> Found:
     """Return the pairs that are complex because of damping, rotation or loads without a potential."""
     problem, pairs = pairs_of(small, spec.modes, spec.damped)
-    s, X, zero, residual = pairs.s, pairs.vectors, pairs.rest, pairs.residual
+    s, X, zero, residual = pairs.s, pairs.vectors, pairs.rigid, pairs.residual
     if not (spec.damped and small.rates.damps):
         # without dissipation, small real parts are round-off; loads without a potential cause larger ones
         s = np.where(np.abs(s.real) <= IMAGINARY * np.abs(s), 1j * s.imag, s)
@@ -125,9 +123,9 @@ def _complex(small: Linearised, spec: Eigen) -> Found:
 def pairs_of(small: Linearised, modes: int, damped: bool = True) -> tuple[Quadratic, Pairs]:
     """Return the quadratic problem of small motions and its lowest pairs."""
     problem = Quadratic(small, damped)
-    pencil = small.pencil.with_mass(small.model.e0 + small.base.state.d[:small.model.n_q])
-    still = AT_REST * math.sqrt(characteristic(pencil))
-    return problem, lowest_pairs(problem, modes, shift_of(problem, math.sqrt(first_shift(pencil))), still)
+    pencil = small.pencil_with_mass()
+    rest_limit = AT_REST * math.sqrt(characteristic(pencil))
+    return problem, lowest_pairs(problem, modes, shift_of(problem, math.sqrt(first_shift(pencil))), rest_limit)
 
 
 def full_shapes(model: Model, vectors: Array, signs: Array | None = None) -> Array:

@@ -36,7 +36,7 @@ LAST, BEYOND = 100.0, 4.0
 # linearly with damping
 UNDAMPED, DAMPED = 1e-5, 1e-9
 # relative change of a critical factor at which it is accepted, and the largest number of spaces for it
-SETTLED, MOST = 1e-8, 4
+SETTLED, MAX_SPACES = 1e-8, 4
 # relative width of the brackets of critical factors, and where the search continues after one
 ROUND, PAST = 1e-10, 1e-6
 # imaginary part relative to |s| of pairs that only relax (close rates form pairs); negligible share of load effects
@@ -122,44 +122,44 @@ class _Track:
     def __init__(self, small: Linearised, change: Change, modes: int) -> None:
         self.small, self.change, self.pairs = small, change, modes + EXTRA
         self.limit = DAMPED if small.rates.damps or change.damps or small.relaxing else UNDAMPED
-        pencil = small.pencil.with_mass(small.model.e0 + small.base.state.d[:small.model.n_q])
-        self.first = math.sqrt(first_shift(pencil))
-        self.still = AT_REST * math.sqrt(characteristic(pencil))
+        pencil = small.pencil_with_mass()
+        self.first_shift = math.sqrt(first_shift(pencil))
+        self.rest_limit = AT_REST * math.sqrt(characteristic(pencil))
         problem, self.terms = self._problem(0.0), list[Term]()
         self.space = Space(problem, within_constraints(problem))
         self._project(0.0)
         # relaxation rates do not count as vibrations
         s = np.abs(self._values(0.0, relaxes=False))
-        self.lowest = float(s[s > self.still].min(initial=np.inf))
+        self.lowest = float(s[s > self.rest_limit].min(initial=np.inf))
         if not math.isfinite(self.lowest):
             raise ComputationError("nothing vibrates", advice="bodies with a density and a stiffness")
         stiffer = math.sqrt(1.0 + max((sum(g for g, _ in one.terms) for one in small.relaxing), default=0.0))
         self.radius = float(np.sort(s)[min(2 * self.pairs, len(s)) - 1]) * (1 + 1e-6) * stiffer
         self.smallest = self._smallest()
 
-    def _problem(self, factor: float, relaxes: bool = False, at_once: bool = False) -> Quadratic:
-        """Return the problem at a load factor, with the complex modulus, or with rigid dashpots (``at_once``)."""
+    def _problem(self, factor: float, relaxes: bool = False, rigid_dashpots: bool = False) -> Quadratic:
+        """Return the problem at a load factor, with the complex modulus, or with ``rigid_dashpots``."""
         load, gyration = self.change.stiffness(factor), self.change.gyration
-        for one in self.small.relaxing if at_once else ():
+        for one in self.small.relaxing if rigid_dashpots else ():
             springs = sum(g for g, _ in one.terms) * one.V
             load = springs if load is None else load + springs
         return Quadratic(self.small, load=load, rates=None if gyration is None else factor * gyration, relaxes=relaxes)
 
     def _project(self, factor: float) -> None:
         """Add a Krylov space at a load factor to the space, or all motions if they are few."""
-        for at_once in (True, False) if self.small.relaxing else (False,):
-            problem = self._problem(factor, at_once=at_once)
-            search = Search(problem, shift_of(problem, self.first), self.still)
+        for rigid_dashpots in (True, False) if self.small.relaxing else (False,):
+            problem = self._problem(factor, rigid_dashpots=rigid_dashpots)
+            search = Search(problem, shift_of(problem, self.first_shift), self.rest_limit)
             search.fill(self.pairs)
             for x in search.space.V:
                 self.space.add(x)
         self.shift = search.s0
         if self.terms and factor > 0.0:
-            s, x = self._grown(factor)
+            s, x = self._growing_motion(factor)
             x = corrected(self._problem(factor, relaxes=True), s, x)[1]
             self.space.add(np.ascontiguousarray(x.real))
             self.space.add(np.ascontiguousarray(x.imag))
-        self.space.turn()
+        self.space.diagonalise()
         V = self.space.V
         self.matrices = self.space.project()
         self.strained = [V @ np.array([one.stiffness(x) for x in V]).T for one in self.small.relaxing]
@@ -167,14 +167,14 @@ class _Track:
         change = self.change
         self.changes = np.array([np.zeros((len(V), len(V))) if A is None else V @ (A @ V.T)
                                  for A in (change.rate, change.square, change.gyration)])
-        self._follow()
+        self._choose_modes()
 
     def _terms(self, T: Array) -> list[Term]:
         """Return the Maxwell terms of all materials in combinations T (k, m) of the space."""
         materials = zip(self.small.relaxing, self.strained, strict=True)
         return [term for k, (one, V) in enumerate(materials) for term in terms_of(k, one.terms, T.T @ V @ T)]
 
-    def _grown(self, factor: float) -> tuple[complex, Complex]:
+    def _growing_motion(self, factor: float) -> tuple[complex, Complex]:
         """Return the eigenvalue and the vector (n,) of the motion that has just started to grow at a factor."""
         s, Y = projected_pairs(self._matrices(factor), self.shift)
         grows = np.flatnonzero(self._grows(s))
@@ -183,7 +183,7 @@ class _Track:
         slowest = grows[np.argmin(s[grows].real)] if len(grows) else np.argmax(most)
         return complex(s[slowest]), self.space.combined(Y[slowest, :self.matrices.shape[1]])
 
-    def _follow(self) -> None:
+    def _choose_modes(self) -> None:
         """Choose the lowest modes without loads (k, r), of unit modal mass, in which eigenvalues are followed.
 
         The static response of the other modes to the loads' action on the lowest ones is added: bending stretches a
@@ -271,7 +271,7 @@ class _Track:
             return None
         m0, D0, m1, D1 = (x[:, :n] for x in (m0, D0, m1, D1))
         t = np.linspace(0.0, 1.0, GUESSES)[1:-1, None]
-        m, D = _cubic(m0, m1, h, t), _cubic(D0, D1, h, t)
+        m, D = _hermite_cubic(m0, m1, h, t), _hermite_cubic(D0, D1, h, t)
         growth = m.real + np.abs(np.sqrt(D).real) - self.limit * np.maximum(np.abs(m), self.lowest)
         before = np.maximum(*(x[0].real + np.abs(np.sqrt(y[0]).real) for x, y in ((m0, D0), (m1, D1))))
         gap = np.minimum(np.abs(D0[0]), np.abs(D1[0]))
@@ -291,7 +291,7 @@ class _Track:
         """Return the point between two samples near t where Re D is largest."""
         for width in 0.02 ** np.arange(1, 5):
             near = np.clip(t + width * np.linspace(-1.0, 1.0, 101), 0.0, 1.0)
-            t = float(near[np.argmax(_cubic(D0[:, None], D1[:, None], h, near[:, None])[:, 0].real)])
+            t = float(near[np.argmax(_hermite_cubic(D0[:, None], D1[:, None], h, near[:, None])[:, 0].real)])
         return t
 
     def _growth(self, s: Complex) -> Array:
@@ -304,7 +304,7 @@ class _Track:
 
     def _smallest(self) -> float:
         """Return the factor at which its effect can equal the stiffness in some combination of the modes."""
-        some = (self.values > self.still**2) & (self.values <= self.radius**2)
+        some = (self.values > self.rest_limit**2) & (self.values <= self.radius**2)
         some = some[:self.followed]
         phi = self.modes[:, :len(some)][:, some] / np.sqrt(self.values[:len(some)][some])
         sizes = [float(np.linalg.norm(phi.T @ A @ phi, 2)) if some.any() else 0.0 for A in self.changes[:2]]
@@ -323,7 +323,7 @@ class _Track:
     def refined(self, start: _Sample, low: float, high: float) -> Critical | None:
         """Return the critical factor near ``low`` and ``high``, above ``start``, or None if a better space has none."""
         last, found = math.inf, self._onset(low, high)
-        for _ in range(MOST):
+        for _ in range(MAX_SPACES):
             b = high if found is None else found[1]
             if found is not None and abs(b - last) <= SETTLED * b:
                 break
@@ -340,7 +340,7 @@ class _Track:
         if found is None:
             return None
         a, b = found
-        s, x = self._grown(b)
+        s, x = self._growing_motion(b)
         flutters = s.imag > 1e-3 * self.lowest
         return Critical(0.5 * (a + b), "flutter" if flutters else "divergence", s.imag if flutters else 0.0, x)
 
@@ -383,7 +383,7 @@ def _means(sample: _Sample) -> tuple[Complex, Complex]:
     return np.array([0.5 * (s[1:] + s[:-1]), 0.5 * (rate[1:] + rate[:-1])]), np.array([half**2, 2 * half * change])
 
 
-def _cubic(low: Complex, high: Complex, h: float, t: Array) -> Complex:
+def _hermite_cubic(low: Complex, high: Complex, h: float, t: Array) -> Complex:
     """Return the cubic through values and rates (2, k) at 0 and h, at shares t (m, 1) of h."""
     a, b = t * t * (3 - 2 * t), t * (1 - t)
     return np.asarray((1 - a) * low[0] + a * high[0] + h * b * ((1 - t) * low[1] - t * high[1]))

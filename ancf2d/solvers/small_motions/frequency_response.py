@@ -26,12 +26,12 @@ from .without_effect import warnings_of
 # minimum numbers of unknowns and frequencies for computing responses in a space of few vectors
 LARGE, MANY = 400, 40
 # number of frequencies with which the space starts, and the largest share of all frequencies that is solved
-BEGIN, SHARE = 6, 0.5
+FIRST_FREQUENCIES, MAX_SOLVED_SHARE = 6, 0.5
 # change of the responses, relative to the largest displacement of a probe at that frequency, that ends the search, and
 # how many times in succession it must be met
 SETTLED, CALM = 1e-7, 2
 # relative correction that is round-off, and the largest number of corrections of a solution
-ROUND_OFF, MOST = 1e-11, 6
+ROUND_OFF, MAX_CORRECTIONS = 1e-11, 6
 # number of frequencies evaluated in the space at a time
 BLOCK = 64
 # number of frequencies in a range for which a space is built before points are placed, and most rounds of both
@@ -110,7 +110,7 @@ class _Placing:
         self.tolerance = spec.resolution
         self.axis: Callable[[Array], Array] = np.log if spec.scale == "log" else np.asarray
         self.back: Callable[[Array], Array] = np.exp if spec.scale == "log" else np.asarray
-        self.judged = _judged(problem, probes)
+        self.compared = _comparable_outputs(problem, probes)
 
     def __call__(self, at: Callable[[Array], Complex], hz: Array, poles: Complex) -> Array:
         """Return frequencies ``hz`` and additional ones where the responses ``at`` them bend.
@@ -125,7 +125,7 @@ class _Placing:
             found = at(tries) if len(tries) else values[:0]
             guess, size = interpolated(self.axis(hz), values, self.axis(tries))
             size, bends = np.maximum(size, np.abs(found)), np.zeros(len(tries), dtype=bool)
-            for some, unit in self.judged:
+            for some, unit in self.compared:
                 gap, near = np.abs(found - guess)[:, :, some] * unit, size[:, :, some] * unit
                 near = np.maximum(near, FAINT * near.max(axis=2, keepdims=True, initial=0.0))
                 bends |= (gap > self.tolerance * near).any(axis=(1, 2))
@@ -180,7 +180,7 @@ class _Reduced:
     def __init__(self, problem: Quadratic, inputs: Sequence[Input], probes: Sequence[Output]) -> None:
         self.problem, self.inputs, self.probes = problem, inputs, probes
         self.space, self.known = Space(problem, within_constraints(problem)), dict[float, Complex]()
-        self.judged = _judged(problem, probes)
+        self.compared = _comparable_outputs(problem, probes)
         self.lifts = np.zeros((len(inputs), problem.n))
         self._forces = [one.f for one in inputs]
         self._read = np.zeros((3, len(probes), 0))
@@ -194,14 +194,14 @@ class _Reduced:
 
     def _settled(self, hz: Array) -> tuple[Complex, float] | None:
         if not self.known:
-            for k in np.unique(np.linspace(0, len(hz) - 1, BEGIN).round().astype(int)):
+            for k in np.unique(np.linspace(0, len(hz) - 1, FIRST_FREQUENCIES).round().astype(int)):
                 self._solve(float(hz[k]))
         # first in the widest gap, then where the last extension changed the responses most
         old, calm, worst = self.at(hz), 0, self._widest(hz)
-        while len(self.known) < SHARE * len(hz):
-            error = self._off(self._solve(float(hz[worst]))[None], old[worst:worst + 1])[0]
+        while len(self.known) < MAX_SOLVED_SHARE * len(hz):
+            error = self._relative_change(self._solve(float(hz[worst]))[None], old[worst:worst + 1])[0]
             new, known = self.at(hz), np.isin(hz, list(self.known))
-            changes = self._off(new, old)
+            changes = self._relative_change(new, old)
             error = max(float(error), float(changes.max()))
             calm = calm + 1 if error <= SETTLED else 0
             if calm == CALM:
@@ -233,8 +233,8 @@ class _Reduced:
     def _lift(self, Z: Sequence[Complex]) -> None:
         p = self.problem
         for k, (one, z) in enumerate(zip(self.inputs, Z, strict=True)):
-            if one.f[0][~p.moved].any():
-                lift = self.lifts[k] = np.where(p.moved, z.real, 0.0)
+            if one.f[0][~p.is_coordinate].any():
+                lift = self.lifts[k] = np.where(p.is_coordinate, z.real, 0.0)
                 self._forces[k] = one.f - np.array([p.stiffness(lift), p.damping(lift), p.mass(lift)])
 
     def poles(self) -> Complex:
@@ -250,13 +250,13 @@ class _Reduced:
         new = np.zeros((len(V) - old, len(self.probes), 3))
         for rows, v in zip(new, V[old:], strict=True):
             num.expand(v, d)
-            rows[:] = [probe.of(d) for probe in self.probes]
+            rows[:] = [probe.contributions(d) for probe in self.probes]
         self._read = np.concatenate([self._read, new.T], axis=2)
         F = np.array([f @ V.T for f in self._forces])
         held, direct = np.zeros((len(self.inputs), len(self.probes), 3)), _direct_parts(self.inputs, self.probes)
         for rows, one, lift in zip(held, self.inputs, self.lifts, strict=True):
             num.expand(lift, d)
-            rows[:] = [probe.of(d + one.p) for probe in self.probes]
+            rows[:] = [probe.contributions(d + one.p) for probe in self.probes]
         rates = [k for k in range(3) if self._read[k].any() or held[:, :, k].any()]
         out = np.zeros((len(hz), len(self.inputs), len(self.probes)), dtype=complex)
         for first in range(0, len(hz), BLOCK):
@@ -266,16 +266,16 @@ class _Reduced:
             out[first:first + BLOCK] = direct + sum((y @ self._read[k].T + held[:, :, k]) * s**k for k in rates)
         return out
 
-    def _off(self, new: Complex, old: Complex) -> Array:
+    def _relative_change(self, new: Complex, old: Complex) -> Array:
         """Return the difference of responses (m, inputs, outputs), relative to the largest of their kind (m,)."""
         out = np.zeros(len(new))
-        for some, unit in self.judged:
+        for some, unit in self.compared:
             size, off = (np.abs(x[:, :, some] * unit).max(axis=2) for x in (new, new - old))
             out = np.maximum(out, (off / np.where(size > 0.0, size, 1.0)).max(axis=1))
         return out
 
 
-def _judged(problem: Quadratic, probes: Sequence[Output]) -> list[tuple[Index, Array]]:
+def _comparable_outputs(problem: Quadratic, probes: Sequence[Output]) -> list[tuple[Index, Array]]:
     """Return the indices of displacements and of section forces among the outputs, with factors to compare them.
 
     Rotations count as displacements at the distance of the extent, moments as forces there. Velocities follow from
@@ -311,7 +311,7 @@ def refined_response(problem: Quadratic, factors: Factors, f: Complex, s: comple
     """Return the solution for f, refined beyond the round-off of the assembled matrix of a fine mesh."""
     z = np.asarray(factors.solve(f))
     last = np.inf
-    for _ in range(MOST):
+    for _ in range(MAX_CORRECTIONS):
         more = np.asarray(factors.solve(f - problem.action(s, z)))
         size = float(np.linalg.norm(problem.weights * more) / (np.linalg.norm(problem.weights * z) or 1.0))
         if not size < 0.5 * last:

@@ -62,7 +62,7 @@ class SmallForces:
         self.forces = SectionForces(self.model, point.mesh, np.array([point.xi]))
         self.weights = np.stack([self._derivatives(rate) for rate in range(3)], axis=1)
 
-    def strained(self) -> Array:
+    def by_strain_rates(self) -> Array:
         """Return the derivatives (3, n) of N, Q, M by strain rates alone: viscous forces with a time of 1 s."""
         tau = self.forces.tau
         self.forces.tau = tau + 1.0
@@ -154,7 +154,7 @@ class Output:
         """The lowest order of rates on which it depends."""
         return int(np.flatnonzero(self.weights.any(axis=1))[0]) if self.weights.any() else 0
 
-    def of(self, d: Array) -> Array:
+    def contributions(self, d: Array) -> Array:
         """Return the contributions (3,) of d (n_full,) used as coordinates, as rates and as second rates."""
         return np.asarray(self.weights @ d[self.coords])
 
@@ -291,7 +291,7 @@ def _of_forces(small: Linearised, found: SmallForces, inputs: Sequence[str]) -> 
     if material is not None:
         natural = [one for one in inputs if one in small.model.inputs and small.model.inputs[one].natural]
         parts = [Relaxed(material, weights, {one: float(direct[one][k]) for one in natural})
-                 for k, weights in enumerate(found.strained())]
+                 for k, weights in enumerate(found.by_strain_rates())]
     return [Output(found.name, q, found.coords, found.weights[k], {one: float(f[k]) for one, f in direct.items()},
                    parts[k]) for k, q in enumerate(FORCES)]
 

@@ -56,17 +56,18 @@ def base_state(model: Model, about: str) -> Base:
     if about == "static":
         return _equilibrium(model)
     guides = [guide for guide in model.loads.guides if len(guide.depends)]
-    return _rest(replace(model, loads=LoadSet(flows=model.loads.flows, guides=guides)))
+    return _reference(replace(model, loads=LoadSet(flows=model.loads.flows, guides=guides)))
 
 
-def _rest(model: Model) -> Base:
+def _reference(model: Model) -> Base:
     d = model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
     zero = np.zeros(len(d))
     history = {"step": 0, "factor": 0.0, "iterations": 0}
-    return Base(model, State(0.0, d, zero, zero, 0.0, last=True, history=history, warnings=_on_the_verge(model)), False)
+    state = State(0.0, d, zero, zero, 0.0, last=True, history=history, warnings=_one_sided_warnings(model))
+    return Base(model, state, False)
 
 
-def _on_the_verge(model: Model) -> list[str]:
+def _one_sided_warnings(model: Model) -> list[str]:
     """Return warnings about springs that act only on one side of the reference."""
     found = []
     # elastic tendons follow the springs of the case
@@ -110,14 +111,14 @@ class Linearised:
     @cached_property
     def K(self) -> csc_array:
         """The tangent stiffness (n, n)."""
-        return stored(self.model, self.pencil.matrix, self.pencil.K)
+        return to_sparse(self.model, self.pencil.matrix, self.pencil.K)
 
     @cached_property
     def M(self) -> csc_array:
         """The mass matrix (n, n); rotary inertia of point masses is that of small rotations about the state."""
         mass = make_matrix(self.model)
         assemble_mass(self.model, mass, self.model.e0 + self.base.state.d[:self.model.n_q])
-        return stored(self.model, mass, mass.target.values)
+        return to_sparse(self.model, mass, mass.target.values)
 
     @cached_property
     def viscous(self) -> csc_array | None:
@@ -137,19 +138,19 @@ class Linearised:
         return [Relaxing(self.model, self.base.state.d, terms) for terms in self.model.maxwell]
 
     @cached_property
-    def plain(self) -> csc_array:
+    def external_damping(self) -> csc_array:
         """Other dissipation (n, n): dashpots, linearised at rest, and Rayleigh's alpha."""
-        return self.rates.plain_damping(self.base.state.d, self.base.state.t, self.M if self.rates.alpha else None)
+        return self.rates.external_damping(self.base.state.d, self.base.state.t, self.M if self.rates.alpha else None)
 
     @property
     def dampers(self) -> csc_array:
         """All dissipation (n, n)."""
-        return self.plain if self.viscous is None else self.plain + self.viscous
+        return self.external_damping if self.viscous is None else self.external_damping + self.viscous
 
     @cached_property
     def coriolis(self) -> csc_array:
         """The Coriolis forces of a rotating frame and of flows (n, n)."""
-        return self.rates.turning(self.base.state.t)
+        return self.rates.coriolis(self.base.state.t)
 
     @property
     def C(self) -> csc_array:
@@ -159,6 +160,10 @@ class Linearised:
     def stiffness(self, x: Array) -> Array:
         """Return K x through the strains, with the digits that the assembled K of a fine mesh has lost."""
         return self.pencil.stiffness(x)
+
+    def pencil_with_mass(self) -> Pencil:
+        """Return K with M as the other matrix, for small motions about the state."""
+        return self.pencil.with_mass(self.model.e0 + self.base.state.d[:self.model.n_q])
 
 
 def small_motions(model: Model, about: str, solver: str) -> Linearised:
@@ -254,7 +259,7 @@ class RateForces:
             out[:n_q] += self.alpha * (mass() @ v[:n_q])
         return out
 
-    def plain_damping(self, d: Array, t: float, M: csc_array | None) -> csc_array:
+    def external_damping(self, d: Array, t: float, M: csc_array | None) -> csc_array:
         """Return dashpots and drag of loads, linearised at d (n_full,) at rest at t, and alpha M (n, n).
 
         M (n, n) is needed if there is alpha.
@@ -266,7 +271,7 @@ class RateForces:
         return csc_array(out + self._damping_of(self.model.interactions.dampers, d, t) if self.dashpots else out)
 
     def drag(self, d: Array, t: float) -> csc_array:
-        """Return the contribution (n, n) of loads to ``plain_damping``."""
+        """Return the contribution (n, n) of loads to ``external_damping``."""
         return self._damping_of(self.model.interactions.drags, d, t)
 
     def _damping_of(self, batches: Sequence[Any], d: Array, t: float) -> csc_array:
@@ -285,7 +290,7 @@ class RateForces:
             viscous_force(group, tau, d, v, out)
         return out
 
-    def turning(self, t: float) -> csc_array:
+    def coriolis(self, t: float) -> csc_array:
         """Return the Coriolis forces of the rotating frame and of flows along bodies at t (n, n)."""
         from scipy.sparse import csc_array
 
@@ -298,7 +303,7 @@ class RateForces:
         return out
 
 
-def stored(model: Model, matrix: TangentMatrix, values: Array) -> csc_array:
+def to_sparse(model: Model, matrix: TangentMatrix, values: Array) -> csc_array:
     """Return the matrix (n, n) with these values, stored in the layout of ``matrix``."""
     if isinstance(matrix, SymmetricBand):
         return _of_band(values)

@@ -66,11 +66,11 @@ class Pencil:
         """Return (K - shift B)^-1 b for the last shift."""
         return self.matrix.solve(b)
 
-    def other(self, x: Array) -> Array:
+    def apply_B(self, x: Array) -> Array:
         """Return B x."""
         return self.matrix.product(self.B, x)
 
-    def formed(self, x: Array) -> Array:
+    def apply_K(self, x: Array) -> Array:
         """Return K x by the assembled matrix."""
         return self.matrix.product(self.K, x)
 
@@ -96,7 +96,7 @@ class Pencil:
         return out
 
 
-def each(apply: Any, V: Array) -> Array:
+def map_rows(apply: Any, V: Array) -> Array:
     """Return A v of every row v."""
     out = np.empty_like(V)
     for k, v in enumerate(V):
@@ -200,14 +200,14 @@ def find_shift(pencil: Pencil) -> float:
                            advice="check masses and stiffnesses for extreme values")
 
 
-def _all(pencil: Pencil, shift: float) -> tuple[Array, Array]:
+def _all_modes(pencil: Pencil, shift: float) -> tuple[Array, Array]:
     """Return every finite mode from L^T (K - shift M)^-1 L, M = L L^T."""
-    M = each(pencil.other, np.eye(pencil.n))
+    M = map_rows(pencil.apply_B, np.eye(pencil.n))
     scale = np.sqrt(np.where(np.diag(M) > 0, np.diag(M), 1.0))
     w, U = np.linalg.eigh(0.5 * (M + M.T) / np.outer(scale, scale))
     keep = w > 1e-13 * w[-1]
     L = (scale[:, None] * U[:, keep] * np.sqrt(w[keep])).T
-    X = each(pencil.solve, L)
+    X = map_rows(pencil.solve, L)
     C = X @ L.T
     theta, Y = np.linalg.eigh(0.5 * (C + C.T))
     theta, Y = theta[::-1], Y[:, ::-1]
@@ -222,14 +222,14 @@ def _lanczos(pencil: Pencil, shift: float, m: int, found: Array, seed: int) -> t
     from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
     n = pencil.n
-    mass = LinearOperator((n, n), matvec=pencil.other, dtype=float)
-    weighted = each(pencil.other, found)
+    mass = LinearOperator((n, n), matvec=pencil.apply_B, dtype=float)
+    weighted = map_rows(pencil.apply_B, found)
 
     def invert(b: Array) -> Array:
         x = pencil.solve(np.ascontiguousarray(b).ravel())
         return x - (weighted @ x) @ found if len(found) else x
 
-    start = invert(pencil.other(np.random.default_rng(seed).standard_normal(n)))
+    start = invert(pencil.apply_B(np.random.default_rng(seed).standard_normal(n)))
     inverse = LinearOperator((n, n), matvec=invert, dtype=float)
     try:
         values, vectors = eigsh(mass, m, M=mass, sigma=shift, OPinv=inverse, v0=start, tol=LANCZOS,
@@ -249,7 +249,7 @@ def _refine(pencil: Pencil, values: Array, V: Array, shift: float) -> tuple[Arra
     """
     m, rest = len(values), np.zeros(len(values))
     for _ in range(MAX_CORRECTIONS):
-        KV, MV = each(pencil.stiffness, V), each(pencil.other, V)
+        KV, MV = map_rows(pencil.stiffness, V), map_rows(pencil.apply_B, V)
         new, Y = ritz(V, KV, MV, m)
         change = np.abs(new - values) / (np.abs(new) + abs(shift))
         V, values, rest = Y @ V, new, change**2
@@ -258,12 +258,12 @@ def _refine(pencil: Pencil, values: Array, V: Array, shift: float) -> tuple[Arra
             break
         KV, MV = Y @ KV, Y @ MV
         pencil.factor(shift)
-        C = each(pencil.solve, KV[poor] - values[poor, None] * MV[poor])
+        C = map_rows(pencil.solve, KV[poor] - values[poor, None] * MV[poor])
         for _ in range(2):
             C -= (C @ MV.T) @ V
-        C /= np.sqrt(np.maximum(np.einsum("kn,kn->k", C, each(pencil.other, C)), 1e-300))[:, None]
-        new, Y = ritz(np.vstack([V, C]), np.vstack([KV, each(pencil.stiffness, C)]),
-                       np.vstack([MV, each(pencil.other, C)]), m)
+        C /= np.sqrt(np.maximum(np.einsum("kn,kn->k", C, map_rows(pencil.apply_B, C)), 1e-300))[:, None]
+        new, Y = ritz(np.vstack([V, C]), np.vstack([KV, map_rows(pencil.stiffness, C)]),
+                       np.vstack([MV, map_rows(pencil.apply_B, C)]), m)
         rest = np.abs(new - values) / (np.abs(new) + abs(shift))
         V, values = Y[:, :m] @ V + Y[:, m:] @ C, new
         if rest.max() <= SETTLED:
@@ -304,7 +304,7 @@ def lowest(pencil: Pencil, m: int) -> Modes:
     """Return the m lowest modes of a pencil (fewer if there are no more)."""
     shift = find_shift(pencil)
     if pencil.n <= max(DENSE, 2 * (m + EXTRA)):
-        values, V = _all(pencil, shift)
+        values, V = _all_modes(pencil, shift)
         values, V, rest = _refine(pencil, values[:m], V[:m], shift)
         counted: bool | None = True
     else:

@@ -43,12 +43,12 @@ class Quadratic:
         self.relaxing = small.relaxing if relaxes else []
         self.n = small.n
         num, weights = small.model.numbering, small.pencil.system.weights
-        self.weights, self.moved = weights, num.free < num.n_q
+        self.weights, self.is_coordinate = weights, num.free < num.n_q
         self.K_skew = None if small.model.symmetric and load is None else (self.K - self.K.T).tocsc()
         self.C_skew = (C - C.T).tocsc() if small.rates.gyrates else None
-        self._formed = small.plain + small.coriolis if damped else small.coriolis
+        self._assembled_damping = small.external_damping + small.coriolis if damped else small.coriolis
         if rates is not None:
-            self._formed = (self._formed + rates).tocsc()
+            self._assembled_damping = (self._assembled_damping + rates).tocsc()
 
     def matrix(self, s: complex) -> csc_array:
         """Return K + s C + s^2 M."""
@@ -101,7 +101,7 @@ class Quadratic:
 
     def damping(self, x: Array) -> Array:
         """Return C x, with Kelvin-Voigt damping computed through the strains."""
-        out = self._formed @ x
+        out = self._assembled_damping @ x
         return out + self.small.viscous_forces(x) if self.damped else out
 
     def mass(self, x: Array) -> Array:
@@ -163,7 +163,7 @@ class Space:
         V = self.V[:len(y)]
         return np.asarray(y.real @ V + 1j * (y.imag @ V))
 
-    def turn(self) -> None:
+    def diagonalise(self) -> None:
         """Rotate the vectors among themselves until K is diagonal.
 
         This keeps the round-off of stretching a slender body out of the stiffness against bending.
@@ -194,7 +194,7 @@ def within_constraints(problem: Quadratic) -> Callable[[Array], Array]:
 
     The components of multipliers become 0.
     """
-    moved = problem.moved
+    moved = problem.is_coordinate
     if moved.all():
         return lambda x: x
     from scipy.sparse import diags_array

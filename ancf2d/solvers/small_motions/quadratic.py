@@ -24,9 +24,9 @@ DENSE = 40
 # vectors of the space in addition to two for each wanted pair, and between two checks of the eigenvalues
 BEYOND, STRIDE = 24, 8
 # number of vectors at which the search ends
-MOST = 400
+MAX_VECTORS = 400
 # checks without change after which there are no more pairs than found; number of random starts
-CALM, TRIES = 5, 3
+CALM_CHECKS, RANDOM_STARTS = 5, 3
 # relative change at which eigenvalues have converged; the same if round-off limits them, which shows in changes that do
 # not fall below a share of the previous ones
 SETTLED, ROUGH, STALLED = 1e-8, 1e-6, 0.1
@@ -52,7 +52,7 @@ NEAR = 0.6
 class Pairs:
     """Eigenvalues s (k,) [1/s] with Im s >= 0, vectors (k, n_unknowns), residuals (k,), and a count of missing ones.
 
-    ``rest`` (k,): whether they are free rigid motions, each listed once, with s = 0. ``residual``: |Q(s0)^-1 Q(s)
+    ``rigid`` (k,): whether they are free rigid motions, each listed once, with s = 0. ``residual``: |Q(s0)^-1 Q(s)
     x|/|x| as displacements, Q(s) = K + s C + s^2 M, s0 the shift. ``missing``: number of other eigenvalues within the
     circle through the last pair, by the argument principle (None: unknown). ``skipped`` pairs did not converge.
     """
@@ -60,7 +60,7 @@ class Pairs:
     s: Complex
     vectors: Complex
     residual: Array
-    rest: NDArray[np.bool_]
+    rigid: NDArray[np.bool_]
     missing: int | None
     skipped: int
 
@@ -83,8 +83,8 @@ def shift_of(problem: Quadratic, s0: float) -> float:
 class Search:
     """The lowest pairs of a quadratic problem, by |s|."""
 
-    def __init__(self, problem: Quadratic, s0: float, still: float) -> None:
-        self.problem, self.s0, self.still, self.complete = problem, s0, still, False
+    def __init__(self, problem: Quadratic, s0: float, rest_limit: float) -> None:
+        self.problem, self.s0, self.rest_limit, self.complete = problem, s0, rest_limit, False
         self.factors = problem.factors(s0)
         if self.factors.singular:
             raise ComputationError("the matrix K + s C + s^2 M is singular for every s",
@@ -94,28 +94,28 @@ class Search:
 
     def _within(self, x: Array) -> Array:
         """Return x (n,) projected on the constraints, keeping its multipliers, so that stiff forces cost no digits."""
-        return np.where(self.problem.moved, self._fulfilled(x), x)
+        return np.where(self.problem.is_coordinate, self._fulfilled(x), x)
 
     def _inverse(self, b: Array) -> Array:
         return self.factors.solve(b)
 
-    def everything(self) -> None:
+    def fill_with_all(self) -> None:
         """Fill the space with all motions that the constraints allow."""
         from scipy.linalg import null_space
 
         p = self.problem
-        held = np.flatnonzero(~p.moved)
-        G = p.K[held][:, p.moved].toarray() / p.weights[p.moved]
-        free = null_space(G) if len(held) else np.eye(int(p.moved.sum()))
+        held = np.flatnonzero(~p.is_coordinate)
+        G = p.K[held][:, p.is_coordinate].toarray() / p.weights[p.is_coordinate]
+        free = null_space(G) if len(held) else np.eye(int(p.is_coordinate.sum()))
         for column in free.T:
             x = np.zeros(p.n)
-            x[p.moved] = column / p.weights[p.moved]
+            x[p.is_coordinate] = column / p.weights[p.is_coordinate]
             self.space.add(x)
 
     def fill(self, number: int) -> None:
         """Fill the space with the vectors that the ``number`` lowest pairs need."""
         if self.problem.n <= max(DENSE, 2 * number + BEYOND):
-            self.everything()
+            self.fill_with_all()
             self.complete = True
             return
         self.extend(2 * number + BEYOND, 0)
@@ -175,7 +175,7 @@ class Search:
             tau = one - self.s0
             b = tau * (_both(p.damping, x) + 2 * self.s0 * _both(p.mass, x)) + tau * tau * _both(p.mass, x)
             new = _both(self._inverse, b)
-            new[~p.moved] = 0.0
+            new[~p.is_coordinate] = 0.0
             self.space.add(new.real)
             self.space.add(new.imag)
         return self.ritz()
@@ -184,7 +184,7 @@ class Search:
         """Return whether x has no strain energy compared with elastic modes."""
         p = self.problem
         mass, stiff = (sum(float(u @ act(u)) for u in (x.real, x.imag)) for act in (p.mass, p.stiffness))
-        return abs(stiff) <= NOTHING * (self.still / AT_REST) ** 2 * mass
+        return abs(stiff) <= NOTHING * (self.rest_limit / AT_REST) ** 2 * mass
 
     def residual(self, s: complex, x: Complex) -> float:
         """Return |Q(s0)^-1 Q(s) x|/|x| as displacements."""
@@ -198,22 +198,22 @@ def _both(act: Callable[[Array], Array], x: Complex) -> Complex:
     return act(np.ascontiguousarray(x.real)) + 1j * act(np.ascontiguousarray(x.imag))
 
 
-def lowest_pairs(problem: Quadratic, number: int, s0: float, still: float) -> Pairs:
+def lowest_pairs(problem: Quadratic, number: int, s0: float, rest_limit: float) -> Pairs:
     """Return the ``number`` pairs of lowest |s|, and the real eigenvalues not larger than the last of them.
 
-    At most two real eigenvalues are returned for each wanted pair, and fewer pairs if there are no more. ``still``
+    At most two real eigenvalues are returned for each wanted pair, and fewer pairs if there are no more. ``rest_limit``
     [1/s] is far below the lowest elastic frequency: slower motions without strain energy are at rest.
     """
-    search = Search(problem, s0, still)
+    search = Search(problem, s0, rest_limit)
     search.fill(number)
     if search.complete:
         s, Y = search.corrected(*search.ritz(), number)
         return _chosen(search, s, Y, number, complete=True)
-    for seed in range(TRIES):
+    for seed in range(RANDOM_STARTS):
         s, Y = _settled(search, number, seed)
         found = _chosen(search, s, Y, number, complete=False)
         crowded = int((~_upper(found.s)).sum()) >= 2 * number
-        if not found.missing or crowded or seed == TRIES - 1:
+        if not found.missing or crowded or seed == RANDOM_STARTS - 1:
             break
     return found
 
@@ -225,15 +225,16 @@ def _settled(search: Search, number: int, seed: int) -> tuple[Complex, Complex]:
     before, calm, last, least, idle = np.zeros(0, dtype=complex), 0, 1.0, 1.0, 0
     while True:
         s, Y = search.ritz()
-        wanted = s[_upper(s) & (np.abs(s) > search.still)][:number]
+        wanted = s[_upper(s) & (np.abs(s) > search.rest_limit)][:number]
         moved = max((float(np.abs(before - one).min(initial=np.inf)) / abs(one) for one in wanted), default=0.0)
         # if round-off of K keeps changing them, they cannot be improved
         calm = calm + 1 if moved <= SETTLED or last * STALLED < moved <= ROUGH else 0
         # for very fine meshes round-off is larger still, and the changes stop decreasing
         idle = 0 if moved < 0.5 * least else idle + 1
         last, least = moved, min(least, moved)
-        rests, full = calm or (idle >= CALM and least <= STUCK), search.space.count >= min(MOST, search.problem.n)
-        if (rests and len(wanted) == number) or calm >= CALM or full:
+        rests = calm or (idle >= CALM_CHECKS and least <= STUCK)
+        full = search.space.count >= min(MAX_VECTORS, search.problem.n)
+        if (rests and len(wanted) == number) or calm >= CALM_CHECKS or full:
             return s, Y
         before, count = s, search.space.count
         search.extend(STRIDE, seed)
@@ -257,7 +258,7 @@ def _chosen(search: Search, s: Complex, Y: Complex, number: int, complete: bool)
         if pairs == number:
             break
         x, is_pair = search.space.combined(Y[k]), bool(_upper(s[k:k + 1])[0])
-        rest = abs(s[k]) <= search.still and search.strains_nothing(x)
+        rest = abs(s[k]) <= search.rest_limit and search.strains_nothing(x)
         if not rest and not is_pair and real == 2 * number:
             continue
         residual = search.residual(s[k], x)
@@ -309,7 +310,7 @@ def _missing(search: Search, found: Complex, ritz: Complex) -> int | None:
     beyond = np.sort(np.abs(ritz[np.abs(ritz) > radius * (1 + 1e-6)]))
     outer = math.sqrt(radius * float(beyond[0])) if len(beyond) else 1.1 * radius
     # zero eigenvalues in ``found`` are double, and only zero to round-off: take their Ritz values
-    slow = ritz[np.abs(ritz) <= search.still] if (found == 0).any() else found[:0]
+    slow = ritz[np.abs(ritz) <= search.rest_limit] if (found == 0).any() else found[:0]
     fast = found[found != 0]
     both = np.concatenate([fast, fast[_upper(fast)].conj(), slow])
     # dividing out eigenvalues outside the circle reduces the phase change between points without affecting the count

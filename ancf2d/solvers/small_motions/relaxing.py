@@ -24,7 +24,7 @@ from .projected import Complex, Quadratic, Space, within_constraints
 # vector is not strained, and of that of similarly strained vectors below which a combination of them is not
 MASSLESS, UNSTRAINED, APART = 1e-13, 1e-15, 1e-12
 # Newton's method for one eigenvalue: most iterations, last change, and change above which it has not converged
-NEWTON, SAME, ROUGH = 30, 1e-12, 1e-8
+MAX_ITERATIONS, SAME, ROUGH = 30, 1e-12, 1e-8
 # smaller changes that stop decreasing are round-off of the stiffness, which is large in slender bodies
 STALLED = 1e-6
 # share of an eigenvalue below which its imaginary part is round-off, and above which its pair is a vibration
@@ -146,7 +146,7 @@ def corrected(problem: Quadratic, s: complex, x: Complex) -> tuple[complex, Comp
     their sizes (Ruhe 1973). A real eigenvalue stays real.
     """
     weights, gap = problem.weights**2, 1.0
-    for _ in range(NEWTON):
+    for _ in range(MAX_ITERATIONS):
         try:
             factors = Factors(problem.matrix(s if s.imag else s.real))
         except ZeroDivisionError:

@@ -19,7 +19,7 @@ from .factors import Factors
 from .inputs_and_outputs import Input, Inputs
 from .inputs_and_outputs import outputs as probe_outputs
 from .linearised import Linearised, small_motions
-from .lowest_modes import each, find_shift, lowest
+from .lowest_modes import find_shift, lowest, map_rows
 from .projected import Complex, Quadratic
 from .relaxing import Projected
 from .without_effect import warnings_of
@@ -27,9 +27,9 @@ from .without_effect import warnings_of
 # largest number of iterations of a solve with a shifted stiffness, and the relative correction that ends them
 ROUNDS, SETTLED = 200, 1e-13
 # relative shift of a matrix from an eigenvalue, so that it can be factored
-BESIDE = 1e-10
+SHIFT = 1e-10
 # a response is added as a vector if more than this share of it is independent of modes and other responses
-NEW = 1e-4
+INDEPENDENT_SHARE = 1e-4
 UNITS = "consistent units; u = 1 is the load or motion of the case"
 
 
@@ -37,7 +37,7 @@ UNITS = "consistent units; u = 1 is the load or motion of the case"
 class LinearModel:
     """x' = A x + B u, y = C x + D u: A (n, n), B (n, inputs), C (outputs, n), D (outputs, inputs), names of x (n,).
 
-    ``through`` (outputs, inputs) is the coefficient of u' in outputs that are rates, which D cannot contain.
+    ``rate_feedthrough`` (outputs, inputs) is the coefficient of u' in outputs that are rates, which D cannot contain.
     """
 
     A: Array
@@ -45,7 +45,7 @@ class LinearModel:
     C: Array
     D: Array
     states: list[str]
-    through: Array
+    rate_feedthrough: Array
 
 
 def solve_state_space(model: Model, spec: StateSpace) -> Iterator[State]:
@@ -78,10 +78,10 @@ def solve_state_space(model: Model, spec: StateSpace) -> Iterator[State]:
 
 def _with_rates(found: LinearModel, names: list[str], motions: list[int]) -> list[str]:
     """Add the rates of motions to the inputs if outputs depend on them directly; return all names."""
-    if not found.through[:, motions].any():
+    if not found.rate_feedthrough[:, motions].any():
         return names
     found.B = np.hstack([found.B, np.zeros((len(found.B), len(motions)))])
-    found.D = np.hstack([found.D, found.through[:, motions]])
+    found.D = np.hstack([found.D, found.rate_feedthrough[:, motions]])
     return [*names, *(f"{names[k]}.rate" for k in motions)]
 
 
@@ -129,14 +129,13 @@ def _symmetric(small: Linearised, spec: StateSpace, inputs: list[Input], outputs
     z = psi u + q Phi leads to q'' + C_r q' + K_r q = f0 u + (f1 - Phi C psi) u' + f2 u''. With x = [q - f2 u, q' - f2
     u' - b u], b = f1 - Phi C psi - C_r f2, no derivatives of u are left. For loads, f1 = f2 = 0.
     """
-    pencil = small.pencil.with_mass(small.model.e0 + small.base.state.d[:small.model.n_q])
-    modes = lowest(pencil, spec.modes)
+    modes = lowest(small.pencil_with_mass(), spec.modes)
     free = np.abs(modes.values) <= modes.floor
     Phi, m, damping = modes.vectors, len(modes.values), small.C
     values = np.where(free, 0.0, modes.values)
     K, C = np.diag(values), Phi @ (damping @ Phi.T)
     f0, f1, f2 = (np.array([i.f for i in inputs]) @ Phi.T).transpose(1, 2, 0)
-    psi = _left_out(small, Phi, inputs) if free.any() else _static(small, inputs) - (f0.T / values) @ Phi
+    psi = _residual_responses(small, Phi, inputs) if free.any() else _static(small, inputs) - (f0.T / values) @ Phi
     b = f1 - Phi @ (damping @ psi.T) - C @ f2
     y, rates = outputs(Phi), outputs.rates[:, None]
     rest = outputs.static(inputs, psi) + y @ f2
@@ -156,13 +155,13 @@ def _unsymmetric(small: Linearised, spec: StateSpace, inputs: list[Input], outpu
     over all modes.
     """
     problem, pairs = pairs_of(small, spec.modes)
-    if pairs.rest.any():
+    if pairs.rigid.any():
         raise ComputationError("free rigid motions cannot be separated from the other motions under follower loads",
                                at={"solver": "state_space"}, advice="a support, joint or spring")
     force, blocks, states = np.array([i.f for i in inputs]), [], []
     rows: list[tuple[Array, Array]] = []
     for k, (s, x) in enumerate(zip(pairs.s.tolist(), pairs.vectors, strict=True), start=1):
-        push = (force[:, 0] + s * force[:, 1] + s * s * force[:, 2]) @ _left(problem, s, x)
+        push = (force[:, 0] + s * force[:, 1] + s * s * force[:, 2]) @ _left_vector(problem, s, x)
         X = np.array([x, s * x])
         if s.imag:
             blocks.append(np.array([[s.real, -s.imag], [s.imag, s.real]]))
@@ -196,14 +195,14 @@ def _relaxing(small: Linearised, spec: StateSpace, inputs: list[Input], outputs:
     among the states p, v and dashpots.
     """
     problem, (shapes, warnings) = Quadratic(small, relaxes=True), _shapes(small, spec)
-    moved = [bool(i.f[0][~problem.moved].any()) for i in inputs]
-    free = small.model.symmetric and not _held(small)
-    rest = _left_out(small, shapes, inputs) if free else _static(small, inputs)
-    lifts = [np.where(m & problem.moved, x, 0.0) for m, x in zip(moved, rest, strict=True)]
+    moved = [bool(i.f[0][~problem.is_coordinate].any()) for i in inputs]
+    free = small.model.symmetric and not _is_held(small)
+    rest = _residual_responses(small, shapes, inputs) if free else _static(small, inputs)
+    lifts = [np.where(m & problem.is_coordinate, x, 0.0) for m, x in zip(moved, rest, strict=True)]
     lifted = [_lifted(problem, i, x) for i, x in zip(inputs, lifts, strict=True)]
     beside = [x for x, m in zip(rest, moved, strict=True) if not m]
-    beside += _while_relaxing(problem, lifted)
-    space = Projected(problem, [*shapes, *beside], NEW)
+    beside += _relaxation_responses(problem, lifted)
+    space = Projected(problem, [*shapes, *beside], INDEPENDENT_SHARE)
     m, n, W = len(space.W), len(space.A), space.W
     f0, f1, f2 = (np.array([i.f for i in lifted]) @ W.T).transpose(1, 2, 0)
     delayed = np.array([i.relaxing for i in lifted]) @ W.T
@@ -231,20 +230,19 @@ def _relaxing(small: Linearised, spec: StateSpace, inputs: list[Input], outputs:
 def _shapes(small: Linearised, spec: StateSpace) -> tuple[Array, list[str]]:
     """Return the shapes (k, n) of the modes at the long-time modulus: real and imaginary parts of pairs."""
     if small.model.symmetric and not small.rates.gyrates:
-        modes = lowest(small.pencil.with_mass(small.model.e0 + small.base.state.d[:small.model.n_q]), spec.modes)
+        modes = lowest(small.pencil_with_mass(), spec.modes)
         return modes.vectors, mode_warnings(spec.modes, modes)
     _, pairs = pairs_of(small, spec.modes)
     return np.concatenate([pairs.vectors.real, pairs.vectors.imag]), pair_warnings(spec.modes, pairs, pairs.s)
 
 
-def _held(small: Linearised) -> bool:
+def _is_held(small: Linearised) -> bool:
     """Return whether there are no free rigid motions, so that the tangent stiffness can be factored."""
-    pencil = small.pencil.with_mass(small.model.e0 + small.base.state.d[:small.model.n_q])
-    modes = lowest(pencil, 1)
+    modes = lowest(small.pencil_with_mass(), 1)
     return not (np.abs(modes.values) <= modes.floor).any()
 
 
-def _while_relaxing(problem: Quadratic, inputs: list[Input]) -> list[Array]:
+def _relaxation_responses(problem: Quadratic, inputs: list[Input]) -> list[Array]:
     """Return the responses (n,) at s = 1/tau of each term, where other combinations of modes respond."""
     out: list[Array] = []
     for s in sorted({1.0 / tau for material in problem.relaxing for _, tau in material.terms}):
@@ -260,13 +258,13 @@ def _lifted(problem: Quadratic, one: Input, lift: Array) -> Input:
     f = one.f - np.array([problem.stiffness(lift), problem.damping(lift), problem.mass(lift)])
     more = np.array([r.stiffness(lift) for r in problem.relaxing])
     # the lift satisfies the constraints
-    f[:, ~problem.moved] = 0.0
+    f[:, ~problem.is_coordinate] = 0.0
     return replace(one, f=f, relaxing=one.relaxing - more)
 
 
-def _left(problem: Quadratic, s: complex, x: Complex) -> Complex:
+def _left_vector(problem: Quadratic, s: complex, x: Complex) -> Complex:
     """Return y (n,) with y^T (K + s C + s^2 M) = 0 and y^T (C + 2 s M) x = 1, by inverse iteration."""
-    at = s * (1.0 + BESIDE)
+    at = s * (1.0 + SHIFT)
     factors = Factors(problem.matrix(at if s.imag else at.real).T.tocsc())
     y = np.asarray(problem.M @ (x.conj() if s.imag else x.real))
     for _ in range(3):
@@ -290,14 +288,14 @@ def _solved(small: Linearised, forces: Sequence[Array]) -> Array:
                      ]).reshape(-1, small.n)
 
 
-def _left_out(small: Linearised, Phi: Array, inputs: list[Input]) -> Array:
+def _residual_responses(small: Linearised, Phi: Array, inputs: list[Input]) -> Array:
     """Return the part (inputs, n) of the static responses that no mode of Phi (m, n) contains.
 
     Rigid motions are among the modes, so that the remaining forces are in balance.
     """
     pencil = small.pencil
     find_shift(pencil)
-    MPhi, out = each(pencil.other, Phi), []
+    MPhi, out = map_rows(pencil.apply_B, Phi), []
     for i in inputs:
         force = i.f[0] - (Phi @ i.f[0]) @ MPhi
         x = np.zeros(small.n)

@@ -18,12 +18,12 @@ from ..small_motions.changes import about_without_flow, load_change, set_speed, 
 from ..small_motions.classify import Classifier
 from ..small_motions.eigen import full_shapes
 from ..small_motions.flutter import Stability, critical_factors
-from ..small_motions.linearised import Base, Linearised, base_state, stored
-from ..small_motions.lowest_modes import Pencil, each, ritz
+from ..small_motions.linearised import Base, Linearised, base_state, to_sparse
+from ..small_motions.lowest_modes import Pencil, map_rows, ritz
 from ..small_motions.projected import Quadratic
 from ..state import State
 from .load_rates import SMALL, residual_rate, response_size, step_of, tangent_rate
-from .one_sided import changed, neglected
+from .one_sided import neglected_work, switching_springs
 from .static import unscaled
 
 # rotation or strain of the linear response above which a load factor means nothing
@@ -56,10 +56,10 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     if model.loads.flows:
         yield _critical_velocities(model, spec)
         return
-    base, turned, warnings, iterations = _begin(model)
+    base, turned, warnings, iterations = _preloaded(model)
     pencil = Pencil(model, base, 0.0, True, turned)
     if not model.symmetric:
-        yield _begins_to_grow(pencil, spec, warnings, iterations)
+        yield _growth_state(pencil, spec, warnings, iterations)
         return
     pivots = pencil.system.factor({"solver": "buckling"})
     pencil.system.check_strained(pencil.stiffness, pivots, {"solver": "buckling"})
@@ -75,13 +75,13 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     if not moves and not _stressed(pencil):
         factors, V = np.zeros(0), np.zeros((0, model.numbering.n_unknowns))
     elif unstable != 0:
-        factors, V = _general(pencil, spec.modes)
+        factors, V = _general_factors(pencil, spec.modes)
     else:
-        factors, V = _positive(pencil, spec.modes)
+        factors, V = _definite_factors(pencil, spec.modes)
     # a larger linear response is meaningless for the beam
     known = factors * size <= LARGEST
     factors, V = factors[known], V[known]
-    factors, V, meshed, doubts = _trusted(pencil, u, h, factors, V, size, _meshed(model, base, V))
+    factors, V, meshed, doubts = _trusted(pencil, u, h, factors, V, size, _mesh_artefacts(model, base, V))
     if unstable:
         warnings.append("the state without the scaled loads is already unstable")
     warnings += doubts
@@ -98,7 +98,7 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     yield response_state(pencil, base, u, factors, V, warnings, iterations)
 
 
-def _begins_to_grow(pencil: Pencil, spec: Buckling, warnings: list[str], iterations: int) -> State:
+def _growth_state(pencil: Pencil, spec: Buckling, warnings: list[str], iterations: int) -> State:
     """Return the linear response with the factors at which small motions about it begin to grow.
 
     Loads that turn with the body have no potential: vibrations may grow although no other equilibrium is near. Raises
@@ -114,7 +114,7 @@ def _begins_to_grow(pencil: Pencil, spec: Buckling, warnings: list[str], iterati
     size = response_size(pencil, u)
     h = step_of(pencil, u, size)
     values = tangent_rate(pencil, u, h)
-    pencil.B, rate = -values, stored(model, pencil.matrix, values)
+    pencil.B, rate = -values, to_sparse(model, pencil.matrix, values)
     zero = np.zeros(len(d))
     small = Linearised(Base(model, State(0.0, d, zero, zero, 0.0, turned=pencil.system.turns()[1]), True))
     from scipy.sparse import diags_array
@@ -122,13 +122,13 @@ def _begins_to_grow(pencil: Pencil, spec: Buckling, warnings: list[str], iterati
     moved = diags_array((model.numbering.free < model.n_q).astype(float))
     change = load_change(model, d, u, (moved @ rate @ moved).tocsc(), h)
     found = critical_factors(small, change, spec.modes)
-    share = _missed(pencil, u, h, [(c.factor, c.vector) for c in found.critical])
-    warnings += _doubts(pencil, u, np.array([c.factor for c in found.critical]), size, share,
-                        np.zeros(len(share), dtype=bool),
-                        "static to go to a load, and eigen with about: static to see whether motions grow there")
+    share = _neglected_shares(pencil, u, h, [(c.factor, c.vector) for c in found.critical])
+    warnings += _factor_warnings(
+        pencil, u, np.array([c.factor for c in found.critical]), size, share, np.zeros(len(share), dtype=bool),
+        "static to go to a load, and eigen with about: static to see whether motions grow there")
     found = replace(found, critical=[c for c, one in zip(found.critical, share, strict=True) if one <= MISSED])
     wanted = spec.modes if (share <= MISSED).all() else 0
-    return _grown(small, u, found, wanted, warnings, iterations, size, "load factor")
+    return _stability_state(small, u, found, wanted, warnings, iterations, size, "load factor")
 
 
 def _critical_velocities(model: Model, spec: Buckling) -> State:
@@ -144,7 +144,7 @@ def _critical_velocities(model: Model, spec: Buckling) -> State:
     found = critical_factors(small, change, spec.modes)
     iterations = int(base.state.history["iterations"])
     pushed, moved = np.zeros((2, len(model.numbering.place)))
-    state = _grown(small, np.zeros_like(pushed), found, spec.modes, warnings, iterations, 0.0, "factor")
+    state = _stability_state(small, np.zeros_like(pushed), found, spec.modes, warnings, iterations, 0.0, "factor")
     set_speed(model, 1.0)
     for batch in base.model.interactions.flows:
         np.add.at(pushed, batch.dofs, batch.matrices(base.state.d, 0.0)[1])
@@ -157,8 +157,8 @@ def _critical_velocities(model: Model, spec: Buckling) -> State:
     return state
 
 
-def _grown(small: Linearised, u: Array, found: Stability, modes: int, warnings: list[str], iterations: int,
-           size: float, called: str) -> State:
+def _stability_state(small: Linearised, u: Array, found: Stability, modes: int, warnings: list[str], iterations: int,
+                     size: float, called: str) -> State:
     """Return the state with the factors at which motions begin to grow; ``size`` is that of the linear response u."""
     pencil, d = small.pencil, small.pencil.d
     problem = Quadratic(small)
@@ -191,13 +191,14 @@ def _trusted(pencil: Pencil, u: Array, h: float, factors: Array, V: Array, size:
     Shapes that are artefacts of the mesh (``meshed``, returned too) are kept in any case, as they have their own
     warning.
     """
-    share = _missed(pencil, u, h, list(zip(factors, V, strict=True)))
+    share = _neglected_shares(pencil, u, h, list(zip(factors, V, strict=True)))
     good = meshed | (share <= MISSED)
-    doubts = _doubts(pencil, u, factors, size, share, meshed, "static with method: arc_length to find critical points")
+    doubts = _factor_warnings(pencil, u, factors, size, share, meshed,
+                              "static with method: arc_length to find critical points")
     return factors[good], V[good], meshed[good], doubts
 
 
-def _missed(pencil: Pencil, u: Array, h: float, found: Sequence[tuple[float, NDArray[Any]]]) -> Array:
+def _neglected_shares(pencil: Pencil, u: Array, h: float, found: Sequence[tuple[float, NDArray[Any]]]) -> Array:
     """Return the share of the stiffness that the linearisation neglects at each factor with its vector (n,).
 
     This is the difference between K + mu dK/dt and the tangent at mu u along the vector, relative to K. Axial stiffness
@@ -211,15 +212,15 @@ def _missed(pencil: Pencil, u: Array, h: float, found: Sequence[tuple[float, NDA
         tangent = pencil.matrix.target.values.copy()
         rest = stiffness = 0.0j
         for part, x in ((1.0, v.real), (1.0j, v.imag)):
-            Kx = pencil.formed(x)
+            Kx = pencil.apply_K(x)
             stiffness += part * np.vdot(v, Kx)
-            rest += part * np.vdot(v, pencil.matrix.product(tangent, x) - Kx + factor * pencil.other(x))
-        share.append(max(abs(rest) / abs(stiffness), neglected(pencil, u, factor, h)))
+            rest += part * np.vdot(v, pencil.matrix.product(tangent, x) - Kx + factor * pencil.apply_B(x))
+        share.append(max(abs(rest) / abs(stiffness), neglected_work(pencil, u, factor, h)))
     return np.array(share)
 
 
-def _doubts(pencil: Pencil, u: Array, factors: Array, size: float, share: Array, meshed: NDArray[np.bool_],
-            use: str) -> list[str]:
+def _factor_warnings(pencil: Pencil, u: Array, factors: Array, size: float, share: Array, meshed: NDArray[np.bool_],
+                     use: str) -> list[str]:
     """Return warnings about factors at which a linear response of ``size`` does not represent the equilibrium."""
     out = []
     for some, says in ((~meshed & (share > MISSED), "does not apply at"),
@@ -227,7 +228,7 @@ def _doubts(pencil: Pencil, u: Array, factors: Array, size: float, share: Array,
         if some.any():
             k = int(np.flatnonzero(some)[-1])
             named = ", ".join(f"{f:.6g}" for f in factors[some])
-            names = ", ".join(changed(pencil, u, factors[k]))
+            names = ", ".join(switching_springs(pencil, u, factors[k]))
             before = (f"{names} begins or ceases to act before the structure buckles" if names else
                       f"The structure bends or strains before it buckles, by {factors[k] * size:.2g} (rad)")
             out.append(f"linear buckling {says} the load factor{'s' if some.sum() > 1 else ''} {named}. {before} at "
@@ -236,7 +237,7 @@ def _doubts(pencil: Pencil, u: Array, factors: Array, size: float, share: Array,
     return out
 
 
-def _meshed(model: Model, base: Array, V: Array) -> NDArray[np.bool_]:
+def _mesh_artefacts(model: Model, base: Array, V: Array) -> NDArray[np.bool_]:
     """Return for each shape whether neighbouring elements separate, as no beam does (m,)."""
     if any(mesh.plan.rigid for mesh in model.meshes.values()):
         # rigid bodies have no section motion to classify
@@ -245,7 +246,7 @@ def _meshed(model: Model, base: Array, V: Array) -> NDArray[np.bool_]:
     return np.array([classifier(v, False).gaps > GAPS for v in full_shapes(model, V)], dtype=bool)
 
 
-def _begin(model: Model) -> tuple[Array, Array | None, list[str], int]:
+def _preloaded(model: Model) -> tuple[Array, Array | None, list[str], int]:
     """Return the state under the constant loads, its turns, warnings on the way, and the number of iterations."""
     states = list(unscaled(model))
     if not states:
@@ -292,10 +293,10 @@ def _stressed(pencil: Pencil) -> bool:
     num = pencil.model.numbering
     forces = np.where(num.free < num.n_q, np.random.default_rng(0).normal(size=num.n_unknowns), 0.0)
     x = pencil.solve(forces)
-    return pencil.system.norm(pencil.solve(pencil.other(x))) > UNSTRESSED * pencil.system.norm(x)
+    return pencil.system.norm(pencil.solve(pencil.apply_B(x))) > UNSTRESSED * pencil.system.norm(x)
 
 
-def _positive(pencil: Pencil, m: int) -> tuple[Array, Array]:
+def _definite_factors(pencil: Pencil, m: int) -> tuple[Array, Array]:
     """Return the lowest positive factors if K is positive definite on the motions that constraints allow.
 
     They belong to the largest theta = 1/mu of B phi = theta K phi.
@@ -305,9 +306,9 @@ def _positive(pencil: Pencil, m: int) -> tuple[Array, Array]:
     n = pencil.n
     k = min(m + EXTRA, n - 2 * pencil.multipliers - 1)
     if n <= max(60, 3 * k):
-        return _general(pencil, m)
+        return _general_factors(pencil, m)
     B, K, inverse = (LinearOperator((n, n), matvec=f, dtype=float)
-                     for f in (pencil.other, pencil.formed, lambda b: pencil.solve(np.ascontiguousarray(b).ravel())))
+                     for f in (pencil.apply_B, pencil.apply_K, lambda b: pencil.solve(np.ascontiguousarray(b).ravel())))
     start = pencil.solve(np.random.default_rng(0).standard_normal(n))
     try:
         theta, vectors = eigsh(B, k, M=K, Minv=inverse, which="LA", v0=start, ncv=min(n, 2 * k + 20), tol=LANCZOS,
@@ -318,20 +319,20 @@ def _positive(pencil: Pencil, m: int) -> tuple[Array, Array]:
     if not len(theta):
         return np.zeros(0), np.zeros((0, n))
     V = np.ascontiguousarray(vectors.T[np.argsort(-theta)])
-    values, Y = ritz(V, -each(pencil.other, V), each(pencil.stiffness, V), len(V))
+    values, Y = ritz(V, -map_rows(pencil.apply_B, V), map_rows(pencil.stiffness, V), len(V))
     return _factors(-values, Y @ V, m)
 
 
-def _general(pencil: Pencil, m: int) -> tuple[Array, Array]:
+def _general_factors(pencil: Pencil, m: int) -> tuple[Array, Array]:
     """Return the lowest positive factors if K is indefinite (unstable states) or there are few unknowns."""
     n = pencil.n
     if n <= DENSE:
-        C = each(lambda x: pencil.solve(pencil.other(x)), np.eye(n)).T
+        C = map_rows(lambda x: pencil.solve(pencil.apply_B(x)), np.eye(n)).T
         theta, vectors = np.linalg.eig(C)
     else:
         from scipy.sparse.linalg import LinearOperator, eigs
 
-        C = LinearOperator((n, n), matvec=lambda x: pencil.solve(pencil.other(np.ascontiguousarray(x).ravel())),
+        C = LinearOperator((n, n), matvec=lambda x: pencil.solve(pencil.apply_B(np.ascontiguousarray(x).ravel())),
                            dtype=float)
         theta, vectors = eigs(C, m + EXTRA, which="LR", v0=np.random.default_rng(0).standard_normal(n), tol=LANCZOS)
     real = np.abs(theta.imag) <= REAL * np.abs(theta)

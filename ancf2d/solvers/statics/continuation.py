@@ -109,7 +109,7 @@ class ArcLength:
 
 
 @dataclass
-class AtFactor:
+class FactorControl:
     """t = value: Newton's method at a load factor."""
 
     value: float
@@ -169,7 +169,7 @@ class ProbeValue:
 
 
 @dataclass
-class AtProbe:
+class ProbeControl:
     """value(probe) = target: displacement control (Batoz & Dhatt 1979)."""
 
     probe: ProbeValue

@@ -1,8 +1,8 @@
 """Equilibrium of models that only their weight holds: ropes, chains and pendulums, from any start.
 
 Such a model may be a mechanism in its reference, where the tangent is singular or the equilibrium unstable. From there
-it sinks as if in a medium so viscous that inertia plays no part: M z' = -tau R(z), in implicit steps of growing length
-(pseudo-transient continuation; Kelley & Keyes 1998). As long as K + M/h is positive definite over each step, the
+it sinks as if in a medium so viscous that inertia plays no part: M z' = -R(z), in implicit steps of growing length h
+[s^2] (pseudo-transient continuation; Kelley & Keyes 1998). As long as K + M/h is positive definite over each step, the
 potential falls, so that the motion ends in a minimum, which Newton's method then finds exactly.
 """
 
@@ -30,7 +30,7 @@ from .newton import NewtonResult, check_sound, negative_pivots, newton, state_of
 SLACK = 100.0
 # shares of the extent: first step, longest step, longest step after which Newton's method is tried, error of a step,
 # push away from an unstable equilibrium, and distance from it before Newton's method is tried again
-FIRST, FARTHEST, NEAR, LEFT, PUSH, AWAY = 0.05, 0.25, 0.02, 1e-7, 0.01, 0.1
+FIRST_STEP, LONGEST_STEP, SHORT_STEP, STEP_ERROR, PUSH, RETRY_DISTANCE = 0.05, 0.25, 0.02, 1e-7, 0.01, 0.1
 MOST_STEPS = 5000
 MOST_ITERATIONS = 12
 # the next step grows after few iterations and shrinks after many; failed steps are repeated with a shorter length
@@ -38,10 +38,10 @@ EASY, GROW, SHRINK = 4, 3.0, 0.3
 # share of the first step below which a failing step is given up
 SHORTEST = 1e-15
 # beyond this many times the extent from the start, the model falls for ever
-LOST = 100.0
+FARTHEST_FALL = 100.0
 # number of steps for moving supports; sag given to links stretched out between them: as a share of the extent, and
 # uniform (0) or as a parabola (1)
-LEVELS = 40
+SUPPORT_STEPS = 40
 SAGS = (0.02, 0), (0.05, 1), (0.07, 1), (0.05, 0), (0.03, 1), (0.1, 1)
 
 FELL = ("no path of stable equilibria leads from the reference to the full load: the reported equilibrium is the one "
@@ -118,14 +118,14 @@ class _Relaxation:
         g = max((float(np.hypot(*load.acceleration)) for load in self.model.case.loads
                  if load.acceleration is not None), default=0.0)
         self.extent = self.model.extent
-        self.h = FIRST * self.extent / (g or 1.0)
+        self.h = FIRST_STEP * self.extent / (g or 1.0)
         self.shortest = SHORTEST * self.h
         self.steps = self.iterations = self.failures = 0
         # whether the potential must fall in each step
         self.checked = True
         # negative pivots of an unstable equilibrium at the start, and the unstable equilibrium left last
         self.pushed = 0
-        self.left: Array | None = None
+        self.last_unstable: Array | None = None
         # the turns once supports have reached their positions, from which those of the equilibrium are counted
         self.turns = system.turns()
 
@@ -135,39 +135,40 @@ class _Relaxation:
         Raises ComputationError if it does not come to rest.
         """
         if self.model.moves:
-            first, *others = np.linspace(self.begin, self.t, LEVELS + 1)[1:].tolist()
+            first, *others = np.linspace(self.begin, self.t, SUPPORT_STEPS + 1)[1:].tolist()
             # moving supports do work, so that the potential need not fall
             self.checked = False
-            self._give(first)
+            self._begin_support_motion(first)
             for factor in others:
-                self._go(factor)
+                self._make_step(factor)
             self.checked = True
             self.turns = self.system.turns()
-        while self.steps < MOST_STEPS and self.system.distance(self.d, self.start) < LOST * self.extent:
-            moved = self._go(self.t)
+        while self.steps < MOST_STEPS and self.system.distance(self.d, self.start) < FARTHEST_FALL * self.extent:
+            moved = self._make_step(self.t)
             # if a step of any length hardly moves the model, it cannot get away from the last equilibrium
-            if moved > NEAR * self.extent or (moved > LEFT * self.extent and self._close(self.left, AWAY)):
+            near_unstable = self._is_near(self.last_unstable, RETRY_DISTANCE)
+            if moved > SHORT_STEP * self.extent or (moved > STEP_ERROR * self.extent and near_unstable):
                 continue
-            result = self._newton(moved <= LEFT * self.extent)
+            result = self._newton(moved <= STEP_ERROR * self.extent)
             if result is None and moved <= STILL * self.extent:
-                result = self._as_it_is(moved)
+                result = self._as_result(moved)
             if result is None:
                 continue
             if not self.system.knows_inertia or result.negative_pivots <= 0:
                 return result
-            if self.system.distance(result.d, self.start) <= NEAR * self.extent:
+            if self.system.distance(result.d, self.start) <= SHORT_STEP * self.extent:
                 self.pushed = result.negative_pivots
-            self.left = result.d
+            self.last_unstable = result.d
             self._push()
         touch = "contacts with a law, or a motion with damping (type: dynamic); " if self.hard else ""
         raise ComputationError("the model does not come to rest under its weight", at={"steps": self.steps},
                                advice=f"{touch}supports or joints for all parts that can move without limit, or "
                                "gravity on all parts that can move")
 
-    def _close(self, d: Array | None, share: float) -> bool:
+    def _is_near(self, d: Array | None, share: float) -> bool:
         return d is not None and self.system.distance(self.d, d) <= share * self.extent
 
-    def _go(self, t: float) -> float:
+    def _make_step(self, t: float) -> float:
         """Make one step at load factor t; return how far it moved [m]. Failed steps are repeated shorter."""
         while True:
             self.steps += 1
@@ -226,10 +227,10 @@ class _Relaxation:
             dz = -system.matrix.solve(R)
             sizes.append(system.norm(dz))
             z += dz
-            if not np.isfinite(sizes[-1]) or system.norm(z - z0) > FARTHEST * self.extent:
+            if not np.isfinite(sizes[-1]) or system.norm(z - z0) > LONGEST_STEP * self.extent:
                 raise ComputationError("the step goes too far", at=at)
             d = self.model.displacements(z, t)
-            if sizes[-1] <= LEFT * self.extent:
+            if sizes[-1] <= STEP_ERROR * self.extent:
                 return d, iteration
         raise ComputationError("the step does not converge", at=at, history=sizes)
 
@@ -244,7 +245,7 @@ class _Relaxation:
             # gravity is so weak compared with the stiffness of a rope that a second solve improves the result
             with suppress(ComputationError):
                 result = newton(self.system, result.d.copy(), self.t, self.t, self.tolerance, self.max_iterations)
-            if self.system.distance(result.d, self.d) > AWAY * self.extent:
+            if self.system.distance(result.d, self.d) > RETRY_DISTANCE * self.extent:
                 raise ComputationError("another equilibrium", at={})
             result.negative_pivots = negative_pivots(self.system, result.d, self.t)
         except ComputationError as error:
@@ -255,7 +256,7 @@ class _Relaxation:
         self.system.count(result.d, self.t)
         return result
 
-    def _as_it_is(self, moved: float) -> NewtonResult:
+    def _as_result(self, moved: float) -> NewtonResult:
         """Return the current state as the equilibrium, if no step moves it but round-off stops Newton's method."""
         system, num = self.system, self.model.numbering
         balance = system.assemble(self.d, self.t)
@@ -263,7 +264,7 @@ class _Relaxation:
         return NewtonResult(self.d, balance.Q, balance.F, balance.energy, largest(balance.R), 0, [moved],
                             np.zeros(num.n_unknowns), pivots.negative - num.n_multipliers, moved)
 
-    def _give(self, factor: float) -> None:
+    def _begin_support_motion(self, factor: float) -> None:
         """Make the first step of moving supports.
 
         Links in one line between their supports bear any force, and their direction of sagging is undetermined: they
@@ -274,7 +275,7 @@ class _Relaxation:
         for sag, power in ((0.0, 0), *SAGS):
             self.d = start if failure is None else self._sagging(start, sag, power)
             try:
-                self._go(factor)
+                self._make_step(factor)
             except ComputationError as error:
                 failure = failure or error
                 self.h = self.shortest / SHORTEST

@@ -32,7 +32,7 @@ class Jumps:
     """
 
     def __init__(self, model: Model) -> None:
-        self.model, self.taken, self.moved = model, False, 0.0
+        self.model, self.accepting, self.moved = model, False, 0.0
 
     def check(self, system: System, start: Array, end: Array, foretold: Array, t: float) -> None:
         """Raise JumpError if ``end`` contradicts ``foretold`` (n_unknowns,), unless jumps are accepted."""
@@ -41,22 +41,22 @@ class Jumps:
         along = float((system.weights**2 * foretold) @ (end[where] - start[where]))
         if moved <= FAINT * self.model.extent or (along >= 0.0 and moved <= FURTHER * system.norm(foretold)):
             return
-        if not self.taken:
+        if not self.accepting:
             raise JumpError("the state jumps to another branch", at={"factor": float(f"{t:.6g}")}, advice=ADVICE)
         self.moved = max(self.moved, moved)
 
-    def take(self, error: ComputationError) -> bool:
+    def accept(self, error: ComputationError) -> bool:
         """Accept the next jump if the shortest step failed by a jump and bodies touch; return whether it is so."""
-        may = isinstance(error, JumpError) and bool(self.model.contacts) and not self.taken
-        self.taken = self.taken or may
+        may = isinstance(error, JumpError) and bool(self.model.contacts) and not self.accepting
+        self.accepting = self.accepting or may
         return may
 
-    def told(self, t: float) -> list[str]:
+    def warning(self, t: float) -> list[str]:
         """Return the warning for a step that has jumped, else an empty list; refuse jumps again."""
         if self.moved == 0.0:
             return []
         when = f"t = {t:.6g}" if self.model.case.solver.timed else f"load factor {t:.6g}"
         found = (f"bodies in contact snap at {when}: they move by {self.moved:.2g} m at once, and no "
                  "equilibrium leads there. Solver dynamic with damping follows such a motion")
-        self.taken, self.moved = False, 0.0
+        self.accepting, self.moved = False, 0.0
         return [found]

@@ -11,7 +11,7 @@ from ...model.model import Model
 from ..ldl import Symmetric
 from ..small_motions.lowest_modes import Pencil
 from ..system import System
-from .one_sided import check_edges, one_sided, step_before
+from .one_sided import check_not_engaging, one_sided, step_without_switching
 
 # half the difference in the load factor for rates
 SMALL = 1e-4
@@ -38,8 +38,8 @@ def step_of(pencil: Pencil, u: Array, size: float) -> float:
     """
     whole = max([size, *(getattr(spring, "winds", 0.0) for spring in pencil.model.springs)])
     h = STEP / whole if whole else 1.0
-    check_edges(pencil, u, h)
-    return step_before(pencil, u, h, max(k for k, _ in points_of(pencil.model)))
+    check_not_engaging(pencil, u, h)
+    return step_without_switching(pencil, u, h, max(k for k, _ in points_of(pencil.model)))
 
 
 def points_of(model: Model) -> Sequence[tuple[int, float]]:

@@ -21,7 +21,7 @@ SLACK = 1e-9
 SHORTEST = 1e-6
 
 
-def check_edges(pencil: Pencil, u: Array, h: float) -> None:
+def check_not_engaging(pencil: Pencil, u: Array, h: float) -> None:
     """Raise ComputationError if a one-sided spring is about to engage and the response u (n_full,) does not engage it.
 
     The tangent contains its stiffness, but a buckling shape may move it either way. ``h`` is a step of the load factor.
@@ -39,18 +39,18 @@ def check_edges(pencil: Pencil, u: Array, h: float) -> None:
                                    "and a small imperfection where the model may buckle either way")
 
 
-def step_before(pencil: Pencil, u: Array, h: float, steps: int) -> float:
+def step_without_switching(pencil: Pencil, u: Array, h: float, steps: int) -> float:
     """Return a step of the load factor, at most h, so that within ``steps`` of it no spring engages or releases.
 
     ``u`` (n_full,) is the linear response.
     """
     least = SHORTEST * h
-    while h > least and any(changed(pencil, u, k * h) for k in range(1, steps + 1)):
+    while h > least and any(switching_springs(pencil, u, k * h) for k in range(1, steps + 1)):
         h *= 0.5
     return h
 
 
-def changed(pencil: Pencil, u: Array, factor: float) -> list[str]:
+def switching_springs(pencil: Pencil, u: Array, factor: float) -> list[str]:
     """Return the one-sided springs that engage or release between load factor 0 and ``factor``.
 
     ``u`` (n_full,) is the linear response.
@@ -59,7 +59,7 @@ def changed(pencil: Pencil, u: Array, factor: float) -> list[str]:
             if _forces(spring, pencil.d, u, factor)[1].any() != _forces(spring, pencil.d, u, 0.0)[1].any()]
 
 
-def neglected(pencil: Pencil, u: Array, factor: float, h: float) -> float:
+def neglected_work(pencil: Pencil, u: Array, factor: float, h: float) -> float:
     """Return the work that the linearisation neglects in one-sided springs, relative to that of the stiffness.
 
     It is the work on the response u (n_full,) of their forces at a load factor less their linear forces; ``h`` is a

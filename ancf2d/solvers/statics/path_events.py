@@ -14,7 +14,7 @@ from ...errors import ComputationError
 from ...model.model import Model
 from ..post import Observer
 from ..state import State
-from .continuation import AtFactor, AtProbe, Control, Curve, PathPoint, ProbeValue
+from .continuation import Control, Curve, FactorControl, PathPoint, ProbeControl, ProbeValue
 
 # displacements of a limit point are located to this share of the largest
 LIMIT_DIGITS = 1e-9
@@ -64,7 +64,7 @@ class FactorGoal:
 
     def control(self) -> Control:
         """Return t = value."""
-        return AtFactor(self.value, self.n)
+        return FactorControl(self.value, self.n)
 
     def settle(self, d: Array, turned: Array) -> None:
         """Do nothing: a load factor has no turns to count."""
@@ -91,7 +91,7 @@ class ProbeGoal:
 
     def control(self) -> Control:
         """Return quantity = value."""
-        return AtProbe(self.probe, self.until.reaches)
+        return ProbeControl(self.probe, self.until.reaches)
 
     def settle(self, d: Array, turned: Array) -> None:
         """Count the probe's turns from this state."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...elements.shape import Array
 from ...errors import ComputationError
-from .continuation import ArcLength, AtProbe, Control, Curve, Found, PathPoint
+from .continuation import ArcLength, Control, Curve, Found, PathPoint, ProbeControl
 from .path_events import FactorGoal, Goal, ProbeGoal
 from .static import STEPS
 
@@ -152,7 +152,7 @@ class ProbeSteps:
         """Return the equation for the probe's value a step of h from a, with the final value exact."""
         rest = self.length - a.s - h
         rest = rest if rest > END * self.length else 0.0
-        return AtProbe(self.goal.probe, self.goal.until.reaches - self.sign * rest)
+        return ProbeControl(self.goal.probe, self.goal.until.reaches - self.sign * rest)
 
     def scale(self, a: PathPoint) -> Scale:
         """Return the function that scales a tangent to one unit of the probe's quantity."""

@@ -300,7 +300,7 @@ class March:
                     result.negative_pivots = negative_pivots(self.system, result.d, new.factor)
             except ComputationError as error:
                 recall(self.model, touched)
-                if not stride.cut(target, isinstance(error, SingularTangentError)) and not self.jumps.take(error):
+                if not stride.cut(target, isinstance(error, SingularTangentError)) and not self.jumps.accept(error):
                     raise self._stuck(error, old.factor, number) from error
                 continue
             if changed and self._bends_away(path, result, old.factor) and stride.corner(target):
@@ -308,7 +308,7 @@ class March:
                 continue
             number += 1
             self.system.count_from(turns)
-            snap = self.jumps.told(new.factor)
+            snap = self.jumps.warning(new.factor)
             stability = snap + self.stability(result, new.factor)
             state = state_of(self.system, result, new.factor, number, stride.cutbacks, stability)
             self.system.accept(result.d, new.factor)

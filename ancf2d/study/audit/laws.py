@@ -16,7 +16,7 @@ from ...elements.shape import Array
 from ...errors import CaseError
 from ...model.model import Model
 from ...solvers.energy import kept_energy
-from ...solvers.small_motions.linearised import stored
+from ...solvers.small_motions.linearised import to_sparse
 from ...solvers.system import System
 from .fields import turned
 from .patches import forces_turned
@@ -99,7 +99,7 @@ def law_tangent(s: Subject) -> Finding:
             d, v = _cycle(model, share + 0.1)[-1], _ways(model)[1]
             model.set_step(DT)
             system.assemble(d, 0.0)
-            K = stored(model, system.matrix, system.matrix.target.values)
+            K = to_sparse(model, system.matrix, system.matrix.target.values)
             ends = [system.forces(d + h * v, 0.0).Q.copy() for h in (STEP, -STEP)]
             z, out = v[model.numbering.free], model.numbering.reduce((ends[0] - ends[1]) / (2.0 * STEP))
             worst = max(worst, float(np.abs(K @ z - out).max() / np.abs(out).max()))

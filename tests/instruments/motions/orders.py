@@ -69,7 +69,7 @@ def end(scene: str, method: str, steps: int) -> Array:
                                                         "max_iterations": 40}}))
     problem, signals = make_problem(model)
     stepper = Stepper(model, problem, signals, model.case.solver, dt, np.zeros(0), 0)
-    stepper.m = Method(stepper.method.name, model.case.solver, stepper.p, TIGHT, model.relaxing, stepper.tracks)
+    stepper.m = Method(stepper.method.name, model.case.solver, stepper.p, TIGHT, model.relaxing, stepper.tracks_work)
     stepper.start(*initial_motion(model))
     while not stepper.done:
         for _ in stepper.run():
