@@ -21,7 +21,7 @@ FAMILIES = {
     "N": "axial force", "Q": "shear force", "M": "bending moment",
     "output": "controller output",
 }
-HAPPENED = {"color": "0.5", "marker": "", "linestyle": ":", "linewidth": 1.0, "zorder": 1}
+EVENT_LINES = {"color": "0.5", "marker": "", "linestyle": ":", "linewidth": 1.0, "zorder": 1}
 WINDOW = {"color": "black", "marker": "", "linestyle": "-", "linewidth": 1.0}
 LIMIT = {"color": "black", "marker": "o", "markersize": 7, "markerfacecolor": "none", "markeredgewidth": 1.3,
          "linestyle": "none", "zorder": 5}
@@ -82,14 +82,15 @@ def _families(found: list[tuple[str, str, str, np.ndarray]], quantities: list[st
         return families
     moving = {}
     for family, entries in families.items():
-        top = max(_largest(v) for *_, v in entries)
-        kept = [e for e in entries if _largest(e[3]) > NEGLIGIBLE * top]
+        top = max(largest_magnitude(v) for *_, v in entries)
+        kept = [e for e in entries if largest_magnitude(e[3]) > NEGLIGIBLE * top]
         if kept:
             moving[family] = kept
     return moving or dict(list(families.items())[:1])
 
 
-def _largest(values: np.ndarray) -> float:
+def largest_magnitude(values: np.ndarray) -> float:
+    """Return the largest finite magnitude."""
     return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
 
 
@@ -184,7 +185,7 @@ def _add_events(source: Source, panels: list[Panel]) -> None:
         for name, times in found.items():
             if times and len(values):
                 panel.curves.append(Curve(source.name(name), np.repeat(times, 3), np.tile(
-                    [values.min(), values.max(), np.nan], len(times)), look=dict(HAPPENED)))
+                    [values.min(), values.max(), np.nan], len(times)), look=dict(EVENT_LINES)))
 
 
 def _no_probes(results: Results) -> str:

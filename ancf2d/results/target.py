@@ -228,7 +228,7 @@ class Target:
             if private is not None:
                 os.unlink(private)
 
-    def take_up(self) -> None:
+    def resume(self) -> None:
         """Continue the NAME.part that an earlier run left."""
         if self._old is None:
             raise ResultsError(f"there is no '{self.part}' to resume from")

@@ -157,7 +157,7 @@ def _states(model: Model, writer: Any, solve: Solve | None) -> Iterator[State]:
         try:
             return registry.solve(model, writer.resumed.values)
         except CheckpointError as error:
-            writer.refuse(error)
+            writer.reject_checkpoint(error)
     return (solve or registry.solve)(model)
 
 
