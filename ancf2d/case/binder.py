@@ -13,8 +13,8 @@ from .units import SI, unit_label
 
 Path = tuple[Any, ...]
 MAX_PROBLEMS = 100
-# quantities of a probe that expressions may use
-TOLD = ("x", "y", "ux", "uy", "theta", "vx", "vy", "omega")
+# quantities of a probe that describe its motion: those that expressions may use
+KINEMATIC = ("x", "y", "ux", "uy", "theta", "vx", "vy", "omega")
 # with more names than this, a message shows only the nearest one
 _MANY = 6
 
@@ -34,7 +34,7 @@ INVALID: Any = _Invalid()
 
 @record
 class Vocabulary:
-    """The names that other rooms define and a case may use; empty leaves them unchecked."""
+    """The names that a case may use, from the registries; empty leaves them unchecked."""
 
     element_types: tuple[str, ...] = ()
     formulations: tuple[str, ...] = ()
@@ -111,8 +111,8 @@ class Binder:
         """Return the names that an expression may use; ``feedback`` adds those of states, controllers and probes."""
         if not feedback:
             return Names(variable, self.numbers, local)
-        told = (f"{probe}.{quantity}" for probe in self.probes for quantity in TOLD)
-        return Names(variable, self.numbers, (*local, *self.states, *self.controllers, *told), self.probes)
+        of_probes = (f"{probe}.{quantity}" for probe in self.probes for quantity in KINEMATIC)
+        return Names(variable, self.numbers, (*local, *self.states, *self.controllers, *of_probes), self.probes)
 
     def unit(self, unit: str) -> str:
         """Return the label of an SI unit in the units of this case."""

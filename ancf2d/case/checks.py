@@ -64,7 +64,7 @@ def check_case(case: Case, source: Source, binder: Binder) -> None:
         checker.goals()
         checker.masses()
         checker.times()
-        checker.aims()
+        checker.accuracy_needs_goal()
         checker.inputs()
     check_contacts(checker)
 
@@ -337,7 +337,7 @@ class _Checker:
                 self.fail(path, f"{dotted(path)} is too {size}: {time:g}",
                           f"from {least:.3g} to {TIMES[1]:g} {self.binder.unit('s')}")
 
-    def aims(self) -> None:
+    def accuracy_needs_goal(self) -> None:
         """Check that accuracy and element type auto come with a goal."""
         case = self.case
         if case.goal is not None:

@@ -285,9 +285,9 @@ def elsewhere(cls: type, name: str, path: Path) -> list[str]:
 
     ``familiar`` of the record has places by other common names of keys; else the word may be a key or a type below it.
     """
-    told = cls.__dict__.get("familiar", {}).get(name)
-    if told is not None:
-        return [told]
+    known_place = cls.__dict__.get("familiar", {}).get(name)
+    if known_place is not None:
+        return [known_place]
     head = f"{dotted(path)}." if path else ""
     return _places(cls, name, head) or (_places(cls, name[:-1], head) if name.endswith("s") else [])
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .syntax import Call, Chain, Choice, Comparison, Constant, Negative, Power, Quantity, Time, Tree
+from .syntax import Call, Chain, Choice, Comparison, Constant, Negative, Power, Quantity, Tree, Variable
 
 Series = NDArray[Any]
 WHOLE = 64  # whole exponents up to this one are computed as products, which are valid for zero and negative bases
@@ -110,7 +110,7 @@ def _of(tree: Tree, s: Series) -> Series:
     match tree:
         case Constant(value):
             return constant(value, s)
-        case Time():
+        case Variable():
             return s
         case Quantity():
             return constant(np.nan, s)

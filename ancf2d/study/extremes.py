@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..case.series import series
-from ..case.syntax import Chain, Constant, Time, Tree, named_in, renamed
+from ..case.syntax import Chain, Constant, Tree, Variable, named_in, renamed
 from ..elements.shape import Array
 
 # largest number of groups of neighbours into which the values under an extreme are divided
@@ -63,7 +63,7 @@ class Met:
     def along(self, name: str, values: Array) -> Array:
         """Return the expression (m,) evaluated with each of some values (m,) instead of an extreme."""
         meant: dict[str, Tree] = {own: Constant(value) for own, value in self.meaning.items()}
-        return series(renamed(self.measure.tree, meant | {name: Time()}), values, 0)[0]
+        return series(renamed(self.measure.tree, meant | {name: Variable()}), values, 0)[0]
 
     def chosen(self, name: str, groups: int) -> Array:
         """Return the indices (groups,) of the values that represent each group of neighbours.
@@ -104,7 +104,7 @@ def names_of(measure: Measure) -> set[str]:
 def slopes_of(tree: Tree, meaning: Mapping[str, float]) -> list[tuple[str, float]]:
     """Return the names in a tree, each with the derivative of the tree's value by it."""
     meant: dict[str, Tree] = {name: Constant(value) for name, value in meaning.items()}
-    moved = ((name, Chain(Constant(meaning[name]), (("+", Time()),))) for name in dict.fromkeys(named_in(tree)))
+    moved = ((name, Chain(Constant(meaning[name]), (("+", Variable()),))) for name in dict.fromkeys(named_in(tree)))
     return [(name, float(series(renamed(tree, meant | {name: by}), np.zeros(1), 1)[1, 0])) for name, by in moved]
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..case import Goal, LoadedCase
-from ..case.binder import TOLD
+from ..case.binder import KINEMATIC
 from ..case.material_checks import refused_field
 from ..case.nodes import Mark, Origin
 from ..case.records import tag_of
@@ -36,7 +36,7 @@ class Vocabulary:
 
     def __init__(self, loaded: LoadedCase) -> None:
         case = loaded.case
-        rates = TOLD if case.solver.moves else TOLD[:5]
+        rates = KINEMATIC if case.solver.moves else KINEMATIC[:5]
         self.probes = tuple(case.output.probes)
         found = [f"{probe}.{q}" for probe in self.probes for q in (*rates, *SECTION)]
         supports = [s.name for s in case.boundary_conditions if s.name]
@@ -196,7 +196,7 @@ class Measures:
     def places(self) -> bool:
         """Return whether all values follow from the model and from probe quantities given by positions and rates."""
         read = {name.rpartition(".")[2] for name in self.names - self.parameters - {GOAL, MASS}}
-        return not self.fields and read <= set(TOLD) and GoalValues(self.goals).places
+        return not self.fields and read <= set(KINEMATIC) and GoalValues(self.goals).places
 
     @property
     def count(self) -> int:
@@ -317,7 +317,7 @@ class GoalValues:
     @property
     def places(self) -> bool:
         """Return whether all goals are probe quantities given by positions and rates."""
-        return all(goal.probe is not None and goal.quantity in TOLD for goal in self.goals)
+        return all(goal.probe is not None and goal.quantity in KINEMATIC for goal in self.goals)
 
     @property
     def count(self) -> int:

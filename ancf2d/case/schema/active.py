@@ -14,7 +14,7 @@ from ..kinds import Number
 from ..nodes import Node
 from ..programs import Assembler, Function
 from ..records import Record
-from ..syntax import Comparison, Constant, Time, compares, syntax
+from ..syntax import Comparison, Constant, Variable, compares, syntax
 from .amplitudes import Constant as Always
 from .amplitudes import ExpressionText
 
@@ -133,7 +133,7 @@ class Windowed(Function):
 
     def emit(self, out: Assembler) -> None:
         """Append the instructions that put it on the stack."""
-        out.tree(Comparison(Constant(self.begin), (("<=", Time()), ("<", Constant(self.end)))))
+        out.tree(Comparison(Constant(self.begin), (("<=", Variable()), ("<", Constant(self.end)))))
         _put_where(self.inner, out)
 
 
@@ -178,9 +178,9 @@ def _put_where(inner: Any, out: Assembler) -> None:
     inner.emit(out)
     out.emit(jets.SCALE, 0, inner.scale, 0.0)
     done = out.emit(jets.JUMP, -1)
-    out.land([otherwise])
+    out.set_targets([otherwise])
     out.emit(jets.NUMBER, 1, 0.0)
-    out.land([done])
+    out.set_targets([done])
 
 
 def amplitude_of(load: Any, window: Active | Latch | None = None) -> Any:

@@ -21,8 +21,8 @@ from ..syntax import (
     Negative,
     Power,
     Quantity,
-    Time,
     Tree,
+    Variable,
     named_in,
     renamed,
     syntax,
@@ -239,7 +239,7 @@ class DerivativeError(ValueError):
 def rate_of(tree: Tree) -> Tree:
     """Return the time derivative of an expression in t and positions. Raises DerivativeError for other quantities."""
     match tree:
-        case Time():
+        case Variable():
             return Constant(1.0)
         case Quantity(name):
             probe, _, quantity = name.partition(".")

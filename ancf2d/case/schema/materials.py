@@ -118,7 +118,7 @@ class Material:
         return self.yield_ is not None or self.stress_strain is not None
 
     @property
-    def remembers(self) -> bool:
+    def non_hookean(self) -> bool:
         """Whether its stress is not just a constant stiffness times strain; also true for hyperelastic materials."""
         return self.fibres or bool(self.viscoelastic) or self.law == "neo_hooke"
 
