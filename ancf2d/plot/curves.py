@@ -155,14 +155,14 @@ def history(sources: Sequence[Source], *, probe: str | Sequence[str] | None = No
 def _add_windows(source: Source, panels: list[Panel]) -> None:
     """Add means and peaks over windows of time, with error bars, to the panels of their quantities."""
     summary = source.results.summary
-    told = summary.get("accuracy") or {}
+    accuracy = summary.get("accuracy") or {}
     for name, window in summary.get("windows", {}).items():
         value = window["value"]
         own = [panel for panel in panels for c in panel.curves if c.name == source.name(window.get("of", ""))]
         if value is None or not own:
             continue
-        known = told.get("value") == value and told.get("estimate") is not None
-        error = told["estimate"] * abs(value) if known else window["sampling"]
+        known = accuracy.get("value") == value and accuracy.get("estimate") is not None
+        error = accuracy["estimate"] * abs(value) if known else window["sampling"]
         # three lines: the value, and the two limits of its error
         x = np.tile([window["from"], window["to"], np.nan], 3)
         y = value + np.repeat([0.0, -error, error], 3)

@@ -208,8 +208,8 @@ def _label(results: Results, k: int) -> tuple[str, str]:
     time = results.units.time
     omega = float(table["omega"][k])
     hertz = f"{omega / (2 * math.pi):.5g} {'Hz' if time == 's' else f'1/{time}'}"
-    told = [f"{hertz} ({omega:.6g} rad/{time})"] if omega or not growth else []
-    return f"{kind} {int(table['number'][k])}: {', '.join([*told, *growing(table, k, time)])}", kind
+    frequency = [f"{hertz} ({omega:.6g} rad/{time})"] if omega or not growth else []
+    return f"{kind} {int(table['number'][k])}: {', '.join([*frequency, *growing(table, k, time)])}", kind
 
 
 def _onset(table: Mapping[str, Any], k: int, time: str) -> list[str]:

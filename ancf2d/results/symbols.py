@@ -237,8 +237,8 @@ def _tendon(scene: _Scene, entry: dict[str, Any]) -> Iterator[Symbol]:
                for e in entry.get("through") or []]
     if entry.get("on") in scene.results.bodies:
         start, end = entry.get("from") or 0.0, 1.0 if entry.get("to") is None else entry["to"]
-        way, told = [(s, entry.get("y") or 0.0) for s in np.linspace(start, end, 2 * ALONG_LOAD)], scene.results.arrays
-        if (varies := f"guides/{entry['path']}") in told:
+        way = [(s, entry.get("y") or 0.0) for s in np.linspace(start, end, 2 * ALONG_LOAD)]
+        if (varies := f"guides/{entry['path']}") in scene.results.arrays:
             way = scene.results.array(varies).tolist()
         eyelets = [(f"{entry['on']}@{s}", y) for s, y in way]
     if not all(isinstance(y, int | float) for _, y in eyelets):

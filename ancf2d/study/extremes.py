@@ -49,7 +49,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Met:
+class Evaluated:
     """An expression evaluated on a run: values of its names, and the values (m,) over which its extremes are taken."""
 
     measure: Measure

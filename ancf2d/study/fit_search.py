@@ -102,7 +102,7 @@ class Search:
         known = next((one for at, one in self.solved if at == z.tobytes()), None)
         if known is None:
             self.runs += 1
-            known = Study(self.case(z), self.watch, replace(self.progress, judges=False))
+            known = Study(self.case(z), self.watch, replace(self.progress, checks_mesh=False))
             self.solved = [*self.solved[-1:], (z.tobytes(), known)]
         return known
 

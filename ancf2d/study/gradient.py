@@ -111,7 +111,7 @@ class Study:
         self.lengths: list[float] = []
         self.model, states = self._first(numbers)
         self.progress = replace(progress, warn=lambda text: None, state=lambda state: None, built=lambda model: None,
-                                judges=False)
+                                checks_mesh=False)
         self.values, self.numbering = watch(self.model, states), numbering_of(self.model)
         # states for the derivatives; the method is chosen when the number of variables is known
         self.ended = states
@@ -250,7 +250,8 @@ class Study:
 
             def at(step: float) -> Model:
                 if step not in models:
-                    found = prepare(_tight(for_study(varied(self.loaded, variable, step))), self.model, beside=True)
+                    found = prepare(_tight(for_study(varied(self.loaded, variable, step))), self.model,
+                                    for_differences=True)
                     if numbering_of(found) != self.numbering:
                         raise UnsuitedError("the unknowns change with the number")
                     if self.moves and _times_of(found) != _times_of(self.model):

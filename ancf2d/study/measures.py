@@ -21,7 +21,7 @@ from ..errors import CaseError, ComputationError, Problem
 from ..model.model import Model
 from ..solvers.derivatives.readings import Term
 from ..solvers.fields import FIELDS, FieldReader, field_problems
-from .extremes import MOST, Extreme, Measure, Met, Part, names_of, near, slopes_of, value_of
+from .extremes import MOST, Evaluated, Extreme, Measure, Part, names_of, near, slopes_of, value_of
 from .run import describe_goal, quantity
 from .windows import Windows, window_of, window_weights
 
@@ -121,8 +121,8 @@ class Measures:
 
     An expression with max or min has a kink where another value becomes the extreme. For expressions flagged in
     ``apart``, the values are therefore followed by smooth rows: the expression evaluated with one representative of
-    each group of neighbouring values (``Met.chosen``). The largest row equals the expression. ``parts``, one for each
-    such extreme, are chosen at the first call; for motions, such that there are at most ``numbers`` values to
+    each group of neighbouring values (``Evaluated.chosen``). The largest row equals the expression. ``parts``, one for
+    each such extreme, are chosen at the first call; for motions, such that there are at most ``numbers`` values to
     differentiate.
     """
 
@@ -150,7 +150,7 @@ class Measures:
             self.parts = self._divided(met, model.case.solver.moves)
         return np.concatenate([found, *(met[part.number].rows(part) for part in self.parts)])
 
-    def _divided(self, met: list[Met], moves: bool) -> list[Part]:
+    def _divided(self, met: list[Evaluated], moves: bool) -> list[Part]:
         """Return the extremes that get rows, with their numbers of groups."""
         wanted = [one for one, apart in zip(met, self.apart, strict=False) if apart]
         # more expressions than numbers would be differentiated forwards, at the cost of many motions
@@ -176,15 +176,15 @@ class Measures:
                 out[number], out[rows] = 0.0, near(values[rows])
         return out
 
-    def _met(self, model: Model, states: Sequence[Any], course: list[dict[str, float]]) -> list[Met]:
+    def _met(self, model: Model, states: Sequence[Any], course: list[dict[str, float]]) -> list[Evaluated]:
         """Return the expressions evaluated at the states."""
-        of_fields, out = {name: self._field(model, states[-1], name) for name in self.fields}, list[Met]()
+        of_fields, out = {name: self._field(model, states[-1], name) for name in self.fields}, list[Evaluated]()
         for measure in self.measures:
             places = {name: of_fields[extreme.field] if extreme.tree is None else
                       np.array([value_of(extreme.tree, told) for told in course])
                       for name, extreme in measure.extremes.items()}
             ends = {name: float(values[measure.extremes[name].at(values)]) for name, values in places.items()}
-            out.append(Met(measure, course[-1] | ends, places))
+            out.append(Evaluated(measure, course[-1] | ends, places))
         return out
 
     def _course(self, model: Model, states: Sequence[Any]) -> list[dict[str, float]]:
@@ -225,7 +225,7 @@ class Measures:
             out += [(k, *term) for term in self._terms(model, states, course, one, at)]
         return out
 
-    def _terms(self, model: Model, states: Sequence[Any], course: list[dict[str, float]], one: Met,
+    def _terms(self, model: Model, states: Sequence[Any], course: list[dict[str, float]], one: Evaluated,
                at: dict[str, int]) -> Iterator[tuple[int, str, str, float]]:
         """Yield the derivatives of an expression by probe quantities, with its extremes taken at the places ``at``."""
         meaning = one.meaning | {name: float(one.places[name][place]) for name, place in at.items()}
@@ -368,7 +368,7 @@ def last_summary(model: Model, states: Sequence[Any], reacts: bool = True, force
     windows = Windows(model, goals)
     if windows.goals:
         for one in states:
-            windows.take(one, observer.observe(one), lambda state: reactions(model, state))
+            windows.record(one, observer.observe(one), lambda state: reactions(model, state))
         out["windows"] = windows.values()
     for one in states:
         out.update(one.report)

@@ -60,10 +60,10 @@ def load(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> LoadedC
     return load_case(path, overrides, vocabulary())
 
 
-def prepare(loaded: LoadedCase, like: Model | None = None, beside: bool = False) -> Model:
+def prepare(loaded: LoadedCase, like: Model | None = None, for_differences: bool = False) -> Model:
     """Return the model of a case, without compiling anything. Raises CaseError with all problems, also the solver's.
 
-    ``like`` is a model of the same case with other values, whose unchanged parts are used. ``beside`` means that the
+    ``like`` is a model of the same case with other values, whose unchanged parts are used. ``for_differences``: the
     model only serves for differences to ``like`` (``build_model``): checks and warnings are left out.
     """
     from ..solvers.fields import field_problems
@@ -71,11 +71,11 @@ def prepare(loaded: LoadedCase, like: Model | None = None, beside: bool = False)
     from ..solvers.motion.schemes import method_problems
     from ..solvers.registry import left_out
 
-    model = build_model(loaded, like=like, beside=beside)
+    model = build_model(loaded, like=like, for_differences=for_differences)
     problems = [*initial_problems(model), *method_problems(model), *field_problems(model)]
     if problems:
         raise CaseError(problems)
-    if beside:
+    if for_differences:
         return model
     model.warnings += [*left_out(loaded.case), *unit_warnings(loaded.case), *material_warnings(loaded.case),
                        *(f"parameters.{name}: nothing in the case uses it" for name in unused_parameters(loaded.case))]
@@ -133,10 +133,10 @@ def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, wa
     recorder, failure = Recorder(model, writer, progress, warnings), None
     recorder.clock.states = _checked(loaded, model, _states(model, writer, solve))
     if writer is not None and writer.resumed is not None:
-        recorder.go_on(writer.resumed)
+        recorder.restore(writer.resumed)
     try:
         for state in recorder.clock:
-            recorder.take(state)
+            recorder.record(state)
     except ComputationError as error:
         failure = error
     recorder.conclude()

@@ -68,7 +68,7 @@ def test_a_model_that_shares_is_one_built_afresh(case, base, path):
     assert base.groups
     variable = number_at(case, path)
     other = varied(case, variable, 1e-3 * abs(variable.value))
-    shared, alone = prepare(other, base, beside=True), prepare(other)
+    shared, alone = prepare(other, base, for_differences=True), prepare(other)
     for one, two in zip(forces(shared), forces(alone), strict=True):
         assert one == pytest.approx(two, rel=1e-12, abs=1e-13 * np.abs(two).max(initial=0.0))
     known = {id(c) for pool in base.pools for c in pool.classes}

@@ -18,7 +18,7 @@ from ancf2d.study.audit.subject import subject
     pytest.param("vallejo", "structural", "viscoelastic, yield, curve", marks=pytest.mark.slow),
     pytest.param("2d3n-nu", "continuum", "viscoelastic, neo_hooke", marks=pytest.mark.slow)])
 def test_laws_pass_in_the_formulations_that_bear_them(name: str, formulation: str | None, told: str) -> None:
-    found = audit(subject(name, None, formulation), LAW_CHECKS).answers
+    found = audit(subject(name, None, formulation), LAW_CHECKS).results
     assert [a.check.name for a in found] == [c.name for c in LAW_CHECKS]
     for answer in found:
         assert answer.finding.verdict == "pass", answer.finding

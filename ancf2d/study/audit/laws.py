@@ -56,8 +56,8 @@ def _worst(s: Subject, measure: Callable[[Model], float], allowed: float, good: 
     if not found:
         return Finding(None, NOTE, "the formulation supports only linear laws")
     name = max(found, key=lambda k: found[k] if math.isfinite(found[k]) else math.inf)
-    told = ", ".join(found)
-    return judged(found[name], allowed, f"{good} ({told})", f"{bad}: {name} of {told}")
+    laws = ", ".join(found)
+    return judged(found[name], allowed, f"{good} ({laws})", f"{bad}: {name} of {laws}")
 
 
 def _ways(model: Model) -> Array:
