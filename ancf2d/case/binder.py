@@ -99,7 +99,7 @@ class Binder:
         self.problems = problems if problems is not None else []
         self.labels = SI
         self.unreported = 0
-        self.refused: list[Path] = []
+        self.skipped: list[Path] = []
         self.numbers: dict[str, float] = {}
         self.probes: tuple[str, ...] = ()
         self.controllers: tuple[str, ...] = ()
@@ -127,15 +127,15 @@ class Binder:
             self.problems.append(mark.problem(message, path, expected, near))
         return INVALID
 
-    def refuse(self, path: Path) -> Any:
+    def skip(self, path: Path) -> Any:
         """Return INVALID for a value whose problem was already reported before it was read."""
-        self.refused.append(path)
+        self.skipped.append(path)
         return INVALID
 
     @property
     def invalid(self) -> int:
         """The number of invalid values found; a record is checked as a whole only if none of its own is invalid."""
-        return len(self.problems) + self.unreported + len(self.refused)
+        return len(self.problems) + self.unreported + len(self.skipped)
 
     @property
     def full(self) -> bool:
@@ -149,7 +149,7 @@ class Binder:
     def wrong(self, node: Node, path: Path, wanted: str, near: str = "") -> Any:
         """Report that a value is not as wanted; return INVALID."""
         if isinstance(node, Broken):
-            return self.refuse(path)
+            return self.skip(path)
         if self.full:
             return self.fail(node.mark, path, "")
         what = "has no value" if node.shape == "null" else None

@@ -75,7 +75,7 @@ class _Checker:
     def __init__(self, case: Case, source: Source, binder: Binder) -> None:
         self.case, self.source, self.binder = case, source, binder
         self.solver = "" if case.solver is INVALID else type(case.solver).tag
-        paths = [*(problem.path for problem in binder.problems), *binder.refused]
+        paths = [*(problem.path for problem in binder.problems), *binder.skipped]
         self.failed = {path[:i] for path in paths for i in range(1, len(path) + 1)}
         self._known: dict[str, tuple[set[str], bool]] = {}
         self.values = walk(case, (), binder.known)

@@ -214,7 +214,7 @@ OTHERS = {"support": "boundary_conditions of the case", "supports": "boundary_co
 class Body:
     """A beam, a cable or a rigid bar."""
 
-    familiar = OTHERS
+    other_names = OTHERS
     geometry: Geometry = key(OneOf(Geometry), "Reference axis")
     section: Section | None = key(
         ByKeys((Stiffness, SECTION_KEYS), (AreaSection, ("A", "I")), (Layers, ("layers",)), (Rectangle, ())),

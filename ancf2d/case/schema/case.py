@@ -130,7 +130,7 @@ OTHERS = {
 class Case:
     """A case: the model, the solver, and the results that are wanted."""
 
-    familiar = OTHERS
+    other_names = OTHERS
 
     format: int = key(FormatNumber(), "Version of this format", default=1)
     title: str = key(Text(number=True), "Title of the case", default="")

@@ -288,7 +288,7 @@ def _outer(name: str, x: Tree) -> Tree:
     return Choice(_compared(x, "<", Constant(0.0)), Constant(-1.0), Constant(1.0))
 
 
-def loop(outputs: Mapping[str, Tree]) -> list[str]:
+def algebraic_loop(outputs: Mapping[str, Tree]) -> list[str]:
     """Return a cycle of controllers that need each other's output at the same instant, closed by the first; else []."""
     def visit(name: str, way: list[str]) -> list[str]:
         if name in way:
