@@ -301,7 +301,7 @@ def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: b
 
     progress = Progress(warn=session.warn, note=session.note, compiling=session.note_once)
     target = Target(out, force, session.command_line)
-    session.parting = lambda: _tell_best(session, target)
+    session.parting = lambda: _report_best(session, target)
     reached = solve_to_accuracy(loaded, target, progress, session.note)
     summary = reached.outcome.summary
     session.print_json(summary)
@@ -323,7 +323,7 @@ def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: b
     return expected_met(summary, check)
 
 
-def _tell_best(session: Session, target: Target) -> None:
+def _report_best(session: Session, target: Target) -> None:
     """Print the file of the best result when the search is interrupted."""
     if target.written:
         session.note(f"the best so far is in {target.out}; next: {command_line('info', target.out)}")

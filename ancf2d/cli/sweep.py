@@ -94,7 +94,7 @@ def command(session: Session, case: str, over: tuple[str, ...], pair: bool, samp
     session.parting = lambda: _part(session, sweep)
     session.subject = sweep.as_json()
     _run(session, sweep, who, csv_file, force)
-    return _tell(session, sweep, csv_file)
+    return _report_result(session, sweep, csv_file)
 
 
 def _values(over: tuple[str, ...], pair: bool, sample: tuple[str, ...],
@@ -147,7 +147,7 @@ def _part(session: Session, sweep: Sweep) -> None:
                  "again to continue")
 
 
-def _tell(session: Session, sweep: Sweep, csv_file: str | None) -> int:
+def _report_result(session: Session, sweep: Sweep, csv_file: str | None) -> int:
     for text, count in Counter(text for row in sweep.rows for text in row.warnings).items():
         session.warn(text if count == 1 else f"{text} ({count} rows)")
     session.print_json(sweep.as_json())
