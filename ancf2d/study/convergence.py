@@ -204,12 +204,12 @@ def convergence(loaded: LoadedCase, variants: Sequence[Variant] = (Variant(),), 
     k = len(jobs[0])
     series = [_judge(rows[i * k:(i + 1) * k], reference) for i in range(len(variants))]
     for one in series if steps is None else ():
-        one.estimate = _explained(one, loaded.case.solver)
+        one.estimate = _with_note(one, loaded.case.solver)
     return Convergence(loaded.source.file, loaded.case.title, describe_goal(goal), reference, series,
                        warnings, "elements" if steps is None else steps.key, loaded.case.units.labels)
 
 
-def _explained(series: Series, solver: Any) -> Estimate:
+def _with_note(series: Series, solver: Any) -> Estimate:
     """Return the estimate, with a note if meshes of a motion differ by no more than the error of their time steps."""
     found, answers = series.estimate, [row.answer for row in series.rows if row.answer is not None][-2:]
     if not isinstance(solver, Dynamic) or solver.dt is not None or found.asymptotic or len(answers) < 2:

@@ -118,7 +118,7 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
     goes_on = resume and out is not None and _resumes(loaded.case, out, progress)
     writer = None if out is None else _writer(loaded, model, out, force, command, goes_on)
     if out is None and checkpoints is not None and loaded.case.solver.timed:
-        writer = _keeper(loaded, model, checkpoints)
+        writer = _checkpoint_keeper(loaded, model, checkpoints)
     try:
         warm_up(model, progress.compiling, kernels)
         return _solve(loaded, model, writer, progress, warnings, conclude, solve, brief)
@@ -131,7 +131,7 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
 def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, warnings: list[str],
            conclude: Conclude | None, solve: Solve | None, brief: bool) -> Outcome:
     recorder, failure = Recorder(model, writer, progress, warnings), None
-    recorder.clock.states = _checked(loaded, model, _states(model, writer, solve))
+    recorder.clock.states = _with_verification(loaded, model, _states(model, writer, solve))
     if writer is not None and writer.resumed is not None:
         recorder.restore(writer.resumed)
     try:
@@ -161,7 +161,7 @@ def _states(model: Model, writer: Any, solve: Solve | None) -> Iterator[State]:
     return (solve or registry.solve)(model)
 
 
-def _checked(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Iterator[State]:
+def _with_verification(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Iterator[State]:
     """Return the states, with modes or load steps verified if the case asks for it."""
     if not getattr(loaded.case.solver, "verify", False):
         return states
@@ -322,7 +322,7 @@ def _writer(loaded: LoadedCase, model: Model, out: str, force: bool, command: st
     return writer
 
 
-def _keeper(loaded: LoadedCase, model: Model, path: Path) -> Any:
+def _checkpoint_keeper(loaded: LoadedCase, model: Model, path: Path) -> Any:
     from ..json_values import plain
     from ..results.checkpoint import CheckpointKeeper
 

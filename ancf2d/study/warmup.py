@@ -65,7 +65,7 @@ def warm_up(model: Model, compiling: Callable[[str], None] = lambda text: None, 
     begun, ended = threading.Event(), threading.Event()
     threading.Thread(target=_announce, args=(what, compiling, begun, ended), daemon=True).start()
     try:
-        with _alone(CACHE, kernels, compiling) as new, _seldom_collected():
+        with _compile_lock(CACHE, kernels, compiling) as new, _seldom_collected():
             begun.set()
             if isinstance(model.case.solver, Dynamic):
                 _touch_motion(model, model.case.solver, new)
@@ -115,7 +115,8 @@ def _words(data: Any) -> Any:
 
 
 @contextmanager
-def _alone(cache: Path | None, kernels: str, report: Callable[[str], None] = lambda text: None) -> Iterator[bool]:
+def _compile_lock(cache: Path | None, kernels: str,
+                  report: Callable[[str], None] = lambda text: None) -> Iterator[bool]:
     """Keep other processes from compiling at the same time, unless these kernels were compiled before.
 
     Yields whether the kernels still have to be compiled into the cache.

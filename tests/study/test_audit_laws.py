@@ -31,7 +31,7 @@ def test_broken_laws_are_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
     known: Any = laws.stored
     monkeypatch.setattr(laws, "stored", lambda *a: 1.0001 * known(*a))
     assert laws.law_tangent(s).verdict == "fail"
-    monkeypatch.setattr(laws, "turned", lambda model, d, angle: d)
+    monkeypatch.setattr(laws, "rigidly_moved", lambda model, d, angle: d)
     assert laws.law_objectivity(s).verdict == "fail"
     energy: Any = laws.kept_energy
     monkeypatch.setattr(laws, "kept_energy", lambda *a: 1.5 * np.array(energy(*a)))

@@ -330,13 +330,13 @@ def continuum_series(planner: Planner) -> dict[int, Series]:
     meshes = planner.at_least(CONTINUUM_ELEMENTS, CONTINUUM_MESHES)
     out = {}
     for q in ACROSS if planner.motion is None else ACROSS_IN_MOTION:
-        setting = DefaultSetting(Variant(FAMILY, (ALONG, q)), **_of(planner))
+        setting = DefaultSetting(Variant(FAMILY, (ALONG, q)), **_precise_steps(planner))
         chain = planner.chain(setting, meshes, 0, more=_spread(loaded))
         out[q] = Series(setting, [], chain)
     return out
 
 
-def _of(planner: Planner) -> dict[str, Any]:
+def _precise_steps(planner: Planner) -> dict[str, Any]:
     chosen = planner.precise(Variant())
     return {"method": chosen.method, "key": chosen.key, "step": chosen.step}
 

@@ -153,16 +153,20 @@ class TradeoffStudy:
         """Return whether any task could be solved."""
         return any(row.measured.answer is not None for row in self.rows)
 
+    @property
+    def _costs(self) -> tuple[list[float], list[float]]:
+        """The times of all rows, infinite if unknown, and the errors by which they are judged."""
+        times = [math.inf if row.measured.wall_s is None else row.measured.wall_s for row in self.rows]
+        return times, [row.judged for row in self.rows]
+
     def judge(self) -> None:
         """Mark the rows on the Pareto front."""
-        times = [math.inf if r.measured.wall_s is None else r.measured.wall_s for r in self.rows]
-        for row, best in zip(self.rows, pareto(times, [r.judged for r in self.rows]), strict=True):
+        for row, best in zip(self.rows, pareto(*self._costs), strict=True):
             row.pareto = best
 
     def recommended(self, accuracy: float) -> Row | None:
         """Return the cheapest row that reaches an accuracy, or None if there is none."""
-        times = [math.inf if r.measured.wall_s is None else r.measured.wall_s for r in self.rows]
-        found = cheapest(times, [r.judged for r in self.rows], accuracy)
+        found = cheapest(*self._costs, accuracy)
         return None if found is None else self.rows[found]
 
     def as_json(self) -> dict[str, Any]:
@@ -198,11 +202,11 @@ def _left_out(task: Task) -> dict[str, Any]:
             "for": "row" if task.repeat else "reference"}
 
 
-def rows_of(number: int, series: Series, found: Limit, behind: Limit, against_continuum: bool, given: bool,
+def rows_of(number: int, series: Series, found: Limit, continuum: Limit, against_continuum: bool, given: bool,
             ) -> tuple[list[Row], SeriesSummary]:
     """Return the rows of a series, judged by its limit, and its summary.
 
-    ``behind`` is the limit of the continuum; ``given``: the reference is a number given by the user.
+    ``continuum`` is its limit of the continuum; ``given``: the reference is a number given by the user.
     """
     rows = [Row(m, number) for chain in series.rows for m in chain.done[:chain.judged]]
     known = SeriesSummary("", "", found, series.setting.quadrature)
@@ -210,8 +214,8 @@ def rows_of(number: int, series: Series, found: Limit, behind: Limit, against_co
         known.element, known.formulation = row.measured.element, row.measured.formulation
         known.refused |= row.measured.status == "refused"
         known.reason = known.reason or (row.measured.reason if row.measured.answer is None else "")
-    if found.known and behind.known and not given:
-        known.model_error, known.model_error_bar = distance(found, behind)
+    if found.known and continuum.known and not given:
+        known.model_error, known.model_error_bar = distance(found, continuum)
     for row in rows:
         _judge(row, found, known, against_continuum)
     return rows, known
