@@ -10,7 +10,7 @@ import pytest
 
 from ancf2d.case import Dynamic, LoadedCase, Static, load_case_text
 from ancf2d.errors import CaseError
-from ancf2d.study.convergence import Convergence, Row, Series, Steps, _explained, convergence, limit_of
+from ancf2d.study.convergence import Convergence, Row, Series, Steps, _with_note, convergence, limit_of
 from ancf2d.study.goal import GoalValue, error_scale, sequence, smallest_scale
 from ancf2d.study.order import estimate
 from ancf2d.study.pool import Workers
@@ -296,11 +296,11 @@ def test_meshes_of_a_motion_that_differ_no_more_than_its_time_steps_err_say_so(a
     rows = [Row("reissner3", "", n, answer=GoalValue(x, 1.0)) for n, x in zip((2, 4, 8), values, strict=True)]
     series = Series(rows, estimate([2.0, 4.0, 8.0], values, 1.0), None)
     assert not series.estimate.asymptotic
-    note = _explained(series, Dynamic(t_end=1.0, tolerance=1e-5)).note
+    note = _with_note(series, Dynamic(t_end=1.0, tolerance=1e-5)).note
     assert ("errors of the time steps" in note) == told
     assert ("--set solver.tolerance=1e-08" in note) == told
     assert ("finer meshes are needed" in note) != told
-    assert _explained(series, Static()).note == series.estimate.note
+    assert _with_note(series, Static()).note == series.estimate.note
 
 
 def rigid(solver: str) -> LoadedCase:
