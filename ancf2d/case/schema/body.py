@@ -181,7 +181,6 @@ class Element:
                 if getattr(self, k) is not None:
                     yield Issue((k,), f"{{}}: {k} is for type rigid only, not for {self.type}")
 
-
     @property
     def number(self) -> int | None:
         """The number of elements before refinement: count, or one between each two of the given nodes."""

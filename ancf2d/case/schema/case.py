@@ -217,6 +217,7 @@ class Case:
         goals = [self.goal, *self.expected]
         return tuple(one.hz for one in goals if one is not None and one.hz is not None)
 
+
 R = TypeVar("R", bound=type)
 # what the records of each list declare to the rest of the model, with the defaults
 DECLARED: dict[str, dict[str, Any]] = {

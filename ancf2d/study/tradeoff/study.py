@@ -127,4 +127,3 @@ def _solve(todo: _Todo, workers: Workers, budget: Budget, done: Done) -> list[Ta
         left = min(todo.left() / max(workers.processes, 1), max(budget.seconds - spent, 0.0))
         done(spent / max(spent + left, 1e-9), left)
     return dropped
-
