@@ -13,7 +13,7 @@ FIBRE_SOLVERS = ("static", "quasi_static", "eigen", "frequency_response", "state
 HYPERELASTIC_SOLVERS = (*FIBRE_SOLVERS, "buckling")
 VISCOELASTIC_SOLVERS = ("linear_static", "static", "quasi_static", "eigen", "frequency_response", "state_space",
                         "buckling", "dynamic")
-FIELDS = ("stress", "strain", "energy")
+LINEAR_FIELDS = ("stress", "strain", "energy")
 # solvers that update the history of fibres
 HISTORY_SOLVERS = ("static", "quasi_static", "dynamic")
 # yield stress over E: from a tenth of that of the softest pure metals to that of perfect crystals
@@ -70,7 +70,7 @@ def refused_field(case: Any, solver: str, field: str) -> tuple[str, str] | None:
     if field == "plastic_strain" and not (follow and solver in HISTORY_SOLVERS):
         return (f"plastic_strain is available only for fibres, in solvers {listed(HISTORY_SOLVERS)}",
                 "a material with yield or stress_strain")
-    if field not in FIELDS or (available and not (follow and field == "energy")):
+    if field not in LINEAR_FIELDS or (available and not (follow and field == "energy")):
         return None
     whose = "relaxes or is hyperelastic" if others else "yields or follows a curve"
     return (f"{field} is not available for a material that {whose}",

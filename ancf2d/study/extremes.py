@@ -54,7 +54,7 @@ class Evaluated:
 
     measure: Measure
     meaning: dict[str, float]
-    places: dict[str, Array]
+    samples: dict[str, Array]
 
     def value(self) -> float:
         """Return the value of the expression."""
@@ -71,7 +71,7 @@ class Evaluated:
         Each is the extreme of its group. If that would make the expression larger than its actual value (it decreases
         with its max, say), the overall extreme is used instead, so the largest row is always the expression itself.
         """
-        extreme, values = self.measure.extremes[name], self.places[name]
+        extreme, values = self.measure.extremes[name], self.samples[name]
         m = len(values)
         first = np.arange(groups) * m // groups
         behind = np.maximum(np.arange(1, groups + 1) * m // groups, first + 1)
@@ -81,11 +81,11 @@ class Evaluated:
 
     def rows(self, part: Part) -> Array:
         """Return the expression (groups,) evaluated with the representative of each group."""
-        return self.along(part.name, self.places[part.name][self.chosen(part.name, part.groups)])
+        return self.along(part.name, self.samples[part.name][self.chosen(part.name, part.groups)])
 
     def parts(self, number: int, most: int) -> list[Part]:
         """Return the extremes in the expression with more than one representative, in ``most`` groups at most."""
-        found = [Part(number, name, min(len(values), most)) for name, values in self.places.items()]
+        found = [Part(number, name, min(len(values), most)) for name, values in self.samples.items()]
         return [part for part in found
                 if part.groups > 1 and np.ptp(self.chosen(part.name, part.groups)) > 0]
 

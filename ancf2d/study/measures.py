@@ -154,7 +154,7 @@ class Measures:
         """Return the extremes that get rows, with their numbers of groups."""
         wanted = [one for one, apart in zip(met, self.apart, strict=False) if apart]
         # more expressions than numbers would be differentiated forwards, at the cost of many motions
-        most = (self.numbers - self.count) // sum(len(one.places) for one in wanted) if moves and self.places else MOST
+        most = (self.numbers - self.count) // sum(len(one.samples) for one in wanted) if moves and self.places else MOST
         return [part for k, apart in enumerate(self.apart) if apart for part in met[k].parts(k, most)]
 
     def rows(self, number: int) -> slice | None:
@@ -215,7 +215,7 @@ class Measures:
         """
         course = self._course(model, states)
         met, out = self._met(model, states, course), list[Term]()
-        chosen = [{name: one.measure.extremes[name].at(values) for name, values in one.places.items()} for one in met]
+        chosen = [{name: one.measure.extremes[name].at(values) for name, values in one.samples.items()} for one in met]
         every = [(one, at) for one, at in zip(met, chosen, strict=True)]
         for part in self.parts or ():
             one = met[part.number]
@@ -228,7 +228,7 @@ class Measures:
     def _terms(self, model: Model, states: Sequence[Any], course: list[dict[str, float]], one: Evaluated,
                at: dict[str, int]) -> Iterator[tuple[int, str, str, float]]:
         """Yield the derivatives of an expression by probe quantities, with its extremes taken at the places ``at``."""
-        meaning = one.meaning | {name: float(one.places[name][place]) for name, place in at.items()}
+        meaning = one.meaning | {name: float(one.samples[name][place]) for name, place in at.items()}
         first, goals = len(states) - len(course), GoalValues(self.goals)
         for name, outer in slopes_of(one.measure.tree, meaning):
             inner = [(len(states) - 1, name, 1.0)]
