@@ -12,8 +12,8 @@ from contextlib import contextmanager
 MARKS = 400
 # number of intermediate marks for the steps between two marks
 WITHIN = 16
-# the estimated end is shown once it has varied by at most the factor ALIKE over the last share CALM of the time spent
-CALM, ALIKE = 0.5, 1.5
+# the estimated end is shown once it has varied by at most the factor ALIKE over the last share STEADY of the time spent
+STEADY, ALIKE = 0.5, 1.5
 # an estimate is stored when the time spent has grown by this factor since the last one
 NEXT = 1.02
 
@@ -92,21 +92,21 @@ class Pace:
         return s + (t - s) * min(max((work - a) / (b - a), 0.0), 1.0) if b > a else t
 
 
-class Calm:
+class SteadyEstimate:
     """Filter that passes on the remaining time once the estimated total time has been nearly constant for a while."""
 
     def __init__(self) -> None:
-        self.told: list[tuple[float, float]] = []
-        self.calm = False  # estimates have been collected for long enough
+        self.totals: list[tuple[float, float]] = []
+        self.settled = False  # estimates have been collected for long enough
 
     def __call__(self, spent: float, left: float | None) -> float | None:
         """Return the remaining time [s] after ``spent`` seconds, or None if it is unknown or still varies."""
         if left is None:
             return None
         whole = spent + left
-        if not self.told or spent >= NEXT * self.told[-1][0]:
-            self.told.append((spent, whole))
-        old, self.told = self.told[0][0], [one for one in self.told if one[0] >= CALM * spent]
-        wholes = [whole, *(one for _, one in self.told)]
-        self.calm = self.calm or old < CALM * spent
-        return left if self.calm and max(wholes) <= ALIKE * min(wholes) else None
+        if not self.totals or spent >= NEXT * self.totals[-1][0]:
+            self.totals.append((spent, whole))
+        old, self.totals = self.totals[0][0], [one for one in self.totals if one[0] >= STEADY * spent]
+        wholes = [whole, *(one for _, one in self.totals)]
+        self.settled = self.settled or old < STEADY * spent
+        return left if self.settled and max(wholes) <= ALIKE * min(wholes) else None

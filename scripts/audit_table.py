@@ -41,7 +41,7 @@ def verdicts() -> str:
     found = {title: examined(title) for title in asked()}
     words = {PASS: "pass", FAIL: "**fail**"}
     names = [c.name for c in CHECKS if c.name not in LEFT_OUT]
-    answers = {title: {a.check.name: a.finding.verdict for a in result.answers} for title, result in found.items()}
+    answers = {title: {a.check.name: a.finding.verdict for a in result.results} for title, result in found.items()}
     return table(["check", *found], [[f"`{name}`", *(words.get(answers[t][name], "note") for t in found)]
                                      for name in names])
 
@@ -50,7 +50,7 @@ def failures() -> str:
     """Return what fails, with number and meaning, type by type."""
     rows = []
     for title in asked():
-        for a in examined(title).answers:
+        for a in examined(title).results:
             f = a.finding
             if f.verdict == FAIL:
                 rows.append([title, f"`{a.check.name}`", "-" if f.value is None else f"{f.value:.3g}", f.meaning])

@@ -21,7 +21,7 @@ from ancf2d.plot.output import save
 from ancf2d.results import Results
 from ancf2d.study.run import load
 from ancf2d.study.tradeoff.plan import Choice
-from ancf2d.study.tradeoff.result import Row, Study, accuracy_name, cheapest, write_tradeoff
+from ancf2d.study.tradeoff.result import Row, TradeoffStudy, accuracy_name, cheapest, write_tradeoff
 from ancf2d.study.tradeoff.study import tradeoff
 from ancf2d.study.variants import parse_variants
 from scripts.gallery import IMAGES, shrunk
@@ -84,7 +84,7 @@ CONTESTS = {
 }
 
 
-def recommended(study: Study) -> str:
+def recommended(study: TradeoffStudy) -> str:
     """Return what is recommended for each accuracy."""
     rows = []
     for accuracy in study.accuracies:
@@ -100,7 +100,7 @@ def recommended(study: Study) -> str:
     return table(["wanted", "element", "elements", "tolerance", error, "time"], rows)
 
 
-def limits(study: Study) -> str:
+def limits(study: TradeoffStudy) -> str:
     """Return the limit of every type, how well it is known, and its model error."""
     rows = []
     for known in study.series:
@@ -111,7 +111,7 @@ def limits(study: Study) -> str:
     return table(["type", "formulation", f"limit of {with_unit(study.goal)}", "accurate to", "model error"], rows)
 
 
-def tail(study: Study) -> str:
+def tail(study: TradeoffStudy) -> str:
     """Return how the continuum was found, and what the budget had no room for."""
     if study.continuum.answer is None:
         text = "The continuum is unknown."
@@ -133,7 +133,7 @@ def name_of(row: Row) -> str:
     return f"{row.measured.element}{f' ({named})' if named else ''}, {list(setting.quadrature)}"
 
 
-def contest(study: Study, default: str) -> str:
+def contest(study: TradeoffStudy, default: str) -> str:
     """Return the time of the cheapest mesh and steps of each for each accuracy; the default first, bold the fastest."""
     sorts: dict[str, list[Row]] = {default: []}
     for row in study.rows:
@@ -151,7 +151,7 @@ def contest(study: Study, default: str) -> str:
     return table(["", *(accuracy_name(a) for a in study.accuracies)], lines)
 
 
-def picture(study: Study, subject: Subject, name: str, folder: Path) -> None:
+def picture(study: TradeoffStudy, subject: Subject, name: str, folder: Path) -> None:
     """Draw a study into docs/images."""
     write_tradeoff(study, load(str(ROOT / subject.case), subject.overrides), str(folder / f"{name}.h5"))
     with Results(folder / f"{name}.h5") as results:

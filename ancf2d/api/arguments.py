@@ -20,7 +20,7 @@ Overrides: TypeAlias = "Mapping[str, Any] | Sequence[str] | None"
 _NUMBER_OF_1_2 = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
 
 
-def wrong(what: str, expected: str, given: Any) -> NoReturn:
+def raise_type_error(what: str, expected: str, given: Any) -> NoReturn:
     """Raise the TypeError for a wrong argument."""
     raise TypeError(f"{what}: expected {expected}, got {given!r}"[:300])
 
@@ -42,10 +42,10 @@ def texts_of(given: Any, what: str, expected: str, single: bool = True) -> tuple
     if isinstance(given, str) and single:
         return (given,)
     if isinstance(given, str) or not isinstance(given, Iterable):
-        wrong(what, expected, given)
+        raise_type_error(what, expected, given)
     found = tuple(given)
     if not all(isinstance(text, str) for text in found):
-        wrong(what, expected, given)
+        raise_type_error(what, expected, given)
     return found
 
 
@@ -53,13 +53,13 @@ def bounds_of(vary: Mapping[str, tuple[float, float]]) -> list[Bounds]:
     """Return the bounds of numbers by path. Raises TypeError if they are not pairs, CaseError for wrong ranges."""
     expected = "bounds by path, such as {'bodies.beam.material.E': (1e9, 1e11)}"
     if not (isinstance(vary, Mapping) and vary):
-        wrong("vary", expected, vary)
+        raise_type_error("vary", expected, vary)
     options = []
     for path, pair in vary.items():
         try:
             low, high = map(float, pair)
         except (TypeError, ValueError):
-            wrong("vary", expected, {path: pair})
+            raise_type_error("vary", expected, {path: pair})
         options.append(f"{path}={low!r}:{high!r}")
     return read_bounds(options)
 
@@ -69,10 +69,10 @@ def numbers_of(given: Any, what: str, expected: str, right: Callable[[float], bo
     if given is None:
         return []
     if not isinstance(given, Iterable):
-        wrong(what, expected, given)
+        raise_type_error(what, expected, given)
     found = list(given)
     if not all(isinstance(x, Real) for x in found):
-        wrong(what, expected, given)
+        raise_type_error(what, expected, given)
     for x in map(float, found):
         if not (math.isfinite(x) and right(x)):
             raise CaseError(f"{what}: expected {expected}, got {x:g}")

@@ -6,6 +6,7 @@ import shutil
 import tempfile
 from collections.abc import Sequence
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,18 +14,16 @@ import numpy as np
 
 from ..case import LoadedCase
 from ..errors import ComputationError, ResultsError
+from ..plot.body import magnified, visible_scale
 from ..results import Results, Table, open_results
+from ..results.notebooks import html_table
+from ..study.convergence import Convergence as StudyConvergence
 from ..study.run import Outcome, describe_goal, quantity
 from ..study.sensitivity import sensitivity
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from xarray import Dataset
-from html import escape
-
-from ..plot.body import magnified, visible_scale
-from ..results.notebooks import html_table
-from ..study.convergence import Convergence as Study
 
 WIDTH, HEIGHT, MARGIN = 480.0, 240.0, 12.0
 # least extent of the picture, to avoid division by zero for bodies without height or width [length]
@@ -34,7 +33,7 @@ MOST_POINTS = 4000
 REFERENCE, NOW = "#999999", "#1f5fa8"
 
 
-def shown(report: str, before: list[np.ndarray], after: list[np.ndarray]) -> str:
+def as_html(report: str, before: list[np.ndarray], after: list[np.ndarray]) -> str:
     """Return a solution as HTML: the axes of its bodies (n, 2) before and after, if there are any, and its report.
     """
     picture = _picture(before, after) if before else ""
@@ -275,10 +274,10 @@ class Solution:
     def _repr_html_(self) -> str:
         """Return the solution as shown in notebooks: the text of ``ancf2d run``, and a picture of the bodies."""
         names = list(self.results.bodies) if self.has_states else []
-        return shown(str(self), [self.axis(name, None) for name in names], [self.axis(name) for name in names])
+        return as_html(str(self), [self.axis(name, None) for name in names], [self.axis(name) for name in names])
 
 
-class Convergence(Study):
+class Convergence(StudyConvergence):
     """A finished convergence study: ``rows`` of all types, ``series`` with the limit of each."""
 
     def __repr__(self) -> str:

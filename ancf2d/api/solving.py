@@ -22,7 +22,7 @@ from ..study.run import load as load_file
 from ..study.sensitivity import Sensitivity
 from ..study.sensitivity import sensitivity as differentiate
 from ..study.variants import Variant, parse_variants
-from .arguments import CaseLike, Overrides, as_text, bounds_of, numbers_of, options_of, texts_of, wrong
+from .arguments import CaseLike, Overrides, as_text, bounds_of, numbers_of, options_of, raise_type_error, texts_of
 from .solution import Convergence, Solution, Temporary
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def load(case: CaseLike, overrides: Overrides = ()) -> LoadedCase:
     if isinstance(case, str) and "\n" in case:
         return load_case_text(case, "<text>", options, vocabulary())
     if not isinstance(case, str | os.PathLike):
-        wrong("case", "a file, a text, a mapping or a loaded case", case)
+        raise_type_error("case", "a file, a text, a mapping or a loaded case", case)
     return load_file(case, options)
 
 
@@ -64,7 +64,7 @@ def solve(case: CaseLike, overrides: Overrides = (), *, accuracy: float | None =
     """
     loaded = load(case, (*options_of(overrides), *options_of({} if accuracy is None else {"accuracy": accuracy})))
     if not isinstance(output, str | os.PathLike | None):
-        wrong("output", "the name of a file", output)
+        raise_type_error("output", "the name of a file", output)
     place = None if output is None else os.fspath(output)
     check_output(place, force, *inputs_of(loaded))
     temporary = Temporary() if place is None and states else None
@@ -143,7 +143,7 @@ def optimise(case: CaseLike, vary: Mapping[str, tuple[float, float]], minimise: 
     if method not in METHODS:
         raise CaseError(f"there is no method '{method}'; there are {', '.join(METHODS)}")
     if not isinstance(minimise, str):
-        wrong("minimise", "an expression, such as 'mass'", minimise)
+        raise_type_error("minimise", "an expression, such as 'mass'", minimise)
     wanted = texts_of(subject_to, "subject_to", "constraints, such as ['max(stress) <= 200e6']")
     return improve(problem_of(load(case, overrides), bounds_of(vary), minimise, wanted), method, iterations)
 
@@ -164,7 +164,7 @@ def fit(case: CaseLike, data: str | os.PathLike[str] | Mapping[str, Any], vary: 
     from ..study.fit_data import data_of, read_data
 
     if not isinstance(data, str | os.PathLike | Mapping):
-        wrong("data", "a CSV file or columns by name, such as {'t': [...], 'tip.uy': [...]}", data)
+        raise_type_error("data", "a CSV file or columns by name, such as {'t': [...], 'tip.uy': [...]}", data)
     if starts < 1:
         raise CaseError(f"starts is {starts}; expected at least 1")
     columns = data_of(data) if isinstance(data, Mapping) else read_data(os.fspath(data))

@@ -13,8 +13,8 @@ from .units import SI, unit_label
 
 Path = tuple[Any, ...]
 MAX_PROBLEMS = 100
-# quantities of a probe that expressions may use
-TOLD = ("x", "y", "ux", "uy", "theta", "vx", "vy", "omega")
+# quantities of a probe that describe its motion: those that expressions may use
+KINEMATIC = ("x", "y", "ux", "uy", "theta", "vx", "vy", "omega")
 # with more names than this, a message shows only the nearest one
 _MANY = 6
 
@@ -34,7 +34,7 @@ INVALID: Any = _Invalid()
 
 @record
 class Vocabulary:
-    """The names that other rooms define and a case may use; empty leaves them unchecked."""
+    """The names that a case may use, from the registries; empty leaves them unchecked."""
 
     element_types: tuple[str, ...] = ()
     formulations: tuple[str, ...] = ()
@@ -99,7 +99,7 @@ class Binder:
         self.problems = problems if problems is not None else []
         self.labels = SI
         self.unreported = 0
-        self.refused: list[Path] = []
+        self.skipped: list[Path] = []
         self.numbers: dict[str, float] = {}
         self.probes: tuple[str, ...] = ()
         self.controllers: tuple[str, ...] = ()
@@ -111,8 +111,8 @@ class Binder:
         """Return the names that an expression may use; ``feedback`` adds those of states, controllers and probes."""
         if not feedback:
             return Names(variable, self.numbers, local)
-        told = (f"{probe}.{quantity}" for probe in self.probes for quantity in TOLD)
-        return Names(variable, self.numbers, (*local, *self.states, *self.controllers, *told), self.probes)
+        of_probes = (f"{probe}.{quantity}" for probe in self.probes for quantity in KINEMATIC)
+        return Names(variable, self.numbers, (*local, *self.states, *self.controllers, *of_probes), self.probes)
 
     def unit(self, unit: str) -> str:
         """Return the label of an SI unit in the units of this case."""
@@ -127,15 +127,15 @@ class Binder:
             self.problems.append(mark.problem(message, path, expected, near))
         return INVALID
 
-    def refuse(self, path: Path) -> Any:
+    def skip(self, path: Path) -> Any:
         """Return INVALID for a value whose problem was already reported before it was read."""
-        self.refused.append(path)
+        self.skipped.append(path)
         return INVALID
 
     @property
     def invalid(self) -> int:
         """The number of invalid values found; a record is checked as a whole only if none of its own is invalid."""
-        return len(self.problems) + self.unreported + len(self.refused)
+        return len(self.problems) + self.unreported + len(self.skipped)
 
     @property
     def full(self) -> bool:
@@ -149,7 +149,7 @@ class Binder:
     def wrong(self, node: Node, path: Path, wanted: str, near: str = "") -> Any:
         """Report that a value is not as wanted; return INVALID."""
         if isinstance(node, Broken):
-            return self.refuse(path)
+            return self.skip(path)
         if self.full:
             return self.fail(node.mark, path, "")
         what = "has no value" if node.shape == "null" else None

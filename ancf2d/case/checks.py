@@ -64,7 +64,7 @@ def check_case(case: Case, source: Source, binder: Binder) -> None:
         checker.goals()
         checker.masses()
         checker.times()
-        checker.aims()
+        checker.accuracy_needs_goal()
         checker.inputs()
     check_contacts(checker)
 
@@ -75,7 +75,7 @@ class _Checker:
     def __init__(self, case: Case, source: Source, binder: Binder) -> None:
         self.case, self.source, self.binder = case, source, binder
         self.solver = "" if case.solver is INVALID else type(case.solver).tag
-        paths = [*(problem.path for problem in binder.problems), *binder.refused]
+        paths = [*(problem.path for problem in binder.problems), *binder.skipped]
         self.failed = {path[:i] for path in paths for i in range(1, len(path) + 1)}
         self._known: dict[str, tuple[set[str], bool]] = {}
         self.values = walk(case, (), binder.known)
@@ -337,7 +337,7 @@ class _Checker:
                 self.fail(path, f"{dotted(path)} is too {size}: {time:g}",
                           f"from {least:.3g} to {TIMES[1]:g} {self.binder.unit('s')}")
 
-    def aims(self) -> None:
+    def accuracy_needs_goal(self) -> None:
         """Check that accuracy and element type auto come with a goal."""
         case = self.case
         if case.goal is not None:

@@ -25,10 +25,10 @@ def walk(value: Any, path: Path = (), known: KnownRecords | None = None) -> list
 
     The values below ``known`` records are listed once and reused.
     """
-    kept = known.below if known is not None and id(value) in known.plain else {}
-    if (id(value), path) in kept:
-        return kept[id(value), path]
-    kept[id(value), path] = found = [(path, value, "")]
+    reusable = known.below if known is not None and id(value) in known.plain else {}
+    if (id(value), path) in reusable:
+        return reusable[id(value), path]
+    reusable[id(value), path] = found = [(path, value, "")]
     if isinstance(value, dict | tuple):
         below = [(part, one, "") for part, one in (value.items() if isinstance(value, dict) else enumerate(value))]
     elif dataclasses.is_dataclass(value):
@@ -73,19 +73,19 @@ def written(value: Any, known: KnownRecords | None = None) -> Any:
 
 def yaml_text(data: dict[str, Any], known: KnownRecords | None = None) -> str:
     """Return plain data as YAML: mappings in blocks, values that fit on a line in flow style."""
-    kept = {id(one) for one in known.plain.values()} if known is not None else set()
-    return "\n".join(_block(data, 0, _Texts(kept, known.texts if known is not None else {}))) + "\n"
+    reusable = {id(one) for one in known.plain.values()} if known is not None else set()
+    return "\n".join(_block(data, 0, _Texts(reusable, known.texts if known is not None else {}))) + "\n"
 
 
 class _Texts:
     """One-line YAML texts of data; the texts of data with the given ids are stored for reuse."""
 
-    def __init__(self, kept: set[int], texts: dict[int, str]) -> None:
-        self.kept, self.texts = kept, texts
+    def __init__(self, reusable: set[int], texts: dict[int, str]) -> None:
+        self.reusable, self.texts = reusable, texts
 
     def line(self, value: Any) -> str:
         """Return plain data as YAML on one line."""
-        if id(value) not in self.kept:
+        if id(value) not in self.reusable:
             return flow(value, self.line)
         if id(value) not in self.texts:
             self.texts[id(value)] = flow(value)

@@ -9,10 +9,10 @@ from .binder import INVALID, Path, dotted, listed
 from .material_checks import materials_of
 from .nodes import quoted
 from .schema import Active, Expression, Initial, MovingPoint, PointExpression
-from .schema.controllers import DerivativeError, equations, loop
+from .schema.controllers import DerivativeError, algebraic_loop, equations
 
 
-def _answers(value: Any) -> bool:
+def _depends_on_motion(value: Any) -> bool:
     """Return whether a value is an amplitude that depends on the motion."""
     return isinstance(value, Expression) and value.variable == "t" and bool(value.quantities)
 
@@ -24,7 +24,7 @@ def check_feedback(checker: Any) -> None:
     for path, value, _ in checker.values:
         if isinstance(value, PointExpression) and "t" in value.quantities and not checker.case.solver.timed:
             checker.fail(path, f"{dotted(path)} uses t: solver {checker.solver} has no time", "an amplitude")
-        if not _answers(value):
+        if not _depends_on_motion(value):
             continue
         moves = path[0] == "boundary_conditions"
         plain = path[0] != "loads" or path[2] != "amplitude" or not checker.case.loads[path[1]].answers
@@ -40,15 +40,15 @@ def check_feedback(checker: Any) -> None:
                                "motion", "initial: {from: rest}, or the result of a case without this load")
         elif plain:
             checker.fail(path, f"{dotted(path)} uses {used}: it is a function of time alone", "an expression in t")
-    if method == "energy_momentum" and _steered(checker):
+    if method == "energy_momentum" and _loads_depend_on_motion(checker):
         checker.fail(("solver", "method"), "solver.method: energy_momentum uses mean loads over a step, so loads "
                      "cannot use probes or controllers", "radau5, generalized_alpha or another "
                      "method")
 
 
-def _steered(checker: Any) -> bool:
+def _loads_depend_on_motion(checker: Any) -> bool:
     """Return whether any load depends on the motion by probes or controllers."""
-    found = any(_answers(value) for path, value, _ in checker.values if path and path[0] == "loads")
+    found = any(_depends_on_motion(value) for path, value, _ in checker.values if path and path[0] == "loads")
     return found or bool(checker.case.controllers)
 
 
@@ -71,7 +71,7 @@ def check_controllers(checker: Any) -> None:
         except DerivativeError as error:
             checker.fail((*path, "kd"), f"{dotted((*path, 'kd'))}: {error}, so the derivative term needs a filter",
                          "filter: a time constant > 0, or sample")
-    found = loop(outputs)
+    found = algebraic_loop(outputs)
     if found:
         checker.fail(("controllers", found[0]), f"controllers.{found[0]}: its output depends on itself at the same "
                   f"instant: {' -> '.join(found)}", "a controller with a state or with sample between them",
@@ -91,12 +91,12 @@ def check_rates(checker: Any) -> None:
     solver = checker.case.solver
     if not solver.timed or solver.moves:
         return
-    for path, instead in _resisting(checker):
+    for path, instead in _forces_from_rates(checker):
         checker.fail(path, f"{dotted(path)} cannot be used with solver {checker.solver}, which computes no velocities",
                      f"solver dynamic, or {instead}")
 
 
-def _resisting(checker: Any) -> Iterator[tuple[Path, str]]:
+def _forces_from_rates(checker: Any) -> Iterator[tuple[Path, str]]:
     """Yield the places of forces that depend on rates, and alternatives to them."""
     for path, material in materials_of(checker.case):
         damping = None if material in (None, INVALID) else material.damping

@@ -329,7 +329,7 @@ class MapOf(Kind):
         for name, entry in node.entries.items():
             if not good_name(name):
                 binder.fail(entry.mark, (*path, name), bad_name(dotted(path), name))
-            value = (binder.refuse((*path, name)) if isinstance(entry.node, Broken)
+            value = (binder.skip((*path, name)) if isinstance(entry.node, Broken)
                      else self.item.bind(entry.node, (*path, name), binder))
             result[name] = value
         return result

@@ -80,7 +80,7 @@ class CaseText:
         source = Source(self.name, self.text, changed)
         binder = Binder(vocabulary, problems)
         binder.labels = _labels(changed)
-        _tell_names(changed, binder)
+        _set_names(changed, binder)
         binder.known = self._records(root, binder)
         case = bind_record(Case, changed, (), binder)
         check_case(case, source, binder)
@@ -150,7 +150,7 @@ def _labels(root: MapNode) -> tuple[str, str, str]:
     return labels[0], labels[1], labels[2]
 
 
-def _tell_names(root: MapNode, binder: Binder) -> None:
+def _set_names(root: MapNode, binder: Binder) -> None:
     """Give a binder the parameters, probes and controllers of a case, before the case is read."""
     parameters = _entries(root, "parameters")
     binder.numbers = {name: float(node.value) for name, node in parameters.items()

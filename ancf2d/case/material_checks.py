@@ -8,16 +8,16 @@ from typing import Any
 from .binder import INVALID, Path, dotted, listed
 from .schema import Layers
 
-# solvers that support laws of fibres, and materials that relax; fields that need a linear law
-KNOWING = ("static", "quasi_static", "eigen", "frequency_response", "state_space", "dynamic")
-HYPERELASTIC = (*KNOWING, "buckling")
-RELAXING = ("linear_static", "static", "quasi_static", "eigen", "frequency_response", "state_space", "buckling",
-            "dynamic")
-FIELDS = ("stress", "strain", "energy")
+# solvers that support laws of fibres, hyperelastic and viscoelastic materials; fields that need a linear law
+FIBRE_SOLVERS = ("static", "quasi_static", "eigen", "frequency_response", "state_space", "dynamic")
+HYPERELASTIC_SOLVERS = (*FIBRE_SOLVERS, "buckling")
+VISCOELASTIC_SOLVERS = ("linear_static", "static", "quasi_static", "eigen", "frequency_response", "state_space",
+                        "buckling", "dynamic")
+LINEAR_FIELDS = ("stress", "strain", "energy")
 # solvers that update the history of fibres
-FOLLOWING = ("static", "quasi_static", "dynamic")
+HISTORY_SOLVERS = ("static", "quasi_static", "dynamic")
 # yield stress over E: from a tenth of that of the softest pure metals to that of perfect crystals
-YIELDS = 1e-5, 0.1
+YIELD_STRAINS = 1e-5, 0.1
 
 
 def materials_of(case: Any) -> Iterator[tuple[Path, Any]]:
@@ -36,11 +36,12 @@ def materials_of(case: Any) -> Iterator[tuple[Path, Any]]:
 def check_materials(checker: Any) -> None:
     """Check that the solver and the requested fields support the laws of the materials."""
     for path, material in materials_of(checker.case):
-        if material in (None, INVALID) or path in checker.failed or not material.remembers:
+        if material in (None, INVALID) or path in checker.failed or not material.non_hookean:
             continue
         name = next((key for key in ("yield", "stress_strain", "viscoelastic") if getattr(
             material, key + "_" * (key == "yield"))), "law")
-        key, allowed = (*path, name), {"viscoelastic": RELAXING, "law": HYPERELASTIC}.get(name, KNOWING)
+        key, allowed = (*path, name), {"viscoelastic": VISCOELASTIC_SOLVERS,
+                                       "law": HYPERELASTIC_SOLVERS}.get(name, FIBRE_SOLVERS)
         if checker.solver not in allowed:
             checker.fail(key, f"{dotted(key)} cannot be used with solver {checker.solver}, only with {listed(allowed)}")
     _check_fields(checker)
@@ -55,7 +56,7 @@ def material_warnings(case: Any) -> list[str]:
     return out + [f"{dotted(path)}: no known material has yield: {m.yield_:g} with E: {m.E:g}: its strain at the yield "
             f"stress is {m.yield_ / m.E:.2g}, that of steel about 1e-3. Give both in the same units"
             for path, m in materials_of(case) if m is not None and m.yield_ is not None
-            and isinstance(m.E, float | int) and not YIELDS[0] <= m.yield_ / m.E <= YIELDS[1]]
+            and isinstance(m.E, float | int) and not YIELD_STRAINS[0] <= m.yield_ / m.E <= YIELD_STRAINS[1]]
 
 
 def refused_field(case: Any, solver: str, field: str) -> tuple[str, str] | None:
@@ -64,16 +65,16 @@ def refused_field(case: Any, solver: str, field: str) -> tuple[str, str] | None:
     Fibres provide all of these fields but the energy.
     """
     materials = [m for _, m in materials_of(case) if m not in (None, INVALID)]
-    others, follow = any(m.remembers and not m.fibres for m in materials), any(m.fibres for m in materials)
-    told = not others and (not follow or solver in FOLLOWING)
-    if field == "plastic_strain" and not (follow and solver in FOLLOWING):
-        return (f"plastic_strain is available only for fibres, in solvers {listed(FOLLOWING)}",
+    others, follow = any(m.non_hookean and not m.fibres for m in materials), any(m.fibres for m in materials)
+    available = not others and (not follow or solver in HISTORY_SOLVERS)
+    if field == "plastic_strain" and not (follow and solver in HISTORY_SOLVERS):
+        return (f"plastic_strain is available only for fibres, in solvers {listed(HISTORY_SOLVERS)}",
                 "a material with yield or stress_strain")
-    if field not in FIELDS or (told and not (follow and field == "energy")):
+    if field not in LINEAR_FIELDS or (available and not (follow and field == "energy")):
         return None
     whose = "relaxes or is hyperelastic" if others else "yields or follows a curve"
     return (f"{field} is not available for a material that {whose}",
-            "N, Q, M" if others or not told else "N, Q, M, stress, strain, plastic_strain")
+            "N, Q, M" if others or not available else "N, Q, M, stress, strain, plastic_strain")
 
 
 def _check_fields(checker: Any) -> None:

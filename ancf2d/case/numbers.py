@@ -19,7 +19,7 @@ from .overrides import index_of
 from .schema import Case
 
 # sections that results do not depend on, or only through the discretisation
-APART = ("format", "title", "units", "solver", "goal", "accuracy", "output", "expected")
+NOT_VARIED = ("format", "title", "units", "solver", "goal", "accuracy", "output", "expected")
 # a fraction of the way between bounds that is unlikely to give a whole number
 BETWEEN = 0.3819
 
@@ -32,15 +32,15 @@ def unused_parameters(case: Case) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Variable:
-    """A number of a case: its path, its value and, as ``beside``, the largest magnitude in the list that contains it.
+class CaseNumber:
+    """A number of a case: its path, its value and the largest magnitude in the list that contains it.
 
-    For a point BODY@S the number is S, ``body`` the name of the body and ``beside`` 1; otherwise ``body`` is empty.
+    For a point BODY@S the number is S, ``body`` the name of the body and ``list_scale`` 1; otherwise ``body`` is empty.
     """
 
     path: str
     value: float
-    beside: float = 0.0
+    list_scale: float = 0.0
     body: str = ""
 
     def override(self, value: float) -> str:
@@ -49,7 +49,7 @@ class Variable:
         return f"{self.path}={self.body}@{text}" if self.body else f"{self.path}={text}"
 
 
-def variable_at(loaded: LoadedCase, path: str) -> Variable:
+def number_at(loaded: LoadedCase, path: str) -> CaseNumber:
     """Return the number at a path, or its default value if the case leaves it out.
 
     Parts of the path are keys, or for lists the index or name of an item. Raises CaseError if the path has no number.
@@ -61,7 +61,7 @@ def variable_at(loaded: LoadedCase, path: str) -> Variable:
         found = _found(compose(text, Origin("completed", line_breaks(text)), problems=[]), path)
     if found is None or not (given or isinstance(found[0], Scalar)):
         raise CaseError(_missing(loaded, path))
-    variable = _variable(path, *found)
+    variable = _number_in(path, *found)
     if variable is None:
         node, below = found[0], next((v for v in _below(found[0], path, None) if not v.body), None)
         what = f"{quoted(path)} is {node.shown()}"
@@ -83,24 +83,24 @@ def _missing(loaded: LoadedCase, path: str) -> Problem:
                 if v.body == body and v.value == resolve(place)]
         return Problem(f"{quoted(path)} is a point, not the path of a key", file=file,
                        expected=listed(keys) if keys else "the path of a key that has a point, such as loads.0.at")
-    near = nearest(path, [v.path for v in variables_of(loaded)])
+    near = nearest(path, [v.path for v in numbers_of(loaded)])
     return Problem(f"the case has no {quoted(path)}", file=file, near=near,
                    expected="" if near else "the path of a number, such as bodies.beam.section.height")
 
 
-def numbers_at(loaded: LoadedCase, paths: Iterable[str]) -> list[Variable]:
+def numbers_at(loaded: LoadedCase, paths: Iterable[str]) -> list[CaseNumber]:
     """Return the numbers at paths, each path once. Raises CaseError with all paths that have none."""
-    return all_of(*(partial(variable_at, loaded, path) for path in dict.fromkeys(paths)))
+    return all_of(*(partial(number_at, loaded, path) for path in dict.fromkeys(paths)))
 
 
-def variables_of(loaded: LoadedCase) -> list[Variable]:
+def numbers_of(loaded: LoadedCase) -> list[CaseNumber]:
     """Return the numbers of a case that its results may depend on smoothly, and the points inside of bodies, in order.
 
     Numbers of meshes are left out. Other whole numbers are included: only varying them shows that they are whole.
     """
     root = loaded.source.root
     found = [] if not isinstance(root, MapNode) else [
-        v for name, entry in root.entries.items() if name not in APART for v in _below(entry.node, name, None)]
+        v for name, entry in root.entries.items() if name not in NOT_VARIED for v in _below(entry.node, name, None)]
     return [v for v in found if (0.0 < v.value < 1.0 if v.body else not _of_mesh(v.path))]
 
 
@@ -125,22 +125,22 @@ def _found(root: Node | None, path: str) -> tuple[Node, Node | None] | None:
     return None if node is None else (node, parent)
 
 
-def _variable(path: str, node: Node, parent: Node | None) -> Variable | None:
+def _number_in(path: str, node: Node, parent: Node | None) -> CaseNumber | None:
     """Return the number in a node, or None if it has none."""
     if not isinstance(node, Scalar):
         return None
     if node.shape == "number":
         mates = parent.items if isinstance(parent, ListNode) else []
         sizes = [abs(float(m.value)) for m in mates if isinstance(m, Scalar) and m.shape == "number"]
-        return Variable(path, float(node.value), max(sizes, default=0.0))
+        return CaseNumber(path, float(node.value), max(sizes, default=0.0))
     body, at, place = str(node.text).partition("@")
     s = resolve(place) if at else None
     if node.shape == "text" and isinstance(s, int | float) and not isinstance(s, bool):
-        return Variable(path, float(s), 1.0, body)
+        return CaseNumber(path, float(s), 1.0, body)
     return None
 
 
-def _below(node: Node, path: str, parent: Node | None) -> Iterator[Variable]:
+def _below(node: Node, path: str, parent: Node | None) -> Iterator[CaseNumber]:
     """Yield the numbers at and below a node."""
     if isinstance(node, MapNode):
         for name, entry in node.entries.items():
@@ -153,12 +153,12 @@ def _below(node: Node, path: str, parent: Node | None) -> Iterator[Variable]:
             plain = bool(label) and "." not in label and "=" not in label and index_of(node, label) == k
             yield from _below(item, f"{path}.{label if plain else k}", node)
     else:
-        found = _variable(path, node, parent)
+        found = _number_in(path, node, parent)
         if found is not None:
             yield found
 
 
-def numbers_between(loaded: LoadedCase, bounds: Sequence[Bounds], vocabulary: Vocabulary) -> list[Variable]:
+def numbers_between(loaded: LoadedCase, bounds: Sequence[Bounds], vocabulary: Vocabulary) -> list[CaseNumber]:
     """Return the numbers at the paths of bounds.
 
     Raises CaseError with all paths that have no number, and all numbers that the case does not allow at a bound or
@@ -167,7 +167,7 @@ def numbers_between(loaded: LoadedCase, bounds: Sequence[Bounds], vocabulary: Vo
     found, problems = [], []
     for one in bounds:
         try:
-            variable = variable_at(loaded, one.path)
+            variable = number_at(loaded, one.path)
             # the value between is not whole, and fails for keys that need whole numbers
             for value in (one.low, one.high, one.low + BETWEEN * (one.high - one.low)):
                 with_overrides(loaded, [variable.override(value)], vocabulary)
@@ -180,7 +180,7 @@ def numbers_between(loaded: LoadedCase, bounds: Sequence[Bounds], vocabulary: Vo
     return found
 
 
-def moved_starts(variables: Sequence[Variable], bounds: Sequence[Bounds], starts: Sequence[float]) -> list[str]:
+def moved_starts(variables: Sequence[CaseNumber], bounds: Sequence[Bounds], starts: Sequence[float]) -> list[str]:
     """Return warnings about numbers that are not between their bounds, so that the search starts elsewhere."""
     return [f"{v.path} is {v.value:g} in the case, {'at' if v.value in (b.low, b.high) else 'beyond'} the bound "
             f"{b.low if v.value <= b.low else b.high:g}: the search starts at {start:g}"
@@ -215,7 +215,7 @@ def _replaced(text: str, values: Mapping[str, float]) -> str | None:
     starts += [found.end() for found in LINE_BREAK.finditer(text)]
     for path, value in values.items():
         found = _found(root, path)
-        variable = None if found is None else _variable(path, *found)
+        variable = None if found is None else _number_in(path, *found)
         if found is None or variable is None or not isinstance(found[0], Scalar):
             return None
         node = found[0]

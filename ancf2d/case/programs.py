@@ -10,7 +10,7 @@ from typing import Any
 
 from ..errors import ComputationError
 from . import jets
-from .syntax import Call, Chain, Choice, Comparison, Constant, Negative, Power, Quantity, Time, Tree
+from .syntax import Call, Chain, Choice, Comparison, Constant, Negative, Power, Quantity, Tree, Variable
 
 
 class Assembler:
@@ -38,7 +38,7 @@ class Assembler:
         self.heights.append(self.height)
         return len(self.code) - 1
 
-    def land(self, jumps: list[int]) -> None:
+    def set_targets(self, jumps: list[int]) -> None:
         """Make the jumps at these indices go to the next instruction."""
         for at in jumps:
             self.arg[at] = len(self.code)
@@ -48,7 +48,7 @@ class Assembler:
         match tree:
             case Constant(value):
                 self.emit(jets.NUMBER, 1, value)
-            case Time():
+            case Variable():
                 self.emit(jets.TIME, 1)
             case Quantity(name):
                 meant = self.meaning.get(name, 0)
@@ -88,7 +88,7 @@ class Assembler:
         op, operand = rest[-1]
         self.tree(operand)
         self.emit(_COMPARE[op], -1)
-        self.land(failed)
+        self.set_targets(failed)
 
     def choice(self, condition: Tree, chosen: Tree, other: Tree) -> None:
         """Evaluate one of two expressions."""
@@ -96,9 +96,9 @@ class Assembler:
         otherwise = self.emit(jets.BRANCH, -1)
         self.tree(chosen)
         done = self.emit(jets.JUMP, -1)
-        self.land([otherwise])
+        self.set_targets([otherwise])
         self.tree(other)
-        self.land([done])
+        self.set_targets([done])
 
 
 _BINARY = {"+": jets.ADD, "-": jets.SUBTRACT, "*": jets.MULTIPLY, "/": jets.DIVIDE}

@@ -120,7 +120,7 @@ class OneOf(Kind):
         if entry is None:
             return self.untyped(node, path, binder)
         if isinstance(entry.node, Broken):
-            return binder.refuse(path)
+            return binder.skip(path)
         tag = entry.node.text if isinstance(entry.node, Scalar) else ""
         if tag not in self.options:
             shown = quoted(tag) if tag else entry.node.shown()
@@ -135,7 +135,7 @@ class OneOf(Kind):
         if near:
             return binder.fail(node.entries[near].mark, (*path, near), f"unknown key "
                                f"{quoted(near)} in {dotted(path)}", near="type")
-        return binder.refuse(path) if node.partial else binder.fail(
+        return binder.skip(path) if node.partial else binder.fail(
             node.mark, path, f"{dotted(path)}.type is missing", listed(self.options))
 
     def schema(self, book: Book) -> JsonSchema:
@@ -233,10 +233,10 @@ def bind_record(cls: type, node: MapNode, path: Path, binder: Binder,
     for name, k in keys.items():
         entry = node.entries.get(name)
         if entry is not None:
-            values[k.field] = (binder.refuse((*path, name)) if isinstance(entry.node, Broken)
+            values[k.field] = (binder.skip((*path, name)) if isinstance(entry.node, Broken)
                                else k.kind.bind(entry.node, (*path, name), binder))
         elif k.required:
-            values[k.field] = binder.refuse((*path, name))
+            values[k.field] = binder.skip((*path, name))
             if name not in misspelt and not node.partial:
                 binder.fail(node.mark, (*path, name),
                             f"{dotted((*path, name))} is missing: {lower_first(k.doc)}",
@@ -283,11 +283,12 @@ def unknown_keys(cls: type, node: MapNode, path: Path, binder: Binder,
 def elsewhere(cls: type, name: str, path: Path) -> list[str]:
     """Return a few places where a word belongs that is not a key of a record at a path, or none.
 
-    ``familiar`` of the record has places by other common names of keys; else the word may be a key or a type below it.
+    ``other_names`` of the record has places by other common names of keys; else the word may be a key or a type below
+    it.
     """
-    told = cls.__dict__.get("familiar", {}).get(name)
-    if told is not None:
-        return [told]
+    known_place = cls.__dict__.get("other_names", {}).get(name)
+    if known_place is not None:
+        return [known_place]
     head = f"{dotted(path)}." if path else ""
     return _places(cls, name, head) or (_places(cls, name[:-1], head) if name.endswith("s") else [])
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .syntax import Call, Chain, Choice, Comparison, Constant, Negative, Power, Quantity, Time, Tree
+from .syntax import Call, Chain, Choice, Comparison, Constant, Negative, Power, Quantity, Tree, Variable
 
 Series = NDArray[Any]
 WHOLE = 64  # whole exponents up to this one are computed as products, which are valid for zero and negative bases
@@ -103,34 +103,34 @@ def series(tree: Tree, s: NDArray[np.floating], order: int) -> Series:
     if order:
         variable[1] = 1.0
     with np.errstate(all="ignore"):
-        return _of(tree, variable)
+        return _evaluated(tree, variable)
 
 
-def _of(tree: Tree, s: Series) -> Series:
+def _evaluated(tree: Tree, s: Series) -> Series:
     match tree:
         case Constant(value):
             return constant(value, s)
-        case Time():
+        case Variable():
             return s
         case Quantity():
             return constant(np.nan, s)
         case Negative(operand):
-            return -_of(operand, s)
+            return -_evaluated(operand, s)
         case Power(base, exponent):
-            return _raised(_of(base, s), _of(exponent, s))
+            return _raised(_evaluated(base, s), _evaluated(exponent, s))
         case Call(name, argument):
-            return _FUNCTIONS[name](_of(argument, s))
+            return _FUNCTIONS[name](_evaluated(argument, s))
         case Choice(condition, chosen, other):
-            return np.where(_of(condition, s)[0] != 0.0, _of(chosen, s), _of(other, s))
+            return np.where(_evaluated(condition, s)[0] != 0.0, _evaluated(chosen, s), _evaluated(other, s))
         case Comparison(first, rest):
-            left, holds = _of(first, s)[0], np.ones(s.shape[1], dtype=bool)
+            left, holds = _evaluated(first, s)[0], np.ones(s.shape[1], dtype=bool)
             for op, node in rest:
-                right = _of(node, s)[0]
+                right = _evaluated(node, s)[0]
                 holds &= _COMPARE[op](left, right)
                 left = right
             return constant(holds, s)
         case Chain(first, rest):
-            out = _of(first, s)
+            out = _evaluated(first, s)
             for op, node in rest:
-                out = _CHAIN[op](out, _of(node, s))
+                out = _CHAIN[op](out, _evaluated(node, s))
             return out

@@ -53,7 +53,7 @@ class Constant(NamedTuple):
     value: float
 
 
-class Time(NamedTuple):
+class Variable(NamedTuple):
     """The variable: t, or s along a body."""
 
 
@@ -105,7 +105,7 @@ class Choice(NamedTuple):
     other: Tree
 
 
-Tree = Constant | Time | Quantity | Negative | Power | Chain | Call | Comparison | Choice
+Tree = Constant | Variable | Quantity | Negative | Power | Chain | Call | Comparison | Choice
 
 
 def syntax(text: str, names: Names | str = "t") -> Tree:
@@ -294,13 +294,13 @@ class _Parser:
                         else f"'{text}' is unexpected")
 
     def named(self, text: str) -> Tree:
-        told = text == self.names.variable or text in self.names.quantities
-        if told and text in self.names.numbers:
+        own = text == self.names.variable or text in self.names.quantities
+        if own and text in self.names.numbers:
             raise self.fail(f"'{text}' has a meaning of its own here; give the parameter another name")
-        if told or text in self.names.numbers:
+        if own or text in self.names.numbers:
             self.take()
             if text == self.names.variable:
-                return Time()
+                return Variable()
             self.used.add(text)
             return Constant(self.names.numbers[text]) if text in self.names.numbers else Quantity(text)
         if text == "pi":
@@ -350,7 +350,7 @@ def renamed(tree: Tree, meaning: Mapping[str, Tree]) -> Tree:
     match tree:
         case Quantity(name):
             return meaning.get(name, tree)
-        case Time():
+        case Variable():
             return meaning.get("", tree)
         case Negative(operand):
             return Negative(renamed(operand, meaning))

@@ -91,4 +91,3 @@ def unit_warnings(case: Any) -> list[str]:
                        f"units, that of the earth is {_EARTH * T**2 / L:.4g}. Correct the number, or give its "
                        "units under 'units'")
     return out
-

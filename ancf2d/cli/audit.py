@@ -71,13 +71,13 @@ def report(audit: Audit) -> str:
         lines.append(f"formulation {plan.formulation.name}, {plan.rule}")
     rows = [["check", "value", "verdict", "meaning"]]
     made = audit.made
-    for answer in made:
-        f = answer.finding
-        rows.append([answer.check.name, number(f.value, 4), f.verdict, f.meaning])
+    for result in made:
+        f = result.finding
+        rows.append([result.check.name, number(f.value, 4), f.verdict, f.meaning])
     lines += ["", *table(rows, left=(0, 2, 3)), ""]
     verdicts = [a.finding.verdict for a in made]
     lines.append(", ".join(f"{verdicts.count(v)} {v}" for v in ("pass", "fail", "note") if v in verdicts))
-    if len(made) < len(audit.answers):
-        lines.append(f"{len(audit.answers) - len(made)} other checks were not made because there are no shape "
+    if len(made) < len(audit.results):
+        lines.append(f"{len(audit.results) - len(made)} other checks were not made because there are no shape "
                      "functions")
     return "\n".join(lines)

@@ -110,7 +110,7 @@ def command(session: Session, case: str, meshes: list[int] | None, types: str | 
     steps = Steps(key, values) if key else None
     with Bar("solving", session.shows_progress) as bar:
         study = convergence(loaded, variants, meshes, reference, who, session.note_once, bar.follow, steps)
-    session.tell(study, report(study), output,
+    session.report_study(study, report(study), output,
                  lambda path: write_convergence(study, loaded, path, session.command_line, force=force))
     if not study.converged:
         say("error: no mesh could be solved", err=True)

@@ -8,7 +8,7 @@ import click
 
 from ..errors import Ancf2dError, CaseError, ComputationError, Problem, many
 from .session import Session
-from .text import let_go_of_output, say
+from .text import discard_output, say
 
 # errors that a plugin does not cause by mistake
 EXPECTED = (Ancf2dError, click.ClickException, click.Abort, KeyboardInterrupt, EOFError, OSError, MemoryError)
@@ -46,7 +46,7 @@ def explain(error: BaseException, session: Session) -> int:
     elif isinstance(error, OSError):
         what = "the output" if error.filename is None else f"'{error.filename}'"
         reason, code = f"cannot read or write {what}: {error.strerror or error}", FAILED
-        let_go_of_output()
+        discard_output()
         say(f"error: {reason}", err=True)
     elif isinstance(error, MemoryError):
         reason, code = "there is not enough memory for this", FAILED

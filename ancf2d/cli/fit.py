@@ -57,13 +57,14 @@ def command(session: Session, case: str, data_file: str, vary: tuple[str, ...], 
     results = results if results is not None else f"{case_stem(case)}-fit.h5"
     for path in (output, results):
         check_output(path, force, data_file, *inputs_of(loaded))
-    told = fit(loaded, data, bounds, noise, starts)
-    told.warnings += write_case(loaded, {row.path: row.value for row in told.rows}, output, session.command_line, force)
-    write_fit(told, results, session.command_line, force)
-    for text in told.warnings:
+    found = fit(loaded, data, bounds, noise, starts)
+    fitted = {row.path: row.value for row in found.rows}
+    found.warnings += write_case(loaded, fitted, output, session.command_line, force)
+    write_fit(found, results, session.command_line, force)
+    for text in found.warnings:
         session.warn(text)
-    session.print_json({**told.as_json(), "output": output, "results": results})
-    session.out(report(told))
+    session.print_json({**found.as_json(), "output": output, "results": results})
+    session.out(report(found))
     session.out(f"\nwrote {output}; data and model in {results}; next: {command_line('plot', results)}")
     return 0
 

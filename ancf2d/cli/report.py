@@ -67,8 +67,8 @@ def _frequencies(found: list[dict[str, Any]], labels: Labels) -> list[str]:
     rows = [["mode", "omega [rad/s]", "f [Hz]", *more, "kind", "largest share"]]
     for k, f in enumerate(found, start=1):
         share = max(f["shares"], key=lambda name: f["shares"][name]) if f["shares"] else ""
-        told = [number(f.get("growth", 0.0)), number(f.get("damping", 0.0)), number(f.get("residual", 0.0), 2)]
-        rows.append([str(k), number(f["omega"], 7), number(f["hz"]), *(told if growing else []),
+        growth = [number(f.get("growth", 0.0)), number(f.get("damping", 0.0)), number(f.get("residual", 0.0), 2)]
+        rows.append([str(k), number(f["omega"], 7), number(f["hz"]), *(growth if growing else []),
                      f"{f['kind']} {f['number']}", f"{share} {100 * f['shares'][share]:.0f} %" if share else ""])
     return table(rows, left=(len(rows[0]) - 2, len(rows[0]) - 1))
 
@@ -77,8 +77,8 @@ def _critical(found: list[dict[str, Any]], labels: Labels) -> list[str]:
     vibrates = any(c["omega"] for c in found)
     rows = [["buckling mode", "load factor", "kind", *(["omega [rad/s]", "f [Hz]"] if vibrates else [])]]
     for k, c in enumerate(found, start=1):
-        told = [number(c["omega"], 7), number(c["omega"] / (2 * math.pi))] if vibrates else []
-        rows.append([str(k), number(c["factor"], 8), c["kind"], *told])
+        frequencies = [number(c["omega"], 7), number(c["omega"] / (2 * math.pi))] if vibrates else []
+        rows.append([str(k), number(c["factor"], 8), c["kind"], *frequencies])
     return table(rows, left=(2,))
 
 
@@ -301,7 +301,7 @@ def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: b
 
     progress = Progress(warn=session.warn, note=session.note, compiling=session.note_once)
     target = Target(out, force, session.command_line)
-    session.parting = lambda: _tell_best(session, target)
+    session.parting = lambda: _report_best(session, target)
     reached = solve_to_accuracy(loaded, target, progress, session.note)
     summary = reached.outcome.summary
     session.print_json(summary)
@@ -323,7 +323,7 @@ def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: b
     return expected_met(summary, check)
 
 
-def _tell_best(session: Session, target: Target) -> None:
+def _report_best(session: Session, target: Target) -> None:
     """Print the file of the best result when the search is interrupted."""
     if target.written:
         session.note(f"the best so far is in {target.out}; next: {command_line('info', target.out)}")

@@ -83,13 +83,13 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
 
     progress = Progress(state=follow, warn=session.warn, note=session.note, compiling=session.note_once,
                         built=lambda model: session.detail(built_report(model)) if session.verbose else None)
-    session.parting = lambda: _tell_part(session, out, interrupted=True)
+    session.parting = lambda: _report_part(session, out, interrupted=True)
     with bar:
         outcome = run_case(loaded, out, force=force, command=session.command_line, progress=progress, resume=resume)
     session.print_json(outcome.summary)
     if outcome.failure is not None:
         say(outcome.failure.text(), err=True)
-        _tell_part(session, out)
+        _report_part(session, out)
         return FAILED
     unbalanced = 0.0 if state is None or moves else unbalanced_forces(outcome.model, state)
     session.out(run_report(outcome.summary, loaded.case.units, outcome.model.extent, unbalanced))
@@ -97,7 +97,7 @@ def command(session: Session, case: str, output: str | None, overrides: tuple[st
     return expected_met(outcome.summary, check)
 
 
-def _tell_part(session: Session, out: str, interrupted: bool = False) -> None:
+def _report_part(session: Session, out: str, interrupted: bool = False) -> None:
     """Print where the states of an unfinished run are stored, and how to continue from them."""
     from ..results import part_path, read_checkpoint
 

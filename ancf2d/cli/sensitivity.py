@@ -42,7 +42,7 @@ def command(session: Session, case: str, paths: tuple[str, ...], output: str | N
 
     with Bar("differentiating", session.shows_progress) as bar:
         study = sensitivity(loaded, paths, Progress(compiling=session.note_once), bar.follow)
-    session.tell(study, report(study), output,
+    session.report_study(study, report(study), output,
                  lambda path: write_sensitivity(study, loaded, path, session.command_line, force=force))
     return 0
 

@@ -13,7 +13,7 @@ import click
 
 from ..interrupts import uninterrupted
 from ..json_values import json_text
-from ..pace import Calm, Pace
+from ..pace import Pace, SteadyEstimate
 from .text import command_line, duration, printable, say, write
 
 
@@ -69,7 +69,7 @@ class Session:
                 self._printed = True
                 write(text + "\n")
 
-    def tell(self, study: Any, text: str, output: str | None, write: Callable[[str], Any]) -> None:
+    def report_study(self, study: Any, text: str, output: str | None, write: Callable[[str], Any]) -> None:
         """Print the results of a study as JSON or text, with its warnings; first write its ``output`` file, if any."""
         for warning in study.warnings:
             self.warn(warning)
@@ -101,7 +101,7 @@ class Bar:
         self.bar: Any = None
         self.done = 0
         self.pace: tuple[float, Pace] | None = None  # start time of the first step, and the pace since
-        self.calm = Calm()
+        self.steady = SteadyEstimate()
 
     def __enter__(self) -> Bar:
         return self
@@ -119,7 +119,7 @@ class Bar:
             self.pace = moment, Pace(share)
         began, pace = self.pace
         pace.mark(share, moment - began)
-        rest = self.calm(moment - began, pace.left(1.0) if left is None else left or None)
+        rest = self.steady(moment - began, pace.left(1.0) if left is None else left or None)
         if self.bar is None:
             if moment - self.started < PATIENCE:
                 return

@@ -94,7 +94,7 @@ def command(session: Session, case: str, over: tuple[str, ...], pair: bool, samp
     session.parting = lambda: _part(session, sweep)
     session.subject = sweep.as_json()
     _run(session, sweep, who, csv_file, force)
-    return _tell(session, sweep, csv_file)
+    return _report_result(session, sweep, csv_file)
 
 
 def _values(over: tuple[str, ...], pair: bool, sample: tuple[str, ...],
@@ -147,7 +147,7 @@ def _part(session: Session, sweep: Sweep) -> None:
                  "again to continue")
 
 
-def _tell(session: Session, sweep: Sweep, csv_file: str | None) -> int:
+def _report_result(session: Session, sweep: Sweep, csv_file: str | None) -> int:
     for text, count in Counter(text for row in sweep.rows for text in row.warnings).items():
         session.warn(text if count == 1 else f"{text} ({count} rows)")
     session.print_json(sweep.as_json())
@@ -172,8 +172,8 @@ def report(sweep: Sweep) -> str:
     names, estimated = value_names(sweep), any(row.estimate is not None for row in sweep.rows)
     head = [*short_names(paths), "status", *(with_unit(name, sweep.labels) for name in names), "elements", TIME,
             *(["error"] if estimated else []), *(["result"] if sweep.keep else []), ""]
-    told = [row for k, row in enumerate(sweep.rows)
-            if sweep.samples is None or k < SHOWN or row.status != "converged"]
+    listed = [row for k, row in enumerate(sweep.rows)
+              if sweep.samples is None or k < SHOWN or row.status != "converged"]
 
     def given(value: object) -> str:
         return number(value, 8) if sweep.samples is not None and isinstance(value, float) else shown(value)
@@ -182,10 +182,10 @@ def report(sweep: Sweep) -> str:
              "-" if row.elements is None else str(row.elements), "-" if row.wall_s is None else duration(row.wall_s),
              *(["-" if row.estimate is None else f"{row.estimate:.1e}"] if estimated else []),
              *(["-" if row.output is None else Path(row.output).name] if sweep.keep else []), _remark(row)]
-            for row in told]
+            for row in listed]
     left = (*(k for k, p in enumerate(paths) if not _numbers(sweep, p)), len(paths),
             *((len(head) - 2,) if sweep.keep else ()), len(head) - 1)
-    more = len(sweep.rows) - len(told)
+    more = len(sweep.rows) - len(listed)
     reused = sum(row.reused for row in sweep.rows)
     before = f"; {reused} of {many(len(sweep.rows), 'row')} were computed before" if reused else ""
     return "\n".join([*([sweep.title, ""] if sweep.title else []), *table([head, *rows], left=left),

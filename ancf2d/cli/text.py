@@ -31,18 +31,18 @@ def write(text: str, err: bool = False) -> None:
     try:
         click.echo(text, nl=False, err=err)
     except BrokenPipeError:
-        _let_go(sys.stderr if err else sys.stdout)
+        _discard(sys.stderr if err else sys.stdout)
 
 
-def let_go_of_output() -> None:
+def discard_output() -> None:
     """Discard the buffer of stdout if it cannot be written, because Python would fail again at exit."""
     try:
         sys.stdout.flush()
     except OSError:
-        _let_go(sys.stdout)
+        _discard(sys.stdout)
 
 
-def _let_go(stream: TextIO) -> None:
+def _discard(stream: TextIO) -> None:
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, stream.fileno())  # otherwise Python would fail at exit when it flushes the buffer
     os.close(nowhere)

@@ -32,13 +32,13 @@ from .text import TIME, duration, number, say, table
 
 if TYPE_CHECKING:
     from ..study.tradeoff.plan import Choice
-    from ..study.tradeoff.result import Row, Study
+    from ..study.tradeoff.result import Row, TradeoffStudy
 
 
 WIDTH = 100
 
 
-def report(study: Study, command: str) -> str:
+def report(study: TradeoffStudy, command: str) -> str:
     """Return a study as text: rows, limits, omitted settings and recommendations; ``command`` runs the case."""
     lines = [study.title] if study.title else []
     lines += [f"{study.goal}: error against measured time", "", *_rows(study), "", *_limits(study)]
@@ -46,14 +46,14 @@ def report(study: Study, command: str) -> str:
     return "\n".join(lines)
 
 
-def _names(study: Study) -> dict[tuple[str, str], str]:
+def _names(study: TradeoffStudy) -> dict[tuple[str, str], str]:
     """Return the displayed names of types, with the formulation if a type has several."""
     found = dict.fromkeys((r.measured.element, r.measured.formulation) for r in study.rows)
     several = Counter(element for element, _ in found)
     return {(e, f): f"{e}:{f}" if several[e] > 1 and f else e for e, f in found}
 
 
-def _rows(study: Study) -> list[str]:
+def _rows(study: TradeoffStudy) -> list[str]:
     rows = [row for row in study.rows if row.measured.status != "refused"]
     names = _names(study)
     columns = ["quadrature"] if any(r.task.setting.quadrature is not None for r in rows) else []
@@ -116,7 +116,7 @@ def memory_text(count: int | None) -> str:
     return f"{size:.{digits}f} {unit}".rjust(7)
 
 
-def _meaning(study: Study) -> str:
+def _meaning(study: TradeoffStudy) -> str:
     against = {"limit": "the type's own limit", "continuum": "the type's own limit", "reference": "the number given"}
     text = (f"error: relative to {against[study.against]}; '<' marks an upper bound, if the error is less than ten "
             "times that of the reference. time: median solution time, without compilation. memory: peak memory of "
@@ -124,7 +124,7 @@ def _meaning(study: Study) -> str:
     return text + (", including the model error." if study.against == "continuum" else ".")
 
 
-def _limits(study: Study) -> list[str]:
+def _limits(study: TradeoffStudy) -> list[str]:
     if study.against == "reference":
         return []
     from ..case.units import with_unit
@@ -162,7 +162,7 @@ def model_text(known: Any) -> str:
     return f"{known.model_error:.1e}"
 
 
-def _left_out(study: Study) -> list[str]:
+def _left_out(study: TradeoffStudy) -> list[str]:
     rows, references = Counter[str](), Counter[str]()
     for task in study.dropped:
         (rows if task.repeat else references)[task.element] += 1
@@ -173,7 +173,7 @@ def _left_out(study: Study) -> list[str]:
     return ["", *_wrapped(f"left out because of the time limit of {duration(study.budget)}: {'; '.join(parts)}")]
 
 
-def _recommended(study: Study, command: str) -> list[str]:
+def _recommended(study: TradeoffStudy, command: str) -> list[str]:
     from ..study.tradeoff.result import accuracy_name, setting_text
 
     lines = []
@@ -259,7 +259,7 @@ def command(session: Session, case: str, overrides: tuple[str, ...], jobs: int |
     with Bar("solving", session.shows_progress) as bar:
         study = tradeoff(loaded, choice, who, session.note_once, bar.follow)
     given = [part for text in overrides for part in ("--set", text)]
-    session.tell(study, report(study, shlex.join(["ancf2d", "run", case, *given])), output,
+    session.report_study(study, report(study, shlex.join(["ancf2d", "run", case, *given])), output,
                  lambda path: write_tradeoff(study, loaded, path, session.command_line, force=force))
     if not study.converged:
         say(f"error: {study.as_json()['reason']}", err=True)

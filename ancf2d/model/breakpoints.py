@@ -259,7 +259,7 @@ class _Trace:
             case syntax.Constant(value):
                 self.named.add(value)
                 return np.full(len(self.t), value)
-            case syntax.Time():
+            case syntax.Variable():
                 return self.t
             case syntax.Quantity():
                 # unknown beforehand: conditions on it are events of the running motion

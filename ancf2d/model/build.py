@@ -330,16 +330,17 @@ class _Builder:
                         "a support, joint or spring that prevents this")
 
 
-def build_model(loaded: LoadedCase, moving: bool = False, like: Model | None = None, beside: bool = False) -> Model:
+def build_model(loaded: LoadedCase, moving: bool = False, like: Model | None = None,
+                for_differences: bool = False) -> Model:
     """Return the model of a case; raises CaseError with all problems.
 
     ``moving`` gives a static case the meshes of a motion. ``like`` is a model of the same case with other values; what
-    these do not change is shared, and the model is the same as without, bit for bit. ``beside`` is for differences
+    these do not change is shared, and the model is the same as without, bit for bit. ``for_differences``
     between the two models, with slightly different values: more is shared, digits may differ, and warnings and checks
     of ``like`` are not repeated. numpy only: nothing is compiled here.
     """
-    b = _Builder(loaded, moving, like, exactly=not beside)
-    known = like if beside else None
+    b = _Builder(loaded, moving, like, exactly=not for_differences)
+    known = like if for_differences else None
     if known is None:
         b.warn()
     b.add_supports()

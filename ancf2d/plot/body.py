@@ -246,7 +246,7 @@ def with_obstacles(box: np.ndarray, obstacles: Sequence[Obstacle]) -> np.ndarray
     return bounds(parts)
 
 
-def different(obstacles: Iterable[Obstacle]) -> list[Obstacle]:
+def distinct(obstacles: Iterable[Obstacle]) -> list[Obstacle]:
     """Return obstacles without those at the same place as an earlier one."""
     out: list[Obstacle] = []
     for obstacle in obstacles:

@@ -23,7 +23,7 @@ COLOURS = "magma_r"
 # of more faces, only those with the highest pressure are drawn
 MOST = 6
 # relative to the highest pressure: smaller values count as zero
-NONE = 1e-9
+NEGLIGIBLE = 1e-9
 
 
 @dataclass
@@ -60,7 +60,7 @@ class Zones:
         for axes, zone in zip(grid, self.zones, strict=True):
             # elements share stations at their ends; each value stands for the strip around its station
             s = np.concatenate([zone.s[:1], 0.5 * (zone.s[1:] + zone.s[:-1]), zone.s[-1:]])
-            values = np.where(zone.pressure > NONE * top, zone.pressure, np.nan)
+            values = np.where(zone.pressure > NEGLIGIBLE * top, zone.pressure, np.nan)
             drawn = axes.pcolormesh(s, edges, values, cmap=COLOURS, vmin=0.0, vmax=top, rasterized=True)
             axes.set_xlim(s[0], s[-1])
             axes.grid(False)

@@ -106,35 +106,35 @@ def work_precision(sources: Sequence[Source]) -> Curves:
     for source in sources:
         table = source.results.tables["convergence"]
         for name, rows in groups_of(table).items():
-            curves.append(Curve(source.name(name), *_points(table, rows, "wall_s", "error")))
+            x, y = _points(table, rows, "wall_s", "error")
+            curves.append(Curve(source.name(name), x, y))
     curves = [Curve(c.name, c.x, np.maximum(c.y, ROUND_OFF), c.note) for c in curves if len(c.x)]
     if not curves:
         raise ResultsError("the convergence table holds no finite error to draw")
     x, y = (np.concatenate([getattr(c, k) for c in curves]) for k in ("x", "y"))
     front = pareto(x, y)
     curves.append(Curve("best for their time", x[front], y[front],
-                        look={"color": "0.55", "linewidth": 5, "alpha": 0.45, "linestyle": "-", "marker": "",
-                              "drawstyle": "steps-post", "zorder": 1.5}))
+                        look={**FRONT, "linewidth": 5, "alpha": 0.45}))
     panel = Panel(("wall time", "s"), _y_axis(sources, "error"), curves)
     return Curves(common_title(sources), _against(sources), [panel], log_base=10, log_y=True)
 
 
-def _points(table: Table, rows: np.ndarray, against: str, column: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return x and y of one line in the order of refinement, without the meshes that failed."""
+def _points(table: Table, rows: np.ndarray, against: str, column: str, *more: str) -> list[np.ndarray]:
+    """Return x, y and more columns of one line in the order of refinement, without the meshes that failed."""
     rows = rows[np.argsort(np.asarray(table["elements"], float)[rows], kind="stable")]
-    x, y = (np.asarray(table[name], float)[rows] for name in (against, column))
-    keep = np.isfinite(y) & (x > 0)
-    return x[keep], y[keep] if column == "value" else np.abs(y[keep])
+    found = [np.asarray(table[name], float)[rows] for name in (against, column, *more)]
+    known = np.isfinite(found[1]) & (found[0] > 0)
+    return [values[known] if column == "value" else np.abs(values[known]) for values in found]
 
 
-def _told(sources: Sequence[Source], name: str) -> str:
+def _common_attribute(sources: Sequence[Source], name: str) -> str:
     """Return an attribute of the tables if all files have the same value, else an empty text."""
     found = {str(s.results.tables["convergence"].attrs.get(name, "")) for s in sources}
     return found.pop() if len(found) == 1 else ""
 
 
 def _y_axis(sources: Sequence[Source], column: str) -> tuple[str, str]:
-    goal = _told(sources, "goal")
+    goal = _common_attribute(sources, "goal")
     if column == "error":
         return (f"relative error of {goal}" if goal else "relative error"), "1"
     units = {s.results.tables["convergence"].units.get("value", "1") for s in sources}
@@ -145,7 +145,7 @@ def _y_axis(sources: Sequence[Source], column: str) -> tuple[str, str]:
 
 def _against(sources: Sequence[Source]) -> str:
     """Return the reference of the errors in words."""
-    reference = _told(sources, "reference")
+    reference = _common_attribute(sources, "reference")
     if not reference:
         return ""
     return "errors against each type's own limit" if reference == "auto" else f"errors against {reference}"
@@ -192,9 +192,10 @@ def tradeoff(sources: Sequence[Source], *, against: str = "wall_s") -> Curves:
     for source in sources:
         table = source.results.tables["tradeoff"]
         for name, rows in groups_of(table).items():
-            x, y, told = _points_of_settings(table, rows, against)
-            curves += _lines(source.name(name), x, y, told, several=np.ptp(_steps(table)) > 0)
-            bounds |= not told.all()
+            x, y, error = _points(table, rows, against, "judged", "error")
+            y, exact = np.maximum(y, ROUND_OFF), np.isfinite(error)
+            curves += _lines(source.name(name), x, y, exact, several=np.ptp(_steps(table)) > 0)
+            bounds |= not exact.all()
             costs.append(x)
             errors.append(y)
     x, y = (np.concatenate(found) if found else np.zeros(0) for found in (costs, errors))
@@ -213,23 +214,15 @@ def _steps(table: Table) -> np.ndarray:
     return np.unique(names, return_inverse=True)[1] if names else np.zeros(1)
 
 
-def _points_of_settings(table: Table, rows: np.ndarray, against: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return cost, error or its bound, and whether it is the error, in the order of refinement."""
-    rows = rows[np.argsort(np.asarray(table["elements"], float)[rows], kind="stable")]
-    x, y, error = (np.asarray(table[name], float)[rows] for name in (against, "judged", "error"))
-    keep = np.isfinite(y) & (x > 0)
-    return x[keep], np.maximum(y[keep], ROUND_OFF), np.isfinite(error[keep])
-
-
-def _lines(name: str, x: np.ndarray, y: np.ndarray, told: np.ndarray, several: bool) -> list[Curve]:
+def _lines(name: str, x: np.ndarray, y: np.ndarray, exact: np.ndarray, several: bool) -> list[Curve]:
     """Return the curves of one type: other settings, bounds, and last the line, which gives the legend its look."""
     if not len(x):
         return []
     line = pareto(x, y) if several else np.arange(len(x))
     out = [Curve(name, x, y, look=dict(POINTS))] if several else []
-    if not told.all():
-        out.append(Curve(name, x[~told], y[~told], look=dict(BOUNDS)))
-    line = line[told[line]]
+    if not exact.all():
+        out.append(Curve(name, x[~exact], y[~exact], look=dict(BOUNDS)))
+    line = line[exact[line]]
     return [*out, Curve(name, x[line], y[line])] if len(line) else out
 
 

@@ -21,7 +21,7 @@ FAMILIES = {
     "N": "axial force", "Q": "shear force", "M": "bending moment",
     "output": "controller output",
 }
-HAPPENED = {"color": "0.5", "marker": "", "linestyle": ":", "linewidth": 1.0, "zorder": 1}
+EVENT_LINES = {"color": "0.5", "marker": "", "linestyle": ":", "linewidth": 1.0, "zorder": 1}
 WINDOW = {"color": "black", "marker": "", "linestyle": "-", "linewidth": 1.0}
 LIMIT = {"color": "black", "marker": "o", "markersize": 7, "markerfacecolor": "none", "markeredgewidth": 1.3,
          "linestyle": "none", "zorder": 5}
@@ -82,14 +82,15 @@ def _families(found: list[tuple[str, str, str, np.ndarray]], quantities: list[st
         return families
     moving = {}
     for family, entries in families.items():
-        top = max(_largest(v) for *_, v in entries)
-        kept = [e for e in entries if _largest(e[3]) > NEGLIGIBLE * top]
+        top = max(largest_magnitude(v) for *_, v in entries)
+        kept = [e for e in entries if largest_magnitude(e[3]) > NEGLIGIBLE * top]
         if kept:
             moving[family] = kept
     return moving or dict(list(families.items())[:1])
 
 
-def _largest(values: np.ndarray) -> float:
+def largest_magnitude(values: np.ndarray) -> float:
+    """Return the largest finite magnitude."""
     return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
 
 
@@ -154,14 +155,14 @@ def history(sources: Sequence[Source], *, probe: str | Sequence[str] | None = No
 def _add_windows(source: Source, panels: list[Panel]) -> None:
     """Add means and peaks over windows of time, with error bars, to the panels of their quantities."""
     summary = source.results.summary
-    told = summary.get("accuracy") or {}
+    accuracy = summary.get("accuracy") or {}
     for name, window in summary.get("windows", {}).items():
         value = window["value"]
         own = [panel for panel in panels for c in panel.curves if c.name == source.name(window.get("of", ""))]
         if value is None or not own:
             continue
-        known = told.get("value") == value and told.get("estimate") is not None
-        error = told["estimate"] * abs(value) if known else window["sampling"]
+        known = accuracy.get("value") == value and accuracy.get("estimate") is not None
+        error = accuracy["estimate"] * abs(value) if known else window["sampling"]
         # three lines: the value, and the two limits of its error
         x = np.tile([window["from"], window["to"], np.nan], 3)
         y = value + np.repeat([0.0, -error, error], 3)
@@ -184,7 +185,7 @@ def _add_events(source: Source, panels: list[Panel]) -> None:
         for name, times in found.items():
             if times and len(values):
                 panel.curves.append(Curve(source.name(name), np.repeat(times, 3), np.tile(
-                    [values.min(), values.max(), np.nan], len(times)), look=dict(HAPPENED)))
+                    [values.min(), values.max(), np.nan], len(times)), look=dict(EVENT_LINES)))
 
 
 def _no_probes(results: Results) -> str:

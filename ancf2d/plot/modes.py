@@ -208,8 +208,8 @@ def _label(results: Results, k: int) -> tuple[str, str]:
     time = results.units.time
     omega = float(table["omega"][k])
     hertz = f"{omega / (2 * math.pi):.5g} {'Hz' if time == 's' else f'1/{time}'}"
-    told = [f"{hertz} ({omega:.6g} rad/{time})"] if omega or not growth else []
-    return f"{kind} {int(table['number'][k])}: {', '.join([*told, *growing(table, k, time)])}", kind
+    frequency = [f"{hertz} ({omega:.6g} rad/{time})"] if omega or not growth else []
+    return f"{kind} {int(table['number'][k])}: {', '.join([*frequency, *growing(table, k, time)])}", kind
 
 
 def _onset(table: Mapping[str, Any], k: int, time: str) -> list[str]:
@@ -231,20 +231,20 @@ def growing(table: Mapping[str, Any], k: int, time: str) -> list[str]:
 
 def moving(sources: Sequence[Source], frames: int, *, first: int = 1, count: int = SHOWN) -> Iterator[Modes]:
     """Yield the pictures of one cycle of the modes, all in phase."""
-    both = np.concatenate([_swung(sources, first, count, s).extent() for s in (-1.0, 1.0)])
+    both = np.concatenate([_scaled_modes(sources, first, count, s).extent() for s in (-1.0, 1.0)])
     box = np.array([both.min(axis=0), both.max(axis=0)])
     for k in range(frames):
-        picture = _swung(sources, first, count, math.cos(2 * math.pi * k / frames))
+        picture = _scaled_modes(sources, first, count, math.cos(2 * math.pi * k / frames))
         picture.box = box
         yield picture
 
 
 def modes(sources: Sequence[Source], *, first: int = 1, count: int = SHOWN) -> Modes:
     """Build the grid of modes ``first``, ``first + 1``, ... of a file, at most ``count`` of them."""
-    return _swung(sources, first, count, 1.0)
+    return _scaled_modes(sources, first, count, 1.0)
 
 
-def _swung(sources: Sequence[Source], first: int, count: int, swing: float) -> Modes:
+def _scaled_modes(sources: Sequence[Source], first: int, count: int, swing: float) -> Modes:
     """Return the grid of modes with displacements times ``swing`` (-1 to 1). Raises ResultsError for other modes."""
     results = sources[0].results
     shapes = results.array(SHAPES)

@@ -8,12 +8,12 @@ import numpy as np
 
 from ancf2d.errors import ResultsError
 from ancf2d.plot import curves
-from ancf2d.plot.curves import chosen_names, names_of, quantities_of
+from ancf2d.plot.curves import chosen_names, largest_magnitude, names_of, quantities_of
 from ancf2d.plot.picture import Curve, Curves, Kind, Panel, Source, common_title
 from ancf2d.results import Results
 
 # energies stored, lost and supplied: stored + lost - supplied is constant
-HELD, LOST, GIVEN = ("kinetic", "strain", "potential"), ("dissipated",), ("work",)
+STORED, LOST, SUPPLIED = ("kinetic", "strain", "potential"), ("dissipated",), ("work",)
 NEGLIGIBLE = 1e-9  # relative to the largest energy: kinds that stay below are not drawn
 MANY, THIN = 500, 0.8  # more steps than that are drawn in thin lines
 ROUND_OFF = 1e-18  # smaller errors and violations count as zero, and would stretch the axis
@@ -37,12 +37,12 @@ def thinned(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _energies(results: Results) -> dict[str, np.ndarray]:
-    return {name: results.energies[name] for name in (*HELD, *LOST, *GIVEN) if name in results.energies}
+    return {name: results.energies[name] for name in (*STORED, *LOST, *SUPPLIED) if name in results.energies}
 
 
 def balance(found: dict[str, np.ndarray]) -> np.ndarray:
     """Return the energy stored plus lost minus supplied, as its change since the start."""
-    signs = {**dict.fromkeys((*HELD, *LOST), 1.0), **dict.fromkeys(GIVEN, -1.0)}
+    signs = {**dict.fromkeys((*STORED, *LOST), 1.0), **dict.fromkeys(SUPPLIED, -1.0)}
     total = np.sum([signs[name] * values for name, values in found.items()], axis=0)
     return total - total[0]
 
@@ -66,10 +66,10 @@ def energy(sources: Sequence[Source]) -> Curves:
         for name, values in found.items():
             if np.abs(values).max(initial=0.0) > NEGLIGIBLE * largest:
                 kinds.curves.append(Curve(source.name(name), *thinned(t, values)))
-        held = np.sum([v for name, v in found.items() if name in HELD], axis=0)
+        held = np.sum([v for name, v in found.items() if name in STORED], axis=0)
         kinds.curves.append(Curve(source.name("total"), *thinned(t, held)))
         share = balance(found) / (_scale(found) or 1.0)
-        terms = ["total", *(f"{'+' if name in LOST else '-'} {name}" for name in found if name not in HELD)]
+        terms = ["total", *(f"{'+' if name in LOST else '-'} {name}" for name in found if name not in STORED)]
         drift.curves.append(Curve(source.name(" ".join(terms)), *thinned(t, share)))
     return Curves(common_title(sources), "", [kinds, drift], share="x")
 
@@ -107,11 +107,11 @@ def steps(sources: Sequence[Source]) -> Curves:
             panel.log = panel.log or own.log
             looks = {"linewidth": THIN} if len(values) > MANY else {}
             panel.curves.append(Curve(source.name("") or "each step", *thinned(t, values.astype(float)), look=looks))
-        _given_up(source, panels)
+        _mark_rejected(source, panels)
     return Curves(common_title(sources), "", list(panels.values()), share="x")
 
 
-def _given_up(source: Source, panels: dict[str, Panel]) -> None:
+def _mark_rejected(source: Source, panels: dict[str, Panel]) -> None:
     """Mark the steps that were repeated after a rejection, on the curves of load factors and step sizes."""
     history = source.results.history
     rejected = history.get("rejected")
@@ -149,10 +149,6 @@ WORDS = {"ux": "displacement ux", "uy": "displacement uy", "theta": "rotation", 
          "vy": "velocity vy", "omega": "angular velocity"}
 
 
-def _largest(values: np.ndarray) -> float:
-    return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
-
-
 def phase(sources: Sequence[Source], *, probe: str | Sequence[str] | None = None,
           quantity: str | Sequence[str] | None = None) -> Curves:
     """Build each displacement or rotation of the probes against its rate; a ring marks the start, a square the end."""
@@ -165,10 +161,10 @@ def phase(sources: Sequence[Source], *, probe: str | Sequence[str] | None = None
         probes = source.results.probes
         for name in chosen_names(names_of(probe), list(probes), "probe", source.results.path) or list(probes):
             columns = probes[name]
-            top = max((_largest(columns[q]) for q in ("ux", "uy") if q in columns), default=0.0)
+            top = max((largest_magnitude(columns[q]) for q in ("ux", "uy") if q in columns), default=0.0)
             for q in asked or RATES:
                 rate = RATES[q]
-                small = rate in columns and _largest(columns[q]) <= curves.NEGLIGIBLE * top
+                small = rate in columns and largest_magnitude(columns[q]) <= curves.NEGLIGIBLE * top
                 if rate not in columns or (small and not asked and q != "theta"):
                     continue
                 axes = ((WORDS[q], columns.units.get(q, "")), (WORDS[rate], columns.units.get(rate, "")))

@@ -132,9 +132,9 @@ def root_locus(sources: Sequence[Source]) -> Curves:
     growth = Panel(("load factor", "1"), ("growth rate", f"1/{time}"), zero=True)
     for source in sources:
         table, modes = source.results.tables["locus"], source.results.tables["modes"]
-        told = np.asarray(table["omega"], float)
+        frequencies = np.asarray(table["omega"], float)
         top = HIGHEST * float(np.max(modes["omega"], initial=0.0))
-        near = told <= (top or np.inf)
+        near = frequencies <= (top or np.inf)
         factor = np.asarray(table["factor"], float)[near]
         for panel, column in ((omega, "omega"), (growth, "growth")):
             panel.curves.append(Curve(source.name("eigenvalues"), factor, np.asarray(table[column], float)[near],

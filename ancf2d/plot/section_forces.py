@@ -189,7 +189,7 @@ def section_forces(sources: Sequence[Source], *, quantity: str | Sequence[str] |
     drawn = {name: entries for name, entries in found.items() if entries}
     if not drawn:
         raise ResultsError(f"'{sources[0].results.path}' does not hold {' or '.join(asked)}")
-    _flatten(drawn)
+    _zero_negligible(drawn)
     first, note = sources[0].results, when(sources[0].results, state)
     one = [d for _, d, _ in next(iter(drawn.values()))]
     if unrolled is None:
@@ -231,7 +231,7 @@ def _over_length(drawn: dict[str, list[tuple[Source, Diagram, str]]], first: Res
     return panels
 
 
-def _flatten(drawn: dict[str, list[tuple[Source, Diagram, str]]]) -> None:
+def _zero_negligible(drawn: dict[str, list[tuple[Source, Diagram, str]]]) -> None:
     """Set quantities to zero that are round-off relative to the others, since their axes would show noise."""
     length = max(float(d.s.max()) for entries in drawn.values() for _, d, _ in entries)
     sizes = {name: max(float(np.abs(d.values).max()) for _, d, _ in entries) / (length if name == "M" else 1.0)

@@ -22,7 +22,7 @@ from ancf2d.plot.body import (
     bounds,
     check_state,
     chosen_scale,
-    different,
+    distinct,
     draw_obstacles,
     draw_symbols,
     even_states,
@@ -256,7 +256,7 @@ class Snapshots:
         labels = list(dict.fromkeys(m.label for m in self.moments))
         shades = matplotlib.colormaps["cividis"](np.linspace(LIGHT, DARK, max(len(labels), 2)))
         handles: dict[str, Any] = {}
-        draw_obstacles(axes, different(o for m in self.moments for o in m.obstacles))
+        draw_obstacles(axes, distinct(o for m in self.moments for o in m.obstacles))
         for moment in self.moments:
             color = tuple(shades[labels.index(moment.label)])
             dash = style.DASHES[moment.file % len(style.DASHES)]

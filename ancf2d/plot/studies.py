@@ -105,13 +105,13 @@ def optimisation(sources: Sequence[Source]) -> Curves:
     if table.attrs.get("constrained"):
         missed = Curve("excess", n, np.asarray(table["missed"], float))
         panels.append(Panel(("evaluation", "1"), ("largest excess of a constraint", "1"), [missed]))
-    numbers = [Curve(name, n, _beside(np.asarray(values, float))) for name, values in table.items()
+    numbers = [Curve(name, n, _relative(np.asarray(values, float))) for name, values in table.items()
                if name not in FIRST]
     panels.append(Panel(("evaluation", "1"), ("numbers beside their start", "1"), numbers))
     return Curves(common_title(sources), "", panels)
 
 
-def _beside(values: np.ndarray) -> np.ndarray:
+def _relative(values: np.ndarray) -> np.ndarray:
     """Return values divided by the first one, or by the largest magnitude if that is 0."""
     return values / (values[0] or np.abs(values).max() or 1.0)
 

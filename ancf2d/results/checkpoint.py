@@ -198,7 +198,7 @@ class CheckpointKeeper:
 
     table = array = log
 
-    def refuse(self, why: object) -> None:
+    def reject_checkpoint(self, why: object) -> None:
         """Delete a checkpoint that does not fit the solver, so that the run starts from the beginning."""
         self.path.unlink(missing_ok=True)
         self.resumed = None

@@ -100,15 +100,16 @@ def _passed(summary: dict[str, Any], units: dict[str, str]) -> list[tuple[str, s
     return rows + _impacts(summary.get("impacts"), units)
 
 
-def _impacts(told: dict[str, Any] | None, units: dict[str, str]) -> list[tuple[str, str]]:
+def _impacts(impacts: dict[str, Any] | None, units: dict[str, str]) -> list[tuple[str, str]]:
     """Return the number of impacts, the first and the strongest one."""
-    if told is None:
+    if impacts is None:
         return []
 
     def of(one: dict[str, Any]) -> str:
         impulse = f"{one['impulse']:.6g} {units['force']} {units['time']}"
         return f"{one['body']} on {one['touched']} at {one['t']:.6g} {units['time']}, S = {one['S']:.4g}: {impulse}"
-    return [("impacts", str(told["count"])), ("first", of(told["first"])), ("strongest", of(told["strongest"]))]
+    return [("impacts", str(impacts["count"])), ("first", of(impacts["first"])),
+            ("strongest", of(impacts["strongest"]))]
 
 
 def _accuracy(accuracy: Any) -> str:

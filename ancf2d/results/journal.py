@@ -42,7 +42,7 @@ _TURN, _PATIENCE = 1 << 62, 2.0
 
 
 @contextlib.contextmanager
-def _alone(descriptor: int, exclusive: bool) -> Iterator[None]:
+def _locked_byte(descriptor: int, exclusive: bool) -> Iterator[None]:
     """Keep commits (exclusive) and copies apart, as far as the file system and other processes allow."""
     if fcntl is None:
         yield
@@ -64,21 +64,21 @@ def _alone(descriptor: int, exclusive: bool) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def steady(path: Path) -> Iterator[Path]:
+def stable_copy(path: Path) -> Iterator[Path]:
     """Yield a file that nobody writes to: for NAME.part, which a run may write, a copy made between two commits."""
     if path.suffix != ".part":
         yield path
         return
     descriptor, name = tempfile.mkstemp(suffix=".part")
     try:
-        with open(descriptor, "wb") as copy, path.open("rb") as source, _alone(source.fileno(), False):
+        with open(descriptor, "wb") as copy, path.open("rb") as source, _locked_byte(source.fileno(), False):
             shutil.copyfileobj(source, copy, 1 << 20)
         yield Path(name)
     finally:
         os.unlink(name)
 
 
-def _up(size: int) -> int:
+def _round_up(size: int) -> int:
     return -(-size // PAGE) * PAGE
 
 
@@ -149,7 +149,7 @@ class JournaledFile(io.RawIOBase):
         """Write at the position: directly to the file beyond the committed size, else to pages in memory."""
         view = memoryview(data).cast("B")
         start, count = self._at, len(view)
-        waiting = min(count, max(0, _up(self._committed) - start))
+        waiting = min(count, max(0, _round_up(self._committed) - start))
         done = 0
         while done < waiting:
             page, offset = divmod(start + done, PAGE)
@@ -173,7 +173,7 @@ class JournaledFile(io.RawIOBase):
         Raises OSError if this or an earlier write since the last commit failed.
         """
         self.check()
-        with _alone(self._descriptor, True):
+        with _locked_byte(self._descriptor, True):
             if self._pages:
                 self._put_pages()
             os.ftruncate(self._descriptor, self._size)
@@ -185,7 +185,7 @@ class JournaledFile(io.RawIOBase):
         numbers = sorted(self._pages)
         body = struct.pack(f"<{len(numbers)}Q", *numbers) + b"".join(self._pages[n] for n in numbers)
         trailer = _TRAILER.pack(len(numbers), self._size, zlib.crc32(body), _MARK)
-        _write_all(self._descriptor, memoryview(body + trailer), _up(end))
+        _write_all(self._descriptor, memoryview(body + trailer), _round_up(end))
         for number in numbers:
             _write_all(self._descriptor, memoryview(self._pages[number]), number * PAGE)
 

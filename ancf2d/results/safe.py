@@ -15,7 +15,7 @@ import numpy as np
 from h5py import h5a
 
 from ancf2d.errors import ResultsError
-from ancf2d.results.journal import is_journaled, open_hdf5, steady
+from ancf2d.results.journal import is_journaled, open_hdf5, stable_copy
 from ancf2d.results.records import FORMAT, FORMAT_VERSION, unescape
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -64,7 +64,7 @@ def open_file(path: Path) -> h5py.File:
 
 def _opened(path: Path) -> h5py.File:
     try:
-        with steady(path) as source:
+        with stable_copy(path) as source:
             if not is_journaled(source) and endless_heap(source) is not None:
                 raise ResultsError(f"'{path}' is damaged; run its case again or copy it again")
             return open_hdf5(source)

@@ -271,7 +271,7 @@ def read_columns(group: h5py.Group | None, rows: int | None) -> Table:
             table[name] = safe.texts(dataset)
         else:
             values = safe.values(dataset, 1)
-            table[name] = values if rows is None else enough(values, rows)
+            table[name] = values if rows is None else first_rows(values, rows)
         table.units[name] = str(safe.attribute(dataset, "units", ""))
     return table
 
@@ -287,7 +287,7 @@ def read_tables(groups: Mapping[str, h5py.Group]) -> dict[str, Table]:
     return tables
 
 
-def enough(values: np.ndarray, rows: int) -> np.ndarray:
+def first_rows(values: np.ndarray, rows: int) -> np.ndarray:
     """Return the first ``rows`` of some values. Raises ValueError if there are fewer."""
     if len(values) < rows:
         raise ValueError(f"{len(values)} rows where {rows} were stored")

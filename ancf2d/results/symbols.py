@@ -30,8 +30,8 @@ class Symbol:
     A spring or a segment of a tendon connects its two points, which have distances ``off`` from the axes of their
     bodies. ``on`` has the body and S of each point, None for a point of the ground; ``tracks`` the names in
     ``tracks_of`` of points that move along their bodies. A symbol that ``turns`` keeps its angle to the axis at its
-    first point. ``gravity`` has no points, as it acts everywhere. ``acts`` are the times at which it starts and stops
-    acting.
+    first point. ``gravity`` has no points, as it acts everywhere. ``active_times`` are the times at which it starts and
+    stops acting.
     """
 
     kind: str
@@ -40,7 +40,7 @@ class Symbol:
     on: tuple[tuple[str, float] | None, ...] = ()
     turns: bool = False
     tracks: tuple[str | None, ...] = ()
-    acts: tuple[float, float] = ALWAYS
+    active_times: tuple[float, float] = ALWAYS
     off: tuple[float, ...] = ()
 
 
@@ -237,8 +237,8 @@ def _tendon(scene: _Scene, entry: dict[str, Any]) -> Iterator[Symbol]:
                for e in entry.get("through") or []]
     if entry.get("on") in scene.results.bodies:
         start, end = entry.get("from") or 0.0, 1.0 if entry.get("to") is None else entry["to"]
-        way, told = [(s, entry.get("y") or 0.0) for s in np.linspace(start, end, 2 * ALONG_LOAD)], scene.results.arrays
-        if (varies := f"guides/{entry['path']}") in told:
+        way = [(s, entry.get("y") or 0.0) for s in np.linspace(start, end, 2 * ALONG_LOAD)]
+        if (varies := f"guides/{entry['path']}") in scene.results.arrays:
             way = scene.results.array(varies).tolist()
         eyelets = [(f"{entry['on']}@{s}", y) for s, y in way]
     if not all(isinstance(y, int | float) for _, y in eyelets):
@@ -271,12 +271,12 @@ def symbols_of(results: Results, state: int | None, scale: float, at: int | None
     enough to place them, such as values given by expressions, have no symbol.
     """
     scene = _Scene(results, state, scale, state if at is None else at)
-    found = [replace(symbol, acts=scene.window(entry, f"{key}.{k}")) for key, drawn in _DRAWN.items()
+    found = [replace(symbol, active_times=scene.window(entry, f"{key}.{k}")) for key, drawn in _DRAWN.items()
              for k, entry in enumerate(scene.entries(key)) for symbol in drawn(scene, entry)]
     if scene.at is None:
         return found
     t = float(results.t[scene.at])
-    return [symbol for symbol in found if symbol.acts[0] <= t < symbol.acts[1]]
+    return [symbol for symbol in found if symbol.active_times[0] <= t < symbol.active_times[1]]
 
 
 def tendons_of(results: Results, state: int | None) -> list[np.ndarray]:

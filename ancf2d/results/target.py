@@ -27,7 +27,7 @@ _LONGEST_HEADER = 1 << 24
 SWEEP_COLUMNS = ("elements", "dofs", "wall_s", "estimate", "output", "reason")
 _PROBE_COLUMNS = ["x", "y", "ux", "uy", "theta"]
 # first columns of reactions, controllers, moving points and obstacles, which may follow those of probes
-_BESIDE_PROBES = (["fx", "fy", "m"], ["output"], ["s"], ["ux", "uy", "theta"])
+_OTHER_COLUMNS = (["fx", "fy", "m"], ["output"], ["s"], ["ux", "uy", "theta"])
 _FACES = [f"{axis}_{face}" for face in ("axis", "top", "bottom") for axis in "xy"]
 
 
@@ -81,7 +81,7 @@ def _are_probes(names: Sequence[str]) -> bool:
     for name in names:
         probe, dot, quantity = name.rpartition(".")  # moving points have names with dots: loads.1.at
         quantities.setdefault(probe if dot else "", []).append(quantity)
-    heads = (_PROBE_COLUMNS, *_BESIDE_PROBES)
+    heads = (_PROBE_COLUMNS, *_OTHER_COLUMNS)
     first = next(iter(quantities.values()), [])
     return (first[:len(_PROBE_COLUMNS)] == _PROBE_COLUMNS and "" not in quantities
             and all(any(q[:len(head)] == head for head in heads) for q in quantities.values()))
@@ -228,7 +228,7 @@ class Target:
             if private is not None:
                 os.unlink(private)
 
-    def take_up(self) -> None:
+    def resume(self) -> None:
         """Continue the NAME.part that an earlier run left."""
         if self._old is None:
             raise ResultsError(f"there is no '{self.part}' to resume from")

@@ -98,7 +98,7 @@ class ResultWriter:
         self._target = Target(path, force)
         try:
             self.resumed = found = checkpoint_to_resume(self._target.part, header, np.asarray(e0, float))
-            self._target.take_up()
+            self._target.resume()
         except ResultsError:
             self._target.release()
             raise
@@ -113,7 +113,7 @@ class ResultWriter:
             self.flush()
         return self
 
-    def refuse(self, why: object) -> None:
+    def reject_checkpoint(self, why: object) -> None:
         """Raise the ResultsError for a checkpoint that does not fit the solver; ``why`` explains it."""
         raise refusal(self._target.part, f"its checkpoint was made by another version of the solver ({why})")
 

@@ -232,7 +232,7 @@ class Resolution:
     def _bodies(self) -> dict[str, _Body]:
         return _bodies(self.model)
 
-    def take(self, state: State) -> None:
+    def check(self, state: State) -> None:
         """Check a state of a motion, unless the last check was shortly before."""
         if not self.looks or state.v is None or state.t <= self.next:
             return
@@ -244,11 +244,11 @@ class Resolution:
         for name, body in self._bodies.items():
             self.lost[name] = self.lost.get(name, 0.0) + body.energies(state)[1]
 
-    def kept(self) -> dict[str, Any]:
+    def checkpoint_data(self) -> dict[str, Any]:
         """Return the values for a checkpoint."""
         return {"lost": dict(self.lost), "energy": self.energy, "count": self.count, "next": self.next}
 
-    def go_on(self, kept: dict[str, Any]) -> None:
+    def restore(self, kept: dict[str, Any]) -> None:
         """Restore the values of a checkpoint."""
         self.lost, self.energy, self.count, self.next = (kept[k] for k in ("lost", "energy", "count", "next"))
 

@@ -14,7 +14,7 @@ from ..case.units import SI
 from ..errors import UNSOLVED, CaseError, Problem, verdict
 from ..results import Column, write_tables
 from .forecast import Done, Forecast, steps_of
-from .goal import Answer, error_scale, goal_kind, goal_of, sequence, solve_for_goal
+from .goal import GoalValue, error_scale, goal_kind, goal_of, sequence, solve_for_goal
 from .order import Estimate, estimate, observed_order, order_from_errors, round_off_level
 from .pool import ALONE, DIED, Workers, run_jobs
 from .record import Progress
@@ -84,8 +84,8 @@ class Job:
 class Row:
     """The goal on one mesh, or with one time ``step`` (dt [s], or tolerance).
 
-    ``error`` is relative (see ``Answer``), in motion the largest over time; ``order`` is observed from this row and the
-    coarser ones; ``kinks``: a force or support acts inside an element. ``status`` is converged, or failed with a
+    ``error`` is relative (see ``GoalValue``), in motion the largest over time; ``order`` is observed from this row and
+    the coarser ones; ``kinks``: a force or support acts inside an element. ``status`` is converged, or failed with a
     ``reason``.
     """
 
@@ -100,7 +100,7 @@ class Row:
     wall_s: float | None = None
     status: str = "converged"
     reason: str = ""
-    answer: Answer | None = field(default=None, repr=False)
+    answer: GoalValue | None = field(default=None, repr=False)
     kinks: bool = field(default=False, repr=False)
 
     def as_json(self) -> dict[str, Any]:
@@ -197,19 +197,19 @@ def convergence(loaded: LoadedCase, variants: Sequence[Variant] = (Variant(),), 
     _warm_up([group[0] for group in jobs], compiling)
     flat = [job for group in jobs for job in group]
     ahead = Forecast([(job.variant, job.cost) for job in flat], workers, done)
-    rows = run_jobs(ahead.followed(solve_job), flat, workers, _lost, ahead.take, ahead.tick)
+    rows = run_jobs(ahead.followed(solve_job), flat, workers, _lost, ahead.record, ahead.tick)
     if any(row.kinks for row in rows):
         warnings.append("something acts inside elements of some meshes because of nodes: regular or preset: paper, so "
                         "orders are rough")
     k = len(jobs[0])
     series = [_judge(rows[i * k:(i + 1) * k], reference) for i in range(len(variants))]
     for one in series if steps is None else ():
-        one.estimate = _explained(one, loaded.case.solver)
+        one.estimate = _with_note(one, loaded.case.solver)
     return Convergence(loaded.source.file, loaded.case.title, describe_goal(goal), reference, series,
                        warnings, "elements" if steps is None else steps.key, loaded.case.units.labels)
 
 
-def _explained(series: Series, solver: Any) -> Estimate:
+def _with_note(series: Series, solver: Any) -> Estimate:
     """Return the estimate, with a note if meshes of a motion differ by no more than the error of their time steps."""
     found, answers = series.estimate, [row.answer for row in series.rows if row.answer is not None][-2:]
     if not isinstance(solver, Dynamic) or solver.dt is not None or found.asymptotic or len(answers) < 2:
@@ -319,7 +319,7 @@ def _judge(rows: list[Row], reference: float | None) -> Series:
     return Series(rows, replace(found, value=value), None if limit is None else limit.value)
 
 
-def limit_of(answers: Sequence[Answer], found: Estimate, reference: float | None) -> Answer | None:
+def limit_of(answers: Sequence[GoalValue], found: Estimate, reference: float | None) -> GoalValue | None:
     """Return the answer that errors are relative to: the reference, or the limit of the sequence."""
     if not answers:
         return None
@@ -327,11 +327,11 @@ def limit_of(answers: Sequence[Answer], found: Estimate, reference: float | None
     if reference is not None:
         # the reference of a motion is its value at the end
         size = last.size if last.course is not None else error_scale(reference, last.smallest)
-        return Answer(reference, size, period=last.period)
+        return GoalValue(reference, size, period=last.period)
     if found.value is None:
         return None
     if last.course is None:
-        return Answer(found.value, error_scale(found.value, last.smallest), period=last.period)
+        return GoalValue(found.value, error_scale(found.value, last.smallest), period=last.period)
     gap = last.distance(answers[-2]) if len(answers) > 1 else 0.0
     # distances approach their limit from one side: the remaining fraction of the last distance leads to the limit
     return last.beyond(answers[-2], abs(found.value - last.value) / gap) if gap > 0.0 else last

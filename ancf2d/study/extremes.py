@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..case.series import series
-from ..case.syntax import Chain, Constant, Time, Tree, named_in, renamed
+from ..case.syntax import Chain, Constant, Tree, Variable, named_in, renamed
 from ..elements.shape import Array
 
 # largest number of groups of neighbours into which the values under an extreme are divided
@@ -49,12 +49,12 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Met:
+class Evaluated:
     """An expression evaluated on a run: values of its names, and the values (m,) over which its extremes are taken."""
 
     measure: Measure
     meaning: dict[str, float]
-    places: dict[str, Array]
+    samples: dict[str, Array]
 
     def value(self) -> float:
         """Return the value of the expression."""
@@ -63,7 +63,7 @@ class Met:
     def along(self, name: str, values: Array) -> Array:
         """Return the expression (m,) evaluated with each of some values (m,) instead of an extreme."""
         meant: dict[str, Tree] = {own: Constant(value) for own, value in self.meaning.items()}
-        return series(renamed(self.measure.tree, meant | {name: Time()}), values, 0)[0]
+        return series(renamed(self.measure.tree, meant | {name: Variable()}), values, 0)[0]
 
     def chosen(self, name: str, groups: int) -> Array:
         """Return the indices (groups,) of the values that represent each group of neighbours.
@@ -71,7 +71,7 @@ class Met:
         Each is the extreme of its group. If that would make the expression larger than its actual value (it decreases
         with its max, say), the overall extreme is used instead, so the largest row is always the expression itself.
         """
-        extreme, values = self.measure.extremes[name], self.places[name]
+        extreme, values = self.measure.extremes[name], self.samples[name]
         m = len(values)
         first = np.arange(groups) * m // groups
         behind = np.maximum(np.arange(1, groups + 1) * m // groups, first + 1)
@@ -81,11 +81,11 @@ class Met:
 
     def rows(self, part: Part) -> Array:
         """Return the expression (groups,) evaluated with the representative of each group."""
-        return self.along(part.name, self.places[part.name][self.chosen(part.name, part.groups)])
+        return self.along(part.name, self.samples[part.name][self.chosen(part.name, part.groups)])
 
     def parts(self, number: int, most: int) -> list[Part]:
         """Return the extremes in the expression with more than one representative, in ``most`` groups at most."""
-        found = [Part(number, name, min(len(values), most)) for name, values in self.places.items()]
+        found = [Part(number, name, min(len(values), most)) for name, values in self.samples.items()]
         return [part for part in found
                 if part.groups > 1 and np.ptp(self.chosen(part.name, part.groups)) > 0]
 
@@ -104,7 +104,7 @@ def names_of(measure: Measure) -> set[str]:
 def slopes_of(tree: Tree, meaning: Mapping[str, float]) -> list[tuple[str, float]]:
     """Return the names in a tree, each with the derivative of the tree's value by it."""
     meant: dict[str, Tree] = {name: Constant(value) for name, value in meaning.items()}
-    moved = ((name, Chain(Constant(meaning[name]), (("+", Time()),))) for name in dict.fromkeys(named_in(tree)))
+    moved = ((name, Chain(Constant(meaning[name]), (("+", Variable()),))) for name in dict.fromkeys(named_in(tree)))
     return [(name, float(series(renamed(tree, meant | {name: by}), np.zeros(1), 1)[1, 0])) for name, by in moved]
 
 

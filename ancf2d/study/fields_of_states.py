@@ -38,7 +38,7 @@ class StatesWithFields(Results):
 
             model = built([])
             # stored states do not contain the history variables of elements
-            fields = [] if model.remembers else _told(model)
+            fields = [] if model.remembers else _computable_fields(model)
             found = built(fields) if fields else None
         except Ancf2dError:
             return None
@@ -116,7 +116,7 @@ class StatesWithFields(Results):
         return Moments(model, model.case.solver)
 
 
-def _told(model: Model) -> list[str]:
+def _computable_fields(model: Model) -> list[str]:
     """Return the names of the fields that can be computed from stored states.
 
     Sections given by their stiffnesses have no stress. States do not contain contact forces. N, Q and M follow from

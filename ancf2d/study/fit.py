@@ -13,7 +13,7 @@ import numpy as np
 
 from ..case import LoadedCase
 from ..case.axes import Bounds
-from ..case.numbers import Variable, moved_starts, numbers_between, text_with, variable_at
+from ..case.numbers import CaseNumber, moved_starts, number_at, numbers_between, text_with
 from ..case.units import QUANTITY_UNITS, unit_label
 from ..elements.shape import Array
 from ..errors import CaseError, ComputationError, Problem
@@ -63,7 +63,7 @@ class Fit:
 
     def overrides(self) -> list[str]:
         """Return ``PATH=VALUE`` for each fitted parameter."""
-        return [variable_at(self.loaded, row.path).override(row.value) for row in self.rows]
+        return [number_at(self.loaded, row.path).override(row.value) for row in self.rows]
 
     def as_json(self) -> dict[str, Any]:
         """Return the object that ``--json`` prints."""
@@ -110,8 +110,8 @@ def fit(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: Mapping
 
 
 def _variables(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: Mapping[str, float]
-               ) -> list[Variable]:
-    problems, variables = check_data(loaded, data), list[Variable]()
+               ) -> list[CaseNumber]:
+    problems, variables = check_data(loaded, data), list[CaseNumber]()
     try:
         variables = numbers_between(loaded, bounds, vocabulary())
     except CaseError as error:

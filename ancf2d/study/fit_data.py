@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..case import Dynamic, FrequencyResponse, LinearStatic, LoadedCase, QuasiStatic, Static, with_overrides
-from ..case.binder import TOLD, nearest
+from ..case.binder import KINEMATIC, nearest
 from ..case.compose import read_text
 from ..case.schema.controllers import equations
 from ..elements.shape import Array
@@ -247,7 +247,7 @@ class Watch:
     def places(self) -> bool:
         """Return whether the values follow from positions of probes, and from their rates at stored states."""
         told = [name.rpartition(".")[2] for name in self.data.names]
-        return self.data.axis == "t" and all(q in RATES or (q in TOLD and self.data.interval > 0.0) for q in told)
+        return self.data.axis == "t" and all(q in RATES or (q in KINEMATIC and self.data.interval > 0.0) for q in told)
 
     def alike(self, one: Model, other: Model) -> bool:
         """Return whether both models give the same values for the same states."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..case import LoadedCase, with_overrides
 from ..case.axes import Bounds
-from ..case.numbers import Variable
+from ..case.numbers import CaseNumber
 from ..elements.shape import Array
 from ..errors import ComputationError
 from .fit_data import Data, Watch
@@ -58,7 +58,7 @@ class _Secant(NamedTuple):
 class Search:
     """Differences between a case and data as a function of z (n,) in [0, 1], positions between the bounds."""
 
-    def __init__(self, loaded: LoadedCase, data: Data, variables: list[Variable], bounds: Sequence[Bounds],
+    def __init__(self, loaded: LoadedCase, data: Data, variables: list[CaseNumber], bounds: Sequence[Bounds],
                  scales: Array, progress: Progress, done: Callable[[int, float], None]) -> None:
         self.loaded, self.data, self.variables, self.bounds = loaded, data, variables, bounds
         self.watch, self.progress, self.done, self.runs = Watch(data), progress, done, 0
@@ -102,7 +102,7 @@ class Search:
         known = next((one for at, one in self.solved if at == z.tobytes()), None)
         if known is None:
             self.runs += 1
-            known = Study(self.case(z), self.watch, replace(self.progress, judges=False))
+            known = Study(self.case(z), self.watch, replace(self.progress, checks_mesh=False))
             self.solved = [*self.solved[-1:], (z.tobytes(), known)]
         return known
 
@@ -153,7 +153,7 @@ class Search:
         assert self.last is not None
         return self._secants(z, self.last)
 
-    def _variables_at(self, z: Array) -> list[Variable]:
+    def _variables_at(self, z: Array) -> list[CaseNumber]:
         return [replace(v, value=x) for v, x in zip(self.variables, self.values(z), strict=True)]
 
     def _secants(self, z: Array, f: Array) -> Array:

@@ -81,7 +81,7 @@ class Forecast:
                  done: Done = lambda share, left: None, clock: Callable[[], float] = lambda: time.monotonic()) -> None:
         self.jobs, self.done, self.clock = list(jobs), done, clock
         self.workers, self.processes = workers, max(workers.processes, 1)
-        self.origin, self.told, self.pause = clock(), 0.0, EVERY
+        self.origin, self.reported, self.pause = clock(), 0.0, EVERY
         self.began = dict.fromkeys(range(min(self.processes, len(self.jobs))), 0.0)
         self.seconds: dict[int, float] = {}
         self.known: dict[Hashable, dict[float, list[float]]] = {}
@@ -91,7 +91,7 @@ class Forecast:
         """Seconds since the creation."""
         return self.clock() - self.origin
 
-    def take(self, i: int, result: object, seconds: float) -> None:
+    def record(self, i: int, result: object, seconds: float) -> None:
         """Record that job ``i`` ended after so many seconds; the next one starts."""
         now = self.spent
         if not self.seconds:  # processes are ready only now
@@ -105,9 +105,9 @@ class Forecast:
     def tick(self, running: float | None = None) -> None:
         """Report the progress of the jobs; ``running`` [s] is the time that the running job still needs, if known."""
         now, count = self.spent, len(self.seconds) / max(len(self.jobs), 1)
-        if 0.0 < count < 1.0 and now - self.told < self.pause:
+        if 0.0 < count < 1.0 and now - self.reported < self.pause:
             return
-        self.told, left = now, self.left(running)
+        self.reported, left = now, self.left(running)
         self.pause = max(EVERY, RARELY * (self.spent - now))
         self.done(count if left is None else self.spent / max(self.spent + left, 1e-9), left)
 

@@ -114,7 +114,7 @@ def curves_of(goal: Goal | None, response: dict[str, Any], log: bool) -> Curves:
 
 
 @dataclass
-class Answer:
+class GoalValue:
     """The goal of one run.
 
     ``value`` at the end; ``course`` (states,) at all stored times of a motion; ``size`` > 0 is the scale of its errors:
@@ -134,12 +134,12 @@ class Answer:
     sampling: float = 0.0
     jumps: bool = False
 
-    def gap(self, other: Answer) -> float:
+    def gap(self, other: GoalValue) -> float:
         """Return the value minus that of another answer, modulo the period."""
         found, period = self.value - other.value, max(self.period, other.period)
         return found - period * round(found / period) if period else found
 
-    def distance(self, other: Answer) -> float:
+    def distance(self, other: GoalValue) -> float:
         """Return the distance to another answer, in the goal's units.
 
         In motion it is the largest over time, for responses the largest over the frequency.
@@ -150,7 +150,7 @@ class Answer:
             return abs(self.gap(other))
         return float(np.max(np.abs(self.course - other.course), initial=0.0))
 
-    def beyond(self, coarse: Answer, factor: float) -> Answer:
+    def beyond(self, coarse: GoalValue, factor: float) -> GoalValue:
         """Return this answer extrapolated by ``factor`` times its difference to a coarser one."""
         course = None
         if self.course is not None and coarse.course is not None and len(self.course) == len(coarse.course):
@@ -162,7 +162,7 @@ class Answer:
 class Solved:
     """A run for its goal: the answer, the outcome of the run, and its last state."""
 
-    answer: Answer
+    answer: GoalValue
     outcome: Outcome
     state: Any
 
@@ -203,17 +203,17 @@ class Target:
 
 
 def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, target: Target | None = None,
-                   tell: Callable[[Solved], None] = lambda found: None, solve: Solve | None = None) -> Solved:
+                   annotate: Callable[[Solved], None] = lambda found: None, solve: Solve | None = None) -> Solved:
     """Solve a case that has a goal or responses; ``solve`` replaces the solver.
 
-    The results are written to ``target``, after ``tell`` may have added to the summary. Raises CaseError, and
+    The results are written to ``target``, after ``annotate`` may have added to the summary. Raises CaseError, and
     ComputationError if the run fails or does not yield the goal.
     """
     # the frequencies are only dense enough to compare curves if an accuracy is asked for
     whole = loaded.case.accuracy is not None
     loaded = for_study(loaded)
     goal = loaded.case.goal if isinstance(loaded.case.solver, FrequencyResponse) else goal_of(loaded)
-    watch = _Watch(goal, loaded.case.solver, whole)
+    watch = _GoalRecorder(goal, loaded.case.solver, whole)
     given = progress or Progress()
 
     def built(model: Model) -> None:
@@ -221,17 +221,17 @@ def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, target:
         given.built(model)
 
     def taken(state: Any) -> None:
-        watch.take(state)
+        watch.record(state)
         given.state(state)
 
     progress = replace(given, state=taken, built=built)
-    found: list[Answer] = []
+    found: list[GoalValue] = []
 
     def conclude(summary: dict[str, Any], model: Model) -> None:
         answer = watch.answer(summary, model)
         if answer is not None:
             found.append(answer)
-            tell(Solved(answer, Outcome(summary, model), watch.last))
+            annotate(Solved(answer, Outcome(summary, model), watch.last))
 
     where: dict[str, Any] = {} if target is None else {
         "out": target.out, "force": target.force, "command": target.command}
@@ -244,7 +244,7 @@ def solve_for_goal(loaded: LoadedCase, progress: Progress | None = None, target:
     return Solved(found[0], outcome, watch.last)
 
 
-class _Watch:
+class _GoalRecorder:
     """Records the goal of a motion state by state; with ``whole``, responses are compared over all frequencies."""
 
     def __init__(self, goal: Goal | None, solver: Solver, whole: bool) -> None:
@@ -261,7 +261,7 @@ class _Watch:
 
         self.model, self.observer = model, Observer(model)
 
-    def take(self, state: Any) -> None:
+    def record(self, state: Any) -> None:
         """Record the next state."""
         self.last = state
         if not self.moves or self.goal is None or window_of(self.goal) is not None:
@@ -274,14 +274,14 @@ class _Watch:
         own = float(np.hypot(place["ux"], place["uy"])) if displaces else abs(value or 0.0)
         self.largest = max(self.largest, own)
 
-    def answer(self, summary: dict[str, Any], model: Model) -> Answer | None:
+    def answer(self, summary: dict[str, Any], model: Model) -> GoalValue | None:
         """Return the answer of a finished run, or None if the goal has no value."""
         over_all = self.goal is None or (self.whole and self.goal.hz is None)
         if isinstance(self.solver, FrequencyResponse) and over_all:
             curves = curves_of(self.goal, summary["response"], self.solver.scale == "log")
             if self.goal is None:
-                return Answer(1.0, 1.0, curves=curves)
-            return Answer(quantity(self.goal, summary) or 0.0, float(curves.sizes[0]), curves=curves)
+                return GoalValue(1.0, 1.0, curves=curves)
+            return GoalValue(quantity(self.goal, summary) or 0.0, float(curves.sizes[0]), curves=curves)
         assert self.goal is not None
         value = quantity(self.goal, summary)
         if value is None:
@@ -289,12 +289,12 @@ class _Watch:
         smallest = smallest_scale(self.goal, summary, model, self.last.d[:model.n_q])
         if window_of(self.goal) is not None:
             sampling = summary["windows"][window_key(self.goal)]["sampling"]
-            return Answer(value, error_scale(value, smallest), None, smallest, sampling=sampling,
+            return GoalValue(value, error_scale(value, smallest), None, smallest, sampling=sampling,
                           jumps=self.goal.peak_over is not None)
         if not self.course:
             period = 2.0 * math.pi if self.goal.part == "phase" else 0.0
-            return Answer(value, error_scale(value, smallest), None, smallest, period=period)
-        return Answer(value, max(self.largest, TINY), np.array(self.course), smallest)
+            return GoalValue(value, error_scale(value, smallest), None, smallest, period=period)
+        return GoalValue(value, max(self.largest, TINY), np.array(self.course), smallest)
 
     def _summary(self, state: Any) -> dict[str, Any]:
         """Return the part of a summary that the goal can refer to, at one state."""
@@ -306,7 +306,7 @@ class _Watch:
         return out
 
 
-def sequence(answers: Sequence[Answer]) -> list[float]:
+def sequence(answers: Sequence[GoalValue]) -> list[float]:
     """Return a sequence of numbers whose differences are the distances of neighbouring answers, for extrapolation.
 
     It ends with the last value. For scalar answers it consists of their values (phases without jumps of 2 pi); courses

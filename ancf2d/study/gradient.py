@@ -19,7 +19,7 @@ from ..case import (
     Static,
     with_overrides,
 )
-from ..case.numbers import Variable, numbers_at
+from ..case.numbers import CaseNumber, numbers_at
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
@@ -60,7 +60,7 @@ class Derivatives:
     ``errors`` (m, n) are the estimated errors of the derivatives; ``methods`` (n,) say how each was found.
     """
 
-    variables: list[Variable]
+    variables: list[CaseNumber]
     values: Array
     jacobian: Array
     errors: Array
@@ -78,14 +78,14 @@ def gradient(loaded: LoadedCase, goals: Iterable[Goal] | Watch, paths: Sequence[
     return found.values, found.jacobian
 
 
-def derivatives(loaded: LoadedCase, goals: Iterable[Goal] | Watch, variables: Sequence[Variable],
+def derivatives(loaded: LoadedCase, goals: Iterable[Goal] | Watch, variables: Sequence[CaseNumber],
                 progress: Progress | None = None) -> Derivatives:
     """Return the results of ``gradient`` with error estimates and methods."""
     watch = goals if callable(goals) else GoalValues(tuple(goals))
     return derivatives_of(Study(loaded, watch, progress or Progress(), numbers=len(variables)), variables)
 
 
-def derivatives_of(study: Study, variables: Sequence[Variable]) -> Derivatives:
+def derivatives_of(study: Study, variables: Sequence[CaseNumber]) -> Derivatives:
     """Return the results of ``derivatives`` for a case that was solved."""
     study.expect(variables)
     found = [study.differentiate(variable) for variable in variables]
@@ -111,7 +111,7 @@ class Study:
         self.lengths: list[float] = []
         self.model, states = self._first(numbers)
         self.progress = replace(progress, warn=lambda text: None, state=lambda state: None, built=lambda model: None,
-                                judges=False)
+                                checks_mesh=False)
         self.values, self.numbering = watch(self.model, states), numbering_of(self.model)
         # states for the derivatives; the method is chosen when the number of variables is known
         self.ended = states
@@ -204,7 +204,7 @@ class Study:
             return [Motion(self.model, states, whole, watch if getattr(watch, "places", False) else None)], ""
         return responses(self.model, states, whole, goals), ""
 
-    def expect(self, variables: Sequence[Variable]) -> None:
+    def expect(self, variables: Sequence[CaseNumber]) -> None:
         """Compute together what is cheaper for several numbers than for each."""
         self._choose(len(variables))
         beside = [(self._beside(v), STEP * size_of(v, self.model.extent)) for v in variables]
@@ -216,7 +216,7 @@ class Study:
         for one in self.responses or ():
             one.prepare(beside)
 
-    def differentiate(self, variable: Variable) -> tuple[Quotient, str]:
+    def differentiate(self, variable: CaseNumber) -> tuple[Quotient, str]:
         """Return the derivative by a number, and how it was found."""
         self._choose(1)
         size, reason = size_of(variable, self.model.extent), self.reason
@@ -229,7 +229,7 @@ class Study:
                 self.models.pop(variable.path, None)
         return self._differences(variable, STEP_OF_RUNS * size), f"differences of runs: {reason}"
 
-    def exact(self, variables: Sequence[Variable]) -> Array | None:
+    def exact(self, variables: Sequence[CaseNumber]) -> Array | None:
         """Return the derivatives (m, n) of a motion's values if all are linear in changes of its states, else None.
 
         Derivatives that would need further runs, or readings of changed states, are left to callers with cheaper
@@ -243,14 +243,15 @@ class Study:
         except UnsuitedError:
             return None
 
-    def _beside(self, variable: Variable) -> Callable[[float], Model]:
+    def _beside(self, variable: CaseNumber) -> Callable[[float], Model]:
         """Return a function that builds the model with a number changed by a step, each once."""
         if variable.path not in self.models:
             models: dict[float, Model] = {}
 
             def at(step: float) -> Model:
                 if step not in models:
-                    found = prepare(_tight(for_study(varied(self.loaded, variable, step))), self.model, beside=True)
+                    found = prepare(_tight(for_study(varied(self.loaded, variable, step))), self.model,
+                                    for_differences=True)
                     if numbering_of(found) != self.numbering:
                         raise UnsuitedError("the unknowns change with the number")
                     if self.moves and _times_of(found) != _times_of(self.model):
@@ -260,7 +261,7 @@ class Study:
             self.models[variable.path] = at
         return self.models[variable.path]
 
-    def _responded(self, variable: Variable, h: float) -> Quotient:
+    def _responded(self, variable: CaseNumber, h: float) -> Quotient:
         at = self._beside(variable)
         if self.adjoint is not None:
             return self.adjoint.slope(at, h)
@@ -284,7 +285,7 @@ class Study:
         by_states = np.abs(watched(found.h, self.model) - self.middle) / found.h
         return Quotient(found.value, found.error + share * by_states, found.h)
 
-    def _differences(self, variable: Variable, h: float) -> Quotient:
+    def _differences(self, variable: CaseNumber, h: float) -> Quotient:
         """Return the derivative by a number from runs at other values. Raises ComputationError if meshes differ."""
         meshes: set[Any] = set()
 
@@ -361,14 +362,14 @@ def _tight(loaded: LoadedCase) -> LoadedCase:
     return replace(loaded, case=replace(loaded.case, solver=replace(solver, tolerance=tolerance, verify=False)))
 
 
-def varied(loaded: LoadedCase, variable: Variable, h: float) -> LoadedCase:
+def varied(loaded: LoadedCase, variable: CaseNumber, h: float) -> LoadedCase:
     """Return a case with one of its numbers changed by h. Raises CaseError if the result is invalid."""
     return with_overrides(loaded, [variable.override(variable.value + h)], vocabulary())
 
 
-def size_of(variable: Variable, extent: float) -> float:
+def size_of(variable: CaseNumber, extent: float) -> float:
     """Return the scale for changes of a number: its value, that of its list, or the model's size."""
-    return abs(variable.value) or variable.beside or extent
+    return abs(variable.value) or variable.list_scale or extent
 
 
 def mesh_of(model: Model) -> tuple[Any, ...]:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..case import Goal, LoadedCase
-from ..case.binder import TOLD
+from ..case.binder import KINEMATIC
 from ..case.material_checks import refused_field
 from ..case.nodes import Mark, Origin
 from ..case.records import tag_of
@@ -21,7 +21,7 @@ from ..errors import CaseError, ComputationError, Problem
 from ..model.model import Model
 from ..solvers.derivatives.readings import Term
 from ..solvers.fields import FIELDS, FieldReader, field_problems
-from .extremes import MOST, Extreme, Measure, Met, Part, names_of, near, slopes_of, value_of
+from .extremes import MOST, Evaluated, Extreme, Measure, Part, names_of, near, slopes_of, value_of
 from .run import describe_goal, quantity
 from .windows import Windows, window_of, window_weights
 
@@ -36,7 +36,7 @@ class Vocabulary:
 
     def __init__(self, loaded: LoadedCase) -> None:
         case = loaded.case
-        rates = TOLD if case.solver.moves else TOLD[:5]
+        rates = KINEMATIC if case.solver.moves else KINEMATIC[:5]
         self.probes = tuple(case.output.probes)
         found = [f"{probe}.{q}" for probe in self.probes for q in (*rates, *SECTION)]
         supports = [s.name for s in case.boundary_conditions if s.name]
@@ -121,8 +121,8 @@ class Measures:
 
     An expression with max or min has a kink where another value becomes the extreme. For expressions flagged in
     ``apart``, the values are therefore followed by smooth rows: the expression evaluated with one representative of
-    each group of neighbouring values (``Met.chosen``). The largest row equals the expression. ``parts``, one for each
-    such extreme, are chosen at the first call; for motions, such that there are at most ``numbers`` values to
+    each group of neighbouring values (``Evaluated.chosen``). The largest row equals the expression. ``parts``, one for
+    each such extreme, are chosen at the first call; for motions, such that there are at most ``numbers`` values to
     differentiate.
     """
 
@@ -150,11 +150,11 @@ class Measures:
             self.parts = self._divided(met, model.case.solver.moves)
         return np.concatenate([found, *(met[part.number].rows(part) for part in self.parts)])
 
-    def _divided(self, met: list[Met], moves: bool) -> list[Part]:
+    def _divided(self, met: list[Evaluated], moves: bool) -> list[Part]:
         """Return the extremes that get rows, with their numbers of groups."""
         wanted = [one for one, apart in zip(met, self.apart, strict=False) if apart]
         # more expressions than numbers would be differentiated forwards, at the cost of many motions
-        most = (self.numbers - self.count) // sum(len(one.places) for one in wanted) if moves and self.places else MOST
+        most = (self.numbers - self.count) // sum(len(one.samples) for one in wanted) if moves and self.places else MOST
         return [part for k, apart in enumerate(self.apart) if apart for part in met[k].parts(k, most)]
 
     def rows(self, number: int) -> slice | None:
@@ -176,15 +176,15 @@ class Measures:
                 out[number], out[rows] = 0.0, near(values[rows])
         return out
 
-    def _met(self, model: Model, states: Sequence[Any], course: list[dict[str, float]]) -> list[Met]:
+    def _met(self, model: Model, states: Sequence[Any], course: list[dict[str, float]]) -> list[Evaluated]:
         """Return the expressions evaluated at the states."""
-        of_fields, out = {name: self._field(model, states[-1], name) for name in self.fields}, list[Met]()
+        of_fields, out = {name: self._field(model, states[-1], name) for name in self.fields}, list[Evaluated]()
         for measure in self.measures:
             places = {name: of_fields[extreme.field] if extreme.tree is None else
                       np.array([value_of(extreme.tree, told) for told in course])
                       for name, extreme in measure.extremes.items()}
             ends = {name: float(values[measure.extremes[name].at(values)]) for name, values in places.items()}
-            out.append(Met(measure, course[-1] | ends, places))
+            out.append(Evaluated(measure, course[-1] | ends, places))
         return out
 
     def _course(self, model: Model, states: Sequence[Any]) -> list[dict[str, float]]:
@@ -196,7 +196,7 @@ class Measures:
     def places(self) -> bool:
         """Return whether all values follow from the model and from probe quantities given by positions and rates."""
         read = {name.rpartition(".")[2] for name in self.names - self.parameters - {GOAL, MASS}}
-        return not self.fields and read <= set(TOLD) and GoalValues(self.goals).places
+        return not self.fields and read <= set(KINEMATIC) and GoalValues(self.goals).places
 
     @property
     def count(self) -> int:
@@ -215,7 +215,7 @@ class Measures:
         """
         course = self._course(model, states)
         met, out = self._met(model, states, course), list[Term]()
-        chosen = [{name: one.measure.extremes[name].at(values) for name, values in one.places.items()} for one in met]
+        chosen = [{name: one.measure.extremes[name].at(values) for name, values in one.samples.items()} for one in met]
         every = [(one, at) for one, at in zip(met, chosen, strict=True)]
         for part in self.parts or ():
             one = met[part.number]
@@ -225,10 +225,10 @@ class Measures:
             out += [(k, *term) for term in self._terms(model, states, course, one, at)]
         return out
 
-    def _terms(self, model: Model, states: Sequence[Any], course: list[dict[str, float]], one: Met,
+    def _terms(self, model: Model, states: Sequence[Any], course: list[dict[str, float]], one: Evaluated,
                at: dict[str, int]) -> Iterator[tuple[int, str, str, float]]:
         """Yield the derivatives of an expression by probe quantities, with its extremes taken at the places ``at``."""
-        meaning = one.meaning | {name: float(one.places[name][place]) for name, place in at.items()}
+        meaning = one.meaning | {name: float(one.samples[name][place]) for name, place in at.items()}
         first, goals = len(states) - len(course), GoalValues(self.goals)
         for name, outer in slopes_of(one.measure.tree, meaning):
             inner = [(len(states) - 1, name, 1.0)]
@@ -317,7 +317,7 @@ class GoalValues:
     @property
     def places(self) -> bool:
         """Return whether all goals are probe quantities given by positions and rates."""
-        return all(goal.probe is not None and goal.quantity in TOLD for goal in self.goals)
+        return all(goal.probe is not None and goal.quantity in KINEMATIC for goal in self.goals)
 
     @property
     def count(self) -> int:
@@ -368,7 +368,7 @@ def last_summary(model: Model, states: Sequence[Any], reacts: bool = True, force
     windows = Windows(model, goals)
     if windows.goals:
         for one in states:
-            windows.take(one, observer.observe(one), lambda state: reactions(model, state))
+            windows.record(one, observer.observe(one), lambda state: reactions(model, state))
         out["windows"] = windows.values()
     for one in states:
         out.update(one.report)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..case import LoadedCase, with_overrides
 from ..case.axes import Bounds
-from ..case.numbers import Variable, moved_starts, numbers_between
+from ..case.numbers import CaseNumber, moved_starts, numbers_between
 from ..elements.shape import Array
 from ..errors import ComputationError, all_of
 from ..results import Column, write_tables
@@ -79,7 +79,7 @@ class Problem:
     """The objective, the numbers to vary, and the constraints (each with <= or ==)."""
 
     loaded: LoadedCase
-    variables: list[Variable]
+    variables: list[CaseNumber]
     bounds: list[Bounds]
     measures: Measures
     kinds: list[str]
@@ -190,7 +190,7 @@ class _Search:
         key = y.tobytes()
         if key not in self._slopes:
             study = self._study(y)
-            here = [Variable(variable.path, float(x), variable.beside, variable.body)
+            here = [CaseNumber(variable.path, float(x), variable.list_scale, variable.body)
                     for variable, x in zip(self.problem.variables, self.x(y), strict=True)]
             study.expect(here)
             columns = [study.differentiate(variable)[0].value for variable in here]

@@ -22,8 +22,8 @@ class Progress:
     """Callbacks that report the progress of a run.
 
     ``state`` is called with each state, ``warn`` with each new warning, ``note`` with remarks, ``built`` with the model
-    before it is solved, ``compiling`` with a remark when kernels have to be compiled first. ``judges``: check whether
-    the mesh is fine enough, and warn if not.
+    before it is solved, ``compiling`` with a remark when kernels have to be compiled first. ``checks_mesh``: check
+    whether the mesh is fine enough, and warn if not.
     """
 
     state: Callable[[State], None] = lambda state: None
@@ -31,7 +31,7 @@ class Progress:
     note: Callable[[str], None] = lambda text: None
     built: Callable[[Model], None] = lambda model: None
     compiling: Callable[[str], None] = lambda text: None
-    judges: bool = True
+    checks_mesh: bool = True
 
 
 class Clock:
@@ -56,7 +56,7 @@ def run_end(case: Case) -> float:
     return float("inf") if case.solver.on_path else case.solver.end
 
 
-def beside(probes: dict[str, dict[str, float]], more: dict[str, dict[str, float]], what: str
+def joined(probes: dict[str, dict[str, float]], more: dict[str, dict[str, float]], what: str
            ) -> dict[str, dict[str, float]]:
     """Return both dictionaries joined; a name in ``more`` that is also in ``probes`` gets the prefix ``what``."""
     return {**probes, **{name if name not in probes else f"{what} {name}": values for name, values in more.items()}}
@@ -80,7 +80,7 @@ class Recorder:
         # without a result file, only the last of the equilibria is reported
         self.reads_all = self.moves or writer is not None
         self.state: State | None = None
-        self.reacted: tuple[State | None, dict[str, dict[str, float]]] = (None, {})
+        self.last_reactions: tuple[State | None, dict[str, dict[str, float]]] = (None, {})
         self.probes: dict[str, dict[str, float]] = {}
         self.totals: dict[str, Any] = {"iterations": 0, "steps": 0}
         self.report: dict[str, Any] = {}
@@ -89,7 +89,7 @@ class Recorder:
         # history variables of the elements before the first step
         self.unloaded = model.states.copy() if model.remembers else None
 
-    def take(self, state: State) -> None:
+    def record(self, state: State) -> None:
         """Record the next state."""
         if self.writer is not None and self.totals["steps"] == 0 and isinstance(self.case.solver, Static):
             self._reference()
@@ -100,7 +100,7 @@ class Recorder:
         self.report.update(state.report)
         self.between.take(state)
         if self.moves:
-            self.windows.take(state, self.probes, self._reactions)
+            self.windows.record(state, self.probes, self._reactions)
             self._take_motion(state)
         else:
             self._take_equilibrium(state)
@@ -115,7 +115,7 @@ class Recorder:
             self.report["contact_error"] = self.between.error
         if self.state is not None and not self.reads_all:
             self.probes = self.observer.observe(self.state)
-        if self.state is None or not self.progress.judges:
+        if self.state is None or not self.progress.checks_mesh:
             return
         if not self.state.linear:
             self._warn(coarse_warnings(self.model, self.state.d))
@@ -147,17 +147,17 @@ class Recorder:
         if self.model.frames:
             from ..solvers.contact import obstacle_motions
 
-            probes = beside(probes, obstacle_motions(self.model, state), "obstacle")
+            probes = joined(probes, obstacle_motions(self.model, state), "obstacle")
         name = self.case.goal.reaction if self.case.goal is not None else None
-        return probes if name is None else beside(probes, {name: self._reactions(state)[name]}, "reaction")
+        return probes if name is None else joined(probes, {name: self._reactions(state)[name]}, "reaction")
 
     def _reactions(self, state: State) -> dict[str, dict[str, float]]:
         """Return the reactions of a state, computed once."""
         from ..solvers.post import reactions
 
-        if self.reacted[0] is not state:
-            self.reacted = state, reactions(self.model, state)
-        return self.reacted[1]
+        if self.last_reactions[0] is not state:
+            self.last_reactions = state, reactions(self.model, state)
+        return self.last_reactions[1]
 
     def _over_bodies(self, state: State) -> dict[tuple[str, str], Any]:
         return {} if self.fields is None else self.fields.read(state)
@@ -182,15 +182,15 @@ class Recorder:
     def _take_motion(self, state: State) -> None:
         """Add up the steps since the last state, and store them with this one."""
         self._count(state.blocks)
-        if self.progress.judges:
-            self.resolution.take(state)
+        if self.progress.checks_mesh:
+            self.resolution.check(state)
         if self.writer is None:
             return
         self._write_once(state)
         v = None if state.v is None else state.v[:self.model.n_q]
         # controllers are recorded over time, like probes
-        told = self._over_time(state, self.probes) | state.controllers
-        self._store(state, None, told, v=v, steps=state.blocks, energies=state.history,
+        series = self._over_time(state, self.probes) | state.controllers
+        self._store(state, None, series, v=v, steps=state.blocks, energies=state.history,
                     checkpoint=self._checkpoint(state))
 
     def _store(self, state: State, history: dict[str, float] | None, probes: dict[str, dict[str, float]],
@@ -220,11 +220,11 @@ class Recorder:
 
         notes = {"totals": dict(self.totals), "report": dict(self.report),
                  "warnings": list(self.warnings), "worst": [[w, w.kind, w.size] for w in self.worst.values()],
-                 "wall_s": self.clock.seconds, "resolution": self.resolution.kept(), "windows": self.windows.kept(),
-                 "between": self.between.kept()}
+                 "wall_s": self.clock.seconds, "resolution": self.resolution.checkpoint_data(),
+                 "windows": self.windows.checkpoint_data(), "between": self.between.kept()}
         return Checkpoint(state.t, state.checkpoint, notes)
 
-    def go_on(self, found: Checkpoint) -> None:
+    def restore(self, found: Checkpoint) -> None:
         """Restore totals, report, warnings and collected values from a checkpoint."""
         notes = found.notes
         self.totals.update(notes["totals"])
@@ -232,6 +232,6 @@ class Recorder:
         self.warnings[:] = notes["warnings"]
         self.worst = {kind: Graded(text, kind, size) for text, kind, size in notes.get("worst", ())}
         self.clock.seconds = notes["wall_s"]
-        self.resolution.go_on(notes["resolution"])
-        self.windows.go_on(notes["windows"])
+        self.resolution.restore(notes["resolution"])
+        self.windows.restore(notes["windows"])
         self.between.go_on(notes["between"])

@@ -60,10 +60,10 @@ def load(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> LoadedC
     return load_case(path, overrides, vocabulary())
 
 
-def prepare(loaded: LoadedCase, like: Model | None = None, beside: bool = False) -> Model:
+def prepare(loaded: LoadedCase, like: Model | None = None, for_differences: bool = False) -> Model:
     """Return the model of a case, without compiling anything. Raises CaseError with all problems, also the solver's.
 
-    ``like`` is a model of the same case with other values, whose unchanged parts are used. ``beside`` means that the
+    ``like`` is a model of the same case with other values, whose unchanged parts are used. ``for_differences``: the
     model only serves for differences to ``like`` (``build_model``): checks and warnings are left out.
     """
     from ..solvers.fields import field_problems
@@ -71,11 +71,11 @@ def prepare(loaded: LoadedCase, like: Model | None = None, beside: bool = False)
     from ..solvers.motion.schemes import method_problems
     from ..solvers.registry import left_out
 
-    model = build_model(loaded, like=like, beside=beside)
+    model = build_model(loaded, like=like, for_differences=for_differences)
     problems = [*initial_problems(model), *method_problems(model), *field_problems(model)]
     if problems:
         raise CaseError(problems)
-    if beside:
+    if for_differences:
         return model
     model.warnings += [*left_out(loaded.case), *unit_warnings(loaded.case), *material_warnings(loaded.case),
                        *(f"parameters.{name}: nothing in the case uses it" for name in unused_parameters(loaded.case))]
@@ -118,7 +118,7 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
     goes_on = resume and out is not None and _resumes(loaded.case, out, progress)
     writer = None if out is None else _writer(loaded, model, out, force, command, goes_on)
     if out is None and checkpoints is not None and loaded.case.solver.timed:
-        writer = _keeper(loaded, model, checkpoints)
+        writer = _checkpoint_keeper(loaded, model, checkpoints)
     try:
         warm_up(model, progress.compiling, kernels)
         return _solve(loaded, model, writer, progress, warnings, conclude, solve, brief)
@@ -131,12 +131,12 @@ def run_case(loaded: LoadedCase, out: str | None = None, *, force: bool = False,
 def _solve(loaded: LoadedCase, model: Model, writer: Any, progress: Progress, warnings: list[str],
            conclude: Conclude | None, solve: Solve | None, brief: bool) -> Outcome:
     recorder, failure = Recorder(model, writer, progress, warnings), None
-    recorder.clock.states = _checked(loaded, model, _states(model, writer, solve))
+    recorder.clock.states = _with_verification(loaded, model, _states(model, writer, solve))
     if writer is not None and writer.resumed is not None:
-        recorder.go_on(writer.resumed)
+        recorder.restore(writer.resumed)
     try:
         for state in recorder.clock:
-            recorder.take(state)
+            recorder.record(state)
     except ComputationError as error:
         failure = error
     recorder.conclude()
@@ -157,11 +157,11 @@ def _states(model: Model, writer: Any, solve: Solve | None) -> Iterator[State]:
         try:
             return registry.solve(model, writer.resumed.values)
         except CheckpointError as error:
-            writer.refuse(error)
+            writer.reject_checkpoint(error)
     return (solve or registry.solve)(model)
 
 
-def _checked(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Iterator[State]:
+def _with_verification(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Iterator[State]:
     """Return the states, with modes or load steps verified if the case asks for it."""
     if not getattr(loaded.case.solver, "verify", False):
         return states
@@ -322,7 +322,7 @@ def _writer(loaded: LoadedCase, model: Model, out: str, force: bool, command: st
     return writer
 
 
-def _keeper(loaded: LoadedCase, model: Model, path: Path) -> Any:
+def _checkpoint_keeper(loaded: LoadedCase, model: Model, path: Path) -> Any:
     from ..json_values import plain
     from ..results.checkpoint import CheckpointKeeper
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..case import LoadedCase
-from ..case.numbers import Variable, numbers_at, variables_of
+from ..case.numbers import CaseNumber, numbers_at, numbers_of
 from ..errors import UNSOLVED, CaseError, Problem, verdict
 from ..results import Column, write_tables
 from .accuracy.control import is_pursued, solve_to_accuracy
@@ -68,7 +68,7 @@ def sensitivity(loaded: LoadedCase, paths: Sequence[str] = (), progress: Progres
     CaseError if the case has no goal, or if a path leads to no number that can vary; ComputationError.
     """
     goal = goal_of(loaded, "nothing to differentiate")
-    variables = numbers_at(loaded, paths) or variables_of(loaded)
+    variables = numbers_at(loaded, paths) or numbers_of(loaded)
     progress = progress or Progress()
     warnings: list[str] = []
     study = Study(on_its_mesh(loaded, progress), GoalValues((goal,)), progress, warnings.append,
@@ -102,7 +102,7 @@ def on_its_mesh(loaded: LoadedCase, progress: Progress) -> LoadedCase:
     return loaded if found is None else found
 
 
-def _row(variable: Variable, goal: float, found: Quotient, method: str, extent: float) -> Row:
+def _row(variable: CaseNumber, goal: float, found: Quotient, method: str, extent: float) -> Row:
     slope = float(found.value[0])
     # adding 0 avoids a negative zero
     elasticity = slope * variable.value / goal + 0.0 if variable.value and goal else None

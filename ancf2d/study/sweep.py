@@ -137,7 +137,7 @@ def _run(sweep: Sweep, ledger: Ledger, workers: Workers, compiling: Callable[[st
             found["output"] = found["output"] or str(sweep.file)
         for row in rows:
             row.take(found)
-        ahead.take(i, summary, seconds)
+        ahead.record(i, summary, seconds)
 
     run_jobs(ahead.followed(solve_job), jobs, workers, lost, take, ahead.tick)
 

@@ -236,4 +236,3 @@ def overrides_for(case: Case, variant: Variant, counts: dict[str, int]) -> list[
     return [f"bodies.{name}.element="
             + json.dumps(element_data(body, variant, counts[name], nested_base(counts[name], len(lengths[name]))))
             for name, body in flexible(case).items()]
-

@@ -33,7 +33,7 @@ ALIKE = 0.8
 MORE = 20
 
 
-class Fields:
+class ModeVectors:
     """Modes of a model as vectors whose scalar product is that of the kinetic energy: scaled velocities at many points.
 
     The points are the integration points of a ``fine`` model of the same bodies and element types.
@@ -112,7 +112,7 @@ def _modes(loaded: LoadedCase, model: Model, states: Iterator[State]) -> Iterato
         entries: list[dict[str, Any]] = state.report["frequencies"]
         fine = build_model(refined(loaded))
         found = list(solve_eigen(fine, replace(cast(Eigen, loaded.case.solver), modes=2 * len(entries) + MORE)))[-1]
-        ours, theirs = Fields(model, fine), Fields(fine, fine)
+        ours, theirs = ModeVectors(model, fine), ModeVectors(fine, fine)
         others = np.array([theirs(v) for v in found.arrays["modes/shapes"][0]])
         omegas = np.array([f["omega"] for f in found.report["frequencies"]])
         # a branch that lives in the gaps between elements is dense enough to imitate any mode

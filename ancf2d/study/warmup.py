@@ -34,8 +34,8 @@ except ImportError:  # without file locks, processes that compile at the same ti
 PATIENCE = 1.5
 # the file in the cache that lists what was compiled, and the size in bytes (some thousand names) at which it is emptied
 NAMES, MOST_NAMES = "compiled", 1 << 16
-# a compiling process touches the lock file every BEAT seconds; without that for STILL seconds, it has stopped
-BEAT, STILL, TICK = 0.5, 5.0, 0.05
+# a compiling process touches the lock file every BEAT seconds; without that for STOPPED_AFTER seconds, it has stopped
+BEAT, STOPPED_AFTER, TICK = 0.5, 5.0, 0.05
 # share of a motion that is computed to compile its kernels
 MOMENT = 1e-6
 # names of the kernels that this process has used: another case of the same kind needs no new ones
@@ -65,7 +65,7 @@ def warm_up(model: Model, compiling: Callable[[str], None] = lambda text: None, 
     begun, ended = threading.Event(), threading.Event()
     threading.Thread(target=_announce, args=(what, compiling, begun, ended), daemon=True).start()
     try:
-        with _alone(CACHE, kernels, compiling) as new, _seldom_collected():
+        with _compile_lock(CACHE, kernels, compiling) as new, _seldom_collected():
             begun.set()
             if isinstance(model.case.solver, Dynamic):
                 _touch_motion(model, model.case.solver, new)
@@ -115,7 +115,8 @@ def _words(data: Any) -> Any:
 
 
 @contextmanager
-def _alone(cache: Path | None, kernels: str, tell: Callable[[str], None] = lambda text: None) -> Iterator[bool]:
+def _compile_lock(cache: Path | None, kernels: str,
+                  report: Callable[[str], None] = lambda text: None) -> Iterator[bool]:
     """Keep other processes from compiling at the same time, unless these kernels were compiled before.
 
     Yields whether the kernels still have to be compiled into the cache.
@@ -124,7 +125,7 @@ def _alone(cache: Path | None, kernels: str, tell: Callable[[str], None] = lambd
         yield False
         return
     with ExitStack() as lock:
-        lock.enter_context(_locked(cache / "lock", tell))
+        lock.enter_context(_locked(cache / "lock", report))
         new = not _is_compiled(cache, kernels)
         if not new:
             # another process has compiled them meanwhile; reading them needs no lock
@@ -148,16 +149,16 @@ def _note_compiled(cache: Path, kernels: str) -> None:
 
 
 @contextmanager
-def _locked(path: Path, tell: Callable[[str], None]) -> Iterator[None]:
+def _locked(path: Path, report: Callable[[str], None]) -> Iterator[None]:
     """Hold a lock; continue without it if it cannot be obtained: at worst the same work is done twice."""
     descriptor, ended = None, threading.Event()
     try:
         with suppress(OSError):
             descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
-            if _had(descriptor):
-                threading.Thread(target=_show_life, args=(path, ended), daemon=True).start()
+            if _acquire(descriptor):
+                threading.Thread(target=_keep_alive, args=(path, ended), daemon=True).start()
             else:
-                tell("another process that was compiling kernels has stopped; continuing without it")
+                report("another process that was compiling kernels has stopped; continuing without it")
         yield
     finally:
         ended.set()
@@ -167,7 +168,7 @@ def _locked(path: Path, tell: Callable[[str], None]) -> Iterator[None]:
             os.close(descriptor)
 
 
-def _had(descriptor: int) -> bool:
+def _acquire(descriptor: int) -> bool:
     """Wait for a lock; return False if the process that holds it shows no sign of life."""
     seen, since = 0, time.monotonic()
     while True:
@@ -178,12 +179,12 @@ def _had(descriptor: int) -> bool:
         sign = os.fstat(descriptor).st_mtime_ns
         if sign != seen:
             seen, since = sign, time.monotonic()
-        elif time.monotonic() - since > STILL:
+        elif time.monotonic() - since > STOPPED_AFTER:
             return False
         time.sleep(TICK)
 
 
-def _show_life(path: Path, ended: threading.Event) -> None:
+def _keep_alive(path: Path, ended: threading.Event) -> None:
     while not ended.wait(BEAT):
         with suppress(OSError):
             os.utime(path)

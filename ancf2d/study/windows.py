@@ -27,10 +27,10 @@ def window_of(goal: Any) -> tuple[float, float] | None:
 def window_key(goal: Any) -> str:
     """Return the key of a goal over a window in a summary."""
     begin, end = window_of(goal) or (0.0, 0.0)
-    return f"{'mean' if goal.mean_over else 'peak'} of {_read_by(goal)} from {begin:g} to {end:g} s"
+    return f"{'mean' if goal.mean_over else 'peak'} of {_quantity_name(goal)} from {begin:g} to {end:g} s"
 
 
-def _read_by(goal: Any) -> str:
+def _quantity_name(goal: Any) -> str:
     """Return the name of the values over time that a goal reads."""
     return " ".join(str(p) for p in (goal.probe, goal.reaction, goal.quantity) if p is not None)
 
@@ -50,20 +50,20 @@ class Windows:
     """Collects the values of goals over windows, state by state; by default those of the case."""
 
     def __init__(self, model: Model, goals: Sequence[Any] | None = None) -> None:
-        told = (model.case.goal, *model.case.expected) if goals is None else goals
+        goals = (model.case.goal, *model.case.expected) if goals is None else goals
         self.model = model
-        self.goals = {window_key(g): g for g in told if g is not None and window_of(g) is not None}
+        self.goals = {window_key(g): g for g in goals if g is not None and window_of(g) is not None}
         self.reacts = any(g.reaction is not None for g in self.goals.values())
         self.samples: dict[str, list[tuple[float, float]]] = {name: [] for name in self.goals}
 
-    def take(self, state: State, probes: dict[str, dict[str, float]],
-             reacted: Callable[[State], dict[str, dict[str, float]]]) -> None:
-        """Record the next state with its probes; ``reacted`` computes its reactions, which is expensive."""
+    def record(self, state: State, probes: dict[str, dict[str, float]],
+             reactions: Callable[[State], dict[str, dict[str, float]]]) -> None:
+        """Record the next state with its probes; ``reactions`` computes those of a state, which is expensive."""
         if not self.goals:
             return
         summary = {"probes": probes, "energy": state.history}
         if self.reacts:
-            summary["reactions"] = reacted(state)
+            summary["reactions"] = reactions(state)
         for name, goal in self.goals.items():
             value = value_at(goal, summary)
             self.samples[name].append((state.t, np.nan if value is None else value))
@@ -74,11 +74,11 @@ class Windows:
         Both are None if the motion has not reached the end of the window. ``of``, ``from`` and ``to`` describe quantity
         and window.
         """
-        return {name: {"of": _read_by(goal), **dict(zip(("from", "to"), window_of(goal) or (), strict=False)),
-                       **self._told(goal, np.array(self.samples[name]).reshape(-1, 2))}
+        return {name: {"of": _quantity_name(goal), **dict(zip(("from", "to"), window_of(goal) or (), strict=False)),
+                       **self._value_and_sampling(goal, np.array(self.samples[name]).reshape(-1, 2))}
                 for name, goal in self.goals.items()}
 
-    def _told(self, goal: Any, found: Array) -> dict[str, float | None]:
+    def _value_and_sampling(self, goal: Any, found: Array) -> dict[str, float | None]:
         window = window_of(goal)
         assert window is not None
         near = 1e-9 * window[1]
@@ -90,11 +90,11 @@ class Windows:
         value = of(found[:, 0], found[:, 1], window)
         return {"value": value, "sampling": abs(value - of(half[:, 0], half[:, 1], window))}
 
-    def kept(self) -> dict[str, list[tuple[float, float]]]:
+    def checkpoint_data(self) -> dict[str, list[tuple[float, float]]]:
         """Return the samples for a checkpoint."""
         return dict(self.samples)
 
-    def go_on(self, found: dict[str, list[tuple[float, float]]]) -> None:
+    def restore(self, found: dict[str, list[tuple[float, float]]]) -> None:
         """Restore the samples from a checkpoint."""
         self.samples.update({name: [(float(t), float(v)) for t, v in rows] for name, rows in found.items()})
 

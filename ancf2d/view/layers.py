@@ -92,11 +92,11 @@ FEWEST_FRAMES = 30  # least number of frames of a field before its points are th
 FIRST = ("stress", "strain", "energy", "N", "Q", "M")  # order in which fields are listed
 
 
-class Attached:
+class SymbolPoints:
     """The points of symbols, which move with the bodies, with a second point for each symbol that rotates."""
 
     def __init__(self, results: Results, extent: float) -> None:
-        found = (s for s in symbols_of(results, None, 1.0) if s.acts[0] < math.inf)
+        found = (s for s in symbols_of(results, None, 1.0) if s.active_times[0] < math.inf)
         self.symbols: list[Symbol] = [*islice(found, MAX_SYMBOLS)]
         self.arm = ARM * extent
         self.ground = np.array([p for s in self.symbols for p in s.points]).reshape(-1, 2)
@@ -106,20 +106,20 @@ class Attached:
         self.moving = [(k, place[0], self.tracks[track]) for k, (place, track) in enumerate(
             (p, t) for s in self.symbols for p, t in zip(s.on, s.tracks, strict=True)) if place and track]
         self.turning = np.array([k for k, s in zip(self._first(), self.symbols, strict=True) if s.turns], int)
-        self.ahead: list[tuple[np.ndarray, tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]] = []
+        self.arms: list[tuple[np.ndarray, tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]] = []
         # distances of points from the axes of their bodies, and axis points before and after them
         off = np.array([y for s in self.symbols for y in s.off or (0.0,) * len(s.points)])
-        self.beside: list[tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray],
+        self.off_axis: list[tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray],
                                 tuple[np.ndarray, np.ndarray]]] = []
         for name, body in results.bodies.items():
             mine = np.array([k for k, p in enumerate(places) if p and p[0] == name], int)
             if mine.size:
                 self.rows.append((mine, axis_shapes(body, _at(places, mine))))
                 if (some := mine[off[mine] != 0.0]).size:
-                    self.beside.append((some, off[some, None], *_about(body, _at(places, some))))
+                    self.off_axis.append((some, off[some, None], *_about(body, _at(places, some))))
             held = np.flatnonzero(np.isin(self.turning, mine))
             if held.size:
-                self.ahead.append((held, *_about(body, _at(places, self.turning[held]))))
+                self.arms.append((held, *_about(body, _at(places, self.turning[held]))))
 
     def _first(self) -> list[int]:
         """Return the number of each symbol's first point."""
@@ -140,9 +140,9 @@ class Attached:
                 break
             row = axis_shapes(self.results.bodies[name], np.clip(track[state:state + 1], 0.0, 1.0))
             out[k] = self.ground[k] + (_values(row, e) - _values(row, self.results.e0))[0]
-        for some, off, before, after in self.beside:
+        for some, off, before, after in self.off_axis:
             out[some] += off * _direction(before, after, e)[:, ::-1] * [-1.0, 1.0]
-        for held, before, after in self.ahead:
+        for held, before, after in self.arms:
             arms[held] = self.arm * _direction(before, after, e)
         return np.concatenate([out, out[self.turning] + arms])
 
@@ -163,7 +163,7 @@ class Attached:
         for k, symbol in zip(self._first(), self.symbols, strict=True):
             out.append({"kind": symbol.kind, "angle": symbol.angle, "first": first + k,
                         "arm": arms if symbol.turns else None,
-                        "acts": [t if math.isfinite(t) else None for t in symbol.acts]})
+                        "acts": [t if math.isfinite(t) else None for t in symbol.active_times]})
             arms += symbol.turns
         kinds = {s.kind for s in self.symbols}
         return {"symbols": out, "outlines": {name: {"lines": mark.lines, "unit": mark.unit, "filled": mark.filled,

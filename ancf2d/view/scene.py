@@ -11,7 +11,7 @@ from ancf2d.errors import ResultsError
 from ancf2d.results import Results, Table
 from ancf2d.results.obstacles import Obstacle, obstacles_of
 from ancf2d.results.symbols import completed_case
-from ancf2d.view.layers import Attached, Drawn, drawn_body, fields, listed, packed
+from ancf2d.view.layers import Drawn, SymbolPoints, drawn_body, fields, listed, packed
 
 BUDGET = 2_800_000  # bytes of states and fields: in base 64 and with all else, a page stays below 5 MB
 FIELDS = 0.35  # share of the budget, if there are fields
@@ -47,7 +47,7 @@ def scene(results: Results, wanted: Sequence[str] = ()) -> dict[str, Any]:
     base = results.e(-1) if modes and results.solver == "eigen" and results.nt else results.e0
     bodies, count = listed(drawn)
     extent = float(np.hypot(*np.ptp(_points(drawn, base), axis=0))) or 1.0
-    stage = Stage(results, drawn, Attached(results, extent), base, count)
+    stage = Stage(results, drawn, SymbolPoints(results, extent), base, count)
     part = _modes(results, stage, extent) if modes else _states(results, stage, extent, wanted)
     units = results.units
     return {"title": results.title or results.path.name, "file": results.path.name, "solver": results.solver,
@@ -71,7 +71,7 @@ class Stage:
     ``start`` (points, 2): their initial positions.
     """
 
-    def __init__(self, results: Results, drawn: Sequence[Drawn], attached: Attached, base: np.ndarray,
+    def __init__(self, results: Results, drawn: Sequence[Drawn], attached: SymbolPoints, base: np.ndarray,
                  count: int) -> None:
         self.results, self.drawn, self.attached, self.base, self.count = results, drawn, attached, base, count
         self.start = self.points(base)
@@ -100,7 +100,7 @@ class Stage:
         """Return the largest displacement of a body among those of all points (..., points, 2)."""
         return float(np.linalg.norm(moves[..., :self.count, :], axis=-1).max(initial=0.0))
 
-    def most(self, budget: int) -> int:
+    def max_states(self, budget: int) -> int:
         """Return how many states fit into ``budget`` bytes."""
         size = self.start.nbytes // 4  # two numbers of 16 bits instead of two of 64
         return max(2, min(budget // max(size, 1), MAX_STATES))
@@ -120,7 +120,7 @@ def _even(t: np.ndarray, most: int) -> np.ndarray:
 
 def _states(results: Results, stage: Stage, extent: float, wanted: Sequence[str]) -> dict[str, Any]:
     colours = int(FIELDS * BUDGET) if wanted or any(results.fields.values()) else 0
-    chosen = _even(results.t, stage.most(BUDGET - colours))
+    chosen = _even(results.t, stage.max_states(BUDGET - colours))
     moves = np.array([stage.points(results.e(int(i)), int(i)) - stage.start for i in chosen])
     t = results.t[chosen]
     shown: list[int | None] = [int(i) for i in chosen]
@@ -147,7 +147,7 @@ def _magnification(largest: float, extent: float) -> float:
 
 
 def _modes(results: Results, stage: Stage, extent: float) -> dict[str, Any]:
-    shapes = results.array("modes/shapes")[:min(stage.most(BUDGET), SHOWN_MODES)]
+    shapes = results.array("modes/shapes")[:min(stage.max_states(BUDGET), SHOWN_MODES)]
     # for modes whose points do not pass through rest together: the shape a quarter of a period later
     later = results.array(QUARTER)[:len(shapes)] if QUARTER in results.arrays else np.zeros_like(shapes)
     moves = []
@@ -198,7 +198,7 @@ def curves(results: Results, t: np.ndarray) -> dict[str, Any]:
     for times, found in tables:
         if not len(times) or not any(found.values()):
             continue
-        kept, rows = _kept(times, t, most)
+        kept, rows = _chosen_rows(times, t, most)
         for curve in _varying(found, kept, wanted):
             listed.append({**curve, "series": len(series)})
         traces += [{**trace, "series": len(series)} for trace in _traces(found, kept)]
@@ -228,7 +228,7 @@ def _energies(results: Results) -> Table:
     return found
 
 
-def _kept(times: np.ndarray, t: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
+def _chosen_rows(times: np.ndarray, t: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the rows to show, and the (fractional) position among them of each state."""
     rows = _rows_of(times, t)
     if len(times) <= most:

@@ -12,7 +12,7 @@ from ancf2d.case import Dynamic, LoadedCase
 from ancf2d.errors import ComputationError
 from ancf2d.study.accuracy.control import BEAM
 from ancf2d.study.accuracy.setting import Level, Setting, bodies_with_meshes, meshed, with_setting
-from ancf2d.study.goal import Answer, solve_for_goal
+from ancf2d.study.goal import GoalValue, solve_for_goal
 from ancf2d.study.variants import Variant, parse_variants
 
 # where references stop: relative differences that are round-off, and elements
@@ -28,10 +28,10 @@ TOLERANCES = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6, 1e-6, 
 class Limit:
     """A goal's value on infinitely many elements, and how far it may be off, relative."""
 
-    answer: Answer
+    answer: GoalValue
     error: float
 
-    def truth(self, answer: Answer) -> float:
+    def truth(self, answer: GoalValue) -> float:
         """Return the relative error of an answer."""
         return answer.distance(self.answer) / self.answer.size
 
@@ -87,8 +87,8 @@ class Solver:
         """Return the limit over doubled meshes, extrapolated by the ratio of their differences."""
         most = MOST[type(self.loaded.case.solver).__name__]
         tight = TIGHT if self.moves else None
-        size, answers, best = 2, [], Limit(Answer(0.0, 1.0), float("inf"))
-        before: Answer | None = None
+        size, answers, best = 2, [], Limit(GoalValue(0.0, 1.0), float("inf"))
+        before: GoalValue | None = None
         while sum(self.even(size).values()) <= most and best.error > SETTLED:
             answer = self.solve(self.even(size), tight).answer
             size *= 2

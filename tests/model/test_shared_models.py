@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import ancf2d
-from ancf2d.case.numbers import variable_at
+from ancf2d.case.numbers import number_at
 from ancf2d.errors import CaseError
 from ancf2d.solvers.linear import full_mass
 from ancf2d.study.gradient import prepare, varied
@@ -66,9 +66,9 @@ def base(case):
 def test_a_model_that_shares_is_one_built_afresh(case, base, path):
     """Tables are the same to round-off: shape functions are scaled by the mean height. What differs is not shared."""
     assert base.groups
-    variable = variable_at(case, path)
+    variable = number_at(case, path)
     other = varied(case, variable, 1e-3 * abs(variable.value))
-    shared, alone = prepare(other, base, beside=True), prepare(other)
+    shared, alone = prepare(other, base, for_differences=True), prepare(other)
     for one, two in zip(forces(shared), forces(alone), strict=True):
         assert one == pytest.approx(two, rel=1e-12, abs=1e-13 * np.abs(two).max(initial=0.0))
     known = {id(c) for pool in base.pools for c in pool.classes}

@@ -44,7 +44,7 @@ def test_the_page_is_current(number):
     shown = {row[0].strip("`"): row[head.index(title)] for row in rows}
     known = [c for c in CHECKS if c.name not in audit_table.LEFT_OUT]
     assert list(shown) == [c.name for c in known]
-    for answer in audit(subject(name, **options), known[number % 3::3]).answers:
+    for answer in audit(subject(name, **options), known[number % 3::3]).results:
         found, check = answer.finding, answer.check.name
         assert shown[check] == {PASS: "pass", FAIL: "**fail**"}.get(found.verdict, "note"), check
         told = [row[2:] for row in failed if row[:2] == [title, f"`{check}`"]]

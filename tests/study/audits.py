@@ -14,7 +14,7 @@ def findings(s: Subject, *names: str) -> dict[str, Finding]:
     """Return what the named checks (all but the cost by default) find."""
     chosen = tuple(c for c in CHECKS if (c.name in names if names else c.name != "cost"))
     assert len(chosen) == (len(names) or len(CHECKS) - 1)
-    return {a.check.name: a.finding for a in audit(s, chosen).answers}
+    return {a.check.name: a.finding for a in audit(s, chosen).results}
 
 
 def verdicts(s: Subject, *names: str) -> dict[str, str]:

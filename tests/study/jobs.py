@@ -55,9 +55,9 @@ def wait_with_note(folder: str) -> int:
 
 def compile_alone(job: tuple[str, str]) -> tuple[float, float]:
     """Return when a process began and ended what no other may do at the same time."""
-    from ancf2d.study.warmup import _alone
+    from ancf2d.study.warmup import _compile_lock
 
-    with _alone(Path(job[0]), job[1]):
+    with _compile_lock(Path(job[0]), job[1]):
         began = time.time()
         time.sleep(0.3)
         return began, time.time()

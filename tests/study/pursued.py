@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.study.accuracy.setting import Setting, with_setting
-from ancf2d.study.goal import Answer, solve_for_goal
+from ancf2d.study.goal import GoalValue, solve_for_goal
 from ancf2d.study.run import vocabulary
 
 STEEL = "{E: 2.07e11, nu: 0.3, rho: 7850}"
@@ -54,7 +54,7 @@ def case(text: str, element: str = "{type: vallejo, count: 3}", *overrides: str)
     return load_case_text(text.replace("ELEMENT", element), vocabulary=vocabulary(), overrides=overrides)
 
 
-def limit(loaded: LoadedCase, count: int, tolerance: float | None = None) -> Answer:
+def limit(loaded: LoadedCase, count: int, tolerance: float | None = None) -> GoalValue:
     """Return the answer on a mesh far finer than any that is used."""
     counts = dict.fromkeys(loaded.case.bodies, count)
     return solve_for_goal(with_setting(loaded, Setting(counts, {}, tolerance))).answer

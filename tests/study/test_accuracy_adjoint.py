@@ -12,7 +12,7 @@ from ancf2d.study.accuracy.direct import order_of
 from ancf2d.study.accuracy.neighbours import SAFETY, judged
 from ancf2d.study.accuracy.setting import Level, Setting, with_setting
 from ancf2d.study.accuracy.weighted import weighted
-from ancf2d.study.goal import Answer, solve_for_goal
+from ancf2d.study.goal import GoalValue, solve_for_goal
 
 
 @pytest.mark.parametrize(("text", "element", "sets", "tolerance"), [
@@ -72,7 +72,7 @@ def test_types_keep_the_order_that_meshes_are_chosen_by(element):
 
 
 def level(value: float) -> Level:
-    return Level(Setting({"beam": 4}), "", Answer(value, 1.0))
+    return Level(Setting({"beam": 4}), "", GoalValue(value, 1.0))
 
 
 @pytest.mark.parametrize("order", [1.0, 2.0, 3.0, 4.0])

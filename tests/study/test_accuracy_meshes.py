@@ -15,14 +15,14 @@ from ancf2d.study.accuracy.judging import SAFETY, best, choose, judge
 from ancf2d.study.accuracy.mesh import Ladder
 from ancf2d.study.accuracy.pursuit import Pursuit, Told, tenth
 from ancf2d.study.accuracy.setting import Level, Setting, least
-from ancf2d.study.goal import Answer, solve_for_goal
+from ancf2d.study.goal import GoalValue, solve_for_goal
 from ancf2d.study.record import Progress
 
 
 @pytest.mark.parametrize("order", [1.0, 2.0, 4.0])
 def test_estimates_of_a_power_law(order):
     """f = 1 + n^-p: the estimate is the safety factor times the true error of the last mesh."""
-    levels = [Level(Setting({"b": n}), "", Answer(1.0 + n**-order, 1.0)) for n in (2, 4, 8, 27)]
+    levels = [Level(Setting({"b": n}), "", GoalValue(1.0 + n**-order, 1.0)) for n in (2, 4, 8, 27)]
     found, error = judge(levels)
     assert found.order == pytest.approx(order, rel=1e-6)
     assert error == pytest.approx(SAFETY * 27**-order, rel=1e-6)
@@ -45,7 +45,7 @@ def test_a_goal_that_no_mesh_has_is_told_with_the_reason():
 
 
 def levels_of(values: dict[int, float]) -> list[Level]:
-    return [Level(Setting({"b": n}), "", Answer(value, 1.0)) for n, value in values.items()]
+    return [Level(Setting({"b": n}), "", GoalValue(value, 1.0)) for n, value in values.items()]
 
 
 def test_first_meshes_that_agree_by_chance_are_not_taken_for_round_off():
@@ -76,7 +76,7 @@ class Invented(Pursuit):
         self.answer = answer
 
     def solve(self, setting: Setting, why: str, told: Told | None = None) -> Level:
-        level = Level(setting, why, Answer(self.answer(setting.elements, setting.tolerance), 1.0), iterations=10)
+        level = Level(setting, why, GoalValue(self.answer(setting.elements, setting.tolerance), 1.0), iterations=10)
         self.levels.append(level)
         return level
 

@@ -13,7 +13,7 @@ from ancf2d.study.accuracy.control import solve_to_accuracy
 from ancf2d.study.accuracy.judging import judge, telling
 from ancf2d.study.accuracy.load_steps import follows_way, in_steps
 from ancf2d.study.accuracy.setting import Level, Setting, with_setting
-from ancf2d.study.goal import Answer, solve_for_goal
+from ancf2d.study.goal import GoalValue, solve_for_goal
 from ancf2d.study.run import vocabulary
 
 ROD = ("{geometry: {type: line, start: [0, 0], end: [1, 0]}, section: {height: 0.02, width: 0.03}, "
@@ -65,7 +65,7 @@ accuracy: 1e-2
 
 
 def test_meshes_that_miss_an_obstacle_say_nothing_of_others() -> None:
-    levels = [Level(Setting({"rod": n}), "", Answer(f, 1.0), off=off)
+    levels = [Level(Setting({"rod": n}), "", GoalValue(f, 1.0), off=off)
               for n, f, off in ((1, 0.5, 0.3), (2, 0.5, 0.2), (4, 0.5, 0.1), (8, 1.25, 0.0), (16, 1.0625, 0.0))]
     assert judge(levels[:3])[1] == pytest.approx(0.1)
     assert list(telling(levels)) == levels[3:]
@@ -126,7 +126,7 @@ class Swept:
 
     def solve(self, setting: Setting, why: str) -> Level:
         n, steps = setting.counts["rod"], setting.steps or 10
-        return Level(setting, why, Answer(1.0 + self.error(n, steps), 1.0))
+        return Level(setting, why, GoalValue(1.0 + self.error(n, steps), 1.0))
 
     def whole(self, setting: Setting, why: str, told: Any) -> Level:
         return self.solve(setting, why)
@@ -138,13 +138,13 @@ class Swept:
 def test_meshes_are_judged_again_where_shorter_load_steps_show_their_errors() -> None:
     """Meshes with 10 steps agree; with more, the first errs by 0.1, and a quarter of that with twice the elements."""
     pursuit: Any = Swept(lambda n, steps: 0.0 if steps <= 10 else 0.1 * (4.0 / n) ** 2)
-    accuracy = in_steps(pursuit, Level(Setting({"rod": 4}), "", Answer(1.0, 1.0)), 1e-4, judge([])[0])
+    accuracy = in_steps(pursuit, Level(Setting({"rod": 4}), "", GoalValue(1.0, 1.0)), 1e-4, judge([])[0])
     assert accuracy["achieved"]
     assert accuracy["of"].counts["rod"] >= 16
     assert accuracy["value"] - 1.0 <= accuracy["estimate"] <= 1e-2
     # where meshes with more steps err as those with few told, the first one will do
     pursuit = Swept(lambda n, steps: 0.0 if steps <= 10 else 5e-3)
-    accuracy = in_steps(pursuit, Level(Setting({"rod": 4}), "", Answer(1.0, 1.0)), 1e-4, judge([])[0])
+    accuracy = in_steps(pursuit, Level(Setting({"rod": 4}), "", GoalValue(1.0, 1.0)), 1e-4, judge([])[0])
     assert accuracy["of"].counts["rod"] == 4
     assert accuracy["estimate"] >= 2.5e-3
 

@@ -42,10 +42,10 @@ def test_an_element_of_twelve_coordinates_described_in_a_file(tmp_path):
 def test_every_listed_type_goes_through(name):
     done = []
     found = audit(subject(name), done=lambda share, check: done.append((share, check)))
-    assert [a.check for a in found.answers] == list(CHECKS)
+    assert [a.check for a in found.results] == list(CHECKS)
     assert done[0] == (0.0, CHECKS[0].name)
     assert done[-1] == (1.0, "")
-    for answer in found.answers:
+    for answer in found.results:
         assert answer.finding.verdict in ("pass", "fail", "note")
         assert "\n" not in answer.finding.meaning
         assert "cannot be computed" not in answer.finding.meaning

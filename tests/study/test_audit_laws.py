@@ -18,7 +18,7 @@ from ancf2d.study.audit.subject import subject
     pytest.param("vallejo", "structural", "viscoelastic, yield, curve", marks=pytest.mark.slow),
     pytest.param("2d3n-nu", "continuum", "viscoelastic, neo_hooke", marks=pytest.mark.slow)])
 def test_laws_pass_in_the_formulations_that_bear_them(name: str, formulation: str | None, told: str) -> None:
-    found = audit(subject(name, None, formulation), LAW_CHECKS).answers
+    found = audit(subject(name, None, formulation), LAW_CHECKS).results
     assert [a.check.name for a in found] == [c.name for c in LAW_CHECKS]
     for answer in found:
         assert answer.finding.verdict == "pass", answer.finding
@@ -31,7 +31,7 @@ def test_broken_laws_are_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
     known: Any = laws.to_sparse
     monkeypatch.setattr(laws, "to_sparse", lambda *a: 1.0001 * known(*a))
     assert laws.law_tangent(s).verdict == "fail"
-    monkeypatch.setattr(laws, "turned", lambda model, d, angle: d)
+    monkeypatch.setattr(laws, "rigidly_moved", lambda model, d, angle: d)
     assert laws.law_objectivity(s).verdict == "fail"
     energy: Any = laws.kept_energy
     monkeypatch.setattr(laws, "kept_energy", lambda *a: 1.5 * np.array(energy(*a)))

@@ -10,8 +10,8 @@ import pytest
 
 from ancf2d.case import Dynamic, LoadedCase, Static, load_case_text
 from ancf2d.errors import CaseError
-from ancf2d.study.convergence import Convergence, Row, Series, Steps, _explained, convergence, limit_of
-from ancf2d.study.goal import Answer, error_scale, sequence, smallest_scale
+from ancf2d.study.convergence import Convergence, Row, Series, Steps, _with_note, convergence, limit_of
+from ancf2d.study.goal import GoalValue, error_scale, sequence, smallest_scale
 from ancf2d.study.order import estimate
 from ancf2d.study.pool import Workers
 from ancf2d.study.run import Progress, checks, run_case, vocabulary
@@ -190,7 +190,7 @@ def test_phases_on_both_sides_of_pi_are_neighbours() -> None:
     wanted = [math.pi + 0.03 - 0.16 / 4**k for k in range(4)]
     told = [math.remainder(p, 2 * math.pi) for p in wanted]
     assert told[0] > 3 > -3 > told[-1]
-    answers = [Answer(p, 3.0, period=2 * math.pi) for p in told]
+    answers = [GoalValue(p, 3.0, period=2 * math.pi) for p in told]
     f = sequence(answers)
     found = estimate([2.0, 4.0, 8.0, 16.0], f, 3.0)
     limit = limit_of(answers, found, None)
@@ -293,14 +293,14 @@ output: {probes: {tip: b@1}}
 def test_meshes_of_a_motion_that_differ_no_more_than_its_time_steps_err_say_so(apart: float, told: bool) -> None:
     """Differences that grow, below and above a hundred times the tolerance of the steps, 1e-5."""
     values = [1.0, 1.0 + apart / 3, 1.0 - apart]
-    rows = [Row("reissner3", "", n, answer=Answer(x, 1.0)) for n, x in zip((2, 4, 8), values, strict=True)]
+    rows = [Row("reissner3", "", n, answer=GoalValue(x, 1.0)) for n, x in zip((2, 4, 8), values, strict=True)]
     series = Series(rows, estimate([2.0, 4.0, 8.0], values, 1.0), None)
     assert not series.estimate.asymptotic
-    note = _explained(series, Dynamic(t_end=1.0, tolerance=1e-5)).note
+    note = _with_note(series, Dynamic(t_end=1.0, tolerance=1e-5)).note
     assert ("errors of the time steps" in note) == told
     assert ("--set solver.tolerance=1e-08" in note) == told
     assert ("finer meshes are needed" in note) != told
-    assert _explained(series, Static()).note == series.estimate.note
+    assert _with_note(series, Static()).note == series.estimate.note
 
 
 def rigid(solver: str) -> LoadedCase:

@@ -13,7 +13,7 @@ import pytest
 
 from ancf2d.case import load_case_text
 from ancf2d.case.axes import read_axes
-from ancf2d.pace import Calm, Pace
+from ancf2d.pace import Pace, SteadyEstimate
 from ancf2d.solvers.motion.stepping import Stepper
 from ancf2d.study import convergence as convergence_module
 from ancf2d.study import sweep as sweep_module
@@ -62,7 +62,7 @@ def test_estimates_of_many_jobs_take_a_small_share_of_their_time(monkeypatch: py
     monkeypatch.setattr(ahead, "left", left)
     for i in range(2000):
         now[0] += 0.05
-        ahead.take(i, None, 0.05)
+        ahead.record(i, None, 0.05)
     assert 10 < len(told) <= 0.01 * 2000 * 0.05 / 0.01
     assert told == sorted(told)
     assert told[-1] == 1.0
@@ -167,7 +167,7 @@ def in_processes(costs: Sequence[float], count: int, startup: float, ahead: Fore
     for moment, ended, i in sorted(ends + seconds):
         clock.now = origin + moment
         if ended:
-            ahead.take(i, None, costs[i])
+            ahead.record(i, None, costs[i])
         else:
             ahead.tick()
 
@@ -187,7 +187,7 @@ def test_a_job_that_tells_what_it_still_takes_is_believed(clock: Clock) -> None:
     """After one job of 10 s the second one, twice as large, says that it takes 500 s."""
     ahead = Forecast([("kind", 1000.0), ("kind", 2000.0), ("kind", 2000.0)], clock=lambda: clock.now)
     clock.now += 10.0
-    ahead.take(0, None, 10.0)
+    ahead.record(0, None, 10.0)
     assert ahead.left() == pytest.approx(40.0, rel=0.1)
     assert ahead.left(500.0) == pytest.approx(520.0, rel=0.1)
 
@@ -259,7 +259,7 @@ def test_steps_that_grow_are_expected_to_grow_on(power: float, worst: float) -> 
 
 def test_a_time_is_told_once_it_has_settled() -> None:
     """The whole is foretold as 1000 s for 20 s, then as 100 s; and as 300 s from 70 s on."""
-    calm, told = Calm(), {}
+    calm, told = SteadyEstimate(), {}
     for second in range(1, 100):
         whole = 1000.0 if second < 20 else 100.0 if second < 70 else 300.0
         told[second] = calm(float(second), whole - second)

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 import ancf2d
-from ancf2d.case.numbers import Variable, variable_at, variables_of
+from ancf2d.case.numbers import CaseNumber, number_at, numbers_of
 from ancf2d.errors import CaseError, ComputationError
 from ancf2d.solvers import lift_off
 from ancf2d.solvers.derivatives.differences import derivative
@@ -53,13 +53,13 @@ def test_ends_of_tables_beside_which_there_is_another_mesh():
 def test_numbers_are_found_by_their_paths():
     """Names stand for items of lists, defaults for what a case leaves out, S for a point."""
     case = ancf2d.load(CANTILEVER)
-    paths = [v.path for v in variables_of(case)]
+    paths = [v.path for v in numbers_of(case)]
     assert {"loads.tip.value.1", "bodies.beam.section.EI"} <= set(paths)
     assert not [p for p in paths if p.startswith(("solver", "output", "boundary_conditions"))]
-    assert variable_at(case, "loads.0.value.1") == Variable("loads.0.value.1", -3.0, 3.0)
-    assert variable_at(case, "loads.tip.at").override(0.5) == "loads.tip.at=beam@0.5"
+    assert number_at(case, "loads.0.value.1") == CaseNumber("loads.0.value.1", -3.0, 3.0)
+    assert number_at(case, "loads.tip.at").override(0.5) == "loads.tip.at=beam@0.5"
     with pytest.raises(CaseError, match=r"did you mean 'bodies\.beam\.section\.EI'"):
-        variable_at(case, "bodies.beam.section.El")
+        number_at(case, "bodies.beam.section.El")
 
 
 @pytest.mark.parametrize(("path", "words"), [
@@ -71,7 +71,7 @@ def test_numbers_are_found_by_their_paths():
     ("beam@0.3", "'beam@0.3' is a point, not the path of a key; expected the path of a key that has a point")])
 def test_paths_of_no_number_are_told_without_places_that_the_file_does_not_have(path: str, words: str) -> None:
     with pytest.raises(CaseError, match=re.escape(words)) as caught:
-        variable_at(ancf2d.load(CANTILEVER), path)
+        number_at(ancf2d.load(CANTILEVER), path)
     assert "completed" not in str(caught.value)
 
 
@@ -96,7 +96,7 @@ def test_errors_of_states_count_as_far_as_values_depend_on_states(monkeypatch):
     case = ancf2d.load(CANTILEVER)
     texts = ["mass", "tip.uy", "mass + tip.uy"]
     read = Measures([read_measure(text, "", Vocabulary(case)) for text in texts], case.case.goal)
-    found = derivatives(case, read, [variable_at(case, "bodies.beam.geometry.end.0")])
+    found = derivatives(case, read, [number_at(case, "bodies.beam.geometry.end.0")])
     by_states = -3.0 * (2.0**2 / 500.0 + 1 / 4e5)
     assert found.jacobian[:, 0] == pytest.approx([2.0, by_states, 2.0 + by_states], rel=1e-8)
     assert found.errors[1:, 0] == pytest.approx([-share * by_states] * 2, rel=1e-3)
@@ -123,7 +123,7 @@ def test_differences_of_smooth_functions():
 
 def differences_of_solves(case, path, h, read):
     """Return d read/d p by whole solves at p +- h and p +- 2 h: a difference of fourth order."""
-    variable = variable_at(case, path)
+    variable = number_at(case, path)
 
     def at(k):
         return read(ancf2d.solve(case, [variable.override(variable.value + k * h)], states=False))

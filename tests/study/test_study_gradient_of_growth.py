@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 import ancf2d
 from ancf2d.case import Goal
-from ancf2d.case.numbers import variable_at
+from ancf2d.case.numbers import number_at
 from ancf2d.errors import ComputationError
 from ancf2d.study.gradient import derivatives, gradient
 
@@ -61,7 +61,7 @@ def test_zieglers_pendulum(kind: str, more: dict[str, float]) -> None:
     case = ancf2d.load(copy.deepcopy(PENDULUM), [f"{path}={value}" for path, value in more.items()])
     numbers = NUMBERS | more
     paths = [path for path in numbers if kind != "meets" or "damping" not in path]
-    found = derivatives(case, [case.case.goal], [variable_at(case, path) for path in paths])
+    found = derivatives(case, [case.case.goal], [number_at(case, path) for path in paths])
     assert found.methods == ["exact"] * len(paths)
     near = float(found.values[0])
     assert near == pytest.approx(critical(list(numbers.values()), kind, near), rel=1e-7)
@@ -142,7 +142,7 @@ TURNS = {"loads": [{"name": "tip", "type": "follower_force", "at": "c@1", "value
 def test_columns_beside_differences_of_runs(more: dict[str, Any], path: str, h: float) -> None:
     """Frequencies that meet, dampers, a material that relaxes, and flow about the equilibrium under a weight."""
     case = ancf2d.load(column(masses=[{"name": "m", "at": "c@0.7", "mass": 0.3}], **copy.deepcopy(more)))
-    variable = variable_at(case, path)
+    variable = number_at(case, path)
     found = derivatives(case, [case.case.goal], [variable])
     assert found.methods == ["exact"]
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import ancf2d
-from ancf2d.case.numbers import variable_at
+from ancf2d.case.numbers import number_at
 from ancf2d.errors import ComputationError
 
 BASE, RISE, EA = 1.0, 0.3, 2e3
@@ -177,7 +177,7 @@ def test_response_about_an_equilibrium_that_moves(tmp_path):
     case = ancf2d.load(tmp_path / "arm.yaml")
     for row in ancf2d.sensitivity(case, ["bodies.arm.material.damping.kelvin_voigt", "springs.stay.length"]).rows:
         assert row.method == "exact"
-        variable = variable_at(case, row.path)
+        variable = number_at(case, row.path)
         expected = differences(lambda x, v=variable: ancf2d.solve(case, [v.override(x)], states=False).value,
                                variable.value, 1e-3 * abs(variable.value))
         assert row.derivative == pytest.approx(expected, rel=1e-6), row.path

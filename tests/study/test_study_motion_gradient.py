@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import ancf2d
-from ancf2d.case.numbers import numbers_at, variable_at
+from ancf2d.case.numbers import number_at, numbers_at
 from ancf2d.kernels.lowlevel.records import Record
 from ancf2d.kernels.motion import along
 from ancf2d.model.groups import unlike
@@ -81,7 +81,7 @@ MORE = {"newmark": ["boundary_conditions.base={name: base, type: pin, at: arm@0}
 
 def solved(loaded, path, h):
     """Return the goal where a number is changed by a share h."""
-    variable = variable_at(loaded, path)
+    variable = number_at(loaded, path)
     return ancf2d.solve(loaded, [variable.override(variable.value * (1 + h))], states=False).value
 
 
@@ -123,7 +123,7 @@ def test_reactions_of_a_mechanism(shaft, monkeypatch):
     numbers, h = ("loads.push.value.1", "bodies.rod.element.mass"), 1e-3
     told = {row.path: row for row in ancf2d.sensitivity(loaded, numbers).rows}
     for path in numbers:
-        value = variable_at(loaded, path).value
+        value = number_at(loaded, path).value
         near, far = (solved(loaded, path, k * h) - solved(loaded, path, -k * h) for k in (1, 2))
         assert told[path].method == "exact"
         assert told[path].derivative == pytest.approx((8 * near - far) / (12 * h * value), rel=1e-6)
@@ -168,7 +168,7 @@ def test_residuals_are_those_of_elements_where_a_number_acts(tmp_path):
     memories = [np.repeat(x[None], 2, axis=0) for x in (base.p.points.mem, base.p.sliding.memory)]
     at = Record(along.Moments(np.array([0.001, 0.002]), z, v, a, *memories))
     for path, (arm, fork, groups) in ACTS.items():
-        variable = variable_at(loaded, path)
+        variable = number_at(loaded, path)
         h = 4e-4 * abs(variable.value)
         one = Beside(lambda h, of=variable: prepare(varied(loaded, of, h)), h, run)
         found = [unlike(alike).tolist() for alike in zip(*(own.model.groups for own in one.runs), strict=True)]

@@ -9,7 +9,7 @@ from ancf2d.case.numbers import text_with
 from ancf2d.errors import CaseError
 from ancf2d.solvers import stress
 from ancf2d.solvers.fields import FieldReader
-from ancf2d.study.extremes import Met
+from ancf2d.study.extremes import Evaluated
 from ancf2d.study.measures import Measures, Vocabulary, bounded, mass_of, read_measure
 from ancf2d.study.record import Progress
 from ancf2d.study.run import prepare, run_case, vocabulary
@@ -163,7 +163,7 @@ def test_models_beside_share_the_strains_of_elements_that_stay_as_they_are(monke
     FieldReader(model, ("stress",))
     assert len(found) == 8
     other = ancf2d.load(five, [f"{HEIGHT}.value.1=0.061"])
-    beside = prepare(other, model, beside=True)
+    beside = prepare(other, model, for_differences=True)
     read = FieldReader(beside, ("stress",)).read(states[-1])["beam", "stress"]
     assert len(found) == 8 + 4
     # the same as that of a model of its own
@@ -269,7 +269,7 @@ def test_rows_of_an_expression_of_extremes(text, parts):
                   for name, values in places.items()}
         meaning = {name: values.max() if measure.extremes[name].largest else values.min()
                    for name, values in places.items()}
-        met = Met(measure, meaning, places)
+        met = Evaluated(measure, meaning, places)
         for most in (3, 100):
             found = met.parts(0, most)
             assert len(found) == parts

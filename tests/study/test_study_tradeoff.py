@@ -10,12 +10,12 @@ import pytest
 
 from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.errors import CaseError, ComputationError
-from ancf2d.study.goal import Answer, solve_for_goal
+from ancf2d.study.goal import GoalValue, solve_for_goal
 from ancf2d.study.pool import ALONE
 from ancf2d.study.run import vocabulary
 from ancf2d.study.tradeoff.measure import Measured
 from ancf2d.study.tradeoff.plan import Choice, Limit, Planner, limit
-from ancf2d.study.tradeoff.result import Row, Study, accuracy_name
+from ancf2d.study.tradeoff.result import Row, TradeoffStudy, accuracy_name
 from ancf2d.study.tradeoff.study import tradeoff
 from ancf2d.study.variants import Variant, parse_variants
 
@@ -80,7 +80,7 @@ def ticking(step: float) -> Callable[[], float]:
     return now
 
 
-def studied(study: Study, element: str) -> Sequence[Row]:
+def studied(study: TradeoffStudy, element: str) -> Sequence[Row]:
     return [row for row in study.rows if row.measured.element == element]
 
 
@@ -115,9 +115,9 @@ def test_error_too_close_to_that_of_its_reference_is_a_bound_and_no_number() -> 
 
 @pytest.mark.parametrize(("error", "told"), [(9.9e-6, False), (1.01e-5, True)])
 def test_errors_are_told_from_ten_times_that_of_the_reference(error: float, told: bool) -> None:
-    reference = Limit(Answer(1.0, 1.0), 1e-6)
-    assert reference.resolves(reference.error(Answer(1.0 + error, 1.0))) is told
-    assert not Limit(Answer(1.0, 1.0), math.inf).resolves(1.0)
+    reference = Limit(GoalValue(1.0, 1.0), 1e-6)
+    assert reference.resolves(reference.error(GoalValue(1.0 + error, 1.0))) is told
+    assert not Limit(GoalValue(1.0, 1.0), math.inf).resolves(1.0)
     assert not Limit(note="unknown").resolves(math.inf)
 
 
@@ -137,8 +137,8 @@ def test_without_finer_meshes_the_finest_rows_are_not_told() -> None:
 def test_answers_that_finer_meshes_move_the_more_have_no_known_limit(values: tuple[float, ...], known: bool) -> None:
     planned = Planner(load(), chosen(meshes=(2, 4, 8)), ALONE).series()[0]
     for task, value in zip(planned.reference.tasks, values, strict=False):
-        found = Measured(task, "reissner2", "", task.elements, answer=Answer(value, value))
-        planned.reference.take(found)
+        found = Measured(task, "reissner2", "", task.elements, answer=GoalValue(value, value))
+        planned.reference.record(found)
     assert limit(planned).known is known
 
 

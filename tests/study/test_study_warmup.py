@@ -24,7 +24,7 @@ from ancf2d.study import warmup
 from ancf2d.study.every_kernel import MEMORY, STATIC, STIFF, cases_of_every_kind
 from ancf2d.study.pool import Workers, run_jobs
 from ancf2d.study.run import prepare, vocabulary
-from ancf2d.study.warmup import _alone, _locked, kernels_of
+from ancf2d.study.warmup import _compile_lock, _locked, kernels_of
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -54,41 +54,41 @@ def test_no_two_processes_compile_at_the_same_time(tmp_path: Path) -> None:
 
 
 def test_what_was_compiled_before_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(warmup, "STILL", 0.2)
-    with _alone(tmp_path, "kernels"):
+    monkeypatch.setattr(warmup, "STOPPED_AFTER", 0.2)
+    with _compile_lock(tmp_path, "kernels"):
         pass
     lock = os.open(tmp_path / "lock", os.O_RDWR)
     fcntl.flock(lock, fcntl.LOCK_EX)
     told = list[str]()
-    with _alone(tmp_path, "kernels", told.append), _alone(None, "others", told.append):
+    with _compile_lock(tmp_path, "kernels", told.append), _compile_lock(None, "others", told.append):
         assert told == []  # who waits says so in the end
     os.close(lock)
 
 
 def test_what_could_not_be_compiled_is_not_held_to_be_there(tmp_path: Path) -> None:
-    with pytest.raises(ZeroDivisionError), _alone(tmp_path, "kernels"):
+    with pytest.raises(ZeroDivisionError), _compile_lock(tmp_path, "kernels"):
         raise ZeroDivisionError
     assert [p.name for p in tmp_path.iterdir()] == ["lock"]
 
 
 def test_a_cache_that_cannot_be_locked_is_used_without(tmp_path: Path) -> None:
-    with _alone(tmp_path / "none", "kernels"):
+    with _compile_lock(tmp_path / "none", "kernels"):
         pass
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_process_that_has_stopped_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(warmup, "STILL", 0.2)
+    monkeypatch.setattr(warmup, "STOPPED_AFTER", 0.2)
     lock, told = os.open(tmp_path / "lock", os.O_RDWR | os.O_CREAT), list[str]()
     fcntl.flock(lock, fcntl.LOCK_EX)
-    with _alone(tmp_path, "kernels", told.append):
+    with _compile_lock(tmp_path, "kernels", told.append):
         assert len(told) == 1
         assert "has stopped" in told[0]
     os.close(lock)
 
 
 def test_a_process_that_compiles_for_long_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(warmup, "STILL", 5.0)
+    monkeypatch.setattr(warmup, "STOPPED_AFTER", 5.0)
     monkeypatch.setattr(warmup, "BEAT", 0.05)
     ended, told, had = threading.Event(), list[str](), list[bool]()
 
@@ -111,7 +111,7 @@ def test_a_process_that_compiles_for_long_is_waited_for(tmp_path: Path, monkeypa
 def test_names_of_what_was_compiled_do_not_pile_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(warmup, "MOST_NAMES", 100)
     for k in range(50):
-        with _alone(tmp_path, f"{k:016x}"):
+        with _compile_lock(tmp_path, f"{k:016x}"):
             pass
     assert sorted(p.name for p in tmp_path.iterdir()) == ["compiled", "lock"]
     assert 0 < (tmp_path / "compiled").stat().st_size < 200

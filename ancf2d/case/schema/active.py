@@ -14,7 +14,7 @@ from ..kinds import Number
 from ..nodes import Node
 from ..programs import Assembler, Function
 from ..records import Record
-from ..syntax import Comparison, Constant, Time, compares, syntax
+from ..syntax import Comparison, Constant, Variable, compares, syntax
 from .amplitudes import Constant as Always
 from .amplitudes import ExpressionText
 
@@ -133,8 +133,8 @@ class Windowed(Function):
 
     def emit(self, out: Assembler) -> None:
         """Append the instructions that put it on the stack."""
-        out.tree(Comparison(Constant(self.begin), (("<=", Time()), ("<", Constant(self.end)))))
-        _put_where(self.inner, out)
+        out.tree(Comparison(Constant(self.begin), (("<=", Variable()), ("<", Constant(self.end)))))
+        _emit_conditional(self.inner, out)
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ class Gated(Function):
     def emit(self, out: Assembler) -> None:
         """Append the instructions that put it on the stack, with the gate open."""
         out.emit(jets.NUMBER, 1, 1.0)
-        _put_where(self.inner, out)
+        _emit_conditional(self.inner, out)
 
     def jet(self, t: float) -> tuple[float, float, float]:
         """Return the value and two derivatives at t, nan where they do not exist."""
@@ -172,15 +172,15 @@ class Gated(Function):
         return str(self.inner.described())
 
 
-def _put_where(inner: Any, out: Assembler) -> None:
+def _emit_conditional(inner: Any, out: Assembler) -> None:
     """Replace a condition on the stack by an amplitude with its scale if it holds, else by 0."""
     otherwise = out.emit(jets.BRANCH, -1)
     inner.emit(out)
     out.emit(jets.SCALE, 0, inner.scale, 0.0)
     done = out.emit(jets.JUMP, -1)
-    out.land([otherwise])
+    out.set_targets([otherwise])
     out.emit(jets.NUMBER, 1, 0.0)
-    out.land([done])
+    out.set_targets([done])
 
 
 def amplitude_of(load: Any, window: Active | Latch | None = None) -> Any:

@@ -181,7 +181,6 @@ class Element:
                 if getattr(self, k) is not None:
                     yield Issue((k,), f"{{}}: {k} is for type rigid only, not for {self.type}")
 
-
     @property
     def number(self) -> int | None:
         """The number of elements before refinement: count, or one between each two of the given nodes."""
@@ -214,7 +213,7 @@ OTHERS = {"support": "boundary_conditions of the case", "supports": "boundary_co
 class Body:
     """A beam, a cable or a rigid bar."""
 
-    familiar = OTHERS
+    other_names = OTHERS
     geometry: Geometry = key(OneOf(Geometry), "Reference axis")
     section: Section | None = key(
         ByKeys((Stiffness, SECTION_KEYS), (AreaSection, ("A", "I")), (Layers, ("layers",)), (Rectangle, ())),

@@ -130,7 +130,7 @@ OTHERS = {
 class Case:
     """A case: the model, the solver, and the results that are wanted."""
 
-    familiar = OTHERS
+    other_names = OTHERS
 
     format: int = key(FormatNumber(), "Version of this format", default=1)
     title: str = key(Text(number=True), "Title of the case", default="")
@@ -212,10 +212,11 @@ class Case:
         return out
 
     @property
-    def told_frequencies(self) -> tuple[float, ...]:
+    def goal_frequencies(self) -> tuple[float, ...]:
         """The frequencies [Hz] of the responses in the goal and the expected values."""
-        told = [self.goal, *self.expected]
-        return tuple(one.hz for one in told if one is not None and one.hz is not None)
+        goals = [self.goal, *self.expected]
+        return tuple(one.hz for one in goals if one is not None and one.hz is not None)
+
 
 R = TypeVar("R", bound=type)
 # what the records of each list declare to the rest of the model, with the defaults

@@ -21,8 +21,8 @@ from ..syntax import (
     Negative,
     Power,
     Quantity,
-    Time,
     Tree,
+    Variable,
     named_in,
     renamed,
     syntax,
@@ -239,7 +239,7 @@ class DerivativeError(ValueError):
 def rate_of(tree: Tree) -> Tree:
     """Return the time derivative of an expression in t and positions. Raises DerivativeError for other quantities."""
     match tree:
-        case Time():
+        case Variable():
             return Constant(1.0)
         case Quantity(name):
             probe, _, quantity = name.partition(".")
@@ -288,7 +288,7 @@ def _outer(name: str, x: Tree) -> Tree:
     return Choice(_compared(x, "<", Constant(0.0)), Constant(-1.0), Constant(1.0))
 
 
-def loop(outputs: Mapping[str, Tree]) -> list[str]:
+def algebraic_loop(outputs: Mapping[str, Tree]) -> list[str]:
     """Return a cycle of controllers that need each other's output at the same instant, closed by the first; else []."""
     def visit(name: str, way: list[str]) -> list[str]:
         if name in way:

@@ -69,7 +69,6 @@ class Polyline:
                 yield Issue(("points", i + 1), f"{{}}: points {i} and {i + 1} are the same; "
                             "the piece between them has no length")
 
-
     @property
     def least(self) -> int:
         """The minimum number of elements: one for each piece."""

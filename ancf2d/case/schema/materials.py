@@ -87,7 +87,7 @@ OTHERS = {
 class Material:
     """An isotropic material, elastic unless it says more."""
 
-    familiar = OTHERS
+    other_names = OTHERS
     E: float | Profile | None = key(ProfileOf("Pa", gt=0), "Young's modulus", default=None, example=2.07e11)
     nu: float | None = key(Number("", gt=-1, lt=0.5), "Poisson's ratio", default=None, example=0.3)
     rho: float | Profile | None = key(ProfileOf("kg/m^3", gt=0), "Density; needed for solvers dynamic and eigen, "
@@ -118,7 +118,7 @@ class Material:
         return self.yield_ is not None or self.stress_strain is not None
 
     @property
-    def remembers(self) -> bool:
+    def non_hookean(self) -> bool:
         """Whether its stress is not just a constant stiffness times strain; also true for hyperelastic materials."""
         return self.fibres or bool(self.viscoelastic) or self.law == "neo_hooke"
 

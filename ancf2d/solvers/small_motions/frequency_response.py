@@ -52,7 +52,7 @@ def solve_frequency_response(model: Model, spec: FrequencyResponse) -> Iterator[
     inputs, probes = Inputs(small)(spec.inputs), outputs(small, spec.inputs)
     problem = Quadratic(small, relaxes=True)
     if spec.frequencies is None:
-        hz, found, error = placed_responses(problem, inputs, probes, spec, model.case.told_frequencies)
+        hz, found, error = placed_responses(problem, inputs, probes, spec, model.case.goal_frequencies)
         if len(hz) >= MOST_POINTS:
             state.warnings = [*state.warnings, f"{len(hz)} frequencies do not resolve the responses. Use a smaller "
                               "range or a larger solver.tolerance"]

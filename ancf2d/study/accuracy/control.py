@@ -11,7 +11,7 @@ from ...case import FrequencyResponse, LoadedCase, Rectangle, with_overrides
 from ...errors import ComputationError, many
 from ...model.curve import stretches
 from ...model.plan import acting_points
-from ..goal import Answer, Target, goal_kind
+from ..goal import GoalValue, Target, goal_kind
 from ..order import Estimate
 from ..record import Progress
 from ..run import Outcome, describe_goal, prepare, vocabulary
@@ -157,7 +157,7 @@ def _directly(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | No
     return found
 
 
-def _strayed(level: Level, expected: Answer | None, allowed: float) -> bool:
+def _strayed(level: Level, expected: GoalValue | None, allowed: float) -> bool:
     """Return whether the load steps of a level failed, or ended in another state than the solve from a guess."""
     if level.reason or level.answer is None or expected is None:
         return True

@@ -139,7 +139,7 @@ class Direct:
         if case.goal is None or not bodies or not case.solver.shows_order:
             return False
         return not case.contacts and not self.pursuit.slides(Setting({}, self.types)) and not any(
-            material.remembers for body in case.bodies.values() for material in body.materials)
+            material.non_hookean for body in case.bodies.values() for material in body.materials)
 
     def _order(self, name: str) -> float:
         own, variant = self.pursuit.loaded.case.bodies[name].element, self.types.get(name, AS_GIVEN)

@@ -19,7 +19,7 @@ MOVED, FALLS = 0.2, 0.35
 def follows_way(case: Case) -> bool:
     """Return whether a case has load steps to an equilibrium that depends on the path."""
     return case.solver.takes_guess and (any(contact.friction > 0.0 for contact in case.contacts) or any(
-        material.remembers for body in case.bodies.values() for material in body.materials))
+        material.non_hookean for body in case.bodies.values() for material in body.materials))
 
 
 def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> dict[str, Any]:

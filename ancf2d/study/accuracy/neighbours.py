@@ -17,7 +17,7 @@ from ...model.build import build_model
 from ...model.model import Model
 from ...model.transfer import transferred
 from ...solvers.registry import solve
-from ..goal import Answer, Solved, goal_kind
+from ..goal import GoalValue, Solved, goal_kind
 from ..order import ROUND_OFF, Estimate
 from ..run import quantity
 from .setting import Level
@@ -85,7 +85,7 @@ def beside(loaded: LoadedCase, solved: Solved, level: Level, finer: bool) -> tup
     if state is None or value is None or level.answer is None:
         return other, None
     other.iterations = int(state.history.get("iterations", 1))
-    other.answer = Answer(value, level.answer.size, None, level.answer.smallest, period=level.answer.period)
+    other.answer = GoalValue(value, level.answer.size, None, level.answer.smallest, period=level.answer.period)
     return other, Neighbour(case, model, state)
 
 

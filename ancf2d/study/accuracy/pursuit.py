@@ -144,7 +144,7 @@ class Pursuit:
     def _run(self, level: Level, told: Told | None, how: Solve | None = None) -> None:
         """Solve a level; if its error is ``told``, it becomes the preliminary result."""
         # warnings about intermediate meshes are suppressed: their sequence shows more than each by itself
-        quiet = replace(self.progress, warn=lambda text: None, note=lambda text: None, judges=told is not None)
+        quiet = replace(self.progress, warn=lambda text: None, note=lambda text: None, checks_mesh=told is not None)
 
         def conclude(found: Solved) -> None:
             level.take(found.answer, found.summary)

@@ -15,7 +15,7 @@ from ...case.emit import written
 from ...model.curve import share_count, stretches, turning
 from ...model.grading import grading_of
 from ...model.plan import acting_points
-from ..goal import Answer
+from ..goal import GoalValue
 from ..run import vocabulary
 from ..variants import Variant, element_data, flexible
 
@@ -91,7 +91,7 @@ class Level:
 
     setting: Setting
     why: str
-    answer: Answer | None = None
+    answer: GoalValue | None = None
     estimate: float | None = None
     wall_s: float = 0.0
     dofs: int | None = None
@@ -101,7 +101,7 @@ class Level:
     zones: bool = False
     off: float = 0.0
 
-    def take(self, answer: Answer, summary: dict[str, Any]) -> None:
+    def take(self, answer: GoalValue, summary: dict[str, Any]) -> None:
         """Store the answer of a solve, and add its cost."""
         self.answer = answer
         self.wall_s += summary["wall_s"]

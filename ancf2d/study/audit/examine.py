@@ -13,7 +13,7 @@ import numpy as np
 from ...errors import Ancf2dError, ComputationError
 from ..warmup import warm_up
 from . import cost, kinematics, laws, locking, meshes, patches
-from .subject import FAIL, NOTE, Answer, Check, Finding, Subject
+from .subject import FAIL, NOTE, Check, CheckResult, Finding, Subject
 
 # every check is listed here
 CHECKS = (
@@ -67,17 +67,17 @@ class Audit:
     """A finished audit of an element."""
 
     subject: Subject
-    answers: tuple[Answer, ...]
+    results: tuple[CheckResult, ...]
 
     @property
-    def made(self) -> tuple[Answer, ...]:
-        """The answers to checks that were possible."""
-        return tuple(a for a in self.answers if self.subject.flaw is None or a.check.name in WITHOUT_SHAPES)
+    def made(self) -> tuple[CheckResult, ...]:
+        """The results of the checks that were possible."""
+        return tuple(a for a in self.results if self.subject.flaw is None or a.check.name in WITHOUT_SHAPES)
 
     @property
     def counts(self) -> dict[str, int]:
         """The number of checks with each verdict."""
-        return dict(Counter(a.finding.verdict for a in self.answers))
+        return dict(Counter(a.finding.verdict for a in self.results))
 
     def as_json(self) -> dict[str, Any]:
         """Return the object that ``--json`` prints."""
@@ -86,7 +86,7 @@ class Audit:
         if plan is not None:
             out.update(formulation=plan.formulation.name, shear_factor=plan.section.k_s,
                        quadrature={"normal": list(plan.rule.normal), "shear": list(plan.rule.shear)})
-        return {**out, "checks": [a.as_json() for a in self.answers], "verdicts": self.counts}
+        return {**out, "checks": [a.as_json() for a in self.results], "verdicts": self.counts}
 
 
 def audit(subject: Subject, checks: tuple[Check, ...] = CHECKS, compiling: Callable[[str], None] = lambda text: None,
@@ -95,19 +95,19 @@ def audit(subject: Subject, checks: tuple[Check, ...] = CHECKS, compiling: Calla
 
     ``compiling`` is called if kernels must be compiled first.
     """
-    answers = []
+    results = []
     if subject.flaw is None:
         with suppress(Ancf2dError):
             warm_up(subject.model(1.0, 2, "static", boundary_conditions=[subject.wall]), compiling)
     whole = sum(check.work for check in checks)
     for k, check in enumerate(checks):
         done(sum(c.work for c in checks[:k]) / whole, check.name)
-        answers.append(Answer(check, _answer(check, subject)))
+        results.append(CheckResult(check, _examined(check, subject)))
     done(1.0, "")
-    return Audit(subject, tuple(answers))
+    return Audit(subject, tuple(results))
 
 
-def _answer(check: Check, subject: Subject) -> Finding:
+def _examined(check: Check, subject: Subject) -> Finding:
     """Return the finding of a check; one that cannot be computed fails with the reason."""
     if subject.flaw is not None and check.name not in WITHOUT_SHAPES:
         return Finding(None, NOTE, "not examined: there are no shape functions")

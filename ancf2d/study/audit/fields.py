@@ -47,18 +47,23 @@ def linear_field(model: Model, G: Array) -> Array:
     return d
 
 
-def turned(model: Model, d: Array, angle: float, shift: tuple[float, float] = (0.0, 0.0)) -> Array:
+def rigidly_moved(model: Model, d: Array, angle: float, shift: tuple[float, float] = (0.0, 0.0)) -> Array:
     """Return the displacements (n_q,) of a deformed body after a rotation about the origin and a translation."""
-    mesh = beam(model)
-    e, out = model.e0 + d, np.empty_like(d)
+    e = rotated(model, model.e0 + d, angle)
+    place = np.flatnonzero(beam(model).kinds == 0)
+    e[place] += shift[0]
+    e[place + 1] += shift[1]
+    e[beam(model).kinds == 2] += angle
+    return e - model.e0
+
+
+def rotated(model: Model, e: Array, angle: float) -> Array:
+    """Return coordinates or forces (n_q,) with the vectors among them, positions and slopes, rotated."""
+    kinds, out = beam(model).kinds, e.copy()
+    first = np.flatnonzero((kinds == 0) | (kinds == 3))
     c, s = np.cos(angle), np.sin(angle)
-    first = np.flatnonzero((mesh.kinds == 0) | (mesh.kinds == 3))
-    move = np.where((mesh.kinds[first] == 0)[:, None], np.asarray(shift), 0.0)
-    out[first] = c * e[first] - s * e[first + 1] + move[:, 0]
-    out[first + 1] = s * e[first] + c * e[first + 1] + move[:, 1]
-    theta = mesh.kinds == 2
-    out[theta] = e[theta] + angle
-    return out - model.e0
+    out[first], out[first + 1] = c * e[first] - s * e[first + 1], s * e[first] + c * e[first + 1]
+    return out
 
 
 def displacement_rows(mesh: BodyMesh, shape: ShapeFunctions, xi: Array, eta: Array) -> Array:

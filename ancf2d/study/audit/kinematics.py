@@ -6,7 +6,7 @@ import numpy as np
 
 from ...elements.shape import Array, gauss
 from ...model.own_element import SINGULAR, condition, rank
-from .fields import displacement_rows, linear_field, points_over, turned
+from .fields import displacement_rows, linear_field, points_over, rigidly_moved
 from .subject import FAIL, NOTE, NU, PASS, ROUND_OFF, Finding, Subject, judged
 
 # lengths relative to the height, and Poisson ratios, for which a basis must keep its rank
@@ -39,7 +39,7 @@ def completeness(s: Subject) -> Finding:
     rows = displacement_rows(mesh, shape, xi, eta)
     across = s.element.section_kind == "interpolated"
     shift = (1.0, -0.5)
-    moved = turned(model, np.zeros(model.n_q), 0.0, shift)
+    moved = rigidly_moved(model, np.zeros(model.n_q), 0.0, shift)
     worst = float(np.abs(np.einsum("pcn,n->pc", rows, moved) - np.array(shift)).max())
     for a, b in ((0, 0), (1, 0), (0, 1), (1, 1)):
         G = np.zeros((2, 2))

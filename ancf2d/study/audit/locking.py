@@ -33,12 +33,12 @@ from .subject import FAIL, NOTE, NU, PASS, Finding, Subject, percent, subject
 # allowed relative difference of a shear factor from the rectangle's: in uniform shear, and in bending
 UNIFORM, BENT = 0.05, 0.06
 # share of the work below which there is no shear
-NOTHING = 1e-6
+NO_SHEAR = 1e-6
 SLENDER = (10.0, 100.0, 1000.0)
 # share of stiffness beyond which an element locks
 LOCKS = 0.01
 # a loss is due to the mesh if at most this share of it remains in the limit of fine meshes
-GOES = 0.2
+REMAINS = 0.2
 RATIOS = (-0.5, 0.0, 0.3, 0.45, 0.499)
 REFERENCE = "reissner3"
 # strains that take up energy in bending
@@ -75,7 +75,7 @@ def factor_in_bending(s: Subject) -> float:
     total = work_inside(model, sheared)
     # int M^2 dx from -h to h is 2/3, and 2 for the pure moment
     shear = total - work_inside(model, bent) / 3.0
-    return 4.0 * (1.0 + NU) / shear if shear > NOTHING * total else math.inf
+    return 4.0 * (1.0 + NU) / shear if shear > NO_SHEAR * total else math.inf
 
 
 def shear_in_bending(s: Subject) -> Finding:
@@ -134,19 +134,19 @@ def _cause(s: Subject, model: Model, d: Array, large: float) -> str:
 
 
 @dataclass(frozen=True)
-class Lost:
+class ComplianceLoss:
     """Bending compliance lost to nu: the largest loss and its nu, the loss at 0.3, and what remains on fine meshes."""
 
     most: float
     at: float
     usual: float
-    kept: float
+    remaining: float
 
     def finding(self, good: str, bad: str, remedy: str = "") -> Finding:
         """Return the finding; a loss that vanishes with refinement is left to another check."""
         if self.most <= LOCKS:
             return Finding(max(self.most, 0.0), PASS, good)
-        if self.kept <= max(LOCKS, GOES * self.most):
+        if self.remaining <= max(LOCKS, REMAINS * self.most):
             return Finding(self.most, NOTE, f"{percent(self.most)} of the bending compliance is lost at nu = "
                            f"{self.at:g}, but this vanishes with refinement")
         usual = f"{percent(self.usual)} at {NU:g}" if self.usual > LOCKS else f"nothing at {NU:g}"
@@ -154,18 +154,18 @@ class Lost:
                        f"{self.at:g}, {usual}{remedy}")
 
 
-def _lost_to_nu(s: Subject) -> Lost:
+def _lost_to_nu(s: Subject) -> ComplianceLoss:
     """Return the loss of bending compliance relative to nu = 0."""
     count = s.affordable(24, 400)
     found = {nu: bending_compliance(s, 10.0, count, nu) for nu in RATIOS}
     lost = {nu: found[0.0] - found[nu] for nu in RATIOS}
     at = max(lost, key=lambda nu: lost[nu])
-    kept = lost[at]
-    if kept > LOCKS:
+    remaining = lost[at]
+    if remaining > LOCKS:
         fine = bending_compliance(s, 10.0, 2 * count, 0.0) - bending_compliance(s, 10.0, 2 * count, at)
         # extrapolated: a loss due to the mesh is of second order in the element length
-        kept = fine - (lost[at] - fine) / 3.0
-    return Lost(lost[at], at, lost[NU], kept)
+        remaining = fine - (lost[at] - fine) / 3.0
+    return ComplianceLoss(lost[at], at, lost[NU], remaining)
 
 
 def poisson_locking(s: Subject) -> Finding:

@@ -10,7 +10,7 @@ import numpy as np
 from ...elements.shape import Array
 from ...model.model import Model
 from ..order import Estimate, estimate
-from .fields import beam, stiffness, timoshenko_deflection, tip_deflection, turned
+from .fields import beam, rigidly_moved, stiffness, timoshenko_deflection, tip_deflection
 from .locking import REFERENCE
 from .subject import FAIL, NOTE, PASS, ROUND_OFF, Finding, Subject, percent, subject
 
@@ -161,7 +161,7 @@ def _resists_spinning(s: Subject) -> float:
     bent = 0.1 * np.random.default_rng(1).uniform(-1, 1, model.n_q) / w
     worst = 0.0
     for angle in ANGLES:
-        d = turned(model, bent, angle)
+        d = rigidly_moved(model, bent, angle)
         for v in _rigid_velocities(model, d):
             Q = rates.viscous_forces(d, v)[:model.n_q]
             worst = max(worst, float(np.abs(Q / w).max() / (scale * np.abs(w * v).max())))
@@ -174,4 +174,4 @@ def _rigid_velocities(model: Model, d: Array) -> Array:
     first = np.flatnonzero((kinds == 0) | (kinds == 3))
     spin = np.where(kinds == 2, 1.0, 0.0)
     spin[first], spin[first + 1] = -e[first + 1], e[first]
-    return np.stack([turned(model, still, 0.0, (1.0, 0.0)), turned(model, still, 0.0, (0.0, 1.0)), spin])
+    return np.stack([rigidly_moved(model, still, 0.0, (1.0, 0.0)), rigidly_moved(model, still, 0.0, (0.0, 1.0)), spin])

@@ -15,9 +15,10 @@ from .fields import (
     elastic,
     element_stiffness,
     linear_field,
+    rigidly_moved,
+    rotated,
     stiffness,
     tip_deflection,
-    turned,
     uniform,
 )
 from .subject import FAIL, NOTE, NU, PASS, ROUND_OFF, Finding, Subject, judged, percent
@@ -41,7 +42,7 @@ def rigid_motion(s: Subject) -> Finding:
     scale = float(np.abs(stiffness(model) / np.outer(w, w)).max())
     worst = 0.0
     for angle in (0.0, *ANGLES):
-        energy, Q = elastic(model, turned(model, still, angle, (0.7, -0.4)))
+        energy, Q = elastic(model, rigidly_moved(model, still, angle, (0.7, -0.4)))
         worst = max(worst, float(np.abs(Q / w).max()) / scale, abs(energy) / scale)
     return judged(worst, ROUND_OFF, "translations and finite rotations cause no forces and no energy",
                   "rigid motions cause forces (per stiffness and unit displacement)")
@@ -55,20 +56,11 @@ def objectivity(s: Subject) -> Finding:
     energy, Q = elastic(model, d)
     worst = 0.0
     for angle in ANGLES:
-        other, P = elastic(model, turned(model, d, angle, (0.7, -0.4)))
-        back = forces_turned(model, Q, angle)
+        other, P = elastic(model, rigidly_moved(model, d, angle, (0.7, -0.4)))
+        back = rotated(model, Q, angle)
         worst = max(worst, abs(other / energy - 1), float(np.abs(P - back).max() / np.abs(Q).max()))
     return judged(worst, ROUND_OFF, "a superposed rotation keeps the energy and rotates the forces with it",
                   "energy or forces of a deformed element depend on its rotation")
-
-
-def forces_turned(model: Model, Q: Array, angle: float) -> Array:
-    """Return forces with their pairs of components rotated."""
-    kinds, out = beam(model).kinds, Q.copy()
-    first = np.flatnonzero((kinds == 0) | (kinds == 3))
-    c, s = np.cos(angle), np.sin(angle)
-    out[first], out[first + 1] = c * Q[first] - s * Q[first + 1], s * Q[first] + c * Q[first + 1]
-    return out
 
 
 def isotropy(s: Subject) -> Finding:

@@ -191,7 +191,7 @@ class Check:
 
 
 @dataclass(frozen=True)
-class Answer:
+class CheckResult:
     """A check with its finding."""
 
     check: Check

@@ -16,7 +16,7 @@ from ...case.emit import flow, written
 from ...errors import UNSOLVED, ComputationError, verdict
 from ...solvers.motion.schemes import DEFAULT
 from ...solvers.registry import solve
-from ..goal import Answer, Solved, for_study, solve_for_goal
+from ..goal import GoalValue, Solved, for_study, solve_for_goal
 from ..pool import DIED
 from ..record import Clock, Progress
 from ..run import prepare, vocabulary
@@ -123,7 +123,7 @@ class Measured:
     formulation: str
     elements: int
     dofs: int | None = None
-    answer: Answer | None = None
+    answer: GoalValue | None = None
     wall_s: float | None = None
     runs: int = 0
     memory: int | None = None

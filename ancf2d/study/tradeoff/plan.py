@@ -15,7 +15,7 @@ from ...errors import CaseError
 from ...solvers.motion.schemes import DEFAULT
 from ..convergence import limit_of, meshes_of
 from ..forecast import predicted_cost
-from ..goal import Answer, goal_of, sequence
+from ..goal import GoalValue, goal_of, sequence
 from ..order import ROUND_OFF, estimate
 from ..pool import Workers
 from ..variants import Variant, check_flexible, count_of, divided, flexible, parse_variants, stretches_of
@@ -71,7 +71,7 @@ class Chain:
         """The next task to solve, or None at the end."""
         return None if self.ended or len(self.done) == len(self.tasks) else self.tasks[len(self.done)]
 
-    def take(self, found: Measured) -> None:
+    def record(self, found: Measured) -> None:
         """Store the result of the next task."""
         self.done.append(found)
         self.ended |= found.status == "refused" or (self.settles and self._settled())
@@ -257,11 +257,11 @@ class Limit:
     Without an answer, ``note`` gives the reason.
     """
 
-    answer: Answer | None = None
+    answer: GoalValue | None = None
     bar: float = math.inf
     note: str = ""
 
-    def error(self, answer: Answer) -> float:
+    def error(self, answer: GoalValue) -> float:
         """Return the relative error of an answer; infinite if the limit is unknown."""
         return math.inf if self.answer is None else answer.distance(self.answer) / self.answer.size
 
@@ -295,7 +295,7 @@ def limit(series: Series, reference: float | None = None) -> Limit:
     return Limit(answer, bar + _of_steps(series, answer), found.note)
 
 
-def _of_steps(series: Series, limit: Answer) -> float:
+def _of_steps(series: Series, limit: GoalValue) -> float:
     """Return the error of a motion's reference due to its steps: less than the change with ten times the tolerance."""
     if series.steps is None:
         return 0.0
@@ -330,18 +330,18 @@ def continuum_series(planner: Planner) -> dict[int, Series]:
     meshes = planner.at_least(CONTINUUM_ELEMENTS, CONTINUUM_MESHES)
     out = {}
     for q in ACROSS if planner.motion is None else ACROSS_IN_MOTION:
-        setting = Plain(Variant(FAMILY, (ALONG, q)), **_of(planner))
+        setting = DefaultSetting(Variant(FAMILY, (ALONG, q)), **_precise_steps(planner))
         chain = planner.chain(setting, meshes, 0, more=_spread(loaded))
         out[q] = Series(setting, [], chain)
     return out
 
 
-def _of(planner: Planner) -> dict[str, Any]:
+def _precise_steps(planner: Planner) -> dict[str, Any]:
     chosen = planner.precise(Variant())
     return {"method": chosen.method, "key": chosen.key, "step": chosen.step}
 
 
-class Plain(Setting):
+class DefaultSetting(Setting):
     """A setting with all defaults of its element type, independent of the case's element."""
 
     def element(self, body: Body, count: int, base: int) -> dict[str, Any]:

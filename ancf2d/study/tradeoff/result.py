@@ -98,7 +98,7 @@ def _chosen(setting: Any) -> dict[str, Any]:
 
 
 @dataclass
-class Known:
+class SeriesSummary:
     """Results for a series: its limit, and the distance of that from the continuum's limit."""
 
     element: str
@@ -115,8 +115,8 @@ class Known:
         """The model error, or its upper bound if it is not resolved; infinite if it is unknown."""
         if self.model_error is None or self.model_error_bar is None:
             return math.inf
-        told = self.model_error >= RESOLVED * self.model_error_bar
-        return self.model_error if told else self.model_error + self.model_error_bar
+        resolved = self.model_error >= RESOLVED * self.model_error_bar
+        return self.model_error if resolved else self.model_error + self.model_error_bar
 
     def as_json(self) -> dict[str, Any]:
         """Return the ``--json`` form of the series."""
@@ -130,7 +130,7 @@ class Known:
 
 
 @dataclass
-class Study:
+class TradeoffStudy:
     """A finished study; ``dropped`` are the tasks that did not fit into the budget, of which ``spent`` [s] was used."""
 
     case: str
@@ -141,7 +141,7 @@ class Study:
     budget: float
     spent: float = 0.0
     rows: list[Row] = field(default_factory=list)
-    series: list[Known] = field(default_factory=list)
+    series: list[SeriesSummary] = field(default_factory=list)
     continuum: Limit = field(default_factory=Limit)
     continuum_q: list[int] = field(default_factory=list)
     dropped: list[Task] = field(default_factory=list)
@@ -153,16 +153,20 @@ class Study:
         """Return whether any task could be solved."""
         return any(row.measured.answer is not None for row in self.rows)
 
+    @property
+    def _costs(self) -> tuple[list[float], list[float]]:
+        """The times of all rows, infinite if unknown, and the errors by which they are judged."""
+        times = [math.inf if row.measured.wall_s is None else row.measured.wall_s for row in self.rows]
+        return times, [row.judged for row in self.rows]
+
     def judge(self) -> None:
         """Mark the rows on the Pareto front."""
-        times = [math.inf if r.measured.wall_s is None else r.measured.wall_s for r in self.rows]
-        for row, best in zip(self.rows, pareto(times, [r.judged for r in self.rows]), strict=True):
+        for row, best in zip(self.rows, pareto(*self._costs), strict=True):
             row.pareto = best
 
     def recommended(self, accuracy: float) -> Row | None:
         """Return the cheapest row that reaches an accuracy, or None if there is none."""
-        times = [math.inf if r.measured.wall_s is None else r.measured.wall_s for r in self.rows]
-        found = cheapest(times, [r.judged for r in self.rows], accuracy)
+        found = cheapest(*self._costs, accuracy)
         return None if found is None else self.rows[found]
 
     def as_json(self) -> dict[str, Any]:
@@ -198,26 +202,26 @@ def _left_out(task: Task) -> dict[str, Any]:
             "for": "row" if task.repeat else "reference"}
 
 
-def rows_of(number: int, series: Series, found: Limit, behind: Limit, against_continuum: bool, given: bool,
-            ) -> tuple[list[Row], Known]:
+def rows_of(number: int, series: Series, found: Limit, continuum: Limit, against_continuum: bool, given: bool,
+            ) -> tuple[list[Row], SeriesSummary]:
     """Return the rows of a series, judged by its limit, and its summary.
 
-    ``behind`` is the limit of the continuum; ``given``: the reference is a number given by the user.
+    ``continuum`` is its limit of the continuum; ``given``: the reference is a number given by the user.
     """
     rows = [Row(m, number) for chain in series.rows for m in chain.done[:chain.judged]]
-    known = Known("", "", found, series.setting.quadrature)
+    known = SeriesSummary("", "", found, series.setting.quadrature)
     for row in rows:
         known.element, known.formulation = row.measured.element, row.measured.formulation
         known.refused |= row.measured.status == "refused"
         known.reason = known.reason or (row.measured.reason if row.measured.answer is None else "")
-    if found.known and behind.known and not given:
-        known.model_error, known.model_error_bar = distance(found, behind)
+    if found.known and continuum.known and not given:
+        known.model_error, known.model_error_bar = distance(found, continuum)
     for row in rows:
         _judge(row, found, known, against_continuum)
     return rows, known
 
 
-def _judge(row: Row, found: Limit, known: Known, against_continuum: bool) -> None:
+def _judge(row: Row, found: Limit, known: SeriesSummary, against_continuum: bool) -> None:
     if row.measured.answer is None:
         return
     error = found.error(row.measured.answer)
@@ -242,7 +246,8 @@ def setting_text(row: Row) -> str:
 TABLE = "tradeoff"
 
 
-def write_tradeoff(study: Study, loaded: LoadedCase, path: str, command: str = "", *, force: bool = False) -> Path:
+def write_tradeoff(study: TradeoffStudy, loaded: LoadedCase, path: str, command: str = "", *,
+                   force: bool = False) -> Path:
     """Write the solved rows as table ``tradeoff``; return the path. Raises ResultsError."""
     columns = (Column("value", goal_units(loaded), f"the goal: {study.goal}"),
                Column("error_below", "1", WHAT["error_below"]), Column("model_error", "1", WHAT["model_error"]),

@@ -13,12 +13,12 @@ from ..pool import ALONE, Workers, run_jobs
 from ..run import describe_goal
 from .measure import Measured, Task, lost, make_ready, measure
 from .plan import Chain, Choice, Planner, Series, continuum, continuum_series, limit, suffices
-from .result import Study, rows_of
+from .result import TradeoffStudy, rows_of
 
 
 def tradeoff(loaded: LoadedCase, choice: Choice, workers: Workers = ALONE,
              compiling: Callable[[str], None] = lambda text: None, done: Done = lambda share, left: None,
-             clock: Callable[[], float] = time.monotonic) -> Study:
+             clock: Callable[[], float] = time.monotonic) -> TradeoffStudy:
     """Solve a case with every setting of ``choice``, the cheapest first, and judge cost and error of each.
 
     The budget starts when all kernels are compiled. A setting that the case refuses gives a row with the reason. Raises
@@ -31,7 +31,7 @@ def tradeoff(loaded: LoadedCase, choice: Choice, workers: Workers = ALONE,
     budget = Budget(choice.budget, clock)
     todo = _Todo([*([s] for s in series), list(behind.values())], choice.reference)
     dropped = _solve(todo, workers, budget, done)
-    study = Study(loaded.source.file, loaded.case.title, describe_goal(loaded.case.goal),
+    study = TradeoffStudy(loaded.source.file, loaded.case.title, describe_goal(loaded.case.goal),
                   "continuum" if choice.continuum else "limit" if choice.reference is None else "reference",
                   choice.accuracies, choice.budget, budget.spent, dropped=dropped, warnings=list(planner.warnings),
                   labels=loaded.case.units.labels)
@@ -59,7 +59,7 @@ def _ready(series: Sequence[Series], own: int, compiling: Callable[[str], None])
             try:
                 make_ready(task, compiling)
             except CaseError as error:
-                chain.take(Measured(task, task.element, task.setting.variant.formulation or "", task.elements,
+                chain.record(Measured(task, task.element, task.setting.variant.formulation or "", task.elements,
                                     status="refused", reason=error.problems[0].message))
                 problems += error.problems
         refused += k < own and all(c.ended for c in s.rows)
@@ -122,9 +122,8 @@ def _solve(todo: _Todo, workers: Workers, budget: Budget, done: Done) -> list[Ta
         tasks = [chain.next for chain in batch]
         found = run_jobs(measure, [t for t in tasks if t is not None], workers, lost)
         for chain, result in zip(batch, found, strict=True):
-            chain.take(result)
+            chain.record(result)
         spent = budget.spent
         left = min(todo.left() / max(workers.processes, 1), max(budget.seconds - spent, 0.0))
         done(spent / max(spent + left, 1e-9), left)
     return dropped
-
