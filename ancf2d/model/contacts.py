@@ -82,8 +82,7 @@ class Contacts:
         body, other = (item.self_, item.self_) if item.between is None else item.between
         name = item.name or f"{body}-{other}"
         # friction holds a point to where it does not stay then
-        still = (not isinstance(self.case.solver, Dynamic) and item.law is None
-                 and getattr(self.case.solver, "method", "newton") == "newton")
+        still = not isinstance(self.case.solver, Dynamic) and item.law is None
         if body in self.case.obstacles:
             body, other = other, body
         if other in self.case.obstacles:
@@ -156,7 +155,7 @@ class Contacts:
             return False
         if isinstance(solver, Dynamic):
             return self.case.obstacles[pair.other].smooth
-        return isinstance(solver, Static | QuasiStatic) and not solver.on_path
+        return isinstance(solver, Static | QuasiStatic)
 
     def _tell_depth(self, i: int, pair: ContactPair | BodyPair, depth: float, s: float) -> None:
         """Warn of a law that presses hard from the start."""

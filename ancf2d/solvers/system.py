@@ -87,6 +87,8 @@ class System:
         self.held: Array | None = None
         # the last accepted state (n_full,) with its load factor, from which bodies slide along obstacles
         self.accepted: tuple[Array, float] | None = None
+        # along what contacts change at a state (n_full,) and factor, where not at that load: how unknowns answer then
+        self.along: Callable[[Array, float], Callable[[Array], Array]] | None = None
         # the state (n_full,) and factor that elements keep on trial
         self._tried: tuple[Array, float] | None = None
         self._dead: tuple[float, Array] | None = None
@@ -284,6 +286,13 @@ class System:
         if pivots.bad >= 0:
             raise self.singular(pivots.bad, at)
         return pivots
+
+    def answers(self, d: Array, t: float) -> Callable[[Array], Array]:
+        """Return how the unknowns answer to forces (n_unknowns,), by the tangent at d (n_full,) and t as last factored.
+
+        At this load or, on a path, along what picks its points.
+        """
+        return self.matrix.solve if self.along is None else self.along(d, t)
 
     def check_tangent(self, d: Array, t: float, pivots: Pivots) -> None:
         """Check as ``check_strained`` does the tangent at d (n_full,) and t, as it was assembled and factored last."""

@@ -8,18 +8,23 @@ iteration uses one factorisation of the tangent stiffness for two right-hand sid
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
 
 from ...case import Probe
+from ...elements.contact_geometry import HELD
 from ...elements.shape import Array
 from ...errors import ComputationError
 from ...kernels.elements import natural_slope
 from ...model.model import Model
 from ...model.points import PointRef
 from ...model.rotation import Rotation
+from ..active_set import PENETRATION, ROUNDS, begin, exchange, unfound
+from ..contact import memory, recall
+from ..lift_off import Course, released, stand_still
 from ..linear import GeneralSparse
 from ..post import place
 from ..system import UNIT_ROUNDOFF, Balance, System
@@ -28,7 +33,8 @@ from .newton import at_floor, balanced, check_divergence, check_sound, has_conve
 # where elements remember, iterations after which steps are shortened, and to what: where sections that yield meet, full
 # ones may lead from fibres that yield to some that unload and back
 FULL_STEPS, SHORTENED = 8, 0.75
-# half the difference in t that a nonlinear constraint's motion, and a spring's, is differentiated with
+# half the difference in t that a nonlinear constraint's motion, and a spring's, is differentiated with, and the first
+# step that tells what touches
 SMALL = 1e-5
 
 
@@ -63,7 +69,7 @@ class Metric:
 class PathPoint:
     """An equilibrium with its tangent: ``z`` (n_unknowns,) and ``rate`` are dz/ds and dt/ds by the path's parameter s.
 
-    ``uncertainty`` [m] where round-off ended the iteration, else 0.
+    ``uncertainty`` [m] where round-off ended the iteration, else 0; ``touching`` is what contacts remember there.
     """
 
     d: Array
@@ -76,6 +82,7 @@ class PathPoint:
     iterations: int
     increment: float
     uncertainty: float
+    touching: list[Array]
 
     @property
     def tangent(self) -> tuple[Array, float]:
@@ -85,7 +92,8 @@ class PathPoint:
 
 @dataclass
 class Found:
-    """What the bordered Newton iteration arrived at."""
+    """What the bordered Newton iteration arrived at; ``iterations`` are the most that it took with one set of contacts.
+    """
 
     d: Array
     t: float
@@ -223,9 +231,80 @@ class Curve:
         return model.numbering.reduce(out)
 
     def correct(self, control: Control, d: Array, t: float) -> Found:
-        """Return the equilibrium that meets the control, from a guess. Raises ComputationError."""
+        """Return the equilibrium that meets the control, from a guess. Raises ComputationError.
+
+        Points of contact open, close and move between such equilibria, by what the control lets happen.
+        """
+        touching = memory(self.model)
+        try:
+            return self._settled(control, d, t, self._slid)
+        except ComputationError:
+            if not any(pair.hard and pair.still for pair in self.model.contacts):
+                raise
+            recall(self.model, touching)
+            return self._settled(control, d, t, self._stood)
+
+    def _settled(self, control: Control, d: Array, t: float, find: Callable[[Control, Array, float, Course], Found]
+                 ) -> Found:
+        """Return as ``correct`` the equilibrium in which nothing opens, closes or moves any more."""
+        self.system.count_from(self.turns)
+        course = Course()
+        found = find(control, d, t, course)
+        self.system.along = partial(self._answers, control)
+        for _ in range(ROUNDS):
+            changed, worst = exchange(self.system, found.d, found.t, course)
+            if not changed:
+                return found
+            again = find(control, found.d, found.t, course)
+            found = replace(again, iterations=max(found.iterations, again.iterations))
+        raise unfound(found.t, worst)
+
+    def touch(self, start: Found, way: float) -> None:
+        """Let what touches where a path starts (``start``) be what does so as soon as the load factor goes one ``way``.
+
+        What only rests there has no force that tells what opens at once.
+        """
+        if not any(pair.hard for pair in self.model.contacts):
+            return
+        begin(self.system, start.d, start.t)
+        touching = memory(self.model)
+        try:
+            t = start.t + way * SMALL
+            self.correct(AtFactor(t, self.model.numbering.n_unknowns), self.model.displacements(
+                start.d[self.model.numbering.free], t), t)
+            apart = any(gap > PENETRATION * self.model.extent for one in self.model.contact_tables if one.pair.hard
+                        for gap, p in zip(one.gaps(start.d, start.t)[0], one.points, strict=True) if p.mem[HELD] > 0.0)
+        except ComputationError:
+            apart = True
+        if apart:
+            recall(self.model, touching)
+
+    def _answers(self, control: Control, d: Array, t: float) -> Callable[[Array], Array]:
+        """Return how the unknowns answer to forces where the load factor changes as the control wants."""
+        solve = self.system.matrix.solve
+        by_load = -solve(self.load_rate(d, t))
+        _, gradient, by_t = control.evaluate(d, t)
+        slope = by_t + float(gradient @ by_load)
+
+        def answer(b: Array) -> Array:
+            z = solve(b)
+            return np.asarray(z - float(gradient @ z) / slope * by_load)
+        return answer
+
+    def _stood(self, control: Control, d: Array, t: float, course: Course) -> Found:
+        """Return as ``_corrected`` what meets the control while all places stay."""
+        return self._corrected(control, d, t)
+
+    def _slid(self, control: Control, d: Array, t: float, course: Course) -> Found:
+        """Return as ``_corrected`` what meets the control while places where bodies lift off move with it."""
+        slid = released([one for one in self.model.contact_tables if one.pair.hard], course)
+        found = self._corrected(control, d, t)
+        stand_still(slid, found.d, found.t)
+        return found
+
+    def _corrected(self, control: Control, d: Array, t: float) -> Found:
+        """Return the equilibrium that meets the control where what touches does so."""
         system, num = self.system, self.model.numbering
-        system.count_from(self.turns)
         increments: list[float] = []
         residuals: list[float] = []
         for iteration in range(1, self.max_iterations + 1):
@@ -267,14 +346,18 @@ class Curve:
     def point(self, found: Found, s: float, scale: Callable[[Array, Array], float]) -> PathPoint:
         """Return a converged state with its tangent; ``scale(d, dz/dt)`` is dt/ds."""
         check_sound(self.model, found.d, None, found.t)
+        touching = memory(self.model)
+        # where bodies lift off, the places move along the path
+        recall(self.model, touching, slide=True)
         balance = self.system.assemble(found.d, found.t)
         pivots = self.system.factor({"factor": float(f"{found.t:.6g}")})
         self.system.check_tangent(found.d, found.t, pivots)
         by_load = -self.system.matrix.solve(self.load_rate(found.d, found.t))
+        recall(self.model, touching)
         rate = scale(found.d, by_load)
         negative = pivots.negative - self.model.numbering.n_multipliers
         return PathPoint(found.d, found.t, s, rate * by_load, rate, negative, balance, found.iterations,
-                         found.increment, found.uncertainty)
+                         found.increment, found.uncertainty, touching)
 
     @property
     def knows_inertia(self) -> bool:

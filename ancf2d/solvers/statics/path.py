@@ -11,12 +11,12 @@ from ...case import Static
 from ...elements.shape import Array
 from ...errors import ComputationError
 from ...model.model import Model
-from ..active_set import PENETRATION, overlap
-from ..contact import check_pressed
-from ..state import Graded, State
+from ..active_set import check_supports, overlap
+from ..contact import check_crossed, check_pressed, memory, recall
+from ..state import State
 from ..system import System
 from .continuation import Curve, Found, PathPoint
-from .newton import MAX_ITERATIONS, POOR, TOLERANCE, inexact
+from .newton import MAX_ITERATIONS, POOR, TOLERANCE, inexact, too_deep
 from .path_events import PathLog, ProbeGoal, goal_between, goal_of, hides_limit_points, limit_between
 from .path_steps import ArcSteps, ProbeSteps, Steps, leave
 from .static import unscaled
@@ -119,7 +119,8 @@ class Follower:
     def _resting(self, begin: Found) -> PathPoint:
         """Return where a path begins that does not go anywhere."""
         balance = self.curve.system.forces(begin.d, begin.t)
-        return PathPoint(begin.d, begin.t, 0.0, np.zeros(self.model.numbering.n_unknowns), 0.0, 0, balance, 0, 0.0, 0.0)
+        return PathPoint(begin.d, begin.t, 0.0, np.zeros(self.model.numbering.n_unknowns), 0.0, 0, balance, 0, 0.0, 0.0,
+                         memory(self.model))
 
     def _next(self, a: PathPoint, h: float) -> tuple[PathPoint, list[Event], list[str]]:
         """Return the next point, what is passed on the way in order, and warnings. A step in trouble is cut."""
@@ -145,7 +146,10 @@ class Follower:
         if guess is None:
             t = a.t + h * a.rate
             guess = self.model.displacements(a.d[free] + h * a.z, t), t
+        recall(self.model, a.touching)
         found = curve.correct(self.steps.control(a, h), *guess)
+        check_crossed(self.model, found.d, (a.d, a.t), found.t)
+        check_supports(curve.system, found.d, found.t)
         went = (found.d[free] - a.d[free], found.t - a.t)
         b = curve.point(found, a.s + h, self.steps.scale(a))
         for direction in (went, b.tangent):
@@ -232,11 +236,9 @@ class Follower:
         size = self.curve.system.norm(point.d[self.model.numbering.free])
         if point.uncertainty > POOR * size:
             warnings = [*warnings, inexact(f"factor {point.t:.6g}", point.uncertainty / size)]
+        recall(self.model, point.touching)
         depth = overlap(self.model, point.d, point.t)
-        if depth > 2.0 * PENETRATION * self.model.extent:
-            told = (f"at factor {point.t:.6g} a body is {depth:.2g} deep in another surface between its contact "
-                    "points, which are fixed on a path. Use more elements, or method: newton, which adds points there")
-            warnings = [*warnings, Graded(told, "deep", depth)]
+        warnings = warnings + too_deep(self.model, f"factor {point.t:.6g}", depth)
         state = self._plain(point)
         state.history, state.warnings = history, warnings
         self.log.observe(state, kind == "limit")

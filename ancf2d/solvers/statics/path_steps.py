@@ -22,8 +22,8 @@ FIRST_MOVE = 0.01
 FIRST_BLIND_MOVE = 1e-6
 # what is left of a way by round-off
 END = 1e-12
-# displacements beside the extent that are round-off, where bodies rest on what they touch
-REST = 1e-12
+# displacements beside the extent that are none, where bodies rest on what they touch
+REST = 1e-5
 
 Scale = Callable[[Array, Array], float]
 
@@ -66,6 +66,7 @@ class ArcSteps:
         self.origin = start.d[curve.model.numbering.free]
         self.moved = self.loaded = 0.0
         forward = -1.0 if isinstance(goal, FactorGoal) and goal.value < start.t else 1.0
+        curve.touch(start, forward)
         self.start = curve.point(start, 0.0, lambda d, by_load: forward)
         curve.metric.load = curve.metric.dot((self.start.z, 0.0), (self.start.z, 0.0))
         if curve.model.contacts and not self._moves(curve.metric.load):
@@ -135,6 +136,7 @@ class ProbeSteps:
         way = -goal.distance(start.d, start.t)
         self.sign, self.length = float(np.sign(way)), abs(way)
         self.step = self.length / (steps or STEPS)
+        curve.touch(start, 1.0)
         self.start = curve.point(start, 0.0, self._unit)
         # loads and displacements weigh alike at the start
         curve.metric.load = curve.metric.dot((self.start.z, 0.0), (self.start.z, 0.0)) / self.start.rate**2
