@@ -308,6 +308,19 @@ def test_modes_about_a_state_keep_what_touches_closed(push: float, roots: tuple[
     np.testing.assert_allclose(found, np.square(roots), rtol=1e-3)
 
 
+def test_no_step_leads_past_a_disc_between_two_nodes() -> None:
+    """The first equilibrium of a step has come into a disc from above, beyond its centre, or past it."""
+    x, radius, found = 0.8, 0.04, []
+    for steps in (1, 20):
+        solution = helpers.Solution(strip(
+            7, bc=[CLAMP], solver={"type": "static", "steps": steps},
+            loads=[{"type": "force", "at": "beam@1", "value": [0, -1]}],
+            obstacles={"solid": {"type": "circle", "center": [x, -radius - 0.02], "radius": radius}}))
+        found.append(solution.r("beam@1"))
+        assert contact_report(solution.model, solution.state)[0]["force"][1] > 0.5
+    np.testing.assert_allclose(*found, atol=1e-6)
+
+
 @pytest.mark.parametrize("gap", [0.0, 0.05])
 def test_arc_length_passes_the_states_of_load_steps_that_touch(gap: float) -> None:
     """A cantilever comes down on a disc, between two nodes or with its tip, in the same state by either method."""

@@ -198,6 +198,8 @@ class Curve:
         self.system, self.model = system, system.model
         self.tolerance, self.max_iterations = tolerance, max_iterations
         self.turns = system.turns()
+        # negative ones of the last tangent
+        self.pivots = 0
         squares = system.weights**2
         self.metric = Metric(squares / max(int(np.count_nonzero(squares)), 1), 0.0)
         zero = np.zeros(self.model.numbering.n_unknowns)
@@ -300,6 +302,9 @@ class Curve:
         slid = released([one for one in self.model.contact_tables if one.pair.hard], course)
         found = self._corrected(control, d, t)
         stand_still(slid, found.d, found.t)
+        if slid and self.knows_inertia and self.pivots < self.model.numbering.n_multipliers:
+            # there, a beam would turn about the place rather than lift off
+            raise ComputationError("a place of lift-off is not the one that bears", at={"factor": float(f"{t:.6g}")})
         return found
 
     def _corrected(self, control: Control, d: Array, t: float) -> Found:
@@ -313,7 +318,7 @@ class Curve:
             residuals.append(float(np.max(np.abs(balance.R), initial=0.0)))
             if not np.isfinite(residuals[-1]):
                 raise ComputationError("the forces are no longer finite", at=at, history=residuals)
-            system.factor(at)
+            self.pivots = system.factor(at).negative
             z, dt = self._bordered(control, balance, d, t)
             if iteration > FULL_STEPS and self.model.remembers:
                 z, dt = SHORTENED * z, SHORTENED * dt
@@ -347,10 +352,13 @@ class Curve:
         """Return a converged state with its tangent; ``scale(d, dz/dt)`` is dt/ds."""
         check_sound(self.model, found.d, None, found.t)
         touching = memory(self.model)
-        # where bodies lift off, the places move along the path
-        recall(self.model, touching, slide=True)
-        balance = self.system.assemble(found.d, found.t)
-        pivots = self.system.factor({"factor": float(f"{found.t:.6g}")})
+        # where bodies lift off, the places move along the path, unless they would come to others there
+        for slide in (True, False):
+            recall(self.model, touching, slide)
+            balance = self.system.assemble(found.d, found.t)
+            pivots = self.system.factor({"factor": float(f"{found.t:.6g}")})
+            if not self.knows_inertia or pivots.negative >= self.model.numbering.n_multipliers:
+                break
         self.system.check_tangent(found.d, found.t, pivots)
         by_load = -self.system.matrix.solve(self.load_rate(found.d, found.t))
         recall(self.model, touching)

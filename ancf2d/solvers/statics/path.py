@@ -18,13 +18,14 @@ from ..system import System
 from .continuation import Curve, Found, PathPoint
 from .newton import MAX_ITERATIONS, POOR, TOLERANCE, inexact, too_deep
 from .path_events import PathLog, ProbeGoal, goal_between, goal_of, hides_limit_points, limit_between
-from .path_steps import ArcSteps, ProbeSteps, Steps, leave
+from .path_steps import ArcSteps, ProbeSteps, Steps, leave, others_touch
 from .static import unscaled
 
 MOST_STEPS = 1000
 # iterations that a step should take
 WANTED = 6
-# the path may turn by 45 degrees in a step, in the plane of its own extents
+# the path may turn by 45 degrees in a step, in the plane of its own extents, unless others touch: there it has kinks,
+# and the inertia tells which way the load goes behind them
 LARGEST_TURN = np.cos(np.pi / 4)
 # a change of inertia is cornered to this share of the path before it is taken for a bifurcation
 CORNERED = 1e-4
@@ -152,9 +153,12 @@ class Follower:
         check_supports(curve.system, found.d, found.t)
         went = (found.d[free] - a.d[free], found.t - a.t)
         b = curve.point(found, a.s + h, self.steps.scale(a))
-        for direction in (went, b.tangent):
-            if curve.metric.dot(direction, a.tangent) < LARGEST_TURN * curve.metric.norm(direction) * curve.metric.norm(
-                    a.tangent):
+        kink = curve.knows_inertia and others_touch(a, b)
+        if kink and not self.controlled and a.rate * b.rate * (-1.0) ** (b.negative - a.negative) < 0.0:
+            b.z, b.rate = -b.z, -b.rate
+        for direction in (went,) if kink else (went, b.tangent):
+            if curve.metric.dot(direction, a.tangent) < (0.0 if kink else LARGEST_TURN) * curve.metric.norm(
+                    direction) * curve.metric.norm(a.tangent):
                 raise ComputationError("the path turns too sharply", at={"factor": float(f"{found.t:.6g}")})
         return b
 

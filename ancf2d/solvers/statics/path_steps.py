@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
+from ...elements.contact_geometry import HELD
 from ...elements.shape import Array
 from ...errors import ComputationError
 from .continuation import ArcLength, AtProbe, Control, Curve, Found, PathPoint
@@ -26,6 +27,11 @@ END = 1e-12
 REST = 1e-5
 
 Scale = Callable[[Array, Array], float]
+
+
+def others_touch(a: PathPoint, b: PathPoint) -> bool:
+    """Whether other points of contact bear at one point of a path than at the other."""
+    return any((one[:, HELD] != two[:, HELD]).any() for one, two in zip(a.touching, b.touching, strict=True))
 
 
 class Steps(Protocol):
