@@ -98,36 +98,48 @@ def _met(par, x, y, dx, dy, depth):  # type: ignore[no-untyped-def]
     return nx, ny
 
 
+@inner
+def _passes(par, p0, u, v, z, extent, work):  # type: ignore[no-untyped-def]
+    """Return whether place z of a curve passes through an obstacle between fields u and v: see ``obstacle_crossed``."""
+    depth, near = DEPTH * extent, TOUCHES * extent
+    _stand(par, p0, u, z, work)
+    x, y = work[RHO], work[RHO + 1]
+    _stand(par, p0, v, z, work)
+    dx, dy = work[RHO] - x, work[RHO + 1] - y
+    g = _gap_at(par, x, y, -1.0)[0]
+    g_end, mx, my, _, _, _ = _gap_at(par, x + dx, y + dy, -1.0)
+    if g <= -near or math.sqrt(dx * dx + dy * dy) <= g + g_end or not is_crossed(par, x, y, g, dx, dy, depth):
+        return False
+    nx, ny = _met(par, x, y, dx, dy, depth)
+    if g_end <= -near:
+        return nx * mx + ny * my < TURNED
+    mx, my = _met(par, x + dx, y + dy, -dx, -dy, depth)
+    turned = nx * mx + ny * my
+    return turned < TURNED or (turned < TURNED_DEEP and is_crossed(par, x, y, g, dx, dy, DEEP * extent))
+
+
 @kernel
 @seldom
-def obstacle_crossed(points, before, amps_before, d, amps, extent):  # type: ignore[no-untyped-def]
-    """Return whether a point at its home position passes through its obstacle on the straight path between two states.
+def obstacle_crossed(points, free, before, amps_before, d, amps, extent):  # type: ignore[no-untyped-def]
+    """Return whether a point passes through its obstacle, or past its middle, on the straight path between two states.
 
-    It is outside in both. The path passes through if the surface where it leaves is turned by more than 120 degrees
-    from the one where it enters, or by more than 60 degrees if it leads deep; otherwise the point slides along.
-    ``extent`` is that of the scene.
+    Points are checked at home; those that may move (``free``) at samples of their interval. A path passes through if
+    the surface where it leaves, or the one nearest to its end, is turned by more than 120 degrees from the one where it
+    enters, or by more than 60 degrees if it leads deep; otherwise the point slides along. ``extent`` is that of the
+    scene.
     """
-    depth, near = DEPTH * extent, TOUCHES * extent
-    u, w, a, work = vector(200), vector(200), vector(3), vector(WORK)
+    u, v, w, a, work = vector(200), vector(200), vector(200), vector(3), vector(WORK)
     for i in range(len(points.forces)):
-        if points.mem[i, FREE] != AT_HOME:
+        if points.mem[i, FREE] != AT_HOME and not free[i]:
             continue
         par, b, m = points.par[i], points.field[i], points.field[i + 1] - points.field[i]
         fields_of_item(points, i, before, u)
         amplitude_of(points, i, amps_before, u, w, a)
-        _stand(par, points.p0[b:b + m], u, par[HOME], work)
-        x, y = work[RHO], work[RHO + 1]
-        fields_of_item(points, i, d, u)
-        amplitude_of(points, i, amps, u, w, a)
-        _stand(par, points.p0[b:b + m], u, par[HOME], work)
-        dx, dy = work[RHO] - x, work[RHO + 1] - y
-        g, g_end = _gap_at(par, x, y, -1.0)[0], _gap_at(par, x + dx, y + dy, -1.0)[0]
-        if min(g, g_end) > -near and math.sqrt(dx * dx + dy * dy) > g + g_end and is_crossed(
-                par, x, y, g, dx, dy, depth):
-            nx, ny = _met(par, x, y, dx, dy, depth)
-            mx, my = _met(par, x + dx, y + dy, -dx, -dy, depth)
-            turned = nx * mx + ny * my
-            if turned < TURNED or (turned < TURNED_DEEP and is_crossed(par, x, y, g, dx, dy, DEEP * extent)):
+        fields_of_item(points, i, d, v)
+        amplitude_of(points, i, amps, v, w, a)
+        half = par[DAMPING] if free[i] else 0.0
+        for k in range(SAMPLES if free[i] else 1):
+            if _passes(par, points.p0[b:b + m], u, v, par[HOME] - half + 2.0 * half * k / (SAMPLES - 1), extent, work):
                 return True
     return False
 
@@ -318,7 +330,7 @@ def contact_compilations(problem: Any, obstacles: bool, bodies: bool, sided: boo
         out += [partial(contact_gaps.compile, (points, x, xx, x, x, b)),
                 partial(lean.compile, (points, x, xx, x, x))]
         if not moves:
-            out.append(partial(obstacle_crossed.compile, (points, x, xx, x, xx, types.float64)))
+            out.append(partial(obstacle_crossed.compile, (points, b, x, xx, x, xx, types.float64)))
         if sided or soft:
             out.append(partial(deepest.compile, (points, b, x, xx, x, x, x)))
         if soft:

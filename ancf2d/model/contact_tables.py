@@ -275,8 +275,11 @@ class ContactTable:
         """Return whether a point passes through the obstacle from ``before`` (state and time) to d (n_full,) at t."""
         from ..kernels.contact import obstacle_crossed
 
-        amps = self.at(*before)[1]
-        return bool(obstacle_crossed(self.table, before[0], amps, d, self.at(d, t)[1], self.pair.scale))
+        earlier, (table, amps), free = self.at(*before)[1], self.at(d, t), self.free
+        # along the curves of elements: those of beams have other fields in every state
+        table.mem[free, FREE] = UNUSED_OWN
+        self.turn_to(d)
+        return bool(obstacle_crossed(table, free, before[0], earlier, d, amps, self.pair.scale))
 
     def along(self) -> Array:
         """Return S (m,) of each point on the first body of the contact."""

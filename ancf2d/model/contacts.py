@@ -81,9 +81,8 @@ class Contacts:
     def _pairs(self, i: int, item: Any) -> list[Any]:
         body, other = (item.self_, item.self_) if item.between is None else item.between
         name = item.name or f"{body}-{other}"
-        # contact points move along elements only in statics by load steps
-        still = (not isinstance(self.case.solver, Dynamic) and item.law is None
-                 and getattr(self.case.solver, "method", "newton") == "newton")
+        # contact points move along elements only in statics without a law
+        still = not isinstance(self.case.solver, Dynamic) and item.law is None
         if body in self.case.obstacles:
             body, other = other, body
         if other in self.case.obstacles:
@@ -156,7 +155,7 @@ class Contacts:
             return False
         if isinstance(solver, Dynamic):
             return self.case.obstacles[pair.other].smooth
-        return isinstance(solver, Static | QuasiStatic) and not solver.on_path
+        return isinstance(solver, Static | QuasiStatic)
 
     def _tell_depth(self, i: int, pair: ContactPair | BodyPair, depth: float, s: float) -> None:
         """Warn if a contact with a law starts with a large overlap."""

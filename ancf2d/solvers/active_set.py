@@ -253,6 +253,14 @@ def exchange(system: System, d: Array, t: float, course: Course, way: Way = WAYS
     return changed or sum(turn(*rub) for rub in rubs) or int(pulled), worst
 
 
+def unfound(t: float, worst: float) -> ComputationError:
+    """Return what to say where points of contact change again and again; ``worst`` [m] is how deep bodies are last."""
+    found = f"a body is {worst:.3g} deep in an obstacle" if worst > 0.0 else "those that press change again and again"
+    return ComputationError(
+        f"the contact points were not found: {found}", at={"factor": float(f"{t:.6g}")},
+        advice="more elements in the contact zone, more steps, or obstacles that leave enough room")
+
+
 def _let_off(one: ContactTable, d: Array, t: float) -> int:
     """Open points that have slid beyond an end of the other body, whose corner may close instead; return how many."""
     off = [one.points[k] for k in np.flatnonzero(one.past(d, t)) if one.points[k].mem[HELD] > 0.0]

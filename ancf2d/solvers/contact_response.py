@@ -62,12 +62,13 @@ class Response:
     """
 
     def __init__(self, system: System, d: Array, t: float, spots: list[Spot], stuck: bool) -> None:
-        self.num, self.matrix = system.model.numbering, system.matrix
+        self.num = system.model.numbering
         with sticking(system.model.contact_tables if stuck else (), d, t):
             balance = system.assemble(d, t)
             pivots = system.factor({"factor": float(f"{t:.6g}")})
+        self.solve = system.answers(d, t)
         self.unstable = system.knows_inertia and pivots.negative > self.num.n_multipliers
-        self.base: Array = -self.matrix.solve(balance.R.copy())
+        self.base: Array = -self.solve(balance.R.copy())
         self.held = np.array([s.held for s in spots])
         self.rows = np.zeros((len(spots), len(self.num.place)))
         for row, s in zip(self.rows, spots, strict=True):
@@ -94,7 +95,7 @@ class Response:
             rhs[self.at[k]] = 1.0
         else:
             rhs = self._reduced(self.rows[k])
-        self.steps[k] = self.matrix.solve(rhs).copy()
+        self.steps[k] = self.solve(rhs).copy()
         out = self.told(self.steps[k])
         out[k] += self.soft[k]
         return out

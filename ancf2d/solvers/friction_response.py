@@ -71,7 +71,7 @@ class RoughResponse(Response):
         else:
             own, i = np.zeros(len(self.b)), k - m
             force = self.spring[i] if self.sticks[k] else 1.0
-            self.steps[k] = self.matrix.solve(self._reduced(force * self.slopes[i])).copy()
+            self.steps[k] = self.solve(self._reduced(force * self.slopes[i])).copy()
             own[:m] = self.told(self.steps[k])
             own[k] = self.spring[i] if self.sticks[k] else 1.0 / self.spring[i]
         own[m:] += self._along(self.steps[k])

@@ -23,6 +23,7 @@ from ..elements.contact_geometry import (
     OWN,
     PLACE,
     SLIDES,
+    SLIDING,
     STANDING,
     UNUSED,
     UNUSED_OWN,
@@ -43,6 +44,8 @@ SETTLED, LARGEST, BEYOND = 1e-5, 0.6, 1e-9
 NEARER, MEETS = 0.2, 0.02
 # least curvature in a Newton step, relative to that of the gap alone
 FLAT = 1e-3
+# steps of Newton's method for the place of a point that slid during an equilibrium iteration
+PLACED = 4
 # number of consecutive halved steps after which an end of a bracket is dropped
 HALVED = 3
 
@@ -77,10 +80,12 @@ class Bracket:
 class Course:
     """State of the movable contact points on the way to one equilibrium.
 
-    ``left`` are those that have left a contact zone or were opened; ``brackets`` limit those that move.
+    ``left`` are those that have left a contact zone or were opened, ``passed`` those whose role a point of the next
+    interval has taken over; ``brackets`` limit those that move.
     """
 
     left: set[ContactPoint] = field(default_factory=set)
+    passed: set[ContactPoint] = field(default_factory=set)
     brackets: dict[ContactPoint, Bracket] = field(default_factory=dict)
 
     def limited(self, place: _Place, step: float) -> float:
@@ -114,7 +119,9 @@ def choose_curves(one: ContactTable, course: Course) -> int:
     for k in np.flatnonzero(one.free).tolist():
         mem = one.points[k].mem
         if mem[FREE] < 0.0:
-            mem[FREE] = UNUSED_OWN if inside[k] and one.pair.cubic else UNUSED
+            # what has left the zone once is not taken for its part again
+            own = inside[k] and one.pair.cubic and one.points[k] not in course.left
+            mem[FREE] = UNUSED_OWN if own else UNUSED
         elif mem[FREE] == OWN and not inside[k]:
             mem[FREE] = STANDING
             course.left.add(one.points[k])
@@ -176,10 +183,15 @@ class _Place:
         return self.bend + 0.5 * self.c2 * self.force
 
 
-def _places(one: ContactTable, d: Array, t: float, course: Course) -> list[_Place]:
+def _own(one: ContactTable, course: Course) -> list[int]:
     """Return the movable closed points of a contact, except those inside a contact zone."""
     enclosed = _enclosed(one, course)
-    own = [k for k, p in enumerate(one.points) if p.mem[HELD] > 0.0 and p.mem[FREE] == STANDING and k not in enclosed]
+    return [k for k, p in enumerate(one.points) if p.mem[HELD] > 0.0 and p.mem[FREE] == STANDING and k not in enclosed]
+
+
+def _places(one: ContactTable, d: Array, t: float, course: Course) -> list[_Place]:
+    """Return the places of the movable closed points (``_own``)."""
+    own = _own(one, course)
     if not own:
         return []
     slope, bend = one.lean(d, t)
@@ -204,17 +216,17 @@ def slide(system: System, hard: list[ContactTable], d: Array, t: float, course: 
     num = system.model.numbering
     system.assemble(d, t)
     system.factor({"factor": float(f"{t:.6g}")})
-    answers = np.zeros((len(places), len(d)))
+    solve, answers = system.answers(d, t), np.zeros((len(places), len(d)))
     for answer, p in zip(answers, places, strict=True):
         push = p.force * p.turn
         push[p.point.multiplier] = -(p.slope + p.c1 * p.force)
-        num.expand(system.matrix.solve(num.reduce(push)), answer)
+        num.expand(solve(num.reduce(push)), answer)
     turns, multipliers = np.array([p.turn for p in places]), [p.point.multiplier for p in places]
     S = turns @ answers.T - 0.5 * np.array([p.c1 for p in places])[:, None] * answers[:, multipliers].T
     S += np.diag([p.own for p in places])
     steps = _step(S, np.array([p.sigma for p in places]), np.array([p.force for p in places]),
                   np.array([abs(p.own) for p in places]))
-    steps = np.array([_room(p, p.z + course.limited(p, step)) - p.z for p, step in zip(
+    steps = np.array([_room(p, p.z + course.limited(p, step), course) - p.z for p, step in zip(
         places, steps.tolist(), strict=True)])
     moved = np.abs(steps) > SETTLED
     if moved.any():
@@ -223,8 +235,30 @@ def slide(system: System, hard: list[ContactTable], d: Array, t: float, course: 
         system.model.displacements((d + steps @ answers)[num.where], t, out=d)
         for p, z in zip(places, new, strict=True):
             course.brackets[p.point].z = z
-            _move(p, z, d, t)
+            _move(p, z, d, t, course)
     return int(moved.sum())
+
+
+def released(hard: list[ContactTable], course: Course) -> list[tuple[ContactTable, int]]:
+    """Make the lift-off points slide with the state that is being solved for; return them."""
+    out = [(one, k) for one in hard if one.pair.still for k in _own(one, course)]
+    for one, k in out:
+        one.points[k].mem[FREE] = SLIDING
+    return out
+
+
+def stand_still(slid: list[tuple[ContactTable, int]], d: Array, t: float) -> None:
+    """Fix the points that slid at their places in state d (n_full,) at t, at most at the ends of their intervals."""
+    for one, k in slid:
+        one.points[k].mem[FREE] = STANDING
+    for one in {id(one): one for one, _ in slid}.values():
+        own = [k for other, k in slid if other is one]
+        for _ in range(PLACED):
+            slope, bend = one.lean(d, t)
+            for k in own:
+                place = _Place(one, k, float(-d[one.points[k].multiplier]), float(slope[k]), float(bend[k]), d)
+                par, step = place.point.par, place.sigma / place.own if place.own > 0.0 else 0.0
+                place.point.mem[PLACE] = np.clip(place.z - step, par[HOME] - par[DAMPING], par[HOME] + par[DAMPING])
 
 
 def _step(S: Array, sigma: Array, force: Array, own: Array) -> Array:
@@ -254,10 +288,17 @@ def _allowed(place: _Place, z: float, d: Array) -> float:
     return z
 
 
-def _room(place: _Place, z: float) -> float:
-    """Return z, or the end of the interval before it if no fixed point and no free next one is beyond this end."""
+def _room(place: _Place, z: float, course: Course) -> float:
+    """Return z, or the end of the interval before it if no fixed point and no free next one is beyond this end.
+
+    Also return the end if the point came from the next interval: at kinks between elements, each may lead to the other.
+    """
     par, up = place.point.par, z > place.point.par[HOME]
-    if abs(z - par[HOME]) <= par[DAMPING] + BEYOND or place.one.ends[place.k, int(up)] >= 0 or _following(place, z):
+    if abs(z - par[HOME]) <= par[DAMPING] + BEYOND:
+        return z
+    following = _following(place, z)
+    back = following is not None and place.one.points[following[0]] in course.passed
+    if not back and (place.one.ends[place.k, int(up)] >= 0 or following):
         return z
     return float(par[HOME] + (par[DAMPING] if up else -par[DAMPING]))
 
@@ -276,7 +317,7 @@ def _following(place: _Place, z: float) -> tuple[int, float] | None:
     return None
 
 
-def _move(place: _Place, z: float, d: Array, t: float) -> None:
+def _move(place: _Place, z: float, d: Array, t: float, course: Course) -> None:
     """Move a point to z; beyond its interval, the movable point of the next one or the fixed one between takes over.
 
     The friction anchor moves along, so that rolling causes no slip.
@@ -285,7 +326,7 @@ def _move(place: _Place, z: float, d: Array, t: float) -> None:
     rubs = one.pair.item.friction > 0.0
     held = one.anchor(place.k) - one.stand(d, t)[1][place.k] if rubs else 0.0
     # others may have moved meanwhile
-    z = _room(place, z)
+    z = _room(place, z, course)
     j = place.k
     if abs(z - point.par[HOME]) <= point.par[DAMPING] + BEYOND:
         point.mem[PLACE] = z
@@ -294,6 +335,7 @@ def _move(place: _Place, z: float, d: Array, t: float) -> None:
         j = following[0] if following else int(one.ends[place.k, int(z > point.par[HOME])])
         slides = point.mem[SLIDES]
         open_point(point, d)
+        course.passed.add(point)
         if following:
             stand_at(one, *following, place.feature)
         rubs = rubs and points[j].mem[HELD] <= 0.0

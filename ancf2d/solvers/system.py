@@ -86,6 +86,8 @@ class System:
         self.held: Array | None = None
         # the last accepted state (n_full,) with its load factor, from which slip on obstacles is measured
         self.accepted: tuple[Array, float] | None = None
+        # how the unknowns respond to forces at a state (n_full,) and factor, if the load changes with them (paths)
+        self.along: Callable[[Array, float], Callable[[Array], Array]] | None = None
         # the state (n_full,) and factor of the trial history variables
         self._tried: tuple[Array, float] | None = None
         self._dead: tuple[float, Array] | None = None
@@ -283,6 +285,13 @@ class System:
         if pivots.bad >= 0:
             raise self.singular(pivots.bad, at)
         return pivots
+
+    def answers(self, d: Array, t: float) -> Callable[[Array], Array]:
+        """Return the function that gives the response to forces (n_unknowns,), with the factored tangent at d and t.
+
+        The load is fixed; on a path it follows the control.
+        """
+        return self.matrix.solve if self.along is None else self.along(d, t)
 
     def check_tangent(self, d: Array, t: float, pivots: Pivots) -> None:
         """Apply ``check_strained`` to the tangent at d (n_full,) and t that was assembled and factored last."""

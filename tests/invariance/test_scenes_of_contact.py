@@ -40,6 +40,12 @@ def test_a_beam_that_is_pressed_onto_obstacles_has_an_equilibrium_out_of_them(nu
     assert touching.pressed(pytestconfig.getoption("seed"), number) == []
 
 
+# what touches makes the path turn by more than 45 degrees there
+@pytest.mark.parametrize("number", [12, 67, *(pytest.param(k, marks=pytest.mark.slow) for k in range(20))])
+def test_a_path_leads_through_all_that_a_beam_meets(number: int) -> None:
+    assert touching.pressed(77, number, method="arc_length", until={"load_factor": 1}) == []
+
+
 @pytest.mark.parametrize("number", [19, *(pytest.param(k, marks=pytest.mark.slow) for k in (4, 10))])
 def test_a_beam_that_is_pressed_onto_stiff_layers_has_an_equilibrium(number: int) -> None:
     """A full increment of Newton's method leads from within a layer out of it, and the next one back."""

@@ -8,18 +8,23 @@ factorisation of the tangent stiffness for two right-hand sides (Ramm 1981; Cris
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
 
 from ...case import Probe
+from ...elements.contact_geometry import HELD
 from ...elements.shape import Array
 from ...errors import ComputationError
 from ...kernels.elements import natural_slope
 from ...model.model import Model
 from ...model.points import PointRef
 from ...model.rotation import Rotation
+from ..active_set import PENETRATION, ROUNDS, begin, exchange, unfound
+from ..contact import memory, recall
+from ..lift_off import Course, released, stand_still
 from ..linear import GeneralSparse
 from ..post import place
 from ..system import UNIT_ROUNDOFF, Balance, System
@@ -28,7 +33,7 @@ from .newton import at_floor, balanced, check_divergence, check_sound, has_conve
 # with history variables, iterations after which Newton steps are shortened, and by which factor: where yielding
 # sections meet, full steps may cycle between fibres that yield and fibres that unload
 FULL_STEPS, SHORTENED = 8, 0.75
-# half the difference in t for derivatives of prescribed constraints and springs
+# half the difference in t for derivatives of prescribed constraints and springs; trial step that shows what touches
 SMALL = 1e-5
 
 
@@ -63,7 +68,7 @@ class Metric:
 class PathPoint:
     """An equilibrium with its tangent ``z`` (n_unknowns,) = dz/ds, ``rate`` = dt/ds; s is the path's parameter.
 
-    ``uncertainty`` [m] if round-off ended the iteration, else 0.
+    ``uncertainty`` [m] if round-off ended the iteration, else 0; ``touching`` is the stored state of the contacts.
     """
 
     d: Array
@@ -76,6 +81,7 @@ class PathPoint:
     iterations: int
     increment: float
     uncertainty: float
+    touching: list[Array]
 
     @property
     def tangent(self) -> tuple[Array, float]:
@@ -85,7 +91,7 @@ class PathPoint:
 
 @dataclass
 class Found:
-    """The result of the bordered Newton iteration."""
+    """The result of the bordered Newton iteration; ``iterations`` is the largest number for one set of contacts."""
 
     d: Array
     t: float
@@ -190,6 +196,8 @@ class Curve:
         self.system, self.model = system, system.model
         self.tolerance, self.max_iterations = tolerance, max_iterations
         self.turns = system.turns()
+        # negative ones of the last tangent
+        self.pivots = 0
         squares = system.weights**2
         self.metric = Metric(squares / max(int(np.count_nonzero(squares)), 1), 0.0)
         zero = np.zeros(self.model.numbering.n_unknowns)
@@ -223,9 +231,83 @@ class Curve:
         return model.numbering.reduce(out)
 
     def correct(self, control: Control, d: Array, t: float) -> Found:
-        """Return the equilibrium that satisfies the control, from a guess. Raises ComputationError."""
+        """Return the equilibrium that satisfies the control, from a guess. Raises ComputationError.
+
+        Contact points open, close and move between such equilibria; their response includes that of the load factor.
+        """
+        touching = memory(self.model)
+        try:
+            return self._settled(control, d, t, self._slid)
+        except ComputationError:
+            if not any(pair.hard and pair.still for pair in self.model.contacts):
+                raise
+            recall(self.model, touching)
+            return self._settled(control, d, t, self._stood)
+
+    def _settled(self, control: Control, d: Array, t: float, find: Callable[[Control, Array, float, Course], Found]
+                 ) -> Found:
+        """Same as ``correct``, with ``find`` as the solver for fixed contacts, until no contact point changes."""
+        self.system.count_from(self.turns)
+        course = Course()
+        found = find(control, d, t, course)
+        self.system.along = partial(self._answers, control)
+        for _ in range(ROUNDS):
+            changed, worst = exchange(self.system, found.d, found.t, course)
+            if not changed:
+                return found
+            again = find(control, found.d, found.t, course)
+            found = replace(again, iterations=max(found.iterations, again.iterations))
+        raise unfound(found.t, worst)
+
+    def touch(self, start: Found, way: float) -> None:
+        """Set the contacts at the start of a path to those just after it, with the load factor changing one ``way``.
+
+        Bodies that merely rest on obstacles at the start have no contact force that shows which points open at once.
+        """
+        if not any(pair.hard for pair in self.model.contacts):
+            return
+        begin(self.system, start.d, start.t)
+        touching = memory(self.model)
+        try:
+            t = start.t + way * SMALL
+            self.correct(FactorControl(t, self.model.numbering.n_unknowns), self.model.displacements(
+                start.d[self.model.numbering.free], t), t)
+            apart = any(gap > PENETRATION * self.model.extent for one in self.model.contact_tables if one.pair.hard
+                        for gap, p in zip(one.gaps(start.d, start.t)[0], one.points, strict=True) if p.mem[HELD] > 0.0)
+        except ComputationError:
+            apart = True
+        if apart:
+            recall(self.model, touching)
+
+    def _answers(self, control: Control, d: Array, t: float) -> Callable[[Array], Array]:
+        """Return the function that gives the response to forces while the load factor follows the control."""
+        solve = self.system.matrix.solve
+        by_load = -solve(self.load_rate(d, t))
+        _, gradient, by_t = control.evaluate(d, t)
+        slope = by_t + float(gradient @ by_load)
+
+        def answer(b: Array) -> Array:
+            z = solve(b)
+            return np.asarray(z - float(gradient @ z) / slope * by_load)
+        return answer
+
+    def _stood(self, control: Control, d: Array, t: float, course: Course) -> Found:
+        """Same as ``_corrected``, with all contact places fixed."""
+        return self._corrected(control, d, t)
+
+    def _slid(self, control: Control, d: Array, t: float, course: Course) -> Found:
+        """Same as ``_corrected``, with the places of lift-off moving along."""
+        slid = released([one for one in self.model.contact_tables if one.pair.hard], course)
+        found = self._corrected(control, d, t)
+        stand_still(slid, found.d, found.t)
+        if slid and self.knows_inertia and self.pivots < self.model.numbering.n_multipliers:
+            # the beam would turn about this place rather than lift off
+            raise ComputationError("a place of lift-off is not the one that bears", at={"factor": float(f"{t:.6g}")})
+        return found
+
+    def _corrected(self, control: Control, d: Array, t: float) -> Found:
+        """Return the equilibrium that satisfies the control with the present set of closed points."""
         system, num = self.system, self.model.numbering
-        system.count_from(self.turns)
         increments: list[float] = []
         residuals: list[float] = []
         for iteration in range(1, self.max_iterations + 1):
@@ -234,7 +316,7 @@ class Curve:
             residuals.append(float(np.max(np.abs(balance.R), initial=0.0)))
             if not np.isfinite(residuals[-1]):
                 raise ComputationError("the forces are no longer finite", at=at, history=residuals)
-            system.factor(at)
+            self.pivots = system.factor(at).negative
             z, dt = self._bordered(control, balance, d, t)
             if iteration > FULL_STEPS and self.model.remembers:
                 z, dt = SHORTENED * z, SHORTENED * dt
@@ -267,14 +349,21 @@ class Curve:
     def point(self, found: Found, s: float, scale: Callable[[Array, Array], float]) -> PathPoint:
         """Return a converged state with its tangent; ``scale(d, dz/dt)`` returns dt/ds."""
         check_sound(self.model, found.d, None, found.t)
-        balance = self.system.assemble(found.d, found.t)
-        pivots = self.system.factor({"factor": float(f"{found.t:.6g}")})
+        touching = memory(self.model)
+        # places of lift-off move along the path, unless they would meet other points
+        for slide in (True, False):
+            recall(self.model, touching, slide)
+            balance = self.system.assemble(found.d, found.t)
+            pivots = self.system.factor({"factor": float(f"{found.t:.6g}")})
+            if not self.knows_inertia or pivots.negative >= self.model.numbering.n_multipliers:
+                break
         self.system.check_tangent(found.d, found.t, pivots)
         by_load = -self.system.matrix.solve(self.load_rate(found.d, found.t))
+        recall(self.model, touching)
         rate = scale(found.d, by_load)
         negative = pivots.negative - self.model.numbering.n_multipliers
         return PathPoint(found.d, found.t, s, rate * by_load, rate, negative, balance, found.iterations,
-                         found.increment, found.uncertainty)
+                         found.increment, found.uncertainty, touching)
 
     @property
     def knows_inertia(self) -> bool:

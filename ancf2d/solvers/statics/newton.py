@@ -13,7 +13,7 @@ from ...interactions.prismatic import check_ends
 from ...model.element_limits import check_inverted
 from ...model.model import Model
 from ...model.point_patch import check_facing
-from ..active_set import PENETRATION, ROUNDS, WAYS, Way, begin, check_supports, exchange
+from ..active_set import PENETRATION, ROUNDS, WAYS, Way, begin, check_supports, exchange, unfound
 from ..contact import check_crossed, check_pressed, memory, recall
 from ..friction import stick_one
 from ..lift_off import Course
@@ -109,10 +109,7 @@ def _settled(system: System, result: NewtonResult, t: float, tolerance: float, m
             check_pressed(system.model, result.d, {"factor": float(f"{t:.6g}")})
             return result
         result = _held(system, result.d, t, t, tolerance, max_iterations)
-    found = f"a body is {worst:.3g} deep in an obstacle" if worst > 0.0 else "those that press change again and again"
-    raise ComputationError(f"the contact points were not found: {found}",
-                           at={"factor": float(f"{t:.6g}")},
-                           advice="more elements in the contact zone, more steps, or obstacles that leave enough room")
+    raise unfound(t, worst)
 
 
 def _newton(system: System, d: Array, t_old: float, t: float, tolerance: float, max_iterations: int) -> NewtonResult:
@@ -244,6 +241,13 @@ def inexact(when: str, share: float) -> str:
                   "largest. Fewer or longer elements give more digits", "round-off", share)
 
 
+def too_deep(model: Model, when: str, depth: float) -> list[str]:
+    """Return the warning that points of contact leave a body in what it touches, if they do."""
+    told = (f"at {when} a body is {depth:.2g} deep in an obstacle between its contact points. Use more elements in the "
+            "contact zone")
+    return [Graded(told, "deep", depth)] if depth > 2.0 * PENETRATION * model.extent else []
+
+
 def state_of(system: System, result: NewtonResult, t: float, number: int, cutbacks: int, warnings: list[str]) -> State:
     """Return the state to be yielded for an equilibrium: step ``number``, after ``cutbacks`` cuts."""
     history = {"step": number, "factor": t, "iterations": result.iterations, "residual": result.residual,
@@ -253,9 +257,7 @@ def state_of(system: System, result: NewtonResult, t: float, number: int, cutbac
     when = f"t = {t:.6g}" if system.model.case.solver.timed else f"factor {t:.6g}"
     if result.uncertainty > max(POOR * size, STILL * system.model.extent):
         warnings = [*warnings, inexact(when, result.uncertainty / size)]
-    if result.overlap > 2.0 * PENETRATION * system.model.extent:
-        warnings = [*warnings, Graded(f"at {when} a body is {result.overlap:.2g} deep in an obstacle between its "
-                                      "contact points. Use more elements in the contact zone", "deep", result.overlap)]
+    warnings = warnings + too_deep(system.model, when, result.overlap)
     turned = system.count(result.d, t)
     return State(t, result.d, result.Q, result.F, result.energy, turned, history=history, warnings=warnings)
 

@@ -11,20 +11,21 @@ from ...case import Static
 from ...elements.shape import Array
 from ...errors import ComputationError
 from ...model.model import Model
-from ..active_set import PENETRATION, overlap
-from ..contact import check_pressed
-from ..state import Graded, State
+from ..active_set import check_supports, overlap
+from ..contact import check_crossed, check_pressed, memory, recall
+from ..state import State
 from ..system import System
 from .continuation import Curve, Found, PathPoint
-from .newton import MAX_ITERATIONS, POOR, TOLERANCE, inexact
+from .newton import MAX_ITERATIONS, POOR, TOLERANCE, inexact, too_deep
 from .path_events import PathLog, ProbeGoal, goal_between, goal_of, hides_limit_points, limit_between
-from .path_steps import ArcSteps, ProbeSteps, Steps, leave
+from .path_steps import ArcSteps, ProbeSteps, Steps, leave, others_touch
 from .static import unscaled
 
 MOST_STEPS = 1000
 # number of iterations that a step should take
 WANTED = 6
-# the path may turn by 45 degrees in a step, in the metric of the path
+# the path may turn by 45 degrees in a step, in the metric of the path, unless the set of closed contact points changes:
+# there it has a kink, and the inertia shows which way the load factor goes after it
 LARGEST_TURN = np.cos(np.pi / 4)
 # a change of inertia is bracketed to this share of the path before it counts as a bifurcation
 CORNERED = 1e-4
@@ -119,7 +120,8 @@ class Follower:
     def _resting(self, begin: Found) -> PathPoint:
         """Return the start of a path that ends there."""
         balance = self.curve.system.forces(begin.d, begin.t)
-        return PathPoint(begin.d, begin.t, 0.0, np.zeros(self.model.numbering.n_unknowns), 0.0, 0, balance, 0, 0.0, 0.0)
+        return PathPoint(begin.d, begin.t, 0.0, np.zeros(self.model.numbering.n_unknowns), 0.0, 0, balance, 0, 0.0, 0.0,
+                         memory(self.model))
 
     def _next(self, a: PathPoint, h: float) -> tuple[PathPoint, list[Event], list[str]]:
         """Return the next point, the events up to it in order, and warnings. Failed or doubtful steps are cut."""
@@ -145,12 +147,18 @@ class Follower:
         if guess is None:
             t = a.t + h * a.rate
             guess = self.model.displacements(a.d[free] + h * a.z, t), t
+        recall(self.model, a.touching)
         found = curve.correct(self.steps.control(a, h), *guess)
+        check_crossed(self.model, found.d, (a.d, a.t), found.t)
+        check_supports(curve.system, found.d, found.t)
         went = (found.d[free] - a.d[free], found.t - a.t)
         b = curve.point(found, a.s + h, self.steps.scale(a))
-        for direction in (went, b.tangent):
-            if curve.metric.dot(direction, a.tangent) < LARGEST_TURN * curve.metric.norm(direction) * curve.metric.norm(
-                    a.tangent):
+        kink = curve.knows_inertia and others_touch(a, b)
+        if kink and not self.controlled and a.rate * b.rate * (-1.0) ** (b.negative - a.negative) < 0.0:
+            b.z, b.rate = -b.z, -b.rate
+        for direction in (went,) if kink else (went, b.tangent):
+            if curve.metric.dot(direction, a.tangent) < (0.0 if kink else LARGEST_TURN) * curve.metric.norm(
+                    direction) * curve.metric.norm(a.tangent):
                 raise ComputationError("the path turns too sharply", at={"factor": float(f"{found.t:.6g}")})
         return b
 
@@ -232,11 +240,9 @@ class Follower:
         size = self.curve.system.norm(point.d[self.model.numbering.free])
         if point.uncertainty > POOR * size:
             warnings = [*warnings, inexact(f"factor {point.t:.6g}", point.uncertainty / size)]
+        recall(self.model, point.touching)
         depth = overlap(self.model, point.d, point.t)
-        if depth > 2.0 * PENETRATION * self.model.extent:
-            told = (f"at factor {point.t:.6g} a body is {depth:.2g} deep in another surface between its contact "
-                    "points, which are fixed on a path. Use more elements, or method: newton, which adds points there")
-            warnings = [*warnings, Graded(told, "deep", depth)]
+        warnings = warnings + too_deep(self.model, f"factor {point.t:.6g}", depth)
         state = self._plain(point)
         state.history, state.warnings = history, warnings
         self.log.observe(state, kind == "limit")

@@ -183,7 +183,7 @@ def _interpolated(curve: Curve, low: PathPoint, high: PathPoint, iterations: int
     s = low.s + x * (high.s - low.s)
     d, t = between(curve.model, low, high, s)
     return PathPoint(d, t, s, (1 - x) * low.z + x * high.z, 0.0, high.negative, curve.system.forces(d, t), iterations,
-                     high.increment, high.uncertainty)
+                     high.increment, high.uncertainty, high.touching)
 
 
 def goal_between(curve: Curve, goal: Goal, a: PathPoint, b: PathPoint,

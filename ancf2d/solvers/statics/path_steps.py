@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
+from ...elements.contact_geometry import HELD
 from ...elements.shape import Array
 from ...errors import ComputationError
 from .continuation import ArcLength, Control, Curve, Found, PathPoint, ProbeControl
@@ -22,10 +23,15 @@ FIRST_MOVE = 0.01
 FIRST_BLIND_MOVE = 1e-6
 # share of a path's length that is round-off
 END = 1e-12
-# displacements relative to the extent that are round-off, if bodies rest on obstacles
-REST = 1e-12
+# displacements relative to the extent that count as none, if bodies rest on obstacles
+REST = 1e-5
 
 Scale = Callable[[Array, Array], float]
+
+
+def others_touch(a: PathPoint, b: PathPoint) -> bool:
+    """Return whether the sets of closed contact points at two points of a path differ."""
+    return any((one[:, HELD] != two[:, HELD]).any() for one, two in zip(a.touching, b.touching, strict=True))
 
 
 class Steps(Protocol):
@@ -66,6 +72,7 @@ class ArcSteps:
         self.origin = start.d[curve.model.numbering.free]
         self.moved = self.loaded = 0.0
         forward = -1.0 if isinstance(goal, FactorGoal) and goal.value < start.t else 1.0
+        curve.touch(start, forward)
         self.start = curve.point(start, 0.0, lambda d, by_load: forward)
         curve.metric.load = curve.metric.dot((self.start.z, 0.0), (self.start.z, 0.0))
         if curve.model.contacts and not self._moves(curve.metric.load):
@@ -135,6 +142,7 @@ class ProbeSteps:
         way = -goal.distance(start.d, start.t)
         self.sign, self.length = float(np.sign(way)), abs(way)
         self.step = self.length / (steps or STEPS)
+        curve.touch(start, 1.0)
         self.start = curve.point(start, 0.0, self._unit)
         # give load factor and displacements equal weight at the start
         curve.metric.load = curve.metric.dot((self.start.z, 0.0), (self.start.z, 0.0)) / self.start.rate**2

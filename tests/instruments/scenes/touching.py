@@ -174,9 +174,10 @@ def pressed_scene(seed: int, number: int) -> Data:
 # ---------------------------------------------------------------------- judged
 
 
-def pressed(seed: int, number: int, stiffness: float | None = None) -> list[str]:
+def pressed(seed: int, number: int, stiffness: float | None = None, **solver: Any) -> list[str]:
     """Return what must not be of the equilibrium of a pressed beam, on layers where these have a stiffness."""
     case = pressed_scene(seed, number)
+    case["solver"] = {"type": "static", **(solver or {"steps": 5})}
     for contact in case["contacts"] if stiffness else ():
         contact["law"] = {"stiffness": stiffness}
     try:
