@@ -118,6 +118,11 @@ class Material:
         return self.yield_ is not None or self.stress_strain is not None
 
     @property
+    def yields(self) -> bool:
+        """Whether strain that has passed stays: its fibres do not go back along their curve."""
+        return self.yield_ is not None or (self.stress_strain is not None and self.stress_strain.unloading == "elastic")
+
+    @property
     def remembers(self) -> bool:
         """Whether its stress is another than a constant stiffness times strain."""
         return self.fibres or bool(self.viscoelastic) or self.law == "neo_hooke"

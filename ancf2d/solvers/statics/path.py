@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
 
 from ...case import Static
+from ...case.schema.solvers import LARGEST_STEP
 from ...elements.shape import Array
 from ...errors import ComputationError
 from ...model.model import Model
@@ -26,6 +28,8 @@ MOST_STEPS = 1000
 WANTED = 6
 # the path may turn by 45 degrees in a step, in the plane of its own extents
 LARGEST_TURN = np.cos(np.pi / 4)
+# ... and by 120 degrees at a corner: beyond, it goes back
+AT_CORNER = -0.5
 # a change of inertia is cornered to this share of the path before it is taken for a bifurcation
 CORNERED = 1e-4
 # limit points that may lie in pairs within a step are looked for down to this share of it
@@ -46,7 +50,9 @@ class Follower:
         self.goal = goal_of(model, spec.until)
         self.count = getattr(spec.until, "count", None)
         self.controlled = spec.method == "displacement"
-        self.most = MOST_STEPS if self.controlled else spec.steps or MOST_STEPS
+        shorter = max(LARGEST_STEP / (spec.largest_step or LARGEST_STEP), 1.0)
+        # equal steps may be cut
+        self.most = MOST_STEPS + (spec.steps or 0) if self.controlled else spec.steps or math.ceil(shorter * MOST_STEPS)
         self.log = PathLog(model)
         self.steps: Steps
         self.number = self.cuts = 0
@@ -67,7 +73,7 @@ class Follower:
         if self.controlled and isinstance(self.goal, ProbeGoal):
             self.steps = ProbeSteps(self.curve, self.goal, begin, self.spec.steps)
         else:
-            self.steps = ArcSteps(self.curve, self.goal, begin)
+            self.steps = ArcSteps(self.curve, self.goal, begin, self.spec.largest_step)
         a, h = self.steps.start, self.steps.first()
         while True:
             if self.number >= self.most:
@@ -148,9 +154,11 @@ class Follower:
         found = curve.correct(self.steps.control(a, h), *guess)
         went = (found.d[free] - a.d[free], found.t - a.t)
         b = curve.point(found, a.s + h, self.steps.scale(a))
+        # where all of a bar begins to yield, the path has a corner, however short the step
+        corner = self.model.remembers and h <= CORNERED * a.s
         for direction in (went, b.tangent):
-            if curve.metric.dot(direction, a.tangent) < LARGEST_TURN * curve.metric.norm(direction) * curve.metric.norm(
-                    a.tangent):
+            size = curve.metric.norm(direction) * curve.metric.norm(a.tangent)
+            if curve.metric.dot(direction, a.tangent) < (AT_CORNER if corner else LARGEST_TURN) * size:
                 raise ComputationError("the path turns too sharply", at={"factor": float(f"{found.t:.6g}")})
         return b
 

@@ -8,17 +8,16 @@ from typing import Protocol
 
 import numpy as np
 
+from ...case.schema.solvers import LARGEST_STEP, LOAD_STEPS
 from ...elements.shape import Array
 from ...errors import ComputationError
 from .continuation import ArcLength, AtProbe, Control, Curve, Found, PathPoint
 from .path_events import FactorGoal, Goal, ProbeGoal
-from .static import STEPS
 
-# no point moves further in a step than this share of the model's extent
-LARGEST_MOVE = 0.1
-# nor in the first step of a path that does not end at a load factor than this
-FIRST_MOVE = 0.01
-# and where the tangent is not symmetric than this, as its determinant hides critical points that come in pairs
+# of the largest step: the first one of a path that does not end at a load factor
+FIRST = 0.1
+# and of the extent: the move in it where the tangent is not symmetric, as its determinant hides critical points that
+# come in pairs
 FIRST_BLIND_MOVE = 1e-6
 # what is left of a way by round-off
 END = 1e-12
@@ -61,8 +60,8 @@ class Steps(Protocol):
 class ArcSteps:
     """Steps by arc length; the direction is the one that the path had."""
 
-    def __init__(self, curve: Curve, goal: Goal | None, start: Found) -> None:
-        self.curve, self.goal = curve, goal
+    def __init__(self, curve: Curve, goal: Goal | None, start: Found, longest: float | None = None) -> None:
+        self.curve, self.goal, self.longest = curve, goal, longest or LARGEST_STEP
         self.origin = start.d[curve.model.numbering.free]
         self.moved = self.loaded = 0.0
         forward = -1.0 if isinstance(goal, FactorGoal) and goal.value < start.t else 1.0
@@ -95,7 +94,7 @@ class ArcSteps:
         largest = self.largest(self.start)
         if isinstance(self.goal, FactorGoal):
             return largest
-        share = FIRST_MOVE if self.curve.model.symmetric else FIRST_BLIND_MOVE
+        share = FIRST * self.longest if self.curve.model.symmetric else FIRST_BLIND_MOVE
         return min(largest, self._moving(self.start, share))
 
     def _moves(self, square: float) -> bool:
@@ -109,7 +108,7 @@ class ArcSteps:
     def largest(self, a: PathPoint) -> float:
         """Return the largest step that moves no point too far and resolves the way to the goal."""
         slope = 0.0 if self.goal is None else abs(self.goal.slope(a))
-        return min(self._moving(a, LARGEST_MOVE), self.whole / STEPS / slope if slope > 0 else np.inf)
+        return min(self._moving(a, self.longest), self.whole * self.longest / slope if slope > 0 else np.inf)
 
     def ends(self, a: PathPoint) -> bool:
         """Arc length has no end."""
@@ -134,7 +133,7 @@ class ProbeSteps:
         self.curve, self.goal = curve, goal
         way = -goal.distance(start.d, start.t)
         self.sign, self.length = float(np.sign(way)), abs(way)
-        self.step = self.length / (steps or STEPS)
+        self.step = self.length / (steps or LOAD_STEPS)
         self.start = curve.point(start, 0.0, self._unit)
         # loads and displacements weigh alike at the start
         curve.metric.load = curve.metric.dot((self.start.z, 0.0), (self.start.z, 0.0)) / self.start.rate**2

@@ -1,8 +1,8 @@
-"""Load steps to a wanted accuracy, where an equilibrium depends on the way to it: where bodies rub or remember."""
+"""Steps to a wanted accuracy, where an equilibrium depends on the way to it: where bodies rub or remember."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ...case import Case
@@ -14,54 +14,102 @@ from .setting import Level
 # of the wanted error: load steps that move the goal by no more leave what meshes tell as it is; and the share of an
 # error that a mesh twice as fine is taken to have at least
 MOVED, FALLS = 0.2, 0.35
+# times the steps of a path: fewer tell nothing of shorter ones; and how much shorter they are made before they have to
+MORE, MOST = 1.4, 256.0
 
 
 def follows_way(case: Case) -> bool:
-    """Return whether load steps that a case has lead to an equilibrium that depends on them."""
-    return case.solver.takes_guess and (any(contact.friction > 0.0 for contact in case.contacts) or any(
-        material.remembers for body in case.bodies.values() for material in body.materials))
+    """Return whether steps that a case has lead to an equilibrium that depends on them."""
+    materials = [material for body in case.bodies.values() for material in body.materials]
+    return bool(case.solver.with_steps(1.0)) and (
+        any(contact.friction > 0.0 for contact in case.contacts)
+        or any(material.yields or (case.solver.timed and material.viscoelastic) for material in materials))
 
 
 def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> dict[str, Any]:
     """Solve the mesh that was chosen with steps half as long, until that moves the goal little; return its accuracy.
 
-    Errors of steps are of first order: that of the shorter ones is the difference. It is no less than half of that of
-    the longer ones, since points that stick or slip by chance alike in both move nothing; steps twice as long tell that
-    of the first. Where shorter steps have moved the goal, a mesh twice as fine tells whether the error is still what
-    meshes with long ones told.
+    Where shorter steps have moved the goal, a mesh twice as fine tells whether the error is still what meshes with long
+    ones told.
     """
-    from ...solvers.statics.static import STEPS
-
-    def told(level: Level) -> tuple[Estimate, float]:
-        pursuit.report["steps_error"] = max(apart(level, rough), 0.5 * before)
-        return found, error + pursuit.report["steps_error"]
-
-    def with_longer(level: Level, steps: int) -> float:
-        longer = pursuit.solve(replace(level.setting, steps=max(steps // 2, 1)), "effect of the load steps")
-        return 0.0 if longer.answer is None else apart(longer, level)
-
-    steps = getattr(pursuit.loaded.case.solver, "steps", None) or STEPS
-    known, before = rough, with_longer(rough, steps)
+    shorter = _Shorter(pursuit, rough, error, found)
+    known = rough
     while True:
-        steps *= 2
-        fine = pursuit.whole(replace(rough.setting, steps=steps), "effect of the load steps", told)
+        fine = shorter.next()
         if fine.answer is None:
             pursuit.report.pop("steps_error", None)
-            return pursuit.accuracy(rough, found, error) | {
-                "achieved": False, "note": f"the load steps are not judged, as {steps} of them fail"}
-        accuracy = pursuit.accuracy(fine, *told(fine))
+            return pursuit.accuracy(shorter.rough, shorter.found, error) | {
+                "achieved": False, "note": f"the steps are not judged, as those with {named(fine.setting.steps)} fail"}
+        accuracy = pursuit.accuracy(fine, *shorter.told(fine))
         if error <= pursuit.wanted and apart(fine, known) > MOVED * pursuit.wanted:
             finer, error = _refined(pursuit, fine, error)
-            known = finer
+            known, shorter.error = finer, error
             if finer is not fine:
-                found = Estimate(None, None, None, False, "meshes differ more with shorter load steps")
-                rough, before = finer, with_longer(finer, steps)
+                shorter.found = Estimate(None, None, None, False, "meshes differ more with shorter steps")
+                shorter.begin(finer)
                 continue
         if accuracy["achieved"] or error > pursuit.wanted:
             return accuracy
         if 2 * fine.work > MOST_WORK:
-            return accuracy | {"note": "the load steps needed would take too long"}
-        rough, before = fine, pursuit.report["steps_error"]
+            return accuracy | {"note": "the steps needed would take too long"}
+        shorter.go_on(fine)
+
+
+@dataclass
+class _Shorter:
+    """Steps half as long as before on a mesh of an ``error``, of which meshes tell what they ``found``.
+
+    Errors of steps are of first order: that of the shorter ones is the difference to the ``rough`` ones, twice as long.
+    It is no less than half of the one before and a quarter of the one before that, since points that stick or slip by
+    chance alike move nothing. ``moved``: these differences; ``between``: steps of a path that are not many more than
+    the rough ones, as it asks for steps that are as short, and tell nothing.
+    """
+
+    pursuit: Pursuit
+    rough: Level
+    error: float
+    found: Estimate
+    ratio: float = 1.0
+    moved: list[float] = field(default_factory=list)
+    between: list[Level] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.begin(self.rough)
+
+    def begin(self, rough: Level) -> None:
+        """Go on from steps on another mesh: steps twice as long tell of these."""
+        longer = self.pursuit.solve(replace(rough.setting, steps=self._steps(0.5 * self.ratio)), "effect of the steps")
+        self.moved = [0.0 if longer.answer is None else apart(longer, rough)]
+        self.go_on(rough)
+
+    def go_on(self, rough: Level) -> None:
+        """Take steps as those that shorter ones are compared with."""
+        self.rough, self.between = rough, []
+        self.moved.append(0.0)
+
+    def next(self) -> Level:
+        """Return the level of steps half as long, or shorter where these are not many more."""
+        while True:
+            self.ratio *= 2.0
+            fine = self.pursuit.whole(replace(self.rough.setting, steps=self._steps(self.ratio)), "effect of the steps",
+                                      self.told)
+            if fine.answer is None or fine.made >= MORE * self.rough.made or self.ratio >= MOST:
+                return fine
+            self.between.append(fine)
+
+    def told(self, level: Level) -> tuple[Estimate, float]:
+        """Return what is known of a level, and its error."""
+        self.moved[-1] = max(apart(level, other) for other in (self.rough, *self.between) if other is not level)
+        error = self.pursuit.report["steps_error"] = max(0.5**k * moved for k, moved in enumerate(self.moved[:-4:-1]))
+        return self.found, self.error + error
+
+    def _steps(self, ratio: float) -> dict[str, Any]:
+        return self.pursuit.loaded.case.solver.with_steps(ratio)
+
+
+def named(steps: dict[str, Any]) -> str:
+    """Return keys of a solver in words."""
+    return ", ".join(f"{name} {value:g}" for name, value in steps.items())
 
 
 def _refined(pursuit: Pursuit, level: Level, error: float) -> tuple[Level, float]:
@@ -73,7 +121,7 @@ def _refined(pursuit: Pursuit, level: Level, error: float) -> tuple[Level, float
     coarse, told = level, 0.0
     while True:
         counts = {name: 2 * n for name, n in coarse.setting.counts.items()}
-        fine = pursuit.solve(replace(coarse.setting, counts=counts), "whether meshes differ as with longer load steps")
+        fine = pursuit.solve(replace(coarse.setting, counts=counts), "whether meshes differ as with longer steps")
         moved = apart(fine, coarse)
         if coarse is level and (fine.answer is None or moved <= error):
             return level, error
