@@ -309,10 +309,14 @@ def _positive(pencil: Pencil, m: int) -> tuple[Array, Array]:
     except ArpackNoConvergence as error:
         # without so many positive factors the iteration ends in the crowd near theta = 0
         theta, vectors = error.eigenvalues, error.eigenvectors
-    if not len(theta):
-        return np.zeros(0), np.zeros((0, n))
     V = np.ascontiguousarray(vectors.T[np.argsort(-theta)])
-    values, Y = ritz(V, -each(pencil.other, V), each(pencil.stiffness, V), len(V))
+    KV = each(pencil.stiffness, V)
+    # where loads stress nothing, what is found are motions without energy, up to round-off
+    sound = np.einsum("ij,ij->i", V, KV) > 0.0
+    if not sound.any():
+        return np.zeros(0), np.zeros((0, n))
+    V, KV = V[sound], KV[sound]
+    values, Y = ritz(V, -each(pencil.other, V), KV, len(V))
     return _factors(-values, Y @ V, m)
 
 
