@@ -313,7 +313,7 @@ def pursue(session: Session, loaded: LoadedCase, out: str, force: bool, check: b
     chosen = choices(reached.accuracy)
     if chosen:
         session.out(chosen)
-    session.out(describe(reached.accuracy, goal) + "\n")
+    session.out(describe(reached.accuracy, loaded.case) + "\n")
     session.out(run_report(summary, loaded.case.units, reached.outcome.model.extent, 0.0))
     session.out(f"\nresults in {out}; next: {command_line('plot', out)}")
     if not reached.achieved:
@@ -335,8 +335,9 @@ def path_table(accuracy: dict[str, Any], goal: str) -> str:
     rows = [["elements", *(["tolerance"] if timed else []), *([goal] if goal else []), "error about", TIME, "why"]]
     for level in accuracy["path"]:
         bodies = level.get("bodies")
+        tolerance = f"{level['tolerance']:.1g}" if "tolerance" in level else ""
         rows.append([str(level["elements"]) if bodies is None else "+".join(str(n) for n in bodies.values()),
-                     *([f"{level['tolerance']:.1g}"] if timed else []), *([number(level["value"], 10)] if goal else []),
+                     *([tolerance] if timed else []), *([number(level["value"], 10)] if goal else []),
                      "-" if level["estimate"] is None else f"{level['estimate']:.1e}", duration(level["wall_s"]),
                      f"failed: {level['reason']}" if "reason" in level else level["why"]])
     return "\n".join([*table(rows, left=(len(rows[0]) - 1,)), ""])
@@ -345,7 +346,7 @@ def path_table(accuracy: dict[str, Any], goal: str) -> str:
 def choices(accuracy: dict[str, Any]) -> str:
     """Return the chosen element type of each body with element auto and the reason, and the parts of the error."""
     lines = [f"{name}: {chosen['element']}; {chosen['why']}" for name, chosen in accuracy.get("types", {}).items()]
-    named = {"model_error": "model", "time_error": "time steps", "steps_error": "load steps",
+    named = {"model_error": "model", "time_error": "time steps", "steps_error": "steps",
              "points_error": "points in the frequency"}
     parts = [f"{text} {accuracy[key]:.1e}" for key, text in named.items() if key in accuracy]
     if parts:

@@ -52,9 +52,9 @@ def report(study: Sensitivity) -> str:
     from ..case.units import with_unit
 
     head = ["number", "value", "derivative", "error", "elasticity"]
+    idle = [row.path for row in study.idle]
     rows = [[row.path, number(row.value), number(row.derivative, 7), f"{row.error:.0e}",
-             number(row.elasticity, 4)] for row in study.rows if row.influence]
-    idle = [row.path for row in study.rows if not row.influence]
+             number(row.elasticity, 4)] for row in study.rows if row.path not in idle]
     lines = [study.title] if study.title else []
     lines += [f"{with_unit(study.described, study.labels)} = {number(study.goal, 10)}", ""]
     lines += table([head, *rows]) if rows else [] if idle else ["no number of the case can vary"]

@@ -7,29 +7,35 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..case import LoadedCase
+import numpy as np
+
+from ..case import Goal, LoadedCase
 from ..case.numbers import CaseNumber, numbers_at, numbers_of
 from ..errors import UNSOLVED, CaseError, Problem, verdict
+from ..model.model import Model
 from ..results import Column, write_tables
 from .accuracy.control import is_pursued, solve_to_accuracy
 from .convergence import goal_units
 from .forecast import Done
-from .goal import goal_of
+from .goal import goal_kind, goal_of
 from .gradient import Quotient, Study, size_of
 from .measures import GoalValues
 from .record import Progress
 from .run import describe_goal, result_header
 
 TABLE = "sensitivity"
+# shares of the largest value of its kind in the model: a goal or influence below the first is round-off; an influence
+# below the second may be only the derivative's error
+ROUND_OFF, NONE = 1e-10, 1e-6
 
 
 @dataclass(frozen=True)
 class Row:
     """A number of the case, the derivative of the goal by it, and the estimated error of the derivative.
 
-    ``elasticity``: relative change of the goal over that of the number, None if either is 0. ``influence``: change of
-    the goal if the number changes by its own size; if it is 0, by the size of its list or of the model. ``method``: how
-    the derivative was found.
+    ``elasticity``: relative change of the goal over that of the number, None if either is 0 or the goal is round-off.
+    ``influence``: change of the goal if the number changes by its own size; if it is 0, by the size of its list or of
+    the model. ``method``: how the derivative was found.
     """
 
     path: str
@@ -43,7 +49,10 @@ class Row:
 
 @dataclass
 class Sensitivity:
-    """The derivatives of a case's goal, the most influential first; ``skipped``: numbers without one, and why."""
+    """The derivatives of a case's goal, the most influential first; ``skipped``: numbers without one, and why.
+
+    ``size``: the largest value of the goal's kind in the model, 0 if unknown.
+    """
 
     case: str
     title: str
@@ -53,6 +62,13 @@ class Sensitivity:
     labels: tuple[str, str, str]
     skipped: dict[str, str] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
+    size: float = 0.0
+
+    @property
+    def idle(self) -> list[Row]:
+        """The rows of numbers whose influence is round-off, or very small and less than its own error."""
+        return [row for row in self.rows if row.influence <= self.size * (
+            NONE if abs(row.derivative) <= row.error else ROUND_OFF)]
 
     def as_json(self) -> dict[str, Any]:
         """Return the object that ``--json`` prints."""
@@ -75,6 +91,11 @@ def sensitivity(loaded: LoadedCase, paths: Sequence[str] = (), progress: Progres
                   len(variables))
     study.expect(variables)
     value, rows, skipped = float(study.values[0]), [], dict[str, str]()
+    size = _largest(goal, study.model, study.ended)
+    vanishes = abs(value) <= ROUND_OFF * size
+    if vanishes and value:
+        warnings.append(f"{describe_goal(goal)} = {value:.1e} is round-off: it vanishes by symmetry or because nothing "
+                        "acts on it, so relative changes (elasticity) mean nothing")
     for k, variable in enumerate(variables):
         done(k / len(variables), None)
         try:
@@ -88,10 +109,10 @@ def sensitivity(loaded: LoadedCase, paths: Sequence[str] = (), progress: Progres
                 raise
             skipped[variable.path] = verdict(error)[1]
             continue
-        rows.append(_row(variable, value, found, method, study.model.extent))
+        rows.append(_row(variable, 0.0 if vanishes else value, found, method, study.model.extent))
     rows.sort(key=lambda row: -row.influence)
     return Sensitivity(loaded.source.file, loaded.case.title, describe_goal(goal), value, rows,
-                       loaded.case.units.labels, skipped, warnings)
+                       loaded.case.units.labels, skipped, warnings, size)
 
 
 def on_its_mesh(loaded: LoadedCase, progress: Progress) -> LoadedCase:
@@ -100,6 +121,22 @@ def on_its_mesh(loaded: LoadedCase, progress: Progress) -> LoadedCase:
         return loaded
     found = solve_to_accuracy(loaded, progress=progress).outcome.model.loaded
     return loaded if found is None else found
+
+
+def _largest(goal: Goal, model: Model, states: Sequence[Any]) -> float:
+    """Return the largest value of a goal's kind in the states of a run, 0 if unknown.
+
+    Rotations count as displacements over the size of the model, moments as forces times this size, energies as forces
+    times displacements.
+    """
+    kind, weights = goal_kind(goal), model.weights
+    states = [state for state in states if np.shape(getattr(state, "Q", ())) == weights.shape]
+    if not states or goal.quantity is None or goal.input is not None:
+        return 0.0
+    arms, moves = weights[weights > 0.0], max(float(np.abs(weights * s.d[:len(weights)]).max()) for s in states)
+    force = max(float(np.abs(s.Q[weights > 0.0] / arms).max(initial=0.0)) for s in states)
+    return {"displacement": moves, "position": model.extent, "rotation": moves / model.extent, "force": force,
+            "moment": force * model.extent, "energy": force * moves}.get(kind, 0.0)
 
 
 def _row(variable: CaseNumber, goal: float, found: Quotient, method: str, extent: float) -> Row:

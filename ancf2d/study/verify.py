@@ -23,7 +23,6 @@ from ..solvers.small_motions.classify import GAPS, Classifier
 from ..solvers.small_motions.eigen import renumber, solve_eigen
 from ..solvers.small_motions.section_motions import class_motions, interpolation
 from ..solvers.state import State
-from ..solvers.statics.static import STEPS
 
 # a counterpart has a frequency within this share of the mode's own ...
 NEAR = 0.15
@@ -90,7 +89,7 @@ def _load_steps(loaded: LoadedCase, model: Model, states: Iterator[State]) -> It
     largest displacement.
     """
     spec = cast(Static, loaded.case.solver)
-    steps = 2 * (spec.steps or STEPS)
+    steps = spec.with_steps(2.0)["steps"]
     x = Kinds(model.meshes.values()).place
     for state in states:
         if state.t == spec.end:

@@ -296,3 +296,20 @@ def test_stops_that_bear_the_load_before_it_buckles_are_told() -> None:
         assert len(factors(found)) == (told != "does not apply at")
         said = [w for w in found.state.warnings if "springs.0 begins or ceases to act before the structure" in w]
         assert [told in w for w in said] == [True] * (told is not None)
+
+
+def test_loads_that_stress_no_body_that_bends_have_no_factors() -> None:
+    """A rigid lever on a spring turns a little; the beams beside it bear nothing, whatever round-off says."""
+    beam = {"section": {"height": 0.2, "width": 0.4}, "material": {"E": 1.8e7, "nu": 0.0}}
+    found = ancf2d.solve({
+        "bodies": {
+            "lever": {"geometry": {"type": "line", "start": [1.0, -0.2], "end": [4.3, -7.7]}, "element": "rigid"},
+            "bent": {"geometry": {"type": "polyline", "points": [[2, 4.4], [4.5, 4.4], [6.3, 5.3]]}, **beam,
+                     "element": {"type": "ancf", "order": [2, 2], "count": 4, "formulation": "enhanced"}},
+            "short": {"geometry": {"type": "line", "start": [1.8, -4.2], "end": [-0.6, -5.5]}, **beam, "element": h.element("cable", 1)}},
+        "boundary_conditions": [{"type": "pin", "at": "lever@1"}, {"type": "clamp", "at": "bent@0"},
+                                {"type": "clamp", "at": "short@1"}],
+        "springs": [{"type": "translational", "between": ["lever@0", [4.3, 1.2]], "stiffness": 200}],
+        "loads": [{"type": "moment", "at": "lever@1", "value": -460}],
+        "solver": {"type": "buckling", "modes": 3}}, states=False)
+    assert found.summary["load_factors"] == []

@@ -118,3 +118,25 @@ def test_over_time_a_bar_bears_no_more_than_its_yield_stress() -> None:
         ancf2d.solve(h.load({"beam": body}, {"type": "quasi_static", "t_end": 1}, loads=[pull],
                             bc=[{"type": "clamp", "at": "beam@0"}]))
     assert "limit load" in error.value.failure.advice
+
+
+def test_paths_go_on_where_all_fibres_of_a_bar_yield_at_once() -> None:
+    """A flat truss bears 2 A s_y sin a once its bars yield, half as much at each end: its path has a corner there.
+
+    Without hardening the load falls at once.
+    """
+    area, depth = 1e-4, 0.05
+
+    def bar(start: list[float], end: list[float]) -> dict[str, Any]:
+        return {"geometry": {"type": "line", "start": start, "end": end}, "section": {"height": 0.01, "width": 0.01},
+                "material": STEEL, "element": h.element("cable", 1)}
+
+    done = ancf2d.solve({
+        "bodies": {"left": bar([0, 0], [1, 0.1]), "right": bar([1, 0.1], [2, 0])},
+        "boundary_conditions": [{"name": "base", "type": "pin", "at": "left@0"}, {"type": "pin", "at": "right@1"}],
+        "joints": [{"type": "pin", "between": ["left@1", "right@0"]}],
+        "loads": [{"type": "force", "at": "left@1", "value": [0, -1000]}],
+        "solver": {"type": "static", "method": "arc_length",
+                   "until": {"probe": "top", "quantity": "uy", "reaches": depth - 0.1}},
+        "goal": {"reaction": "base", "quantity": "fy"}, "output": {"probes": {"top": "left@1"}}}, states=False)
+    assert done.value == pytest.approx(area * YIELD * depth / np.hypot(1.0, depth), rel=1e-9)

@@ -136,7 +136,7 @@ def test_an_accuracy_below_round_off_is_not_reached_and_says_so():
     reached = solve_to_accuracy(case(CANTILEVER, "{type: reissner3, count: 3}", "accuracy=1e-15"))
     assert not reached.achieved
     assert "round-off" in reached.accuracy["note"]
-    assert "NOT reached" in describe(reached.accuracy, case(CANTILEVER).case.goal)
+    assert "NOT reached" in describe(reached.accuracy, case(CANTILEVER).case)
 
 
 def test_without_a_goal_there_is_nothing_to_be_accurate_about():

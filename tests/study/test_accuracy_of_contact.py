@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from ancf2d.case import LoadedCase, load_case_text
+from ancf2d.case import LoadedCase, Static, load_case_text
 from ancf2d.study.accuracy.control import solve_to_accuracy
 from ancf2d.study.accuracy.judging import judge, telling
 from ancf2d.study.accuracy.load_steps import follows_way, in_steps
@@ -97,7 +97,7 @@ def test_load_steps_of_friction_are_in_the_estimate(wanted: float) -> None:
     assert reached.achieved
     assert accuracy["steps"] >= 20
     assert reached.outcome.summary["steps"] >= accuracy["steps"]
-    setting = Setting(accuracy["elements"], steps=160 if wanted > 1e-3 else 640)
+    setting = Setting(accuracy["elements"], steps={"steps": 160 if wanted > 1e-3 else 640})
     many = solve_for_goal(with_setting(loaded, setting)).answer
     assert abs(accuracy["value"] - many.value) <= accuracy["steps_error"] * many.size <= wanted * many.size
 
@@ -108,7 +108,7 @@ def test_estimates_of_friction_without_a_law_cover_the_error(wanted: float) -> N
     """One to five times of it, beside 96 elements with 40 load steps."""
     loaded = over_a_drum(0.3, wanted, law="", down=0.05)
     reached = solve_to_accuracy(loaded)
-    fine = solve_for_goal(with_setting(loaded, Setting({"rod": 96}, steps=40))).answer
+    fine = solve_for_goal(with_setting(loaded, Setting({"rod": 96}, steps={"steps": 40}))).answer
     error = abs(reached.accuracy["value"] - fine.value) / fine.size
     assert reached.achieved
     assert error <= reached.accuracy["estimate"] <= 5.0 * error
@@ -118,14 +118,14 @@ class Swept:
     """Meshes whose error shows with short load steps only: what ``in_steps`` asks of a pursuit."""
 
     wanted = 1e-2
-    loaded = SimpleNamespace(case=SimpleNamespace(solver=SimpleNamespace(steps=10)))
+    loaded = SimpleNamespace(case=SimpleNamespace(solver=Static(steps=10)))
 
     def __init__(self, error: Callable[[int, int], float]) -> None:
         self.report: dict[str, float] = {}
         self.error = error
 
     def solve(self, setting: Setting, why: str) -> Level:
-        n, steps = setting.counts["rod"], setting.steps or 10
+        n, steps = setting.counts["rod"], setting.steps.get("steps", 10)
         return Level(setting, why, GoalValue(1.0 + self.error(n, steps), 1.0))
 
     def whole(self, setting: Setting, why: str, told: Any) -> Level:
@@ -164,6 +164,6 @@ def test_where_the_way_counts_every_mesh_goes_it() -> None:
     path = solve_to_accuracy(loaded).accuracy["path"]
     assert max(level["elements"] for level in path) >= 4
     for level in path:
-        if "load steps" not in level["why"]:
+        if "steps" not in level["why"]:
             alone = solve_for_goal(with_setting(loaded, Setting({"rod": level["elements"]}))).answer.value
             assert level["value"] == pytest.approx(alone, rel=1e-9)

@@ -118,6 +118,11 @@ class Material:
         return self.yield_ is not None or self.stress_strain is not None
 
     @property
+    def yields(self) -> bool:
+        """Whether strain can be permanent: fibres do not unload along their loading curve."""
+        return self.yield_ is not None or (self.stress_strain is not None and self.stress_strain.unloading == "elastic")
+
+    @property
     def non_hookean(self) -> bool:
         """Whether its stress is not just a constant stiffness times strain; also true for hyperelastic materials."""
         return self.fibres or bool(self.viscoelastic) or self.law == "neo_hooke"

@@ -15,8 +15,9 @@ from .active import Condition
 SHORTEST = 1e-12
 # default error of the cubic between neighbouring frequencies, relative to the response there
 RESOLUTION = 1e-3
-# default relative error of adaptive steps
-STEP_TOLERANCE = 1e-6
+# defaults: relative error of adaptive steps, number of load steps and of time steps, largest step of a path (relative to
+# the size of the model and to the length of the path)
+STEP_TOLERANCE, LOAD_STEPS, TIME_STEPS, LARGEST_STEP = 1e-6, 10, 100, 0.1
 INPUTS_DOC = ("Names of the loads and prescribed motions that oscillate. Their values are the amplitudes; their "
               "amplitudes over time are ignored, and they do not act on the static state")
 MOTIONS = ("x", "y", "ux", "uy", "theta")
@@ -54,6 +55,10 @@ class Kind:
     def end(self) -> float:
         """The final load factor or time; on a path it is found by the solver."""
         return 1.0
+
+    def with_steps(self, ratio: float) -> dict[str, Any]:
+        """Return the keys that multiply its number of steps to an equilibrium by ``ratio``; none if it has no such steps."""
+        return {}
 
     @property
     def course(self) -> tuple[float, float]:
@@ -116,6 +121,10 @@ class Static(Kind):
     factors: tuple[float, ...] | None = key(ListOf(Number(), "load factors", 1), "Load factors at which steps end, "
                                             "beside those that ``steps`` gives (method newton)", default=None,
                                             example=[0.25, 0.6])
+    largest_step: float | None = key(
+        Number("", gt=0, le=1), "Largest step of a path (method arc_length): the move of a point relative to the size "
+        f"of the model, and the share of the way to a load factor or value (default {LARGEST_STEP:g})", default=None,
+        example=0.02)
     method: str = key(Choice("newton", "arc_length", "displacement"), "Path-following method",
                       default="newton")
     until: LoadFactor | LimitPoints | ProbeReaches = key(
@@ -148,6 +157,13 @@ class Static(Kind):
         """The final load factor; on a path it is found by the solver."""
         return self.until.value if isinstance(self.until, LoadFactor) else 1.0
 
+    def with_steps(self, ratio: float) -> dict[str, Any]:
+        """Return the keys that give it ``ratio`` times as many steps."""
+        if self.method == "arc_length":
+            most = {} if self.steps is None else {"steps": max(round(self.steps * ratio), self.steps)}
+            return {"largest_step": min((self.largest_step or LARGEST_STEP) / ratio, 1.0), **most}
+        return {"steps": max(int((self.steps or LOAD_STEPS) * ratio), 1)}
+
     def check(self) -> Iterator[Issue]:
         """Yield an issue for each key that the method does not allow."""
         if self.verify and self.on_path:
@@ -168,6 +184,9 @@ class Static(Kind):
         if isinstance(self.until, LoadFactor) and self.method == "displacement":
             yield Issue(("until",), "{}: method displacement ends where a probe reaches a value",
                         "until: {probe, quantity, reaches}")
+        if self.largest_step is not None and self.method != "arc_length":
+            yield Issue(("largest_step",), f"{{}}: method {self.method} takes equal steps, whose number is steps",
+                        "steps, or method: arc_length")
         if self.branch is not None and self.method != "arc_length":
             yield Issue(("branch",), f"{{}}: method {self.method} cannot follow branches", "method: arc_length")
 
@@ -182,6 +201,8 @@ class QuasiStatic(Kind):
                        example=100)
     tolerance: float = key(Number("", gt=0, lt=1), "Error, relative to the largest displacement, and where materials "
                            "relax to the largest force of supports; steps adapt to it", default=STEP_TOLERANCE)
+    steps: int | None = key(Integer(), "Number of time steps at least: none is longer than t_end/steps (default "
+                            f"{TIME_STEPS})", default=None, example=400)
     times: tuple[float, ...] | None = key(ListOf(Number("s", ge=0), "times", 1), "Times at which steps end, beside "
                                           "those that the tolerance needs", default=None, example=[1, 10, 100])
     max_iterations: int | None = key(Integer(), "Maximum number of Newton iterations per step", default=None)
@@ -196,6 +217,10 @@ class QuasiStatic(Kind):
     def end(self) -> float:
         """The end time."""
         return self.t_end
+
+    def with_steps(self, ratio: float) -> dict[str, Any]:
+        """Return the keys that give it ``ratio`` times as many steps, whose errors are of second order."""
+        return {"steps": max(int((self.steps or TIME_STEPS) * ratio), 1), "tolerance": self.tolerance / ratio**2}
 
 
 @record

@@ -316,10 +316,14 @@ def _definite_factors(pencil: Pencil, m: int) -> tuple[Array, Array]:
     except ArpackNoConvergence as error:
         # if there are fewer positive factors, the iteration stalls in the cluster near theta = 0
         theta, vectors = error.eigenvalues, error.eigenvectors
-    if not len(theta):
-        return np.zeros(0), np.zeros((0, n))
     V = np.ascontiguousarray(vectors.T[np.argsort(-theta)])
-    values, Y = ritz(V, -map_rows(pencil.apply_B, V), map_rows(pencil.stiffness, V), len(V))
+    KV = map_rows(pencil.stiffness, V)
+    # if loads stress nothing, the vectors are motions without energy, up to round-off
+    sound = np.einsum("ij,ij->i", V, KV) > 0.0
+    if not sound.any():
+        return np.zeros(0), np.zeros((0, n))
+    V, KV = V[sound], KV[sound]
+    values, Y = ritz(V, -map_rows(pencil.apply_B, V), KV, len(V))
     return _factors(-values, Y @ V, m)
 
 

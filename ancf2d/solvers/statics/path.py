@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
 
 from ...case import Static
+from ...case.schema.solvers import LARGEST_STEP
 from ...elements.shape import Array
 from ...errors import ComputationError
 from ...model.model import Model
@@ -27,6 +29,8 @@ WANTED = 6
 # the path may turn by 45 degrees in a step, in the metric of the path, unless the set of closed contact points changes:
 # there it has a kink, and the inertia shows which way the load factor goes after it
 LARGEST_TURN = np.cos(np.pi / 4)
+# and by 120 degrees at a corner; if it turns more, it goes back
+AT_CORNER = -0.5
 # a change of inertia is bracketed to this share of the path before it counts as a bifurcation
 CORNERED = 1e-4
 # possible pairs of limit points within a step are searched for down to this share of it
@@ -47,7 +51,9 @@ class Follower:
         self.goal = goal_of(model, spec.until)
         self.count = getattr(spec.until, "count", None)
         self.controlled = spec.method == "displacement"
-        self.most = MOST_STEPS if self.controlled else spec.steps or MOST_STEPS
+        shorter = max(LARGEST_STEP / (spec.largest_step or LARGEST_STEP), 1.0)
+        # equal steps may be cut
+        self.most = MOST_STEPS + (spec.steps or 0) if self.controlled else spec.steps or math.ceil(shorter * MOST_STEPS)
         self.log = PathLog(model)
         self.steps: Steps
         self.number = self.cuts = 0
@@ -68,7 +74,7 @@ class Follower:
         if self.controlled and isinstance(self.goal, ProbeGoal):
             self.steps = ProbeSteps(self.curve, self.goal, begin, self.spec.steps)
         else:
-            self.steps = ArcSteps(self.curve, self.goal, begin)
+            self.steps = ArcSteps(self.curve, self.goal, begin, self.spec.largest_step)
         a, h = self.steps.start, self.steps.first()
         while True:
             if self.number >= self.most:
@@ -156,9 +162,12 @@ class Follower:
         kink = curve.knows_inertia and others_touch(a, b)
         if kink and not self.controlled and a.rate * b.rate * (-1.0) ** (b.negative - a.negative) < 0.0:
             b.z, b.rate = -b.z, -b.rate
+        # where all of a bar starts to yield, the path has a corner at any step length
+        corner = self.model.remembers and h <= CORNERED * a.s
+        least = 0.0 if kink else AT_CORNER if corner else LARGEST_TURN
         for direction in (went,) if kink else (went, b.tangent):
-            if curve.metric.dot(direction, a.tangent) < (0.0 if kink else LARGEST_TURN) * curve.metric.norm(
-                    direction) * curve.metric.norm(a.tangent):
+            size = curve.metric.norm(direction) * curve.metric.norm(a.tangent)
+            if curve.metric.dot(direction, a.tangent) < least * size:
                 raise ComputationError("the path turns too sharply", at={"factor": float(f"{found.t:.6g}")})
         return b
 

@@ -8,18 +8,17 @@ from typing import Protocol
 
 import numpy as np
 
+from ...case.schema.solvers import LARGEST_STEP, LOAD_STEPS
 from ...elements.contact_geometry import HELD
 from ...elements.shape import Array
 from ...errors import ComputationError
 from .continuation import ArcLength, Control, Curve, Found, PathPoint, ProbeControl
 from .path_events import FactorGoal, Goal, ProbeGoal
-from .static import STEPS
 
-# largest displacement in a step, as a share of the model's extent
-LARGEST_MOVE = 0.1
-# the same for the first step of a path that does not end at a load factor
-FIRST_MOVE = 0.01
-# the same if the tangent is not symmetric: its determinant hides critical points that come in pairs
+# first step of a path that does not end at a load factor, as a share of the largest step
+FIRST = 0.1
+# largest displacement in this step, as a share of the extent, if the tangent is not symmetric: its determinant hides
+# critical points that come in pairs
 FIRST_BLIND_MOVE = 1e-6
 # share of a path's length that is round-off
 END = 1e-12
@@ -67,8 +66,8 @@ class Steps(Protocol):
 class ArcSteps:
     """Steps by arc length, in the direction of the previous tangent."""
 
-    def __init__(self, curve: Curve, goal: Goal | None, start: Found) -> None:
-        self.curve, self.goal = curve, goal
+    def __init__(self, curve: Curve, goal: Goal | None, start: Found, longest: float | None = None) -> None:
+        self.curve, self.goal, self.longest = curve, goal, longest or LARGEST_STEP
         self.origin = start.d[curve.model.numbering.free]
         self.moved = self.loaded = 0.0
         forward = -1.0 if isinstance(goal, FactorGoal) and goal.value < start.t else 1.0
@@ -102,7 +101,7 @@ class ArcSteps:
         largest = self.largest(self.start)
         if isinstance(self.goal, FactorGoal):
             return largest
-        share = FIRST_MOVE if self.curve.model.symmetric else FIRST_BLIND_MOVE
+        share = FIRST * self.longest if self.curve.model.symmetric else FIRST_BLIND_MOVE
         return min(largest, self._moving(self.start, share))
 
     def _moves(self, square: float) -> bool:
@@ -116,7 +115,7 @@ class ArcSteps:
     def largest(self, a: PathPoint) -> float:
         """Return the largest step that moves no point too far and resolves the way to the goal."""
         slope = 0.0 if self.goal is None else abs(self.goal.slope(a))
-        return min(self._moving(a, LARGEST_MOVE), self.whole / STEPS / slope if slope > 0 else np.inf)
+        return min(self._moving(a, self.longest), self.whole * self.longest / slope if slope > 0 else np.inf)
 
     def ends(self, a: PathPoint) -> bool:
         """Return False: arc length has no end."""
@@ -141,7 +140,7 @@ class ProbeSteps:
         self.curve, self.goal = curve, goal
         way = -goal.distance(start.d, start.t)
         self.sign, self.length = float(np.sign(way)), abs(way)
-        self.step = self.length / (steps or STEPS)
+        self.step = self.length / (steps or LOAD_STEPS)
         curve.touch(start, 1.0)
         self.start = curve.point(start, 0.0, self._unit)
         # give load factor and displacements equal weight at the start

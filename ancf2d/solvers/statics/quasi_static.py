@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...case import QuasiStatic
+from ...case.schema.solvers import LOAD_STEPS, TIME_STEPS
 from ...elements.shape import Array
 from ...errors import ComputationError
 from ...model.breakpoints import SMOOTH, case_stops, instants
@@ -16,11 +17,11 @@ from ..contact import memory, recall
 from ..state import State, check_kept
 from ..system import UNIT_ROUNDOFF, System, Turned
 from .newton import MAX_ITERATIONS, TOLERANCE, NewtonResult, check_sound, negative_pivots, newton, state_of
-from .static import BEYOND, STEPS, March
+from .static import BEYOND, March
 from .step_control import Path
 
-# shares of the whole time: first step, largest step, and step too short to go on
-FIRST, LONGEST, SHORTEST = 1e-6, 1e-2, 1e-12
+# shares of the whole time: first step, and step too short to go on
+FIRST, SHORTEST = 1e-6, 1e-12
 # tolerance of the equilibrium relative to that of the step
 CLOSE = 1e-4
 # bounds of the ratio of successive steps, and safety factor on the step that the error allows
@@ -52,7 +53,8 @@ class Course:
         self.model, self.spec, self.system = model, spec, System(model)
         self.close = min(TOLERANCE, CLOSE * spec.tolerance)
         self.iterations = spec.max_iterations or MAX_ITERATIONS
-        self.march = March(self.system, 1.0 / STEPS, self.close, self.iterations)
+        self.march = March(self.system, 1.0 / LOAD_STEPS, self.close, self.iterations)
+        self.longest = spec.t_end / (spec.steps or TIME_STEPS)
         self.t, self.number, self.refused = 0.0, 0, 0
         # next step, number of breaks passed, and time of the last one
         self.h, self.passed, self.begin = FIRST * spec.t_end, 0, 0.0
@@ -146,7 +148,8 @@ class Course:
         end = self.spec.t_end
         while self.t < stop:
             left, h = stop - self.t, self.h
-            step = left if left < 1.1 * min(h, LONGEST * end) else min(h, LONGEST * end)
+            step = min(h, self.longest)
+            step = left if left < 1.1 * step else step
             kept = self._keep()
             try:
                 result, whole = self._tried(step)

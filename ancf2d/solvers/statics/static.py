@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...case.schema.solvers import LOAD_STEPS
 from ...elements.shape import Array
 from ...errors import ComputationError, SingularTangentError
 from ...model.breakpoints import case_stops
@@ -37,7 +38,6 @@ from .newton import (
 from .one_sided import check_taut
 from .step_control import Path, Stride
 
-STEPS = 10
 # displacements with a larger relative uncertainty are useless
 HOPELESS = 0.5
 # a singular tangent within this share of the load factor after an equilibrium indicates a critical load
@@ -119,7 +119,7 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
     if near is not None:
         yield state_of(system, near, end, 1, 0, [])
         return
-    march = March(system, 1.0 / (steps or STEPS), tolerance, max_iterations)
+    march = March(system, 1.0 / (steps or LOAD_STEPS), tolerance, max_iterations)
     soft = end != 0.0 and slack(model)
     failed: ComputationError | None = None
     try:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from ...case import FrequencyResponse, LoadedCase, Rectangle, with_overrides
+from ...case import Case, FrequencyResponse, Goal, LoadedCase, QuasiStatic, Rectangle, with_overrides
 from ...errors import ComputationError, many
 from ...model.curve import stretches
 from ...model.plan import acting_points
@@ -27,8 +27,9 @@ from .setting import Level, with_setting
 
 # accuracy for a case that leaves element types open and gives no accuracy
 DEFAULT = 1e-3
-# largest shares of the wanted error for time or load steps, for simpler models, and for frequency points
-TIME, MODEL, POINTS = 0.2, 0.3, 0.1
+# largest shares of the wanted error for time or load steps, for simpler models, and for frequency points; and first
+# tolerance of quasi_static
+TIME, MODEL, POINTS, BEGUN = 0.2, 0.3, 0.1, 0.1
 # safety factor of the model error, which is found on coarse meshes
 SAFE = 1.25
 # of the wanted error: two solutions of one mesh further apart are on different branches
@@ -87,7 +88,7 @@ def solve_to_accuracy(loaded: LoadedCase, target: Target | None = None, progress
     """
     wanted = loaded.case.accuracy or DEFAULT
     dense = _with_points(loaded, POINTS * wanted)
-    pursuit = Pursuit(dense or loaded, wanted, progress or Progress(), target, tell)
+    pursuit = Pursuit(dense or _with_tolerance(loaded, BEGUN * wanted), wanted, progress or Progress(), target, tell)
     if dense is not None:
         pursuit.apart = pursuit.report["points_error"] = POINTS * wanted
     if _open_bodies(loaded) or not Direct(pursuit, {}).suits():
@@ -117,6 +118,13 @@ def _with_points(loaded: LoadedCase, error: float) -> LoadedCase | None:
     if goal is not None and goal.hz is not None:
         return None
     return with_overrides(loaded, [f"solver.tolerance={min(error, solver.resolution)!r}"], vocabulary())
+
+
+def _with_tolerance(loaded: LoadedCase, tolerance: float) -> LoadedCase:
+    """Return a case whose first time steps have this tolerance if its result depends on them."""
+    if not (isinstance(loaded.case.solver, QuasiStatic) and follows_way(loaded.case)):
+        return loaded
+    return with_overrides(loaded, [f"solver.tolerance={tolerance!r}"], vocabulary())
 
 
 def _climbed(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | None) -> dict[str, Any]:
@@ -200,24 +208,25 @@ def _tolerance_of(pursuit: Pursuit) -> float | None:
     return pursuit.wanted if pursuit.loaded.case.solver.moves else None
 
 
-def _measured_by(accuracy: dict[str, Any], goal: Any) -> str:
+def _measured_by(accuracy: dict[str, Any], goal: Goal, moves: bool) -> str:
     """Return in words the scale of the relative error of a goal."""
     value, size = accuracy["value"], accuracy["scale"]
     if abs(size - abs(value)) <= 1e-12 * size:
         return "the value"
-    if accuracy["tolerance"] is None or window_of(goal) is not None:
+    if not moves or window_of(goal) is not None:
         return f"{size:.4g}, a thousandth of the largest {goal_kind(goal)} in the model"
     what = f"displacement of {goal.probe}" if goal_kind(goal) in ("displacement", "position") else "value over time"
     return f"{size:.4g}, the largest {what}"
 
 
-def describe(accuracy: dict[str, Any], goal: Any) -> str:
-    """Return the accuracy reached, in one sentence."""
-    estimate = accuracy["estimate"]
+def describe(accuracy: dict[str, Any], case: Case) -> str:
+    """Return the accuracy reached for a case, in one sentence."""
+    estimate, goal = accuracy["estimate"], case.goal
     about = "no estimate of the error"
     if estimate is not None:
         about = f"error about {estimate:.1e} of their peaks" if goal is None else (
-            f"error about {accuracy['absolute']:.1e}, which is {estimate:.1e} of {_measured_by(accuracy, goal)}")
+            f"error about {accuracy['absolute']:.1e}, which is {estimate:.1e} of "
+            + _measured_by(accuracy, goal, case.solver.moves))
     told = describe_goal(goal) + ("" if goal is None else f" = {accuracy['value']:.10g}")
     verdict = "reached" if accuracy["achieved"] else "NOT reached"
     return (f"{told}, {about} (wanted {accuracy['wanted']:.1e}: {verdict}), "

@@ -1,8 +1,8 @@
-"""Load steps to a wanted accuracy, for equilibria that depend on the path: with friction, or materials with memory."""
+"""Steps to a wanted accuracy, for equilibria that depend on the path: with friction, or materials with memory."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ...case import Case
@@ -14,54 +14,102 @@ from .setting import Level
 # of the wanted error: smaller effects of load steps on the goal leave the estimate of meshes valid; and the least error
 # assumed of a mesh twice as fine, as a share of the coarser one's
 MOVED, FALLS = 0.2, 0.35
+# a path with fewer times as many steps as before shows nothing about step errors; largest division of steps to get there
+MORE, MOST = 1.4, 256.0
 
 
 def follows_way(case: Case) -> bool:
-    """Return whether a case has load steps to an equilibrium that depends on the path."""
-    return case.solver.takes_guess and (any(contact.friction > 0.0 for contact in case.contacts) or any(
-        material.non_hookean for body in case.bodies.values() for material in body.materials))
+    """Return whether the equilibrium of a case depends on the steps that lead to it."""
+    materials = [material for body in case.bodies.values() for material in body.materials]
+    return bool(case.solver.with_steps(1.0)) and (
+        any(contact.friction > 0.0 for contact in case.contacts)
+        or any(material.yields or (case.solver.timed and material.viscoelastic) for material in materials))
 
 
 def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> dict[str, Any]:
     """Solve the chosen mesh with steps half as long, until that hardly changes the goal; return its accuracy.
 
-    Errors of steps are of first order: that of the shorter ones is the difference. At least half the error of the
-    longer ones is assumed, since points that stick or slip alike by accident in both runs hide the difference; the
-    error of the first run comes from steps twice as long. If shorter steps have changed the goal, a mesh twice as fine
-    shows whether the mesh error is still the one found with long steps.
+    If shorter steps change the goal, a mesh twice as fine shows whether the mesh error is still the one found with long
+    steps.
     """
-    from ...solvers.statics.static import STEPS
-
-    def told(level: Level) -> tuple[Estimate, float]:
-        pursuit.report["steps_error"] = max(apart(level, rough), 0.5 * before)
-        return found, error + pursuit.report["steps_error"]
-
-    def with_longer(level: Level, steps: int) -> float:
-        longer = pursuit.solve(replace(level.setting, steps=max(steps // 2, 1)), "effect of the load steps")
-        return 0.0 if longer.answer is None else apart(longer, level)
-
-    steps = getattr(pursuit.loaded.case.solver, "steps", None) or STEPS
-    known, before = rough, with_longer(rough, steps)
+    shorter = _Shorter(pursuit, rough, error, found)
+    known = rough
     while True:
-        steps *= 2
-        fine = pursuit.whole(replace(rough.setting, steps=steps), "effect of the load steps", told)
+        fine = shorter.next()
         if fine.answer is None:
             pursuit.report.pop("steps_error", None)
-            return pursuit.accuracy(rough, found, error) | {
-                "achieved": False, "note": f"the load steps are not judged, as {steps} of them fail"}
-        accuracy = pursuit.accuracy(fine, *told(fine))
+            return pursuit.accuracy(shorter.rough, shorter.found, error) | {
+                "achieved": False, "note": f"the steps are not judged, as those with {named(fine.setting.steps)} fail"}
+        accuracy = pursuit.accuracy(fine, *shorter.told(fine))
         if error <= pursuit.wanted and apart(fine, known) > MOVED * pursuit.wanted:
             finer, error = _refined(pursuit, fine, error)
-            known = finer
+            known, shorter.error = finer, error
             if finer is not fine:
-                found = Estimate(None, None, None, False, "meshes differ more with shorter load steps")
-                rough, before = finer, with_longer(finer, steps)
+                shorter.found = Estimate(None, None, None, False, "meshes differ more with shorter steps")
+                shorter.begin(finer)
                 continue
         if accuracy["achieved"] or error > pursuit.wanted:
             return accuracy
         if 2 * fine.work > MOST_WORK:
-            return accuracy | {"note": "the load steps needed would take too long"}
-        rough, before = fine, pursuit.report["steps_error"]
+            return accuracy | {"note": "the steps needed would take too long"}
+        shorter.go_on(fine)
+
+
+@dataclass
+class _Shorter:
+    """Steps half as long as before on one mesh, with its ``error`` and the estimate ``found`` from other meshes.
+
+    Errors of steps are of first order: that of the shorter steps is the difference from the ``rough`` ones, twice as
+    long. At least half of the previous difference and a quarter of the one before are assumed, since points that stick
+    or slip alike by accident in both runs hide the difference. ``moved``: these differences; ``between``: paths with
+    hardly more steps than the rough one, because the path itself limits its steps; they show nothing.
+    """
+
+    pursuit: Pursuit
+    rough: Level
+    error: float
+    found: Estimate
+    ratio: float = 1.0
+    moved: list[float] = field(default_factory=list)
+    between: list[Level] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.begin(self.rough)
+
+    def begin(self, rough: Level) -> None:
+        """Start again on another mesh, with steps twice as long for comparison."""
+        longer = self.pursuit.solve(replace(rough.setting, steps=self._steps(0.5 * self.ratio)), "effect of the steps")
+        self.moved = [0.0 if longer.answer is None else apart(longer, rough)]
+        self.go_on(rough)
+
+    def go_on(self, rough: Level) -> None:
+        """Compare shorter steps with these from now on."""
+        self.rough, self.between = rough, []
+        self.moved.append(0.0)
+
+    def next(self) -> Level:
+        """Return the level with steps half as long, or shorter if these are hardly more."""
+        while True:
+            self.ratio *= 2.0
+            fine = self.pursuit.whole(replace(self.rough.setting, steps=self._steps(self.ratio)), "effect of the steps",
+                                      self.told)
+            if fine.answer is None or fine.made >= MORE * self.rough.made or self.ratio >= MOST:
+                return fine
+            self.between.append(fine)
+
+    def told(self, level: Level) -> tuple[Estimate, float]:
+        """Return the estimate from meshes for a level, and its error with that of the steps."""
+        self.moved[-1] = max(apart(level, other) for other in (self.rough, *self.between) if other is not level)
+        error = self.pursuit.report["steps_error"] = max(0.5**k * moved for k, moved in enumerate(self.moved[:-4:-1]))
+        return self.found, self.error + error
+
+    def _steps(self, ratio: float) -> dict[str, Any]:
+        return self.pursuit.loaded.case.solver.with_steps(ratio)
+
+
+def named(steps: dict[str, Any]) -> str:
+    """Return keys of a solver with their values as text."""
+    return ", ".join(f"{name} {value:g}" for name, value in steps.items())
 
 
 def _refined(pursuit: Pursuit, level: Level, error: float) -> tuple[Level, float]:
@@ -74,7 +122,7 @@ def _refined(pursuit: Pursuit, level: Level, error: float) -> tuple[Level, float
     coarse, told = level, 0.0
     while True:
         counts = {name: 2 * n for name, n in coarse.setting.counts.items()}
-        fine = pursuit.solve(replace(coarse.setting, counts=counts), "whether meshes differ as with longer load steps")
+        fine = pursuit.solve(replace(coarse.setting, counts=counts), "whether meshes differ as with longer steps")
         moved = apart(fine, coarse)
         if coarse is level and (fine.answer is None or moved <= error):
             return level, error

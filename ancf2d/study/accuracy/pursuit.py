@@ -185,7 +185,7 @@ class Pursuit:
                 "achieved": bool(total <= self.wanted), "order": found.order, "limit": found.value,
                 "by_body": self.by_body(level, error),
                 "elements": dict(level.setting.counts), "nodes": level.setting.places(),
-                "tolerance": level.setting.tolerance, "steps": level.setting.steps, "note": note,
+                "tolerance": level.setting.tolerance, "steps": None, **level.setting.steps, "note": note,
                 "solves": len(self.levels), "wall_s": self.wall_s, **self.report,
                 "path": [level.as_json() for level in self.levels]}
 

@@ -28,8 +28,9 @@ NESTED, UNEVEN = 4, 1.25
 
 @dataclass(frozen=True)
 class Setting:
-    """Elements of each body that deforms, element types that replace those of the case, tolerance and load steps.
+    """Elements of each body that deforms, element types that replace those of the case, and tolerance of motions.
 
+    ``steps``: solver keys for the steps to an equilibrium that depends on them, if not those of the case.
     ``nodes``: places S from 0 to 1 for bodies with unequal elements; each interval has an equal share of the elements.
     ``method``: the integrator, if not that of the case.
     """
@@ -38,7 +39,7 @@ class Setting:
     types: dict[str, Variant] = field(default_factory=dict)
     tolerance: float | None = None
     nodes: dict[str, tuple[float, ...]] = field(default_factory=dict)
-    steps: int | None = None
+    steps: dict[str, Any] = field(default_factory=dict)
     method: str | None = None
 
     @property
@@ -49,8 +50,8 @@ class Setting:
     @property
     def name(self) -> Hashable:
         """The key by which equal settings are found."""
-        return (tuple(self.counts.items()), self.kinds, self.tolerance, tuple(self.nodes.items()), self.steps,
-                self.method)
+        return (tuple(self.counts.items()), self.kinds, self.tolerance, tuple(self.nodes.items()),
+                tuple(self.steps.items()), self.method)
 
     def places(self) -> dict[str, list[float]] | None:
         """Return the places S of all nodes of bodies with unequal elements, or None if there are none."""
@@ -86,7 +87,8 @@ class Level:
 
     ``kinks``: a point slides along a body, so its kink is at a different place within an element in each mesh.
     ``zones``: fibres yield or follow a curve, or bodies touch, in zones that end at a different place within an element
-    in each mesh. ``off``: relative distance by which a body misses an obstacle between contact points, if known.
+    in each mesh. ``made``: number of steps of the solver. ``off``: relative distance by which a body misses an obstacle
+    between contact points, if known.
     """
 
     setting: Setting
@@ -96,6 +98,7 @@ class Level:
     wall_s: float = 0.0
     dofs: int | None = None
     iterations: int = 0
+    made: int = 0
     reason: str = ""
     kinks: bool = False
     zones: bool = False
@@ -106,6 +109,7 @@ class Level:
         self.answer = answer
         self.wall_s += summary["wall_s"]
         self.iterations += summary["iterations"]
+        self.made = summary["steps"]
         self.off = summary.get("contact_error", 0.0)
 
     @property
@@ -123,8 +127,7 @@ class Level:
             out["bodies"] = dict(self.setting.counts)
         if self.setting.tolerance is not None:
             out["tolerance"] = self.setting.tolerance
-        if self.setting.steps is not None:
-            out["steps"] = self.setting.steps
+        out |= self.setting.steps
         if self.setting.method is not None:
             out["method"] = self.setting.method
         if self.setting.types:
@@ -184,9 +187,7 @@ def overrides(case: Case, setting: Setting) -> list[str]:
         solver = replace(case.solver, dt=None, tolerance=setting.tolerance, estimate=False,
                          method=setting.method or case.solver.method)
         out.append(f"solver={json.dumps(written(solver))}")
-    if setting.steps is not None:
-        out.append(f"solver.steps={setting.steps}")
-    return out
+    return out + [f"solver.{name}={value!r}" for name, value in setting.steps.items()]
 
 
 def with_setting(loaded: LoadedCase, setting: Setting) -> LoadedCase:
