@@ -15,8 +15,8 @@ from .active import Condition
 SHORTEST = 1e-12
 # default error of the cubic between neighbouring frequencies, relative to the response there
 RESOLUTION = 1e-3
-# defaults: relative error of adaptive steps, number of load steps and of time steps, largest step of a path (relative to
-# the size of the model and to the length of the path)
+# defaults: relative error of adaptive steps, number of load steps and of time steps, largest step of a path (as a share
+# of the size of the model and of the length of the path)
 STEP_TOLERANCE, LOAD_STEPS, TIME_STEPS, LARGEST_STEP = 1e-6, 10, 100, 0.1
 INPUTS_DOC = ("Names of the loads and prescribed motions that oscillate. Their values are the amplitudes; their "
               "amplitudes over time are ignored, and they do not act on the static state")
@@ -57,7 +57,7 @@ class Kind:
         return 1.0
 
     def with_steps(self, ratio: float) -> dict[str, Any]:
-        """Return the keys that multiply its number of steps to an equilibrium by ``ratio``; none if it has no such steps."""
+        """Return the keys that multiply its number of steps to an equilibrium by ``ratio``, if it has such steps."""
         return {}
 
     @property
