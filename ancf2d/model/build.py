@@ -106,9 +106,9 @@ class _Builder:
             raise CaseError(self.problems)
         self.e0: Array = np.concatenate([m.e0 for m in self.meshes.values()])
         # the model ``like``, if all bodies have the same reference, else None
-        self.lies = like if like is not None and list(known) == list(self.meshes) and all(
+        self.twin = like if like is not None and list(known) == list(self.meshes) and all(
             mesh.e0 is known[name].e0 for name, mesh in self.meshes.items()) else None
-        self.extent = reference_extent(self.plans) if self.lies is None else self.lies.extent
+        self.extent = reference_extent(self.plans) if self.twin is None else self.twin.extent
         self.equations = Equations()
         self.loads = LoadSet()
         # loads that are inputs, by name; they do not act
@@ -118,17 +118,17 @@ class _Builder:
         self.timing = timing_of(self.case)
         self.hangs = False
         # the linear equations, if they alone leave no body free to move
-        self.held: tuple[Any, ...] | None = None
+        self.checked_rows: tuple[Any, ...] | None = None
         self.warnings: list[str] = []
 
     def warn(self) -> None:
         """Add the warnings about meshes, and store them with each mesh."""
         for mesh in self.meshes.values():
-            if mesh.told is None:
-                mesh.told = [warnings_of(mesh.plan), *([text for text in [warning(mesh)] if text] for warning in (
+            if mesh.warnings is None:
+                mesh.warnings = [warnings_of(mesh.plan), *([text for text in [warning(mesh)] if text] for warning in (
                     locking_warning, hidden_warning, hinge_warning))]
         # sorted by kind of warning, then by body
-        self.warnings += [text for kind in zip(*(mesh.told or () for mesh in self.meshes.values()), strict=True)
+        self.warnings += [text for kind in zip(*(mesh.warnings or () for mesh in self.meshes.values()), strict=True)
                           for texts in kind for text in texts]
 
     def point(self, at: Point) -> PointRef:
@@ -306,14 +306,14 @@ class _Builder:
             return
         rows, constraints = self.equations.rows, self.equations.constraints
         if not self.springs and not constraints:
-            held = tuple((row.coords.tobytes(), row.coefs.tobytes()) for row in rows)
-            if self.lies is not None and self.lies.held == held:
-                self.held = held
+            found = tuple((row.coords.tobytes(), row.coefs.tobytes()) for row in rows)
+            if self.twin is not None and self.twin.checked_rows == found:
+                self.checked_rows = found
                 return
         scene = (list(self.meshes.values()), rows, constraints, self.springs, self.e0)
         motions = free_motions(*scene)
         if not motions and not self.springs and not constraints:
-            self.held = held
+            self.checked_rows = found
         if motions and self.case.contacts:
             # only the loads determine what a body rests on
             motions = []
@@ -371,4 +371,4 @@ def build_model(loaded: LoadedCase, moving: bool = False, like: Model | None = N
                        moving or symmetric(b.loads, contacts), None if like is None else like.numbering)
     return Model(b.case, b.meshes, b.e0, b.equations.rows, b.equations.constraints, elimination, numbering, b.loads,
                  b.springs, b.supports, b.extent, b.timing, [*b.warnings, *b.equations.warnings], loaded, b.hangs,
-                 b.inputs, contacts, b.frames, like, b.held)
+                 b.inputs, contacts, b.frames, like, b.checked_rows)

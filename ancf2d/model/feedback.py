@@ -59,9 +59,9 @@ class Feedback:
         used = [name for a in answers if a.amplitude is not None for name in a.amplitude.quantities]
         self.conditions = list(_conditions(model))
         used += [name for tree in (*self._trees(), *self.asked) for name in named_in(tree)]
-        told = dict.fromkeys(name for name in used if "." in name)
-        self.quantities = [quantity_of(model, name) for name in told]
-        self.names = [*told, *self.states]
+        probed = dict.fromkeys(name for name in used if "." in name)
+        self.quantities = [quantity_of(model, name) for name in probed]
+        self.names = [*probed, *self.states]
         self.meaning: dict[str, int | Tree] = {name: k for k, name in enumerate(self.names)}
         self.meaning |= {name: c.output for name, c in self.controllers.items()}
         # caches: programs, with the functions that they evaluate, and the order of controllers that act at the same

@@ -85,7 +85,7 @@ class BodyMesh:
         self.classes: list[ElementClass] = []
         self._samplers: dict[tuple[Any, ...], list[Sampler]] = {}
         # warnings about the mesh, once computed
-        self.told: list[list[str]] | None = None
+        self.warnings: list[list[str]] | None = None
         # cache of ``points.PointRef`` for positions and directions at nodes
         self.at_nodes: dict[tuple[Any, ...], Any] = {}
         # cache of ``determinacy.own_motions``

@@ -137,10 +137,10 @@ class Turns:
     def __init__(self, meshes: dict[str, BodyMesh]) -> None:
         self.number = {name: k for k, name in enumerate(meshes)}
         self.courses = [Course(mesh) for mesh in meshes.values()]
-        told = [turn_fields(point_ref(mesh, 0.0)) for mesh in meshes.values()]
-        self.counted = np.array([k for k, (kind, _) in enumerate(told) if kind == DIRECTION], dtype=np.int64)
-        self.by_theta = [(k, fields[0]) for k, (kind, fields) in enumerate(told) if kind != DIRECTION]
-        fields = [told[k][1] for k in self.counted]
+        found = [turn_fields(point_ref(mesh, 0.0)) for mesh in meshes.values()]
+        self.counted = np.array([k for k, (kind, _) in enumerate(found) if kind == DIRECTION], dtype=np.int64)
+        self.by_theta = [(k, fields[0]) for k, (kind, fields) in enumerate(found) if kind != DIRECTION]
+        fields = [found[k][1] for k in self.counted]
         self.begin = np.cumsum([0, *(len(along.coords) for along, _ in fields)])
         self.dofs, self.along, self.across = (np.concatenate([np.zeros(0), *parts]) for parts in (
             [a.coords for a, _ in fields], [a.weights for a, _ in fields], [b.weights for _, b in fields]))

@@ -123,14 +123,14 @@ def _loads(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
             continue
         out, full = LoadSet(), np.zeros(model.n_q)
         load.add(LoadContext(model.meshes, model.point, model.timing.factor(load)), out)
-        told = [patch for patch in out.patches if isinstance(patch, PointPatch) and patch.ends]
-        for patch in told:
+        with_ends = [patch for patch in out.patches if isinstance(patch, PointPatch) and patch.ends]
+        for patch in with_ends:
             yield from _at_ends(patch, mesh, d, None, state)
         if not isinstance(getattr(load, "at", None), Point):
             continue
         for dead in out.dead:
             full[dead.dofs] += dead.amplitude(state.side) * dead.values
-        if rest := [patch for patch in out.patches if patch not in told]:
+        if rest := [patch for patch in out.patches if patch not in with_ends]:
             from ..model.interactions import batches
 
             for batch in batches(rest):

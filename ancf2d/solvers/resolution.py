@@ -33,9 +33,9 @@ from .system import System
 # Gauss points along an element: M is quadratic in x under a line load, its square quartic
 STATIONS = 3
 # relative error of a deflection or frequency that gives a warning; a thick continuum differs from a beam by up to 0.03
-TOLD = 0.08
+WARN_ABOVE = 0.08
 # the same for a load factor; elements with a straight axis show half of its error
-TOLD_BUCKLING = 0.04
+WARN_ABOVE_BUCKLING = 0.04
 # the same for the mean unresolved energy of a motion, relative to its largest energy; positions then err by 1 % or more
 UNFOLLOWED = 1e-3
 # number of states of a motion that are checked
@@ -281,7 +281,7 @@ class Resolution:
         # plastic and creep strains displace bodies that bear no load
         stored = max(within, 0.5 * abs(float(state.F[:n_q] @ state.d[:n_q])), internal_energy(self.model))
         off = _share(sum(lost.values()), stored)
-        if off <= TOLD:
+        if off <= WARN_ABOVE:
             return []
         return [f"the mesh is too coarse: displacements have an error of about {_percent(off)} %{self._where(lost)}. "
                 f"{ADVICE}"]
@@ -292,18 +292,18 @@ class Resolution:
         if solver.about == "reference":
             model = replace(model, case=replace(model.case, loads=()), loads=LoadSet())
         shapes = _Shapes(model, state)
-        off, told = {}, dict.fromkeys(shapes.bodies, 0.0)
+        off, by_body = {}, dict.fromkeys(shapes.bodies, 0.0)
         for mode, shape in zip(state.report["frequencies"], state.arrays["modes/shapes"][0], strict=True):
             # omega^2 of the undamped mode, if damping affects all of it equally
             squared = mode["omega"]**2 + mode.get("growth", 0.0)**2
             if mode["kind"] not in KINDS or mode["omega"] <= VIBRATES * math.sqrt(squared):
                 continue
             share, gaps = shapes.lost(shape, squared)
-            if (error := 1.0 / math.sqrt(1.0 - share) - 1.0) > TOLD:
+            if (error := 1.0 / math.sqrt(1.0 - share) - 1.0) > WARN_ABOVE:
                 off[f"{mode['kind']} {mode['number']}"] = error
                 for name, gap in gaps.items():
-                    told[name] += gap
-        return self._off("modes: frequencies have errors:", off, told)
+                    by_body[name] += gap
+        return self._off("modes: frequencies have errors:", off, by_body)
 
     def of_buckling(self, start: State, u: Array, h: float, factors: Array, shapes: Array) -> list[str]:
         """Return warnings about load factors and their shapes (m, n_q), which have none for loads without a potential.
@@ -314,22 +314,22 @@ class Resolution:
         if not self.looks:
             return []
         at = _Shapes(self.model, start, u, h)
-        off, told = {}, dict.fromkeys(at.bodies, 0.0)
+        off, by_body = {}, dict.fromkeys(at.bodies, 0.0)
         for k, (factor, shape) in enumerate(zip(factors.tolist(), shapes, strict=True)):
             share, gaps = at.lost(shape, None, factor)
-            if (error := 1.0 / (1.0 - share) - 1.0) > TOLD_BUCKLING:
+            if (error := 1.0 / (1.0 - share) - 1.0) > WARN_ABOVE_BUCKLING:
                 off[f"number {k + 1} ({factor:.6g})"] = error
                 for name, gap in gaps.items():
-                    told[name] += gap
-        return self._off("load factors, which are too large:", off, told)
+                    by_body[name] += gap
+        return self._off("load factors, which are too large:", off, by_body)
 
-    def _off(self, what: str, off: dict[str, float], told: dict[str, float]) -> list[str]:
+    def _off(self, what: str, off: dict[str, float], by_body: dict[str, float]) -> list[str]:
         """Return the warning about inaccurate modes or load factors, with the body that contributes most."""
         if not off:
             return []
         worst = ", ".join(f"{name} by about {_percent(error)} %" for name, error in list(off.items())[:SHOWN])
         more = f", and {len(off) - SHOWN} more" if len(off) > SHOWN else ""
-        return [f"the mesh is too coarse for some of the {what} {worst}{more}{self._where(told)}. {ADVICE}"]
+        return [f"the mesh is too coarse for some of the {what} {worst}{more}{self._where(by_body)}. {ADVICE}"]
 
     def _where(self, lost: dict[str, float]) -> str:
         """Return ' (most in bodies.rod, 4 elements)' for the body with the largest error, if there are several."""

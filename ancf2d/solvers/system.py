@@ -58,7 +58,7 @@ def least_size(model: Model, tolerance: float) -> float:
 @dataclass
 class Balance:
     """Forces at a state: ``Q`` (n_full,) of elements and patches, ``F`` dead loads, ``R`` = Q - F on the unknowns,
-    minus ``System.held``."""
+    minus ``System.balancing_forces``."""
 
     Q: Array
     F: Array
@@ -83,7 +83,7 @@ class System:
         self.weights[coordinates] = model.weights[n.free[coordinates]]
         self.evaluations = 0
         # additional forces (n_unknowns,) that balance a state
-        self.held: Array | None = None
+        self.balancing_forces: Array | None = None
         # the last accepted state (n_full,) with its load factor, from which slip on obstacles is measured
         self.accepted: tuple[Array, float] | None = None
         # the state (n_full,) and factor of the trial history variables
@@ -153,8 +153,8 @@ class System:
     def _balance(self, Q: Array, room: Array | None, t: float, energy: float) -> Balance:
         F = self._dead_loads(t)
         R = self.model.numbering.reduce(Q, F, room)
-        if self.held is not None:
-            R -= self.held
+        if self.balancing_forces is not None:
+            R -= self.balancing_forces
         return Balance(Q, F, R, float(energy))
 
     def noise(self, d: Array, t: float) -> Array:
@@ -167,7 +167,7 @@ class System:
             np.add.at(out, dofs, np.abs(q) + np.einsum("mij,mj->mi", np.abs(K), np.abs(d[dofs])))
         if sticks(self.model):
             # forces on sticking points are only as accurate as their positions
-            for batch in self.model.interactions.held:
+            for batch in self.model.interactions.point_constraints:
                 K = np.abs(batch.matrices(d, t)[2])
                 np.add.at(out, batch.dofs, self.model.extent * K[:, :, :-1].sum(axis=2))
         if any(not pair.hard for pair in self.model.contacts):
@@ -184,7 +184,7 @@ class System:
         sizes *= UNIT_ROUNDOFF
         return sizes
 
-    def still(self, d: Array, t: float) -> float:
+    def displacement_noise(self, d: Array, t: float) -> float:
         """Return the displacement [m] below which nothing moves: the effect of round-off, by the last factors."""
         return ROUNDED * self.norm(self.matrix.solve(self.noise(d, t)))
 
@@ -213,7 +213,7 @@ class System:
         """Update the history variables of all laws with the accepted state d (n_full,) at t."""
         if self.model.contacts:
             self.accepted = d.copy(), t
-            for batch in (*self.model.interactions.springs, *self.model.interactions.held):
+            for batch in (*self.model.interactions.springs, *self.model.interactions.point_constraints):
                 batch.accept(d, t)
         if not self.model.remembers:
             return
@@ -338,7 +338,7 @@ class System:
         """Count turns up to a state d (n_full,); return them (bodies,). A prescribed angle includes full turns."""
         turns, n_q = self.model.turns, self.model.n_q
         turned = turns.follow(*self._counted, d)
-        for point, angle in (told for c in self.model.constraints for told in c.turns_by(t)):
+        for point, angle in (prescribed for c in self.model.constraints for prescribed in c.turns_by(t)):
             turns.hold(point, angle, self.model.e0 + d[:n_q], d[:n_q], turned)
         self._counted = d.copy(), turned
         return turned

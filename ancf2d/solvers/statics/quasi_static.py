@@ -75,7 +75,7 @@ class Course:
         if kept is None:
             self.model.set_step(0.0)
             iterations, warnings = self.march.settle()
-            self.system.held = None
+            self.system.balancing_forces = None
             yield self._at_rest(iterations, warnings)
         else:
             self._resume(kept)
@@ -138,7 +138,7 @@ class Course:
         before, self.t = self.t, t
         self.model.set_step(0.0)
         found = self.march.jump(before, t)
-        self.system.held = None
+        self.system.balancing_forces = None
         return self._at_rest(*found)
 
     def _go(self, stop: float) -> Iterator[State]:

@@ -69,7 +69,8 @@ def solve_linear(model: Model) -> Iterator[State]:
     system.check_strained(apply, pivots, {"solver": "linear_static"})
     load = -num.reduce(start.Q - start.F + (system.action(zero, d, 1.0, linear=True) if d.any() else 0.0))
     floor = max(system.norm(system.matrix.solve(f)) for f in system.rigid_forces())
-    z, known = refined(apply, system.matrix.solve, system.norm, load, floor, lambda: system.still(zero, 1.0))
+    z, known = refined(apply, system.matrix.solve, system.norm, load, floor,
+                       lambda: system.displacement_noise(zero, 1.0))
     if not np.isfinite(system.norm(z)):
         raise ComputationError("the linear solve gave displacements that are not finite",
                                at={"solver": "linear_static"}, advice="check loads and stiffnesses for extreme values")
@@ -272,7 +273,7 @@ class March:
         """Apply a load, and count turns from the given state."""
         self.system.count_from(turns)
         if self.held is not None:
-            self.system.held = (1.0 - load.share) * self.held
+            self.system.balancing_forces = (1.0 - load.share) * self.held
             self._strain(load.share)
             for spring in self.model.springs if self.tightens else ():
                 spring.tighten(load.share)
