@@ -15,7 +15,7 @@ from ..case.declare import key, record
 from ..case.kinds import Choice, Flag, Integer, Name, Number, Vector
 from ..case.schema.points import ENDS, POINT
 from ..elements.formulations import FORMULATIONS, Formulation, Rule, Sampler
-from ..elements.formulations.base import PointLaw as StrainLaw
+from ..elements.formulations.base import StrainLaw
 from ..errors import PluginError
 from ..interactions.forces import AMPLITUDE, AMPLITUDE_DOC
 from ..interactions.forces import position_load as load

@@ -96,7 +96,7 @@ def closable(r: Array, *joined: BodyMesh) -> float:
 def _share_position(a: PointRef, b: PointRef, owner: str, out: Equations, begins: bool = False) -> None:
     apart = place_of(a) - place_of(b) if begins else np.zeros(2)
     for ca, cb, axis, off in zip(a.position(), b.position(), "xy", apart.tolist(), strict=True):
-        out.rows.append(Row(*combine((1.0, ca), (-1.0, cb)), owner, axis, apart=off))
+        out.rows.append(Row(*combine((1.0, ca), (-1.0, cb)), owner, axis, initial_gap=off))
 
 
 def same_kind(a: PointRef, b: PointRef) -> bool:
@@ -315,4 +315,4 @@ class SliderJoint:
                                f"{abs(gap):.3g} away from the line",
                                "a line through the reference position of the point")])
         out.rows.append(Row(*along(point.position(), -s, c), owner, "position across the line",
-                            apart=gap if context.begins else 0.0))
+                            initial_gap=gap if context.begins else 0.0))

@@ -18,10 +18,9 @@ from ..elements.sliding import OFF, Moving
 from ..model.breakpoints import breakpoints
 from ..model.mesh import BodyMesh, Index
 from ..model.point_patch import Field, Items, table_of
-from ..model.timing import Signal, rates_of
+from ..model.timing import Signal, TimeFunction, rates_of
 from .prismatic import axis_coefficients
 
-Course = Callable[[float], float]
 # tolerance in S for the ends of a body
 NEAR = 1e-12
 
@@ -66,7 +65,8 @@ class MovingPatch:
     # whether it is the weight of a mass
     gravity = False
 
-    def __init__(self, mesh: BodyMesh, course: Course, law: PointLaw, par: Sequence[float], signal: Course | None,
+    def __init__(self, mesh: BodyMesh, course: TimeFunction, law: PointLaw, par: Sequence[float],
+                 signal: TimeFunction | None,
                  mass: float = 0.0, sign: float = 1.0, others: Sequence[Field] = (), stretches: bool = False) -> None:
         self.mesh, self.course, self.law, self.signal = mesh, course, law, signal
         self.par, self.mass, self.sign, self.stretches = np.array(par, dtype=float), mass, sign, stretches
@@ -172,7 +172,7 @@ class MovingPatch:
         return sorted(out)
 
 
-def _jet(course: Course | None, t: float) -> tuple[float, float, float]:
+def _jet(course: TimeFunction | None, t: float) -> tuple[float, float, float]:
     """Return the value of a signal and its first two rates at t; 1, 0, 0 for no signal."""
     return (1.0, 0.0, 0.0) if course is None else (course(t), *rates_of(course, t))
 
@@ -189,7 +189,7 @@ def _inside(a: float, b: float) -> Array:
     return t
 
 
-def _root(course: Course, value: float, a: float, b: float) -> float:
+def _root(course: TimeFunction, value: float, a: float, b: float) -> float:
     """Return the time between a and b at which a course crosses a value, by bisection to the last digit."""
     below = course(a) < value
     while True:
@@ -244,7 +244,8 @@ def moving_table(patches: Iterable[Any], row: Callable[[Any], int], fixed: Array
                   fixed if any(p.mass > 0.0 for _, p in found) else np.zeros(0))
 
 
-def moving_force(mesh: BodyMesh, course: Course, value: Sequence[float], signal: Course | None) -> MovingPatch:
+def moving_force(mesh: BodyMesh, course: TimeFunction, value: Sequence[float], signal: TimeFunction | None
+                 ) -> MovingPatch:
     """Return a force of constant direction, ``signal`` times ``value``, at a point that moves along a body."""
     return MovingPatch(mesh, course, FORCE, value, signal)
 
@@ -264,6 +265,6 @@ def never_met(case: Case) -> list[str]:
     return out
 
 
-def moving_mass(mesh: BodyMesh, course: Course, mass: float) -> MovingPatch:
+def moving_mass(mesh: BodyMesh, course: TimeFunction, mass: float) -> MovingPatch:
     """Return a mass at a point that moves along a body."""
     return MovingPatch(mesh, course, MASS, [mass], course, mass=mass)

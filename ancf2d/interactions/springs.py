@@ -25,7 +25,7 @@ from ..model.point_patch import (
     PointPatch,
     constants_of,
     position_fields,
-    turns,
+    turn_fields_of_ends,
 )
 from ..model.points import PointRef, point_ref
 from ..model.timing import Timing
@@ -78,7 +78,7 @@ def _distance(ends: list[End]) -> list[list[Field]]:
 
 def _turning(ends: list[End]) -> list[list[Field]]:
     """Return the part of each end in the fields for the rotation of the two sections."""
-    own = [turns([end if isinstance(end, PointRef) else None])[1] for end in ends]
+    own = [turn_fields_of_ends([end if isinstance(end, PointRef) else None])[1] for end in ends]
     return [[*own[0], *(NOTHING for _ in own[1])], [*(NOTHING for _ in own[0]), *own[1]]]
 
 
@@ -106,7 +106,7 @@ def about(law: PointLaw, ends: list[End], constants: Sequence[float], damped: bo
           angle: float | None = None) -> Spring:
     """Return a spring on the relative rotation of two sections (or the ground), without moment at ``angle``."""
     sections = [end if isinstance(end, PointRef) else None for end in ends]
-    kinds, _ = turns(sections)
+    kinds, _ = turn_fields_of_ends(sections)
     counted = [end if kind == DIRECTION else None for end, kind in zip(sections, kinds, strict=True)]
     parts = _turning(ends)
     out = Spring(law, _sum(parts), angle or 0.0, 0.0, [*kinds, *constants], damped, counted)
@@ -166,7 +166,7 @@ def _check(self: Any) -> Iterator[Issue]:
 
 
 # laws of springs whose force is a formula, by whether they act on an angle
-FORMULAS = {angle: spring_law("rotational_formula" if angle else "translational_formula", angle, by_formula)
+FORMULA_LAWS = {angle: spring_law("rotational_formula" if angle else "translational_formula", angle, by_formula)
             for angle in (False, True)}
 
 
@@ -179,7 +179,7 @@ def by_force(cls: R) -> R:
             return place(self, ends)  # type: ignore[no-any-return]
         formula, angle = spring_formula(self.force), cls.law.accept is not None  # type: ignore[attr-defined]
         constants = [float(formula.address), *_acting(self.only, self.gap), 0.0 if self.damped else 1.0]
-        return (about if angle else along)(FORMULAS[angle], ends, constants, self.damped, self.rest())
+        return (about if angle else along)(FORMULA_LAWS[angle], ends, constants, self.damped, self.rest())
     cls.place = with_formula  # type: ignore[attr-defined]
     return cls
 

@@ -136,31 +136,32 @@ def _plus(a: Field, b: Field) -> Field:
     return Field(np.concatenate([a.coords, b.coords]), np.concatenate([a.weights, b.weights]), a.p0 + b.p0)
 
 
-class Piece(NamedTuple):
+class TendonPiece(NamedTuple):
     """The fields of a piece of a tendon, and the part of them that belongs to each eyelet on a body."""
 
     fields: list[Field]
     ends: list[tuple[PointRef, list[Field]]]
 
-    def among(self, before: int, size: int, after: int) -> Piece:
+    def among(self, before: int, size: int, after: int) -> TendonPiece:
         """Return the piece extended to ``size`` fields, its ends with empty fields for the pieces before and after."""
         fields = [*self.fields, *[NOTHING] * (size - len(self.fields))]
         ends = [(p, [*[NOTHING] * before, *own, *[NOTHING] * (size - len(own) + after)]) for p, own in self.ends]
-        return Piece(fields, ends)
+        return TendonPiece(fields, ends)
 
 
-def spans(eyelets: Sequence[tuple[PointRef | GroundPoint, float]]) -> list[Piece]:
+def spans(eyelets: Sequence[tuple[PointRef | GroundPoint, float]]) -> list[TendonPiece]:
     """Return the pieces of a tendon from eyelet to eyelet."""
     out = []
     for (a, ya), (b, yb) in pairwise(eyelets):
         (la, arm_a), (lb, arm_b) = _eyelet(a, ya, -1.0), _eyelet(b, yb, 1.0)
         arms = [] if arm_a is _NO_ARM and arm_b is _NO_ARM else [*arm_a, *arm_b]
         shares = ((a, [*la, *arm_a]), (b, [*lb, *_NO_ARM, *arm_b])) if arms else ((a, la), (b, lb))
-        out.append(Piece([*map(_plus, la, lb), *arms], [(p, own) for p, own in shares if isinstance(p, PointRef)]))
+        ends = [(p, own) for p, own in shares if isinstance(p, PointRef)]
+        out.append(TendonPiece([*map(_plus, la, lb), *arms], ends))
     return out
 
 
-def guided(mesh: BodyMesh, s0: float, s1: float, y: float | Profile, more: int) -> list[Piece]:
+def guided(mesh: BodyMesh, s0: float, s1: float, y: float | Profile, more: int) -> list[TendonPiece]:
     """Return the pieces of a tendon guided at y off the axis of a body: one short stretch per quadrature point.
 
     Its direction there is d(r + y n)/dx; ``more`` is the number of points along each element in addition to those of
@@ -186,7 +187,7 @@ def guided(mesh: BodyMesh, s0: float, s1: float, y: float | Profile, more: int) 
                         own = [*_scaled(along, weight), *arm, *rises]
                     else:
                         own = _scaled(along, weight)
-                    out.append(Piece(own, []))
+                    out.append(TendonPiece(own, []))
     return out
 
 
@@ -313,7 +314,7 @@ class Tendon:
         ends = () if self.on is None else (Point(self.on, self.from_), Point(self.on, self.to))
         return ends + tuple(e.at for e in self.through if isinstance(e, Probe))
 
-    def _pieces(self, context: LoadContext) -> list[Piece]:
+    def _pieces(self, context: LoadContext) -> list[TendonPiece]:
         if self.on is None:
             return spans([(e, 0.0) if isinstance(e, GroundPoint) else (context.point(e.at), e.y)
                           if isinstance(e, Probe) else (context.point(e), 0.0) for e in self.through])
@@ -346,7 +347,7 @@ class Tendon:
                 lambda d, t: given * context.amplitude(t), lambda d: given, np.zeros(0, dtype=np.intp))
             out.guides.append(Guide(mesh, self.from_, self.to, self.y, cover, *own))
 
-    def _put(self, context: LoadContext, out: LoadSet, pieces: list[Piece]) -> ElasticTendon | None:
+    def _put(self, context: LoadContext, out: LoadSet, pieces: list[TendonPiece]) -> ElasticTendon | None:
         """Add the pieces; return the elastic tendon that they form, or None if the tension is given."""
         size = max(len(p.fields) for p in pieces)
         if self.stiffness is not None:

@@ -18,7 +18,7 @@ from numba import types
 
 from ..case import jets
 from ..elements import point_laws
-from ..elements.formulations.base import PointLaw as StrainLaw
+from ..elements.formulations.base import StrainLaw
 from ..elements.point_laws import PointLaw
 from .lanes import slots
 from .lowlevel.arrays import array, vector

@@ -56,7 +56,7 @@ class Axis(Protocol):
 
 
 @dataclass(frozen=True)
-class Bend:
+class ArcAxis:
     """A curve of constant curvature ``kappa`` = dtheta/ds [1/m], 0 for a line, from a point in a direction."""
 
     start: tuple[float, float]
@@ -88,7 +88,7 @@ class Bend:
         return min((a, b), key=lambda end: abs(complex(self.place(np.asarray(end))[0]) - r))
 
 
-class Smooth:
+class ParametricAxis:
     """A curve z(u) = x + iy of a parameter u, by arc length accurate to round-off.
 
     ``taylor(u, n)`` returns its Taylor coefficients (n + 1, places); ``edges`` are increasing values of u, from one end
@@ -234,7 +234,7 @@ def check_closed(start: complex, end: complex, turned: float, length: float) -> 
                         "direction in which it starts", "a curve that ends in the direction in which it starts")
 
 
-def spline(geometry: Spline) -> tuple[list[Smooth], list[float]]:
+def spline(geometry: Spline) -> tuple[list[ParametricAxis], list[float]]:
     """Return the curve through the points of a spline, and the arc lengths of its inner points."""
     # imported only for splines
     from scipy.interpolate import CubicSpline
@@ -262,11 +262,11 @@ def spline(geometry: Spline) -> tuple[list[Smooth], list[float]]:
             out[i] = sum(math.comb(j, i) * c[j] * t ** (j - i) for j in range(i, len(c)))
         return out
 
-    curve = Smooth(taylor, u, "the length of its chords")
+    curve = ParametricAxis(taylor, u, "the length of its chords")
     return [curve], [float(curve._s[np.searchsorted(curve._u, knot)]) for knot in u[1:-1]]
 
 
-def curve(geometry: CurveGeometry) -> list[Smooth]:
+def curve(geometry: CurveGeometry) -> list[ParametricAxis]:
     """Return the curve given by a body's expressions in s, divided where its derivatives jump.
 
     Raises AxisError where the curve itself jumps or has a corner.
@@ -276,11 +276,11 @@ def curve(geometry: CurveGeometry) -> list[Smooth]:
     def taylor(s: Array, n: int) -> Series:
         return series(x, s, n) + 1j * series(y, s, n)
 
-    found: list[Smooth] = []
+    found: list[ParametricAxis] = []
     for first, last in pairwise(_smooth_stretches([x, y], taylor)):
         # on a stretch, conditions keep their values up to its end
         edges = first.t + np.array(FIRST) * (last.before - first.t)
-        part = Smooth(lambda s, n, a=first.t, b=last.before: taylor(np.clip(s, a, b), n),  # type: ignore[misc]
+        part = ParametricAxis(lambda s, n, a=first.t, b=last.before: taylor(np.clip(s, a, b), n),  # type: ignore[misc]
                       edges, angle=found[-1].last_angle if found else None)
         if found:
             _check_goes_on(found[-1], part, first.t)
@@ -304,7 +304,7 @@ def _smooth_stretches(trees: list[Tree], taylor: Callable[[Array, int], Series])
     return [*out, Break(1.0, 0, 1.0)]
 
 
-def _check_goes_on(before: Smooth, after: Smooth, s: float) -> None:
+def _check_goes_on(before: ParametricAxis, after: ParametricAxis, s: float) -> None:
     """Raise AxisError unless a stretch of a curve starts at the end of the one before, in the same direction."""
     gap, corner = abs(after.ends[0] - before.ends[1]), abs(after.ends[2] - before.last_angle)
     if gap > CLOSED * (before.length + after.length) or corner > CLOSED:

@@ -148,9 +148,9 @@ class _Builder:
             except SupportError as error:
                 self.report(("boundary_conditions", i, *error.key), str(error), error.expected, error.near)
             else:
-                self._take(own, support.active, point)
+                self._add_equations(own, support.active, point)
 
-    def _take(self, own: Equations, active: Active | None, point: PointRef | None = None) -> None:
+    def _add_equations(self, own: Equations, active: Active | None, point: PointRef | None = None) -> None:
         """Add the equations of a support or joint; those that engage or release become constraints."""
         self.equations.warnings += own.warnings
         if active is None:
@@ -182,7 +182,7 @@ class _Builder:
             except JointError as error:
                 for key, message, expected in error.problems:
                     self.report(("joints", i, *key), message, expected)
-            self._take(own, joint.active)
+            self._add_equations(own, joint.active)
 
     def add_springs(self) -> None:
         for k, spring in enumerate(self.case.springs):

@@ -183,7 +183,7 @@ class Feedback:
         return {name: {"output": out[name], **{state.partition(":")[2]: float(values[self.names.index(state)])
                                                for state in c.rates}} for name, c in self.controllers.items()}
 
-    def look(self, t: float, values: Array) -> None:
+    def evaluate_signals(self, t: float, values: Array) -> None:
         """Evaluate the signals at a state. Raises ComputationError for one without a value."""
         for answer in self.answers:
             assert answer.amplitude is not None
@@ -196,7 +196,7 @@ class Feedback:
 
     def check(self, t: float, values: Array) -> None:
         """Raise ComputationError if a signal, rate, output or condition has no value."""
-        self.look(t, values)
+        self.evaluate_signals(t, values)
         self.holding(t, values)
         for c in self.controllers.values():
             self.evaluate(c.rates, t, values)

@@ -382,7 +382,7 @@ def warnings_of(plan: BodyPlan) -> list[str]:
         out.append(f"bodies.{plan.name}: neighbours of type {plan.element.name} share only the axis and the directions "
                    "of their sections, so results are off by 50 % and more under transverse load on a short body. "
                    "Use patel in formulation continuum")
-    turn = max(float(np.abs(p.turns).max()) for p in plan.pieces)
+    turn = max(float(np.abs(p.turning_angles).max()) for p in plan.pieces)
     if turn > WIDE:
         out.append(f"bodies.{plan.name}: an element rotates by {turn:.2g} rad, which can cost some per cent of "
                    f"accuracy. Use more elements, so that each rotates by less than {WIDE:g} rad")

@@ -12,7 +12,7 @@ import numpy as np
 from ..case import Active, Latch, jets
 from ..case.programs import state_programs
 from ..case.syntax import Tree
-from ..elements.point_laws import DIRECTION, FORMULAS, GROUND, MAX_CONSTANTS, MAX_MEM, RUN, THETA, PointLaw
+from ..elements.point_laws import DIRECTION, FORMULA_RECORDS, GROUND, MAX_CONSTANTS, MAX_MEM, RUN, THETA, PointLaw
 from ..elements.shape import Array
 from ..errors import ComputationError, PluginError
 from .mesh import Index
@@ -255,7 +255,7 @@ class PointConstraint(PointPatch):
         return gradient
 
 
-def turns(ends: Sequence[PointRef | None]) -> tuple[list[int], list[Field]]:
+def turn_fields_of_ends(ends: Sequence[PointRef | None]) -> tuple[list[int], list[Field]]:
     """Return how each end turns and the fields of all ends; None is the ground."""
     kinds, fields = [], []
     for end in ends:
@@ -286,7 +286,7 @@ def formula_record(trees: Sequence[Tree], names: Sequence[str], texts: Sequence[
 
     meaning = {name: k for k, name in enumerate(names)}
     record = Record(formula(state_programs([(tree, 1.0) for tree in trees], meaning, len(names)), len(names)))
-    FORMULAS[record.address] = record.values
+    FORMULA_RECORDS[record.address] = record.values
     _FORMULA_TEXTS[float(record.address)] = record, texts, names
     RUN[:] = [jets.run_with_gradient]
     return record

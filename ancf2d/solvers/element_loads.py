@@ -141,7 +141,7 @@ def _loads(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
 def _springs(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
     d, v = state.d[:model.n_q], None if state.v is None else state.v[:model.n_q]
     if state.turned is not None:
-        model.turns.recall(model.springs, model.e0 + d, d, state.turned)
+        model.turns.set_spring_angles(model.springs, model.e0 + d, d, state.turned)
     for spring in (one for one in model.springs if one.ends):
         yield from _at_ends(spring, mesh, d, v, state, state.linear)
 

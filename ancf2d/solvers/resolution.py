@@ -126,7 +126,7 @@ class _Body:
         """Return eps*^T D eps*/2, the energy of a state's natural strains if nothing moved."""
         if not any(load.mesh is self.mesh for load in self.model.loads.natural):
             return 0.0
-        alone = nodal_forces(self.model, self.mesh, state, self.some, self.forces.apart(self.some))[2]
+        alone = nodal_forces(self.model, self.mesh, state, self.some, self.forces.uncoupled(self.some))[2]
         zero, Q = (np.zeros(alone.dofs.size) for _ in range(2))
         self.model.set_natural(None, natural_rates(self.model, state))
         energy = natural_slope(alone, zero, Q)
@@ -140,7 +140,7 @@ class _Body:
         of the strains of the motion, without the work of the state's forces in it.
         """
         dofs = self.mesh.dofs[self.some]
-        _, energy, alone = nodal_forces(self.model, self.mesh, state, self.some, self.forces.apart(self.some))
+        _, energy, alone = nodal_forces(self.model, self.mesh, state, self.some, self.forces.uncoupled(self.some))
         self.model.set_natural(None)
         d, v = state.d[:self.model.n_q][dofs].ravel(), shape[dofs].ravel()
         asked, stored = self._asked(forces), 0.5 * self.weight * viscous_force(alone, 1.0, d, v, np.zeros_like(d))
@@ -191,7 +191,7 @@ class _Body:
         mesh, n_q, tau = self.mesh, self.model.n_q, self.forces.tau
         if state.linear or state.v is None or not tau:
             return self.weight * energy
-        Q, _, alone = nodal_forces(self.model, mesh, state, self.some, self.forces.apart(self.some))
+        Q, _, alone = nodal_forces(self.model, mesh, state, self.some, self.forces.uncoupled(self.some))
         d, v = (x[:n_q][mesh.dofs[self.some]].ravel() for x in (state.d, state.v))
         power = float(Q.ravel() @ v) + (natural_power(alone, 0.0, d, v) if self.model.loads.natural else 0.0)
         return self.weight * (energy + tau * power + 0.5 * tau * viscous_force(alone, tau, d, v, np.zeros_like(d)))

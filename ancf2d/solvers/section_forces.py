@@ -41,7 +41,7 @@ def has_section_forces(mesh: BodyMesh) -> bool:
     return not mesh.plan.rigid
 
 
-def apart(model: Model, mesh: BodyMesh, chosen: Index) -> Any:
+def uncoupled_group(model: Model, mesh: BodyMesh, chosen: Index) -> Any:
     """Return the group of chosen elements (m,), each with coordinates of its own, so that no forces are summed."""
     pool, first = place_of(model.pools, mesh)
     group, dofs, some = model.groups[pool], mesh.dofs[chosen], first + np.asarray(chosen)
@@ -57,9 +57,9 @@ def nodal_forces(model: Model, mesh: BodyMesh, state: State, chosen: Index, alon
                  ) -> tuple[Array, float, Any]:
     """Return the elastic forces (m, n) of chosen elements on their coordinates, their strain energy, and their group.
 
-    The group is that of ``apart``; it may be given as ``alone``.
+    The group is that of ``uncoupled_group``; it may be given as ``alone``.
     """
-    alone, dofs = alone or apart(model, mesh, chosen), mesh.dofs[chosen]
+    alone, dofs = alone or uncoupled_group(model, mesh, chosen), mesh.dofs[chosen]
     d, Q = state.d[:model.n_q][dofs].ravel(), np.zeros(dofs.size)
     if state.linear:
         zero, natural = np.zeros_like(d), np.zeros_like(d)
@@ -112,16 +112,16 @@ class SectionForces:
         # strain energy of the last evaluated elements, without that of a viscous stress
         self.energy = 0.0
         self.along = gauss(POINTS)
-        self._apart: dict[bytes, Any] = {}
+        self._uncoupled: dict[bytes, Any] = {}
 
-    def apart(self, chosen: Index) -> Any:
-        """Return the group of ``apart``, cached for repeated sets of elements."""
+    def uncoupled(self, chosen: Index) -> Any:
+        """Return the group of ``uncoupled_group``, cached for repeated sets of elements."""
         key = np.asarray(chosen).tobytes()
-        if key not in self._apart:
-            if len(self._apart) >= KEPT:
-                self._apart.clear()
-            self._apart[key] = apart(self.model, self.mesh, chosen)
-        return self._apart[key]
+        if key not in self._uncoupled:
+            if len(self._uncoupled) >= KEPT:
+                self._uncoupled.clear()
+            self._uncoupled[key] = uncoupled_group(self.model, self.mesh, chosen)
+        return self._uncoupled[key]
 
     @cached_property
     def masses(self) -> list[Array]:
@@ -269,7 +269,7 @@ class _Part:
     def _nodal(self) -> Array:
         """Return the elastic and viscous forces (m, n_shape, nc) of the elements on their coordinates."""
         body, state = self.body, self.state
-        Q, energy, alone = nodal_forces(body.model, body.mesh, state, self.chosen, body.apart(self.chosen))
+        Q, energy, alone = nodal_forces(body.model, body.mesh, state, self.chosen, body.uncoupled(self.chosen))
         body.energy += energy
         if not state.linear and state.v is not None and body.tau:
             d, v = (x[:body.model.n_q][self.dofs].ravel() for x in (state.d, state.v))

@@ -125,7 +125,7 @@ class System:
         if not model.patches and not model.constraints:
             return
         if model.winds:
-            model.turns.recall(model.springs, model.e0 + d[:n_q], d[:n_q], self.count(d, t))
+            model.turns.set_spring_angles(model.springs, model.e0 + d[:n_q], d[:n_q], self.count(d, t))
         yield from model.interactions.patches(d, t, elastic, linear)
 
     def assemble(self, d: Array, t: float, load_stiffness: bool = True, out: Balance | None = None) -> Balance:

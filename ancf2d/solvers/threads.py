@@ -51,12 +51,12 @@ def _share(group: Any, num: Numbering) -> list[list[Any]]:
     ends = np.linspace(0, ne, count + 1).astype(int)
     between = ends[1:-1]
     parts = [slice(a + (k > 0), b) for k, (a, b) in enumerate(pairwise(ends))]
-    if not _apart([group.dofs[p] for p in parts], num):
+    if not _independent([group.dofs[p] for p in parts], num):
         return [[group]]
     return [[of_elements(group, p) for p in parts], [of_elements(group, between)]]
 
 
-def _apart(parts: list[Array], num: Numbering) -> bool:
+def _independent(parts: list[Array], num: Numbering) -> bool:
     """Return whether no two parts share a coordinate or an unknown."""
     seen = np.zeros(len(num.place) + num.n_unknowns, dtype=bool)
     for dofs in parts:

@@ -13,7 +13,7 @@ import numpy as np
 from ..definition import ElementType
 from ..section import Section, shear_flow
 from ..shape import Array, gauss
-from .base import Formulation, Free, PointLaw, Rule, Sampler, cross, join, of_section, rule_points
+from .base import Formulation, Free, Rule, Sampler, StrainLaw, cross, join, of_section, rule_points
 
 # points per layer that integrate the square of its shear stress exactly
 POINTS = 6
@@ -381,7 +381,7 @@ def _exact_no_split(element: ElementType) -> tuple[int, int] | None:
 
 
 # fields: u_,t and u_,n, x and y each; reference values: t and n
-GREEN = PointLaw(4, 3, 4, strain, geometric, mean, (0, 1))
+GREEN = StrainLaw(4, 3, 4, strain, geometric, mean, (0, 1))
 
 FORMULATIONS = tuple(
     Formulation(name, GREEN, refuse, _default_rule, _exact_no_split, sample, source, doc,

@@ -8,7 +8,7 @@ import numpy as np
 from numba.extending import register_jitable
 
 from ...case import jets
-from ...elements.point_laws import turn
+from ...elements.point_laws import angle_near
 from ..lowlevel.jit import addressed, inner, kernel
 
 # numbers that go from step to step; LIMIT: of adaptive steps since Newton's method failed at a longer one, 0 for none
@@ -37,7 +37,7 @@ SOFT_STEP, STRUCK, FASTEST = range(28, 31)
 HIT_AT, HIT_POINTS, IMPULSE, HIT_LOST = range(31, 35)
 NUMBERS = 35
 
-_turn = inner(turn)
+_angle_near = inner(angle_near)
 # increments of Newton's method that are kept for messages
 HISTORY = 64
 # what a step answers; SWITCHES: that it has to be made anew, shorter or by another method, as NEXT tells;
@@ -212,7 +212,7 @@ def turn_on(turning, d, v, h, angle, rate):  # type: ignore[no-untyped-def]
             vy += turning.across[k] * v[c]
         x = turning.length[i] + ux
         new = (x * vy - uy * vx) / (x * x + uy * uy)
-        angle[i] = _turn(turning.length[i], ux, uy, angle[i] + 0.5 * h * (rate[i] + new))
+        angle[i] = _angle_near(turning.length[i], ux, uy, angle[i] + 0.5 * h * (rate[i] + new))
         rate[i] = new
 
 

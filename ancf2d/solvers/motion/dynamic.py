@@ -92,7 +92,7 @@ class Balance:
             recall_rows(model, row.turns)
         if model.springs:
             d_q = d[:model.n_q]
-            model.turns.recall(model.springs, model.e0 + d_q, d_q, model.turns.at(d, row.turned))
+            model.turns.set_spring_angles(model.springs, model.e0 + d_q, d_q, model.turns.at(d, row.turned))
             strain += model.interactions.energy(d, row.side)
             springs = model.interactions.energy(d, row.side, worked=not self.stepper.method.conserves)
         # energy kept by materials with memory, which counts as lost in the steps, and energy kept by other materials

@@ -22,7 +22,7 @@ from ...model.constraints import MOTIONS
 from ...model.determinacy import rigid_motion
 from ...model.point_patch import PointConstraint, PointPatch
 from ...model.points import dot
-from ...model.switched import CLOSED, catch, is_off
+from ...model.switched import CLOSED, is_off, store_held_values
 from ...results.records import EVENT_WORDS
 from ..linear import dense
 
@@ -189,7 +189,7 @@ class Events:
             if k < 0:
                 self._slide(-1 - k, foot, gap)
                 continue
-            catch(c, d, motion.t)
+            store_held_values(c, d, motion.t)
             motion.p.points.mem[k, :len(c.mem)] = c.mem
             self._note_offset(c)
         self._leave_out(d)

@@ -27,7 +27,7 @@ from ...kernels.motion.stops import acting, stop_functions
 from ...kernels.moving import moving_functions
 from ...kernels.patches import patch_functions
 from ...model.feedback import POSITION
-from ...model.groups import apart, with_given, with_states
+from ...model.groups import with_given, with_own_arrays, with_states
 from ...model.interactions import point_table, turning_table
 from ...model.model import Model
 from ...model.timing import Signal
@@ -209,7 +209,7 @@ def _quantities(model: Model) -> dict[str, Array]:
 def own(problem: Record, model: Model) -> Record:
     """Return a problem with its own copies of the tables that store history variables or intermediate results."""
     p: Problem = problem.values
-    groups, states = with_states([apart(group) for group in model.groups])
+    groups, states = with_states([with_own_arrays(group) for group in model.groups])
     groups, given, slopes = with_given(groups)
     points, changes = p.points, dict[str, Any]()
     if len(p.moving.item):
