@@ -113,7 +113,8 @@ def _elastic_fibre(ref, law, eps, bend, row, stress, tangent, lanes):  # type: i
         line += 3
 
 
-def _plastic_fibre(ref, law, eps, bend, row, p, a, p_new, a_new, stress, tangent, lanes):  # type: ignore[no-untyped-def]
+def _plastic_fibre(  # type: ignore[no-untyped-def]
+        ref, law, eps, bend, row, p, a, p_new, a_new, stress, tangent, lanes):
     """Fill stress, tangent, and new p and a of a plastic fibre with p and a before the step.
 
     The stress in excess of the yield stress is reduced line by line along the curve, without a branch in the lanes.
