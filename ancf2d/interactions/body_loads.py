@@ -12,7 +12,7 @@ import numpy as np
 
 from ..case.binder import Issue
 from ..case.declare import key, record
-from ..case.kinds import Flag, Name, Number, Vector
+from ..case.kinds import NAME, Flag, Name, Number, Vector
 from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active
 from ..case.schema.amplitudes import Amplitude
 from ..case.schema.points import MovingPoint
@@ -28,7 +28,6 @@ from .forces import (
     AMPLITUDE,
     AMPLITUDE_DOC,
     FOLLOWER,
-    NAME,
     AlongBody,
     LoadContext,
     LoadError,
@@ -145,7 +144,7 @@ class FormulaLine:
     def __init__(self, mesh: BodyMesh, cover: list[tuple[Index, Array, Array]], value: Density,
                  amplitude: Callable[[float], float]) -> None:
         self.mesh, self.cover = mesh, cover
-        self.formula, self.turns, self.damped = density_formula(value)
+        self.formula, self.uses_theta, self.damped = density_formula(value)
         self.amplitude = (Clocked(amplitude.amplitude, amplitude.factor, amplitude.offset)
                           if isinstance(amplitude, Signal) else amplitude)
         self.dofs = np.concatenate([mesh.dofs[elements] for elements, _, _ in cover])
@@ -168,8 +167,8 @@ class FormulaLine:
         local = mesh.e0[dofs - mesh.first_dof]
         for c in (0, 1):
             p0[:, :, c] = np.einsum("mpn,mn->mp", G[:, :, c], local)
-        kind = (THETA if nc == 3 else DIRECTION) if self.turns else GROUND
-        fields = G.shape[2] if self.turns else 2
+        kind = (THETA if nc == 3 else DIRECTION) if self.uses_theta else GROUND
+        fields = G.shape[2] if self.uses_theta else 2
         s = (mesh.starts[elements, None] + xi * mesh.lengths[elements, None]) / mesh.plan.length
         par = weights_of(w, s, self.formula.address, kind)
         return (np.repeat(dofs, p, axis=0), np.ascontiguousarray(G[:, :, :fields]).reshape(m * p, fields, n),

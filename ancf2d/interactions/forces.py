@@ -11,7 +11,7 @@ import numpy as np
 
 from ..case.binder import Issue
 from ..case.declare import key, record
-from ..case.kinds import Choice, Name, Number, Vector
+from ..case.kinds import NAME, Choice, Number, Vector
 from ..case.records import OneOf, tag_of
 from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active, Latch
 from ..case.schema.amplitudes import Amplitude
@@ -28,7 +28,6 @@ from .moving import MovingPatch, moving_force
 
 R = TypeVar("R", bound=type)
 AlongBody = float | Profile
-NAME = Name()
 AMPLITUDE = OneOf(Amplitude)
 AMPLITUDE_DOC = "Factor as a function of load factor or time (default: ramp in static cases, otherwise constant)"
 # difference in S of positions of natural strains that count as equal

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..case.binder import Issue
 from ..case.declare import key, record
-from ..case.kinds import ListOf, Name, Number, Vector
+from ..case.kinds import NAME, ListOf, Number, Vector
 from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active
 from ..case.schema.case import register
 from ..case.schema.points import POINT, Point, named_twice
@@ -25,7 +25,6 @@ from ..model.plan import knows_curvature
 from ..model.points import PointRef
 
 R = TypeVar("R", bound=type)
-NAME = Name()
 BETWEEN = ListOf(POINT, "points BODY@S", 2)
 
 # taken as round-off of the case's numbers: a gap in the reference, relative to the shortest body joined, or an angle

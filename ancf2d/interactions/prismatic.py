@@ -9,7 +9,7 @@ import numpy as np
 
 from ..case.binder import Issue
 from ..case.declare import key, record
-from ..case.kinds import Name
+from ..case.kinds import NAME, Name
 from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active, Latch
 from ..case.schema.points import POINT, Point
 from ..elements import sliding
@@ -20,7 +20,7 @@ from ..model.constraints import Equations
 from ..model.mesh import BodyMesh
 from ..model.plan import BodyPlan
 from ..model.points import PointRef
-from .joints import NAME, JointContext, JointError, closable, joint, place_of
+from .joints import JointContext, JointError, closable, joint, place_of
 
 # margin, in elements, that keeps a foot point between the ends of its element
 BETWEEN = 1e-12

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..case.binder import Issue
 from ..case.declare import key, record
-from ..case.kinds import Choice, Name, Number
+from ..case.kinds import NAME, Choice, Number
 from ..case.records import tag_of
 from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active
 from ..case.schema.amplitudes import ExpressionText
@@ -34,7 +34,6 @@ from .moving import MovingPatch
 from .spring_laws import spring_law
 
 R = TypeVar("R", bound=type)
-NAME = Name()
 ONLY = Choice("tension", "compression")
 ONLY_DOC = ("tension: acts only against elongation (for angles, counter-clockwise relative rotation); compression: "
             "acts only against shortening (default: acts both ways)")

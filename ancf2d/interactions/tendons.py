@@ -14,7 +14,7 @@ import numpy as np
 
 from ..case.binder import Issue
 from ..case.declare import key, record
-from ..case.kinds import ListOf, Name, Number, Vector
+from ..case.kinds import NAME, ListOf, Name, Number, Vector
 from ..case.records import ByShape, Record
 from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active
 from ..case.schema.amplitudes import Amplitude
@@ -27,7 +27,7 @@ from ..model.point_patch import NOTHING, Field, PointPatch, position_fields
 from ..model.points import PointRef, point_ref
 from ..model.profiles import SIDE, breaks, values
 from .body_loads import VARYING, covered
-from .forces import AMPLITUDE, AMPLITUDE_DOC, NAME, LoadContext, LoadError, LoadSet, load, moment_at
+from .forces import AMPLITUDE, AMPLITUDE_DOC, LoadContext, LoadError, LoadSet, load, moment_at
 from .tendon_laws import ELASTIC, TENSION, piece, slopes, taut
 
 # greatest number of fields of an elastic tendon, which has one stiffness matrix for all of them

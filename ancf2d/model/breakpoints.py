@@ -83,7 +83,7 @@ def instants(interval: float, t_end: float, each: int = 1) -> Array:
     return times[times < t_end * (1.0 - CLOSE)]
 
 
-def telling_times(courses: Iterable[Callable[[float], float]], t0: float, t1: float) -> list[float]:
+def comparison_times(courses: Iterable[Callable[[float], float]], t0: float, t1: float) -> list[float]:
     """Return times in [t0, t1] such that functions equal at all of them are equal: at, just before and between breaks.
 
     Between breaks, ramps and tables are polynomials, and other functions than signals are linear. Sines and expressions

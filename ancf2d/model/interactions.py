@@ -344,7 +344,7 @@ class Interactions:
         sliding_constraint_rates(self.sliding, d, v, np.zeros((0, 3)), out[0], out[1])
         return out[:, len(self.e0):]
 
-    def take_hold(self, d: Array, t: float) -> None:
+    def set_friction_anchors(self, d: Array, t: float) -> None:
         """Set missing friction anchors of contacts with a law to the initial state d (n_full,) at t."""
         for batch in self.springs:
             if batch.rubs:

@@ -59,7 +59,6 @@ class Observer:
             values.update(zip(FORCES, self._sections[name](state, np.array([point.ie]))[0, 0].tolist(), strict=True))
         return {k: float(v) for k, v in values.items()}
 
-
     def slopes(self, name: str, quantity: str, state: State) -> tuple[Index, Array, Array]:
         """Return coordinates (m,), and the derivatives (m,) of a quantity (not N, Q, M) by them and by their rates."""
         point, rotation = self.probes[name], self.rotations[name]

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..elements.formulations.base import cross
 from ..elements.shape import Array, gauss
 from ..interactions.body_loads import Line, per_length
 from ..interactions.inertia import mass_terms
@@ -30,10 +31,6 @@ BLOCK = 2048  # number of elements per block, which limits the memory of element
 KEPT = 8  # number of cached element groups, for elements of several shapes
 SAME = 1e-12  # tolerance for places along a body, relative to its length
 POINTS = 6  # Gauss points of line loads on an element or a part of it
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
 def has_section_forces(mesh: BodyMesh) -> bool:
@@ -263,7 +260,7 @@ class _Part:
             rows = self._rows(xi, *((0, 1) if kind == "interpolated" else (1, 0)))
             v, dv = (rows @ q[..., :2] for q in (self.e, self.d))
             v0 = v - dv
-            angle = angle + np.arctan2(_cross(v0, dv), np.sum(v0 * (v0 + dv), axis=-1))
+            angle = angle + np.arctan2(cross(v0, dv), np.sum(v0 * (v0 + dv), axis=-1))
         return np.cos(angle), np.sin(angle)
 
     def _nodal(self) -> Array:
@@ -290,7 +287,7 @@ class _Part:
     def _node_wrench(self, forces: Array, chosen: Array, elements: Index | slice = slice(None)) -> Array:
         """Return the wrench (m, 3) of generalised forces on the chosen coordinates of elements."""
         f = forces[:, chosen]
-        moment = _cross(self.local[elements][:, chosen], f).sum(axis=1)
+        moment = cross(self.local[elements][:, chosen], f).sum(axis=1)
         if self.body.nc == 3:
             moment = moment + f[:, :, 2].sum(axis=1)
         at = self.body.is_r & chosen
@@ -314,7 +311,7 @@ class _Part:
         for xi, force in self._line_samples(upto):
             arm = self._rows(xi) @ self.local
             total[:, :2] += force.sum(axis=1)
-            total[:, 2] += _cross(arm, force).sum(axis=1)
+            total[:, 2] += cross(arm, force).sum(axis=1)
         before = self.at < upto
         np.add.at(total, self.within[before], self._wrenches[before])
         if self.rates is None:
@@ -323,7 +320,7 @@ class _Part:
         b = S @ self.rates
         f = dm[..., None] * b[..., :2]
         total[:, :2] += f.sum(axis=1)
-        total[:, 2] += _cross(S @ self.local, f).sum(axis=1)
+        total[:, 2] += cross(S @ self.local, f).sum(axis=1)
         if self.body.nc == 3:
             total[:, 2] += (b[..., 2] * dI).sum(axis=1)
         return total
@@ -341,7 +338,7 @@ class _Part:
         off = start + end + whole
         total = body.xi[:, None] * off[:, None] - start[:, None] - before
         fx, fy = total[..., 0], total[..., 1]
-        out = np.stack([c * fx + s * fy, -s * fx + c * fy, total[..., 2] - _cross(place, total)], axis=-1)
+        out = np.stack([c * fx + s * fy, -s * fx + c * fy, total[..., 2] - cross(place, total)], axis=-1)
         for fx, fy, moment in borne:
             out -= np.stack([c * fx + s * fy, c * fy - s * fx, moment], axis=-1)
         return out
@@ -397,4 +394,4 @@ class _Part:
             _, way, arm = self._run(guide, xi)
             force = T * way / np.linalg.norm(way, axis=-1, keepdims=True)
             force *= ((s >= guide.first - SAME) & (s <= guide.last + SAME))[..., None]
-            yield force[..., 0], force[..., 1], _cross(arm, force)
+            yield force[..., 0], force[..., 1], cross(arm, force)

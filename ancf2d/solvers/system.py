@@ -19,7 +19,7 @@ from ..model.mesh import Index
 from ..model.model import Model
 from .ldl import Pivots, Symmetric
 from .linear import make_matrix
-from .threads import Crew, largest, largest_share, pieces
+from .threads import DividedGroups, chunks, largest, largest_share
 
 UNIT_ROUNDOFF = 2.0**-53
 # displacements, relative to the extent of a model, that are round-off of the positions
@@ -75,12 +75,10 @@ class System:
 
     def __init__(self, model: Model) -> None:
         self.model, self.groups = model, with_trials(model.groups)
-        self.crew = Crew(self.groups, model.numbering)
+        self.divided = DividedGroups(self.groups, model.numbering)
         self.matrix = make_matrix(model)
         n = model.numbering
-        self.weights = np.zeros(n.n_unknowns)
-        coordinates = n.free < n.n_q
-        self.weights[coordinates] = model.weights[n.free[coordinates]]
+        self.weights = n.of_unknowns(model.weights)
         self.evaluations = 0
         # additional forces (n_unknowns,) that balance a state
         self.balancing_forces: Array | None = None
@@ -138,13 +136,13 @@ class System:
         self._tried = None
         self.matrix.clear()
         Q, R = self._no_forces(out)
+        places = self.model.numbering.places
         self.model.set_natural(t if load_stiffness else None)
-        energy = self.crew.total(lambda g: force_tangent(g, d, 1.0, Q, self.matrix.target, self.model.numbering.places))
+        energy = self.divided.total(lambda g: force_tangent(g, d, 1.0, Q, self.matrix.target, places))
         for u, q, K, dofs in self.patches(d, t, not load_stiffness, not load_stiffness):
             energy += u
             np.add.at(Q, dofs, q)
-            scatter_patches(self.matrix.target, np.ascontiguousarray(K), dofs, 0, len(dofs),
-                            self.model.numbering.places)
+            scatter_patches(self.matrix.target, np.ascontiguousarray(K), dofs, 0, len(dofs), places)
         if not load_stiffness:
             self.add_loads(Q, d, t)
             energy += self.add_natural(Q, d, None, t)
@@ -162,7 +160,7 @@ class System:
         n, out = self.model.numbering, self._sizes
         np.abs(self._dead_loads(t), out=out)
         self.model.set_natural(t)
-        self.crew.total(lambda g: force_noise(g, d, out))
+        self.divided.total(lambda g: force_noise(g, d, out))
         for _, q, K, dofs in self.patches(d, t):
             np.add.at(out, dofs, np.abs(q) + np.einsum("mij,mj->mi", np.abs(K), np.abs(d[dofs])))
         if sticks(self.model):
@@ -252,7 +250,7 @@ class System:
         """
         Q, R = self._no_forces(out)
         self.model.set_natural(None if linear else t)
-        energy = self.crew.total(lambda g: force(g, d, Q))
+        energy = self.divided.total(lambda g: force(g, d, Q))
         if self.model.remembers:
             self._tried = None if linear else (d.copy(), t)
         for u, q, _, dofs in self.patches(d, t):
@@ -275,7 +273,7 @@ class System:
         return out
 
     def _act(self, d: Array, v: Array, out: Array) -> None:
-        self.crew.total(lambda g: tangent_action(g, d, v, out))
+        self.divided.total(lambda g: tangent_action(g, d, v, out))
 
     def factor(self, at: dict[str, Any]) -> Pivots:
         """Factor the tangent; raises SingularTangentError with the names of free coordinates if it is singular."""
@@ -356,7 +354,7 @@ class System:
         """Return the largest displacement between two states (n_full,) [m]."""
         where = self.model.numbering.where
         a, b = d[where], other[where]
-        return max((largest(a[p] - b[p], self.weights[p]) for p in pieces(len(a))), default=0.0)
+        return max((largest(a[p] - b[p], self.weights[p]) for p in chunks(len(a))), default=0.0)
 
     def imbalance(self, balance: Balance) -> float:
         """Return the largest residual relative to the largest force, both as forces [N] by the coordinates' weights."""

@@ -176,7 +176,7 @@ def test_friction_of_a_layer_holds_to_the_last_accepted_state_of_points_that_are
                                      "law": {"stiffness": 1e6}}])
     (batch,) = model.interactions.springs
     d = np.zeros(len(model.numbering.place))
-    model.interactions.take_hold(d, 0.0)
+    model.interactions.set_friction_anchors(d, 0.0)
     first = batch.table.mem[:, geometry.ANCHOR].copy()
     # which finds that no point can touch
     point_forces(batch.table, d, d, batch.amplitudes(0.0), np.zeros_like(d))

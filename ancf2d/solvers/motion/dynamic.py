@@ -22,7 +22,7 @@ from ...model.model import Model
 from ...pace import Pace
 from ..contact import check_pressed, recall_rows
 from ..energy import Energies, constant_loads, is_constant, kept_energy
-from ..state import State, check_kept
+from ..state import State, check_checkpoint
 from ..system import least_motion
 from ..threads import largest_share
 from .estimate import Estimate, step_ends
@@ -373,6 +373,6 @@ def solve_dynamic(model: Model, spec: Dynamic, kept: dict[str, Array] | None = N
     """
     run = Run(model, spec)
     if kept is not None:
-        check_kept(kept, run.checkpoint())
+        check_checkpoint(kept, run.checkpoint())
     return run.states(kept)
 

@@ -158,7 +158,7 @@ class Stepper:
         self.p.states[:] = model.states
         self.s.turned[0] = turned[model.turns.counted]
         model.turns.set_spring_angles(model.springs, model.e0 + d[:n_q], d[:n_q], turned)
-        model.interactions.take_hold(d, 0.0)
+        model.interactions.set_friction_anchors(d, 0.0)
         for rows, mem in model.interactions.memory:
             self.p.points.mem[rows, :mem.shape[1]] = mem
 

@@ -13,7 +13,7 @@ from ...errors import ComputationError
 from ...model.breakpoints import SMOOTH, case_stops, instants
 from ...model.model import Model
 from ..contact import memory, recall
-from ..state import State, check_kept
+from ..state import State, check_checkpoint
 from ..system import UNIT_ROUNDOFF, System, Turned
 from .newton import MAX_ITERATIONS, TOLERANCE, NewtonResult, check_sound, negative_pivots, newton, state_of
 from .static import BEYOND, STEPS, March
@@ -274,7 +274,7 @@ def solve_quasi_static(model: Model, spec: QuasiStatic, kept: dict[str, Array] |
                                at={"solver": "quasi_static"}, advice="supports that leave no mechanism")
     course = Course(model, spec)
     if kept is not None:
-        check_kept(kept, course.checkpoint())
+        check_checkpoint(kept, course.checkpoint())
     return _timed(course, kept)
 
 
