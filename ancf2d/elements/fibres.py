@@ -214,7 +214,7 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
         slope[bend, 0, l], slope[bend, bend, l] = C * s + B * t, C * t + B * u
 
 
-def stored(ref: Array, D: Array, eps: Array, state: Array) -> Array:
+def extra_energy(ref: Array, D: Array, eps: Array, state: Array) -> Array:
     """Return the energy stored by fibres beyond the energy of the section forces in the elastic section.
 
     See ``StrainLaw``. A plastic fibre stores E (e - p)^2/2 + K p^2/2, an elastic one the integral of its stress.
@@ -333,7 +333,7 @@ def with_fibres(base: Formulation, layers: int, points: int, numbers: int) -> Fo
     law, fibres = base.law, layers * points
     own = StrainLaw(law.fields, law.strains, law.references + 5 + 3 * fibres + numbers, law.strain, law.geometric,
                    quadratic=law.quadratic, state=2 * law.strains + 2 * fibres + 3, internal=internal,
-                   stored=stored, excess_work=_excess_work)
+                   extra_energy=extra_energy, excess_work=_excess_work)
     return replace(base, law=own, sample=_Sample(base, points), natural=_FibreNaturalStrains(base))
 
 

@@ -68,7 +68,7 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
         new[clock, l] = old[clock, l]
 
 
-def stored(ref: Array, D: Array, eps: Array, state: Array) -> Array:
+def extra_energy(ref: Array, D: Array, eps: Array, state: Array) -> Array:
     """Return the energy stored in all springs beyond eps D eps/2, for elastic strains eps; see ``StrainLaw``.
 
     With q = sum g h, the total strains are eps - q, and the result is q D q/2 - q D eps + sum g h D h/2.
@@ -117,6 +117,6 @@ def relaxing(base: Formulation, terms: int) -> Formulation:
         return base
     law = base.law
     own = StrainLaw(law.fields, law.strains, law.references + 2 * terms + 1, law.strain, law.geometric,
-                   quadratic=law.quadratic, internal=internal, timed=True, stored=stored,
+                   quadratic=law.quadratic, internal=internal, timed=True, extra_energy=extra_energy,
                    state=(2 + terms) * law.strains + law.strains * (law.strains + 1) // 2 + 1, excess_work=_excess_work)
     return replace(base, law=own, sample=_Sample(base), stress=None)

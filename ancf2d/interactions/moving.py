@@ -250,7 +250,7 @@ def moving_force(mesh: BodyMesh, course: TimeFunction, value: Sequence[float], s
     return MovingPatch(mesh, course, FORCE, value, signal)
 
 
-def never_met(case: Case) -> list[str]:
+def off_body_warnings(case: Case) -> list[str]:
     """Return a warning for each moving point of a motion that is never on its body."""
     out = []
     for where, at in case.moving_points.items():

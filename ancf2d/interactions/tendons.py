@@ -52,7 +52,7 @@ class ElasticTendon(PointPatch):
         self.par[1] = self.slack = self.rest
 
     @property
-    def winds(self) -> float:
+    def winding_strain(self) -> float:
         """The strain that winding from load factor 0 to 1 would cause in a rigid model."""
         amount = 0.0 if self.signal is None else self.signal(1.0) - self.signal(0.0)
         return float(abs(amount * self.par[2]) / self.rest)

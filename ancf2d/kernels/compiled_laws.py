@@ -95,7 +95,7 @@ def _from(A, B, m, n, lanes):  # type: ignore[no-untyped-def]
 
 def _any_size(law: StrainLaw) -> StrainLaw:
     """Return a law with memory as it is compiled, whatever the number of what it remembers."""
-    return replace(law, references=0, state=1, stored=None) if law.state and not law.elastic else law
+    return replace(law, references=0, state=1, extra_energy=None) if law.state and not law.elastic else law
 
 
 def _operations_of(law: StrainLaw) -> Any:

@@ -22,7 +22,7 @@ from .plan import default_rule
 # share of the bending stiffness below which no warning is given
 WARN_ABOVE = 0.05
 # the same for the transverse strain, for a body of no length; for others the strain itself depends on Poisson's ratio
-TOLD_ACROSS = 0.02
+WARN_ABOVE_ACROSS = 0.02
 # share of the default quadrature's energy below which a quadrature misses a motion
 UNSEEN = 0.02
 # Types that lock when slender are too stiff by about 0.011 (turn l/h)^2, measured with omar and patel: 4 % at a
@@ -178,7 +178,7 @@ def hidden_warning(mesh: BodyMesh) -> str | None:
 def locking_warning(mesh: BodyMesh) -> str | None:
     """Return a warning for a body that Poisson's ratio or curvature makes too stiff or inaccurate, or None."""
     excess, across, plan = thickness_excess(mesh), error_across(mesh), mesh.plan
-    if across > TOLD_ACROSS * (1.0 + (plan.length / plan.section.height) ** 2):
+    if across > WARN_ABOVE_ACROSS * (1.0 + (plan.length / plan.section.height) ** 2):
         return (f"bodies.{plan.name}: {plan.element.name} in formulation {plan.formulation.name} is {100 * across:.3g} "
                 f"% in error under transverse load on a body as short as this, at nu = {plan.section.nu:g}. Use "
                 "formulation continuum")

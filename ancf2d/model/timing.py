@@ -147,7 +147,7 @@ class TimeTiming(Timing):
         return Signal(value, 1.0, -start)
 
 
-class Drive:
+class InputMotion:
     """A prescribed motion that is an input of small motions: at rest, with oscillation ``amplitude``."""
 
     def __init__(self, name: str, amplitude: float) -> None:
@@ -164,9 +164,9 @@ class InputTiming(Timing):
     def __init__(self, name: str) -> None:
         self.name = name
 
-    def motion(self, value: float | Amplitude, start: float) -> Drive:
+    def motion(self, value: float | Amplitude, start: float) -> InputMotion:
         """Return the motion whose amplitude is the prescribed number, or the scale of its amplitude over time."""
-        return Drive(self.name, float(value) if isinstance(value, int | float) else value.scale)
+        return InputMotion(self.name, float(value) if isinstance(value, int | float) else value.scale)
 
 
 class PathTiming(Timing):

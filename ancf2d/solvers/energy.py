@@ -96,18 +96,18 @@ class Energies:
         return float(m[self.kinds.positions].sum()), float(m[self.kinds.positions + 1].sum()), float(angular)
 
 
-def kept_energy(model: Model, d: Array, t: float) -> tuple[float, float, float]:
+def extra_energy(model: Model, d: Array, t: float) -> tuple[float, float, float]:
     """Return energies [J] stored in materials at d (n_full,) and t beyond sigma^T D^-1 sigma/2.
 
     They are those of inelastic laws, then of elastic laws with internal strains: of springs in Maxwell terms, of
     kinematic hardening, of residual stress in partly yielded sections, and of curves on unloading
-    (``StrainLaw.stored``). The third is the excess of the dissipation that steps report with the stress at their ends
-    (``StrainLaw.excess_work``).
+    (``StrainLaw.extra_energy``). The third is the excess of the dissipation that steps report with the stress at their
+    ends (``StrainLaw.excess_work``).
     """
     found = [0.0, 0.0, 0.0]
     for pool, group in zip(model.pools, model.groups, strict=True):
         law = pool.plan.formulation.law
-        if law.stored is None:
+        if law.extra_energy is None:
             continue
         memory = group.values.memory
         states = memory.states.copy()
@@ -118,7 +118,7 @@ def kept_energy(model: Model, d: Array, t: float) -> tuple[float, float, float]:
         eps, _ = shape = np.zeros((2, len(group.dofs), *_stations_of(group, law)))
         stations(alone, d, *shape)
         for some, constants, D, now in _classes(group, law, states):
-            found[law.elastic] += float(np.sum(law.stored(constants, D, eps[some], now)))
+            found[law.elastic] += float(np.sum(law.extra_energy(constants, D, eps[some], now)))
             if law.excess_work is not None:
                 found[2] += float(np.sum(law.excess_work(constants, D, now)))
     return found[0], found[1], found[2]

@@ -173,10 +173,10 @@ def reactions(model: Model, state: State) -> dict[str, dict[str, float]]:
 def energies(model: Model, state: State) -> dict[str, float]:
     """Return strain, kinetic and (gravity) potential energy of a state."""
     if state.v is None:
-        from .energy import kept_energy
+        from .energy import extra_energy
 
         with model.remembering(state.memory):
-            kept = 0.0 if state.linear or state.about is not None else sum(kept_energy(model, state.d, state.side)[:2])
+            kept = 0.0 if state.linear or state.about is not None else sum(extra_energy(model, state.d, state.side)[:2])
         return {"strain": state.energy + kept, "kinetic": 0.0, "potential": model.gravity_potential(state.d, state.t)}
     moving = Energies(model)
     kinetic = moving.kinetic(state.v) + moving.carried(state.d, state.v, state.side)[0]

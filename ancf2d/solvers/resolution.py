@@ -91,7 +91,7 @@ class _Body:
         slender = length / math.sqrt(12.0 * section.EI / section.EA)
         self.faint = section.EA * length * (FAINT * slender) ** 2
 
-    def but(self, which: Index) -> _Body:
+    def without(self, which: Index) -> _Body:
         """Return the body without some of its elements (k,)."""
         out, keep = copy(self), ~np.isin(self.some, which)
         out.some, out.lengths = self.some[keep], self.lengths[keep]
@@ -108,19 +108,19 @@ class _Body:
         from .contact_fields import lying
 
         lies = lying(self.model, self.mesh, state)
-        return self.but(np.flatnonzero(lies))._energies(state) if lies.any() else self._energies(state)
+        return self.without(np.flatnonzero(lies))._energies(state) if lies.any() else self._energies(state)
 
     def _energies(self, state: State) -> tuple[float, float]:
         if not len(self.some):
             return 0.0, 0.0
         forces = self.forces(state, self.some)
-        asked, stored = self._asked(forces), self._stored(state, self.forces.energy)
+        asked, stored = self._equilibrium_energy(forces), self._stored(state, self.forces.energy)
         size = float(np.abs(self.model.weights * state.d[:self.model.n_q]).max()) / self.model.extent
         floor = self.faint * (size if state.linear else max(1.0, size)) ** 2
         if max(asked, stored) <= floor:
             return 0.0, 0.0
-        allowed = 0.0 if state.linear else self._large(stored) * stored
-        return stored, max(abs(asked - stored) - allowed, 0.0) * self._held(forces[..., 0], forces[..., 2])
+        allowed = 0.0 if state.linear else self._large_strain_error(stored) * stored
+        return stored, max(abs(asked - stored) - allowed, 0.0) * self._tension_share(forces[..., 0], forces[..., 2])
 
     def natural(self, state: State) -> float:
         """Return eps*^T D eps*/2, the energy of a state's natural strains if nothing moved."""
@@ -143,12 +143,13 @@ class _Body:
         _, energy, alone = nodal_forces(self.model, self.mesh, state, self.some, self.forces.uncoupled(self.some))
         self.model.set_natural(None)
         d, v = state.d[:self.model.n_q][dofs].ravel(), shape[dofs].ravel()
-        asked, stored = self._asked(forces), 0.5 * self.weight * viscous_force(alone, 1.0, d, v, np.zeros_like(d))
+        asked = self._equilibrium_energy(forces)
+        stored = 0.5 * self.weight * viscous_force(alone, 1.0, d, v, np.zeros_like(d))
         size = float(np.abs(self.model.weights * shape).max()) / self.model.extent
         if max(asked, stored) <= self.faint * size**2:
             return 0.0, 0.0
-        allowed = self._large(max(self.weight * energy, 0.0)) * stored
-        return stored, max(abs(asked - stored) - allowed, 0.0) * self._held(N, forces[..., 2])
+        allowed = self._large_strain_error(max(self.weight * energy, 0.0)) * stored
+        return stored, max(abs(asked - stored) - allowed, 0.0) * self._tension_share(N, forces[..., 2])
 
     def added(self, state: State, motion: Array, Q: Array, a: Array | None) -> Array:
         """Return the section forces (m, k, 3) that a small motion (n_full,) adds, with its forces Q and rates a."""
@@ -162,18 +163,18 @@ class _Body:
         """Return N (m, k) of a state."""
         return self.forces(state, self.some)[..., 0]
 
-    def _asked(self, forces: Array) -> float:
+    def _equilibrium_energy(self, forces: Array) -> float:
         """Return U* of section forces."""
         return float(np.einsum("ek,ekc->", self.ds, 0.5 * forces**2 * self.compliance))
 
-    def _large(self, stored: float) -> float:
+    def _large_strain_error(self, stored: float) -> float:
         """Return the relative error of the energy U due to large Green-Lagrange strains, from the mean strain."""
         if not self.mesh.plan.formulation.green:
             return 0.0
         rigidity = self.stands_for * self.mesh.plan.section.EA * self.mesh.plan.length
         return LARGE_STRAIN * math.sqrt(2.0 * stored / rigidity)
 
-    def _held(self, N: Array, M: Array) -> float:
+    def _tension_share(self, N: Array, M: Array) -> float:
         """Return the share of a deflection within elements that remains under tension.
 
         A beam of length l that bends by M in a half wave deflects by M l^2/pi^2/(EI + N l^2/pi^2).

@@ -17,7 +17,7 @@ from ..interactions.tendons import Guide
 from ..kernels.elements import force as elastic_force
 from ..kernels.elements import natural_slope, tangent_action, viscous_force
 from ..kernels.natural import memory_of_some, of_some
-from ..model.body_groups import damping_time, place_of
+from ..model.body_groups import damping_time, place_in_pools
 from ..model.classes import Volume, over_body
 from ..model.mesh import BodyMesh, Index
 from ..model.model import Model
@@ -40,7 +40,7 @@ def has_section_forces(mesh: BodyMesh) -> bool:
 
 def uncoupled_group(model: Model, mesh: BodyMesh, chosen: Index) -> Any:
     """Return the group of chosen elements (m,), each with coordinates of its own, so that no forces are summed."""
-    pool, first = place_of(model.pools, mesh)
+    pool, first = place_in_pools(model.pools, mesh)
     group, dofs, some = model.groups[pool], mesh.dofs[chosen], first + np.asarray(chosen)
     own = np.arange(dofs.size).reshape(dofs.shape)
     if np.array_equal(some, np.arange(len(group.dofs))):
@@ -328,13 +328,13 @@ class _Part:
     def forces(self) -> Array:
         """Return N, Q, M (m, k, 3) at the stations."""
         body = self.body
-        own = self._nodal() + self._pulled() - self._consistent()
+        own = self._nodal() + self._tendon_forces() - self._consistent()
         start, end = (self._node_wrench(own, node) for node in (body.first_node, body.last_node))
         whole, before = self._loads_before()
         stations = np.broadcast_to(body.xi, (len(self.dofs), len(body.xi)))
         place = self._rows(body.xi) @ self.local
         c, s = self._axes(stations)
-        borne = self._borne(stations)
+        borne = self._tendon_pulls(stations)
         off = start + end + whole
         total = body.xi[:, None] * off[:, None] - start[:, None] - before
         fx, fy = total[..., 0], total[..., 1]
@@ -343,7 +343,7 @@ class _Part:
             out -= np.stack([c * fx + s * fy, c * fy - s * fx, moment], axis=-1)
         return out
 
-    def _run(self, guide: Guide, xi: Array) -> tuple[Array, Array, Array]:
+    def _guide_at(self, guide: Guide, xi: Array) -> tuple[Array, Array, Array]:
         """Return y and dy/dx (2, m, g) of a guide at xi (m, g), its direction d(r + y n)/dx and the arm y n from the
         axis (m, g, 2)."""
         mesh = self.body.mesh
@@ -361,7 +361,7 @@ class _Part:
         off = [self._rows(xi, i, j, y) @ self.e[..., :2] for i, j in ((0, 0), (1, 0), (0, 1))]
         return np.stack([y, rise]), off[1] + rise[..., None] * off[2], off[0] - self._rows(xi) @ self.e[..., :2]
 
-    def _pulled(self) -> Array:
+    def _tendon_forces(self) -> Array:
         """Return the generalised forces (m, n_shape, nc) of tendons along the body, in elastic sign."""
         out, kind = np.zeros_like(self.e), self.body.mesh.plan.element.section_kind
         for guide, T in self.guides:
@@ -370,7 +370,7 @@ class _Part:
                 if not len(here):
                     continue
                 xi = np.broadcast_to(points, (len(self.chosen), len(points)))
-                (y, rise), way, _ = self._run(guide, xi)
+                (y, rise), way, _ = self._guide_at(guide, xi)
                 pull = T * way / np.linalg.norm(way, axis=-1, keepdims=True) * w[:, None]
                 if kind == "interpolated":
                     rows = self._rows(xi, 1, 0, y) + rise[..., None] * self._rows(xi, 0, 1, y)
@@ -386,12 +386,12 @@ class _Part:
                     out[here, :, 2] += (moment + np.einsum("mgk,mg->mk", self._rows(xi, 1), -y * along))[here]
         return out
 
-    def _borne(self, xi: Array) -> Iterator[tuple[Array, Array, Array]]:
+    def _tendon_pulls(self, xi: Array) -> Iterator[tuple[Array, Array, Array]]:
         """Yield force along x and y, and moment about the axis, (m, g) each, of each tendon at xi."""
         mesh = self.body.mesh
         for guide, T in self.guides:
             s = (mesh.starts[self.chosen, None] + xi * mesh.lengths[self.chosen, None]) / mesh.plan.length
-            _, way, arm = self._run(guide, xi)
+            _, way, arm = self._guide_at(guide, xi)
             force = T * way / np.linalg.norm(way, axis=-1, keepdims=True)
             force *= ((s >= guide.first - SAME) & (s <= guide.last + SAME))[..., None]
             yield force[..., 0], force[..., 1], cross(arm, force)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from .system import System
 
 
-class Moments(Stepper):
+class MotionAtTimes(Stepper):
     """A motion evaluated at given times, without time steps, from displacements and rates."""
 
     def __init__(self, model: Model, spec: Dynamic) -> None:

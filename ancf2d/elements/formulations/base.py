@@ -44,7 +44,7 @@ class StrainLaw:
     These functions may call other functions of numbers and arrays. If the law is ``timed``, the last number of the
     state is the time since the last accepted state, which solvers set.
     ``elastic``: internal strains depend on the present strains alone, so there is no state to keep.
-    ``stored(ref, D, eps, state)`` returns the stored energy (elements, stations) beyond eps^T D eps/2 of the
+    ``extra_energy(ref, D, eps, state)`` returns the stored energy (elements, stations) beyond eps^T D eps/2 of the
     stress-bearing strains eps (elements, stations, points strains); ref (stations, points, any), D (stations, points
     strains, points strains), state (elements, stations, points, numbers).
     The work of the internal strains in a step is counted with the stress at its end; ``excess_work(ref, D, state)``
@@ -62,7 +62,7 @@ class StrainLaw:
     internal: Callable[..., Any] | None = None
     timed: bool = False
     elastic: bool = False
-    stored: Callable[[Any, Any, Any, Any], Any] | None = None
+    extra_energy: Callable[[Any, Any, Any, Any], Any] | None = None
     excess_work: Callable[[Any, Any, Any], Any] | None = None
 
 

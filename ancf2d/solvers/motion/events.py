@@ -179,7 +179,7 @@ class Events:
         found = [(k, c) for k, c in self.switched if k not in acted and self._on(k)]
         supports = {name for name, _ in self.model.supports}
         for k, c in found:
-            foot, gap = self.model.interactions.joints[-1 - k].caught(d) if k < 0 else (None, 0.0)
+            foot, gap = self.model.interactions.joints[-1 - k].nearest_foot(d) if k < 0 else (None, 0.0)
             off = abs(gap) / self.model.extent if k < 0 else 0.0 if c.owner in supports else is_off(c, d)
             if off > CLOSED:
                 apart = f"{c.holds} is violated by {off:.3g}" if off < math.inf else "one is beyond the end of its axis"

@@ -19,7 +19,7 @@ from ...model.mesh import Index
 from ...model.point_patch import PointConstraint
 from ...model.points import PointRef
 from ...model.rotation import Rotation
-from ...model.timing import Drive
+from ...model.timing import InputMotion
 from ..element_loads import reach
 from ..linear import full_mass
 from ..post import FORCES, asks_for_forces, place_rate
@@ -195,7 +195,7 @@ class Inputs:
         rows = self.model.rows
         for _, combined in self.model.elimination.redundant:
             for r in combined:
-                if isinstance(rows[r].signal, Drive):
+                if isinstance(rows[r].signal, InputMotion):
                     others = sorted({rows[k].owner for k in combined} - {rows[r].owner})
                     raise ComputationError(
                         f"the input {rows[r].owner} moves {rows[r].holds}, which {', '.join(others)} holds too",
@@ -213,10 +213,10 @@ class Inputs:
         for coord, dependent in model.elimination.dependents.items():
             for r, factor in dependent.rhs.items():
                 drive = model.rows[r].signal
-                if isinstance(drive, Drive) and drive.name == name:
+                if isinstance(drive, InputMotion) and drive.name == name:
                     p[coord] += factor * drive.amplitude
         for constraint in model.constraints:
-            if isinstance(constraint, PointConstraint) and isinstance(constraint.signal, Drive) \
+            if isinstance(constraint, PointConstraint) and isinstance(constraint.signal, InputMotion) \
                     and constraint.signal.name == name:
                 self._add_driven(constraint, constraint.signal.amplitude, force)
         inertia = np.zeros(len(p))
