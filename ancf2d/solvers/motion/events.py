@@ -17,7 +17,7 @@ from ...errors import ComputationError
 from ...interactions.moving import MovingPatch
 from ...kernels.lowlevel.records import Record
 from ...kernels.motion.events import HOLDS, NO_VALUE, NONE, PASSED, WAITING, holding
-from ...model.breakpoints import Break, Piece
+from ...model.breakpoints import Break, MotionPiece
 from ...model.constraints import MOTIONS
 from ...model.determinacy import rigid_motion
 from ...model.point_patch import PointConstraint, PointPatch
@@ -78,7 +78,7 @@ class Events:
         times = {t for window in windows if window is not None for t in window.times if 0.0 < t <= t_end}
         return [Break(t, 0, math.nextafter(t, -math.inf)) for t in times]
 
-    def enter(self, p: Record, piece: Piece) -> None:
+    def enter(self, p: Record, piece: MotionPiece) -> None:
         """Switch on the items that act in a piece of the motion, and watch the conditions that may come true in it."""
         t = 0.5 * (piece.first + piece.stop)
         repeated = self.repeated.get(piece.first, [])
@@ -153,7 +153,8 @@ class Events:
         piece, pieces = self.motion.pieces[i], self.motion.pieces
         if t <= piece.first:
             return False
-        pieces[i:i + 1] = [Piece(piece.first, math.nextafter(t, -math.inf), t), Piece(t, piece.last, piece.stop)]
+        pieces[i:i + 1] = [MotionPiece(piece.first, math.nextafter(t, -math.inf), t),
+                           MotionPiece(t, piece.last, piece.stop)]
         self.cuts.append(t)
         return True
 
