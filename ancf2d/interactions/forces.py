@@ -141,13 +141,13 @@ class LoadContext:
     masses: Sequence[Any] = ()
     flows: Sequence[Any] = ()
     # returns the signal of another amplitude
-    follow: Callable[[Amplitude], Callable[[float], float]] | None = None
+    function_of: Callable[[Amplitude], Callable[[float], float]] | None = None
     active: Active | Latch | None = None
 
     def moving(self, at: MovingPoint, value: Sequence[float], gravity: bool = False) -> MovingPatch:
         """Return a force of fixed direction that moves along a body and is scaled by the amplitude."""
-        assert self.follow is not None
-        patch = moving_force(self.meshes[at.on], self.follow(at.s), value, self.amplitude)
+        assert self.function_of is not None
+        patch = moving_force(self.meshes[at.on], self.function_of(at.s), value, self.amplitude)
         patch.gravity = gravity
         return patch
 

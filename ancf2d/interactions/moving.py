@@ -93,7 +93,7 @@ class MovingPatch:
             return OFF
         return int(np.clip(np.searchsorted(self.nodes, s, side="right") - 1, 0, len(self.nodes) - 2))
 
-    def _place(self, m: int, t: float) -> tuple[float, Array, Array, Array]:
+    def _fields_at(self, m: int, t: float) -> tuple[float, Array, Array, Array]:
         """Return xi in element m, the matrix from its coordinates to the fields, p0 and the constants at time t."""
         n, fields = self.dofs.shape[1], 2 * (1 + self.derivatives)
         G, p0, par = np.zeros((fields, n)), np.zeros(fields), self.par.copy()
@@ -117,13 +117,13 @@ class MovingPatch:
     def items(self) -> Items:
         """Return the law at its point at t = 0 as point items."""
         m = self.element(0.0)
-        _, G, p0, par = self._place(max(m, 0), 0.0)
+        _, G, p0, par = self._fields_at(max(m, 0), 0.0)
         return Items(self.law, self.dofs[max(m, 0)][None], G[None], p0[None], par[None], np.zeros((1, MAX_MEM)),
                      self.signal, on=m != OFF, stays=False)
 
     def acting(self, m: int, t: float, d: Array, v: Array, a: Array) -> tuple[float, Array]:
         """Return xi in element m and the forces (n_dof,) on its coordinates at t, d and rates v and a (n_full,)."""
-        xi, G, p0, par = self._place(m, t)
+        xi, G, p0, par = self._fields_at(m, t)
         dofs, k = self.dofs[m], len(p0)
         _, rate, _ = _jet(self.course, t)
         f, H, C, w = np.zeros(k), np.zeros((k, k)), np.zeros((k, k)), G @ v[dofs]
@@ -142,7 +142,7 @@ class MovingPatch:
         m = self.element(t) if self.mass else OFF
         if m == OFF:
             return 0.0, np.zeros(2), np.zeros(2)
-        _, G, p0, _ = self._place(m, t)
+        _, G, p0, _ = self._fields_at(m, t)
         r = p0 + G @ d[self.dofs[m]]
         return self.mass, r[:2], (G @ v[self.dofs[m]])[:2] + rates_of(self.course, t)[0] * r[2:4]
 
@@ -154,7 +154,7 @@ class MovingPatch:
         m = self.element(t)
         if m == OFF:
             return 0.0
-        _, G, p0, par = self._place(m, t)
+        _, G, p0, par = self._fields_at(m, t)
         plan, begins = self.mesh.plan, min(max(self.course(0.0), 0.0), 1.0)
         return -float(par @ (p0 + G @ d[self.dofs[m]] - plan.position(begins)[0]))
 

@@ -46,7 +46,7 @@ RETURNS = ("energy", "N", "dN/du", "dN/d(rate)")
 End = PointRef | GroundPoint
 
 
-def _place(end: End) -> list[Field]:
+def _position(end: End) -> list[Field]:
     if isinstance(end, GroundPoint):
         return [Field(np.zeros(0, dtype=np.int64), np.zeros(0), v) for v in (end.x, end.y)]
     return position_fields(end)
@@ -71,7 +71,7 @@ class Spring(PointPatch):
 
 def _distance(ends: list[End]) -> list[list[Field]]:
     """Return the part of each end in the fields x and y of the vector from the first end to the second."""
-    return [[Field(f.coords, sign * f.weights, sign * f.p0) for f in _place(end)]
+    return [[Field(f.coords, sign * f.weights, sign * f.p0) for f in _position(end)]
             for sign, end in zip((-1.0, 1.0), ends, strict=True)]
 
 
@@ -121,7 +121,7 @@ def moving_spring(item: Any, meshes: dict[str, BodyMesh], point: Callable[[Point
     """
     k = next(k for k, p in enumerate(item.between) if isinstance(p, MovingPoint))
     end, other = item.between[k], item.between[1 - k]
-    mesh, course = meshes[end.on], timing.follow(end.s)
+    mesh, course = meshes[end.on], timing.function_of(end.s)
     place: list[End] = [point_ref(mesh, min(max(course(0.0), 0.0), 1.0))] * 2
     place[1 - k] = other if isinstance(other, GroundPoint) else point(other)
     spring: Spring = item.place(place)

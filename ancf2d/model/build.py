@@ -58,7 +58,7 @@ def must_be_held(case: Case) -> bool:
     return case.solver.balances or case.solver.scales
 
 
-def weighs(case: Case) -> bool:
+def can_hang(case: Case) -> bool:
     """Return whether the solver can find the equilibrium of a mechanism under gravity."""
     solver = case.solver
     static = solver.vibrates or (isinstance(solver, Static) and not solver.on_path)
@@ -210,13 +210,13 @@ class _Builder:
     def add_masses(self) -> None:
         for mass in self.case.masses:
             if isinstance(mass.at, MovingPoint):
-                course = self.timing.follow(mass.at.s)
+                course = self.timing.function_of(mass.at.s)
                 self.loads.patches.append(moving_mass(self.meshes[mass.at.on], course, mass.mass))
 
     def add_loads(self) -> None:
         for i, load in enumerate(self.case.loads):
             context = LoadContext(self.meshes, self.point, self.timing.factor(load), self.case.masses,
-                                  self.case.flows, self.timing.follow,
+                                  self.case.flows, self.timing.function_of,
                                   self.timing.window(getattr(load, "active", None)))
             out = self.loads
             if load.name in self.case.inputs:
@@ -317,7 +317,7 @@ class _Builder:
         if motions and self.case.contacts:
             # only the loads determine what a body rests on
             motions = []
-        if motions and weighs(self.case):
+        if motions and can_hang(self.case):
             # gravity can hold motions with rotation; others have no equilibrium, or infinitely many
             motions = free_motions(*scene, sliding=True)
             self.hangs = not motions

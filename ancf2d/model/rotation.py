@@ -164,7 +164,7 @@ class Turns:
                 else self.angles[k].follow(before, float(turned[k]), d) for k in self.counted]
         return self.at(d, np.array(near))
 
-    def hold(self, point: PointRef, angle: float, e: Array, d: Array, turned: Array) -> None:
+    def match_angle(self, point: PointRef, angle: float, e: Array, d: Array, turned: Array) -> None:
         """Add full turns to ``turned`` for the body of a point, so that the section there is nearest to the angle."""
         turned[self.number[point.mesh.plan.name]] += whole_turns(angle - self.theta(Rotation(point), e, d, turned))
 

@@ -90,7 +90,7 @@ class Timing:
         """Return the default amplitude at load factor or time t."""
         return t
 
-    def follow(self, amplitude: Amplitude | None) -> TimeFunction:
+    def function_of(self, amplitude: Amplitude | None) -> TimeFunction:
         """Return the factor of a load."""
         return self if amplitude is None else amplitude.value
 
@@ -100,7 +100,7 @@ class Timing:
 
     def factor(self, load: Any) -> TimeFunction:
         """Return the factor of a load, zero while it does not act."""
-        return self.follow(amplitude_of(load, self.window(getattr(load, "active", None))))
+        return self.function_of(amplitude_of(load, self.window(getattr(load, "active", None))))
 
     def motion(self, value: float | Amplitude, start: float) -> TimeFunction:
         """Return the change of a prescribed motion from ``start``, its value in the reference.
@@ -134,7 +134,7 @@ class TimeTiming(Timing):
             return active
         return self.latches.setdefault(active, Latch(active))
 
-    def follow(self, amplitude: Amplitude | None) -> Signal:
+    def function_of(self, amplitude: Amplitude | None) -> Signal:
         """Return the factor of a load."""
         if amplitude is not None and amplitude.quantities:
             return self.answers.setdefault(amplitude, Answer(amplitude))
@@ -183,7 +183,7 @@ class PathTiming(Timing):
         """Return the load factor, 0 while preloading."""
         return 0.0 if self.preloading else t
 
-    def follow(self, amplitude: Amplitude | None) -> TimeFunction:
+    def function_of(self, amplitude: Amplitude | None) -> TimeFunction:
         """Return the factor of a load; while preloading, a constant one is scaled by t."""
         return self if amplitude is None else self._hold(amplitude.value(1.0))
 

@@ -97,7 +97,7 @@ def acting_inside(model: Model, mesh: BodyMesh, state: State) -> list[Inside]:
             *_moving(model, mesh, state), *_by_formula(model, mesh, state), *_touching(model, mesh, state)]
 
 
-def reach(model: Model, mesh: BodyMesh, ie: int, state: State) -> Index | None:
+def influencing_coordinates(model: Model, mesh: BodyMesh, ie: int, state: State) -> Index | None:
     """Return all coordinates and multipliers on which element ``ie`` and the forces inside it depend.
 
     None if supports or joints without multipliers hold it there: their forces depend on the whole model.

@@ -337,7 +337,7 @@ class System:
         turns, n_q = self.model.turns, self.model.n_q
         turned = turns.follow(*self._counted, d)
         for point, angle in (prescribed for c in self.model.constraints for prescribed in c.turns_by(t)):
-            turns.hold(point, angle, self.model.e0 + d[:n_q], d[:n_q], turned)
+            turns.match_angle(point, angle, self.model.e0 + d[:n_q], d[:n_q], turned)
         self._counted = d.copy(), turned
         return turned
 

@@ -20,9 +20,9 @@ from ...model.point_patch import PointConstraint
 from ...model.points import PointRef
 from ...model.rotation import Rotation
 from ...model.timing import InputMotion
-from ..element_loads import reach
+from ..element_loads import influencing_coordinates
 from ..linear import full_mass
-from ..post import FORCES, asks_for_forces, place_rate
+from ..post import FORCES, asks_for_forces, velocity_of
 from ..section_forces import SectionForces, has_section_forces
 from ..state import State
 from .linearised import Linearised, Relaxing
@@ -53,7 +53,7 @@ class SmallForces:
         still = np.zeros((2, len(base.state.d)))
         self.state = replace(base.state, linear=False, v=still[0], a=still[1], about=base.state.d)
         self.model = replace(base.model, case=replace(case, loads=tuple(acting)), inputs={})
-        coords = reach(self.model, point.mesh, point.ie, base.state)
+        coords = influencing_coordinates(self.model, point.mesh, point.ie, base.state)
         if coords is None:
             raise ComputationError(f"N, Q and M of the probe {name} are not computed, because a support or joint holds "
                                    "its element between the nodes", at={"probe": name},
@@ -305,7 +305,7 @@ def _of_probe(small: Linearised, name: str, point: PointRef) -> list[Output]:
     for k, coord in enumerate(coords.tolist()):
         unit[coord] = 1.0
         omega = float(gradient @ unit[rotation.dofs])
-        values[:2, k], values[2, k] = place_rate(point, unit, theta, omega), omega
+        values[:2, k], values[2, k] = velocity_of(point, unit, theta, omega), omega
         unit[coord] = 0.0
     along = dict(zip(("x", "y", "theta"), values, strict=True))
     names = {"x": "x", "y": "y", "ux": "x", "uy": "y", "theta": "theta"}

@@ -21,7 +21,7 @@ from ...model.model import Model
 from ...model.points import PointRef
 from ...model.rotation import Rotation
 from ..linear import GeneralSparse
-from ..post import place
+from ..post import position_of
 from ..system import UNIT_ROUNDOFF, Balance, System
 from .newton import at_floor, balanced, check_divergence, check_sound, has_converged
 
@@ -145,7 +145,7 @@ class ProbeValue:
         theta = self._theta(d)
         if self.quantity == "theta":
             return theta
-        reference, u = place(self.point, self.model.e0, d[:self.model.n_q], theta, False)
+        reference, u = position_of(self.point, self.model.e0, d[:self.model.n_q], theta, False)
         k = "xy".index(self.quantity[-1])
         return float(u[k] if self.quantity[0] == "u" else reference[k] + u[k])
 

@@ -10,7 +10,7 @@ import numpy as np
 from ...elements.shape import Array
 from ...errors import ComputationError, SingularTangentError
 from ...model.breakpoints import case_stops
-from ...model.build import weighs
+from ...model.build import can_hang
 from ...model.model import Model
 from ...model.timing import PathTiming
 from ..contact import memory, recall
@@ -130,7 +130,7 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
             return
     except ComputationError as error:
         # contacts may hold the model once it has fallen on them
-        if march.load.factor == 0.0 != end and model.contacts and weighs(model.case):
+        if march.load.factor == 0.0 != end and model.contacts and can_hang(model.case):
             failed = error
         elif not (model.hangs or soft):
             raise
