@@ -110,7 +110,7 @@ class Gravity:
                 out.dead.append(context.dead(coords, weights * a * mass.mass, gravity=True))
 
 
-def _turning(mesh: BodyMesh, elements: Index, xi: Array) -> tuple[Array, Array, Array]:
+def _position_and_rotation(mesh: BodyMesh, elements: Index, xi: Array) -> tuple[Array, Array, Array]:
     """Return G, p0 and the reference angle for x, y and section rotation at points xi of elements of one class.
 
     They are (elements, points, fields, n), (elements, points, fields) and (elements, points).
@@ -161,7 +161,7 @@ class FormulaLine:
 
     def _of(self, elements: Index, xi: Array, w: Array) -> tuple[Index, Array, Array, Array]:
         """Return dofs, G, p0 and par of the points xi of some elements of one class."""
-        mesh, (G, p0, _) = self.mesh, _turning(self.mesh, elements, xi)
+        mesh, (G, p0, _) = self.mesh, _position_and_rotation(self.mesh, elements, xi)
         dofs, nc = mesh.dofs[elements], mesh.plan.element.components
         m, p, _, n = G.shape
         local = mesh.e0[dofs - mesh.first_dof]
@@ -201,7 +201,7 @@ class FollowerLine:
     def _of(self, elements: Index, xi: Array, w: Array) -> tuple[Index, Array, Array, Array]:
         """Return dofs, G, p0 and par of the points xi of some elements of one class."""
         mesh, dofs = self.mesh, self.mesh.dofs[elements]
-        G, p0, angle = _turning(mesh, elements, xi)
+        G, p0, angle = _position_and_rotation(mesh, elements, xi)
         m, p, _, n = G.shape
         (ft, fn), c, s = per_length(self.value, mesh, elements, xi), np.cos(angle), np.sin(angle)
         kind = np.full((m, p), THETA if mesh.plan.element.components == 3 else DIRECTION)

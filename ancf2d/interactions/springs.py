@@ -75,7 +75,7 @@ def _distance(ends: list[End]) -> list[list[Field]]:
             for sign, end in zip((-1.0, 1.0), ends, strict=True)]
 
 
-def _turning(ends: list[End]) -> list[list[Field]]:
+def _rotation(ends: list[End]) -> list[list[Field]]:
     """Return the part of each end in the fields for the rotation of the two sections."""
     own = [turn_fields_of_ends([end if isinstance(end, PointRef) else None])[1] for end in ends]
     return [[*own[0], *(NOTHING for _ in own[1])], [*(NOTHING for _ in own[0]), *own[1]]]
@@ -107,7 +107,7 @@ def about(law: PointLaw, ends: list[End], constants: Sequence[float], damped: bo
     sections = [end if isinstance(end, PointRef) else None for end in ends]
     kinds, _ = turn_fields_of_ends(sections)
     counted = [end if kind == DIRECTION else None for end, kind in zip(sections, kinds, strict=True)]
-    parts = _turning(ends)
+    parts = _rotation(ends)
     out = Spring(law, _sum(parts), angle or 0.0, 0.0, [*kinds, *constants], damped, counted)
     out.ends = _of_bodies(ends, parts)
     return out

@@ -228,7 +228,7 @@ class _Builder:
         for one in self.inputs.values():
             # tendons that are inputs have zero amplitude in the state of linearisation
             for tendon in one.springs:
-                tendon.rests()
+                tendon.stop_winding()
             self.loads.springs += one.springs
             self.loads.guides += [guide for guide in one.guides if len(guide.depends)]
         self.springs += self.loads.springs

@@ -64,7 +64,7 @@ class Piece:
     @property
     def angle(self) -> float:
         """Direction at its start."""
-        return float(self.axis.place(np.array(self.begin))[1])
+        return float(self.axis.position(np.array(self.begin))[1])
 
     @property
     def start(self) -> Array:
@@ -73,7 +73,7 @@ class Piece:
 
     def position(self, s: float | NDArray[np.floating]) -> tuple[Array, Array]:
         """Return points (..., 2) and tangent angles (...) at arc length s from the piece's start."""
-        z, theta = self.axis.place(self.begin + np.asarray(s, dtype=float))
+        z, theta = self.axis.position(self.begin + np.asarray(s, dtype=float))
         return _pair(z), theta
 
     def derivative(self, s: float | NDArray[np.floating], i: int, j: int) -> Array:

@@ -343,10 +343,10 @@ class BodyMesh:
     def element_at(self, s: float) -> tuple[int, float, float]:
         """Return (element, xi in [0, 1], reference angle) of the point at fraction s of the arc length."""
         if s not in self._located:
-            self._located[s] = self._place_of(s)
+            self._located[s] = self._find_element(s)
         return self._located[s]
 
-    def _place_of(self, s: float) -> tuple[int, float, float]:
+    def _find_element(self, s: float) -> tuple[int, float, float]:
         k, sigma = self.plan.locate(s)
         piece = self.plan.pieces[k]
         ie = min(int(sigma / piece.l * (1 + 1e-12)), piece.count - 1)

@@ -46,10 +46,10 @@ MAX_COORDINATES = 32_000_000  # of all bodies together: a million elements of mo
 class BodyPlan:
     """A body with all choices made that a mesh needs.
 
-    ``asked`` is the number of elements in the case, ``acting`` the places S where something acts on the body or varies
-    with a kink or jump. If the section varies, ``section`` has its mean values, ``varying`` the section at each place
-    and ``cuts`` the places S of its kinks and jumps. ``closed``: whether the end is welded to the start. ``source``
-    contains all inputs of the plan.
+    ``given_count`` is the number of elements in the case, ``acting`` the places S where something acts on the body or
+    varies with a kink or jump. If the section varies, ``section`` has its mean values, ``varying`` the section at each
+    place and ``cuts`` the places S of its kinks and jumps. ``closed``: whether the end is welded to the start.
+    ``source`` contains all inputs of the plan.
     """
 
     name: str
@@ -58,7 +58,7 @@ class BodyPlan:
     rule: Rule
     section: Section
     pieces: tuple[Piece, ...]
-    asked: int = 0
+    given_count: int = 0
     acting: tuple[float, ...] = ()
     preset: str | None = None
     varying: VaryingSection | None = None
@@ -362,8 +362,8 @@ def _incomputable(name: str) -> str:
 def warnings_of(plan: BodyPlan) -> list[str]:
     """Return warnings about a body's mesh, which a user need not act on."""
     out = []
-    if plan.count > plan.asked > 0:
-        out.append(f"bodies.{plan.name}: element.count {plan.asked} is less than the number of stretches between "
+    if plan.count > plan.given_count > 0:
+        out.append(f"bodies.{plan.name}: element.count {plan.given_count} is less than the number of stretches between "
                    f"corners and points where something acts: {plan.count} elements are used")
     if inside := plan.inside():
         places = ", ".join(f"{s:.6g}" for s in inside[:5]) + (", ..." if len(inside) > 5 else "")

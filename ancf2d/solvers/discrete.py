@@ -330,7 +330,7 @@ def _left_out(model: Model) -> Iterator[tuple[tuple[Any, ...], str]]:
     case, over_time = model.case, model.case.solver.timed
     for group in ("boundary_conditions", "joints", "springs", "masses", "loads"):
         for k, item in enumerate(getattr(case, group)):
-            for why in dict.fromkeys(_beyond(item, group in ("boundary_conditions", "joints"))):
+            for why in dict.fromkeys(_why_left_out(item, group in ("boundary_conditions", "joints"))):
                 yield (group, k), _message(f"{group}.{k}", why)
     for k, contact in enumerate(case.contacts):
         if contact.friction:
@@ -342,7 +342,7 @@ def _left_out(model: Model) -> Iterator[tuple[tuple[Any, ...], str]]:
             yield ("bodies", name), _message(f"bodies.{name}", "its material remembers past strains")
 
 
-def _beyond(item: Any, holds: bool) -> Iterator[str]:
+def _why_left_out(item: Any, holds: bool) -> Iterator[str]:
     """Yield why R(z, z', t) cannot contain an item of a case; ``holds``: it is a support or joint."""
     active = getattr(item, "active", None)
     if active is not None and (holds or active.waits):

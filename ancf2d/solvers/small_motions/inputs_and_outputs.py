@@ -109,7 +109,7 @@ class SmallForces:
             return np.zeros(3)
         # natural strains are not quite linear in their size; loads without an amplitude follow the load factor
         natural = [replace(one, amplitude=lambda t: t) for one in loads.natural]
-        guides = [replace(one, tension=lambda d, t, by=one.wound: t * by(d)) for one in loads.guides]
+        guides = [replace(one, tension=lambda d, t, by=one.tension_slope: t * by(d)) for one in loads.guides]
         own = tuple(replace(load, amplitude=None) for load in model.case.loads if load.name == name)
         alone = replace(model, case=replace(model.case, loads=own, steady_rotation=None), inputs={},
                         loads=LoadSet(natural=natural, guides=guides))
@@ -250,7 +250,7 @@ def load_forces(small: Linearised, loads: LoadSet) -> Array:
     for batch in Interactions([], loads.patches, [], model.e0).loads:
         np.subtract.at(out, batch.dofs, batch.evaluate(e, d, 1.0)[1])
     for tendon in loads.springs:
-        np.add.at(out, tendon.coordinates, tendon.winding(d))
+        np.add.at(out, tendon.coordinates, tendon.winding_forces(d))
     return out + natural_forces(small, loads, model.groups)
 
 
