@@ -182,6 +182,9 @@ class Name(Text):
         return {"type": "string", "pattern": self.pattern}
 
 
+NAME = Name()
+
+
 class ProbeQuantity(Text):
     """A quantity of a probe: PROBE.QUANTITY."""
 

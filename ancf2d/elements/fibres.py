@@ -18,7 +18,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from .formulations.base import Formulation, Free, PointLaw, Rule, Sampler, of_section
+from .formulations.base import Formulation, Free, Rule, Sampler, StrainLaw, of_section
 from .section import Section
 from .shape import Array, gauss
 
@@ -99,7 +99,7 @@ def curve(E: float, points: tuple[tuple[float, float], ...], elastic: bool) -> U
     return Uniaxial(E, tuple(plastic[:last]), tuple(t for _, t in points[:last]), tuple(rates))
 
 
-def _along(ref, law, eps, bend, row, stress, tangent, lanes):  # type: ignore[no-untyped-def]
+def _elastic_fibre(ref, law, eps, bend, row, stress, tangent, lanes):  # type: ignore[no-untyped-def]
     """Fill stress and tangent of an elastic fibre, whose law's numbers start at row ``law`` of ``ref``."""
     line = law + 4
     for _ in range(int(ref[law + 3, 0])):
@@ -113,10 +113,12 @@ def _along(ref, law, eps, bend, row, stress, tangent, lanes):  # type: ignore[no
         line += 3
 
 
-def _yielded(ref, law, eps, bend, row, p, a, over, gone, stress, tangent, lanes):  # type: ignore[no-untyped-def]
-    """Fill stress, tangent, and new p and a (``over``, ``gone``) of a plastic fibre with p and a before the step.
+def _plastic_fibre(  # type: ignore[no-untyped-def]
+        ref, law, eps, bend, row, p, a, p_new, a_new, stress, tangent, lanes):
+    """Fill stress, tangent, and new p and a of a plastic fibre with p and a before the step.
 
     The stress in excess of the yield stress is reduced line by line along the curve, without a branch in the lanes.
+    Until the end, ``p_new`` holds this excess.
     """
     E, K, lines = ref[law + 1, 0], ref[law + 2, 0], int(ref[law + 3, 0])
     for k in range(lines):
@@ -127,23 +129,23 @@ def _yielded(ref, law, eps, bend, row, p, a, over, gone, stress, tangent, lanes)
     for l in range(lanes):
         e = eps[0, l] - ref[row, l] * eps[bend, l]
         beyond = abs(E * (e - p[l]) - K * p[l]) - stress[l]
-        over[l] = beyond if beyond > least else 0.0
-        gone[l] = a[l]
+        p_new[l] = beyond if beyond > least else 0.0
+        a_new[l] = a[l]
         tangent[l] = E
     for k in range(lines):
         end = ref[law + 7 + 3 * k, 0] if k + 1 < lines else np.inf
         stiff = E + K + ref[law + 6 + 3 * k, 0]
         soft = E * max((stiff - E) / stiff, LEFT)
         for l in range(lanes):
-            room, rest = max(end - gone[l], 0.0), over[l]
+            room, rest = max(end - a_new[l], 0.0), p_new[l]
             left = rest - room * stiff
             tangent[l] = soft if rest > 0.0 and room > 0.0 else tangent[l]
-            gone[l] += room if left > 0.0 else rest / stiff
-            over[l] = left if left > 0.0 else 0.0
+            a_new[l] += room if left > 0.0 else rest / stiff
+            p_new[l] = left if left > 0.0 else 0.0
     for l in range(lanes):
-        e, strain = eps[0, l] - ref[row, l] * eps[bend, l], gone[l] - a[l]
+        e, strain = eps[0, l] - ref[row, l] * eps[bend, l], a_new[l] - a[l]
         strain = p[l] + (strain if E * (e - p[l]) - K * p[l] > 0.0 else -strain)
-        over[l], stress[l] = strain, E * (e - strain)
+        p_new[l], stress[l] = strain, E * (e - strain)
 
 
 def _add_fibre(ref, row, E, eps, bend, p, stress, tangent, new, slope, force, lanes):  # type: ignore[no-untyped-def]
@@ -192,11 +194,11 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
         E = ref[law + 1, 0]
         p, a, p_new, a_new = old[state], old[state + 1], new[state], new[state + 1]
         if ref[law, 0] > 0.0:
-            _along(ref, law, eps, bend, row, stress, tangent, lanes)
+            _elastic_fibre(ref, law, eps, bend, row, stress, tangent, lanes)
             for l in range(lanes):
                 p_new[l], a_new[l] = p[l], a[l]
         else:
-            _yielded(ref, law, eps, bend, row, p, a, p_new, a_new, stress, tangent, lanes)
+            _plastic_fibre(ref, law, eps, bend, row, p, a, p_new, a_new, stress, tangent, lanes)
         _add_fibre(ref, row, E, eps, bend, p_new, stress, tangent, new, slope, force, lanes)
     for l in range(lanes):
         A, C, B = ref[first - 3, l], ref[first - 2, l], ref[first - 1, l]
@@ -212,10 +214,10 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
         slope[bend, 0, l], slope[bend, bend, l] = C * s + B * t, C * t + B * u
 
 
-def stored(ref: Array, D: Array, eps: Array, state: Array) -> Array:
+def extra_energy(ref: Array, D: Array, eps: Array, state: Array) -> Array:
     """Return the energy stored by fibres beyond the energy of the section forces in the elastic section.
 
-    See ``PointLaw``. A plastic fibre stores E (e - p)^2/2 + K p^2/2, an elastic one the integral of its stress.
+    See ``StrainLaw``. A plastic fibre stores E (e - p)^2/2 + K p^2/2, an elastic one the integral of its stress.
     """
     row, n = ref[:, 0], eps.shape[-1]
     bend, last = 1 if n == 2 else 2, ref.shape[-1] - 1
@@ -233,8 +235,8 @@ def stored(ref: Array, D: Array, eps: Array, state: Array) -> Array:
     return np.asarray(length * (total - 0.5 * (A * N * N + 2.0 * C * N * M + B * M * M)))
 
 
-def _overtold(ref: Array, D: Array, state: Array) -> Array:
-    """Return the excess of the internal strains' work counted with end-of-step stresses; see ``PointLaw``."""
+def _excess_work(ref: Array, D: Array, state: Array) -> Array:
+    """Return the excess of the internal strains' work counted with end-of-step stresses; see ``StrainLaw``."""
     row, bend = ref[:, 0], 1 if D.shape[-1] == 2 else 2
     first = int(row[0, -2])
     length = D[:, 0, 0] * row[:, first - 3] + D[:, 0, bend] * row[:, first - 2]
@@ -305,7 +307,7 @@ class _Sample:
 
 
 @dataclass(frozen=True)
-class _Natural:
+class _FibreNaturalStrains:
     """Natural strains of a section with fibres: axial strain and curvature, and of four strains that across."""
 
     base: Formulation
@@ -329,10 +331,10 @@ def with_fibres(base: Formulation, layers: int, points: int, numbers: int) -> Fo
     ``numbers`` is the total length of its laws' ``numbers``, each law counted once.
     """
     law, fibres = base.law, layers * points
-    own = PointLaw(law.fields, law.strains, law.references + 5 + 3 * fibres + numbers, law.strain, law.geometric,
+    own = StrainLaw(law.fields, law.strains, law.references + 5 + 3 * fibres + numbers, law.strain, law.geometric,
                    quadratic=law.quadratic, state=2 * law.strains + 2 * fibres + 3, internal=internal,
-                   stored=stored, overtold=_overtold)
-    return replace(base, law=own, sample=_Sample(base, points), natural=_Natural(base))
+                   extra_energy=extra_energy, excess_work=_excess_work)
+    return replace(base, law=own, sample=_Sample(base, points), natural=_FibreNaturalStrains(base))
 
 
 def fibres_of(base: Formulation, section: Section, points: int) -> Formulation:

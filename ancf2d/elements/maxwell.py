@@ -16,7 +16,7 @@ from functools import cache
 
 import numpy as np
 
-from .formulations.base import Formulation, PointLaw, Rule, Sampler
+from .formulations.base import Formulation, Rule, Sampler, StrainLaw
 from .shape import Array
 
 # (modulus relative to the long-time one, relaxation time [s]) of each spring with its dashpot
@@ -68,8 +68,8 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
         new[clock, l] = old[clock, l]
 
 
-def stored(ref: Array, D: Array, eps: Array, state: Array) -> Array:
-    """Return the energy stored in all springs beyond eps D eps/2, for elastic strains eps; see ``PointLaw``.
+def extra_energy(ref: Array, D: Array, eps: Array, state: Array) -> Array:
+    """Return the energy stored in all springs beyond eps D eps/2, for elastic strains eps; see ``StrainLaw``.
 
     With q = sum g h, the total strains are eps - q, and the result is q D q/2 - q D eps + sum g h D h/2.
     """
@@ -83,8 +83,8 @@ def stored(ref: Array, D: Array, eps: Array, state: Array) -> Array:
     return np.asarray(0.5 * twice)
 
 
-def _overtold(ref: Array, D: Array, state: Array) -> Array:
-    """Return the excess of the internal strains' work counted with end-of-step stresses; see ``PointLaw``."""
+def _excess_work(ref: Array, D: Array, state: Array) -> Array:
+    """Return the excess of the internal strains' work counted with end-of-step stresses; see ``StrainLaw``."""
     points = state.shape[2]
     n = D.shape[-1] // points
     i, j = np.triu_indices(n)
@@ -116,7 +116,7 @@ def relaxing(base: Formulation, terms: int) -> Formulation:
     if not terms:
         return base
     law = base.law
-    own = PointLaw(law.fields, law.strains, law.references + 2 * terms + 1, law.strain, law.geometric,
-                   quadratic=law.quadratic, internal=internal, timed=True, stored=stored,
-                   state=(2 + terms) * law.strains + law.strains * (law.strains + 1) // 2 + 1, overtold=_overtold)
+    own = StrainLaw(law.fields, law.strains, law.references + 2 * terms + 1, law.strain, law.geometric,
+                   quadratic=law.quadratic, internal=internal, timed=True, extra_energy=extra_energy,
+                   state=(2 + terms) * law.strains + law.strains * (law.strains + 1) // 2 + 1, excess_work=_excess_work)
     return replace(base, law=own, sample=_Sample(base), stress=None)

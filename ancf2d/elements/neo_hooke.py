@@ -16,7 +16,7 @@ from functools import cache
 
 import numpy as np
 
-from .formulations.base import Formulation, PointLaw, Rule, Sampler, rule_points
+from .formulations.base import Formulation, Rule, Sampler, StrainLaw, rule_points
 from .shape import Array
 
 # Newton's method for the thickness: the function is convex and increasing, so it converges from one side
@@ -63,8 +63,8 @@ def internal(ref, eps, old, new, slope, lanes):  # type: ignore[no-untyped-def]
         slope[2, 0, l], slope[2, 1, l], slope[2, 2, l] = -t13 / G, -t23 / G, 1.0 - t33 / G
 
 
-def stored(ref: Array, D: Array, eps: Array, state: Array) -> Array:
-    """Return the energy W minus the energy of the same stress with the small-strain stiffness; see ``PointLaw``.
+def extra_energy(ref: Array, D: Array, eps: Array, state: Array) -> Array:
+    """Return the energy W minus the energy of the same stress with the small-strain stiffness; see ``StrainLaw``.
 
     The stress S = D eps determines the state: C = c (I - S/mu)^-1, with c from sigma_33 = 0.
     """
@@ -107,6 +107,6 @@ class _Sample:
 def neo_hookean(base: Formulation) -> Formulation:
     """Return a formulation whose material is neo-Hookean."""
     law = base.law
-    own = PointLaw(law.fields, law.strains, law.references + 5, law.strain, law.geometric, quadratic=law.quadratic,
-                   state=law.strains, internal=internal, elastic=True, stored=stored)
+    own = StrainLaw(law.fields, law.strains, law.references + 5, law.strain, law.geometric, quadratic=law.quadratic,
+                   state=law.strains, internal=internal, elastic=True, extra_energy=extra_energy)
     return replace(base, law=own, sample=_Sample(base), stress=None)

@@ -30,7 +30,7 @@ MAX_SIGNALS = 3
 MAX_CONSTANTS = 5
 
 
-def turn(x, ux, uy, near):  # type: ignore[no-untyped-def]
+def angle_near(x, ux, uy, near):  # type: ignore[no-untyped-def]
     """Return the angle from direction (x, 0) to (x + ux, uy), on the full turn nearest to ``near``."""
     angle = np.arctan2(uy, x + ux)
     return angle + 2.0 * np.pi * np.floor((near - angle) / (2.0 * np.pi) + 0.5)
@@ -118,13 +118,13 @@ class PointLaw:
 APART = -np.inf
 
 # formulas of a case by the address stored in laws, and the function that evaluates them; compiled laws use others
-FORMULAS: dict[int, Any] = {}
+FORMULA_RECORDS: dict[int, Any] = {}
 RUN: list[Callable[..., Any]] = []
 
 
 def formula_at(address):  # type: ignore[no-untyped-def]
     """Return the formula at an address, with ``values`` (n,) of its quantities and ``out`` (1 + n,) for its results."""
-    return FORMULAS[int(address)]
+    return FORMULA_RECORDS[int(address)]
 
 
 def evaluate_formula(formula, k, s):  # type: ignore[no-untyped-def]

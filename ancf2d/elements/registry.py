@@ -7,7 +7,7 @@ from functools import cache
 from typing import Any
 
 from .definition import ElementType, NodeSpec
-from .formulations.base import Formulation, PointLaw
+from .formulations.base import Formulation, StrainLaw
 
 
 def _nodes(places: tuple[float, ...], *coordinates: str) -> tuple[NodeSpec, ...]:
@@ -114,6 +114,6 @@ def _no_law(*_: Any) -> Any:
     raise NotImplementedError("a rigid body has no strain")
 
 
-RIGID = Formulation("rigid", PointLaw(0, 0, 0, _no_law, _no_law),
+RIGID = Formulation("rigid", StrainLaw(0, 0, 0, _no_law, _no_law),
                     lambda e: None if e in (RIGID_TYPE, RIGID_FRAME) else f"{e.name} deforms", lambda e: (1, 1),
                     lambda e: (1, 1), _no_law, RIGID_TYPE.source, "no strain: lengths are kept")

@@ -128,12 +128,12 @@ class ShapeFunctions:
             across = np.broadcast_to(across, at.shape)
         across = np.ascontiguousarray(across)
         place = (at.tobytes(), across.tobytes(), i, j)
-        return _kept(self._values, place, lambda: self.exact(at, across, i, j).astype(np.float64)).copy()
+        return _cached(self._values, place, lambda: self.exact(at, across, i, j).astype(np.float64)).copy()
 
     def exact(self, xi01: Array, eta: Array, i: int, j: int) -> NDArray:
         """Return the same as a call, but in extended precision and at points given as arrays."""
         place = (xi01.tobytes(), eta.tobytes(), i, j)
-        return _kept(self._exact, place, lambda: self._evaluated(xi01, eta, i, j))
+        return _cached(self._exact, place, lambda: self._evaluated(xi01, eta, i, j))
 
     def _evaluated(self, xi01: Array, eta: Array, i: int, j: int) -> NDArray:
         def along() -> NDArray:
@@ -141,7 +141,7 @@ class ShapeFunctions:
             return np.einsum("pi,kij->pkj", mx, self._coefficients)
 
         # where the height varies, the points of neighbouring elements differ in y only
-        polynomials = _kept(self._across, (xi01.tobytes(), i), along)
+        polynomials = _cached(self._across, (xi01.tobytes(), i), along)
         my = _monomials(self._dy, eta.astype(np.longdouble), j) * (2 / np.longdouble(self.h)) ** j
         return np.einsum("pkj,pj->pk", polynomials, my)
 
@@ -194,13 +194,13 @@ def shape_functions(element: ElementType, l: float, h: float, nu: float) -> Shap
     return _of_type(_SameType(element), l, h, nu)
 
 
-def _kept(known: dict[Any, NDArray], place: Any, found: Callable[[], NDArray]) -> NDArray:
+def _cached(cache: dict[Any, NDArray], key: Any, compute: Callable[[], NDArray]) -> NDArray:
     """Return the cached value for a key, computing it if needed; a full cache is cleared first."""
-    if place not in known:
-        if len(known) >= KEPT:
-            known.clear()
-        known[place] = found()
-    return known[place]
+    if key not in cache:
+        if len(cache) >= KEPT:
+            cache.clear()
+        cache[key] = compute()
+    return cache[key]
 
 
 class FrameShape(ShapeFunctions):

@@ -12,14 +12,14 @@ from typing import Any
 
 from ..case import GroundPoint, Point
 from ..case.declare import key, record
-from ..case.kinds import Choice, Flag, Integer, Name, Number, Vector
+from ..case.kinds import NAME, Choice, Flag, Integer, Name, Number, Vector
 from ..case.schema.points import ENDS, POINT
 from ..elements.formulations import FORMULATIONS, Formulation, Rule, Sampler
-from ..elements.formulations.base import PointLaw as StrainLaw
+from ..elements.formulations.base import StrainLaw
 from ..errors import PluginError
 from ..interactions.forces import AMPLITUDE, AMPLITUDE_DOC
 from ..interactions.forces import position_load as load
-from ..interactions.springs import NAME, spring
+from ..interactions.springs import spring
 
 __all__ = [
     "AMPLITUDE", "AMPLITUDE_DOC", "ENDS", "FORMULATIONS", "NAME", "POINT", "Choice", "Flag", "Formulation",

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..case.binder import Issue
 from ..case.declare import key, record
-from ..case.kinds import Flag, Name, Number, Vector
+from ..case.kinds import NAME, Flag, Name, Number, Vector
 from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active
 from ..case.schema.amplitudes import Amplitude
 from ..case.schema.points import MovingPoint
@@ -28,7 +28,6 @@ from .forces import (
     AMPLITUDE,
     AMPLITUDE_DOC,
     FOLLOWER,
-    NAME,
     AlongBody,
     LoadContext,
     LoadError,
@@ -111,7 +110,7 @@ class Gravity:
                 out.dead.append(context.dead(coords, weights * a * mass.mass, gravity=True))
 
 
-def _turning(mesh: BodyMesh, elements: Index, xi: Array) -> tuple[Array, Array, Array]:
+def _position_and_rotation(mesh: BodyMesh, elements: Index, xi: Array) -> tuple[Array, Array, Array]:
     """Return G, p0 and the reference angle for x, y and section rotation at points xi of elements of one class.
 
     They are (elements, points, fields, n), (elements, points, fields) and (elements, points).
@@ -145,7 +144,7 @@ class FormulaLine:
     def __init__(self, mesh: BodyMesh, cover: list[tuple[Index, Array, Array]], value: Density,
                  amplitude: Callable[[float], float]) -> None:
         self.mesh, self.cover = mesh, cover
-        self.formula, self.turns, self.damped = density_formula(value)
+        self.formula, self.uses_theta, self.damped = density_formula(value)
         self.amplitude = (Clocked(amplitude.amplitude, amplitude.factor, amplitude.offset)
                           if isinstance(amplitude, Signal) else amplitude)
         self.dofs = np.concatenate([mesh.dofs[elements] for elements, _, _ in cover])
@@ -162,14 +161,14 @@ class FormulaLine:
 
     def _of(self, elements: Index, xi: Array, w: Array) -> tuple[Index, Array, Array, Array]:
         """Return dofs, G, p0 and par of the points xi of some elements of one class."""
-        mesh, (G, p0, _) = self.mesh, _turning(self.mesh, elements, xi)
+        mesh, (G, p0, _) = self.mesh, _position_and_rotation(self.mesh, elements, xi)
         dofs, nc = mesh.dofs[elements], mesh.plan.element.components
         m, p, _, n = G.shape
         local = mesh.e0[dofs - mesh.first_dof]
         for c in (0, 1):
             p0[:, :, c] = np.einsum("mpn,mn->mp", G[:, :, c], local)
-        kind = (THETA if nc == 3 else DIRECTION) if self.turns else GROUND
-        fields = G.shape[2] if self.turns else 2
+        kind = (THETA if nc == 3 else DIRECTION) if self.uses_theta else GROUND
+        fields = G.shape[2] if self.uses_theta else 2
         s = (mesh.starts[elements, None] + xi * mesh.lengths[elements, None]) / mesh.plan.length
         par = weights_of(w, s, self.formula.address, kind)
         return (np.repeat(dofs, p, axis=0), np.ascontiguousarray(G[:, :, :fields]).reshape(m * p, fields, n),
@@ -202,7 +201,7 @@ class FollowerLine:
     def _of(self, elements: Index, xi: Array, w: Array) -> tuple[Index, Array, Array, Array]:
         """Return dofs, G, p0 and par of the points xi of some elements of one class."""
         mesh, dofs = self.mesh, self.mesh.dofs[elements]
-        G, p0, angle = _turning(mesh, elements, xi)
+        G, p0, angle = _position_and_rotation(mesh, elements, xi)
         m, p, _, n = G.shape
         (ft, fn), c, s = per_length(self.value, mesh, elements, xi), np.cos(angle), np.sin(angle)
         kind = np.full((m, p), THETA if mesh.plan.element.components == 3 else DIRECTION)

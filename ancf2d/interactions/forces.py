@@ -11,7 +11,7 @@ import numpy as np
 
 from ..case.binder import Issue
 from ..case.declare import key, record
-from ..case.kinds import Choice, Name, Number, Vector
+from ..case.kinds import NAME, Choice, Number, Vector
 from ..case.records import OneOf, tag_of
 from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active, Latch
 from ..case.schema.amplitudes import Amplitude
@@ -28,7 +28,6 @@ from .moving import MovingPatch, moving_force
 
 R = TypeVar("R", bound=type)
 AlongBody = float | Profile
-NAME = Name()
 AMPLITUDE = OneOf(Amplitude)
 AMPLITUDE_DOC = "Factor as a function of load factor or time (default: ramp in static cases, otherwise constant)"
 # difference in S of positions of natural strains that count as equal
@@ -142,13 +141,13 @@ class LoadContext:
     masses: Sequence[Any] = ()
     flows: Sequence[Any] = ()
     # returns the signal of another amplitude
-    follow: Callable[[Amplitude], Callable[[float], float]] | None = None
+    function_of: Callable[[Amplitude], Callable[[float], float]] | None = None
     active: Active | Latch | None = None
 
     def moving(self, at: MovingPoint, value: Sequence[float], gravity: bool = False) -> MovingPatch:
         """Return a force of fixed direction that moves along a body and is scaled by the amplitude."""
-        assert self.follow is not None
-        patch = moving_force(self.meshes[at.on], self.follow(at.s), value, self.amplitude)
+        assert self.function_of is not None
+        patch = moving_force(self.meshes[at.on], self.function_of(at.s), value, self.amplitude)
         patch.gravity = gravity
         return patch
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..case.schema.profiles import PointExpression, Profile, ProfileTable
 from ..case.syntax import Constant, Quantity, Tree, named_in, quantities_of, renamed, syntax
-from ..elements.point_laws import DIRECTION, GROUND, THETA, PointLaw, evaluate_formula, formula_at, turn
+from ..elements.point_laws import DIRECTION, GROUND, THETA, PointLaw, angle_near, evaluate_formula, formula_at
 from ..elements.shape import Array
 from ..model.point_patch import formula_record
 
@@ -35,7 +35,7 @@ def along_body(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
         v[5], by_x = u[2], 1.0
     elif kind == DIRECTION:
         px, py = p0[2] + u[2], p0[3] + u[3]
-        v[5] = turn(p0[2], u[2], u[3], mem[0])
+        v[5] = angle_near(p0[2], u[2], u[3], mem[0])
         by_x, by_y = -py / (px * px + py * py), px / (px * px + py * py)
     for k in range(2):
         evaluate_formula(force, k, par[1])
@@ -59,7 +59,7 @@ def along_body_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-unty
     if kind == THETA:
         v[5] = 0.5 * (u0[2] + u1[2])
     elif kind == DIRECTION:
-        v[5] = turn(p0[2], 0.5 * (u0[2] + u1[2]), 0.5 * (u0[3] + u1[3]), mem[0])
+        v[5] = angle_near(p0[2], 0.5 * (u0[2] + u1[2]), 0.5 * (u0[3] + u1[3]), mem[0])
     for k in range(2):
         evaluate_formula(force, k, par[1])
         f[k] = -weight * force.out[0]
@@ -69,7 +69,7 @@ def along_body_mean(p0, u0, u1, w, par, a0, a1, mem, f):  # type: ignore[no-unty
 def count_turn(p0, u, par, mem):  # type: ignore[no-untyped-def]
     """Update the last angle of a point's section with that at u."""
     if int(par[3]) == DIRECTION:
-        mem[0] = turn(p0[2], u[2], u[3], mem[0])
+        mem[0] = angle_near(p0[2], u[2], u[3], mem[0])
 
 
 ALONG_BODY = PointLaw("along_body", along_body, along_body_mean, symmetric=False, accept=count_turn)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..case.binder import Issue
 from ..case.declare import key, record
-from ..case.kinds import Name, Number
+from ..case.kinds import NAME, Number
 from ..case.schema.case import SteadyRotation, register
 from ..case.schema.points import PLACE, MovingPoint, Point
 from ..elements.shape import Array
@@ -27,7 +27,7 @@ class Mass:
                                   example="rod@1")
     mass: float = key(Number("kg", ge=0), "Mass", example=1)
     inertia: float = key(Number("kg m^2", ge=0), "Moment of inertia about the point", default=0.0)
-    name: str | None = key(Name(), "Name", default=None)
+    name: str | None = key(NAME, "Name", default=None)
 
     def check(self) -> Iterator[Issue]:
         """Yield an issue for a moving mass with a moment of inertia."""

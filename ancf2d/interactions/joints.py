@@ -12,7 +12,7 @@ import numpy as np
 
 from ..case.binder import Issue
 from ..case.declare import key, record
-from ..case.kinds import ListOf, Name, Number, Vector
+from ..case.kinds import NAME, ListOf, Number, Vector
 from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active
 from ..case.schema.case import register
 from ..case.schema.points import POINT, Point, named_twice
@@ -25,7 +25,6 @@ from ..model.plan import knows_curvature
 from ..model.points import PointRef
 
 R = TypeVar("R", bound=type)
-NAME = Name()
 BETWEEN = ListOf(POINT, "points BODY@S", 2)
 
 # taken as round-off of the case's numbers: a gap in the reference, relative to the shortest body joined, or an angle
@@ -61,7 +60,7 @@ class JointContext:
     def together(self, between: tuple[Point, ...]) -> list[PointRef]:
         """Return the points of a joint. Raises JointError if they must coincide in the reference and do not."""
         points = [self.point(p) for p in between]
-        x, *others = (place_of(p) for p in points)
+        x, *others = (reference_position(p) for p in points)
         problems: list[tuple[tuple[str | int, ...], str, str]] = []
         for k, r in enumerate(others, start=1):
             gap, others_s = float(np.hypot(*(r - x))), [p.s for p in points[:k] if p.mesh is points[k].mesh]
@@ -78,7 +77,7 @@ class JointContext:
         return points
 
 
-def place_of(point: PointRef) -> Array:
+def reference_position(point: PointRef) -> Array:
     """Return the position of a point in the reference (2,)."""
     return np.asarray(point.mesh.plan.position(point.s)[0])
 
@@ -94,9 +93,9 @@ def closable(r: Array, *joined: BodyMesh) -> float:
 
 
 def _share_position(a: PointRef, b: PointRef, owner: str, out: Equations, begins: bool = False) -> None:
-    apart = place_of(a) - place_of(b) if begins else np.zeros(2)
+    apart = reference_position(a) - reference_position(b) if begins else np.zeros(2)
     for ca, cb, axis, off in zip(a.position(), b.position(), "xy", apart.tolist(), strict=True):
-        out.rows.append(Row(*combine((1.0, ca), (-1.0, cb)), owner, axis, apart=off))
+        out.rows.append(Row(*combine((1.0, ca), (-1.0, cb)), owner, axis, initial_gap=off))
 
 
 def same_kind(a: PointRef, b: PointRef) -> bool:
@@ -142,17 +141,17 @@ def _end(point: PointRef, into: bool) -> _End | None:
     return _End(point, 1 if into else -1) if point.ie == 0 and point.xi == 0.0 else None
 
 
-def _turns(a: PointRef | _End, b: PointRef | _End) -> bool:
+def _has_corner(a: PointRef | _End, b: PointRef | _End) -> bool:
     """Return whether there is a corner between two points that coincide."""
     return abs(math.remainder(a.angle - b.angle, 2 * math.pi)) > GAP
 
 
-def _goes_on(a: _End, b: _End) -> bool:
+def _continues(a: _End, b: _End) -> bool:
     """Return whether one body continues the other as the same beam: same kind, same direction."""
-    return same_kind(a.point, b.point) and not _turns(a, b)
+    return same_kind(a.point, b.point) and not _has_corner(a, b)
 
 
-def _bends(a: _End, b: _End) -> bool:
+def _curvature_jumps(a: _End, b: _End) -> bool:
     """Return whether the curvature jumps between two ends with nodal coordinates that depend on it."""
     length = max(a.point.mesh.plan.length, b.point.mesh.plan.length)
     return (knows_curvature(a.point.mesh.plan.element) and abs(a.curvature - b.curvature) * length > GAP)
@@ -165,7 +164,7 @@ def _share_nodes(a: _End, b: _End, kink: bool, owner: str, out: Equations) -> No
     derivatives along the axis, and types whose sections are normal to it share the direction of the axis instead. The
     same holds if the curvature jumps and nodal coordinates depend on it.
     """
-    kink = kink or _bends(a, b)
+    kink = kink or _curvature_jumps(a, b)
     element = a.point.mesh.plan.element
     _share_coordinates(a, b, lambda i, j: not (kink and i > 0), owner, out)
     if kink and element.section_kind == "tangent":
@@ -209,7 +208,7 @@ def _weld_in_line(a: _End, b: _End, owner: str, out: Equations) -> None:
     With free warping, a section would rotate in the mean relative to its direction on the axis, as if at a hinge.
     """
     _weld_points(a.point, b.point, owner, out)
-    if a.point.mesh.plan.element == b.point.mesh.plan.element and not (a.point.mesh.plan.rigid or _turns(a, b)):
+    if a.point.mesh.plan.element == b.point.mesh.plan.element and not (a.point.mesh.plan.rigid or _has_corner(a, b)):
         _share_coordinates(a, b, lambda i, j: i == 0 and j > 1, owner, out)
 
 
@@ -225,9 +224,9 @@ def weld_pieces(mesh: BodyMesh, out: Equations) -> None:
         end = float(before.position(before.l * (k + 1))[1])
         a = PointRef(mesh, s or 1.0, (after - 1) % mesh.plan.count, 1.0, end, last)
         b = PointRef(mesh, s, after, 0.0, float(mesh.angles[after]), 0)
-        if _goes_on(_End(a, 1), _End(b, 1)):
+        if _continues(_End(a, 1), _End(b, 1)):
             _share_nodes(_End(a, 1), _End(b, 1), kink, f"the axis of {a.label}", out)
-        elif _turns(a, b):
+        elif _has_corner(a, b):
             corners += 1
             _weld_points(a, b, f"corner {corners} of {mesh.plan.name}", out)
         else:
@@ -282,7 +281,7 @@ class WeldJoint:
             return
         a, b = (_end(points[0], False), _end(points[1], True)) if len(points) == 2 else (None, None)
         if a is not None and b is not None:
-            if _goes_on(a, b):
+            if _continues(a, b):
                 _share_nodes(a, b, any(context.acting[p] > 1 for p in self.between), owner, out)
             else:
                 _weld_in_line(a, b, owner, out)
@@ -308,11 +307,11 @@ class SliderJoint:
         """Add the equation that keeps the distance of the point from the line."""
         point = context.point(self.at)
         c, s = np.array(self.along) / math.hypot(*self.along)
-        x, y = place_of(point)
+        x, y = reference_position(point)
         gap = (x - self.through[0]) * -s + (y - self.through[1]) * c
         if not context.begins and abs(gap) > closable(np.array([x, y, *self.through]), point.mesh):
             raise JointError([(("through",), f"{context.label}: {point.label} is at ({x:.6g}, {y:.6g}), "
                                f"{abs(gap):.3g} away from the line",
                                "a line through the reference position of the point")])
         out.rows.append(Row(*along(point.position(), -s, c), owner, "position across the line",
-                            apart=gap if context.begins else 0.0))
+                            initial_gap=gap if context.begins else 0.0))

@@ -18,10 +18,9 @@ from ..elements.sliding import OFF, Moving
 from ..model.breakpoints import breakpoints
 from ..model.mesh import BodyMesh, Index
 from ..model.point_patch import Field, Items, table_of
-from ..model.timing import Signal, rates_of
+from ..model.timing import Signal, TimeFunction, rates_of
 from .prismatic import axis_coefficients
 
-Course = Callable[[float], float]
 # tolerance in S for the ends of a body
 NEAR = 1e-12
 
@@ -66,7 +65,8 @@ class MovingPatch:
     # whether it is the weight of a mass
     gravity = False
 
-    def __init__(self, mesh: BodyMesh, course: Course, law: PointLaw, par: Sequence[float], signal: Course | None,
+    def __init__(self, mesh: BodyMesh, course: TimeFunction, law: PointLaw, par: Sequence[float],
+                 signal: TimeFunction | None,
                  mass: float = 0.0, sign: float = 1.0, others: Sequence[Field] = (), stretches: bool = False) -> None:
         self.mesh, self.course, self.law, self.signal = mesh, course, law, signal
         self.par, self.mass, self.sign, self.stretches = np.array(par, dtype=float), mass, sign, stretches
@@ -93,7 +93,7 @@ class MovingPatch:
             return OFF
         return int(np.clip(np.searchsorted(self.nodes, s, side="right") - 1, 0, len(self.nodes) - 2))
 
-    def _place(self, m: int, t: float) -> tuple[float, Array, Array, Array]:
+    def _fields_at(self, m: int, t: float) -> tuple[float, Array, Array, Array]:
         """Return xi in element m, the matrix from its coordinates to the fields, p0 and the constants at time t."""
         n, fields = self.dofs.shape[1], 2 * (1 + self.derivatives)
         G, p0, par = np.zeros((fields, n)), np.zeros(fields), self.par.copy()
@@ -117,13 +117,13 @@ class MovingPatch:
     def items(self) -> Items:
         """Return the law at its point at t = 0 as point items."""
         m = self.element(0.0)
-        _, G, p0, par = self._place(max(m, 0), 0.0)
+        _, G, p0, par = self._fields_at(max(m, 0), 0.0)
         return Items(self.law, self.dofs[max(m, 0)][None], G[None], p0[None], par[None], np.zeros((1, MAX_MEM)),
                      self.signal, on=m != OFF, stays=False)
 
     def acting(self, m: int, t: float, d: Array, v: Array, a: Array) -> tuple[float, Array]:
         """Return xi in element m and the forces (n_dof,) on its coordinates at t, d and rates v and a (n_full,)."""
-        xi, G, p0, par = self._place(m, t)
+        xi, G, p0, par = self._fields_at(m, t)
         dofs, k = self.dofs[m], len(p0)
         _, rate, _ = _jet(self.course, t)
         f, H, C, w = np.zeros(k), np.zeros((k, k)), np.zeros((k, k)), G @ v[dofs]
@@ -142,7 +142,7 @@ class MovingPatch:
         m = self.element(t) if self.mass else OFF
         if m == OFF:
             return 0.0, np.zeros(2), np.zeros(2)
-        _, G, p0, _ = self._place(m, t)
+        _, G, p0, _ = self._fields_at(m, t)
         r = p0 + G @ d[self.dofs[m]]
         return self.mass, r[:2], (G @ v[self.dofs[m]])[:2] + rates_of(self.course, t)[0] * r[2:4]
 
@@ -154,7 +154,7 @@ class MovingPatch:
         m = self.element(t)
         if m == OFF:
             return 0.0
-        _, G, p0, par = self._place(m, t)
+        _, G, p0, par = self._fields_at(m, t)
         plan, begins = self.mesh.plan, min(max(self.course(0.0), 0.0), 1.0)
         return -float(par @ (p0 + G @ d[self.dofs[m]] - plan.position(begins)[0]))
 
@@ -172,7 +172,7 @@ class MovingPatch:
         return sorted(out)
 
 
-def _jet(course: Course | None, t: float) -> tuple[float, float, float]:
+def _jet(course: TimeFunction | None, t: float) -> tuple[float, float, float]:
     """Return the value of a signal and its first two rates at t; 1, 0, 0 for no signal."""
     return (1.0, 0.0, 0.0) if course is None else (course(t), *rates_of(course, t))
 
@@ -189,7 +189,7 @@ def _inside(a: float, b: float) -> Array:
     return t
 
 
-def _root(course: Course, value: float, a: float, b: float) -> float:
+def _root(course: TimeFunction, value: float, a: float, b: float) -> float:
     """Return the time between a and b at which a course crosses a value, by bisection to the last digit."""
     below = course(a) < value
     while True:
@@ -244,12 +244,13 @@ def moving_table(patches: Iterable[Any], row: Callable[[Any], int], fixed: Array
                   fixed if any(p.mass > 0.0 for _, p in found) else np.zeros(0))
 
 
-def moving_force(mesh: BodyMesh, course: Course, value: Sequence[float], signal: Course | None) -> MovingPatch:
+def moving_force(mesh: BodyMesh, course: TimeFunction, value: Sequence[float], signal: TimeFunction | None
+                 ) -> MovingPatch:
     """Return a force of constant direction, ``signal`` times ``value``, at a point that moves along a body."""
     return MovingPatch(mesh, course, FORCE, value, signal)
 
 
-def never_met(case: Case) -> list[str]:
+def off_body_warnings(case: Case) -> list[str]:
     """Return a warning for each moving point of a motion that is never on its body."""
     out = []
     for where, at in case.moving_points.items():
@@ -264,6 +265,6 @@ def never_met(case: Case) -> list[str]:
     return out
 
 
-def moving_mass(mesh: BodyMesh, course: Course, mass: float) -> MovingPatch:
+def moving_mass(mesh: BodyMesh, course: TimeFunction, mass: float) -> MovingPatch:
     """Return a mass at a point that moves along a body."""
     return MovingPatch(mesh, course, MASS, [mass], course, mass=mass)

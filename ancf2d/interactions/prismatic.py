@@ -9,7 +9,7 @@ import numpy as np
 
 from ..case.binder import Issue
 from ..case.declare import key, record
-from ..case.kinds import Name
+from ..case.kinds import NAME, Name
 from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active, Latch
 from ..case.schema.points import POINT, Point
 from ..elements import sliding
@@ -20,7 +20,7 @@ from ..model.constraints import Equations
 from ..model.mesh import BodyMesh
 from ..model.plan import BodyPlan
 from ..model.points import PointRef
-from .joints import NAME, JointContext, JointError, closable, joint, place_of
+from .joints import JointContext, JointError, closable, joint, reference_position
 
 # margin, in elements, that keeps a foot point between the ends of its element
 BETWEEN = 1e-12
@@ -111,7 +111,7 @@ class OnAxis:
         if math.isnan(g) or (m == 0 and z < -sliding.END) or (m == last and z > sliding.END):
             raise self.lost()
 
-    def caught(self, d: Array) -> tuple[Array, float]:
+    def nearest_foot(self, d: Array) -> tuple[Array, float]:
         """Return element and z (2,) of the nearest foot point at d on the whole body, and the distance there [m]."""
         table, found = self.table, []
         for m in range(int(table.elements[0])):
@@ -198,7 +198,7 @@ class PrismaticJoint:
     def add(self, context: JointContext, owner: str, out: Equations) -> None:
         """Add the constraint that keeps the distance of the point from the axis."""
         point, mesh = context.point(self.point), context.meshes[self.on]
-        x, y = place_of(point)
+        x, y = reference_position(point)
         s, gap = foot_point(mesh.plan, np.array([x, y]))
         begins = self.active is not None and self.active.begins
         if not begins and gap > closable(np.array([x, y]), point.mesh, mesh):

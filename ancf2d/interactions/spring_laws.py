@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..elements.point_laws import DIRECTION, THETA, PointLaw, turn, turn_hessian
+from ..elements.point_laws import DIRECTION, THETA, PointLaw, angle_near, turn_hessian
 
 
 def over_sine(x):  # type: ignore[no-untyped-def]
@@ -94,7 +94,7 @@ def twist(p0, u, par, mem, f):  # type: ignore[no-untyped-def]
             f[at] = sign
         elif kind == DIRECTION:
             px, py = p0[at] + u[at], p0[at + 1] + u[at + 1]
-            angle += sign * turn(p0[at], u[at], u[at + 1], mem[end])
+            angle += sign * angle_near(p0[at], u[at], u[at + 1], mem[end])
             f[at], f[at + 1] = -sign * py / (px * px + py * py), sign * px / (px * px + py * py)
         at += kind
     return angle, at
@@ -127,8 +127,8 @@ def twist_step(p0, u0, u1, par, mem, f):  # type: ignore[no-untyped-def]
         elif kind == DIRECTION:
             x0, y0 = p0[at] + u0[at], p0[at + 1] + u0[at + 1]
             x1, y1 = p0[at] + u1[at], p0[at + 1] + u1[at + 1]
-            before = turn(p0[at], u0[at], u0[at + 1], mem[end])
-            after = turn(p0[at], u1[at], u1[at + 1], before)
+            before = angle_near(p0[at], u0[at], u0[at + 1], mem[end])
+            after = angle_near(p0[at], u1[at], u1[at + 1], before)
             old += sign * before
             new += sign * after
             q = 0.5 * sign * over_sine(after - before) / np.sqrt((x0 * x0 + y0 * y0) * (x1 * x1 + y1 * y1))
@@ -199,7 +199,7 @@ def count_turns(p0, u, par, mem):  # type: ignore[no-untyped-def]
     for end in range(2):
         kind = int(par[1 + end])
         if kind == DIRECTION:
-            mem[end] = turn(p0[at], u[at], u[at + 1], mem[end])
+            mem[end] = angle_near(p0[at], u[at], u[at + 1], mem[end])
         at += kind
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..case.binder import Issue
 from ..case.declare import key, record
-from ..case.kinds import Choice, Name, Number
+from ..case.kinds import NAME, Choice, Number
 from ..case.records import tag_of
 from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active
 from ..case.schema.amplitudes import ExpressionText
@@ -25,7 +25,7 @@ from ..model.point_patch import (
     PointPatch,
     constants_of,
     position_fields,
-    turns,
+    turn_fields_of_ends,
 )
 from ..model.points import PointRef, point_ref
 from ..model.timing import Timing
@@ -34,7 +34,6 @@ from .moving import MovingPatch
 from .spring_laws import spring_law
 
 R = TypeVar("R", bound=type)
-NAME = Name()
 ONLY = Choice("tension", "compression")
 ONLY_DOC = ("tension: acts only against elongation (for angles, counter-clockwise relative rotation); compression: "
             "acts only against shortening (default: acts both ways)")
@@ -47,7 +46,7 @@ RETURNS = ("energy", "N", "dN/du", "dN/d(rate)")
 End = PointRef | GroundPoint
 
 
-def _place(end: End) -> list[Field]:
+def _position(end: End) -> list[Field]:
     if isinstance(end, GroundPoint):
         return [Field(np.zeros(0, dtype=np.int64), np.zeros(0), v) for v in (end.x, end.y)]
     return position_fields(end)
@@ -72,13 +71,13 @@ class Spring(PointPatch):
 
 def _distance(ends: list[End]) -> list[list[Field]]:
     """Return the part of each end in the fields x and y of the vector from the first end to the second."""
-    return [[Field(f.coords, sign * f.weights, sign * f.p0) for f in _place(end)]
+    return [[Field(f.coords, sign * f.weights, sign * f.p0) for f in _position(end)]
             for sign, end in zip((-1.0, 1.0), ends, strict=True)]
 
 
-def _turning(ends: list[End]) -> list[list[Field]]:
+def _rotation(ends: list[End]) -> list[list[Field]]:
     """Return the part of each end in the fields for the rotation of the two sections."""
-    own = [turns([end if isinstance(end, PointRef) else None])[1] for end in ends]
+    own = [turn_fields_of_ends([end if isinstance(end, PointRef) else None])[1] for end in ends]
     return [[*own[0], *(NOTHING for _ in own[1])], [*(NOTHING for _ in own[0]), *own[1]]]
 
 
@@ -106,9 +105,9 @@ def about(law: PointLaw, ends: list[End], constants: Sequence[float], damped: bo
           angle: float | None = None) -> Spring:
     """Return a spring on the relative rotation of two sections (or the ground), without moment at ``angle``."""
     sections = [end if isinstance(end, PointRef) else None for end in ends]
-    kinds, _ = turns(sections)
+    kinds, _ = turn_fields_of_ends(sections)
     counted = [end if kind == DIRECTION else None for end, kind in zip(sections, kinds, strict=True)]
-    parts = _turning(ends)
+    parts = _rotation(ends)
     out = Spring(law, _sum(parts), angle or 0.0, 0.0, [*kinds, *constants], damped, counted)
     out.ends = _of_bodies(ends, parts)
     return out
@@ -122,7 +121,7 @@ def moving_spring(item: Any, meshes: dict[str, BodyMesh], point: Callable[[Point
     """
     k = next(k for k, p in enumerate(item.between) if isinstance(p, MovingPoint))
     end, other = item.between[k], item.between[1 - k]
-    mesh, course = meshes[end.on], timing.follow(end.s)
+    mesh, course = meshes[end.on], timing.function_of(end.s)
     place: list[End] = [point_ref(mesh, min(max(course(0.0), 0.0), 1.0))] * 2
     place[1 - k] = other if isinstance(other, GroundPoint) else point(other)
     spring: Spring = item.place(place)
@@ -166,7 +165,7 @@ def _check(self: Any) -> Iterator[Issue]:
 
 
 # laws of springs whose force is a formula, by whether they act on an angle
-FORMULAS = {angle: spring_law("rotational_formula" if angle else "translational_formula", angle, by_formula)
+FORMULA_LAWS = {angle: spring_law("rotational_formula" if angle else "translational_formula", angle, by_formula)
             for angle in (False, True)}
 
 
@@ -179,7 +178,7 @@ def by_force(cls: R) -> R:
             return place(self, ends)  # type: ignore[no-any-return]
         formula, angle = spring_formula(self.force), cls.law.accept is not None  # type: ignore[attr-defined]
         constants = [float(formula.address), *_acting(self.only, self.gap), 0.0 if self.damped else 1.0]
-        return (about if angle else along)(FORMULAS[angle], ends, constants, self.damped, self.rest())
+        return (about if angle else along)(FORMULA_LAWS[angle], ends, constants, self.damped, self.rest())
     cls.place = with_formula  # type: ignore[attr-defined]
     return cls
 

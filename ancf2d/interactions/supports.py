@@ -10,7 +10,7 @@ import numpy as np
 
 from ..case.binder import Issue
 from ..case.declare import key, record
-from ..case.kinds import Choice, Known, ListOf, Name, Number, Vector
+from ..case.kinds import NAME, Choice, Known, ListOf, Number, Vector
 from ..case.records import ByShape, OneOf
 from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active
 from ..case.schema.amplitudes import Amplitude
@@ -22,10 +22,9 @@ from ..model.constraints import Equations, Row, along, combine, hold_along, hold
 from ..model.mesh import Index
 from ..model.points import PointRef
 from ..model.timing import Timing
+from .forces import SPREAD
 
 R = TypeVar("R", bound=type)
-NAME = Name()
-SPREAD = Choice("uniform", "parabolic")
 SPREAD_DOC = "Hold the mean of the section with this weight instead of the axis (relevant for q >= 2)"
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..case.binder import Issue
 from ..case.declare import key, record
-from ..case.kinds import ListOf, Name, Number, Vector
+from ..case.kinds import NAME, ListOf, Name, Number, Vector
 from ..case.records import ByShape, Record
 from ..case.schema.active import ACTIVE, ACTIVE_DOC, Active
 from ..case.schema.amplitudes import Amplitude
@@ -27,7 +27,7 @@ from ..model.point_patch import NOTHING, Field, PointPatch, position_fields
 from ..model.points import PointRef, point_ref
 from ..model.profiles import SIDE, breaks, values
 from .body_loads import VARYING, covered
-from .forces import AMPLITUDE, AMPLITUDE_DOC, NAME, LoadContext, LoadError, LoadSet, load, moment_at
+from .forces import AMPLITUDE, AMPLITUDE_DOC, LoadContext, LoadError, LoadSet, load, moment_at
 from .tendon_laws import ELASTIC, TENSION, piece, slopes, taut
 
 # greatest number of fields of an elastic tendon, which has one stiffness matrix for all of them
@@ -52,7 +52,7 @@ class ElasticTendon(PointPatch):
         self.par[1] = self.slack = self.rest
 
     @property
-    def winds(self) -> float:
+    def winding_strain(self) -> float:
         """The strain that winding from load factor 0 to 1 would cause in a rigid model."""
         amount = 0.0 if self.signal is None else self.signal(1.0) - self.signal(0.0)
         return float(abs(amount * self.par[2]) / self.rest)
@@ -64,7 +64,7 @@ class ElasticTendon(PointPatch):
         length = 1.0 if self.signal is None else self.signal(t)
         return float(taut(self.p0, self.G @ d[self.dofs[0]], length, self.par, int(self.par[3]))[1])
 
-    def wound(self, d: Array) -> float:
+    def tension_slope(self, d: Array) -> float:
         """Return the derivative of the tension [N] by the amplitude, at displacements d (n_q,) and amplitude 0."""
         _, T, k, _ = taut(self.p0, self.G @ d[self.dofs[0]], 0.0, self.par, int(self.par[3]))
         return float(-k * self.par[2] * (1.0 + T / self.par[0]))
@@ -75,9 +75,9 @@ class ElasticTendon(PointPatch):
         _, T, k, _ = taut(self.p0, np.zeros(len(self.p0)), length, self.par, int(self.par[3]))
         return float(T + k * (self._slopes(zero) @ d[self.dofs[0]]))
 
-    def winding(self, d: Array) -> Array:
+    def winding_forces(self, d: Array) -> Array:
         """Return the forces (n,) on its coordinates per unit of the amplitude, at displacements d and amplitude 0."""
-        return np.asarray(-self.wound(d) * self._slopes(d))
+        return np.asarray(-self.tension_slope(d) * self._slopes(d))
 
     def _slopes(self, d: Array) -> Array:
         """Return the derivatives (n,) of its length by its coordinates at displacements d."""
@@ -88,7 +88,7 @@ class ElasticTendon(PointPatch):
                 slopes(self.p0, u, u, at, size, x / L, y / L, f)
         return np.asarray(self.G.T @ f)
 
-    def rests(self) -> None:
+    def stop_winding(self) -> None:
         """Set the amplitude to 0, because winding is an input of small motions."""
         self.signal = lambda t: 0.0
 
@@ -107,19 +107,19 @@ def _scaled(fields: Sequence[Field], factor: float) -> list[Field]:
     return [Field(f.coords, factor * f.weights, factor * f.p0) for f in fields]
 
 
-def _raw(point: PointRef, i: int, j: int, components: Sequence[int]) -> list[Field]:
+def _derivative(point: PointRef, i: int, j: int, components: Sequence[int]) -> list[Field]:
     """Return components (2 is theta) of d^(i+j) r/dx^i dy^j at a point as fields."""
     row, e0 = point.shape_row(i, j), point.mesh.e0
     found = (point.columns(row, k) for k in components)
     return [Field(c, w, float(w @ e0[c - point.mesh.first_dof])) for c, w in found]
 
 
-def _turning(point: PointRef, y: float) -> list[Field]:
+def _arm(point: PointRef, y: float) -> list[Field]:
     """Return the arm to a place y off the axis at a point, for types whose sections follow from the axis."""
     if point.turns_by_theta:
         # the section's own angle, which at mid-nodes of an arc differs a little from that of the interpolated axis
-        return [*_raw(point, 0, 0, [2]), NOTHING, NOTHING, _number(y), _number(THETA)]
-    return [*_raw(point, 1, 0, [0, 1]), NOTHING, _number(y), _number(DIRECTION)]
+        return [*_derivative(point, 0, 0, [2]), NOTHING, NOTHING, _number(y), _number(THETA)]
+    return [*_derivative(point, 1, 0, [0, 1]), NOTHING, _number(y), _number(DIRECTION)]
 
 
 def _eyelet(point: PointRef | GroundPoint, y: float, sign: float) -> tuple[list[Field], list[Field]]:
@@ -129,38 +129,39 @@ def _eyelet(point: PointRef | GroundPoint, y: float, sign: float) -> tuple[list[
     if y == 0.0 or point.mesh.plan.element.section_kind == "interpolated":
         at = point_ref(point.mesh, point.s, y)
         return _scaled(position_fields(at), sign), _NO_ARM
-    return _scaled(position_fields(point), sign), _turning(point, sign * y)
+    return _scaled(position_fields(point), sign), _arm(point, sign * y)
 
 
 def _plus(a: Field, b: Field) -> Field:
     return Field(np.concatenate([a.coords, b.coords]), np.concatenate([a.weights, b.weights]), a.p0 + b.p0)
 
 
-class Piece(NamedTuple):
+class TendonPiece(NamedTuple):
     """The fields of a piece of a tendon, and the part of them that belongs to each eyelet on a body."""
 
     fields: list[Field]
     ends: list[tuple[PointRef, list[Field]]]
 
-    def among(self, before: int, size: int, after: int) -> Piece:
+    def among(self, before: int, size: int, after: int) -> TendonPiece:
         """Return the piece extended to ``size`` fields, its ends with empty fields for the pieces before and after."""
         fields = [*self.fields, *[NOTHING] * (size - len(self.fields))]
         ends = [(p, [*[NOTHING] * before, *own, *[NOTHING] * (size - len(own) + after)]) for p, own in self.ends]
-        return Piece(fields, ends)
+        return TendonPiece(fields, ends)
 
 
-def spans(eyelets: Sequence[tuple[PointRef | GroundPoint, float]]) -> list[Piece]:
+def spans(eyelets: Sequence[tuple[PointRef | GroundPoint, float]]) -> list[TendonPiece]:
     """Return the pieces of a tendon from eyelet to eyelet."""
     out = []
     for (a, ya), (b, yb) in pairwise(eyelets):
         (la, arm_a), (lb, arm_b) = _eyelet(a, ya, -1.0), _eyelet(b, yb, 1.0)
         arms = [] if arm_a is _NO_ARM and arm_b is _NO_ARM else [*arm_a, *arm_b]
         shares = ((a, [*la, *arm_a]), (b, [*lb, *_NO_ARM, *arm_b])) if arms else ((a, la), (b, lb))
-        out.append(Piece([*map(_plus, la, lb), *arms], [(p, own) for p, own in shares if isinstance(p, PointRef)]))
+        ends = [(p, own) for p, own in shares if isinstance(p, PointRef)]
+        out.append(TendonPiece([*map(_plus, la, lb), *arms], ends))
     return out
 
 
-def guided(mesh: BodyMesh, s0: float, s1: float, y: float | Profile, more: int) -> list[Piece]:
+def guided(mesh: BodyMesh, s0: float, s1: float, y: float | Profile, more: int) -> list[TendonPiece]:
     """Return the pieces of a tendon guided at y off the axis of a body: one short stretch per quadrature point.
 
     Its direction there is d(r + y n)/dx; ``more`` is the number of points along each element in addition to those of
@@ -175,18 +176,19 @@ def guided(mesh: BodyMesh, s0: float, s1: float, y: float | Profile, more: int) 
                     s = (begin + x * l) / length
                     off, rise = _offset(y, s, a, b)
                     at = PointRef(mesh, s, ie, x, 0.0, None, 2.0 * off / mesh.classes[mesh.cls[ie]].shape.h)
-                    along = _raw(at, 1, 0, [0, 1])
+                    along = _derivative(at, 1, 0, [0, 1])
                     slope = rise / length
                     if kind == "interpolated":
-                        up = _scaled(_raw(at, 0, 1, [0, 1]), slope)
+                        up = _scaled(_derivative(at, 0, 1, [0, 1]), slope)
                         own = _scaled(list(map(_plus, along, up)), weight)
                     elif kind == "theta":
-                        arm = [*_raw(at, 0, 0, [2]), *_scaled(_raw(at, 1, 0, [2]), -weight * off)] if y else []
+                        arm = [] if not y else [*_derivative(at, 0, 0, [2]),
+                                                *_scaled(_derivative(at, 1, 0, [2]), -weight * off)]
                         rises = [] if isinstance(y, float) else [_number(weight * slope)]
                         own = [*_scaled(along, weight), *arm, *rises]
                     else:
                         own = _scaled(along, weight)
-                    out.append(Piece(own, []))
+                    out.append(TendonPiece(own, []))
     return out
 
 
@@ -195,8 +197,8 @@ class Guide:
     """A tendon guided along a body from S = ``first`` to ``last`` at ``y`` off its axis.
 
     ``cover`` integrates along it: (elements, points xi, weights in m). ``tension(d, t)`` is its tension [N], and
-    ``wound(d)`` the derivative of the tension by the amplitude. ``depends`` are the coordinates that the tension
-    depends on, none if it is prescribed.
+    ``tension_slope(d)`` its derivative by the amplitude. ``depends`` are the coordinates that the tension depends on,
+    none if it is prescribed.
     """
 
     mesh: BodyMesh
@@ -205,7 +207,7 @@ class Guide:
     y: float | Profile
     cover: list[tuple[Index, Array, Array]]
     tension: Callable[[Array, float], float]
-    wound: Callable[[Array], float]
+    tension_slope: Callable[[Array], float]
     depends: Index
 
     def offsets(self, s: Array) -> tuple[Array, Array]:
@@ -313,7 +315,7 @@ class Tendon:
         ends = () if self.on is None else (Point(self.on, self.from_), Point(self.on, self.to))
         return ends + tuple(e.at for e in self.through if isinstance(e, Probe))
 
-    def _pieces(self, context: LoadContext) -> list[Piece]:
+    def _pieces(self, context: LoadContext) -> list[TendonPiece]:
         if self.on is None:
             return spans([(e, 0.0) if isinstance(e, GroundPoint) else (context.point(e.at), e.y)
                           if isinstance(e, Probe) else (context.point(e), 0.0) for e in self.through])
@@ -342,11 +344,11 @@ class Tendon:
         if self.on is not None:
             mesh = context.meshes[self.on]
             cover = _cover(mesh, self.from_, self.to, self.y, self._more)
-            own = (elastic.tension, elastic.wound, elastic.coordinates) if elastic is not None else (
+            own = (elastic.tension, elastic.tension_slope, elastic.coordinates) if elastic is not None else (
                 lambda d, t: given * context.amplitude(t), lambda d: given, np.zeros(0, dtype=np.intp))
             out.guides.append(Guide(mesh, self.from_, self.to, self.y, cover, *own))
 
-    def _put(self, context: LoadContext, out: LoadSet, pieces: list[Piece]) -> ElasticTendon | None:
+    def _put(self, context: LoadContext, out: LoadSet, pieces: list[TendonPiece]) -> ElasticTendon | None:
         """Add the pieces; return the elastic tendon that they form, or None if the tension is given."""
         size = max(len(p.fields) for p in pieces)
         if self.stiffness is not None:

@@ -18,7 +18,7 @@ from numba import types
 
 from ..case import jets
 from ..elements import point_laws
-from ..elements.formulations.base import PointLaw as StrainLaw
+from ..elements.formulations.base import StrainLaw
 from ..elements.point_laws import PointLaw
 from .lanes import slots
 from .lowlevel.arrays import array, vector
@@ -95,7 +95,7 @@ def _from(A, B, m, n, lanes):  # type: ignore[no-untyped-def]
 
 def _any_size(law: StrainLaw) -> StrainLaw:
     """Return a law with memory in the form in which it is compiled for any number of state variables."""
-    return replace(law, references=0, state=1, stored=None) if law.state and not law.elastic else law
+    return replace(law, references=0, state=1, extra_energy=None) if law.state and not law.elastic else law
 
 
 def _operations_of(law: StrainLaw) -> Any:

@@ -42,7 +42,7 @@ class AxisError(ValueError):
 class Axis(Protocol):
     """A smooth curve by arc length s [m] from its start."""
 
-    def place(self, s: Array) -> tuple[Array, Array]:
+    def position(self, s: Array) -> tuple[Array, Array]:
         """Return points (...) as complex numbers x + iy, and tangent angles (...) counted through full turns."""
         ...
 
@@ -56,14 +56,14 @@ class Axis(Protocol):
 
 
 @dataclass(frozen=True)
-class Bend:
+class ArcAxis:
     """A curve of constant curvature ``kappa`` = dtheta/ds [1/m], 0 for a line, from a point in a direction."""
 
     start: tuple[float, float]
     angle: float
     kappa: float
 
-    def place(self, s: Array) -> tuple[Array, Array]:
+    def position(self, s: Array) -> tuple[Array, Array]:
         """Return points as complex numbers, and tangent angles."""
         chord = s * np.sinc(0.5 * self.kappa * s / np.pi) if self.kappa else s
         middle = self.angle + 0.5 * self.kappa * s
@@ -77,7 +77,7 @@ class Bend:
 
     def nearest(self, r: complex, a: float, b: float) -> float:
         """Return the s in [a, b] of the point nearest to r."""
-        z, angle = self.place(np.asarray(a))
+        z, angle = self.position(np.asarray(a))
         local = (r - complex(z)) * complex(np.exp(-1j * angle))
         if self.kappa == 0.0:
             return min(max(a + local.real, a), b)
@@ -85,10 +85,10 @@ class Bend:
         s = a + abs((turned % (2 * math.pi) if self.kappa > 0 else -turned % (2 * math.pi)) / self.kappa)
         if s <= b:
             return s
-        return min((a, b), key=lambda end: abs(complex(self.place(np.asarray(end))[0]) - r))
+        return min((a, b), key=lambda end: abs(complex(self.position(np.asarray(end))[0]) - r))
 
 
-class Smooth:
+class ParametricAxis:
     """A curve z(u) = x + iy of a parameter u, by arc length accurate to round-off.
 
     ``taylor(u, n)`` returns its Taylor coefficients (n + 1, places); ``edges`` are increasing values of u, from one end
@@ -172,7 +172,7 @@ class Smooth:
         u[s >= self.length] = self._u[-1]
         return u, k
 
-    def place(self, s: Array) -> tuple[Array, Array]:
+    def position(self, s: Array) -> tuple[Array, Array]:
         """Return points as complex numbers, and tangent angles."""
         way = np.asarray(s, dtype=float)
         u, k = self._at(way.ravel())
@@ -198,11 +198,11 @@ class Smooth:
         inside = self._s[(self._s > a) & (self._s < b)]
         edges = np.concatenate([[a], inside, [b]])
         s = np.unique(np.concatenate([edges[:-1] + f * np.diff(edges) for f in (0.0, 0.25, 0.5, 0.75)] + [[b]]))
-        distance = np.abs(self.place(s)[0] - r)
+        distance = np.abs(self.position(s)[0] - r)
         best = float(s[np.argmin(distance)])
         for _ in range(30):
             at = np.array([best])
-            gap = complex(self.place(at)[0][0]) - r
+            gap = complex(self.position(at)[0][0]) - r
             t, bend = (complex(x[0]) for x in self.derivatives(at, 2))
             slope = 1.0 + (gap.conjugate() * bend).real
             step = (gap.conjugate() * t).real / (slope if slope > 0.1 else 1.0)
@@ -214,13 +214,13 @@ class Smooth:
     @cached_property
     def ends(self) -> tuple[complex, complex, float]:
         """The first and the last point, and the direction at the first point."""
-        z, theta = self.place(np.array([0.0, self.length]))
+        z, theta = self.position(np.array([0.0, self.length]))
         return complex(z[0]), complex(z[1]), float(theta[0])
 
     @cached_property
     def last_angle(self) -> float:
         """The direction at the end."""
-        return float(self.place(np.array([self.length]))[1][0])
+        return float(self.position(np.array([self.length]))[1][0])
 
 
 def check_closed(start: complex, end: complex, turned: float, length: float) -> None:
@@ -234,7 +234,7 @@ def check_closed(start: complex, end: complex, turned: float, length: float) -> 
                         "direction in which it starts", "a curve that ends in the direction in which it starts")
 
 
-def spline(geometry: Spline) -> tuple[list[Smooth], list[float]]:
+def spline(geometry: Spline) -> tuple[list[ParametricAxis], list[float]]:
     """Return the curve through the points of a spline, and the arc lengths of its inner points."""
     # imported only for splines
     from scipy.interpolate import CubicSpline
@@ -262,11 +262,11 @@ def spline(geometry: Spline) -> tuple[list[Smooth], list[float]]:
             out[i] = sum(math.comb(j, i) * c[j] * t ** (j - i) for j in range(i, len(c)))
         return out
 
-    curve = Smooth(taylor, u, "the length of its chords")
+    curve = ParametricAxis(taylor, u, "the length of its chords")
     return [curve], [float(curve._s[np.searchsorted(curve._u, knot)]) for knot in u[1:-1]]
 
 
-def curve(geometry: CurveGeometry) -> list[Smooth]:
+def curve(geometry: CurveGeometry) -> list[ParametricAxis]:
     """Return the curve given by a body's expressions in s, divided where its derivatives jump.
 
     Raises AxisError where the curve itself jumps or has a corner.
@@ -276,14 +276,14 @@ def curve(geometry: CurveGeometry) -> list[Smooth]:
     def taylor(s: Array, n: int) -> Series:
         return series(x, s, n) + 1j * series(y, s, n)
 
-    found: list[Smooth] = []
+    found: list[ParametricAxis] = []
     for first, last in pairwise(_smooth_stretches([x, y], taylor)):
         # on a stretch, conditions keep their values up to its end
         edges = first.t + np.array(FIRST) * (last.before - first.t)
-        part = Smooth(lambda s, n, a=first.t, b=last.before: taylor(np.clip(s, a, b), n),  # type: ignore[misc]
+        part = ParametricAxis(lambda s, n, a=first.t, b=last.before: taylor(np.clip(s, a, b), n),  # type: ignore[misc]
                       edges, angle=found[-1].last_angle if found else None)
         if found:
-            _check_goes_on(found[-1], part, first.t)
+            _check_continuous(found[-1], part, first.t)
         found.append(part)
     if geometry.closed:
         length = sum(part.length for part in found)
@@ -304,7 +304,7 @@ def _smooth_stretches(trees: list[Tree], taylor: Callable[[Array, int], Series])
     return [*out, Break(1.0, 0, 1.0)]
 
 
-def _check_goes_on(before: Smooth, after: Smooth, s: float) -> None:
+def _check_continuous(before: ParametricAxis, after: ParametricAxis, s: float) -> None:
     """Raise AxisError unless a stretch of a curve starts at the end of the one before, in the same direction."""
     gap, corner = abs(after.ends[0] - before.ends[1]), abs(after.ends[2] - before.last_angle)
     if gap > CLOSED * (before.length + after.length) or corner > CLOSED:

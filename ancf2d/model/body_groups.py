@@ -124,7 +124,7 @@ def make_pools(case: Case, meshes: dict[str, BodyMesh]) -> list[Pool]:
     return pools
 
 
-def place_of(pools: list[Pool], mesh: BodyMesh) -> tuple[int, int]:
+def place_in_pools(pools: list[Pool], mesh: BodyMesh) -> tuple[int, int]:
     """Return the number of a body's pool, and the number of the body's first element in the pool."""
     for k, pool in enumerate(pools):
         for other, first in zip(pool.meshes, pool.first.tolist(), strict=True):

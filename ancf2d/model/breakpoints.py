@@ -43,7 +43,7 @@ class Break(NamedTuple):
     before: float
 
 
-class Piece(NamedTuple):
+class MotionPiece(NamedTuple):
     """A time interval in which signals are smooth: evaluated from ``first`` to ``last``, in steps that end at ``stop``.
 
     Where ``stop`` is a break, ``last`` is the float before it, and ``first`` of the next piece is the break.
@@ -54,26 +54,26 @@ class Piece(NamedTuple):
     stop: float
 
 
-def piece_at(all_pieces: Sequence[Piece], t: float) -> Piece:
+def piece_at(all_pieces: Sequence[MotionPiece], t: float) -> MotionPiece:
     """Return the piece that contains a time; at a break the one before it."""
     return all_pieces[bisect_left(all_pieces, t, key=lambda piece: piece.last)]
 
 
-def pieces(signals: Iterable[Signal], t_end: float, more: Iterable[Break] = ()) -> list[Piece]:
+def motion_pieces(signals: Iterable[Signal], t_end: float, more: Iterable[Break] = ()) -> list[MotionPiece]:
     """Return the pieces of a motion from 0 to t_end, divided at the breaks of its signals and at ``more``.
 
     Breaks within round-off of 0 come before the first piece; one within round-off of t_end ends the last.
     """
     near, first = CLOSE * t_end, math.nextafter(0.0, 1.0)
-    out: list[Piece] = []
+    out: list[MotionPiece] = []
     found = [b for s in dict.fromkeys(signals) for b in breakpoints(s, 0.0, t_end)]
     for b in _merged([*found, *more], t_end):
         if b.t > t_end - near:
-            return [*out, Piece(first, b.before, t_end)]
+            return [*out, MotionPiece(first, b.before, t_end)]
         if b.t > near:
-            out.append(Piece(first, b.before, b.t))
+            out.append(MotionPiece(first, b.before, b.t))
         first = b.t
-    return [*out, Piece(first, math.inf, t_end)]
+    return [*out, MotionPiece(first, math.inf, t_end)]
 
 
 def instants(interval: float, t_end: float, each: int = 1) -> Array:
@@ -83,7 +83,7 @@ def instants(interval: float, t_end: float, each: int = 1) -> Array:
     return times[times < t_end * (1.0 - CLOSE)]
 
 
-def telling_times(courses: Iterable[Callable[[float], float]], t0: float, t1: float) -> list[float]:
+def comparison_times(courses: Iterable[Callable[[float], float]], t0: float, t1: float) -> list[float]:
     """Return times in [t0, t1] such that functions equal at all of them are equal: at, just before and between breaks.
 
     Between breaks, ramps and tables are polynomials, and other functions than signals are linear. Sines and expressions

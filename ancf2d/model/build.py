@@ -58,7 +58,7 @@ def must_be_held(case: Case) -> bool:
     return case.solver.balances or case.solver.scales
 
 
-def weighs(case: Case) -> bool:
+def can_hang(case: Case) -> bool:
     """Return whether the solver can find the equilibrium of a mechanism under gravity."""
     solver = case.solver
     static = solver.vibrates or (isinstance(solver, Static) and not solver.on_path)
@@ -106,9 +106,9 @@ class _Builder:
             raise CaseError(self.problems)
         self.e0: Array = np.concatenate([m.e0 for m in self.meshes.values()])
         # the model ``like``, if all bodies have the same reference, else None
-        self.lies = like if like is not None and list(known) == list(self.meshes) and all(
+        self.twin = like if like is not None and list(known) == list(self.meshes) and all(
             mesh.e0 is known[name].e0 for name, mesh in self.meshes.items()) else None
-        self.extent = reference_extent(self.plans) if self.lies is None else self.lies.extent
+        self.extent = reference_extent(self.plans) if self.twin is None else self.twin.extent
         self.equations = Equations()
         self.loads = LoadSet()
         # loads that are inputs, by name; they do not act
@@ -118,17 +118,17 @@ class _Builder:
         self.timing = timing_of(self.case)
         self.hangs = False
         # the linear equations, if they alone leave no body free to move
-        self.held: tuple[Any, ...] | None = None
+        self.checked_rows: tuple[Any, ...] | None = None
         self.warnings: list[str] = []
 
     def warn(self) -> None:
         """Add the warnings about meshes, and store them with each mesh."""
         for mesh in self.meshes.values():
-            if mesh.told is None:
-                mesh.told = [warnings_of(mesh.plan), *([text for text in [warning(mesh)] if text] for warning in (
+            if mesh.warnings is None:
+                mesh.warnings = [warnings_of(mesh.plan), *([text for text in [warning(mesh)] if text] for warning in (
                     locking_warning, hidden_warning, hinge_warning))]
         # sorted by kind of warning, then by body
-        self.warnings += [text for kind in zip(*(mesh.told or () for mesh in self.meshes.values()), strict=True)
+        self.warnings += [text for kind in zip(*(mesh.warnings or () for mesh in self.meshes.values()), strict=True)
                           for texts in kind for text in texts]
 
     def point(self, at: Point) -> PointRef:
@@ -148,9 +148,9 @@ class _Builder:
             except SupportError as error:
                 self.report(("boundary_conditions", i, *error.key), str(error), error.expected, error.near)
             else:
-                self._take(own, support.active, point)
+                self._add_equations(own, support.active, point)
 
-    def _take(self, own: Equations, active: Active | None, point: PointRef | None = None) -> None:
+    def _add_equations(self, own: Equations, active: Active | None, point: PointRef | None = None) -> None:
         """Add the equations of a support or joint; those that engage or release become constraints."""
         self.equations.warnings += own.warnings
         if active is None:
@@ -182,7 +182,7 @@ class _Builder:
             except JointError as error:
                 for key, message, expected in error.problems:
                     self.report(("joints", i, *key), message, expected)
-            self._take(own, joint.active)
+            self._add_equations(own, joint.active)
 
     def add_springs(self) -> None:
         for k, spring in enumerate(self.case.springs):
@@ -210,13 +210,13 @@ class _Builder:
     def add_masses(self) -> None:
         for mass in self.case.masses:
             if isinstance(mass.at, MovingPoint):
-                course = self.timing.follow(mass.at.s)
+                course = self.timing.function_of(mass.at.s)
                 self.loads.patches.append(moving_mass(self.meshes[mass.at.on], course, mass.mass))
 
     def add_loads(self) -> None:
         for i, load in enumerate(self.case.loads):
             context = LoadContext(self.meshes, self.point, self.timing.factor(load), self.case.masses,
-                                  self.case.flows, self.timing.follow,
+                                  self.case.flows, self.timing.function_of,
                                   self.timing.window(getattr(load, "active", None)))
             out = self.loads
             if load.name in self.case.inputs:
@@ -228,7 +228,7 @@ class _Builder:
         for one in self.inputs.values():
             # tendons that are inputs have zero amplitude in the state of linearisation
             for tendon in one.springs:
-                tendon.rests()
+                tendon.stop_winding()
             self.loads.springs += one.springs
             self.loads.guides += [guide for guide in one.guides if len(guide.depends)]
         self.springs += self.loads.springs
@@ -306,18 +306,18 @@ class _Builder:
             return
         rows, constraints = self.equations.rows, self.equations.constraints
         if not self.springs and not constraints:
-            held = tuple((row.coords.tobytes(), row.coefs.tobytes()) for row in rows)
-            if self.lies is not None and self.lies.held == held:
-                self.held = held
+            found = tuple((row.coords.tobytes(), row.coefs.tobytes()) for row in rows)
+            if self.twin is not None and self.twin.checked_rows == found:
+                self.checked_rows = found
                 return
         scene = (list(self.meshes.values()), rows, constraints, self.springs, self.e0)
         motions = free_motions(*scene)
         if not motions and not self.springs and not constraints:
-            self.held = held
+            self.checked_rows = found
         if motions and self.case.contacts:
             # only the loads determine what a body rests on
             motions = []
-        if motions and weighs(self.case):
+        if motions and can_hang(self.case):
             # gravity can hold motions with rotation; others have no equilibrium, or infinitely many
             motions = free_motions(*scene, sliding=True)
             self.hangs = not motions
@@ -372,4 +372,4 @@ def build_model(loaded: LoadedCase, moving: bool = False, like: Model | None = N
                        moving or symmetric(b.loads, contacts), None if like is None else like.numbering)
     return Model(b.case, b.meshes, b.e0, b.equations.rows, b.equations.constraints, elimination, numbering, b.loads,
                  b.springs, b.supports, b.extent, b.timing, [*b.warnings, *b.equations.warnings], loaded, b.hangs,
-                 b.inputs, contacts, b.frames, like, b.held)
+                 b.inputs, contacts, b.frames, like, b.checked_rows)

@@ -18,7 +18,7 @@ from .breakpoints import jumps
 from .mesh import BodyMesh, Index
 from .point_patch import NOTHING, Field, PointConstraint, turn_fields
 from .points import PointRef
-from .timing import Course, Signal, rates_of
+from .timing import Signal, TimeFunction, rates_of
 
 LENGTH = "length"
 TURNED = "relative rotation"
@@ -30,16 +30,16 @@ class Row:
 
     ``owner`` is the support or joint that it belongs to, ``holds`` says in words what it holds. If it holds a vector
     along an angle, ``vector`` has the columns of x and y of this vector and the angle; the direction turns with the
-    section until the support engages. ``apart`` is the violation in the reference of a joint that engages later.
+    section until the support engages. ``initial_gap`` is the violation in the reference of a joint that engages later.
     """
 
     coords: Index
     coefs: Array
     owner: str
     holds: str
-    signal: Course | None = None
+    signal: TimeFunction | None = None
     vector: tuple[list[tuple[Index, Array]], float] | None = None
-    apart: float = 0.0
+    initial_gap: float = 0.0
 
     def value(self, t: float, order: int = 0) -> float:
         """Return the right-hand side at load factor or time t, or its first or second time derivative."""
@@ -181,7 +181,7 @@ def direction_at_theta(a: PointRef, b: PointRef, owner: str) -> PointConstraint:
                            facing=_at_angle)
 
 
-def direction_prescribed(point: PointRef, signal: Course, owner: str) -> PointConstraint:
+def direction_prescribed(point: PointRef, signal: TimeFunction, owner: str) -> PointConstraint:
     """Return the constraint that the section direction of a point is at the angle signal(t) from its reference."""
     _, fields = turn_fields(point)
     return PointConstraint(AT_ANGLE, [*fields, NOTHING], [], owner, "rotation", fields[0].p0, signal, fed=2,
@@ -244,7 +244,7 @@ def hold_rotation(point: PointRef, owner: str, out: Equations) -> None:
     out.rows.append(Row(coords, coefs, owner, "rotation"))
 
 
-def prescribe_rotation(point: PointRef, signal: Course, owner: str, out: Equations) -> None:
+def prescribe_rotation(point: PointRef, signal: TimeFunction, owner: str, out: Equations) -> None:
     """Add the equation that the section at a point rotates by signal(t) from its reference direction."""
     if point.turns_by_theta:
         coords, coefs = point.theta()
@@ -265,7 +265,7 @@ class Motion:
 
     owner: str
     key: str
-    course: Course
+    course: TimeFunction
     # when it acts; None: always
     window: Active | Latch | None = None
 

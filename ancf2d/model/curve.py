@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..case import Arc, CurveGeometry, Geometry, Line, LinePiece, PathGeometry, Polyline, Spline
-from .axis import Axis, AxisError, Bend, Smooth, check_closed, curve, spline
+from .axis import ArcAxis, Axis, AxisError, ParametricAxis, check_closed, curve, spline
 from .grading import Grading, runs
 
 Array = NDArray[np.float64]
@@ -59,12 +59,12 @@ class Piece:
     @property
     def kappa(self) -> float | None:
         """Constant curvature dtheta/ds [1/m] (0 for a straight piece), or None if it varies."""
-        return self.axis.kappa if isinstance(self.axis, Bend) else None
+        return self.axis.kappa if isinstance(self.axis, ArcAxis) else None
 
     @property
     def angle(self) -> float:
         """Direction at its start."""
-        return float(self.axis.place(np.array(self.begin))[1])
+        return float(self.axis.position(np.array(self.begin))[1])
 
     @property
     def start(self) -> Array:
@@ -73,7 +73,7 @@ class Piece:
 
     def position(self, s: float | NDArray[np.floating]) -> tuple[Array, Array]:
         """Return points (..., 2) and tangent angles (...) at arc length s from the piece's start."""
-        z, theta = self.axis.place(self.begin + np.asarray(s, dtype=float))
+        z, theta = self.axis.position(self.begin + np.asarray(s, dtype=float))
         return _pair(z), theta
 
     def derivative(self, s: float | NDArray[np.floating], i: int, j: int) -> Array:
@@ -88,7 +88,7 @@ class Piece:
         return curvature
 
     @cached_property
-    def turns(self) -> Array:
+    def turning_angles(self) -> Array:
         """The angles (count,) by which the elements turn [rad]."""
         return np.diff(self.position(self.l * np.arange(self.count + 1))[1])
 
@@ -141,7 +141,7 @@ def _straight_pieces(points: list[tuple[float, float]]) -> list[Piece]:
         if previous is not None:
             angle = previous + math.remainder(angle - previous, 2 * math.pi)
         length = math.dist(a, b)
-        pieces.append(Piece(Bend(a, angle, 0.0), length, s0, 1))
+        pieces.append(Piece(ArcAxis(a, angle, 0.0), length, s0, 1))
         previous, s0 = angle, s0 + length
     return pieces
 
@@ -151,7 +151,7 @@ def _arc(geometry: Arc) -> Piece:
     sign = math.copysign(1.0, sweep)
     start = (geometry.center[0] + geometry.radius * math.cos(geometry.from_),
              geometry.center[1] + geometry.radius * math.sin(geometry.from_))
-    return Piece(Bend(start, geometry.from_ + sign * math.pi / 2, sign / geometry.radius),
+    return Piece(ArcAxis(start, geometry.from_ + sign * math.pi / 2, sign / geometry.radius),
                  geometry.radius * abs(sweep), 0.0, 1)
 
 
@@ -163,7 +163,7 @@ def _path(geometry: PathGeometry) -> list[Piece]:
             length, kappa = part.line, 0.0
         else:
             length, kappa = part.arc * abs(part.angle), math.copysign(1.0 / part.arc, part.angle)
-        pieces.append(Piece(Bend(start, angle, kappa), length, s0, 1, continues=bool(pieces)))
+        pieces.append(Piece(ArcAxis(start, angle, kappa), length, s0, 1, continues=bool(pieces)))
         (x, y), theta = pieces[-1].position(length)
         start, angle, s0 = (float(x), float(y)), float(theta), s0 + length
     if geometry.closed:
@@ -237,7 +237,7 @@ def is_closed(geometry: Geometry) -> bool:
 
 def turning(geometry: Geometry) -> float:
     """Return the total absolute angle [rad] by which the smooth pieces of a geometry turn."""
-    return sum(p.axis.turning if isinstance(p.axis, Smooth) else abs(p.kappa or 0.0) * p.length
+    return sum(p.axis.turning if isinstance(p.axis, ParametricAxis) else abs(p.kappa or 0.0) * p.length
                for p in _undivided(geometry)[0])
 
 

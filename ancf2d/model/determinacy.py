@@ -49,7 +49,7 @@ def own_motions(mesh: BodyMesh, e0: Array) -> Array:
     return mesh.motions
 
 
-def _held(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint], springs: list[Spring],
+def _resistance(meshes: list[BodyMesh], rows: list[Row], constraints: list[Constraint], springs: list[Spring],
           e0: Array, centres: list[Array], sizes: list[float]) -> Array:
     """Return coefficients (equations, 3 bodies) of equations and springs on rigid motions; rotations times length."""
     first = np.array([m.first_dof for m in meshes])
@@ -116,7 +116,7 @@ def free_motions(meshes: list[BodyMesh], rows: list[Row], constraints: list[Cons
     """
     centres = [np.asarray(m.plan.position(0.5)[0]) for m in meshes]
     sizes = [m.plan.length for m in meshes]
-    held = _held(meshes, rows, constraints, springs, e0, centres, sizes)
+    held = _resistance(meshes, rows, constraints, springs, e0, centres, sizes)
     null = _kernel(held) if len(held) else np.eye(3 * len(meshes))
     if sliding:
         null = _kernel(null[:, 2::3].T) @ null

@@ -20,9 +20,9 @@ from .model import Model
 from .plan import default_rule
 
 # share of the bending stiffness below which no warning is given
-TOLD = 0.05
+WARN_ABOVE = 0.05
 # the same for the transverse strain, for a body of no length; for others the strain itself depends on Poisson's ratio
-TOLD_ACROSS = 0.02
+WARN_ABOVE_ACROSS = 0.02
 # share of the default quadrature's energy below which a quadrature misses a motion
 UNSEEN = 0.02
 # Types that lock when slender are too stiff by about 0.011 (turn l/h)^2, measured with omar and patel: 4 % at a
@@ -178,18 +178,18 @@ def hidden_warning(mesh: BodyMesh) -> str | None:
 def locking_warning(mesh: BodyMesh) -> str | None:
     """Return a warning for a body that Poisson's ratio or curvature makes too stiff or inaccurate, or None."""
     excess, across, plan = thickness_excess(mesh), error_across(mesh), mesh.plan
-    if across > TOLD_ACROSS * (1.0 + (plan.length / plan.section.height) ** 2):
+    if across > WARN_ABOVE_ACROSS * (1.0 + (plan.length / plan.section.height) ** 2):
         return (f"bodies.{plan.name}: {plan.element.name} in formulation {plan.formulation.name} is {100 * across:.3g} "
                 f"% in error under transverse load on a body as short as this, at nu = {plan.section.nu:g}. Use "
                 "formulation continuum")
     more, curved = arc_excess(mesh)
     who = f"bodies.{plan.name}: {plan.element.name} in formulation {plan.formulation.name}"
-    if curved is not None and more >= max(TOLD, excess):
+    if curved is not None and more >= max(WARN_ABOVE, excess):
         l = curved.shape.l
         return (f"{who} is too stiff in bending by {100 * more:.3g} %, because one element rotates by "
                 f"{abs(curved.turn):.2g} rad, {l / plan.section.height:.3g} heights long. Use more elements, or "
                 "reissner3")
-    if excess < TOLD:
+    if excess < WARN_ABOVE:
         return None
     better = [name for name in ("enhanced", "structural")
               if name != plan.formulation.name and FORMULATIONS[name].refuse(plan.element) is None]
@@ -300,7 +300,7 @@ def inverted(model: Model, d: Array, before: Array | None = None) -> str | None:
             sign = _orientation(pool, some, at + d[dofs], None if before is None else at + before[dofs])
             if not (sign > 0.0).all():
                 ie, s = np.argwhere(~(sign > 0.0))[0] + [first, 0]
-                return _told(pool, int(ie), float(STATIONS[s]))
+                return _where_inverted(pool, int(ie), float(STATIONS[s]))
     return None
 
 
@@ -321,7 +321,7 @@ def any_inverted(model: Model, states: Array) -> bool:
     return False
 
 
-def _told(pool: Pool, ie: int, station: float) -> str:
+def _where_inverted(pool: Pool, ie: int, station: float) -> str:
     """Return a message that says where an element is inverted."""
     k = int(np.searchsorted(pool.first, ie, side="right")) - 1
     mesh, ie = pool.meshes[k], ie - int(pool.first[k])

@@ -36,7 +36,7 @@ class Quantity(NamedTuple):
     rotation: Rotation | None = None
 
 
-class Waiting(NamedTuple):
+class Condition(NamedTuple):
     """A condition that starts (``after``) or ends (``until``) an action; without a latch, it ends the motion."""
 
     latch: Latch | None
@@ -58,10 +58,10 @@ class Feedback:
         self.rates: list[Tree] = [tree for c in self.controllers.values() for tree in c.rates.values()]
         used = [name for a in answers if a.amplitude is not None for name in a.amplitude.quantities]
         self.conditions = list(_conditions(model))
-        used += [name for tree in (*self._trees(), *self.asked) for name in named_in(tree)]
-        told = dict.fromkeys(name for name in used if "." in name)
-        self.quantities = [quantity_of(model, name) for name in told]
-        self.names = [*told, *self.states]
+        used += [name for tree in (*self._trees(), *self.condition_trees) for name in named_in(tree)]
+        probed = dict.fromkeys(name for name in used if "." in name)
+        self.quantities = [quantity_of(model, name) for name in probed]
+        self.names = [*probed, *self.states]
         self.meaning: dict[str, int | Tree] = {name: k for k, name in enumerate(self.names)}
         self.meaning |= {name: c.output for name, c in self.controllers.items()}
         # caches: programs, with the functions that they evaluate, and the order of controllers that act at the same
@@ -79,7 +79,7 @@ class Feedback:
         return len(self.answers) + len(self.states)
 
     @cached_property
-    def asked(self) -> list[Tree]:
+    def condition_trees(self) -> list[Tree]:
         """The conditions as trees."""
         return [syntax(c.text) for c in self.conditions]
 
@@ -126,8 +126,8 @@ class Feedback:
 
     def programs(self) -> jets.Programs:
         """Return the programs of all signals that depend on the motion, then of state rates, conditions and margins."""
-        functions = [*((a.amplitude, a.factor) for a in self.answers),
-                     *((tree, 1.0) for tree in (*self.rates, *self.asked, *map(margin, self.asked)))]
+        trees = (*self.rates, *self.condition_trees, *map(margin, self.condition_trees))
+        functions = [*((a.amplitude, a.factor) for a in self.answers), *((tree, 1.0) for tree in trees)]
         return state_programs(functions, self.meaning, len(self.names))  # type: ignore[arg-type]
 
     def values(self, d: Array, v: Array, turned: Array, states: Array) -> Array:
@@ -183,7 +183,7 @@ class Feedback:
         return {name: {"output": out[name], **{state.partition(":")[2]: float(values[self.names.index(state)])
                                                for state in c.rates}} for name, c in self.controllers.items()}
 
-    def look(self, t: float, values: Array) -> None:
+    def evaluate_signals(self, t: float, values: Array) -> None:
         """Evaluate the signals at a state. Raises ComputationError for one without a value."""
         for answer in self.answers:
             assert answer.amplitude is not None
@@ -196,14 +196,15 @@ class Feedback:
 
     def check(self, t: float, values: Array) -> None:
         """Raise ComputationError if a signal, rate, output or condition has no value."""
-        self.look(t, values)
+        self.evaluate_signals(t, values)
         self.holding(t, values)
         for c in self.controllers.values():
             self.evaluate(c.rates, t, values)
 
     def holding(self, t: float, values: Array) -> list[bool]:
         """Return which conditions hold. Raises ComputationError for one without a value."""
-        named = {f"the condition '{c.text}'": tree for c, tree in zip(self.conditions, self.asked, strict=True)}
+        named = {f"the condition '{c.text}'": tree
+                 for c, tree in zip(self.conditions, self.condition_trees, strict=True)}
         found = self.evaluate(named, t, values)
         return [found[f"the condition '{c.text}'"] != 0.0 for c in self.conditions]
 
@@ -223,16 +224,16 @@ class Feedback:
                     yield what
 
 
-def _conditions(model: Any) -> Iterator[Waiting]:
+def _conditions(model: Any) -> Iterator[Condition]:
     """Yield the conditions of all latches, then the one that ends the motion."""
     for latch in model.latches:
         for which in ("after", "until"):
             text = getattr(latch.active, which)
             if text is not None:
-                yield Waiting(latch, which, text)
+                yield Condition(latch, which, text)
     solver = model.case.solver
     if isinstance(solver, Dynamic) and solver.until is not None:
-        yield Waiting(None, "until", solver.until)
+        yield Condition(None, "until", solver.until)
 
 
 def quantity_of(model: Any, name: str) -> Quantity:

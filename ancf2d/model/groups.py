@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..elements.formulations.base import PointLaw
+from ..elements.formulations.base import StrainLaw
 from ..elements.shape import Array
 from ..interactions.forces import NaturalStrain
 from ..kernels.batch import Group, Law
@@ -132,10 +132,10 @@ def _law_like(pool: Pool, other: Pool, group: Record) -> tuple[Law, Plan]:
         own = _in_parts_of_law(*_sampled_classes(pool, [pool.classes[k] for k in new]), plan.parts) if new else known
         B, ref, D = (_rows(one, two, source, new, plan.parts) for one, two in zip(known, own, strict=True))
         law = old._replace(B=B, ref=ref, D=D)
-    room = plan._replace(coupled=_coupled(law), held=np.full_like(plan.held, -1), work=np.zeros_like(plan.work))
+    fresh = _with_own_work(plan)._replace(coupled=_coupled(law))
     if law is old or np.array_equal(law.B, old.B):
-        return law, room
-    return law, _with_products(law, room._replace(vectors=_vectors(law, pool.plan.element.components)))
+        return law, fresh
+    return law, _with_products(law, fresh._replace(vectors=_vectors(law, pool.plan.element.components)))
 
 
 def _with_products(law: Law, plan: Plan) -> Plan:
@@ -158,7 +158,7 @@ def _rows(old: Array, new: Array, source: Sequence[int], at: Sequence[int], part
     return out.reshape(-1, *out.shape[2:])
 
 
-def _memory(law: Law, point: PointLaw, parts: int, elements: int) -> Memory:
+def _memory(law: Law, point: StrainLaw, parts: int, elements: int) -> Memory:
     """Return the initial history variables of elements; those of a timed law are fully relaxed."""
     if not law.state or point.elastic:
         return no_memory()
@@ -207,20 +207,21 @@ def with_trials(groups: list[Record]) -> list[Record]:
             for group, memory in zip(groups, memories, strict=True)]
 
 
-def _with_room(plan: Plan) -> Plan:
+def _with_own_work(plan: Plan) -> Plan:
     """Return a plan with work arrays of its own."""
     return plan._replace(held=np.full_like(plan.held, -1), work=np.zeros_like(plan.work))
 
 
-def apart(group: Record) -> Record:
+def with_own_arrays(group: Record) -> Record:
     """Return a copy of a group that shares no written array: with own work arrays and amounts of natural strains."""
     natural = group.values.natural
-    return group.replaced(plan=_with_room(group.values.plan), natural=natural._replace(amount=natural.amount.copy()))
+    return group.replaced(plan=_with_own_work(group.values.plan),
+                          natural=natural._replace(amount=natural.amount.copy()))
 
 
 def of_elements(group: Record, which: Index | slice) -> Record:
     """Return a group of some elements, with work arrays of its own."""
-    plan = _with_room(group.values.plan)
+    plan = _with_own_work(group.values.plan)
     turn = np.ascontiguousarray(group.turn[which]) if len(group.turn) > 1 else group.turn
     return group.replaced(cls=np.ascontiguousarray(group.cls[which]), turn=turn, plan=plan,
                           natural=of_some(group.values.natural, which),

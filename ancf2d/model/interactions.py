@@ -282,7 +282,7 @@ class Interactions:
         return batches(self._parts[1])
 
     @cached_property
-    def held(self) -> list[Batch]:
+    def point_constraints(self) -> list[Batch]:
         """The constraints at points."""
         return batches(c for c in self._parts[2] if isinstance(c, PointConstraint))
 
@@ -315,7 +315,7 @@ class Interactions:
 
     def constraints(self, d: Array, t: float, linear: bool = False) -> Iterator[Evaluated]:
         """Yield energy (0), Q, K and coordinates of constraints, the multiplier last; arguments as of ``patches``."""
-        for batch in self.held:
+        for batch in self.point_constraints:
             _, Q, K, _ = batch.matrices(d, t, linear)
             yield 0.0, Q, K, batch.dofs
         for i, joint in enumerate(self.joints):
@@ -338,13 +338,13 @@ class Interactions:
     def constraint_rates(self, d: Array, v: Array, t: float) -> Array:
         """Return g_t and v^T g_qq v + 2 g_qt v + g_tt (2, m) of the constraints at d with rates v (n_full,)."""
         out = np.zeros((2, len(d)))
-        for batch in self.held:
+        for batch in self.point_constraints:
             batch.turn_to(d)
             point_constraint_rates(batch.table, d, v, batch.amplitudes(t, rates=True), out[0], out[1])
         sliding_constraint_rates(self.sliding, d, v, np.zeros((0, 3)), out[0], out[1])
         return out[:, len(self.e0):]
 
-    def take_hold(self, d: Array, t: float) -> None:
+    def set_friction_anchors(self, d: Array, t: float) -> None:
         """Set missing friction anchors of contacts with a law to the initial state d (n_full,) at t."""
         for batch in self.springs:
             if batch.rubs:

@@ -16,7 +16,7 @@ from ..elements.formulations import Sampler
 from ..elements.registry import RIGID_FRAME
 from ..elements.section import CONSTANTS, NO_CONSTANTS, Section
 from ..elements.shape import Array, FrameShape, ShapeFunctions, shape_functions
-from .axis import Bend
+from .axis import ArcAxis
 from .classes import ElementClass
 from .curve import AT_NODE, Piece, peaks
 from .plan import BodyPlan
@@ -32,7 +32,7 @@ LAID_OUT = ("dofs", "nodes", "turn", "e0", "n_dofs", "n_nodes", "piece_first", "
 
 def straight(shape: ShapeFunctions, section: Section) -> Sampler:
     """Return the sampler of a straight element."""
-    piece = Piece(Bend((0.0, 0.0), 0.0, 0.0), shape.l, 0.0, 1)
+    piece = Piece(ArcAxis((0.0, 0.0), 0.0, 0.0), shape.l, 0.0, 1)
     return Sampler(shape, _reference(_named(shape.element), piece, shape.element.has_theta)[0], section)
 
 
@@ -48,7 +48,7 @@ def _reference(element_nodes: list[tuple[float, str]], piece: Piece, theta: bool
     """
     n = piece.count
     if piece.kappa is not None:
-        piece, n = replace(piece, axis=Bend((0.0, 0.0), 0.0, piece.kappa), begin=0.0), 1
+        piece, n = replace(piece, axis=ArcAxis((0.0, 0.0), 0.0, piece.kappa), begin=0.0), 1
     starts = piece.l * np.arange(n)
     origin, first = piece.position(starts)
     c, s = np.cos(first), np.sin(first)
@@ -85,7 +85,7 @@ class BodyMesh:
         self.classes: list[ElementClass] = []
         self._samplers: dict[tuple[Any, ...], list[Sampler]] = {}
         # warnings about the mesh, once computed
-        self.told: list[list[str]] | None = None
+        self.warnings: list[list[str]] | None = None
         # cache of ``points.PointRef`` for positions and directions at nodes
         self.at_nodes: dict[tuple[Any, ...], Any] = {}
         # cache of ``determinacy.own_motions``
@@ -139,7 +139,7 @@ class BodyMesh:
 
     def _classes_of(self, piece: Piece, keys: dict[tuple[Any, ...], int], peak: list[int]) -> Index:
         """Return the classes (n,) of the elements of a piece; add new ones to ``classes``."""
-        found, samplers, turns = [], self._samplers_of(piece), piece.turns
+        found, samplers, turns = [], self._samplers_of(piece), piece.turning_angles
         length, mean, varying = float(f"{piece.l:.13e}"), self.plan.section, self.plan.varying
         begin: Array = piece.s0 + piece.l * np.arange(piece.count, dtype=float)
         along = None if varying is None else SectionsAlong(varying, begin / self.plan.length,
@@ -343,10 +343,10 @@ class BodyMesh:
     def element_at(self, s: float) -> tuple[int, float, float]:
         """Return (element, xi in [0, 1], reference angle) of the point at fraction s of the arc length."""
         if s not in self._located:
-            self._located[s] = self._place_of(s)
+            self._located[s] = self._find_element(s)
         return self._located[s]
 
-    def _place_of(self, s: float) -> tuple[int, float, float]:
+    def _find_element(self, s: float) -> tuple[int, float, float]:
         k, sigma = self.plan.locate(s)
         piece = self.plan.pieces[k]
         ie = min(int(sigma / piece.l * (1 + 1e-12)), piece.count - 1)

@@ -69,7 +69,7 @@ class Model:
     # a model with which it shares meshes and classes of elements
     like: Model | None = None
     # the linear equations that were found to leave no body free to move
-    held: tuple[Any, ...] | None = None
+    checked_rows: tuple[Any, ...] | None = None
 
     @property
     def n_q(self) -> int:

@@ -13,7 +13,7 @@ from ..elements.definition import derivative_order
 from ..elements.shape import Array
 from ..interactions.forces import Patch
 from ..kernels.matrices.layout import Places
-from .breakpoints import telling_times
+from .breakpoints import comparison_times
 from .constraints import Constraint, Row
 from .fronts import Fronts, band_cost, fronts_cost, least_degree, make_fronts
 from .mesh import BodyMesh, Index
@@ -28,11 +28,12 @@ LEFT = 1e-8
 class Source:
     """The data behind a numbering: dependent coordinates, and the couplings of elements, forces and constraints."""
 
-    def __init__(self, said: list[Any], coupled: list[Index]) -> None:
-        self.said, self.coupled = said, coupled
+    def __init__(self, dependents: list[Any], coupled: list[Index]) -> None:
+        self.dependents, self.coupled = dependents, coupled
 
     def __eq__(self, other: object) -> bool:
-        return (isinstance(other, Source) and self.said == other.said and len(self.coupled) == len(other.coupled)
+        return (isinstance(other, Source) and self.dependents == other.dependents
+                and len(self.coupled) == len(other.coupled)
                 and all(a is b or np.array_equal(a, b) for a, b in zip(self.coupled, other.coupled, strict=True)))
 
 
@@ -74,6 +75,10 @@ class Numbering:
         """``free``, as a slice if it is contiguous, which reads without a copy."""
         first, count = int(self.free[0]) if len(self.free) else 0, len(self.free)
         return slice(first, first + count) if np.array_equal(self.free, np.arange(first, first + count)) else self.free
+
+    def of_unknowns(self, values: Array) -> Array:
+        """Return the values (n_q,) of nodal coordinates that are unknowns, and 0 for multipliers (n_unknowns,)."""
+        return np.append(values, np.zeros(self.n_multipliers))[self.free]
 
     @cached_property
     def owner(self) -> Index:
@@ -181,12 +186,12 @@ def eliminate(rows: list[Row], size: Callable[[int], float]) -> Elimination:
 def inconsistent(elimination: Elimination, rows: list[Row], t0: float, t1: float) -> list[int]:
     """Return the redundant rows whose right-hand sides contradict others somewhere between t0 and t1.
 
-    They are compared as functions, at ``telling_times`` of their signals.
+    They are compared as functions, at ``comparison_times`` of their signals.
     """
     bad = []
     for number, rhs in elimination.redundant:
         signals = [(factor, s) for r, factor in rhs.items() if (s := rows[r].signal) is not None]
-        times = telling_times([s for _, s in signals], t0, t1)
+        times = comparison_times([s for _, s in signals], t0, t1)
         values = np.array([[factor * s(t) for t in times] for factor, s in signals])
         if np.any(np.abs(values.sum(axis=0)) > 1e-9 * np.abs(values).max(initial=0.0)):
             bad.append(number)

@@ -46,10 +46,10 @@ MAX_COORDINATES = 32_000_000  # of all bodies together: a million elements of mo
 class BodyPlan:
     """A body with all choices made that a mesh needs.
 
-    ``asked`` is the number of elements in the case, ``acting`` the places S where something acts on the body or varies
-    with a kink or jump. If the section varies, ``section`` has its mean values, ``varying`` the section at each place
-    and ``cuts`` the places S of its kinks and jumps. ``closed``: whether the end is welded to the start. ``source``
-    contains all inputs of the plan.
+    ``given_count`` is the number of elements in the case, ``acting`` the places S where something acts on the body or
+    varies with a kink or jump. If the section varies, ``section`` has its mean values, ``varying`` the section at each
+    place and ``cuts`` the places S of its kinks and jumps. ``closed``: whether the end is welded to the start.
+    ``source`` contains all inputs of the plan.
     """
 
     name: str
@@ -58,7 +58,7 @@ class BodyPlan:
     rule: Rule
     section: Section
     pieces: tuple[Piece, ...]
-    asked: int = 0
+    given_count: int = 0
     acting: tuple[float, ...] = ()
     preset: str | None = None
     varying: VaryingSection | None = None
@@ -362,8 +362,8 @@ def _incomputable(name: str) -> str:
 def warnings_of(plan: BodyPlan) -> list[str]:
     """Return warnings about a body's mesh, which a user need not act on."""
     out = []
-    if plan.count > plan.asked > 0:
-        out.append(f"bodies.{plan.name}: element.count {plan.asked} is less than the number of stretches between "
+    if plan.count > plan.given_count > 0:
+        out.append(f"bodies.{plan.name}: element.count {plan.given_count} is less than the number of stretches between "
                    f"corners and points where something acts: {plan.count} elements are used")
     if inside := plan.inside():
         places = ", ".join(f"{s:.6g}" for s in inside[:5]) + (", ..." if len(inside) > 5 else "")
@@ -382,7 +382,7 @@ def warnings_of(plan: BodyPlan) -> list[str]:
         out.append(f"bodies.{plan.name}: neighbours of type {plan.element.name} share only the axis and the directions "
                    "of their sections, so results are off by 50 % and more under transverse load on a short body. "
                    "Use patel in formulation continuum")
-    turn = max(float(np.abs(p.turns).max()) for p in plan.pieces)
+    turn = max(float(np.abs(p.turning_angles).max()) for p in plan.pieces)
     if turn > WIDE:
         out.append(f"bodies.{plan.name}: an element rotates by {turn:.2g} rad, which can cost some per cent of "
                    f"accuracy. Use more elements, so that each rotates by less than {WIDE:g} rad")

@@ -12,14 +12,14 @@ import numpy as np
 from ..case import Active, Latch, jets
 from ..case.programs import state_programs
 from ..case.syntax import Tree
-from ..elements.point_laws import DIRECTION, FORMULAS, GROUND, MAX_CONSTANTS, MAX_MEM, RUN, THETA, PointLaw
+from ..elements.point_laws import DIRECTION, FORMULA_RECORDS, GROUND, MAX_CONSTANTS, MAX_MEM, RUN, THETA, PointLaw
 from ..elements.shape import Array
 from ..errors import ComputationError, PluginError
 from .mesh import Index
 from .points import PointRef, dot
 
 # each formula record by its address, with the texts of the formulas and the names of the quantities
-_TOLD: dict[float, tuple[Any, Sequence[str], Sequence[str]]] = {}
+_FORMULA_TEXTS: dict[float, tuple[Any, Sequence[str], Sequence[str]]] = {}
 
 
 @dataclass(frozen=True)
@@ -255,7 +255,7 @@ class PointConstraint(PointPatch):
         return gradient
 
 
-def turns(ends: Sequence[PointRef | None]) -> tuple[list[int], list[Field]]:
+def turn_fields_of_ends(ends: Sequence[PointRef | None]) -> tuple[list[int], list[Field]]:
     """Return how each end turns and the fields of all ends; None is the ground."""
     kinds, fields = [], []
     for end in ends:
@@ -286,8 +286,8 @@ def formula_record(trees: Sequence[Tree], names: Sequence[str], texts: Sequence[
 
     meaning = {name: k for k, name in enumerate(names)}
     record = Record(formula(state_programs([(tree, 1.0) for tree in trees], meaning, len(names)), len(names)))
-    FORMULAS[record.address] = record.values
-    _TOLD[float(record.address)] = record, texts, names
+    FORMULA_RECORDS[record.address] = record.values
+    _FORMULA_TEXTS[float(record.address)] = record, texts, names
     RUN[:] = [jets.run_with_gradient]
     return record
 
@@ -296,7 +296,7 @@ def check_formulas(patches: Iterable[Any], d: Array, v: Array, t: float) -> None
     """Raise ComputationError if a formula among point laws has no value at d with rates v (n_full,)."""
     for items in (patch.items() for patch in patches):
         for k, par in enumerate(items.par):
-            found = [x for x in par.tolist() if x in _TOLD]
+            found = [x for x in par.tolist() if x in _FORMULA_TEXTS]
             if not found:
                 continue
             m = len(items.p0[k])
@@ -309,9 +309,9 @@ def check_formulas(patches: Iterable[Any], d: Array, v: Array, t: float) -> None
 
 
 def _without_value(address: float, f: Array, t: float) -> ComputationError:
-    record, texts, names = _TOLD[address]
-    told = {name: float(f"{x:.6g}") for name, x in zip(names, record.values.values, strict=True)}
+    record, texts, names = _FORMULA_TEXTS[address]
+    values = {name: float(f"{x:.6g}") for name, x in zip(names, record.values.values, strict=True)}
     text = texts[min(int(np.flatnonzero(~np.isfinite(f))[0]), len(texts) - 1)]
     return ComputationError(f"the formula '{text}' has no value: it divides by zero, or a square root or a power is "
-                            "not real", at={"t": t, **{k: x for k, x in told.items() if k != "t"}},
+                            "not real", at={"t": t, **{k: x for k, x in values.items() if k != "t"}},
                             advice="guard the formula with 'a if c else b'")

@@ -69,14 +69,14 @@ class PointRef:
     def _on_node(self) -> bool:
         return self.node is not None and self.eta == 0.0
 
-    def _of_places(self, what: str, found: Callable[[], Any]) -> Any:
-        """Return the result of ``found``; at nodes it is cached and shared by meshes with the same nodes."""
+    def _cached_at_node(self, what: str, compute: Callable[[], Any]) -> Any:
+        """Return the result of ``compute``; at nodes it is cached and shared by meshes with the same nodes."""
         if not self._on_node:
-            return found()
-        known, key = self.mesh.at_nodes, (what, self.ie, self.node, self.s)
-        if key not in known:
-            known[key] = found()
-        return known[key]
+            return compute()
+        cache, key = self.mesh.at_nodes, (what, self.ie, self.node, self.s)
+        if key not in cache:
+            cache[key] = compute()
+        return cache[key]
 
     def columns(self, row: Array, component: int) -> tuple[Index, Array]:
         """Return (coordinates, weights) of one component of the vector that a row of shape functions interpolates."""
@@ -93,7 +93,7 @@ class PointRef:
     @cached_property
     def _at_point(self) -> list[tuple[Index, Array]]:
         """The position without spread, cached for every stored state."""
-        found: list[tuple[Index, Array]] = self._of_places("position", lambda: self._both(self.shape_row()))
+        found: list[tuple[Index, Array]] = self._cached_at_node("position", lambda: self._both(self.shape_row()))
         return found
 
     def _both(self, row: Array) -> list[tuple[Index, Array]]:
@@ -114,7 +114,7 @@ class PointRef:
         The vector is r_y, or r_x for the cable. Between the nodes of an arc the interpolated vector deviates a little
         from the curve's own direction; the angle is that of the vector, so that equations are met in the reference.
         """
-        columns, angle = self._of_places("director", self._director)
+        columns, angle = self._cached_at_node("director", self._director)
         return list(columns), angle
 
     def _director(self) -> tuple[list[tuple[Index, Array]], float]:

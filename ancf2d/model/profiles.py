@@ -28,6 +28,8 @@ STRAIGHT = 1e-9
 PLACES = np.linspace(0.0, 1.0, 9)
 # number of stored evaluations (each for one set of stations and a block of elements); elements in a block
 KNOWN, TOGETHER = 32, 512
+# number of places at which a varying section is checked
+CHECKED = 101
 # profiles whose jumps make the strains jump
 STIFF = ("height", "width", "A", "I", "EA", "kGA", "EI", "E")
 
@@ -145,10 +147,15 @@ class VaryingSection:
         """The section of the mean values, used to judge sizes."""
         return self.resolve(with_numbers(self.body, mean))
 
+    @cached_property
+    def checked(self) -> Section:
+        """The constants at ``CHECKED`` places all along the body."""
+        return self.at(np.linspace(0.0, 1.0, CHECKED))
+
     @property
     def lowest(self) -> float:
-        """The smallest height at 101 places."""
-        return float(np.min(self.at(np.linspace(0.0, 1.0, 101)).height))
+        """The smallest height at these places."""
+        return float(np.min(self.checked.height))
 
 
 def alike_along(one: Body, other: Body, begin: Array, length: Array) -> NDArray[np.bool_]:

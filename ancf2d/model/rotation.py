@@ -60,7 +60,7 @@ class Rotation:
         return np.array([[c, -s], [s, c]])
 
 
-class Course:
+class SectionAngles:
     """Rotations of the sections along a body; for types with directions instead of theta."""
 
     def __init__(self, mesh: BodyMesh) -> None:
@@ -136,11 +136,11 @@ class Turns:
 
     def __init__(self, meshes: dict[str, BodyMesh]) -> None:
         self.number = {name: k for k, name in enumerate(meshes)}
-        self.courses = [Course(mesh) for mesh in meshes.values()]
-        told = [turn_fields(point_ref(mesh, 0.0)) for mesh in meshes.values()]
-        self.counted = np.array([k for k, (kind, _) in enumerate(told) if kind == DIRECTION], dtype=np.int64)
-        self.by_theta = [(k, fields[0]) for k, (kind, fields) in enumerate(told) if kind != DIRECTION]
-        fields = [told[k][1] for k in self.counted]
+        self.angles = [SectionAngles(mesh) for mesh in meshes.values()]
+        found = [turn_fields(point_ref(mesh, 0.0)) for mesh in meshes.values()]
+        self.counted = np.array([k for k, (kind, _) in enumerate(found) if kind == DIRECTION], dtype=np.int64)
+        self.by_theta = [(k, fields[0]) for k, (kind, fields) in enumerate(found) if kind != DIRECTION]
+        fields = [found[k][1] for k in self.counted]
         self.begin = np.cumsum([0, *(len(along.coords) for along, _ in fields)])
         self.dofs, self.along, self.across = (np.concatenate([np.zeros(0), *parts]) for parts in (
             [a.coords for a, _ in fields], [a.weights for a, _ in fields], [b.weights for _, b in fields]))
@@ -149,7 +149,7 @@ class Turns:
 
     def at(self, d: Array, near: Array) -> Array:
         """Return ``turned`` at d; for counted bodies on the turn nearest to ``near`` (counted,)."""
-        out = np.zeros(len(self.courses))
+        out = np.zeros(len(self.angles))
         for k, field in self.by_theta:
             out[k] = field.weights @ d[field.coords]
         if len(self.counted):
@@ -160,50 +160,50 @@ class Turns:
 
     def follow(self, before: Array, turned: Array, d: Array) -> Array:
         """Return ``turned`` at d, one load step after the state ``before``, also if sections rotate far in between."""
-        near = [turned[k] if self.courses[k].small(d) and self.courses[k].small(before)
-                else self.courses[k].follow(before, float(turned[k]), d) for k in self.counted]
+        near = [turned[k] if self.angles[k].small(d) and self.angles[k].small(before)
+                else self.angles[k].follow(before, float(turned[k]), d) for k in self.counted]
         return self.at(d, np.array(near))
 
-    def hold(self, point: PointRef, angle: float, e: Array, d: Array, turned: Array) -> None:
+    def match_angle(self, point: PointRef, angle: float, e: Array, d: Array, turned: Array) -> None:
         """Add full turns to ``turned`` for the body of a point, so that the section there is nearest to the angle."""
         turned[self.number[point.mesh.plan.name]] += whole_turns(angle - self.theta(Rotation(point), e, d, turned))
 
     def from_reference(self, d: Array) -> Array:
         """Return ``turned`` at d if no other state than the reference is known."""
-        return self.follow(np.zeros_like(d), np.zeros(len(self.courses)), d)
+        return self.follow(np.zeros_like(d), np.zeros(len(self.angles)), d)
 
     def theta(self, rotation: Rotation, e: Array, d: Array, turned: Array) -> float:
         """Return the rotation of a section at nodal coordinates e with displacements d."""
         point = rotation.point
         k = self.number[point.mesh.plan.name]
-        near, course = float(turned[k]), self.courses[k]
-        if not point.turns_by_theta and point.s > 0.0 and not course.small(d):
-            near = course.near(point, d, near)
+        near, angles = float(turned[k]), self.angles[k]
+        if not point.turns_by_theta and point.s > 0.0 and not angles.small(d):
+            near = angles.near(point, d, near)
         return rotation.value(e, d, near)
 
-    def recall(self, springs: Iterable[PointPatch], e: Array, d: Array, turned: Array) -> None:
+    def set_spring_angles(self, springs: Iterable[PointPatch], e: Array, d: Array, turned: Array) -> None:
         """Set the stored angles of torsion springs to those of a state."""
         for spring in springs:
             for k, end in enumerate(spring.sections):
                 spring.mem[k] = 0.0 if end is None else self.theta(Rotation(end), e, d, turned)
 
 
-class Kinds:
-    """Full coordinates by kind: ``x`` of positions and gradients (their y is next), ``theta``, ``place``.
+class CoordinateKinds:
+    """Full coordinates by kind: ``x`` of positions and gradients (their y is next), ``theta``, ``positions``.
 
-    ``place`` are those of ``x`` that are positions.
+    ``positions`` are those of ``x`` that are positions.
     """
 
     def __init__(self, meshes: Iterable[BodyMesh]) -> None:
         kinds = np.concatenate([m.kinds for m in meshes])
         self.x: Index = np.flatnonzero((kinds == 0) | (kinds == 3))
-        self.place: Index = np.flatnonzero(kinds == 0)
+        self.positions: Index = np.flatnonzero(kinds == 0)
         self.theta: Index = np.flatnonzero(kinds == 2)
 
     def translation(self, out: Array, vx: float, vy: float) -> None:
         """Add the rates of a translation to ``out`` (n_q,)."""
-        out[self.place] += vx
-        out[self.place + 1] += vy
+        out[self.positions] += vx
+        out[self.positions + 1] += vy
 
     def rotation(self, out: Array, e: Array, omega: float, about: tuple[float, float] = (0.0, 0.0)) -> None:
         """Add the rates of nodal coordinates e (n_q,) in a rotation with rate omega about a point to ``out``."""

@@ -23,8 +23,8 @@ from .profiles import VaryingSection, profile_breaks, profiles_of
 DRAWN = 0.05
 # range of section constants within which products of several of them are floating-point numbers
 LEAST, MOST = 1e-100, 1e100
-# number of places at which a varying section is checked; points of a rigid body between two cuts
-CHECKED, POINTS = 101, 20
+# points of a rigid body between two cuts
+POINTS = 20
 
 
 class SectionError(ValueError):
@@ -63,7 +63,7 @@ def resolve_section(body: Body, element: ElementType, formulation: Formulation, 
 
     varying = VaryingSection(body, resolve) if _varies(body) else None
     section = resolve(body) if varying is None else varying.mean
-    for checked in [section] if varying is None else [section, varying.at(np.linspace(0.0, 1.0, CHECKED))]:
+    for checked in [section] if varying is None else [section, varying.checked]:
         _check_range(checked)
     return section, varying
 

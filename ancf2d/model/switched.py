@@ -127,9 +127,9 @@ def _constraint(row: Row, size: Callable[[int], float], extent: float, point: Po
         first, e0 = point.mesh.first_dof, point.mesh.e0
         fields = [Field(*x, dot((x[0] - first, x[1]), e0)) for x in columns]
         out = PointConstraint(HELD_ALONG, [*fields, *turning], [angle], row.owner, row.holds, _scale(row, size, extent))
-        catch(out, np.zeros(int(out.dofs.max()) + 1), 0.0)
+        store_held_values(out, np.zeros(int(out.dofs.max()) + 1), 0.0)
         return out
-    return PointConstraint(HELD, [Field(row.coords, row.coefs, row.apart), NOTHING], [], row.owner, row.holds,
+    return PointConstraint(HELD, [Field(row.coords, row.coefs, row.initial_gap), NOTHING], [], row.owner, row.holds,
                            _scale(row, size, extent), row.signal, 1 if row.signal is not None else -1)
 
 
@@ -137,7 +137,7 @@ def _scale(row: Row, size: Callable[[int], float], extent: float) -> float:
     return extent * max(abs(w) * size(c) for c, w in zip(row.coords.tolist(), row.coefs.tolist(), strict=True))
 
 
-def catch(c: PointConstraint, d: Array, t: float) -> None:
+def store_held_values(c: PointConstraint, d: Array, t: float) -> None:
     """Store in a constraint that engages what it holds at d (n_full,) and t.
 
     A prescribed motion continues from there by its change.

@@ -74,12 +74,13 @@ class Clocked(Signal):
         return self(t), t, 0.0
 
 
-def rates_of(course: Callable[[float], float] | None, t: float) -> tuple[float, float]:
+# a function of load factor or time
+TimeFunction = Callable[[float], float]
+
+
+def rates_of(course: TimeFunction | None, t: float) -> tuple[float, float]:
     """Return the first two time derivatives of a load's or motion's course; 0 if it is no signal."""
     return course.derivatives(t)[1:] if isinstance(course, Signal) else (0.0, 0.0)
-
-
-Course = Callable[[float], float]
 
 
 class Timing:
@@ -89,7 +90,7 @@ class Timing:
         """Return the default amplitude at load factor or time t."""
         return t
 
-    def follow(self, amplitude: Amplitude | None) -> Course:
+    def function_of(self, amplitude: Amplitude | None) -> TimeFunction:
         """Return the factor of a load."""
         return self if amplitude is None else amplitude.value
 
@@ -97,11 +98,11 @@ class Timing:
         """Return the window in which something acts."""
         return active
 
-    def factor(self, load: Any) -> Course:
+    def factor(self, load: Any) -> TimeFunction:
         """Return the factor of a load, zero while it does not act."""
-        return self.follow(amplitude_of(load, self.window(getattr(load, "active", None))))
+        return self.function_of(amplitude_of(load, self.window(getattr(load, "active", None))))
 
-    def motion(self, value: float | Amplitude, start: float) -> Course:
+    def motion(self, value: float | Amplitude, start: float) -> TimeFunction:
         """Return the change of a prescribed motion from ``start``, its value in the reference.
 
         A plain number is reached in proportion to the default amplitude.
@@ -133,7 +134,7 @@ class TimeTiming(Timing):
             return active
         return self.latches.setdefault(active, Latch(active))
 
-    def follow(self, amplitude: Amplitude | None) -> Signal:
+    def function_of(self, amplitude: Amplitude | None) -> Signal:
         """Return the factor of a load."""
         if amplitude is not None and amplitude.quantities:
             return self.answers.setdefault(amplitude, Answer(amplitude))
@@ -146,7 +147,7 @@ class TimeTiming(Timing):
         return Signal(value, 1.0, -start)
 
 
-class Drive:
+class InputMotion:
     """A prescribed motion that is an input of small motions: at rest, with oscillation ``amplitude``."""
 
     def __init__(self, name: str, amplitude: float) -> None:
@@ -163,9 +164,9 @@ class InputTiming(Timing):
     def __init__(self, name: str) -> None:
         self.name = name
 
-    def motion(self, value: float | Amplitude, start: float) -> Drive:
+    def motion(self, value: float | Amplitude, start: float) -> InputMotion:
         """Return the motion whose amplitude is the prescribed number, or the scale of its amplitude over time."""
-        return Drive(self.name, float(value) if isinstance(value, int | float) else value.scale)
+        return InputMotion(self.name, float(value) if isinstance(value, int | float) else value.scale)
 
 
 class PathTiming(Timing):
@@ -182,17 +183,17 @@ class PathTiming(Timing):
         """Return the load factor, 0 while preloading."""
         return 0.0 if self.preloading else t
 
-    def follow(self, amplitude: Amplitude | None) -> Course:
+    def function_of(self, amplitude: Amplitude | None) -> TimeFunction:
         """Return the factor of a load; while preloading, a constant one is scaled by t."""
         return self if amplitude is None else self._hold(amplitude.value(1.0))
 
-    def motion(self, value: float | Amplitude, start: float) -> Course:
+    def motion(self, value: float | Amplitude, start: float) -> TimeFunction:
         """Return the change of a prescribed motion from ``start``; while preloading, a constant one is scaled by t."""
         if isinstance(value, int | float):
             return super().motion(value, start)
         return self._hold(value.value(1.0) - start)
 
-    def _hold(self, value: float) -> Course:
+    def _hold(self, value: float) -> TimeFunction:
         self.constant = True
         return lambda t: value * t if self.preloading else value
 

@@ -330,19 +330,19 @@ def _left_out(model: Model) -> Iterator[tuple[tuple[Any, ...], str]]:
     case, over_time = model.case, model.case.solver.timed
     for group in ("boundary_conditions", "joints", "springs", "masses", "loads"):
         for k, item in enumerate(getattr(case, group)):
-            for why in dict.fromkeys(_beyond(item, group in ("boundary_conditions", "joints"))):
-                yield (group, k), _told(f"{group}.{k}", why)
+            for why in dict.fromkeys(_why_left_out(item, group in ("boundary_conditions", "joints"))):
+                yield (group, k), _message(f"{group}.{k}", why)
     for k, contact in enumerate(case.contacts):
         if contact.friction:
-            yield ("contacts", k, "friction"), _told(f"contacts.{k}.friction", "friction depends on the load path")
+            yield ("contacts", k, "friction"), _message(f"contacts.{k}.friction", "friction depends on the load path")
         elif over_time and contact.law is None:
-            yield ("contacts", k), _told(f"contacts.{k}", "impacts without a law make velocities jump")
+            yield ("contacts", k), _message(f"contacts.{k}", "impacts without a law make velocities jump")
     for name in model.meshes if over_time else ():
         if model.meshes[name].plan.section.maxwell or name in model.remembers:
-            yield ("bodies", name), _told(f"bodies.{name}", "its material remembers past strains")
+            yield ("bodies", name), _message(f"bodies.{name}", "its material remembers past strains")
 
 
-def _beyond(item: Any, holds: bool) -> Iterator[str]:
+def _why_left_out(item: Any, holds: bool) -> Iterator[str]:
     """Yield why R(z, z', t) cannot contain an item of a case; ``holds``: it is a support or joint."""
     active = getattr(item, "active", None)
     if active is not None and (holds or active.waits):
@@ -358,5 +358,5 @@ def _beyond(item: Any, holds: bool) -> Iterator[str]:
             yield f"it depends on {', '.join(value.quantities)}"
 
 
-def _told(where: str, why: str) -> str:
+def _message(where: str, why: str) -> str:
     return f"{where}: {why}, which the residual of ancf2d.system does not contain; ancf2d.solve takes it into account"

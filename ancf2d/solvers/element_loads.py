@@ -97,7 +97,7 @@ def acting_inside(model: Model, mesh: BodyMesh, state: State) -> list[Inside]:
             *_moving(model, mesh, state), *_by_formula(model, mesh, state), *_touching(model, mesh, state)]
 
 
-def reach(model: Model, mesh: BodyMesh, ie: int, state: State) -> Index | None:
+def influencing_coordinates(model: Model, mesh: BodyMesh, ie: int, state: State) -> Index | None:
     """Return all coordinates and multipliers on which element ``ie`` and the forces inside it depend.
 
     None if supports or joints without multipliers hold it there: their forces depend on the whole model.
@@ -123,14 +123,14 @@ def _loads(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
             continue
         out, full = LoadSet(), np.zeros(model.n_q)
         load.add(LoadContext(model.meshes, model.point, model.timing.factor(load)), out)
-        told = [patch for patch in out.patches if isinstance(patch, PointPatch) and patch.ends]
-        for patch in told:
+        with_ends = [patch for patch in out.patches if isinstance(patch, PointPatch) and patch.ends]
+        for patch in with_ends:
             yield from _at_ends(patch, mesh, d, None, state)
         if not isinstance(getattr(load, "at", None), Point):
             continue
         for dead in out.dead:
             full[dead.dofs] += dead.amplitude(state.side) * dead.values
-        if rest := [patch for patch in out.patches if patch not in told]:
+        if rest := [patch for patch in out.patches if patch not in with_ends]:
             from ..model.interactions import batches
 
             for batch in batches(rest):
@@ -141,7 +141,7 @@ def _loads(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
 def _springs(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
     d, v = state.d[:model.n_q], None if state.v is None else state.v[:model.n_q]
     if state.turned is not None:
-        model.turns.recall(model.springs, model.e0 + d, d, state.turned)
+        model.turns.set_spring_angles(model.springs, model.e0 + d, d, state.turned)
     for spring in (one for one in model.springs if one.ends):
         yield from _at_ends(spring, mesh, d, v, state, state.linear)
 

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..elements.formulations.base import PointLaw
+from ..elements.formulations.base import StrainLaw
 from ..elements.shape import Array
 from ..interactions.forces import DeadLoad
 from ..interactions.moving import MovingPatch
 from ..kernels.elements import commit, stations
 from ..kernels.lowlevel.records import Record
 from ..model.model import Model
-from ..model.rotation import Kinds
+from ..model.rotation import CoordinateKinds
 from ..model.timing import Signal
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class Energies:
     """
 
     def __init__(self, model: Model) -> None:
-        self.model, self.kinds = model, Kinds(model.meshes.values())
+        self.model, self.kinds = model, CoordinateKinds(model.meshes.values())
         patches = [p for p in model.interactions.points if isinstance(p, MovingPatch)]
         self.moving = [p for p in patches if p.mass]
         self.weights = [p for p in patches if has_potential(p)]
@@ -93,21 +93,21 @@ class Energies:
         n_q = self.model.n_q
         m, e, x = self.M @ v[:n_q], self.model.e0 + d[:n_q], self.kinds.x
         angular = e[x] @ m[x + 1] - e[x + 1] @ m[x] + m[self.kinds.theta].sum()
-        return float(m[self.kinds.place].sum()), float(m[self.kinds.place + 1].sum()), float(angular)
+        return float(m[self.kinds.positions].sum()), float(m[self.kinds.positions + 1].sum()), float(angular)
 
 
-def kept_energy(model: Model, d: Array, t: float) -> tuple[float, float, float]:
+def extra_energy(model: Model, d: Array, t: float) -> tuple[float, float, float]:
     """Return energies [J] stored in materials at d (n_full,) and t beyond sigma^T D^-1 sigma/2.
 
     They are those of inelastic laws, then of elastic laws with internal strains: of springs in Maxwell terms, of
     kinematic hardening, of residual stress in partly yielded sections, and of curves on unloading
-    (``PointLaw.stored``). The third is the excess of the dissipation that steps report with the stress at their ends
-    (``PointLaw.overtold``).
+    (``StrainLaw.extra_energy``). The third is the excess of the dissipation that steps report with the stress at their
+    ends (``StrainLaw.excess_work``).
     """
     found = [0.0, 0.0, 0.0]
     for pool, group in zip(model.pools, model.groups, strict=True):
         law = pool.plan.formulation.law
-        if law.stored is None:
+        if law.extra_energy is None:
             continue
         memory = group.values.memory
         states = memory.states.copy()
@@ -118,9 +118,9 @@ def kept_energy(model: Model, d: Array, t: float) -> tuple[float, float, float]:
         eps, _ = shape = np.zeros((2, len(group.dofs), *_stations_of(group, law)))
         stations(alone, d, *shape)
         for some, constants, D, now in _classes(group, law, states):
-            found[law.elastic] += float(np.sum(law.stored(constants, D, eps[some], now)))
-            if law.overtold is not None:
-                found[2] += float(np.sum(law.overtold(constants, D, now)))
+            found[law.elastic] += float(np.sum(law.extra_energy(constants, D, eps[some], now)))
+            if law.excess_work is not None:
+                found[2] += float(np.sum(law.excess_work(constants, D, now)))
     return found[0], found[1], found[2]
 
 
@@ -137,12 +137,12 @@ def internal_energy(model: Model) -> float:
     return found
 
 
-def _stations_of(group: Any, law: PointLaw) -> tuple[int, int]:
+def _stations_of(group: Any, law: StrainLaw) -> tuple[int, int]:
     """Return the number of stations of an element, and the number of strains at a station."""
     return group.plan.parts * group.law.B.shape[2], group.law.B.shape[1] // law.fields * law.strains
 
 
-def _classes(group: Any, law: PointLaw, states: Array) -> Iterator[tuple[Any, Array, Array, Array]]:
+def _classes(group: Any, law: StrainLaw, states: Array) -> Iterator[tuple[Any, Array, Array, Array]]:
     """Yield the elements (k,) of each class with their constants and history variables at the stations.
 
     These are ref (stations, points, any), D (stations, strains, strains) and the states (k, stations, points, numbers).

@@ -26,7 +26,7 @@ ALONG, ACROSS = 5, 5  # least number of stations along and across an element, in
 
 
 @dataclass(frozen=True)
-class Field:
+class OutputField:
     """A field over the bodies: component names, units (with {F}, {L}, {T}) and description.
 
     ``over``: also over the height, not only along the axis; ``part``: its entry in the computed results; ``kept``:
@@ -46,24 +46,22 @@ class Field:
 
 _FORCE = "of the section, by equilibrium"
 # the only place where a field is added
-FIELDS: dict[str, Field] = {f.name: f for f in (
-    Field("N", ("N",), "{F}", f"axial force {_FORCE}, tension positive", False, 0),
-    Field("Q", ("Q",), "{F}", f"shear force {_FORCE}, along its y axis", False, 1),
-    Field("M", ("M",), "{F}*{L}", f"bending moment {_FORCE}, counter-clockwise", False, 2),
-    Field("stress", ("xx", "yy", "xy"), "{F}/{L}^2", "stress along and across the axis", True, "stress"),
-    Field("strain", ("xx", "yy", "xy"), "1", "strain along and across the axis; xy is the angle 2 eps_xy", True,
-          "strain"),
-    Field("energy", ("energy",), "{F}/{L}^2", "strain energy per volume of the reference", True, "energy"),
-    Field("plastic_strain", ("xx",), "1", "plastic strain of the fibres along the axis", True, "plastic", True),
-    Field("pressure", ("pressure",), "{F}/{L}", "contact pressure on each face: normal force per length of the axis",
-          False,
-          "pressure", True, True),
-    Field("traction", ("traction",), "{F}/{L}", "friction force on each face along the axis, per length", False,
-          "traction",
-          True, True),
-    Field("gap", ("gap",), "{L}", "gap: distance of each face from the nearest surface, nan if nothing is opposite",
-          False,
-          "gap", True, True),
+FIELDS: dict[str, OutputField] = {f.name: f for f in (
+    OutputField("N", ("N",), "{F}", f"axial force {_FORCE}, tension positive", False, 0),
+    OutputField("Q", ("Q",), "{F}", f"shear force {_FORCE}, along its y axis", False, 1),
+    OutputField("M", ("M",), "{F}*{L}", f"bending moment {_FORCE}, counter-clockwise", False, 2),
+    OutputField("stress", ("xx", "yy", "xy"), "{F}/{L}^2", "stress along and across the axis", True, "stress"),
+    OutputField("strain", ("xx", "yy", "xy"), "1", "strain along and across the axis; xy is the angle 2 eps_xy",
+                True, "strain"),
+    OutputField("energy", ("energy",), "{F}/{L}^2", "strain energy per volume of the reference", True, "energy"),
+    OutputField("plastic_strain", ("xx",), "1", "plastic strain of the fibres along the axis", True, "plastic", True),
+    OutputField("pressure", ("pressure",), "{F}/{L}",
+                "contact pressure on each face: normal force per length of the axis", False, "pressure", True, True),
+    OutputField("traction", ("traction",), "{F}/{L}",
+                "friction force on each face along the axis, per length", False, "traction", True, True),
+    OutputField("gap", ("gap",), "{L}",
+                "gap: distance of each face from the nearest surface, nan if nothing is opposite",
+                False, "gap", True, True),
 )}
 
 
@@ -97,17 +95,17 @@ class BodyFields:
     """
 
     body: str
-    fields: tuple[Field, ...]
+    fields: tuple[OutputField, ...]
     xi: Array
     eta: Array
     faces: Array
     fibres: Array | None = None
 
-    def along(self, field: Field) -> Array:
+    def along(self, field: OutputField) -> Array:
         """Return the stations of a field along each element: (nx,), or (ne, nx) if they differ between elements."""
         return self.fibres if field.over and self.fibres is not None else self.xi
 
-    def across(self, field: Field) -> Array:
+    def across(self, field: OutputField) -> Array:
         """Return the stations of a field across the body."""
         return self.eta if field.over else self.faces if field.faces else np.zeros(1)
 
@@ -118,7 +116,7 @@ class FieldReader:
     def __init__(self, model: Model, names: Sequence[str] | None = None) -> None:
         chosen = [FIELDS[name] for name in dict.fromkeys(model.case.output.fields if names is None else names)]
         self.model, self.bodies = model, list[BodyFields]()
-        self._readers: list[tuple[BodyFields, Callable[[State], dict[Field, Array]]]] = []
+        self._readers: list[tuple[BodyFields, Callable[[State], dict[OutputField, Array]]]] = []
         for name, mesh in model.meshes.items() if chosen else ():
             if not mesh.plan.rigid:
                 body = BodyFields(name, tuple(chosen), *_stations(mesh), np.array(levels_of(mesh, "surface")),
@@ -163,7 +161,7 @@ def _stations(mesh: BodyMesh) -> tuple[Array, Array]:
     return along, np.linspace(-1.0, 1.0, across)
 
 
-def _reader(model: Model, mesh: BodyMesh, body: BodyFields) -> Callable[[State], dict[Field, Array]]:
+def _reader(model: Model, mesh: BodyMesh, body: BodyFields) -> Callable[[State], dict[OutputField, Array]]:
     from .contact_fields import ContactFields
     from .section_forces import SectionForces
     from .stress import StressOfFibres, stress_of
@@ -178,7 +176,7 @@ def _reader(model: Model, mesh: BodyMesh, body: BodyFields) -> Callable[[State],
     forces = SectionForces(model, mesh, xi) if along else None
     touching = ContactFields(model, mesh, xi) if faces else None
 
-    def found(state: State) -> Iterator[tuple[Field, Any]]:
+    def found(state: State) -> Iterator[tuple[OutputField, Any]]:
         if stress is not None:
             everything = stress(state)
             yield from ((f, getattr(everything, str(f.part))) for f in over)

@@ -47,18 +47,17 @@ class Observer:
         point, rotation, d = self.probes[name], self.rotations[name], state.d[:self.model.n_q]
         e = self.model.e0 + d
         theta = rotation.linear(self.model.e0, d) if state.linear else self.model.turns.theta(rotation, e, d, turned)
-        reference, u = place(point, self.model.e0, d, theta, state.linear)
+        reference, u = position_of(point, self.model.e0, d, theta, state.linear)
         values = {"x": reference[0] + u[0], "y": reference[1] + u[1], "ux": u[0], "uy": u[1], "theta": theta}
         if state.v is not None:
             omega = float(rotation.gradient(e) @ state.v[rotation.dofs])
-            velocity = place_rate(point, state.v, theta, omega)
+            velocity = velocity_of(point, state.v, theta, omega)
             values.update(vx=velocity[0], vy=velocity[1], omega=omega)
         if self.forces and has_section_forces(point.mesh):
             if name not in self._sections:
                 self._sections[name] = SectionForces(self.model, point.mesh, np.array([point.xi]))
             values.update(zip(FORCES, self._sections[name](state, np.array([point.ie]))[0, 0].tolist(), strict=True))
         return {k: float(v) for k, v in values.items()}
-
 
     def slopes(self, name: str, quantity: str, state: State) -> tuple[Index, Array, Array]:
         """Return coordinates (m,), and the derivatives (m,) of a quantity (not N, Q, M) by them and by their rates."""
@@ -122,7 +121,7 @@ def _on_axis(point: PointRef) -> PointRef:
     return PointRef(point.mesh, point.s, point.ie, point.xi, point.angle, point.node)
 
 
-def place(point: PointRef, e0: Array, d: Array, theta: float, linear: bool) -> tuple[Array, Array]:
+def position_of(point: PointRef, e0: Array, d: Array, theta: float, linear: bool) -> tuple[Array, Array]:
     """Return the reference position (2,) and displacement (2,) of a point, on or off the axis."""
     carried = _carried(point)
     columns = (_on_axis(point) if carried else point).position()
@@ -137,7 +136,7 @@ def place(point: PointRef, e0: Array, d: Array, theta: float, linear: bool) -> t
     return r0, u
 
 
-def place_rate(point: PointRef, v: Array, theta: float, omega: float) -> Array:
+def velocity_of(point: PointRef, v: Array, theta: float, omega: float) -> Array:
     """Return the velocity (2,) of a point, on or off the axis."""
     carried = _carried(point)
     out = np.array([dot(c, v) for c in (_on_axis(point) if carried else point).position()])
@@ -174,10 +173,10 @@ def reactions(model: Model, state: State) -> dict[str, dict[str, float]]:
 def energies(model: Model, state: State) -> dict[str, float]:
     """Return strain, kinetic and (gravity) potential energy of a state."""
     if state.v is None:
-        from .energy import kept_energy
+        from .energy import extra_energy
 
         with model.remembering(state.memory):
-            kept = 0.0 if state.linear or state.about is not None else sum(kept_energy(model, state.d, state.side)[:2])
+            kept = 0.0 if state.linear or state.about is not None else sum(extra_energy(model, state.d, state.side)[:2])
         return {"strain": state.energy + kept, "kinetic": 0.0, "potential": model.gravity_potential(state.d, state.t)}
     moving = Energies(model)
     kinetic = moving.kinetic(state.v) + moving.carried(state.d, state.v, state.side)[0]

@@ -19,16 +19,16 @@ Map = Callable[[Array], Array]
 
 
 def refined(apply: Map, precondition: Map, norm: Callable[[Array], float], b: Array, floor: float,
-            still: Callable[[], float] = lambda: 0.0) -> tuple[Array, float]:
+            noise: Callable[[], float] = lambda: 0.0) -> tuple[Array, float]:
     """Return z with A z = b, and its relative error, which is at least ``floor``.
 
     ``apply`` is A with full accuracy (through the strains). ``precondition`` solves with the factors of the assembled
     matrix, where round-off of stiff motions can hide the soft ones of long bodies or many elements. If z is inaccurate
-    and no larger than ``still()``, the effect of round-off in the forces, nothing moves. z is not finite if the factors
+    and no larger than ``noise()``, the effect of round-off in the forces, nothing moves. z is not finite if the factors
     are not.
     """
     z, known = _refined(apply, precondition, norm, b, floor)
-    if known > DOUBTFUL and np.isfinite(norm(y := precondition(b))) and norm(y) <= still():
+    if known > DOUBTFUL and np.isfinite(norm(y := precondition(b))) and norm(y) <= noise():
         # only the multipliers are nonzero
         return y, 0.0
     return z, known

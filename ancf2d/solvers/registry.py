@@ -23,7 +23,7 @@ from ..case import (
 from ..case.binder import dotted
 from ..case.material_checks import materials_of
 from ..elements.shape import Array
-from ..interactions.moving import never_met
+from ..interactions.moving import off_body_warnings
 from ..model.model import Model
 from .state import State
 
@@ -106,8 +106,9 @@ def left_out(case: Case) -> list[str]:
     if case.solver.moves:
         late = [(f"{section}.{k}", item.active.from_) for section in SWITCHED for k, item in enumerate(
             getattr(case, section)) if getattr(item, "active", None) is not None and item.active.from_ is not None]
-        return [*never_met(case), *(f"{what}: it begins at t = {begin:g}, but the motion ends at {case.solver.end:g}"
-                                    for what, begin in late if begin >= case.solver.end)]
+        return [*off_body_warnings(case), *(
+            f"{what}: it begins at t = {begin:g}, but the motion ends at {case.solver.end:g}"
+            for what, begin in late if begin >= case.solver.end)]
     if not isinstance(case.solver, Eigen):
         return []
     dampers = [f"{dotted(path)}.{what}" for what in ("damping", "viscoelastic")

@@ -33,9 +33,9 @@ from .system import System
 # Gauss points along an element: M is quadratic in x under a line load, its square quartic
 STATIONS = 3
 # relative error of a deflection or frequency that gives a warning; a thick continuum differs from a beam by up to 0.03
-TOLD = 0.08
+WARN_ABOVE = 0.08
 # the same for a load factor; elements with a straight axis show half of its error
-TOLD_BUCKLING = 0.04
+WARN_ABOVE_BUCKLING = 0.04
 # the same for the mean unresolved energy of a motion, relative to its largest energy; positions then err by 1 % or more
 UNFOLLOWED = 1e-3
 # number of states of a motion that are checked
@@ -91,7 +91,7 @@ class _Body:
         slender = length / math.sqrt(12.0 * section.EI / section.EA)
         self.faint = section.EA * length * (FAINT * slender) ** 2
 
-    def but(self, which: Index) -> _Body:
+    def without(self, which: Index) -> _Body:
         """Return the body without some of its elements (k,)."""
         out, keep = copy(self), ~np.isin(self.some, which)
         out.some, out.lengths = self.some[keep], self.lengths[keep]
@@ -108,25 +108,25 @@ class _Body:
         from .contact_fields import lying
 
         lies = lying(self.model, self.mesh, state)
-        return self.but(np.flatnonzero(lies))._energies(state) if lies.any() else self._energies(state)
+        return self.without(np.flatnonzero(lies))._energies(state) if lies.any() else self._energies(state)
 
     def _energies(self, state: State) -> tuple[float, float]:
         if not len(self.some):
             return 0.0, 0.0
         forces = self.forces(state, self.some)
-        asked, stored = self._asked(forces), self._stored(state, self.forces.energy)
+        asked, stored = self._equilibrium_energy(forces), self._stored(state, self.forces.energy)
         size = float(np.abs(self.model.weights * state.d[:self.model.n_q]).max()) / self.model.extent
         floor = self.faint * (size if state.linear else max(1.0, size)) ** 2
         if max(asked, stored) <= floor:
             return 0.0, 0.0
-        allowed = 0.0 if state.linear else self._large(stored) * stored
-        return stored, max(abs(asked - stored) - allowed, 0.0) * self._held(forces[..., 0], forces[..., 2])
+        allowed = 0.0 if state.linear else self._large_strain_error(stored) * stored
+        return stored, max(abs(asked - stored) - allowed, 0.0) * self._tension_share(forces[..., 0], forces[..., 2])
 
     def natural(self, state: State) -> float:
         """Return eps*^T D eps*/2, the energy of a state's natural strains if nothing moved."""
         if not any(load.mesh is self.mesh for load in self.model.loads.natural):
             return 0.0
-        alone = nodal_forces(self.model, self.mesh, state, self.some, self.forces.apart(self.some))[2]
+        alone = nodal_forces(self.model, self.mesh, state, self.some, self.forces.uncoupled(self.some))[2]
         zero, Q = (np.zeros(alone.dofs.size) for _ in range(2))
         self.model.set_natural(None, natural_rates(self.model, state))
         energy = natural_slope(alone, zero, Q)
@@ -140,15 +140,16 @@ class _Body:
         of the strains of the motion, without the work of the state's forces in it.
         """
         dofs = self.mesh.dofs[self.some]
-        _, energy, alone = nodal_forces(self.model, self.mesh, state, self.some, self.forces.apart(self.some))
+        _, energy, alone = nodal_forces(self.model, self.mesh, state, self.some, self.forces.uncoupled(self.some))
         self.model.set_natural(None)
         d, v = state.d[:self.model.n_q][dofs].ravel(), shape[dofs].ravel()
-        asked, stored = self._asked(forces), 0.5 * self.weight * viscous_force(alone, 1.0, d, v, np.zeros_like(d))
+        asked = self._equilibrium_energy(forces)
+        stored = 0.5 * self.weight * viscous_force(alone, 1.0, d, v, np.zeros_like(d))
         size = float(np.abs(self.model.weights * shape).max()) / self.model.extent
         if max(asked, stored) <= self.faint * size**2:
             return 0.0, 0.0
-        allowed = self._large(max(self.weight * energy, 0.0)) * stored
-        return stored, max(abs(asked - stored) - allowed, 0.0) * self._held(N, forces[..., 2])
+        allowed = self._large_strain_error(max(self.weight * energy, 0.0)) * stored
+        return stored, max(abs(asked - stored) - allowed, 0.0) * self._tension_share(N, forces[..., 2])
 
     def added(self, state: State, motion: Array, Q: Array, a: Array | None) -> Array:
         """Return the section forces (m, k, 3) that a small motion (n_full,) adds, with its forces Q and rates a."""
@@ -162,18 +163,18 @@ class _Body:
         """Return N (m, k) of a state."""
         return self.forces(state, self.some)[..., 0]
 
-    def _asked(self, forces: Array) -> float:
+    def _equilibrium_energy(self, forces: Array) -> float:
         """Return U* of section forces."""
         return float(np.einsum("ek,ekc->", self.ds, 0.5 * forces**2 * self.compliance))
 
-    def _large(self, stored: float) -> float:
+    def _large_strain_error(self, stored: float) -> float:
         """Return the relative error of the energy U due to large Green-Lagrange strains, from the mean strain."""
         if not self.mesh.plan.formulation.green:
             return 0.0
         rigidity = self.stands_for * self.mesh.plan.section.EA * self.mesh.plan.length
         return LARGE_STRAIN * math.sqrt(2.0 * stored / rigidity)
 
-    def _held(self, N: Array, M: Array) -> float:
+    def _tension_share(self, N: Array, M: Array) -> float:
         """Return the share of a deflection within elements that remains under tension.
 
         A beam of length l that bends by M in a half wave deflects by M l^2/pi^2/(EI + N l^2/pi^2).
@@ -191,7 +192,7 @@ class _Body:
         mesh, n_q, tau = self.mesh, self.model.n_q, self.forces.tau
         if state.linear or state.v is None or not tau:
             return self.weight * energy
-        Q, _, alone = nodal_forces(self.model, mesh, state, self.some, self.forces.apart(self.some))
+        Q, _, alone = nodal_forces(self.model, mesh, state, self.some, self.forces.uncoupled(self.some))
         d, v = (x[:n_q][mesh.dofs[self.some]].ravel() for x in (state.d, state.v))
         power = float(Q.ravel() @ v) + (natural_power(alone, 0.0, d, v) if self.model.loads.natural else 0.0)
         return self.weight * (energy + tau * power + 0.5 * tau * viscous_force(alone, tau, d, v, np.zeros_like(d)))
@@ -281,7 +282,7 @@ class Resolution:
         # plastic and creep strains displace bodies that bear no load
         stored = max(within, 0.5 * abs(float(state.F[:n_q] @ state.d[:n_q])), internal_energy(self.model))
         off = _share(sum(lost.values()), stored)
-        if off <= TOLD:
+        if off <= WARN_ABOVE:
             return []
         return [f"the mesh is too coarse: displacements have an error of about {_percent(off)} %{self._where(lost)}. "
                 f"{ADVICE}"]
@@ -292,18 +293,18 @@ class Resolution:
         if solver.about == "reference":
             model = replace(model, case=replace(model.case, loads=()), loads=LoadSet())
         shapes = _Shapes(model, state)
-        off, told = {}, dict.fromkeys(shapes.bodies, 0.0)
+        off, by_body = {}, dict.fromkeys(shapes.bodies, 0.0)
         for mode, shape in zip(state.report["frequencies"], state.arrays["modes/shapes"][0], strict=True):
             # omega^2 of the undamped mode, if damping affects all of it equally
             squared = mode["omega"]**2 + mode.get("growth", 0.0)**2
             if mode["kind"] not in KINDS or mode["omega"] <= VIBRATES * math.sqrt(squared):
                 continue
             share, gaps = shapes.lost(shape, squared)
-            if (error := 1.0 / math.sqrt(1.0 - share) - 1.0) > TOLD:
+            if (error := 1.0 / math.sqrt(1.0 - share) - 1.0) > WARN_ABOVE:
                 off[f"{mode['kind']} {mode['number']}"] = error
                 for name, gap in gaps.items():
-                    told[name] += gap
-        return self._off("modes: frequencies have errors:", off, told)
+                    by_body[name] += gap
+        return self._off("modes: frequencies have errors:", off, by_body)
 
     def of_buckling(self, start: State, u: Array, h: float, factors: Array, shapes: Array) -> list[str]:
         """Return warnings about load factors and their shapes (m, n_q), which have none for loads without a potential.
@@ -314,22 +315,22 @@ class Resolution:
         if not self.looks:
             return []
         at = _Shapes(self.model, start, u, h)
-        off, told = {}, dict.fromkeys(at.bodies, 0.0)
+        off, by_body = {}, dict.fromkeys(at.bodies, 0.0)
         for k, (factor, shape) in enumerate(zip(factors.tolist(), shapes, strict=True)):
             share, gaps = at.lost(shape, None, factor)
-            if (error := 1.0 / (1.0 - share) - 1.0) > TOLD_BUCKLING:
+            if (error := 1.0 / (1.0 - share) - 1.0) > WARN_ABOVE_BUCKLING:
                 off[f"number {k + 1} ({factor:.6g})"] = error
                 for name, gap in gaps.items():
-                    told[name] += gap
-        return self._off("load factors, which are too large:", off, told)
+                    by_body[name] += gap
+        return self._off("load factors, which are too large:", off, by_body)
 
-    def _off(self, what: str, off: dict[str, float], told: dict[str, float]) -> list[str]:
+    def _off(self, what: str, off: dict[str, float], by_body: dict[str, float]) -> list[str]:
         """Return the warning about inaccurate modes or load factors, with the body that contributes most."""
         if not off:
             return []
         worst = ", ".join(f"{name} by about {_percent(error)} %" for name, error in list(off.items())[:SHOWN])
         more = f", and {len(off) - SHOWN} more" if len(off) > SHOWN else ""
-        return [f"the mesh is too coarse for some of the {what} {worst}{more}{self._where(told)}. {ADVICE}"]
+        return [f"the mesh is too coarse for some of the {what} {worst}{more}{self._where(by_body)}. {ADVICE}"]
 
     def _where(self, lost: dict[str, float]) -> str:
         """Return ' (most in bodies.rod, 4 elements)' for the body with the largest error, if there are several."""

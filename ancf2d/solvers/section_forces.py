@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..elements.formulations.base import cross
 from ..elements.shape import Array, gauss
 from ..interactions.body_loads import Line, per_length
 from ..interactions.inertia import mass_terms
@@ -16,7 +17,7 @@ from ..interactions.tendons import Guide
 from ..kernels.elements import force as elastic_force
 from ..kernels.elements import natural_slope, tangent_action, viscous_force
 from ..kernels.natural import memory_of_some, of_some
-from ..model.body_groups import damping_time, place_of
+from ..model.body_groups import damping_time, place_in_pools
 from ..model.classes import Volume, over_body
 from ..model.mesh import BodyMesh, Index
 from ..model.model import Model
@@ -32,18 +33,14 @@ SAME = 1e-12  # tolerance for places along a body, relative to its length
 POINTS = 6  # Gauss points of line loads on an element or a part of it
 
 
-def _cross(a: Array, b: Array) -> Array:
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-
-
 def has_section_forces(mesh: BodyMesh) -> bool:
     """Return whether the body has section forces: a rigid one has no law that determines them."""
     return not mesh.plan.rigid
 
 
-def apart(model: Model, mesh: BodyMesh, chosen: Index) -> Any:
+def uncoupled_group(model: Model, mesh: BodyMesh, chosen: Index) -> Any:
     """Return the group of chosen elements (m,), each with coordinates of its own, so that no forces are summed."""
-    pool, first = place_of(model.pools, mesh)
+    pool, first = place_in_pools(model.pools, mesh)
     group, dofs, some = model.groups[pool], mesh.dofs[chosen], first + np.asarray(chosen)
     own = np.arange(dofs.size).reshape(dofs.shape)
     if np.array_equal(some, np.arange(len(group.dofs))):
@@ -57,9 +54,9 @@ def nodal_forces(model: Model, mesh: BodyMesh, state: State, chosen: Index, alon
                  ) -> tuple[Array, float, Any]:
     """Return the elastic forces (m, n) of chosen elements on their coordinates, their strain energy, and their group.
 
-    The group is that of ``apart``; it may be given as ``alone``.
+    The group is that of ``uncoupled_group``; it may be given as ``alone``.
     """
-    alone, dofs = alone or apart(model, mesh, chosen), mesh.dofs[chosen]
+    alone, dofs = alone or uncoupled_group(model, mesh, chosen), mesh.dofs[chosen]
     d, Q = state.d[:model.n_q][dofs].ravel(), np.zeros(dofs.size)
     if state.linear:
         zero, natural = np.zeros_like(d), np.zeros_like(d)
@@ -112,16 +109,16 @@ class SectionForces:
         # strain energy of the last evaluated elements, without that of a viscous stress
         self.energy = 0.0
         self.along = gauss(POINTS)
-        self._apart: dict[bytes, Any] = {}
+        self._uncoupled: dict[bytes, Any] = {}
 
-    def apart(self, chosen: Index) -> Any:
-        """Return the group of ``apart``, cached for repeated sets of elements."""
+    def uncoupled(self, chosen: Index) -> Any:
+        """Return the group of ``uncoupled_group``, cached for repeated sets of elements."""
         key = np.asarray(chosen).tobytes()
-        if key not in self._apart:
-            if len(self._apart) >= KEPT:
-                self._apart.clear()
-            self._apart[key] = apart(self.model, self.mesh, chosen)
-        return self._apart[key]
+        if key not in self._uncoupled:
+            if len(self._uncoupled) >= KEPT:
+                self._uncoupled.clear()
+            self._uncoupled[key] = uncoupled_group(self.model, self.mesh, chosen)
+        return self._uncoupled[key]
 
     @cached_property
     def masses(self) -> list[Array]:
@@ -263,13 +260,13 @@ class _Part:
             rows = self._rows(xi, *((0, 1) if kind == "interpolated" else (1, 0)))
             v, dv = (rows @ q[..., :2] for q in (self.e, self.d))
             v0 = v - dv
-            angle = angle + np.arctan2(_cross(v0, dv), np.sum(v0 * (v0 + dv), axis=-1))
+            angle = angle + np.arctan2(cross(v0, dv), np.sum(v0 * (v0 + dv), axis=-1))
         return np.cos(angle), np.sin(angle)
 
     def _nodal(self) -> Array:
         """Return the elastic and viscous forces (m, n_shape, nc) of the elements on their coordinates."""
         body, state = self.body, self.state
-        Q, energy, alone = nodal_forces(body.model, body.mesh, state, self.chosen, body.apart(self.chosen))
+        Q, energy, alone = nodal_forces(body.model, body.mesh, state, self.chosen, body.uncoupled(self.chosen))
         body.energy += energy
         if not state.linear and state.v is not None and body.tau:
             d, v = (x[:body.model.n_q][self.dofs].ravel() for x in (state.d, state.v))
@@ -290,7 +287,7 @@ class _Part:
     def _node_wrench(self, forces: Array, chosen: Array, elements: Index | slice = slice(None)) -> Array:
         """Return the wrench (m, 3) of generalised forces on the chosen coordinates of elements."""
         f = forces[:, chosen]
-        moment = _cross(self.local[elements][:, chosen], f).sum(axis=1)
+        moment = cross(self.local[elements][:, chosen], f).sum(axis=1)
         if self.body.nc == 3:
             moment = moment + f[:, :, 2].sum(axis=1)
         at = self.body.is_r & chosen
@@ -314,7 +311,7 @@ class _Part:
         for xi, force in self._line_samples(upto):
             arm = self._rows(xi) @ self.local
             total[:, :2] += force.sum(axis=1)
-            total[:, 2] += _cross(arm, force).sum(axis=1)
+            total[:, 2] += cross(arm, force).sum(axis=1)
         before = self.at < upto
         np.add.at(total, self.within[before], self._wrenches[before])
         if self.rates is None:
@@ -323,7 +320,7 @@ class _Part:
         b = S @ self.rates
         f = dm[..., None] * b[..., :2]
         total[:, :2] += f.sum(axis=1)
-        total[:, 2] += _cross(S @ self.local, f).sum(axis=1)
+        total[:, 2] += cross(S @ self.local, f).sum(axis=1)
         if self.body.nc == 3:
             total[:, 2] += (b[..., 2] * dI).sum(axis=1)
         return total
@@ -331,22 +328,22 @@ class _Part:
     def forces(self) -> Array:
         """Return N, Q, M (m, k, 3) at the stations."""
         body = self.body
-        own = self._nodal() + self._pulled() - self._consistent()
+        own = self._nodal() + self._tendon_forces() - self._consistent()
         start, end = (self._node_wrench(own, node) for node in (body.first_node, body.last_node))
         whole, before = self._loads_before()
         stations = np.broadcast_to(body.xi, (len(self.dofs), len(body.xi)))
         place = self._rows(body.xi) @ self.local
         c, s = self._axes(stations)
-        borne = self._borne(stations)
+        borne = self._tendon_pulls(stations)
         off = start + end + whole
         total = body.xi[:, None] * off[:, None] - start[:, None] - before
         fx, fy = total[..., 0], total[..., 1]
-        out = np.stack([c * fx + s * fy, -s * fx + c * fy, total[..., 2] - _cross(place, total)], axis=-1)
+        out = np.stack([c * fx + s * fy, -s * fx + c * fy, total[..., 2] - cross(place, total)], axis=-1)
         for fx, fy, moment in borne:
             out -= np.stack([c * fx + s * fy, c * fy - s * fx, moment], axis=-1)
         return out
 
-    def _run(self, guide: Guide, xi: Array) -> tuple[Array, Array, Array]:
+    def _guide_at(self, guide: Guide, xi: Array) -> tuple[Array, Array, Array]:
         """Return y and dy/dx (2, m, g) of a guide at xi (m, g), its direction d(r + y n)/dx and the arm y n from the
         axis (m, g, 2)."""
         mesh = self.body.mesh
@@ -364,7 +361,7 @@ class _Part:
         off = [self._rows(xi, i, j, y) @ self.e[..., :2] for i, j in ((0, 0), (1, 0), (0, 1))]
         return np.stack([y, rise]), off[1] + rise[..., None] * off[2], off[0] - self._rows(xi) @ self.e[..., :2]
 
-    def _pulled(self) -> Array:
+    def _tendon_forces(self) -> Array:
         """Return the generalised forces (m, n_shape, nc) of tendons along the body, in elastic sign."""
         out, kind = np.zeros_like(self.e), self.body.mesh.plan.element.section_kind
         for guide, T in self.guides:
@@ -373,7 +370,7 @@ class _Part:
                 if not len(here):
                     continue
                 xi = np.broadcast_to(points, (len(self.chosen), len(points)))
-                (y, rise), way, _ = self._run(guide, xi)
+                (y, rise), way, _ = self._guide_at(guide, xi)
                 pull = T * way / np.linalg.norm(way, axis=-1, keepdims=True) * w[:, None]
                 if kind == "interpolated":
                     rows = self._rows(xi, 1, 0, y) + rise[..., None] * self._rows(xi, 0, 1, y)
@@ -389,12 +386,12 @@ class _Part:
                     out[here, :, 2] += (moment + np.einsum("mgk,mg->mk", self._rows(xi, 1), -y * along))[here]
         return out
 
-    def _borne(self, xi: Array) -> Iterator[tuple[Array, Array, Array]]:
+    def _tendon_pulls(self, xi: Array) -> Iterator[tuple[Array, Array, Array]]:
         """Yield force along x and y, and moment about the axis, (m, g) each, of each tendon at xi."""
         mesh = self.body.mesh
         for guide, T in self.guides:
             s = (mesh.starts[self.chosen, None] + xi * mesh.lengths[self.chosen, None]) / mesh.plan.length
-            _, way, arm = self._run(guide, xi)
+            _, way, arm = self._guide_at(guide, xi)
             force = T * way / np.linalg.norm(way, axis=-1, keepdims=True)
             force *= ((s >= guide.first - SAME) & (s <= guide.last + SAME))[..., None]
-            yield force[..., 0], force[..., 1], _cross(arm, force)
+            yield force[..., 0], force[..., 1], cross(arm, force)

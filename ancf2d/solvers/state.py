@@ -15,7 +15,7 @@ from ..errors import CheckpointError
 MEMORIES = ("turns", "feet", "states")
 
 
-def check_kept(kept: dict[str, Array], fresh: dict[str, Array] | None) -> None:
+def check_checkpoint(kept: dict[str, Array], fresh: dict[str, Array] | None) -> None:
     """Compare a stored checkpoint with one of a solver before its start. Raises CheckpointError if they do not match.
 
     Names and shapes have to agree. Arrays without rows at the start may have grown; texts (uint8) have any length.

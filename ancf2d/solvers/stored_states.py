@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from .system import System
 
 
-class Moments(Stepper):
+class MotionAtTimes(Stepper):
     """A motion evaluated at given times, without time steps, from displacements and rates."""
 
     def __init__(self, model: Model, spec: Dynamic) -> None:
@@ -49,7 +49,7 @@ def equilibrium_at(system: System, t: float, d: Array, turned: Array, linear: bo
     n_q, at = model.n_q, np.zeros_like(d)
     if not linear:
         at[:n_q] = d[:n_q]
-    model.turns.recall(model.springs, model.e0 + at[:n_q], at[:n_q], turned)
+    model.turns.set_spring_angles(model.springs, model.e0 + at[:n_q], at[:n_q], turned)
 
     def forces() -> tuple[Array, Array]:
         if not linear:

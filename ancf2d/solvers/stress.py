@@ -18,7 +18,7 @@ from ..kernels.lowlevel.records import Record
 from ..model.body_groups import damping_time
 from ..model.mesh import BodyMesh
 from ..model.model import Model
-from .section_forces import BLOCK, SectionForces, apart, natural_rates
+from .section_forces import BLOCK, SectionForces, natural_rates, uncoupled_group
 from .small_motions.section_motions import element_velocities, interpolation
 from .state import State
 
@@ -285,7 +285,7 @@ class StressOfFibres:
     def strained(self, state: State, natural: bool) -> tuple[Array, Array]:
         """Return strains of the fibres, minus ``natural`` ones if so asked, and plastic strains (ne, nx, ny)."""
         model, mesh, law = self.model, self.mesh, self.mesh.plan.formulation.law
-        group = apart(model, mesh, np.arange(self.size[0]))
+        group = uncoupled_group(model, mesh, np.arange(self.size[0]))
         memory = group.values.memory
         states = memory.states[memory.row].copy()
         alone: Any = Record(group.values._replace(memory=memory._replace(row=np.arange(self.size[0]), states=states)))

@@ -19,7 +19,7 @@ from ..model.mesh import Index
 from ..model.model import Model
 from .ldl import Pivots, Symmetric
 from .linear import make_matrix
-from .threads import Crew, largest, largest_share, pieces
+from .threads import DividedGroups, chunks, largest, largest_share
 
 UNIT_ROUNDOFF = 2.0**-53
 # displacements, relative to the extent of a model, that are round-off of the positions
@@ -58,7 +58,7 @@ def least_size(model: Model, tolerance: float) -> float:
 @dataclass
 class Balance:
     """Forces at a state: ``Q`` (n_full,) of elements and patches, ``F`` dead loads, ``R`` = Q - F on the unknowns,
-    minus ``System.held``."""
+    minus ``System.balancing_forces``."""
 
     Q: Array
     F: Array
@@ -75,15 +75,13 @@ class System:
 
     def __init__(self, model: Model) -> None:
         self.model, self.groups = model, with_trials(model.groups)
-        self.crew = Crew(self.groups, model.numbering)
+        self.divided = DividedGroups(self.groups, model.numbering)
         self.matrix = make_matrix(model)
         n = model.numbering
-        self.weights = np.zeros(n.n_unknowns)
-        coordinates = n.free < n.n_q
-        self.weights[coordinates] = model.weights[n.free[coordinates]]
+        self.weights = n.of_unknowns(model.weights)
         self.evaluations = 0
         # additional forces (n_unknowns,) that balance a state
-        self.held: Array | None = None
+        self.balancing_forces: Array | None = None
         # the last accepted state (n_full,) with its load factor, from which slip on obstacles is measured
         self.accepted: tuple[Array, float] | None = None
         # how the unknowns respond to forces at a state (n_full,) and factor, if the load changes with them (paths)
@@ -127,7 +125,7 @@ class System:
         if not model.patches and not model.constraints:
             return
         if model.winds:
-            model.turns.recall(model.springs, model.e0 + d[:n_q], d[:n_q], self.count(d, t))
+            model.turns.set_spring_angles(model.springs, model.e0 + d[:n_q], d[:n_q], self.count(d, t))
         yield from model.interactions.patches(d, t, elastic, linear)
 
     def assemble(self, d: Array, t: float, load_stiffness: bool = True, out: Balance | None = None) -> Balance:
@@ -140,13 +138,13 @@ class System:
         self._tried = None
         self.matrix.clear()
         Q, R = self._no_forces(out)
+        places = self.model.numbering.places
         self.model.set_natural(t if load_stiffness else None)
-        energy = self.crew.total(lambda g: force_tangent(g, d, 1.0, Q, self.matrix.target, self.model.numbering.places))
+        energy = self.divided.total(lambda g: force_tangent(g, d, 1.0, Q, self.matrix.target, places))
         for u, q, K, dofs in self.patches(d, t, not load_stiffness, not load_stiffness):
             energy += u
             np.add.at(Q, dofs, q)
-            scatter_patches(self.matrix.target, np.ascontiguousarray(K), dofs, 0, len(dofs),
-                            self.model.numbering.places)
+            scatter_patches(self.matrix.target, np.ascontiguousarray(K), dofs, 0, len(dofs), places)
         if not load_stiffness:
             self.add_loads(Q, d, t)
             energy += self.add_natural(Q, d, None, t)
@@ -155,8 +153,8 @@ class System:
     def _balance(self, Q: Array, room: Array | None, t: float, energy: float) -> Balance:
         F = self._dead_loads(t)
         R = self.model.numbering.reduce(Q, F, room)
-        if self.held is not None:
-            R -= self.held
+        if self.balancing_forces is not None:
+            R -= self.balancing_forces
         return Balance(Q, F, R, float(energy))
 
     def noise(self, d: Array, t: float) -> Array:
@@ -164,12 +162,12 @@ class System:
         n, out = self.model.numbering, self._sizes
         np.abs(self._dead_loads(t), out=out)
         self.model.set_natural(t)
-        self.crew.total(lambda g: force_noise(g, d, out))
+        self.divided.total(lambda g: force_noise(g, d, out))
         for _, q, K, dofs in self.patches(d, t):
             np.add.at(out, dofs, np.abs(q) + np.einsum("mij,mj->mi", np.abs(K), np.abs(d[dofs])))
         if sticks(self.model):
             # forces on sticking points are only as accurate as their positions
-            for batch in self.model.interactions.held:
+            for batch in self.model.interactions.point_constraints:
                 K = np.abs(batch.matrices(d, t)[2])
                 np.add.at(out, batch.dofs, self.model.extent * K[:, :, :-1].sum(axis=2))
         if any(not pair.hard for pair in self.model.contacts):
@@ -186,7 +184,7 @@ class System:
         sizes *= UNIT_ROUNDOFF
         return sizes
 
-    def still(self, d: Array, t: float) -> float:
+    def displacement_noise(self, d: Array, t: float) -> float:
         """Return the displacement [m] below which nothing moves: the effect of round-off, by the last factors."""
         return ROUNDED * self.norm(self.matrix.solve(self.noise(d, t)))
 
@@ -215,7 +213,7 @@ class System:
         """Update the history variables of all laws with the accepted state d (n_full,) at t."""
         if self.model.contacts:
             self.accepted = d.copy(), t
-            for batch in (*self.model.interactions.springs, *self.model.interactions.held):
+            for batch in (*self.model.interactions.springs, *self.model.interactions.point_constraints):
                 batch.accept(d, t)
         if not self.model.remembers:
             return
@@ -254,7 +252,7 @@ class System:
         """
         Q, R = self._no_forces(out)
         self.model.set_natural(None if linear else t)
-        energy = self.crew.total(lambda g: force(g, d, Q))
+        energy = self.divided.total(lambda g: force(g, d, Q))
         if self.model.remembers:
             self._tried = None if linear else (d.copy(), t)
         for u, q, _, dofs in self.patches(d, t):
@@ -277,7 +275,7 @@ class System:
         return out
 
     def _act(self, d: Array, v: Array, out: Array) -> None:
-        self.crew.total(lambda g: tangent_action(g, d, v, out))
+        self.divided.total(lambda g: tangent_action(g, d, v, out))
 
     def factor(self, at: dict[str, Any]) -> Pivots:
         """Factor the tangent; raises SingularTangentError with the names of free coordinates if it is singular."""
@@ -347,8 +345,8 @@ class System:
         """Count turns up to a state d (n_full,); return them (bodies,). A prescribed angle includes full turns."""
         turns, n_q = self.model.turns, self.model.n_q
         turned = turns.follow(*self._counted, d)
-        for point, angle in (told for c in self.model.constraints for told in c.turns_by(t)):
-            turns.hold(point, angle, self.model.e0 + d[:n_q], d[:n_q], turned)
+        for point, angle in (prescribed for c in self.model.constraints for prescribed in c.turns_by(t)):
+            turns.match_angle(point, angle, self.model.e0 + d[:n_q], d[:n_q], turned)
         self._counted = d.copy(), turned
         return turned
 
@@ -365,7 +363,7 @@ class System:
         """Return the largest displacement between two states (n_full,) [m]."""
         where = self.model.numbering.where
         a, b = d[where], other[where]
-        return max((largest(a[p] - b[p], self.weights[p]) for p in pieces(len(a))), default=0.0)
+        return max((largest(a[p] - b[p], self.weights[p]) for p in chunks(len(a))), default=0.0)
 
     def imbalance(self, balance: Balance) -> float:
         """Return the largest residual relative to the largest force, both as forces [N] by the coordinates' weights."""

@@ -19,7 +19,7 @@ PART = 4096
 MOST = 8
 
 
-class Crew:
+class DividedGroups:
     """Element groups of a model in parts that share no unknown, and the elements between the parts.
 
     The partition depends only on the model, and the elements between parts come last, so that sums are independent of
@@ -51,12 +51,12 @@ def _share(group: Any, num: Numbering) -> list[list[Any]]:
     ends = np.linspace(0, ne, count + 1).astype(int)
     between = ends[1:-1]
     parts = [slice(a + (k > 0), b) for k, (a, b) in enumerate(pairwise(ends))]
-    if not _apart([group.dofs[p] for p in parts], num):
+    if not _independent([group.dofs[p] for p in parts], num):
         return [[group]]
     return [[of_elements(group, p) for p in parts], [of_elements(group, between)]]
 
 
-def _apart(parts: list[Array], num: Numbering) -> bool:
+def _independent(parts: list[Array], num: Numbering) -> bool:
     """Return whether no two parts share a coordinate or an unknown."""
     seen = np.zeros(len(num.place) + num.n_unknowns, dtype=bool)
     for dofs in parts:
@@ -75,7 +75,7 @@ def _apart(parts: list[Array], num: Numbering) -> bool:
 LENGTH = 2**15
 
 
-def pieces(n: int) -> Iterator[slice]:
+def chunks(n: int) -> Iterator[slice]:
     """Yield slices that divide a vector of n entries."""
     for start in range(0, n, LENGTH):
         yield slice(start, start + LENGTH)
@@ -85,7 +85,7 @@ def largest(x: Array, weights: Array | None = None) -> float:
     """Return the largest |x|, or |weights x|; NaN if any entry is."""
     if len(x) <= LENGTH:
         return float(np.abs(x if weights is None else weights * x).max(initial=0.0))
-    return float(np.max([largest(x[p], None if weights is None else weights[p]) for p in pieces(len(x))]))
+    return float(np.max([largest(x[p], None if weights is None else weights[p]) for p in chunks(len(x))]))
 
 
 def largest_share(x: Array, sizes: Array) -> float:
@@ -93,4 +93,4 @@ def largest_share(x: Array, sizes: Array) -> float:
     if len(x) <= LENGTH:
         share = np.divide(x, sizes, out=np.zeros(len(x)), where=sizes > 0.0)
         return float(np.abs(share, out=share).max(initial=0.0))
-    return float(np.max([largest_share(x[p], sizes[p]) for p in pieces(len(x))]))
+    return float(np.max([largest_share(x[p], sizes[p]) for p in chunks(len(x))]))

@@ -17,7 +17,7 @@ from .run import field_records, vocabulary
 if TYPE_CHECKING:
     from ..model.model import Model
     from ..solvers.state import State
-    from ..solvers.stored_states import Moments
+    from ..solvers.stored_states import MotionAtTimes
     from ..solvers.system import System
 
 
@@ -103,9 +103,9 @@ class StatesWithFields(Results):
         return System(self._model)
 
     @cached_property
-    def _motion(self) -> Moments | None:
+    def _motion(self) -> MotionAtTimes | None:
         """The solver for the accelerations of stored states, or None if the case is not a motion."""
-        from ..solvers.stored_states import Moments
+        from ..solvers.stored_states import MotionAtTimes
         from .warmup import warm_up
 
         model = self._model
@@ -113,7 +113,7 @@ class StatesWithFields(Results):
         if not isinstance(model.case.solver, Dynamic):
             return None
         warm_up(model)
-        return Moments(model, model.case.solver)
+        return MotionAtTimes(model, model.case.solver)
 
 
 def _computable_fields(model: Model) -> list[str]:

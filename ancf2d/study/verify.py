@@ -17,7 +17,7 @@ from ..errors import ComputationError
 from ..model.build import build_model
 from ..model.model import Model
 from ..model.points import dot
-from ..model.rotation import Kinds
+from ..model.rotation import CoordinateKinds
 from ..solvers.registry import solve
 from ..solvers.small_motions.classify import GAPS, Classifier
 from ..solvers.small_motions.eigen import renumber, solve_eigen
@@ -90,7 +90,7 @@ def _load_steps(loaded: LoadedCase, model: Model, states: Iterator[State]) -> It
     """
     spec = cast(Static, loaded.case.solver)
     steps = spec.with_steps(2.0)["steps"]
-    x = Kinds(model.meshes.values()).place
+    x = CoordinateKinds(model.meshes.values()).positions
     for state in states:
         if state.t == spec.end:
             finer = replace(loaded, case=replace(loaded.case, solver=replace(spec, steps=steps, verify=False)))

@@ -145,7 +145,7 @@ def test_statics_have_the_same_forces_and_tangents():
     amps = np.array([[s(t), 0.0, 0.0] for s in signals])
     energy, _, Q, K, D = one_by_one(d, np.zeros(len(d)), amps)
     found, P, A, C = 0.0, np.zeros_like(Q), np.zeros_like(K), np.zeros_like(D)
-    for batch in [*model.interactions.springs, *model.interactions.loads, *model.interactions.held]:
+    for batch in [*model.interactions.springs, *model.interactions.loads, *model.interactions.point_constraints]:
         one, forces, stiffness, damping = batch.matrices(d, t)
         found += one
         for dofs, q, k, c in zip(batch.dofs, forces, stiffness, damping, strict=True):

@@ -21,7 +21,7 @@ from ancf2d.kernels.lowlevel.records import Record
 from ancf2d.kernels.matrices.layout import Places
 from ancf2d.kernels.matrices.matrix import SymBand
 from ancf2d.model.interactions import point_table, sew
-from ancf2d.model.rotation import Kinds
+from ancf2d.model.rotation import CoordinateKinds
 
 
 @kernel
@@ -105,7 +105,7 @@ def test_what_friction_between_bodies_makes_unsymmetric_is_kept_whatever_a_point
     points = Record(sew(point_table(touching), csr_matrix(model_T), lambda i, j: i))
     table = Record(facing_table(touching))
     n, z = num.n_unknowns, 1e-5 * rng.standard_normal(num.n_unknowns)
-    Kinds(model.meshes.values()).translation(moved := np.zeros(len(num.place)), 1.3, -1e-5)
+    CoordinateKinds(model.meshes.values()).translation(moved := np.zeros(len(num.place)), 1.3, -1e-5)
     bar = model.meshes["bar"].dofs.ravel()
     z[num.place[bar]] += moved[bar]
     z[num.place[points.multiplier]] = -5.0
@@ -176,12 +176,12 @@ def test_friction_of_a_layer_holds_to_the_last_accepted_state_of_points_that_are
                                      "law": {"stiffness": 1e6}}])
     (batch,) = model.interactions.springs
     d = np.zeros(len(model.numbering.place))
-    model.interactions.take_hold(d, 0.0)
+    model.interactions.set_friction_anchors(d, 0.0)
     first = batch.table.mem[:, geometry.ANCHOR].copy()
     # which finds that no point can touch
     point_forces(batch.table, d, d, batch.amplitudes(0.0), np.zeros_like(d))
     assert (batch.table.apart > 0.0).any()
-    Kinds(model.meshes.values()).translation(d, 0.3, 0.0)
+    CoordinateKinds(model.meshes.values()).translation(d, 0.3, 0.0)
     batch.accept(d, 0.0)
     np.testing.assert_allclose(np.abs(batch.table.mem[:, geometry.ANCHOR] - first), 0.3, rtol=1e-12)
 

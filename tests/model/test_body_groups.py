@@ -10,7 +10,7 @@ from ancf2d.kernels.elements import force_tangent
 from ancf2d.kernels.matrices.layout import Places
 from ancf2d.kernels.matrices.matrix import SymBand
 from ancf2d.model import body_groups
-from ancf2d.model.body_groups import Pool, place_of
+from ancf2d.model.body_groups import Pool, place_in_pools
 from ancf2d.model.element_limits import inverted
 from ancf2d.model.groups import make_group
 
@@ -57,7 +57,7 @@ def test_bodies_alike_share_a_pool_and_lengths_a_class():
     # a and b are of one class; the pieces of c have lengths of their own
     assert first.cls[:6].tolist() == [0] * 6
     assert len(first.classes) == 3
-    assert [place_of(model.pools, model.meshes[name]) for name in ("a", "b", "c", "other")] == [
+    assert [place_in_pools(model.pools, model.meshes[name]) for name in ("a", "b", "c", "other")] == [
         (0, 0), (0, 3), (0, 6), (1, 0)]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ancf2d.case import Amplitude, Constant, Expression, Ramp, Sine, Table
-from ancf2d.model.breakpoints import TURNS, Piece, breakpoints, case_stops, jumps, pieces
+from ancf2d.model.breakpoints import TURNS, MotionPiece, breakpoints, case_stops, jumps, motion_pieces
 from ancf2d.model.timing import Signal
 
 THIRD = 1 / 3
@@ -92,15 +92,15 @@ def test_both_sides_of_a_break_are_pieces_of_their_own(text: str) -> None:
 def test_a_switch_at_the_start_is_a_jump_but_no_place_to_stop() -> None:
     for number in (0.0, 1e-13):
         first = math.nextafter(number, 1.0)
-        assert pieces([formula(f"1 if t > {number} else 0")], 1.0) == [Piece(first, math.inf, 1.0)]
+        assert motion_pieces([formula(f"1 if t > {number} else 0")], 1.0) == [MotionPiece(first, math.inf, 1.0)]
     assert jumps(formula("1 if t > 0 else 0"), 0.0, 1.0) == [math.nextafter(0.0, 1.0)]
 
 
 def test_signals_end_before_a_switch_at_the_end() -> None:
     first = math.nextafter(0.0, 1.0)
     for text in ("1 if t < 2 else 0", "1 if t >= 2 else 0"):
-        assert pieces([formula(text)], 2.0) == [Piece(first, math.nextafter(2.0, 0), 2.0)]
-    assert pieces([formula("1 if t <= 2 else 0")], 2.0) == [Piece(first, math.inf, 2.0)]
+        assert motion_pieces([formula(text)], 2.0) == [MotionPiece(first, math.nextafter(2.0, 0), 2.0)]
+    assert motion_pieces([formula("1 if t <= 2 else 0")], 2.0) == [MotionPiece(first, math.inf, 2.0)]
 
 
 @pytest.mark.parametrize("switches", [1000, pytest.param(10000, marks=pytest.mark.slow)])
@@ -121,9 +121,9 @@ def test_what_is_scaled_to_nothing_does_not_break() -> None:
 def test_breaks_of_several_signals_that_coincide_are_one() -> None:
     signals = [Signal(Ramp(t0=0.5, t1=0.7)), formula("t <= 0.5"), formula("t < 0.5"), formula("abs(t - 0.9)")]
     low, high = math.nextafter(0.5, 0), math.nextafter(0.5, 1)
-    assert pieces([*signals, *signals], 1.0) == [
-        Piece(math.nextafter(0.0, 1.0), low, high), Piece(high, math.nextafter(0.7, 0), 0.7),
-        Piece(0.7, math.nextafter(0.9, 0), 0.9), Piece(0.9, math.inf, 1.0)]
+    assert motion_pieces([*signals, *signals], 1.0) == [
+        MotionPiece(math.nextafter(0.0, 1.0), low, high), MotionPiece(high, math.nextafter(0.7, 0), 0.7),
+        MotionPiece(0.7, math.nextafter(0.9, 0), 0.9), MotionPiece(0.9, math.inf, 1.0)]
 
 
 @pytest.mark.parametrize("end", [1.7e308, 1e160, 1e-160, 5e-324])

@@ -187,7 +187,7 @@ def test_a_torsion_spring_is_wound_through_full_turns(name):
     for angle in np.linspace(0, -15, 12):
         d = helpers.rotate(np.zeros(model.n_q), model, angle)
         before, turned = d, model.turns.follow(before, turned, d)
-        model.turns.recall([patch], model.e0 + d, d, turned)
+        model.turns.set_spring_angles([patch], model.e0 + d, d, turned)
         energy = helpers.patch_at(model, patch, d, 1.0)[0]
         assert energy == pytest.approx(1.5 * angle**2, abs=1e-10)
 

@@ -8,7 +8,7 @@ import pytest
 from helpers import section_forces
 
 from ancf2d.interactions.forces import DeadLoad
-from ancf2d.model.rotation import Kinds
+from ancf2d.model.rotation import CoordinateKinds
 from ancf2d.solvers.linear import full_mass
 from ancf2d.solvers.post import Observer, energies, reactions
 from ancf2d.solvers.registry import solve
@@ -42,7 +42,7 @@ def whirl(name: str, omega: float = 30.0) -> tuple:
                      steady_rotation={"omega": omega})
     model = h.build(bodies(name), DYNAMIC, bc=[{"name": "hub", "type": "pin", "at": "b@0"}],
                     output={"probes": {"p": "b@0.4", "off": {"at": "b@0.4", "y": 0.03}}, "fields": ["N"]})
-    kinds, d = Kinds(model.meshes.values()), frame.d[:model.n_q]
+    kinds, d = CoordinateKinds(model.meshes.values()), frame.d[:model.n_q]
     v, a = np.zeros(model.n_q), np.zeros(model.n_q)
     kinds.rotation(v, model.e0 + d, omega)
     kinds.rotation(a, v, omega)
@@ -88,7 +88,7 @@ def pushed(name: str, at: float, force: tuple[float, float], s: float) -> tuple[
                     loads=[{"type": "gravity", "value": g}])
     model = h.build(bodies(name, 4), DYNAMIC, loads=[{"type": "force", "at": f"b@{at}", "value": force}])
     a = np.zeros(model.n_q)
-    Kinds(model.meshes.values()).translation(a, *(-g))
+    CoordinateKinds(model.meshes.values()).translation(a, *(-g))
     return section_forces(model, moving(model, held.d, a=a), h.point_ref(model.meshes["b"], s))
 
 
@@ -113,7 +113,7 @@ def test_a_bar_pushed_at_its_middle_bends_under_its_inertia(name, s):
 def test_a_falling_bar_has_no_section_forces(name):
     model = h.build(bodies(name), DYNAMIC, loads=[{"type": "gravity", "value": [0, -10]}])
     a = np.zeros(model.n_q)
-    Kinds(model.meshes.values()).translation(a, 0.0, -10.0)
+    CoordinateKinds(model.meshes.values()).translation(a, 0.0, -10.0)
     point = h.point_ref(model.meshes["b"], 0.4)
     assert np.abs(section_forces(model, moving(model, np.zeros(model.n_q), a=a), point)).max() < 1e-9
     at_rest = section_forces(model, moving(model, np.zeros(model.n_q)), point)
@@ -125,7 +125,7 @@ def test_angular_acceleration_bends_a_bar(name, s):
     """M(x) = -alpha rho A ((L^3 - x^3)/3 - x (L^2 - x^2)/2) - alpha rho I (L - x), Q(x) of the forces alone."""
     model = h.build(bodies(name), DYNAMIC, bc=[{"name": "wall", "type": "clamp", "at": "b@0", "hold": "section"}])
     alpha, a = 7.0, np.zeros(model.n_q)
-    Kinds(model.meshes.values()).rotation(a, model.e0, alpha)
+    CoordinateKinds(model.meshes.values()).rotation(a, model.e0, alpha)
     statics = h.build(bodies(name), "static", bc=[{"type": "clamp", "at": "b@0", "hold": "section"}])
     everything = np.arange(model.n_q)
     statics.loads.dead.append(DeadLoad(everything, -(full_mass(model) @ a), lambda t: t))
@@ -150,7 +150,7 @@ def test_damping_is_part_of_the_section_forces(name):
     """
     model = h.build(bodies(name, damping={"kelvin_voigt": 1e-3}), DYNAMIC, damping={"rayleigh": {"alpha": 2.0,
                     "beta": 1e-3}}, bc=[{"type": "clamp", "at": "b@0", "hold": "section"}])
-    kinds, v = Kinds(model.meshes.values()), np.zeros(model.n_q)
+    kinds, v = CoordinateKinds(model.meshes.values()), np.zeros(model.n_q)
     v[kinds.x] = 1e-3 * model.e0[kinds.x]
     if name == "2d2n":
         v[kinds.x + 1] = -0.3e-3 * model.e0[kinds.x + 1]

@@ -125,10 +125,10 @@ def test_damping_adds_its_stress() -> None:
     model = h.build({"beam": h.body(h.line(L), h.element("vallejo", 2), SECTION,
                                     {**STEEL, "damping": {"kelvin_voigt": 1e-3}})},
                     {"type": "dynamic", "t_end": 1, "dt": 0.1}, output=EVERY)
-    from ancf2d.model.rotation import Kinds
+    from ancf2d.model.rotation import CoordinateKinds
 
     zero, v = np.zeros(model.n_q), np.zeros(model.n_q)
-    x = Kinds(model.meshes.values()).x
+    x = CoordinateKinds(model.meshes.values()).x
     v[x], v[x + 1] = 1e-2 * model.e0[x], -NU * 1e-2 * model.e0[x + 1]
     found, _, _ = fields(model, State(0.0, zero, zero, zero, 0.0, v=v, a=zero))
     np.testing.assert_allclose(found["stress"][..., 0], 1e-3 * E * 1e-2, rtol=1e-9)

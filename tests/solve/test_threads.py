@@ -23,8 +23,8 @@ def test_bits_are_the_same_whatever_the_number_of_threads(monkeypatch, name):
     found = []
     for wanted in (1, 2, 3):
         system = system_of(monkeypatch, wanted, name=name)
-        assert (system.crew.pool is None) == (wanted == 1)
-        assert [len(stage) for stage in system.crew.stages] == [5, 1]
+        assert (system.divided.pool is None) == (wanted == 1)
+        assert [len(stage) for stage in system.divided.stages] == [5, 1]
         d = helpers.random_state(system.model, 1e-3)
         balance = system.assemble(d, 1.0)
         found.append((balance.R, balance.energy, system.matrix.values.copy(), system.forces(d, 1.0).R,
@@ -37,7 +37,7 @@ def test_what_is_shared_out_is_the_whole(monkeypatch):
     parted = system_of(monkeypatch, 2)
     monkeypatch.setattr(threads, "PART", 1000)
     whole = System(parted.model)
-    assert [len(stage) for stage in whole.crew.stages] == [1]
+    assert [len(stage) for stage in whole.divided.stages] == [1]
     d = helpers.random_state(parted.model, 1e-3)
     a, b = parted.assemble(d, 1.0), whole.assemble(d, 1.0)
     assert a.energy == pytest.approx(b.energy, rel=1e-14)
@@ -50,10 +50,10 @@ def test_what_is_shared_out_is_the_whole(monkeypatch):
 def test_parts_touch_nothing_in_common(monkeypatch, shape):
     system = system_of(monkeypatch, 2, shape)
     place = system.model.numbering.place
-    for stage in system.crew.stages[:1]:
+    for stage in system.divided.stages[:1]:
         unknowns = [set(place[part.dofs.ravel()]) - {-1} for part in stage]
         assert all(a.isdisjoint(b) for i, a in enumerate(unknowns) for b in unknowns[:i])
-    assert sum(len(part.dofs) for stage in system.crew.stages for part in stage) == 40
+    assert sum(len(part.dofs) for stage in system.divided.stages for part in stage) == 40
 
 
 def test_bodies_whose_ends_share_unknowns_are_not_shared_out(monkeypatch):
@@ -62,4 +62,4 @@ def test_bodies_whose_ends_share_unknowns_are_not_shared_out(monkeypatch):
     ring = {"b": helpers.body(ROUND, helpers.element("vallejo", 40))}
     model = helpers.build(ring, joints=[{"type": "weld", "between": ["b@0", "b@1"]}],
                           bc=[{"type": "pin", "at": "b@0.5"}])
-    assert [len(stage) for stage in System(model).crew.stages] == [1]
+    assert [len(stage) for stage in System(model).divided.stages] == [1]

@@ -33,8 +33,8 @@ def test_broken_laws_are_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
     assert laws.law_tangent(s).verdict == "fail"
     monkeypatch.setattr(laws, "rigidly_moved", lambda model, d, angle: d)
     assert laws.law_objectivity(s).verdict == "fail"
-    energy: Any = laws.kept_energy
-    monkeypatch.setattr(laws, "kept_energy", lambda *a: 1.5 * np.array(energy(*a)))
+    energy: Any = laws.extra_energy
+    monkeypatch.setattr(laws, "extra_energy", lambda *a: 1.5 * np.array(energy(*a)))
     assert laws.law_dissipation(s).verdict == "fail"
     monkeypatch.setattr(laws, "CYCLES", 2)
     assert laws.law_cycles(s).verdict == "fail"

@@ -20,7 +20,7 @@ from ..shape import Array, ShapeFunctions, gauss, radau
 
 
 @dataclass(frozen=True)
-class PointLaw:
+class StrainLaw:
     """Strains of one point as functions of its fields; formulations that sample different points may share a law.
 
     The kernels compile the functions for one point in many lanes: ref (any, lanes), u (fields, lanes), eps and
@@ -44,10 +44,10 @@ class PointLaw:
     These functions may call other functions of numbers and arrays. If the law is ``timed``, the last number of the
     state is the time since the last accepted state, which solvers set.
     ``elastic``: internal strains depend on the present strains alone, so there is no state to keep.
-    ``stored(ref, D, eps, state)`` returns the stored energy (elements, stations) beyond eps^T D eps/2 of the
+    ``extra_energy(ref, D, eps, state)`` returns the stored energy (elements, stations) beyond eps^T D eps/2 of the
     stress-bearing strains eps (elements, stations, points strains); ref (stations, points, any), D (stations, points
     strains, points strains), state (elements, stations, points, numbers).
-    The work of the internal strains in a step is counted with the stress at its end; ``overtold(ref, D, state)``
+    The work of the internal strains in a step is counted with the stress at its end; ``excess_work(ref, D, state)``
     returns the accumulated excess (elements, stations) over the true work, if the law can compute it.
     """
 
@@ -62,8 +62,8 @@ class PointLaw:
     internal: Callable[..., Any] | None = None
     timed: bool = False
     elastic: bool = False
-    stored: Callable[[Any, Any, Any, Any], Any] | None = None
-    overtold: Callable[[Any, Any, Any], Any] | None = None
+    extra_energy: Callable[[Any, Any, Any, Any], Any] | None = None
+    excess_work: Callable[[Any, Any, Any], Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,7 @@ class Formulation:
     """
 
     name: str
-    law: PointLaw
+    law: StrainLaw
     refuse: Callable[[ElementType], str | None]
     rule: Callable[[ElementType], tuple[int, int]]
     exact: Callable[[ElementType], tuple[int, int] | None]

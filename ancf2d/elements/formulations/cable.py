@@ -6,7 +6,7 @@ import numpy as np
 
 from ..definition import ElementType
 from ..shape import Array, gauss, lobatto
-from .base import Formulation, Free, PointLaw, Rule, Sampler, coupled, cross, diagonal, join, of_section
+from .base import Formulation, Free, Rule, Sampler, StrainLaw, coupled, cross, diagonal, join, of_section
 
 
 def strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
@@ -190,8 +190,8 @@ def _refuse(element: ElementType) -> str | None:
 
 
 # fields: u_,s and u_,ss, x and y each; reference values: r_s and r_ss
-ENGINEERING = PointLaw(4, 2, 4, strain, geometric, mean)
-GREEN = PointLaw(4, 2, 4, green_strain, green_geometric, green_mean, (0,))
+ENGINEERING = StrainLaw(4, 2, 4, strain, geometric, mean)
+GREEN = StrainLaw(4, 2, 4, green_strain, green_geometric, green_mean, (0,))
 
 FORMULATIONS = (
     Formulation("cable", ENGINEERING, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample,

@@ -13,7 +13,7 @@ import numpy as np
 from ..definition import ElementType
 from ..section import Section, shear_flow
 from ..shape import Array, gauss
-from .base import Formulation, Free, PointLaw, Rule, Sampler, cross, join, of_section, rule_points
+from .base import Formulation, Free, Rule, Sampler, StrainLaw, cross, join, of_section, rule_points
 
 # points per layer that integrate the square of its shear stress exactly
 POINTS = 6
@@ -376,15 +376,11 @@ def _exact(element: ElementType) -> tuple[int, int]:
     return 2 * dx + 1, 2 * dy + 1
 
 
-def _exact_no_split(element: ElementType) -> tuple[int, int] | None:
-    return _exact(element)
-
-
 # fields: u_,t and u_,n, x and y each; reference values: t and n
-GREEN = PointLaw(4, 3, 4, strain, geometric, mean, (0, 1))
+GREEN = StrainLaw(4, 3, 4, strain, geometric, mean, (0, 1))
 
 FORMULATIONS = tuple(
-    Formulation(name, GREEN, refuse, _default_rule, _exact_no_split, sample, source, doc,
+    Formulation(name, GREEN, refuse, _default_rule, _exact, sample, source, doc,
                 selective=name != "strain_split", stress=stress, natural=natural, points=sample is sample_continuum,
                 green=True)
     for name, refuse, sample, natural, stress, source, doc in (

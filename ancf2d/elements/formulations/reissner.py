@@ -6,7 +6,7 @@ import numpy as np
 
 from ..definition import ElementType
 from ..shape import Array
-from .base import Formulation, Free, PointLaw, Rule, Sampler, coupled, diagonal, join, of_section
+from .base import Formulation, Free, Rule, Sampler, StrainLaw, coupled, diagonal, join, of_section
 
 
 def strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
@@ -88,7 +88,7 @@ def _refuse(element: ElementType) -> str | None:
 
 
 # fields: x and y of u_,s, theta, theta_,s; reference values: x and y of r_s, cosine and sine of theta
-EXACT = PointLaw(4, 3, 4, strain, geometric)
+EXACT = StrainLaw(4, 3, 4, strain, geometric)
 
 FORMULATIONS = (
     Formulation("geometrically_exact", EXACT, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample,

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..definition import ElementType
 from ..shape import Array, lobatto
-from .base import Formulation, Free, PointLaw, Rule, Sampler, coupled, diagonal, join, of_section
+from .base import Formulation, Free, Rule, Sampler, StrainLaw, coupled, diagonal, join, of_section
 
 
 def strain(ref, u, eps, J, lanes):  # type: ignore[no-untyped-def]
@@ -166,7 +166,7 @@ def _refuse(element: ElementType) -> str | None:
 
 
 # fields: u_,s, u_,y and u_,ys, x and y each; reference values: r_s, r_y and r_ys
-SECTION = PointLaw(6, 4, 6, strain, geometric, mean, (3,))
+SECTION = StrainLaw(6, 4, 6, strain, geometric, mean, (3,))
 
 FORMULATIONS = (
     Formulation("structural", SECTION, _refuse, lambda e: (e.degree_x, 1), lambda e: None, sample,

@@ -26,7 +26,7 @@ from ..points import add_to, amplitude_of, fields_of_item, law_of_item, rates_of
 from .dynamics import to_unknowns
 from .state import SIZE, evaluate_with_gradient
 
-_turn = part(point_laws.turn)
+_angle_near = part(point_laws.angle_near)
 # kinds of quantities: a position, its rate, the angle of a direction, its rate
 POSITION, RATE, ANGLE, SPIN = range(4)
 
@@ -106,7 +106,7 @@ def tell(f, d, v):  # type: ignore[no-untyped-def]
         else:
             ux, uy = _components(f, i, d)
             if kind == ANGLE:
-                f.values[i] = _turn(f.start[i], ux, uy, f.near[i])
+                f.values[i] = _angle_near(f.start[i], ux, uy, f.near[i])
             else:
                 x, (vx, vy) = f.start[i] + ux, _components(f, i, v)
                 f.values[i] = (x * vy - uy * vx) / (x * x + uy * uy)
@@ -206,7 +206,7 @@ def feedback_accept(p, w):  # type: ignore[no-untyped-def]
     for i in range(len(f.kind)):
         if f.kind[i] == ANGLE:
             ux, uy = _components(f, i, w.d)
-            f.near[i] = _turn(f.start[i], ux, uy, f.near[i])
+            f.near[i] = _angle_near(f.start[i], ux, uy, f.near[i])
     for j in range(f.states):
         size = abs(w.d[p.full[p.inner + j]])
         if size > f.scale[j]:

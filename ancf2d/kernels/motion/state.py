@@ -8,7 +8,7 @@ import numpy as np
 from numba.extending import register_jitable
 
 from ...case import jets
-from ...elements.point_laws import turn
+from ...elements.point_laws import angle_near
 from ..lowlevel.jit import addressed, inner, kernel
 
 # numbers carried from step to step. LIMIT: largest adaptive step size since Newton's method failed, 0 for none
@@ -35,7 +35,7 @@ SOFT_STEP, STRUCK, FASTEST = range(28, 31)
 HIT_AT, HIT_POINTS, IMPULSE, HIT_LOST = range(31, 35)
 NUMBERS = 35
 
-_turn = inner(turn)
+_angle_near = inner(angle_near)
 # number of Newton increments kept for messages
 HISTORY = 64
 # outcomes of a step. SWITCHES: repeat it, shorter or (NEXT > 0) by backward Euler; INTO_SUPPORTS: a contact point whose
@@ -215,7 +215,7 @@ def turn_on(turning, d, v, h, angle, rate):  # type: ignore[no-untyped-def]
             vy += turning.across[k] * v[c]
         x = turning.length[i] + ux
         new = (x * vy - uy * vx) / (x * x + uy * uy)
-        angle[i] = _turn(turning.length[i], ux, uy, angle[i] + 0.5 * h * (rate[i] + new))
+        angle[i] = _angle_near(turning.length[i], ux, uy, angle[i] + 0.5 * h * (rate[i] + new))
         rate[i] = new
 
 

@@ -16,7 +16,7 @@ from ...kernels.lowlevel.records import Record
 from ...kernels.motion import along
 from ...kernels.motion.state import scratch
 from ...kernels.points import Points
-from ...model.breakpoints import pieces
+from ...model.breakpoints import motion_pieces
 from ...model.groups import of_elements, unlike
 from ...model.interactions import point_table
 from ...model.mesh import Index
@@ -59,7 +59,7 @@ class Differing:
         self.run, self.models, self.weights = run, models, weights
         stepper, base = run.stepper, run.problem.values
         signals, found = zip(*(_told(run, model) for model in models), strict=True)
-        if any(len(one.all) > len(run.signals) and list(pieces(one.all, run.spec.t_end)) != list(stepper.pieces)
+        if any(len(one.all) > len(run.signals) and list(motion_pieces(one.all, run.spec.t_end)) != list(stepper.pieces)
                for one in signals):
             raise UnsuitedError("the times of corners of signals depend on the number")
         self.alphas = np.array([tables["alpha"] for tables in found])

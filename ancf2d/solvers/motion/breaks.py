@@ -15,7 +15,7 @@ from ...kernels.motion.advance import NEAR
 from ...kernels.motion.consistent import kinetic, onto_constraints, place_at
 from ...kernels.motion.dynamics import signals_at
 from ...kernels.motion.state import GRID, LOST, STEP_SIZE, WORK, fill_full
-from ...model.breakpoints import Break, Piece, breakpoints
+from ...model.breakpoints import Break, MotionPiece, breakpoints
 from ...model.model import Model
 from ...model.timing import Signal
 from ..linear import full_mass, unknowns_to_coordinates
@@ -49,7 +49,7 @@ class MovingPoints:
                 found[patch.mesh.plan.name, course] = patch.crossings(ends)
         return [Break(t, 2, float(np.nextafter(t, -np.inf))) for times in found.values() for t in times]
 
-    def enter(self, p: Record, piece: Piece, acts: Callable[[Any, float], bool]) -> None:
+    def enter(self, p: Record, piece: MotionPiece, acts: Callable[[Any, float], bool]) -> None:
         """Assign each point the element that it is on during a piece of the motion, or OFF.
 
         ``acts(window, t)`` returns whether a point with this window of activity acts at time t.

@@ -21,8 +21,8 @@ from ...model.element_limits import any_inverted, inverted
 from ...model.model import Model
 from ...pace import Pace
 from ..contact import check_pressed, recall_rows
-from ..energy import Energies, constant_loads, is_constant, kept_energy
-from ..state import State, check_kept
+from ..energy import Energies, constant_loads, extra_energy, is_constant
+from ..state import State, check_checkpoint
 from ..system import least_motion
 from ..threads import largest_share
 from .estimate import Estimate, step_ends
@@ -72,7 +72,7 @@ class Balance:
         steady = [load for load in model.loads.dead if is_constant(load.amplitude)]
         self.dead, self.varies = constant_loads(model, steady), len(steady) < len(model.loads.dead)
         # whether laws store energy that their stress does not show
-        self.stores_energy = any(pool.plan.formulation.law.stored is not None for pool in model.pools)
+        self.stores_energy = any(pool.plan.formulation.law.extra_energy is not None for pool in model.pools)
         # [0] total at the start, [1] its largest change, [2] largest kinetic plus strain energy, [3] energy of springs
         # and moving masses at the start, [4] largest gain, [5] energy kept by materials and [6] their overcounted loss
         # at the start
@@ -92,11 +92,11 @@ class Balance:
             recall_rows(model, row.turns)
         if model.springs:
             d_q = d[:model.n_q]
-            model.turns.recall(model.springs, model.e0 + d_q, d_q, model.turns.at(d, row.turned))
+            model.turns.set_spring_angles(model.springs, model.e0 + d_q, d_q, model.turns.at(d, row.turned))
             strain += model.interactions.energy(d, row.side)
             springs = model.interactions.energy(d, row.side, worked=not self.stepper.method.conserves)
         # energy kept by materials with memory, which counts as lost in the steps, and energy kept by other materials
-        kept, more, over = kept_energy(model, d, row.side) if self.stores_energy else (0.0, 0.0, 0.0)
+        kept, more, over = extra_energy(model, d, row.side) if self.stores_energy else (0.0, 0.0, 0.0)
         strain += more
         dead, potential = float(self.dead @ d), self.energies.potential(d)
         own = strain - springs if self.stepper.tracks_work else strain
@@ -373,6 +373,6 @@ def solve_dynamic(model: Model, spec: Dynamic, checkpoint: dict[str, Array] | No
     """
     run = Run(model, spec)
     if checkpoint is not None:
-        check_kept(checkpoint, run.checkpoint())
+        check_checkpoint(checkpoint, run.checkpoint())
     return run.states(checkpoint)
 

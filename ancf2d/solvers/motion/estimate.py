@@ -16,7 +16,7 @@ from ...kernels.motion.state import COUNT, SWITCHED
 from ...kernels.motion.switching import FIXED
 from ...model.mesh import Index
 from ...model.model import Model
-from ...model.rotation import Kinds
+from ...model.rotation import CoordinateKinds
 from ...model.timing import rates_of
 from ...pace import Pace
 from ...processors import threads
@@ -335,4 +335,4 @@ def step_ends(stepper: Stepper, since: float, found: list[Row]) -> list[float]:
 def _nodes(model: Model) -> list[tuple[Index, Array]]:
     """Return x and y of every node as (indices, weights) columns."""
     one = np.ones(1)
-    return [(np.array([i + k]), one) for i in Kinds(model.meshes.values()).place for k in range(2)]
+    return [(np.array([i + k]), one) for i in CoordinateKinds(model.meshes.values()).positions for k in range(2)]

@@ -17,12 +17,12 @@ from ...errors import ComputationError
 from ...interactions.moving import MovingPatch
 from ...kernels.lowlevel.records import Record
 from ...kernels.motion.events import HOLDS, NO_VALUE, NONE, PASSED, WAITING, holding
-from ...model.breakpoints import Break, Piece
+from ...model.breakpoints import Break, MotionPiece
 from ...model.constraints import MOTIONS
 from ...model.determinacy import rigid_motion
 from ...model.point_patch import PointConstraint, PointPatch
 from ...model.points import dot
-from ...model.switched import CLOSED, catch, is_off
+from ...model.switched import CLOSED, is_off, store_held_values
 from ...results.records import EVENT_WORDS
 from ..linear import dense
 
@@ -78,7 +78,7 @@ class Events:
         times = {t for window in windows if window is not None for t in window.times if 0.0 < t <= t_end}
         return [Break(t, 0, math.nextafter(t, -math.inf)) for t in times]
 
-    def enter(self, p: Record, piece: Piece) -> None:
+    def enter(self, p: Record, piece: MotionPiece) -> None:
         """Switch on the items that act in a piece of the motion, and watch the conditions that may come true in it."""
         t = 0.5 * (piece.first + piece.stop)
         repeated = self.redundant.get(piece.first, [])
@@ -153,7 +153,8 @@ class Events:
         piece, pieces = self.motion.pieces[i], self.motion.pieces
         if t <= piece.first:
             return False
-        pieces[i:i + 1] = [Piece(piece.first, math.nextafter(t, -math.inf), t), Piece(t, piece.last, piece.stop)]
+        pieces[i:i + 1] = [MotionPiece(piece.first, math.nextafter(t, -math.inf), t),
+                           MotionPiece(t, piece.last, piece.stop)]
         self.cuts.append(t)
         return True
 
@@ -179,7 +180,7 @@ class Events:
         found = [(k, c) for k, c in self.switched if k not in acted and self._is_on(k)]
         supports = {name for name, _ in self.model.supports}
         for k, c in found:
-            foot, gap = self.model.interactions.joints[-1 - k].caught(d) if k < 0 else (None, 0.0)
+            foot, gap = self.model.interactions.joints[-1 - k].nearest_foot(d) if k < 0 else (None, 0.0)
             off = abs(gap) / self.model.extent if k < 0 else 0.0 if c.owner in supports else is_off(c, d)
             if off > CLOSED:
                 apart = f"{c.holds} is violated by {off:.3g}" if off < math.inf else "one is beyond the end of its axis"
@@ -189,7 +190,7 @@ class Events:
             if k < 0:
                 self._set_foot(-1 - k, foot, gap)
                 continue
-            catch(c, d, motion.t)
+            store_held_values(c, d, motion.t)
             motion.p.points.mem[k, :len(c.mem)] = c.mem
             self._note_offset(c)
         self._switch_off_redundant(d)

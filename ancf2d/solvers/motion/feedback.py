@@ -84,7 +84,7 @@ class Answers:
         if not self.feedback.answers and not self.feedback.controllers:
             return {}
         values = self.values_at(row)
-        self.feedback.look(row.side, values)
+        self.feedback.evaluate_signals(row.side, values)
         return dict(self.feedback.outputs(row.side, values))
 
     def check(self, h: float) -> None:

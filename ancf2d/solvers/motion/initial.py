@@ -17,7 +17,7 @@ from ...errors import CaseError, ComputationError, Problem, ResultsError
 from ...model.build import build_model
 from ...model.model import Model
 from ...model.point_patch import PointConstraint
-from ...model.rotation import Kinds
+from ...model.rotation import CoordinateKinds
 from ...model.transfer import renumbered
 
 # relative to the size of the scene: tolerance for equal reference geometry, and for states that supports hold
@@ -48,7 +48,7 @@ def initial_motion(model: Model) -> tuple[Array, Array, Array]:
 
 def _rates(model: Model, initial: Initial, e: Array, stored: Array) -> Array:
     """Return the rates (n_q,) at nodal coordinates e: given for a body, else for all bodies, else stored."""
-    kinds = Kinds(model.meshes.values())
+    kinds = CoordinateKinds(model.meshes.values())
     out = stored.copy()
     for name, mesh in model.meshes.items():
         said = initial.bodies.get(name, initial)

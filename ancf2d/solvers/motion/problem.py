@@ -41,7 +41,7 @@ from ...kernels.patches import patch_functions
 from ...kernels.sliding import sliding_check
 from ...kernels.tangents import fill_products
 from ...model.feedback import POSITION
-from ...model.groups import apart, with_given, with_states
+from ...model.groups import with_given, with_own_arrays, with_states
 from ...model.interactions import point_table, turning_table
 from ...model.model import Model
 from ...model.timing import Signal
@@ -106,9 +106,6 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
     """Return the record (``Problem``) for the kernels of motion, and its signals."""
     num, signals = model.numbering, Signals()
     T, M = unknowns_to_coordinates(model), full_mass(model)
-    own = num.free < num.n_q
-    weights, straining = np.zeros(num.n_unknowns), np.zeros(num.n_unknowns)
-    weights[own], straining[own] = model.weights[num.free[own]], model.straining[num.free[own]]
     pairs, turns = vectors(model)
     tau = np.array([pool.tau for pool in model.pools])
     natural_signals(model, signals)
@@ -122,8 +119,8 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
         "sliding": sliding_table(model.constraints, model.e0), "place": num.place,
         "indptr": num.indptr, "index": num.index, "value": num.value, "full": num.free, "dependents": num.dependent,
         **mass_tables((T.T @ M @ T).tocsr(), num), "alpha": float(damping.rayleigh.alpha) if damping else 0.0,
-        "pairs": pairs, "turns": turns, "e0": model.e0, "weights": weights, "straining": straining,
-        "coordinate": own.astype(float),
+        "pairs": pairs, "turns": turns, "e0": model.e0, "weights": num.of_unknowns(model.weights),
+        "straining": num.of_unknowns(model.straining), "coordinate": num.of_unknowns(np.ones(num.n_q)),
         "extent": float(model.extent), **dead_loads(model, signals), **motions(model, M, T, signals)}
     data["moving"] = moving_table(model.interactions.points, signals.row, data["mass"])
     patched = len(data["points"].mem) > 0 or len(data["sliding"].multiplier) > 0
@@ -201,7 +198,7 @@ def _quantities(model: Model) -> dict[str, Array]:
 def with_own_tables(problem: Record, model: Model) -> Record:
     """Return a problem with its own copies of the tables that store history variables or intermediate results."""
     p: Problem = problem.values
-    groups, states = with_states([apart(group) for group in model.groups])
+    groups, states = with_states([with_own_arrays(group) for group in model.groups])
     groups, given, slopes = with_given(groups)
     points, changes = p.points, dict[str, Any]()
     if len(p.moving.item):

@@ -28,7 +28,7 @@ from ...kernels.motion.state import (
     scratch,
     turn_on,
 )
-from ...model.breakpoints import Piece, piece_at, pieces
+from ...model.breakpoints import MotionPiece, motion_pieces, piece_at
 from ...model.model import Model
 from ...model.point_patch import PointConstraint
 from ...model.timing import Signal
@@ -79,8 +79,8 @@ class Stepper:
         self.events, self.impacts = Events(self), Impacts(model)
         ends = self.events.breaks(spec.t_end)
         self.moving.times -= {b.t for b in ends}
-        self.pieces: list[Piece] = pieces([*signals, *feedback.switches], spec.t_end,
-                                          [*self.moving.crossings, *ends, *feedback.instants(spec.t_end)])
+        self.pieces = motion_pieces([*signals, *feedback.switches], spec.t_end,
+                                    [*self.moving.crossings, *ends, *feedback.instants(spec.t_end)])
         self.enter(0)
         self.pending: Array = np.zeros((0, len(LOG)))
         self.rows = self._rows(n)
@@ -157,8 +157,8 @@ class Stepper:
         self.answers.count_angles(self.p, d, turned)
         self.p.states[:] = model.states
         self.s.turned[0] = turned[model.turns.counted]
-        model.turns.recall(model.springs, model.e0 + d[:n_q], d[:n_q], turned)
-        model.interactions.take_hold(d, 0.0)
+        model.turns.set_spring_angles(model.springs, model.e0 + d[:n_q], d[:n_q], turned)
+        model.interactions.set_friction_anchors(d, 0.0)
         for rows, mem in model.interactions.memory:
             self.p.points.mem[rows, :mem.shape[1]] = mem
 
@@ -335,7 +335,7 @@ class Stepper:
         self.p.programs.window[:] = self.pieces[piece][:2]
         self._switch_items(self.p, self.pieces[piece])
 
-    def _switch_items(self, p: Record, piece: Piece) -> None:
+    def _switch_items(self, p: Record, piece: MotionPiece) -> None:
         """Switch on the items that act in a piece of the motion, and place moving points."""
         self.events.enter(p, piece)
         self.moving.enter(p, piece, self.events.acts)

@@ -19,10 +19,10 @@ from ...model.mesh import Index
 from ...model.point_patch import PointConstraint
 from ...model.points import PointRef
 from ...model.rotation import Rotation
-from ...model.timing import Drive
-from ..element_loads import reach
+from ...model.timing import InputMotion
+from ..element_loads import influencing_coordinates
 from ..linear import full_mass
-from ..post import FORCES, asks_for_forces, place_rate
+from ..post import FORCES, asks_for_forces, velocity_of
 from ..section_forces import SectionForces, has_section_forces
 from ..state import State
 from .linearised import Linearised, Relaxing
@@ -53,7 +53,7 @@ class SmallForces:
         still = np.zeros((2, len(base.state.d)))
         self.state = replace(base.state, linear=False, v=still[0], a=still[1], about=base.state.d)
         self.model = replace(base.model, case=replace(case, loads=tuple(acting)), inputs={})
-        coords = reach(self.model, point.mesh, point.ie, base.state)
+        coords = influencing_coordinates(self.model, point.mesh, point.ie, base.state)
         if coords is None:
             raise ComputationError(f"N, Q and M of the probe {name} are not computed, because a support or joint holds "
                                    "its element between the nodes", at={"probe": name},
@@ -109,7 +109,7 @@ class SmallForces:
             return np.zeros(3)
         # natural strains are not quite linear in their size; loads without an amplitude follow the load factor
         natural = [replace(one, amplitude=lambda t: t) for one in loads.natural]
-        guides = [replace(one, tension=lambda d, t, by=one.wound: t * by(d)) for one in loads.guides]
+        guides = [replace(one, tension=lambda d, t, by=one.tension_slope: t * by(d)) for one in loads.guides]
         own = tuple(replace(load, amplitude=None) for load in model.case.loads if load.name == name)
         alone = replace(model, case=replace(model.case, loads=own, steady_rotation=None), inputs={},
                         loads=LoadSet(natural=natural, guides=guides))
@@ -195,7 +195,7 @@ class Inputs:
         rows = self.model.rows
         for _, combined in self.model.elimination.redundant:
             for r in combined:
-                if isinstance(rows[r].signal, Drive):
+                if isinstance(rows[r].signal, InputMotion):
                     others = sorted({rows[k].owner for k in combined} - {rows[r].owner})
                     raise ComputationError(
                         f"the input {rows[r].owner} moves {rows[r].holds}, which {', '.join(others)} holds too",
@@ -213,10 +213,10 @@ class Inputs:
         for coord, dependent in model.elimination.dependents.items():
             for r, factor in dependent.rhs.items():
                 drive = model.rows[r].signal
-                if isinstance(drive, Drive) and drive.name == name:
+                if isinstance(drive, InputMotion) and drive.name == name:
                     p[coord] += factor * drive.amplitude
         for constraint in model.constraints:
-            if isinstance(constraint, PointConstraint) and isinstance(constraint.signal, Drive) \
+            if isinstance(constraint, PointConstraint) and isinstance(constraint.signal, InputMotion) \
                     and constraint.signal.name == name:
                 self._add_driven(constraint, constraint.signal.amplitude, force)
         inertia = np.zeros(len(p))
@@ -250,7 +250,7 @@ def load_forces(small: Linearised, loads: LoadSet) -> Array:
     for batch in Interactions([], loads.patches, [], model.e0).loads:
         np.subtract.at(out, batch.dofs, batch.evaluate(e, d, 1.0)[1])
     for tendon in loads.springs:
-        np.add.at(out, tendon.coordinates, tendon.winding(d))
+        np.add.at(out, tendon.coordinates, tendon.winding_forces(d))
     return out + natural_forces(small, loads, model.groups)
 
 
@@ -305,7 +305,7 @@ def _of_probe(small: Linearised, name: str, point: PointRef) -> list[Output]:
     for k, coord in enumerate(coords.tolist()):
         unit[coord] = 1.0
         omega = float(gradient @ unit[rotation.dofs])
-        values[:2, k], values[2, k] = place_rate(point, unit, theta, omega), omega
+        values[:2, k], values[2, k] = velocity_of(point, unit, theta, omega), omega
         unit[coord] = 0.0
     along = dict(zip(("x", "y", "theta"), values, strict=True))
     names = {"x": "x", "y": "y", "ux": "x", "uy": "y", "theta": "theta"}

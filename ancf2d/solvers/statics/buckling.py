@@ -66,7 +66,7 @@ def solve_buckling(model: Model, spec: Buckling) -> Iterator[State]:
     unstable = pencil.negative(pivots)
     u = _response(pencil)
     size = response_size(pencil, u)
-    moves = size * model.extent > pencil.system.still(pencil.d, 1.0)
+    moves = size * model.extent > pencil.system.displacement_noise(pencil.d, 1.0)
     # if nothing moves, the tangent is linear in the multipliers
     h = step_of(pencil, u, size if moves else 0.0)
     pencil.B = -tangent_rate(pencil, u, h)

@@ -26,7 +26,7 @@ from ..active_set import PENETRATION, ROUNDS, begin, exchange, unfound
 from ..contact import memory, recall
 from ..lift_off import Course, released, stand_still
 from ..linear import GeneralSparse
-from ..post import place
+from ..post import position_of
 from ..system import UNIT_ROUNDOFF, Balance, System
 from .newton import at_floor, balanced, check_divergence, check_sound, has_converged
 
@@ -151,7 +151,7 @@ class ProbeValue:
         theta = self._theta(d)
         if self.quantity == "theta":
             return theta
-        reference, u = place(self.point, self.model.e0, d[:self.model.n_q], theta, False)
+        reference, u = position_of(self.point, self.model.e0, d[:self.model.n_q], theta, False)
         k = "xy".index(self.quantity[-1])
         return float(u[k] if self.quantity[0] == "u" else reference[k] + u[k])
 

@@ -36,7 +36,7 @@ def step_of(pencil: Pencil, u: Array, size: float) -> float:
     It is shorter if one-sided springs would engage or release within the difference. ``size`` is that of the linear
     response u (n_full,). Raises ComputationError if a spring is just about to engage and u keeps it there.
     """
-    whole = max([size, *(getattr(spring, "winds", 0.0) for spring in pencil.model.springs)])
+    whole = max([size, *(getattr(spring, "winding_strain", 0.0) for spring in pencil.model.springs)])
     h = STEP / whole if whole else 1.0
     check_not_engaging(pencil, u, h)
     return step_without_switching(pencil, u, h, max(k for k, _ in points_of(pencil.model)))

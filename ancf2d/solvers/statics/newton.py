@@ -19,7 +19,7 @@ from ..friction import stick_one
 from ..lift_off import Course
 from ..state import Graded, State
 from ..system import STILL, UNIT_ROUNDOFF, Balance, System, sticks
-from ..threads import largest, pieces
+from ..threads import chunks, largest
 
 TOLERANCE = 1e-9
 MAX_ITERATIONS = 30
@@ -177,7 +177,7 @@ def balanced(system: System, balance: Balance, d: Array, t: float) -> bool:
 
 def at_floor(R: Array, noise: Array) -> bool:
     """Return whether no residual exceeds the bound of round-off."""
-    return all(bool(np.all(np.abs(R[part]) <= FLOOR * noise[part])) for part in pieces(len(R)))
+    return all(bool(np.all(np.abs(R[part]) <= FLOOR * noise[part])) for part in chunks(len(R)))
 
 
 def moved_balance(system: System, d: Array, t_old: float, t: float) -> Balance:

@@ -31,7 +31,8 @@ def check_not_engaging(pencil: Pencil, u: Array, h: float) -> None:
         moved = step * (spring.G @ u[spring.dofs[0]])
         at = spring.G @ d[spring.dofs[0]]
         f, H, _ = spring.forces(at.copy(), 0.0)
-        due = EDGE * np.abs(H).max() * max(np.abs(moved).max(), step * getattr(spring, "winds", 0.0) * spring.rest)
+        wound = step * getattr(spring, "winding_strain", 0.0) * spring.rest
+        due = EDGE * np.abs(H).max() * max(np.abs(moved).max(), wound)
         if H.any() and not f.any() and np.abs(spring.forces(at + moved, step)[0]).max() <= due:
             raise ComputationError(f"{what} acts on one side alone, and the loads do not make it act: its stiffness "
                                    "jumps where the model would buckle", at={"solver": "buckling"},

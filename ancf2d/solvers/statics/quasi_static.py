@@ -14,7 +14,7 @@ from ...errors import ComputationError
 from ...model.breakpoints import SMOOTH, case_stops, instants
 from ...model.model import Model
 from ..contact import memory, recall
-from ..state import State, check_kept
+from ..state import State, check_checkpoint
 from ..system import UNIT_ROUNDOFF, System, Turned
 from .newton import MAX_ITERATIONS, TOLERANCE, NewtonResult, check_sound, negative_pivots, newton, state_of
 from .static import BEYOND, March
@@ -77,7 +77,7 @@ class Course:
         if kept is None:
             self.model.set_step(0.0)
             iterations, warnings = self.march.settle()
-            self.system.held = None
+            self.system.balancing_forces = None
             yield self._at_rest(iterations, warnings)
         else:
             self._resume(kept)
@@ -140,7 +140,7 @@ class Course:
         before, self.t = self.t, t
         self.model.set_step(0.0)
         found = self.march.jump(before, t)
-        self.system.held = None
+        self.system.balancing_forces = None
         return self._at_rest(*found)
 
     def _go(self, stop: float) -> Iterator[State]:
@@ -277,7 +277,7 @@ def solve_quasi_static(model: Model, spec: QuasiStatic, kept: dict[str, Array] |
                                at={"solver": "quasi_static"}, advice="supports that leave no mechanism")
     course = Course(model, spec)
     if kept is not None:
-        check_kept(kept, course.checkpoint())
+        check_checkpoint(kept, course.checkpoint())
     return _timed(course, kept)
 
 

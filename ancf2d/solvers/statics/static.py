@@ -11,7 +11,7 @@ from ...case.schema.solvers import LOAD_STEPS
 from ...elements.shape import Array
 from ...errors import ComputationError, SingularTangentError
 from ...model.breakpoints import case_stops
-from ...model.build import weighs
+from ...model.build import can_hang
 from ...model.model import Model
 from ...model.timing import PathTiming
 from ..contact import memory, recall
@@ -69,7 +69,8 @@ def solve_linear(model: Model) -> Iterator[State]:
     system.check_strained(apply, pivots, {"solver": "linear_static"})
     load = -num.reduce(start.Q - start.F + (system.action(zero, d, 1.0, linear=True) if d.any() else 0.0))
     floor = max(system.norm(system.matrix.solve(f)) for f in system.rigid_forces())
-    z, known = refined(apply, system.matrix.solve, system.norm, load, floor, lambda: system.still(zero, 1.0))
+    z, known = refined(apply, system.matrix.solve, system.norm, load, floor,
+                       lambda: system.displacement_noise(zero, 1.0))
     if not np.isfinite(system.norm(z)):
         raise ComputationError("the linear solve gave displacements that are not finite",
                                at={"solver": "linear_static"}, advice="check loads and stiffnesses for extreme values")
@@ -129,7 +130,7 @@ def solve_static(model: Model, steps: int | None = None, tolerance: float | None
             return
     except ComputationError as error:
         # contacts may hold the model once it has fallen on them
-        if march.load.factor == 0.0 != end and model.contacts and weighs(model.case):
+        if march.load.factor == 0.0 != end and model.contacts and can_hang(model.case):
             failed = error
         elif not (model.hangs or soft):
             raise
@@ -211,7 +212,7 @@ class March:
         self.system.count(self.d, 0.0)
         self.turns = self.system.turns()
         self.jumps = Jumps(self.model)
-        self.model.interactions.take_hold(self.d, 0.0)
+        self.model.interactions.set_friction_anchors(self.d, 0.0)
 
     def settle(self) -> tuple[int, list[str]]:
         """Go to the equilibrium at factor 0; return the number of iterations and warnings.
@@ -272,7 +273,7 @@ class March:
         """Apply a load, and count turns from the given state."""
         self.system.count_from(turns)
         if self.held is not None:
-            self.system.held = (1.0 - load.share) * self.held
+            self.system.balancing_forces = (1.0 - load.share) * self.held
             self._strain(load.share)
             for spring in self.model.springs if self.tightens else ():
                 spring.tighten(load.share)

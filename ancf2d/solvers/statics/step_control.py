@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ...elements.shape import Array
-from ..threads import pieces
+from ..threads import chunks
 
 # shares of the way: smallest step relative to the way so far, and smallest first step
 SMALLEST_STEP = 2.0**-16
@@ -39,7 +39,7 @@ class Path:
         ts, ds = self.t[-k:], self.d[-k:]
         weights = [math.prod((t - b) / (a - b) for b in ts if b != a) for a in ts]
         out = weights[0] * ds[0]
-        for part in pieces(len(out)):
+        for part in chunks(len(out)):
             for weight, d in zip(weights[1:], ds[1:], strict=True):
                 out[part] += weight * d[part]
         return out

@@ -14,7 +14,7 @@ from .setting import Level
 # of the wanted error: smaller effects of load steps on the goal leave the estimate of meshes valid; and the least error
 # assumed of a mesh twice as fine, as a share of the coarser one's
 MOVED, FALLS = 0.2, 0.35
-# a path with fewer times as many steps as before shows nothing about step errors; most steps are divided by to get there
+# least ratio of the steps of two paths that shows their errors; largest number by which steps are divided to reach it
 MORE, MOST = 1.4, 256.0
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from ...elements.shape import Array
 from ...errors import CaseError
 from ...model.model import Model
-from ...solvers.energy import kept_energy
+from ...solvers.energy import extra_energy
 from ...solvers.small_motions.linearised import to_sparse
 from ...solvers.system import System
 from .fields import rigidly_moved, rotated
@@ -82,7 +82,7 @@ def _follow(model: Model, path: Sequence[Array], every: int = 1) -> tuple[Array,
         model.set_step(0.0)
         work.append(work[-1] + 0.5 * float((Q + balance.Q) @ (d - last)))
         if k % every == 0:
-            energy.append(balance.energy + sum(kept_energy(model, d, 0.0)[:2]))
+            energy.append(balance.energy + sum(extra_energy(model, d, 0.0)[:2]))
         last, Q = d, balance.Q.copy()
     return np.array(work[::every]), np.array(energy)
 

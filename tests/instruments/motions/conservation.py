@@ -8,7 +8,7 @@ import numpy as np
 
 from ancf2d.elements import registry
 from ancf2d.model.build import build_model
-from ancf2d.model.rotation import Kinds
+from ancf2d.model.rotation import CoordinateKinds
 from ancf2d.solvers.system import System
 from scripts.pages import small, table
 
@@ -126,7 +126,7 @@ def turned_strain(element: str, turns: float) -> float:
     """
     text = BODY.format(element=element) + "solver: {type: eigen, modes: 1}"
     model = build_model(case(text))
-    angle, kinds = 2.0 * math.pi * turns, Kinds(model.meshes.values())
+    angle, kinds = 2.0 * math.pi * turns, CoordinateKinds(model.meshes.values())
     c, s, e = math.cos(angle), math.sin(angle), model.e0
     d = np.zeros(model.n_q)
     x, y = e[kinds.x], e[kinds.x + 1]
