@@ -48,7 +48,6 @@ class Group(NamedTuple):
     cls: Any
     turn: Any
     dofs: Any
-    components: int
     plan: Any
 
 
@@ -58,7 +57,7 @@ def no_group() -> Group:
     table, index = np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
     law = Law(0, 0, 1, 1, 1, 0, False, np.zeros((0, 1, 1, 1)), np.zeros((0, 1, 1)), np.zeros((0, 1, 1, 1)))
     plan = BatchPlan(1, 1, index, index, index, index, index, index, table, n, x, 0, 0)
-    return Group(law, no_natural(), no_memory(), n, table, index, 2, plan)
+    return Group(law, no_natural(), no_memory(), n, table, index, plan)
 
 
 @inner

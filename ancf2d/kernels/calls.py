@@ -96,7 +96,7 @@ point_sides = _call(_nothing, None, _x, _x, _xx, _x)
 # contact points that touch bodies: (table, point laws, d, whether only points close enough to have a force matter)
 face = _call(_nothing, None, None, _x, _b)
 bodies_cross = _call(_b, None, None, _x, _x)
-point_mean, sliding_mean = _call(_pair, None, _x, _x, _x, _xx, _xx, _b, _x), _call(_nothing, None, _x, _x, _x, _x)
+point_mean, sliding_mean = _call(_pair, None, _x, _x, _x, _xx, _xx, _x), _call(_nothing, None, _x, _x, _x, _x)
 # matrices: kernels.matrices.symmetric
 factor, factor_complex = _call(_b, None, _x, _x), _call(_b, None, _z, _x)
 solve, solve_complex = _call(_nothing, None, _x, _x), _call(_nothing, None, _z, _z)

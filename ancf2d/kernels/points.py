@@ -276,11 +276,11 @@ def point_matrices(points, d, v, amps, linear, energy, Q, K, C):  # type: ignore
 
 
 @kernel
-def point_mean_forces(points, d0, d1, v, amps0, amps1, lam_from_d1, Q):  # type: ignore[no-untyped-def]
+def point_mean_forces(points, d0, d1, v, amps0, amps1, Q):  # type: ignore[no-untyped-def]
     """Add the forces of a step from d0 to d1 with mean rates v to Q; return (energy at d1, dissipated power).
 
     The work of forces with a potential is exactly the difference of the potential. Constraints are satisfied at d1,
-    with the multipliers of d1 (``lam_from_d1``) or else the mean of both.
+    with the multipliers of d1.
     """
     energy, power = 0.0, 0.0
     if len(points.forces) == 0:
@@ -294,8 +294,6 @@ def point_mean_forces(points, d0, d1, v, amps0, amps1, lam_from_d1, Q):  # type:
         fields_of_item(points, i, v, w)
         amplitude_of(points, i, amps0, u0, w, a0)
         amplitude_of(points, i, amps1, u1, w, a1)
-        if points.multiplier[i] >= 0 and not lam_from_d1:
-            u1[m - 1] = 0.5 * (u0[m - 1] + u1[m - 1])
         f[:m] = 0.0
         if not points.on[i]:
             if points.multiplier[i] >= 0:

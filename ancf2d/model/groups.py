@@ -104,7 +104,7 @@ def make_group(pool: Pool, natural: list[NaturalStrain], like: tuple[Pool, Recor
     parts = batches.parts
     group = Group(law, _natural(pool, natural, parts), _memory(law, point, parts, len(pool.dofs)),
                   np.ascontiguousarray(pool.cls, dtype=np.int64), np.ascontiguousarray(pool.turn),
-                  np.ascontiguousarray(pool.dofs, dtype=np.int64), nc, batches)
+                  np.ascontiguousarray(pool.dofs, dtype=np.int64), batches)
     return Record(group) if like is None else like[1].replaced(**group._asdict())
 
 

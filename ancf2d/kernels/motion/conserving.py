@@ -60,7 +60,7 @@ def _mean_patches(p, d0, d1, v, amps0, amps1, mid, Q):  # type: ignore[no-untype
         calls.sliding_mean(p.calls, (p.sliding, d0, d1, mid, Q))
     if len(p.points.mem) == 0:
         return 0.0
-    return calls.point_mean(p.calls, (p.points, d0, d1, v, amps0, amps1, True, Q))[1]
+    return calls.point_mean(p.calls, (p.points, d0, d1, v, amps0, amps1, Q))[1]
 
 
 @inner
