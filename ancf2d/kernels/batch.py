@@ -11,7 +11,7 @@ from .lanes import BatchPlan, matrices_at, point_rows, station_rows, vectors_of
 from .lowlevel.blas import multiply, multiply_transposed
 from .lowlevel.jit import inlined, inner
 from .lowlevel.records import STRIDE, array_at, row
-from .natural import Memory, Natural, natural_strain, no_memory, no_natural
+from .stress_free import Memory, Natural, natural_strain, no_memory, no_natural
 
 
 class Law(NamedTuple):

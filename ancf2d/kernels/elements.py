@@ -49,7 +49,7 @@ from .lowlevel.arrays import vector
 from .lowlevel.jit import inlined, inner, kernel, seldom, shared
 from .lowlevel.records import STRIDE, array_at, row, whole
 from .matrices.matrix import scatter_packed
-from .natural import NOW
+from .stress_free import NOW
 
 
 # loops over batches; inlined if few kernels use them, which makes less code than a separate function

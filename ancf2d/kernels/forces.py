@@ -44,7 +44,7 @@ from .compiled_laws import (
 from .lanes import PointRows, vectors_of
 from .lowlevel.jit import addressed, inner
 from .lowlevel.records import STRIDE, address_of, array_at, caller, row, type_of, whole
-from .natural import BEFORE, CHANGE, NOW, RATES
+from .stress_free import BEFORE, CHANGE, NOW, RATES
 from .tangents import tangents
 
 # quantities of a batch: strains and stresses; forces; forces and tangents; viscous forces at rates e; K e by way of

@@ -15,7 +15,7 @@ from ..kernels.forces import batch_address
 from ..kernels.lanes import LANES, BatchPlan, buffer_length, station_rows
 from ..kernels.lowlevel.blas import dgemm_address
 from ..kernels.lowlevel.records import Record
-from ..kernels.natural import COMPUTED, Memory, Natural, memory_of_some, no_memory, no_natural, of_some
+from ..kernels.stress_free import COMPUTED, Memory, Natural, memory_of_some, no_memory, no_natural, of_some
 from ..kernels.tangents import fill_products
 from .body_groups import Pool
 from .classes import ElementClass

@@ -21,7 +21,7 @@ from ..bodies import group_at, set_natural
 from ..lowlevel.arrays import copy, copy_rows
 from ..lowlevel.jit import addressed, inner
 from ..lowlevel.records import array_at
-from ..natural import COMPUTED
+from ..stress_free import COMPUTED
 from .dynamics import to_full
 
 # slopes of given internal strains: fixed ones, and ones that double the stiffness

@@ -8,8 +8,8 @@ from .. import calls
 from ..bodies import elastic, group_at, prescribe_stored, set_natural
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed_with_memory, inner, inner_with_memory, seldom
-from ..natural import COMPUTED
 from ..patches import forces_but_contacts, patch_forces
+from ..stress_free import COMPUTED
 from .dynamics import signals_at, to_full, twice_kinetic
 from .state import CREATED_ENERGY, IMPACT_LOSS, INELASTIC_WORK, LOST, NEXT_EULER, OBSTACLE_WORK, WORK
 from .work import inelastic_work_within, set_history
