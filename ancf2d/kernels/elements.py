@@ -146,8 +146,8 @@ def tangent_action(group, d, v, out):  # type: ignore[no-untyped-def]
 def viscous_action(group, tau, d, v, lam, by_d, by_v, other):  # type: ignore[no-untyped-def]
     """Add C lam to by_v: the derivative of lam . Q by v, with Q the Kelvin-Voigt forces. ``other`` is work space.
 
-    The derivative by d is by_d - by_v. It is formed from the TWIST forces, which are quadratic in the rates w: by_d
-    gets half their difference at w = v + lam and w = v - lam.
+    The derivative by d is by_d - by_v. It is formed from the RATE_GEOMETRIC forces, which are quadratic in the rates w:
+    by_d gets half their difference at w = v + lam and w = v - lam.
     """
     for k in range(2):
         sign = 1.0 - 2.0 * k

@@ -214,7 +214,7 @@ def memory_step(group, what, part, first, count):  # type: ignore[no-untyped-def
         load_prescribed(group, part, first, count)
         return 0.0
     if what == ELASTIC_JACOBIAN and not prescribed:
-        # REMEMBER has filled state and slope, and JE
+        # SUBTRACT_INTERNAL has filled state and slope, and JE
         return 0.0
     if prescribed:
         load_slopes(group, vectors_of(group.law.B.shape[2] * count))

@@ -36,7 +36,7 @@ _OTHERS_WRITE = 0o022  # permission bits
 def source_hash() -> str:
     """Return a hash of all sources that can be part of a kernel; numba itself checks only a kernel's own file."""
     digest = hashlib.sha256(f"{numba.__version__} {llvmlite.__version__}".encode())
-    for paths in ([_PACKAGE / JETS], *(sorted((_PACKAGE / room).rglob("*.py")) for room in FOLDERS)):
+    for paths in ([_PACKAGE / JETS], *(sorted((_PACKAGE / folder).rglob("*.py")) for folder in FOLDERS)):
         for path in paths:
             digest.update(path.relative_to(_PACKAGE).as_posix().encode() + path.read_bytes())
     return digest.hexdigest()[:12]
@@ -64,7 +64,7 @@ def fingerprint(function: Any) -> str:
         for constant in code.co_consts:
             digest.update(repr(constant).encode() if not hasattr(constant, "co_code") else constant.co_code)
         digest.update(repr(code.co_names).encode())
-        if not value.__module__.startswith((*(f"ancf2d.{room}." for room in FOLDERS), "numba", "numpy")):
+        if not value.__module__.startswith((*(f"ancf2d.{folder}." for folder in FOLDERS), "numba", "numpy")):
             for name in code.co_names:
                 if name in value.__globals__:
                     add(value.__globals__[name])

@@ -16,7 +16,7 @@ from ..patches import add_patch_tangent, forces_but_contacts, patch_forces, patc
 from .state import evaluate, evaluate_constants, fill_full
 
 # a constraint counts as satisfied if its violation is at most this share of its scale
-MET = 1e-13
+SATISFIED = 1e-13
 # counters of a motion: evaluations of forces alone, of forces with tangent, factorisations
 FORCES, TANGENTS, FACTORS = range(3)
 
@@ -138,7 +138,7 @@ def has_converged(step, rate, wanted, p, w, z, amps):  # type: ignore[no-untyped
     if not p.patched:
         return True
     to_full(p, z, amps, 0, w.d)
-    return violation(p, w.d, amps) <= MET
+    return violation(p, w.d, amps) <= SATISFIED
 
 
 @inner

@@ -289,7 +289,7 @@ def _closing(p, s, how):  # type: ignore[no-untyped-def]
 @addressed_with_memory
 @seldom
 def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
-    """Apply the impacts of constraints that closed in the step from s at t to m.end; set the work of obstacles (GIVEN).
+    """Apply the impacts of constraints that closed in the step from s at t to m.end; set OBSTACLE_WORK.
 
     Returns HIT after an impact, 0 if nothing closed, or, without any change, the smaller step size to use if closing
     points would be off by more than ``allowed`` [m] (0: no limit). For methods that switch, Radau steps are left alone,

@@ -19,7 +19,7 @@ from ..lowlevel.jit import addressed, inner
 from ..lowlevel.records import array_at
 from ..moving import add_moving_product
 from ..patches import violation
-from .dynamics import MET, norm, record_increment, residual, signals_at, solve_with, to_full, weighted_norm
+from .dynamics import SATISFIED, norm, record_increment, residual, signals_at, solve_with, to_full, weighted_norm
 from .feedback import weigh_state
 from .reused_tangent import count, tangent, turn, turns
 from .stages import TILE, combine, give, let_relax, place, ungive
@@ -244,7 +244,7 @@ def _met(m, p, w, s):  # type: ignore[no-untyped-def]
     last = len(m.c) - 1
     place(m, p, w, s, last)
     to_full(p, m.y, w.amps, 0, w.d)
-    return violation(p, w.d, w.amps) <= MET
+    return violation(p, w.d, w.amps) <= SATISFIED
 
 
 @inner

@@ -16,9 +16,9 @@ from .work import inelastic_work_within, set_history
 
 # fractions of the kinetic energy: what fixed steps may create in total, and each of them beyond that; steps shorter
 # than the last fraction of dt are accepted anyway
-GAIN, MORE_GAIN, LAST_TRY = 5e-3, 1e-5, 1e-3
+TOTAL_GAIN, STEP_GAIN, SHORTEST_TRY = 5e-3, 1e-5, 1e-3
 # fraction of the extent: contact forces times this distance count as energy of a scene at rest
-REST = 1e-9
+AT_REST = 1e-9
 
 
 @inner_with_memory
@@ -126,9 +126,9 @@ def gains_energy(m, p, w, s, plan, t, h, fed_in, hit):  # type: ignore[no-untype
     for i in range(len(p.points.mem)):
         if p.points.restitution[i] >= 0.0:
             borne += abs(m.end.z[p.place[p.points.multiplier[i]]])
-    kinetic = max(kinetic, REST * p.extent * borne)
+    kinetic = max(kinetic, AT_REST * p.extent * borne)
     gained, dt = max(0.0, s.numbers[CREATED_ENERGY] + rise), plan.dt if plan.dt > 0.0 else plan.largest
-    if gained > GAIN * kinetic and rise > MORE_GAIN * kinetic * h / dt and h > LAST_TRY * dt:
+    if gained > TOTAL_GAIN * kinetic and rise > STEP_GAIN * kinetic * h / dt and h > SHORTEST_TRY * dt:
         return True
     s.numbers[CREATED_ENERGY] = gained
     return False

@@ -21,15 +21,15 @@ from .state import ENGAGED_STEP, OLD_STEP, RATE_ERRORS
 
 # fractions of a step: how close to its end a change of a stop must be for the step to end there; how close to its start
 # a change is that which ended the previous step. Most tries to hit a change; halvings of an interval
-ENDS, BEHIND, TRIES, HALVINGS = 1e-6, 3e-6, 5, 40
+AT_END, AT_START, TRIES, HALVINGS = 1e-6, 3e-6, 5, 40
 # a step that passes a change has a wrong path, so the first retry ends at this fraction of the way to the change, and
 # is at most this fraction of the step; how far beyond the end of a retry a change is searched [fraction of the step]
-BEFORE, SURE, AHEAD = 0.8, 0.5, 1.0
+FIRST_RETRY, LARGEST_RETRY, SEARCHED_BEYOND = 0.8, 0.5, 1.0
 # size of the step after an engagement, as a fraction of the step before: the stiffness of the stop is not known yet
-SOFT = 1e-2
+AFTER_ENGAGEMENT = 1e-2
 # fraction of the largest step: shorter steps are not made for a stop, and shorter contacts are missed. Without it, many
 # points that touch in quick succession would shorten steps until round-off decides whether they act
-LEAST = 1e-7
+SHORTEST = 1e-7
 # change of the stops at the end of a step: none, one engages, one releases, the last one releases
 UNCHANGED, ENGAGES, RELEASES, ALL_RELEASED = range(4)
 
@@ -130,17 +130,17 @@ def aim_at_change(m, p, w, s, at, plan, t, h, room, tries):  # type: ignore[no-u
     A step is accepted if no stop changes in it or if it ends at a change, which is returned (``stop_crossing``), else
     UNCHANGED. ``room`` is the largest size allowed, ``tries`` the number of tries so far.
     """
-    near = max(BEHIND * max(h, s.numbers[OLD_STEP]), LEAST * plan.largest) / h
-    x, what = calls.stop_crossing(p.calls, (p, w, s, m, at, t, h, near, AHEAD if tries > 0 else 0.0))
+    near = max(AT_START * max(h, s.numbers[OLD_STEP]), SHORTEST * plan.largest) / h
+    x, what = calls.stop_crossing(p.calls, (p, w, s, m, at, t, h, near, SEARCHED_BEYOND if tries > 0 else 0.0))
     if x == NOWHERE or (x > 1.0 and (h >= room or tries >= TRIES)):
         return True, h, UNCHANGED
     # any implicit step that runs into a stiff stop ends where the stop engages, so the first try proves nothing
-    if abs(x - 1.0) <= ENDS and (tries > 0 or what != ENGAGES):
+    if abs(x - 1.0) <= AT_END and (tries > 0 or what != ENGAGES):
         return True, h, what
     if tries >= TRIES and what != ENGAGES:
         return True, h, what
     if x < 1.0 and (tries == 0 or tries >= TRIES):
-        return False, min(BEFORE * x, SURE) * h, UNCHANGED
+        return False, min(FIRST_RETRY * x, LARGEST_RETRY) * h, UNCHANGED
     return False, min(x, room / h) * h, UNCHANGED
 
 
@@ -165,7 +165,8 @@ def size_after_engagement(s, plan, h, stops, wanted):  # type: ignore[no-untyped
 
     If several stops engage in succession, the first one determines the size.
     """
-    s.numbers[ENGAGED_STEP] = max(SOFT * h, s.numbers[ENGAGED_STEP], LEAST * plan.largest) if stops == ENGAGES else 0.0
+    short = max(AFTER_ENGAGEMENT * h, s.numbers[ENGAGED_STEP], SHORTEST * plan.largest)
+    s.numbers[ENGAGED_STEP] = short if stops == ENGAGES else 0.0
     return wanted if s.numbers[ENGAGED_STEP] == 0.0 else s.numbers[ENGAGED_STEP]
 
 

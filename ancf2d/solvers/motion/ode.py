@@ -15,7 +15,7 @@ from ...kernels.motion.advance import CHECK, END, INSIDE, NEAR
 from ...kernels.motion.events import BEYOND, FLOAT, FLOATS, NO_VALUE, NONE, SAMPLES, TRIES, check_conditions
 from ...kernels.motion.ode import accelerations, accept_step, mass_factors, place, powers, rates, tangents
 from ...kernels.motion.state import COUNT, LOST, OLD_STEP, SIZE, STEP_SIZE, TIME, WORK, motion
-from ...kernels.motion.stops import BEHIND, ENDS, LEAST, SOFT, SURE, acting
+from ...kernels.motion.stops import AFTER_ENGAGEMENT, AT_END, AT_START, LARGEST_RETRY, SHORTEST, acting
 from ...kernels.motion.stops import TRIES as STOP_TRIES
 from ...model.model import Model
 from ..linear import dense
@@ -207,7 +207,7 @@ class OdeStepper(Stepper):
         worst = self._keep(h)
         if lands:
             self._restart()
-            self.s.numbers[STEP_SIZE] = SOFT * h
+            self.s.numbers[STEP_SIZE] = AFTER_ENGAGEMENT * h
         tries = evaluations // self.scheme.stages if self.scheme.stages else 1
         self.log.append([self.s.numbers[COUNT], solver.t, h, evaluations, tries - 1, error, worst])
         for x, y, work, turned in states:
@@ -254,12 +254,12 @@ class OdeStepper(Stepper):
                 solver.dense_output())
             found = self._first_change(path, t, solver.t)
             # in an implicit step, a stiff stop holds the end of the step at the place where it engages
-            if found is None or ((k > 0 or not self.scheme.one_step) and solver.t - found <= ENDS * (solver.t - t)):
+            if found is None or ((k > 0 or not self.scheme.one_step) and solver.t - found <= AT_END * (solver.t - t)):
                 return solver.dense_output() if k > 0 or found is not None else None, found is not None
             if not self.scheme.one_step:
                 solver.t, solver.y, solver.status = found, path(found), "running"
                 return path, True
-            found = min(found, t + SURE * (solver.t - t)) if k == 0 else found
+            found = min(found, t + LARGEST_RETRY * (solver.t - t)) if k == 0 else found
             self.solver = self._begin(min(found, self.pieces[self.piece].stop), found - t)
             message = self.solver.step()
             if self.solver.status == "failed":
@@ -278,7 +278,7 @@ class OdeStepper(Stepper):
             return out
 
         before, begun = acts(t), t
-        near = max(BEHIND * max(end - t, self.s.numbers[OLD_STEP]), LEAST * self._largest())
+        near = max(AT_START * max(end - t, self.s.numbers[OLD_STEP]), SHORTEST * self._largest())
         for x in (t + (end - t) * k / SAMPLES for k in range(1, SAMPLES + 1)):
             now, times = acts(x), []
             for k in np.flatnonzero(now != before):
