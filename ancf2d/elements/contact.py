@@ -254,6 +254,6 @@ def accept_hard(p0, u, par, mem):  # type: ignore[no-untyped-def]
             mem[SLIDES] = 0.0 if pressed > 0.0 else CLOSES
 
 
-COMPLIANT = PointLaw("compliant_contact", layer_at, over_step(layer_at, 0), accept=settle_at, along=layer,
-                     accept_along=settle)
+COMPLIANT = PointLaw("compliant_contact", layer_at, over_step(layer_at, 0), accept=settle_at, forces_of_run=layer,
+                     accept_run=settle)
 HARD = PointLaw("hard_contact", hard, over_step(hard, 1), constraint=True, accept=accept_hard)

@@ -98,10 +98,10 @@ class PointLaw:
     mem)`` updates ``mem`` at an accepted state. The functions may call other functions of numbers and arrays, and
     allocate arrays by ``work_vector`` and ``work_matrix``.
 
-    ``along`` and ``accept_along`` do the same for many items that share their fields (``Items.runs``); ``par`` and
-    ``mem`` then have one row per item, and forces and energies are sums. H and C have size 0 if ``along`` is called for
-    forces only. If no item acts, it returns the power APART and, instead of the energy, a sum of changes of fields
-    below which no item can act. In that case p0 and u of ``accept_along`` have size 0.
+    ``forces_of_run`` and ``accept_run`` do the same for many items that share their fields (``Items.runs``); ``par``
+    and ``mem`` then have one row per item, and forces and energies are sums. H and C have size 0 if ``forces_of_run``
+    is called for forces only. If no item acts, it returns the power APART and, instead of the energy, a sum of changes
+    of fields below which no item can act. In that case p0 and u of ``accept_run`` have size 0.
     """
 
     name: str
@@ -110,8 +110,8 @@ class PointLaw:
     symmetric: bool = True
     constraint: bool = False
     accept: Callable[..., Any] | None = None
-    along: Callable[..., Any] | None = None
-    accept_along: Callable[..., Any] | None = None
+    forces_of_run: Callable[..., Any] | None = None
+    accept_run: Callable[..., Any] | None = None
 
 
 # dissipated power that signals that no item acts

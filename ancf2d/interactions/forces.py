@@ -51,8 +51,8 @@ class NaturalStrain:
     """The natural strain that one load imposes on a body from S = ``first`` to ``last``, times its amplitude.
 
     ``values`` are axial strain, curvature [1/m], temperature [K] and its gradient [K/m] along the body. ``amount`` (3,)
-    and ``signal`` (1,) are its rows of ``kernels.natural.Natural``. On the way to an equilibrium, only a ``share`` of
-    the change from the amplitude ``before`` acts.
+    and ``signal`` (1,) are its rows of ``kernels.stress_free.Natural``. On the way to an equilibrium, only a ``share``
+    of the change from the amplitude ``before`` acts.
     """
 
     mesh: BodyMesh

@@ -6,12 +6,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .compiled_laws import GEOMETRIC, SQUARE, STRESS, TIMES, operate
-from .lanes import Plan, matrices_at, places, slots, vectors_of
+from .compiled_laws import D_J, GEOMETRIC, J_D_J, STRESS, operate
+from .lanes import BatchPlan, matrices_at, point_rows, station_rows, vectors_of
 from .lowlevel.blas import multiply, multiply_transposed
 from .lowlevel.jit import inlined, inner
 from .lowlevel.records import STRIDE, array_at, row
-from .natural import Memory, Natural, natural_strain, no_memory, no_natural
+from .stress_free import Memory, Natural, natural_strain, no_memory, no_natural
 
 
 class Law(NamedTuple):
@@ -48,7 +48,6 @@ class Group(NamedTuple):
     cls: Any
     turn: Any
     dofs: Any
-    components: int
     plan: Any
 
 
@@ -57,8 +56,8 @@ def no_group() -> Group:
     x, n = np.zeros(0), np.zeros(0, dtype=np.int64)
     table, index = np.zeros((0, 2)), np.zeros((0, 2), dtype=np.int64)
     law = Law(0, 0, 1, 1, 1, 0, False, np.zeros((0, 1, 1, 1)), np.zeros((0, 1, 1)), np.zeros((0, 1, 1, 1)))
-    plan = Plan(1, 1, index, index, index, index, index, index, table, n, x, 0, 0)
-    return Group(law, no_natural(), no_memory(), n, table, index, 2, plan)
+    plan = BatchPlan(1, 1, index, index, index, index, index, index, table, n, x, 0, 0)
+    return Group(law, no_natural(), no_memory(), n, table, index, plan)
 
 
 @inner
@@ -75,13 +74,13 @@ def points_of(law):  # type: ignore[no-untyped-def]
 
 @inner
 def layout(law):  # type: ignore[no-untyped-def]
-    """Return (``Places`` of a station in the work buffer, ``Slots`` of a point)."""
-    return (places(law.fields, law.strains, law.references, law.state, points_of(law)),
-            slots(law.fields, law.strains, law.references, law.state))
+    """Return (``StationRows`` in the work buffer, ``PointRows`` of a point)."""
+    return (station_rows(law.fields, law.strains, law.references, law.state, points_of(law)),
+            point_rows(law.fields, law.strains, law.references, law.state))
 
 
 @inner
-def place_of(i, size, at, slot):  # type: ignore[no-untyped-def]
+def row_of(i, size, at, slot):  # type: ignore[no-untyped-def]
     """Return the row of value i of a slot, where all points have ``size`` values each."""
     return (i // size) * at.rows + slot + i % size
 
@@ -162,7 +161,7 @@ def set_constants(law, q, count, work):  # type: ignore[no-untyped-def]
     ns, S = law.D.shape[1], law.D.shape[3]
     k, points = law.strains, points_of(law)
     for i in range(law.ref.shape[1]):
-        repeat(work, place_of(i, law.references, at, slot.ref), law.ref, (q * law.ref.shape[1] + i) * S, S, count)
+        repeat(work, row_of(i, law.references, at, slot.ref), law.ref, (q * law.ref.shape[1] + i) * S, S, count)
     for i in range(ns):
         for j in range(ns):
             block = (i // k) * points + j // k
@@ -170,7 +169,7 @@ def set_constants(law, q, count, work):  # type: ignore[no-untyped-def]
 
 
 @inner
-def turned(group):  # type: ignore[no-untyped-def]
+def is_rotated(group):  # type: ignore[no-untyped-def]
     """Return whether any element frame is rotated."""
     return len(group.turn) > 1 or group.turn[0, 0] != 1.0 or group.turn[0, 1] != 0.0
 
@@ -181,10 +180,10 @@ def begin(group, part, first, count):  # type: ignore[no-untyped-def]
     law, plan = group.law, group.plan
     S = law.B.shape[2]
     q = group.cls[first] * plan.parts + part
-    if plan.held[0] != q or plan.held[1] != count:
+    if plan.loaded[0] != q or plan.loaded[1] != count:
         set_constants(law, q, count, plan.work)
-        plan.held[0], plan.held[1] = q, count
-    if turned(group):
+        plan.loaded[0], plan.loaded[1] = q, count
+    if is_rotated(group):
         at, _ = layout(law)
         for k in range(2):
             target = row(plan.work, at.turn + k)
@@ -208,7 +207,7 @@ def turn_fields(group, slot, sign, lanes):  # type: ignore[no-untyped-def]
     vectors, NU = group.plan.vectors, group.law.fields
     at, _ = layout(group.law)
     for v in range(len(vectors)):
-        turn_rows(group.plan.work, place_of(vectors[v, 0], NU, at, slot), place_of(vectors[v, 1], NU, at, slot),
+        turn_rows(group.plan.work, row_of(vectors[v, 0], NU, at, slot), row_of(vectors[v, 1], NU, at, slot),
                   at.turn, sign, lanes)
 
 
@@ -224,7 +223,7 @@ def to_lanes(group, q, first, count, d, slot):  # type: ignore[no-untyped-def]
         for m in range(count):
             de[a, m] = d[group.dofs[first + m, a]]
     spread(group, array_at(law.B, q * nu * S * n, (nu * S * n,)), count, slot)
-    if turned(group):
+    if is_rotated(group):
         turn_fields(group, slot, -1.0, vectors_of(S * count))
 
 
@@ -249,7 +248,7 @@ def from_lanes(group, part, q, count):  # type: ignore[no-untyped-def]
     law = group.law
     n, nu, _, S = sizes(group)
     _, slot = layout(law)
-    if turned(group):
+    if is_rotated(group):
         turn_fields(group, slot.g, 1.0, vectors_of(S * count))
     gather(group, array_at(law.B, q * nu * S * n, (nu * S * n,)), part, count)
 
@@ -305,13 +304,13 @@ def add_stresses(group, keep, factor, lanes):  # type: ignore[no-untyped-def]
 
 
 @inner
-def take_natural(group, part, first, count, what, slot):  # type: ignore[no-untyped-def]
+def subtract_natural(group, part, first, count, what, slot):  # type: ignore[no-untyped-def]
     """Subtract natural strains (NOW, RATES, BEFORE or CHANGE) from the strains in a slot."""
     law, natural, plan = group.law, group.natural, group.plan
     if len(natural.amount) > 0:
         at, _ = layout(law)
         for i in range(law.D.shape[1]):
-            target, quadratic = row(plan.work, place_of(i, law.strains, at, slot)), natural.quadratic[i % law.strains]
+            target, quadratic = row(plan.work, row_of(i, law.strains, at, slot)), natural.quadratic[i % law.strains]
             for m in range(count):
                 q = natural.pattern[first + m] * plan.parts + part
                 for s in range(law.B.shape[2]):
@@ -329,11 +328,11 @@ def material(group, factor, lanes):  # type: ignore[no-untyped-def]
             block = at.H + (p * points + q) * k
             if group.plan.coupled[p, q]:
                 load_stiffness(group, p, q, lanes)
-                operate(law.address, (TIMES, work, q * at.rows, law.references, law.state, lanes))
+                operate(law.address, (D_J, work, q * at.rows, law.references, law.state, lanes))
                 if p != q or factor != 1.0:
                     DJ = q * at.rows + slot.DJ
                     combine_rows(work, factor, DJ, 0.0, DJ, p * at.rows + slot.DJ, law.strains * law.fields, lanes)
-                operate(law.address, (SQUARE, work, p * at.rows, law.references, law.state, lanes))
+                operate(law.address, (J_D_J, work, p * at.rows, law.references, law.state, lanes))
                 if points > 1:
                     copy_rows(work, (p * at.rows + slot.H) * STRIDE, STRIDE, block * STRIDE, STRIDE, k, lanes)
             else:
@@ -356,16 +355,16 @@ def add_geometric(group, keep, lanes):  # type: ignore[no-untyped-def]
 
 
 @inner
-def add_turning(group, lanes):  # type: ignore[no-untyped-def]
+def add_geometric_forces(group, lanes):  # type: ignore[no-untyped-def]
     """Add H u0 to g, with H given by the upper halves of its diagonal blocks."""
     law, work = group.law, group.plan.work
     at, slot = layout(law)
     NU, points = law.fields, points_of(law)
     for i in range(NU * points):
-        p, g = i // NU, row(work, place_of(i, NU, at, slot.g))
+        p, g = i // NU, row(work, row_of(i, NU, at, slot.g))
         for j in range(p * NU, p * NU + NU):
             H = row(work, at.H + (p * points + p) * NU * NU + min(i, j) % NU * NU + max(i, j) % NU)
-            w = row(work, place_of(j, NU, at, slot.u0))
+            w = row(work, row_of(j, NU, at, slot.u0))
             for l in range(lanes):
                 g[l] += H[l] * w[l]
 

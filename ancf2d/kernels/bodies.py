@@ -17,7 +17,7 @@ from .elements import (
     mean_force_tangent,
     natural_power,
     natural_work,
-    take_strains,
+    total_strains,
     viscous_force,
 )
 from .forces import GROUP
@@ -66,7 +66,7 @@ def element_functions(fronts: bool, viscous: bool, mean: bool, natural: bool, re
     if natural and mean:
         out[calls.natural_work] = (natural_work,)
     if remembers:
-        out |= {calls.commit: (commit,), calls.take_strains: (take_strains,)}
+        out |= {calls.commit: (commit,), calls.total_strains: (total_strains,)}
     if mean:
         out |= {calls.mean: (mean_force,), calls.mean_tangent: (_TANGENTS[fronts][1], problem)}
     return out
@@ -141,7 +141,7 @@ def elastic_tangent(p, c, d, Q, A):  # type: ignore[no-untyped-def]
 
 
 @inner
-def remember_elements(p, d, amps, timed):  # type: ignore[no-untyped-def]
+def accept_elements(p, d, amps, timed):  # type: ignore[no-untyped-def]
     """Update the history variables at the accepted state d; return the energy dissipated since the last one.
 
     ``timed`` : whether laws with a clock are updated too.
@@ -156,16 +156,16 @@ def remember_elements(p, d, amps, timed):  # type: ignore[no-untyped-def]
 
 
 @inner
-def give_remembered(p):  # type: ignore[no-untyped-def]
+def prescribe_stored(p):  # type: ignore[no-untyped-def]
     """Prescribe for relaxing laws the internal strains of their stored states, as fixed ones."""
     for g in range(len(p.groups)):
         law, memory = group_at(p.groups[g]).law, group_at(p.groups[g]).memory
         if law.timed:
             p.slopes[g] = 0.0
-            for k in range(memory.given.shape[0]):
-                for s in range(memory.given.shape[1]):
-                    for i in range(memory.given.shape[2]):
-                        memory.given[k, s, i] = memory.states[k, s, i // law.strains * law.state + i % law.strains]
+            for k in range(memory.prescribed.shape[0]):
+                for s in range(memory.prescribed.shape[1]):
+                    for i in range(memory.prescribed.shape[2]):
+                        memory.prescribed[k, s, i] = memory.states[k, s, i // law.strains * law.state + i % law.strains]
 
 
 @inner

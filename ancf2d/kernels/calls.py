@@ -77,7 +77,7 @@ def compilations(functions: Functions) -> list[Callable[[], object]]:
 # elements of a group; those that fill a matrix take (p, number of the group, ...) instead of the group
 force = _call(_f, GROUP, _x, _x)
 noise = _call(_nothing, GROUP, _x, _x)
-commit, take_strains = _call(_f, GROUP, _x), _call(_nothing, GROUP, _x, _i, _x)
+commit, total_strains = _call(_f, GROUP, _x), _call(_nothing, GROUP, _x, _i, _x)
 viscous = _call(_f, GROUP, _f, _x, _x, _x)
 mean = _call(_pair, GROUP, _f, _x, _x, _x)
 natural_power = _call(_f, GROUP, _f, _x, _x)
@@ -96,14 +96,14 @@ point_sides = _call(_nothing, None, _x, _x, _xx, _x)
 # contact points that touch bodies: (table, point laws, d, whether only points close enough to have a force matter)
 face = _call(_nothing, None, None, _x, _b)
 bodies_cross = _call(_b, None, None, _x, _x)
-point_mean, sliding_mean = _call(_pair, None, _x, _x, _x, _xx, _xx, _b, _x), _call(_nothing, None, _x, _x, _x, _x)
+point_mean, sliding_mean = _call(_pair, None, _x, _x, _x, _xx, _xx, _x), _call(_nothing, None, _x, _x, _x, _x)
 # matrices: kernels.matrices.symmetric
 factor, factor_complex = _call(_b, None, _x, _x), _call(_b, None, _z, _x)
 solve, solve_complex = _call(_nothing, None, _x, _x), _call(_nothing, None, _z, _z)
 product, mass_product = _call(_nothing, None, _x, _x, _x), _call(_nothing, None, _x, _x)
 # (p, factor, matrix): mass matrix of moving masses
 moving_mass = _call(_nothing, None, _f, _x)
-add_sizes, keep_between = _call(_nothing, None, _x, _x, _x), _call(_nothing, None, _x, _x)
+add_sizes, clear_same_kind = _call(_nothing, None, _x, _x, _x), _call(_nothing, None, _x, _x)
 # points that move along bodies, and their masses: kernels.moving
 place_moving, moving_inertia = _call(_nothing, None, _x, _xx), _call(_nothing, None, _xx, _x, _x)
 moving_product = _call(_nothing, None, _x, _x)
@@ -117,8 +117,8 @@ at_floor = _call(_b, None, _SCRATCH, _x, _x)
 feedback, feedback_accept = (_call(_nothing, None, _SCRATCH) for _ in range(2))
 feedback_tangent = _call(_nothing, None, _SCRATCH, _f)
 # conditions that end a step (events): kernels.motion.events
-holding = _call(_i, None, _SCRATCH, _x, _x, _f)
-crossing = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _MOTION, _f, _f, _f)
+check_conditions = _call(_i, None, _SCRATCH, _x, _x, _f)
+event_crossing = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _MOTION, _f, _f, _f)
 # engagement and release of unilateral springs, tendons and compliant contacts: kernels.motion.stops
 stop_crossing = _call(types.Tuple((_f, _i)), None, _SCRATCH, _MOTION, _METHOD, _MOTION, _f, _f, _f, _f)
 # states consistent with the constraints: kernels.motion.consistent
@@ -133,7 +133,7 @@ tunnels = _call(_b, None, _SCRATCH, _MOTION, _METHOD, _f, _f)
 impact = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _f, _f, _f)
 make_consistent = _call(_b, None, _SCRATCH, _MOTION, _f)
 lost_in_impact = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _f, _f, _b)
-taken_in_step = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _MOTION, _f, _f)
+inelastic_work_of_step = _call(_f, None, _SCRATCH, _MOTION, _METHOD, _MOTION, _f, _f)
 # hard contact points over a step, and their friction: kernels.motion.contact_steps
 leave_supported, leave_dependent = _call(_nothing, None, _SCRATCH, _x), _call(_b, None, _SCRATCH)
 into_supports = _call(_b, None, _SCRATCH, _x)

@@ -1,6 +1,6 @@
 """Strain laws and point laws, each compiled on its own and called by address, so that other kernels compile only once.
 
-A strain law works on the rows of one point in a work buffer (``lanes.Slots``); a number selects its operation. Laws
+A strain law works on the rows of one point in a work buffer (``lanes.PointRows``); a number selects its operation. Laws
 with memory get the numbers of reference values and state variables of a point as arguments, so that one compiled law
 serves any number of fibres or Maxwell terms.
 """
@@ -20,14 +20,14 @@ from ..case import jets
 from ..elements import point_laws
 from ..elements.formulations.base import StrainLaw
 from ..elements.point_laws import PointLaw
-from .lanes import slots
+from .lanes import point_rows
 from .lowlevel.arrays import array, vector
 from .lowlevel.jit import addressed, inlined, inner, merged, seldom
 from .lowlevel.records import address_of, at, caller, rows, table, type_of
 from .motion.state import evaluate_with_gradient
 
-# operations of a law; each reads and writes rows of one point (``lanes.Slots``)
-STRAIN, GEOMETRIC, MEAN, STRESS, PUSH, PULL, TIMES, SQUARE, REMEMBER, BEAR, RELAX = range(11)
+# operations of a law; each reads and writes rows of one point (``lanes.PointRows``)
+STRAIN, GEOMETRIC, MEAN, STRESS, PUSH, PULL, D_J, J_D_J, SUBTRACT_INTERNAL, ELASTIC_JACOBIAN, SUBTRACT_SLOPE = range(11)
 
 
 def _no_mean(ref, u0, u1, eps0, eps1, J, lanes):  # type: ignore[no-untyped-def]
@@ -79,14 +79,14 @@ def _transposed_matrix(A, B, out, m, n, k, lanes):  # type: ignore[no-untyped-de
 
 
 @merged
-def _less(x, y, m, lanes):  # type: ignore[no-untyped-def]
+def _subtract(x, y, m, lanes):  # type: ignore[no-untyped-def]
     for i in range(m):
         for l in range(lanes):
             x[i, l] -= y[i, l]
 
 
 @merged
-def _from(A, B, m, n, lanes):  # type: ignore[no-untyped-def]
+def _subtract_from(A, B, m, n, lanes):  # type: ignore[no-untyped-def]
     for i in range(m):
         for j in range(n):
             for l in range(lanes):
@@ -108,7 +108,7 @@ def _operations_of(law: StrainLaw) -> Any:
 
     def operate(what, work, base, references, state, lanes):  # type: ignore[no-untyped-def]
         R, S = (references, state) if grows else (NR, NM)
-        at = slots(NU, NS, R, S)
+        at = point_rows(NU, NS, R, S)
         ref, u, u0 = rows(work, base + at.ref, R), rows(work, base + at.u, NU), rows(work, base + at.u0, NU)
         eps, eps0 = rows(work, base + at.eps, NS), rows(work, base + at.eps0, NS)
         t, sigma, g = rows(work, base + at.t, NS), rows(work, base + at.sigma, NS), rows(work, base + at.g, NU)
@@ -127,19 +127,19 @@ def _operations_of(law: StrainLaw) -> Any:
             _matrix_vector(J, u0, eps0, NS, NU, lanes)
         elif what == PULL:
             _transposed_vector(J, sigma, g, NS, NU, lanes)
-        elif what == TIMES:
+        elif what == D_J:
             _matrix_matrix(D, JE, DJ, NS, NS, NU, lanes)
-        elif what == SQUARE:
+        elif what == J_D_J:
             _transposed_matrix(J, DJ, H, NS, NU, NU, lanes)
-        elif what in (REMEMBER, BEAR):
-            # ``remember`` has filled state and slope
-            if what == REMEMBER:
-                _less(eps, rows(work, base + at.new, NI), NI, lanes)
+        elif what in (SUBTRACT_INTERNAL, ELASTIC_JACOBIAN):
+            # ``evaluate_internal`` has filled state and slope
+            if what == SUBTRACT_INTERNAL:
+                _subtract(eps, rows(work, base + at.new, NI), NI, lanes)
             _matrix_matrix(slope, J, JE, NI, NI, NU, lanes)
-            _from(J, JE, NI, NU, lanes)
+            _subtract_from(J, JE, NI, NU, lanes)
         else:
             _matrix_vector(slope, eps, t, NI, NI, lanes)
-            _less(eps, t, NI, lanes)
+            _subtract(eps, t, NI, lanes)
 
     # the name in the cache
     operate.__qualname__ = f"operate_{law.strain.__module__.rpartition('.')[2]}_{law.strain.__name__}"
@@ -179,7 +179,7 @@ def internal_address(law: StrainLaw) -> int:
 
 
 @inner
-def remember(law, at, work, base, lanes):  # type: ignore[no-untyped-def]
+def evaluate_internal(law, at, work, base, lanes):  # type: ignore[no-untyped-def]
     """Compute the new state and the slope of one point of a law with memory from its strains; ``at``: its ``Slots``."""
     _internal(law.internal, (
         rows(work, base + at.ref, law.references), rows(work, base + at.eps, law.strains),
@@ -276,10 +276,10 @@ _FORCES = types.UniTuple(types.float64, 2)(_v, _v, _v, _v, _v, _v, _v, _m, _m)
 _MEAN = types.UniTuple(types.float64, 2)(_v, _v, _v, _v, _v, _v, _v, _v, _v)
 _ACCEPT = types.void(_v, _v, _v, _v)
 # for many items together: a row of constants and of history for each
-_ALONG = types.UniTuple(types.float64, 2)(_v, _v, _v, _m, _v, _m, _v, _m, _m)
-_ACCEPT_ALONG = types.void(_v, _v, _m, _m)
+_FORCES_OF_RUN = types.UniTuple(types.float64, 2)(_v, _v, _v, _m, _v, _m, _v, _m, _m)
+_ACCEPT_RUN = types.void(_v, _v, _m, _m)
 call_forces, call_mean, call_accept = caller(_FORCES), caller(_MEAN), caller(_ACCEPT)
-call_along, call_accept_along = caller(_ALONG), caller(_ACCEPT_ALONG)
+call_forces_of_run, call_accept_run = caller(_FORCES_OF_RUN), caller(_ACCEPT_RUN)
 
 
 @cache
@@ -300,7 +300,7 @@ def _compiled_point_law(law: PointLaw, what: str) -> tuple[Any, int]:
 
     function: Any
     function, signature = {"forces": (forces, _FORCES), "mean": (mean, _MEAN), "accept": (accept, _ACCEPT),
-                           "along": (forces, _ALONG), "accept_along": (accept, _ACCEPT_ALONG)}[what]
+                           "forces_of_run": (forces, _FORCES_OF_RUN), "accept_run": (accept, _ACCEPT_RUN)}[what]
     # the name in the cache
     function.__qualname__ = f"{what}_{law.name}"
     compiled = addressed(seldom(function) if what.startswith("accept") else function)
@@ -310,7 +310,7 @@ def _compiled_point_law(law: PointLaw, what: str) -> tuple[Any, int]:
 def _wanted(law: PointLaw, steps: bool) -> list[str]:
     """Return the names of the functions of a law that are needed; ``steps``: forces of conserving steps too."""
     return ["forces", *(["mean"] if steps else []),
-            *(name for name in ("accept", "along", "accept_along") if getattr(law, name) is not None)]
+            *(name for name in ("accept", "forces_of_run", "accept_run") if getattr(law, name) is not None)]
 
 
 def point_law_compilations(law: PointLaw, steps: bool) -> list[Callable[[], object]]:
@@ -319,9 +319,9 @@ def point_law_compilations(law: PointLaw, steps: bool) -> list[Callable[[], obje
 
 
 def point_law_addresses(law: PointLaw, steps: bool) -> list[int]:
-    """Return the addresses of forces, mean, accept, along and accept_along of a law, 0 for functions it does not have.
+    """Return the addresses of forces, mean, accept, forces_of_run and accept_run of a law, 0 for those it lacks.
 
     mean, the forces of a conserving step, is 0 without ``steps``.
     """
     found = {what: _compiled_point_law(law, what)[1] for what in _wanted(law, steps)}
-    return [found.get(what, 0) for what in ("forces", "mean", "accept", "along", "accept_along")]
+    return [found.get(what, 0) for what in ("forces", "mean", "accept", "forces_of_run", "accept_run")]

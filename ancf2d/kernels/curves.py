@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..elements.point_laws import APART
-from .compiled_laws import call_accept, call_accept_along, call_along
+from .compiled_laws import call_accept, call_accept_run, call_forces_of_run
 from .lowlevel.arrays import vector
 from .lowlevel.jit import inlined, inner, kernel, seldom
 from .lowlevel.records import array_at
@@ -14,8 +14,8 @@ from .points import (
     coordinates_of_item,
     evaluate_item,
     fields_of_item,
-    most_of,
-    rests,
+    is_inactive,
+    largest_size,
     stiffness_of,
     work_arrays,
 )
@@ -49,7 +49,7 @@ def _rows(x, i, count):  # type: ignore[no-untyped-def]
 
 
 @inner
-def is_apart(points, i, d):  # type: ignore[no-untyped-def]
+def is_out_of_reach(points, i, d):  # type: ignore[no-untyped-def]
     """Return whether the items from i on are still out of reach: the coordinates moved less than the last known
     distance to acting.
     """
@@ -62,7 +62,7 @@ def is_apart(points, i, d):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _stay_apart(points, i, d, apart):  # type: ignore[no-untyped-def]
+def _store_distance(points, i, d, apart):  # type: ignore[no-untyped-def]
     """Store the distance ``apart`` of the items from i on to acting, and d as the point where it holds."""
     points.apart[i] = apart
     if apart > 0.0:
@@ -80,8 +80,8 @@ def _evaluate_run(points, i, d, v, amps, u, w, a, f, H, C, alone):  # type: igno
     ``alone``: H and C are not needed.
     """
     b, m, run = points.field[i], points.field[i + 1] - points.field[i], points.run[i]
-    if points.along[i] == 0:
-        if rests(points, i):
+    if points.forces_of_run[i] == 0:
+        if is_inactive(points, i):
             if points.multiplier[i] < 0:
                 return 0.0, 0.0, NOTHING
             f[m - 1], H[m * m - 1] = d[points.multiplier[i]], 1.0
@@ -89,7 +89,7 @@ def _evaluate_run(points, i, d, v, amps, u, w, a, f, H, C, alone):  # type: igno
         energy, power = evaluate_item(points, i, d, v, amps, u, w, a, f, H, C)
         opens = points.restitution[i] >= 0.0 and H[m * m - 1] != 0.0
         return energy, power, MULTIPLIER if opens else ALL
-    if not points.on[i] or (points.apart[i] > 0.0 and is_apart(points, i, d)):
+    if not points.on[i] or (points.apart[i] > 0.0 and is_out_of_reach(points, i, d)):
         return 0.0, 0.0, NOTHING
     _both_fields(points, i, d, v, u, w)
     amplitude_of(points, i, amps, u, w, a)
@@ -97,11 +97,11 @@ def _evaluate_run(points, i, d, v, amps, u, w, a, f, H, C, alone):  # type: igno
     f[:m] = 0.0
     H[:wide * m] = 0.0
     C[:wide * m] = 0.0
-    energy, power = call_along(points.along[i], (
+    energy, power = call_forces_of_run(points.forces_of_run[i], (
         points.p0[b:b + m], u[:m], w[:m], _rows(points.par, i, run), a, _rows(points.mem, i, run), f[:m],
         array_at(H, 0, (wide, wide)), array_at(C, 0, (wide, wide))))
     acts = power != APART
-    _stay_apart(points, i, d, 0.0 if acts or points.fed[i, 0] >= 0 else energy)
+    _store_distance(points, i, d, 0.0 if acts or points.fed[i, 0] >= 0 else energy)
     return (energy, power, ALL) if acts else (0.0, 0.0, NOTHING)
 
 
@@ -129,15 +129,16 @@ def point_forces(points, d, v, amps, Q):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _add_sewn(points, i, H, C, c, rows, values):  # type: ignore[no-untyped-def]
+def _assemble(points, i, H, C, c, rows, values):  # type: ignore[no-untyped-def]
     """Add the symmetric part of W (H + c C) W^T of the curve that begins at item i to the matrix; store the skew part.
 
     Returns whether the skew part is nonzero. ``rows`` (unknowns fields,) is work space.
     """
-    sewn, m = points.sewn, points.field[i + 1] - points.field[i]
-    begin, n = array_at(sewn.begin, 3 * i, (3,)), sewn.begin[i + 1, 0] - sewn.begin[i, 0]
-    W, span = array_at(sewn.W, begin[1], (n, m)), array_at(sewn.span, 2 * begin[0], (n, 2))
-    slot, skew = array_at(sewn.slot, begin[2], (n * (n + 1) // 2,)), array_at(sewn.skew, begin[2], (n * (n + 1) // 2,))
+    assembly, m = points.assembly, points.field[i + 1] - points.field[i]
+    begin, n = array_at(assembly.begin, 3 * i, (3,)), assembly.begin[i + 1, 0] - assembly.begin[i, 0]
+    W, span = array_at(assembly.W, begin[1], (n, m)), array_at(assembly.span, 2 * begin[0], (n, 2))
+    size = n * (n + 1) // 2
+    slot, skew = array_at(assembly.slot, begin[2], (size,)), array_at(assembly.skew, begin[2], (size,))
     for k in range(m * m):
         H[k] += c * C[k]
     for r in range(n):
@@ -174,15 +175,16 @@ def add_skew(points, x, y, places):  # type: ignore[no-untyped-def]
 
     Returns whether N is nonzero.
     """
-    sewn, found = points.sewn, False
-    for i in range(len(sewn.rubs)):
-        if sewn.rubs[i]:
+    assembly, found = points.assembly, False
+    for i in range(len(assembly.has_skew)):
+        if assembly.has_skew[i]:
             found = True
-            first, n = sewn.begin[i, 0], sewn.begin[i + 1, 0] - sewn.begin[i, 0]
+            first, n = assembly.begin[i, 0], assembly.begin[i + 1, 0] - assembly.begin[i, 0]
             if n == 0:
                 _add_skew_between(points, i, x, y, places)
                 continue
-            unknown, skew, k = array_at(sewn.unknown, first, (n,)), array_at(sewn.skew, sewn.begin[i, 2], (n * n,)), 0
+            unknown, k = array_at(assembly.unknown, first, (n,)), 0
+            skew = array_at(assembly.skew, assembly.begin[i, 2], (n * n,))
             for r in range(n):
                 total, a = 0.0, unknown[r]
                 for s in range(r):
@@ -199,7 +201,7 @@ def _add_skew_between(points, i, x, y, places):  # type: ignore[no-untyped-def]
     place, start, unknown, factor = places
     dofs, _ = coordinates_of_item(points, i)
     n = len(dofs)
-    skew, moves, acts = array_at(points.sewn.skew, points.sewn.begin[i, 2], (n * n,)), vector(n), vector(n)
+    skew, moves, acts = array_at(points.assembly.skew, points.assembly.begin[i, 2], (n * n,)), vector(n), vector(n)
     for r in range(n):
         k = place[dofs[r]]
         moves[r] = x[k] if k >= 0 else 0.0
@@ -219,7 +221,7 @@ def _add_skew_between(points, i, x, y, places):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _halve(K, skew):  # type: ignore[no-untyped-def]
+def _split_skew(K, skew):  # type: ignore[no-untyped-def]
     """Replace K (n, n) by its symmetric part and store the skew part; return whether that is nonzero."""
     k, largest, least = 0, 0.0, 0.0
     for r in range(len(K)):
@@ -237,17 +239,17 @@ def point_tangent(points, d, v, amps, c, Q, matrix, places):  # type: ignore[no-
     if len(points.forces) == 0:
         return energy
     u, w, a, f, H, C = work_arrays(points)
-    most, sewn = most_of(points.dof), points.sewn
-    entries, rows = vector(most * most), vector(len(f) * max(1, sewn.most))
+    most, assembly = largest_size(points.dof), points.assembly
+    entries, rows = vector(most * most), vector(len(f) * max(1, assembly.most_unknowns))
     values = array_at(matrix.values, 0, (matrix.values.size,))
     i = 0
     while i < len(points.forces):
         U, _, acts = _evaluate_run(points, i, d, v, amps, u, w, a, f, H, C, False)
         energy += U
-        in_place = len(sewn.rubs) > 0 and sewn.begin[i + 1, 0] > sewn.begin[i, 0]
-        keeps = len(sewn.rubs) > 0 and not in_place and sewn.begin[i + 1, 2] > sewn.begin[i, 2]
+        in_place = len(assembly.has_skew) > 0 and assembly.begin[i + 1, 0] > assembly.begin[i, 0]
+        keeps = len(assembly.has_skew) > 0 and not in_place and assembly.begin[i + 1, 2] > assembly.begin[i, 2]
         if in_place or keeps:
-            sewn.rubs[i] = False
+            assembly.has_skew[i] = False
         if acts == MULTIPLIER:
             last = points.field[i + 1] - points.field[i] - 1
             Q[points.multiplier[i]] += f[last]
@@ -256,12 +258,12 @@ def point_tangent(points, d, v, amps, c, Q, matrix, places):  # type: ignore[no-
             add_to(points, i, f, Q)
             first, n = points.dof[i], points.dof[i + 1] - points.dof[i]
             if in_place:
-                sewn.rubs[i] = _add_sewn(points, i, H, C, c, rows, values)
+                assembly.has_skew[i] = _assemble(points, i, H, C, c, rows, values)
             else:
                 K = array_at(entries, 0, (n, n))
                 stiffness_of(points, i, H, C, 1.0, c, not keeps, rows, K)
                 if keeps:
-                    sewn.rubs[i] = _halve(K, array_at(sewn.skew, sewn.begin[i, 2], (n * n,)))
+                    assembly.has_skew[i] = _split_skew(K, array_at(assembly.skew, assembly.begin[i, 2], (n * n,)))
                 scatter(matrix, K, points.dofs[first:first + n].reshape((1, n)), 0, places)
         i += points.run[i]
     return energy
@@ -277,11 +279,11 @@ def point_accept(points, d, amps):  # type: ignore[no-untyped-def]
     i = 0
     while i < len(points.forces):
         b, m, run = points.field[i], points.field[i + 1] - points.field[i], points.run[i]
-        if points.along[i] != 0:
+        if points.forces_of_run[i] != 0:
             # even if apart: the anchor of friction belongs to the last accepted state
             fields_of_item(points, i, d, u)
             amplitude_of(points, i, amps, u, w, a)
-            call_accept_along(points.accept_along[i], (points.p0[b:b + m], u[:m], _rows(points.par, i, run),
+            call_accept_run(points.accept_run[i], (points.p0[b:b + m], u[:m], _rows(points.par, i, run),
                                                        _rows(points.mem, i, run)))
         elif points.accept[i] != 0:
             fields_of_item(points, i, d, u)

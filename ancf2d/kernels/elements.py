@@ -17,14 +17,14 @@ from .batch import (
     batch_length,
     clear_rows,
     gather,
+    is_rotated,
     layout,
     matrices,
-    place_of,
     points_of,
+    row_of,
     sizes,
     spread,
-    take_natural,
-    turned,
+    subtract_natural,
 )
 from .forces import (
     ACTION,
@@ -32,16 +32,16 @@ from .forces import (
     FORCE,
     POWER,
     RATE,
+    RATE_GEOMETRIC,
     SLOPE,
     STEP,
     STEP_TANGENT,
     STRAINS,
     TANGENT,
-    TWIST,
-    WHOLE,
+    TOTAL_STRAINS,
     WORK,
     call_batch,
-    is_given,
+    is_prescribed,
     results,
 )
 from .lanes import vectors_of
@@ -49,7 +49,7 @@ from .lowlevel.arrays import vector
 from .lowlevel.jit import inlined, inner, kernel, seldom, shared
 from .lowlevel.records import STRIDE, array_at, row, whole
 from .matrices.matrix import scatter_packed
-from .natural import NOW
+from .stress_free import NOW
 
 
 # loops over batches; inlined if few kernels use them, which makes less code than a separate function
@@ -146,14 +146,14 @@ def tangent_action(group, d, v, out):  # type: ignore[no-untyped-def]
 def viscous_action(group, tau, d, v, lam, by_d, by_v, other):  # type: ignore[no-untyped-def]
     """Add C lam to by_v: the derivative of lam . Q by v, with Q the Kelvin-Voigt forces. ``other`` is work space.
 
-    The derivative by d is by_d - by_v. It is formed from the TWIST forces, which are quadratic in the rates w: by_d
-    gets half their difference at w = v + lam and w = v - lam.
+    The derivative by d is by_d - by_v. It is formed from the RATE_GEOMETRIC forces, which are quadratic in the rates w:
+    by_d gets half their difference at w = v + lam and w = v - lam.
     """
     for k in range(2):
         sign = 1.0 - 2.0 * k
         for i in range(len(d)):
             other[i] = v[i] + sign * lam[i]
-        _add_forces(TWIST, group, 0.5 * sign * tau, d, other, by_d)
+        _add_forces(RATE_GEOMETRIC, group, 0.5 * sign * tau, d, other, by_d)
     _add_forces(RATE, group, tau, d, lam, by_v)
 
 
@@ -167,7 +167,7 @@ def commit(group, d):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def take_strains(group, d, first, out):  # type: ignore[no-untyped-def]
+def total_strains(group, d, first, out):  # type: ignore[no-untyped-def]
     """Write the strains at d, internal strains not subtracted, to ``out`` (n,) from ``first`` on, ordered as states."""
     at, slot = layout(group.law)
     law, work, memory, k = group.law, group.plan.work, group.memory, group.law.strains
@@ -176,7 +176,7 @@ def take_strains(group, d, first, out):  # type: ignore[no-untyped-def]
     while begin < last:
         count = batch_length(group, begin, last)
         for part in range(group.plan.parts):
-            call_batch(group.plan.forces, (WHOLE, group, d, d, begin, count, part, 0.0))
+            call_batch(group.plan.forces, (TOTAL_STRAINS, group, d, d, begin, count, part, 0.0))
             for m in range(count):
                 for s in range(S):
                     place = first + (memory.row[begin + m] * memory.states.shape[1] + part * S + s) * ns
@@ -268,12 +268,12 @@ def force_noise(record, d, out):  # type: ignore[no-untyped-def]
 @inner
 def _turn_sizes(group, slot, lanes):  # type: ignore[no-untyped-def]
     """Rotate the sizes of fields by the absolute rotation matrix, which is the same into and out of element frames."""
-    if turned(group):
+    if is_rotated(group):
         work, vectors, k = group.plan.work, group.plan.vectors, group.law.fields
         at, _ = layout(group.law)
         c, s = row(work, at.turn), row(work, at.turn + 1)
         for v in range(len(vectors)):
-            x, y = row(work, place_of(vectors[v, 0], k, at, slot)), row(work, place_of(vectors[v, 1], k, at, slot))
+            x, y = row(work, row_of(vectors[v, 0], k, at, slot)), row(work, row_of(vectors[v, 1], k, at, slot))
             for l in range(lanes):
                 a, b = x[l], y[l]
                 x[l], y[l] = abs(c[l]) * a + abs(s[l]) * b, abs(s[l]) * a + abs(c[l]) * b
@@ -288,14 +288,14 @@ def _pull_sizes(group, part, first, count, lanes):  # type: ignore[no-untyped-de
         clear_rows(work, p * at.rows + slot.eps0, NS, lanes)
         clear_rows(work, p * at.rows + slot.t, NS, lanes)
         clear_rows(work, p * at.rows + slot.g, NU, lanes)
-    take_natural(group, part, first, count, NOW, slot.eps0)
+    subtract_natural(group, part, first, count, NOW, slot.eps0)
     for p in range(points):
         for k in range(NS):
             size = row(work, p * at.rows + slot.eps0 + k)
             for l in range(lanes):
                 size[l] = abs(size[l])
             if group.law.state > 0:
-                sums = group.law.state >= 2 * NS and not is_given(group)
+                sums = group.law.state >= 2 * NS and not is_prescribed(group)
                 inner = row(work, p * at.rows + slot.new + (k + NS if sums else k))
                 for l in range(lanes):
                     size[l] += abs(inner[l])
@@ -330,5 +330,5 @@ def stations(group, d, eps_out, sigma_out):  # type: ignore[no-untyped-def]
             call_batch(group.plan.forces, (STRAINS, group, d, d, ie, 1, part, 0.0))
             for p in range(ns):
                 for s in range(S):
-                    eps_out[ie, part * S + s, p] = row(work, place_of(p, k, at, slot.eps))[s]
-                    sigma_out[ie, part * S + s, p] = row(work, place_of(p, k, at, slot.sigma))[s]
+                    eps_out[ie, part * S + s, p] = row(work, row_of(p, k, at, slot.eps))[s]
+                    sigma_out[ie, part * S + s, p] = row(work, row_of(p, k, at, slot.sigma))[s]

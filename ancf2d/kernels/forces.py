@@ -13,8 +13,8 @@ from numba import types
 
 from .batch import (
     add_geometric,
+    add_geometric_forces,
     add_stresses,
-    add_turning,
     begin,
     combine,
     combine_rows,
@@ -25,89 +25,100 @@ from .batch import (
     matrices,
     no_group,
     pad,
-    place_of,
     points_of,
     product,
-    take_natural,
+    row_of,
+    subtract_natural,
     to_lanes,
 )
-from .compiled_laws import BEAR, MEAN, PULL, PUSH, RELAX, REMEMBER, STRAIN, remember
-from .lanes import Slots, vectors_of
+from .compiled_laws import (
+    ELASTIC_JACOBIAN,
+    MEAN,
+    PULL,
+    PUSH,
+    STRAIN,
+    SUBTRACT_INTERNAL,
+    SUBTRACT_SLOPE,
+    evaluate_internal,
+)
+from .lanes import PointRows, vectors_of
 from .lowlevel.jit import addressed, inner
 from .lowlevel.records import STRIDE, address_of, array_at, caller, row, type_of, whole
-from .natural import BEFORE, CHANGE, NOW, RATES
+from .stress_free import BEFORE, CHANGE, NOW, RATES
 from .tangents import tangents
 
 # quantities of a batch: strains and stresses; forces; forces and tangents; viscous forces at rates e; K e by way of
 # strains; forces (and tangents) of a conserving step from d to e; derivative of the forces by time due to natural
 # strains; power of natural strains at rates e, and their work in a step from d to e; update of the history variables at
 # d; viscous forces with their geometric term along e; strains, internal ones included
-STRAINS, FORCE, TANGENT, RATE, ACTION, STEP, STEP_TANGENT, SLOPE, POWER, WORK, COMMIT, TWIST, WHOLE = range(13)
+(STRAINS, FORCE, TANGENT, RATE, ACTION, STEP, STEP_TANGENT, SLOPE, POWER, WORK, COMMIT, RATE_GEOMETRIC,
+ TOTAL_STRAINS) = range(13)
 # steps of a program; their arguments follow in the tuples below
-LANES, LAW, STRESS, COMBINE, PRODUCT, FORCES, MATERIAL, GEOMETRIC, TURNING, TANGENTS, BEYOND, MEMORY = range(12)
+(LANES, LAW, STRESS, COMBINE, PRODUCT, FORCES, MATERIAL, GEOMETRIC, GEOMETRIC_FORCES, TANGENTS, NATURAL,
+ MEMORY) = range(12)
 # numbers that steps multiply by; the last two are the ``factor`` of the call, and factor + 1/2
 ZERO, ONE, HALF, MINUS, MINUS_HALF, FACTOR, HALF_MORE = range(7)
 _D, _E = range(2)
 # arguments of MEMORY beyond those of the laws: accept the new states, or store them as trial states
-_KEEP, _TRY = -1, -2
-_U, _U0, _EPS, _EPS0, _SIGMA, _G = (Slots._fields.index(name) for name in ("u", "u0", "eps", "eps0", "sigma", "g"))
+_ACCEPT, _TRIAL = -1, -2
+_U, _U0, _EPS, _EPS0, _SIGMA, _G = (PointRows._fields.index(name) for name in ("u", "u0", "eps", "eps0", "sigma", "g"))
 
-_STRESSES = [(LANES, _D, _U), (LAW, STRAIN), (BEYOND, NOW, _EPS), (MEMORY, REMEMBER), (STRESS, ZERO, ONE)]
+_STRESSES = [(LANES, _D, _U), (LAW, STRAIN), (NATURAL, NOW, _EPS), (MEMORY, SUBTRACT_INTERNAL), (STRESS, ZERO, ONE)]
 _NONE = (COMBINE, ZERO, _EPS, ZERO, _EPS, _EPS)
 _ELASTIC = [*_STRESSES, (PRODUCT, HALF, _EPS, _SIGMA, 0), (LAW, PULL), (FORCES,)]
 # Q = B^T J^T D tau (J B v - eps*')
 _VISCOUS = [(LANES, _D, _U), (LANES, _E, _U0), (LAW, STRAIN), (LAW, PUSH), (COMBINE, ONE, _EPS0, ZERO, _EPS0, _EPS),
-            (BEYOND, RATES, _EPS), (STRESS, ZERO, FACTOR), (PRODUCT, ONE, _EPS, _SIGMA, 0), (LAW, PULL), (FORCES,)]
+            (NATURAL, RATES, _EPS), (STRESS, ZERO, FACTOR), (PRODUCT, ONE, _EPS, _SIGMA, 0), (LAW, PULL), (FORCES,)]
 _ACTION = [*_STRESSES, (LANES, _E, _U0), (GEOMETRIC, ZERO), (LAW, PUSH), (COMBINE, ONE, _EPS0, ZERO, _EPS0, _EPS),
-           (MEMORY, RELAX), (STRESS, ZERO, ONE), (LAW, PULL), (TURNING,), (FORCES,)]
+           (MEMORY, SUBTRACT_SLOPE), (STRESS, ZERO, ONE), (LAW, PULL), (GEOMETRIC_FORCES,), (FORCES,)]
 # Q = B^T (J^T sigma + sigma . d2eps/du2 B v) with sigma = D tau (J B v - eps*')
-_TWIST = [*_VISCOUS[:-3], (GEOMETRIC, ZERO), (LAW, PULL), (TURNING,), (FORCES,)]
+_RATE_GEOMETRIC = [*_VISCOUS[:-3], (GEOMETRIC, ZERO), (LAW, PULL), (GEOMETRIC_FORCES,), (FORCES,)]
 # Q = B^T J^T (D (eps0 + eps1)/2 + tau/h D J (u1 - u0)) with the discrete J: the strain increment J (u1 - u0) keeps
 # digits that the difference of the strains has lost. The mean strain is kept in slot g until forces overwrite it.
 _MIDDLE = [(LANES, _D, _U), (LAW, STRAIN), (COMBINE, ONE, _U, ZERO, _U, _U0), (COMBINE, ONE, _EPS, ZERO, _EPS, _EPS0),
-           (LANES, _E, _U), (LAW, STRAIN), (LAW, MEAN), (BEYOND, NOW, _EPS), (BEYOND, BEFORE, _EPS0),
+           (LANES, _E, _U), (LAW, STRAIN), (LAW, MEAN), (NATURAL, NOW, _EPS), (NATURAL, BEFORE, _EPS0),
            (STRESS, ZERO, ONE), (PRODUCT, HALF, _EPS, _SIGMA, 0), (COMBINE, HALF, _EPS, HALF, _EPS0, _G),
-           (COMBINE, ONE, _U, MINUS, _U0, _U0), (LAW, PUSH), (BEYOND, CHANGE, _EPS0)]
+           (COMBINE, ONE, _U, MINUS, _U0, _U0), (LAW, PUSH), (NATURAL, CHANGE, _EPS0)]
 _STEP = [*_MIDDLE, (COMBINE, ONE, _EPS0, ZERO, _EPS0, _EPS), (STRESS, ZERO, FACTOR), (PRODUCT, ONE, _EPS, _SIGMA, 1),
          (COMBINE, ONE, _G, ZERO, _G, _EPS), (STRESS, ONE, ONE), (LAW, PULL), (FORCES,)]
 # Q = -B^T J^T D eps*', and eps*'^T D eps*'/2
-_SLOPE = [(LANES, _D, _U), (LAW, STRAIN), _NONE, (BEYOND, RATES, _EPS), (STRESS, ZERO, ONE),
+_SLOPE = [(LANES, _D, _U), (LAW, STRAIN), _NONE, (NATURAL, RATES, _EPS), (STRESS, ZERO, ONE),
           (PRODUCT, HALF, _EPS, _SIGMA, 0), (LAW, PULL), (FORCES,)]
 # -sigma . eps*', and the same over a step, as second result
-_POWER = [(LANES, _D, _U), (LANES, _E, _U0), (LAW, STRAIN), (LAW, PUSH), (BEYOND, NOW, _EPS), (MEMORY, REMEMBER),
-          (BEYOND, RATES, _EPS0), (COMBINE, ONE, _EPS, FACTOR, _EPS0, _EPS), (STRESS, ZERO, ONE), _NONE,
-          (BEYOND, RATES, _EPS), (PRODUCT, ONE, _EPS, _SIGMA, 0)]
-_WORK = [*_MIDDLE, (COMBINE, ONE, _G, FACTOR, _EPS0, _EPS), (STRESS, ZERO, ONE), _NONE, (BEYOND, CHANGE, _EPS),
+_POWER = [(LANES, _D, _U), (LANES, _E, _U0), (LAW, STRAIN), (LAW, PUSH), (NATURAL, NOW, _EPS),
+          (MEMORY, SUBTRACT_INTERNAL), (NATURAL, RATES, _EPS0), (COMBINE, ONE, _EPS, FACTOR, _EPS0, _EPS),
+          (STRESS, ZERO, ONE), _NONE, (NATURAL, RATES, _EPS), (PRODUCT, ONE, _EPS, _SIGMA, 0)]
+_WORK = [*_MIDDLE, (COMBINE, ONE, _G, FACTOR, _EPS0, _EPS), (STRESS, ZERO, ONE), _NONE, (NATURAL, CHANGE, _EPS),
          (PRODUCT, ONE, _EPS, _SIGMA, 1)]
 # K = B^T ((1/2 + tau/h) J^T D J + sigma . d2eps/du2/2) B with the mean stress, at the mid-configuration. The strain of
 # the mid-configuration itself would be wrong, since a rotation by w shortens it by w^2/8. The exact derivative would
 # have the Jacobian of the strain at d1 as the second J.
 _STEP_TANGENT = [*_STEP, (COMBINE, ONE, _U, MINUS_HALF, _U0, _U), (COMBINE, HALF, _SIGMA, ZERO, _SIGMA, _SIGMA),
                  (MATERIAL, HALF_MORE), (GEOMETRIC, ONE), (TANGENTS,)]
-_PROGRAMS = {STRAINS: _STRESSES, FORCE: [*_ELASTIC, (MEMORY, _TRY)],
-             TANGENT: [*_ELASTIC, (MEMORY, BEAR), (MATERIAL, ONE), (GEOMETRIC, ONE), (TANGENTS,)],
+_PROGRAMS = {STRAINS: _STRESSES, FORCE: [*_ELASTIC, (MEMORY, _TRIAL)],
+             TANGENT: [*_ELASTIC, (MEMORY, ELASTIC_JACOBIAN), (MATERIAL, ONE), (GEOMETRIC, ONE), (TANGENTS,)],
              RATE: _VISCOUS, ACTION: _ACTION, STEP: _STEP, STEP_TANGENT: _STEP_TANGENT, SLOPE: _SLOPE, POWER: _POWER,
-             WORK: _WORK, COMMIT: [*_STRESSES, (MEMORY, _KEEP)], TWIST: _TWIST,
-             WHOLE: [(LANES, _D, _U), (LAW, STRAIN), (BEYOND, NOW, _EPS)]}
+             WORK: _WORK, COMMIT: [*_STRESSES, (MEMORY, _ACCEPT)], RATE_GEOMETRIC: _RATE_GEOMETRIC,
+             TOTAL_STRAINS: [(LANES, _D, _U), (LAW, STRAIN), (NATURAL, NOW, _EPS)]}
 _STEPS = np.array([(*step, 0, 0, 0, 0, 0)[:6] for k in range(len(_PROGRAMS)) for step in _PROGRAMS[k]])
 _STARTS = np.cumsum([0] + [len(_PROGRAMS[k]) for k in range(len(_PROGRAMS))])
 
 
 @inner
-def is_given(group):  # type: ignore[no-untyped-def]
-    """Return whether internal strains are prescribed (``Memory.given``) instead of computed by the law."""
+def is_prescribed(group):  # type: ignore[no-untyped-def]
+    """Return whether internal strains are prescribed (``Memory.prescribed``) instead of computed by the law."""
     slope = group.memory.slope
     return len(slope) > 0 and slope[0] <= 0.0
 
 
 @inner
-def recall(group, part, first, count):  # type: ignore[no-untyped-def]
+def load_states(group, part, first, count):  # type: ignore[no-untyped-def]
     """Fill slot ``old`` with the accepted states of the elements of a batch."""
     law, work, memory = group.law, group.plan.work, group.memory
     at, slot = layout(law)
     S = law.B.shape[2]
     for i in range(memory.states.shape[2]):
-        k = place_of(i, law.state, at, slot.old)
+        k = row_of(i, law.state, at, slot.old)
         target = row(work, k)
         for s in range(S):
             for m in range(count):
@@ -116,14 +127,14 @@ def recall(group, part, first, count):  # type: ignore[no-untyped-def]
 
 
 @inner
-def recall_given(group, part, first, count):  # type: ignore[no-untyped-def]
-    """Fill slot ``new`` with the given internal strains, and subtract them from the strains."""
+def load_prescribed(group, part, first, count):  # type: ignore[no-untyped-def]
+    """Fill slot ``new`` with the prescribed internal strains, and subtract them from the strains."""
     law, work, memory = group.law, group.plan.work, group.memory
     at, slot = layout(law)
     S, k = law.B.shape[2], law.strains
     for m in range(count):
         for s in range(S):
-            source = memory.given[memory.row[first + m], part * S + s]
+            source = memory.prescribed[memory.row[first + m], part * S + s]
             for p in range(points_of(law)):
                 for i in range(k):
                     work[(p * at.rows + slot.new + i) * STRIDE + s * count + m] = source[p * k + i]
@@ -134,8 +145,8 @@ def recall_given(group, part, first, count):  # type: ignore[no-untyped-def]
 
 
 @inner
-def give_slopes(group, lanes):  # type: ignore[no-untyped-def]
-    """Fill slot ``slope`` with the slope of given internal strains."""
+def load_slopes(group, lanes):  # type: ignore[no-untyped-def]
+    """Fill slot ``slope`` with the slope of prescribed internal strains."""
     at, slot = layout(group.law)
     for p in range(points_of(group.law)):
         for i in range(group.law.strains):
@@ -145,73 +156,73 @@ def give_slopes(group, lanes):  # type: ignore[no-untyped-def]
 
 
 @inner
-def given_work(group, part, first, count):  # type: ignore[no-untyped-def]
-    """Return sigma . taken of a batch: the work of the stresses on the given changes of internal strains."""
+def work_of_change(group, part, first, count):  # type: ignore[no-untyped-def]
+    """Return sigma . change of a batch: the work of the stresses on the prescribed changes of internal strains."""
     law, work, memory = group.law, group.plan.work, group.memory
     at, slot = layout(law)
     S, lost = law.B.shape[2], 0.0
-    for i in range(memory.taken.shape[2]):
-        sigma = row(work, place_of(i, law.strains, at, slot.sigma))
+    for i in range(memory.change.shape[2]):
+        sigma = row(work, row_of(i, law.strains, at, slot.sigma))
         for s in range(S):
             for m in range(count):
-                lost += sigma[s * count + m] * memory.taken[memory.row[first + m], part * S + s, i]
+                lost += sigma[s * count + m] * memory.change[memory.row[first + m], part * S + s, i]
     return lost
 
 
 @inner
-def keep_states(group, part, first, count):  # type: ignore[no-untyped-def]
+def accept_states(group, part, first, count):  # type: ignore[no-untyped-def]
     """Accept the new states of a batch; return the work of the stresses on the change of internal strains."""
     law, work, memory = group.law, group.plan.work, group.memory
     at, slot = layout(law)
     S, lost = law.B.shape[2], 0.0
     for i in range(memory.states.shape[2]):
-        new, old = row(work, place_of(i, law.state, at, slot.new)), row(work, place_of(i, law.state, at, slot.old))
+        new, old = row(work, row_of(i, law.state, at, slot.new)), row(work, row_of(i, law.state, at, slot.old))
         if i % law.state < law.strains:
             sigma = row(work, (i // law.state) * at.rows + slot.sigma + i % law.state)
             for l in range(S * count):
                 lost += sigma[l] * (new[l] - old[l])
-    put_states(group, memory.states, part, first, count)
+    store_states(group, memory.states, part, first, count)
     return lost
 
 
 @inner
-def put_states(group, states, part, first, count):  # type: ignore[no-untyped-def]
+def store_states(group, states, part, first, count):  # type: ignore[no-untyped-def]
     """Write the new states of a batch to ``states`` (rows, stations of all parts, numbers of all points)."""
     law, work, memory = group.law, group.plan.work, group.memory
     at, slot = layout(law)
     S = law.B.shape[2]
     for i in range(states.shape[2]):
-        new = row(work, place_of(i, law.state, at, slot.new))
+        new = row(work, row_of(i, law.state, at, slot.new))
         for s in range(S):
             for m in range(count):
                 states[memory.row[first + m], part * S + s, i] = new[s * count + m]
 
 
 @inner
-def with_memory(group, what, part, first, count):  # type: ignore[no-untyped-def]
+def memory_step(group, what, part, first, count):  # type: ignore[no-untyped-def]
     """Perform a MEMORY step of a program; return the energy that internal strains took (0 unless states are accepted).
     """
-    if what == _KEEP:
-        if is_given(group):
-            return given_work(group, part, first, count)
-        return keep_states(group, part, first, count)
-    if what == _TRY:
-        put_states(group, group.memory.trial, part, first, count)
+    if what == _ACCEPT:
+        if is_prescribed(group):
+            return work_of_change(group, part, first, count)
+        return accept_states(group, part, first, count)
+    if what == _TRIAL:
+        store_states(group, group.memory.trial, part, first, count)
         return 0.0
-    given = is_given(group)
-    if what == REMEMBER and given:
-        recall_given(group, part, first, count)
+    prescribed = is_prescribed(group)
+    if what == SUBTRACT_INTERNAL and prescribed:
+        load_prescribed(group, part, first, count)
         return 0.0
-    if what == BEAR and not given:
-        # REMEMBER has filled state and slope, and JE
+    if what == ELASTIC_JACOBIAN and not prescribed:
+        # SUBTRACT_INTERNAL has filled state and slope, and JE
         return 0.0
-    if given:
-        give_slopes(group, vectors_of(group.law.B.shape[2] * count))
-    elif what == REMEMBER:
-        recall(group, part, first, count)
+    if prescribed:
+        load_slopes(group, vectors_of(group.law.B.shape[2] * count))
+    elif what == SUBTRACT_INTERNAL:
+        load_states(group, part, first, count)
         at, slot = layout(group.law)
         for p in range(points_of(group.law)):
-            remember(group.law, slot, group.plan.work, p * at.rows, vectors_of(group.law.B.shape[2] * count))
+            evaluate_internal(group.law, slot, group.plan.work, p * at.rows, vectors_of(group.law.B.shape[2] * count))
     each_point(group, what, vectors_of(group.law.B.shape[2] * count))
     return 0.0
 
@@ -232,7 +243,7 @@ def element_batch(what, record, d, e, first, count, part, factor):  # type: igno
     full = vectors_of(lanes)
     factors = (0.0, 1.0, 0.5, -1.0, -0.5, factor, factor + 0.5)
     energy, lost = 0.0, 0.0
-    for k in range(part, part + 1 if what in (STRAINS, WHOLE) else group.plan.parts):
+    for k in range(part, part + 1 if what in (STRAINS, TOTAL_STRAINS) else group.plan.parts):
         q = begin(group, k, first, count)
         for i in range(_STARTS[what], _STARTS[what + 1]):
             step, a, b = _STEPS[i, 0], _STEPS[i, 1], _STEPS[i, 2]
@@ -240,8 +251,8 @@ def element_batch(what, record, d, e, first, count, part, factor):  # type: igno
                 to_lanes(group, q, first, count, e if a == _E else d, slot[b])
             elif step == LAW:
                 each_point(group, a, full)
-            elif step == BEYOND:
-                take_natural(group, k, first, count, a, slot[b])
+            elif step == NATURAL:
+                subtract_natural(group, k, first, count, a, slot[b])
             elif step == STRESS:
                 add_stresses(group, factors[a], factors[b], full)
             elif step == COMBINE:
@@ -260,10 +271,10 @@ def element_batch(what, record, d, e, first, count, part, factor):  # type: igno
                 material(group, factors[a], full)
             elif step == GEOMETRIC:
                 add_geometric(group, factors[a], full)
-            elif step == TURNING:
-                add_turning(group, full)
+            elif step == GEOMETRIC_FORCES:
+                add_geometric_forces(group, full)
             elif step == MEMORY:
-                lost += with_memory(group, a, k, first, count) if law.state > 0 else 0.0
+                lost += memory_step(group, a, k, first, count) if law.state > 0 else 0.0
             else:
                 tangents(group, k, q, count)
     return energy, lost

@@ -20,15 +20,15 @@ LANES = 64
 VECTOR = 8
 
 
-class Plan(NamedTuple):
+class BatchPlan(NamedTuple):
     """How the batches of a group are processed.
 
     parts : number of equal parts that the stations are divided into; most : most elements of a batch; vectors : (v, 2)
     fields that are the x and y of a vector; coupled : (points, points) whether D couples points of a station; blocks :
     (b, 4) first pair, pairs, first entry and entries of K that are computed by one product; pairs : (k, 2) fields
     i <= j of the entries of H that are used; entries : (m, 2) coordinates a >= b of the entries of K, computed ones
-    first; following : (k, 3) rules for the others (``tangents.follow``); products : (classes * parts, size) factors of
-    the entries of H (``tangents.fill_products``), empty if they are recomputed each time; held : class and number of
+    first; rules : (k, 3) for the others (``tangents.apply_rules``); products : (classes * parts, size) factors of the
+    entries of H (``tangents.fill_products``), empty if they are recomputed each time; loaded : class and number of
     elements of the constants in ``work``; dgemm, forces : addresses of BLAS's dgemm and of ``forces.element_batch``.
     """
 
@@ -39,15 +39,15 @@ class Plan(NamedTuple):
     blocks: Any
     pairs: Any
     entries: Any
-    following: Any
+    rules: Any
     products: Any
-    held: Any
+    loaded: Any
     work: Any
     dgemm: int
     forces: int
 
 
-class Slots(NamedTuple):
+class PointRows(NamedTuple):
     """First row of each quantity of a point in the work buffer, and the number of rows; constants of a law.
 
     u, eps, sigma, J : fields, strains, stresses and Jacobian; u0, eps0 : second set of fields and strains; t, DJ :
@@ -75,7 +75,7 @@ class Slots(NamedTuple):
     rows: int
 
 
-class Places(NamedTuple):
+class StationRows(NamedTuple):
     """Rows of a station in the work buffer: ``rows`` of each point, then D and H of pairs of points, then the turns.
 
     If a station has one point, D and H are the point's own.
@@ -89,7 +89,7 @@ class Places(NamedTuple):
 
 
 @register_jitable
-def slots(fields, strains, references, state):  # type: ignore[no-untyped-def]
+def point_rows(fields, strains, references, state):  # type: ignore[no-untyped-def]
     """Return the rows of a point for a law with these numbers of fields, strains, reference values and state variables.
 
     Quantities whose size is known only at run time come last: LLVM then sees that the others do not overlap.
@@ -110,20 +110,20 @@ def slots(fields, strains, references, state):  # type: ignore[no-untyped-def]
     ref = slope + remembers * (strains * strains + strains * fields)
     old = ref + references
     new = old + state
-    return Slots(0, u0, eps, eps0, t, sigma, J, DJ, D, H, g, slope, JE, ref, old, new, new + state)
+    return PointRows(0, u0, eps, eps0, t, sigma, J, DJ, D, H, g, slope, JE, ref, old, new, new + state)
 
 
 @register_jitable
-def places(fields, strains, references, state, points):  # type: ignore[no-untyped-def]
+def station_rows(fields, strains, references, state, points):  # type: ignore[no-untyped-def]
     """Return the rows of a station with ``points`` points."""
-    at = slots(fields, strains, references, state)
+    at = point_rows(fields, strains, references, state)
     if points == 1:
         D, H, turn = at.D, at.H, at.rows
     else:
         D = points * at.rows
         H = D + points * points * strains * strains
         turn = H + points * points * fields * fields
-    return Places(at.rows, D, H, turn, turn + 2)
+    return StationRows(at.rows, D, H, turn, turn + 2)
 
 
 @inner
@@ -143,6 +143,6 @@ def matrices_at(at, n, flat, entries):  # type: ignore[no-untyped-def]
     return de, lanes, Q, K, products
 
 
-def room(at: Places, n: int, flat: int, entries: int, size: int) -> int:
+def buffer_length(at: StationRows, n: int, flat: int, entries: int, size: int) -> int:
     """Return the length of the work buffer for these sizes."""
     return int(matrices_at(at, n, flat, entries)[-1]) + size

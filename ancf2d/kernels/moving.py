@@ -127,7 +127,7 @@ def _product(p, x, y):  # type: ignore[no-untyped-def]
     for j in range(len(p.moving.item)):
         m = p.moving.mass[j]
         if m > 0.0 and p.moving.element[j] >= 0:
-            ax, ay = _of_point(p, j, x, p.along, 0)
+            ax, ay = _of_point(p, j, x, p.mass_diagonals, 0)
             points, i = p.points, p.moving.item[j]
             first, G = points.dof[i], weights_of_item(points, i)
             for c in range(len(G)):

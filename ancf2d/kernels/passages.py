@@ -9,7 +9,7 @@ from ..elements.contact_geometry import BODY, FREE, HOME, RHO, SHAPE, WORK
 from . import calls
 from .compiled_laws import part
 from .contact import DEPTH, TOUCHES, is_crossed
-from .curves import is_apart
+from .curves import is_out_of_reach
 from .lowlevel.jit import addressed_with_memory, inner_with_memory, seldom
 from .motion.dynamics import signals_at, to_full
 from .points import amplitude_of, fields_of_item
@@ -44,8 +44,8 @@ def _stays_apart(points, i, before, after):  # type: ignore[no-untyped-def]
 
     It is if both states are, because the set of states that are out of reach is convex.
     """
-    return (points.along[i] != 0 and points.apart[i] > 0.0 and is_apart(points, i, before)
-            and is_apart(points, i, after))
+    return (points.forces_of_run[i] != 0 and points.apart[i] > 0.0 and is_out_of_reach(points, i, before)
+            and is_out_of_reach(points, i, after))
 
 
 @addressed_with_memory

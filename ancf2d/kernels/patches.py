@@ -14,9 +14,9 @@ from .matrices.symmetric import in_band, in_fronts, places_in
 from .points import (
     evaluate_at,
     evaluate_item,
+    is_inactive,
     point_constraint_rates,
     point_mean_forces,
-    rests,
     weights_of_item,
     work_arrays,
 )
@@ -39,7 +39,7 @@ def point_violation(points, d, amps):  # type: ignore[no-untyped-def]
         return worst
     u, w, a, f, H, C = work_arrays(points)
     for i in range(len(points.forces)):
-        if points.multiplier[i] >= 0 and not rests(points, i):
+        if points.multiplier[i] >= 0 and not is_inactive(points, i):
             evaluate_item(points, i, d, d, amps, u, w, a, f, H, C)
             g = abs(f[points.field[i + 1] - points.field[i] - 1]) / points.scale[i]
             if not g <= worst:
@@ -64,7 +64,7 @@ def point_noise(points, d, out):  # type: ignore[no-untyped-def]
     no_amps = array(signals, 3)
     no_amps[:] = 1.0
     for i in range(len(points.forces)):
-        if points.apart[i] > 0.0 and points.along[i] == 0:
+        if points.apart[i] > 0.0 and points.forces_of_run[i] == 0:
             continue
         w[:] = 0.0
         evaluate_at(points, i, d, no_amps, u, w, a, f, H, C)
@@ -102,7 +102,7 @@ def patch_forces(p, d, v, amps, Q):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _let_contacts_act(p, act):  # type: ignore[no-untyped-def]
+def _switch_contacts(p, act):  # type: ignore[no-untyped-def]
     for i in range(len(p.points.mem)):
         if p.points.restitution[i] != -1.0 and p.points.fed[i, 0] < 0:
             p.points.on[i] = act
@@ -116,9 +116,9 @@ def forces_but_contacts(p, d, v, amps, Q):  # type: ignore[no-untyped-def]
     """
     if not p.touches:
         return patch_forces(p, d, v, amps, Q)
-    _let_contacts_act(p, False)
+    _switch_contacts(p, False)
     energy, power = patch_forces(p, d, v, amps, Q)
-    _let_contacts_act(p, True)
+    _switch_contacts(p, True)
     return energy, power
 
 

@@ -10,15 +10,15 @@ from .lowlevel.jit import inlined, inner, kernel, seldom
 from .lowlevel.records import array_at
 
 
-class Sewn(NamedTuple):
+class Assembly(NamedTuple):
     """Direct assembly for contact curves (``Points.run``) and hard contact points with friction: unknowns and slots.
 
     Points that rub on other bodies have changing coordinates: for them only ``skew`` exists, by their coordinates.
 
     begin : (n + 1, 3) where the unknowns, rows of W and entries of each item begin; unknown (k,) : the unknowns that an
     item acts on; W (k, fields) : W^T maps them to the fields, with ``span`` (k, 2) as in ``Points``; slot : place in
-    the matrix of each entry of the lower half, row by row; skew : skew part of the last tangent, and rubs (n,) :
-    whether it is not zero; most : largest number of unknowns of an item. Empty in statics.
+    the matrix of each entry of the lower half, row by row; skew : skew part of the last tangent, and has_skew
+    (n,) : whether it is not zero; most_unknowns : largest number of unknowns of an item. Empty in statics.
     """
 
     begin: Any
@@ -27,32 +27,32 @@ class Sewn(NamedTuple):
     span: Any
     slot: Any
     skew: Any
-    rubs: Any
-    most: int
+    has_skew: Any
+    most_unknowns: int
 
 
 class Points(NamedTuple):
     """Items of point laws. Item i has the fields p0 + G d[dofs] and acts on the coordinates dofs.
 
-    forces, mean, accept, along, accept_along : (n,) addresses of the law's functions, 0 if it has none or it is not
-    needed; field, dof, entry : (n + 1,) where the fields, coordinates and entries of G of item i begin in p0, dofs and
-    G (columns of G one after another); span : (coordinates, 2) first and last + 1 field that each coordinate changes;
-    par : (n, constants); mem : (n, numbers) last angles and other history variables; signal : (n, 3) rows of the
-    amplitudes, -1 for a constant 1; fed : (n, 3) fields that these signals prescribe, or -1; multiplier : (n,) full
+    forces, mean, accept, forces_of_run, accept_run : (n,) addresses of the law's functions, 0 if it has none or it is
+    not needed; field, dof, entry : (n + 1,) where the fields, coordinates and entries of G of item i begin in p0, dofs
+    and G (columns of G one after another); span : (coordinates, 2) first and last + 1 field that each coordinate
+    changes; par : (n, constants); mem : (n, numbers) last angles and other history variables; signal : (n, 3) rows of
+    the amplitudes, -1 for a constant 1; fed : (n, 3) fields that these signals prescribe, or -1; multiplier : (n,) full
     coordinate of the multiplier, or -1; scale : (n,) size of the constraint's terms; on : (n,) whether the item is
     active (an inactive law has no force, an inactive constraint a zero multiplier); drift : rates of the fields while
     their coordinates are constant; restitution : (n,) coefficient of one-sided constraints, nan: contacts with a law,
-    -1: no contact; run : (n,) how many items from here on share fields, coordinates and amplitude, which ``along``
-    evaluates together. apart : (n,) change of the fields below which the run cannot act, measured from the coordinates
-    ``there`` (coordinates,), where a unit of a coordinate counts ``lever`` (coordinates,); for points that face bodies,
-    their current distance, 0 if near (``facing``).
+    -1: no contact; run : (n,) how many items from here on share fields, coordinates and amplitude, which
+    ``forces_of_run`` evaluates together. apart : (n,) change of the fields below which the run cannot act, measured
+    from the coordinates ``there`` (coordinates,), where a unit of a coordinate counts ``lever`` (coordinates,); for
+    points that face bodies, their current distance, 0 if near (``facing``).
     """
 
     forces: Any
     mean: Any
     accept: Any
-    along: Any
-    accept_along: Any
+    forces_of_run: Any
+    accept_run: Any
     field: Any
     dof: Any
     entry: Any
@@ -73,7 +73,7 @@ class Points(NamedTuple):
     apart: Any
     lever: Any
     there: Any
-    sewn: Sewn
+    assembly: Assembly
 
 
 @inlined
@@ -164,9 +164,9 @@ def evaluate_at(points, i, d, amps, u, w, a, f, H, C):  # type: ignore[no-untype
 
 
 @inner
-def rests(points, i):  # type: ignore[no-untyped-def]
+def is_inactive(points, i):  # type: ignore[no-untyped-def]
     """Return whether item i is inactive: switched off, or a point with no body nearby."""
-    return not points.on[i] or (points.apart[i] > 0.0 and points.along[i] == 0)
+    return not points.on[i] or (points.apart[i] > 0.0 and points.forces_of_run[i] == 0)
 
 
 @inner
@@ -179,7 +179,7 @@ def law_of_item(points, i, u, w, a, f, H, C, wide):  # type: ignore[no-untyped-d
     f[:m] = 0.0
     H[:wide * m] = 0.0
     C[:wide * m] = 0.0
-    if rests(points, i):
+    if is_inactive(points, i):
         if points.multiplier[i] >= 0:
             f[m - 1] = u[m - 1]
             H[m * m - 1] = 1.0
@@ -189,7 +189,7 @@ def law_of_item(points, i, u, w, a, f, H, C, wide):  # type: ignore[no-untyped-d
 
 
 @inlined
-def most_of(begin):  # type: ignore[no-untyped-def]
+def largest_size(begin):  # type: ignore[no-untyped-def]
     """Return the largest number of entries of an item, from the offsets (n + 1,) of the entries."""
     most = 0
     for i in range(len(begin) - 1):
@@ -200,7 +200,7 @@ def most_of(begin):  # type: ignore[no-untyped-def]
 @inlined
 def work_arrays(points):  # type: ignore[no-untyped-def]
     """Return work arrays u, w, a, f, H, C for any item of the table."""
-    n = most_of(points.field)
+    n = largest_size(points.field)
     return vector(n), vector(n), vector(3), vector(n), vector(n * n), vector(n * n)
 
 
@@ -260,7 +260,7 @@ def point_matrices(points, d, v, amps, linear, energy, Q, K, C):  # type: ignore
         if first_order:
             u[fed] = held
         # forces of points on curves do not need H
-        wide = 0 if len(K) == 0 and points.along[i] != 0 and not first_order else m
+        wide = 0 if len(K) == 0 and points.forces_of_run[i] != 0 and not first_order else m
         energy[i] = law_of_item(points, i, u, w, a, f, H, D, wide)[0]
         if first_order:
             f[m - 1] += H[fed * m + m - 1] * a[0]
@@ -276,17 +276,17 @@ def point_matrices(points, d, v, amps, linear, energy, Q, K, C):  # type: ignore
 
 
 @kernel
-def point_mean_forces(points, d0, d1, v, amps0, amps1, lam_from_d1, Q):  # type: ignore[no-untyped-def]
+def point_mean_forces(points, d0, d1, v, amps0, amps1, Q):  # type: ignore[no-untyped-def]
     """Add the forces of a step from d0 to d1 with mean rates v to Q; return (energy at d1, dissipated power).
 
     The work of forces with a potential is exactly the difference of the potential. Constraints are satisfied at d1,
-    with the multipliers of d1 (``lam_from_d1``) or else the mean of both.
+    with the multipliers of d1.
     """
     energy, power = 0.0, 0.0
     if len(points.forces) == 0:
         return energy, power
     u0, w, a0, f, _, _ = work_arrays(points)
-    u1, a1 = vector(most_of(points.field)), vector(3)
+    u1, a1 = vector(largest_size(points.field)), vector(3)
     for i in range(len(points.forces)):
         b, m = points.field[i], points.field[i + 1] - points.field[i]
         fields_of_item(points, i, d0, u0)
@@ -294,8 +294,6 @@ def point_mean_forces(points, d0, d1, v, amps0, amps1, lam_from_d1, Q):  # type:
         fields_of_item(points, i, v, w)
         amplitude_of(points, i, amps0, u0, w, a0)
         amplitude_of(points, i, amps1, u1, w, a1)
-        if points.multiplier[i] >= 0 and not lam_from_d1:
-            u1[m - 1] = 0.5 * (u0[m - 1] + u1[m - 1])
         f[:m] = 0.0
         if not points.on[i]:
             if points.multiplier[i] >= 0:

@@ -82,7 +82,7 @@ def _fill(table, i, d, dofs, rows, K):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _fill_idle(table, i, dofs, rows, K):  # type: ignore[no-untyped-def]
+def _fill_inactive(table, i, dofs, rows, K):  # type: ignore[no-untyped-def]
     """Fill coordinates and the stiffness K (k + 1, k + 1) of an inactive joint: its equation is multiplier = 0."""
     k = rows.shape[1]
     _rows_at(table, i, int(table.memory[i, 0]), 0.0, 0.0, 0.0, 0.0, 0.0, dofs, rows)
@@ -101,7 +101,7 @@ def _tangent(table, i, d, Q, matrix, places):  # type: ignore[no-untyped-def]
         g = _fill(table, i, d, dofs, rows, K)
         _add(table, i, g, dofs, rows[0], d[table.multiplier[i]], Q)
     else:
-        _fill_idle(table, i, dofs, rows, K)
+        _fill_inactive(table, i, dofs, rows, K)
         Q[table.multiplier[i]] += d[table.multiplier[i]]
     scatter(matrix, K, dofs.reshape((1, k + 1)), 0, places)
 
@@ -115,7 +115,7 @@ def sliding_matrix(table, i, d, dofs, Q, K):  # type: ignore[no-untyped-def]
     """
     rows = array(3, len(Q) - 1)
     if not table.on[i]:
-        _fill_idle(table, i, dofs, rows, K)
+        _fill_inactive(table, i, dofs, rows, K)
         Q[:] = 0.0
         Q[len(Q) - 1] = d[table.multiplier[i]]
         return True

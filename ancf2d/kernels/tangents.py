@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .batch import copy_rows, layout, matrices, points_of, turn_rows, turned
+from .batch import copy_rows, is_rotated, layout, matrices, points_of, turn_rows
 from .lanes import vectors_of
 from .lowlevel.blas import multiply
 from .lowlevel.jit import inner, kernel
@@ -70,7 +70,7 @@ def tangents(group, part, q, count):  # type: ignore[no-untyped-def]
     at, _ = layout(law)
     _, flat, _, start, scratch = matrices(group, at)
     lanes = S * count
-    if turned(group):
+    if is_rotated(group):
         turn_H(group, vectors_of(lanes))
     for k in range(len(plan.pairs)):
         source = at.H + row_of_H(plan.pairs[k, 0], plan.pairs[k, 1], points_of(law), law.fields)
@@ -89,11 +89,11 @@ def tangents(group, part, q, count):  # type: ignore[no-untyped-def]
                      part > 0)
         where += m * columns
     if part == plan.parts - 1:
-        follow(plan.following, array_at(plan.work, start, (len(plan.entries), count)))
+        apply_rules(plan.rules, array_at(plan.work, start, (len(plan.entries), count)))
 
 
 @inner
-def follow(rules, K):  # type: ignore[no-untyped-def]
+def apply_rules(rules, K):  # type: ignore[no-untyped-def]
     """Fill the entries of tangents K (entries, m) that follow from others, so that translations cause exactly no force.
 
     The round-off of an element acts like a spring to the ground of stiffness EA/l times the unit round-off. It is the

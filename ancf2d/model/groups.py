@@ -12,10 +12,10 @@ from ..interactions.forces import NaturalStrain
 from ..kernels.batch import Group, Law
 from ..kernels.compiled_laws import internal_address, law_address
 from ..kernels.forces import batch_address
-from ..kernels.lanes import LANES, Plan, places, room
+from ..kernels.lanes import LANES, BatchPlan, buffer_length, station_rows
 from ..kernels.lowlevel.blas import dgemm_address
 from ..kernels.lowlevel.records import Record
-from ..kernels.natural import UNGIVEN, Memory, Natural, memory_of_some, no_memory, no_natural, of_some
+from ..kernels.stress_free import COMPUTED, Memory, Natural, memory_of_some, no_memory, no_natural, of_some
 from ..kernels.tangents import fill_products
 from .body_groups import Pool
 from .classes import ElementClass
@@ -41,7 +41,7 @@ def made(n: int, first: list[int]) -> list[Pair]:
 
 
 def following(n: int, nc: int, positions: list[int], entries: Index) -> tuple[list[Pair], Index]:
-    """Return the entries that follow from the computed ones (m, 2), and ``following`` of ``kernels.lanes.Plan``.
+    """Return the entries that follow from the computed ones (m, 2), and ``following`` of ``kernels.lanes.BatchPlan``.
 
     With just two positions there is nothing to sum, so nothing is rounded.
     """
@@ -104,7 +104,7 @@ def make_group(pool: Pool, natural: list[NaturalStrain], like: tuple[Pool, Recor
     parts = batches.parts
     group = Group(law, _natural(pool, natural, parts), _memory(law, point, parts, len(pool.dofs)),
                   np.ascontiguousarray(pool.cls, dtype=np.int64), np.ascontiguousarray(pool.turn),
-                  np.ascontiguousarray(pool.dofs, dtype=np.int64), nc, batches)
+                  np.ascontiguousarray(pool.dofs, dtype=np.int64), batches)
     return Record(group) if like is None else like[1].replaced(**group._asdict())
 
 
@@ -120,7 +120,7 @@ def _in_parts_of_law(B: Array, ref: Array, D: Array, parts: int) -> tuple[Array,
     return _in_parts(B, parts, 2), _in_parts(ref, parts, 2), _in_parts(D, parts, 3, 0.0)
 
 
-def _law_like(pool: Pool, other: Pool, group: Record) -> tuple[Law, Plan]:
+def _law_like(pool: Pool, other: Pool, group: Record) -> tuple[Law, BatchPlan]:
     """Return law and plan of a pool, with the sampled classes of another pool's group where they are the same."""
     old, plan = group.values.law, group.values.plan
     place = {id(c): k for k, c in enumerate(other.classes)}
@@ -138,7 +138,7 @@ def _law_like(pool: Pool, other: Pool, group: Record) -> tuple[Law, Plan]:
     return law, _with_products(law, fresh._replace(vectors=_vectors(law, pool.plan.element.components)))
 
 
-def _with_products(law: Law, plan: Plan) -> Plan:
+def _with_products(law: Law, plan: BatchPlan) -> BatchPlan:
     """Return a plan with the stored products of all classes, unless these are too many."""
     size = plan.products.shape[1]
     kept = len(law.B) if len(law.B) * size <= KEPT else 0
@@ -182,22 +182,22 @@ def with_states(groups: list[Record], states: Array | None = None) -> tuple[list
     return out, states
 
 
-def with_given(groups: list[Record]) -> tuple[list[Record], Array, Array]:
-    """Return groups whose relaxing laws can use given internal strains instead of their own.
+def with_prescribed(groups: list[Record]) -> tuple[list[Record], Array, Array]:
+    """Return groups whose relaxing laws can use prescribed internal strains instead of their own.
 
-    Also return the given strains and those increments of them that dissipate energy (2, k), group after group, and
+    Also return the prescribed strains and those increments of them that dissipate energy (2, k), group after group, and
     slopes.
     """
     laws, memories = ([getattr(group.values, name) for group in groups] for name in ("law", "memory"))
     sizes = [x.states.size // law.state * law.strains if law.timed else 0
              for law, x in zip(laws, memories, strict=True)]
-    given, slopes, ends = np.zeros((2, sum(sizes))), np.full(len(groups), UNGIVEN), np.cumsum(sizes).tolist()
+    prescribed, slopes, ends = np.zeros((2, sum(sizes))), np.full(len(groups), COMPUTED), np.cumsum(sizes).tolist()
     out = []
     for k, (group, memory, size, end) in enumerate(zip(groups, memories, sizes, ends, strict=True)):
-        views = (x[end - size:end].reshape(*memory.states.shape[:2], -1) for x in given) if size else ()
+        views = (x[end - size:end].reshape(*memory.states.shape[:2], -1) for x in prescribed) if size else ()
         out.append(group.replaced(memory=memory._replace(slope=slopes[k:k + 1], **dict(
-            zip(("given", "taken"), views, strict=True)))) if size else group)
-    return out, given, slopes
+            zip(("prescribed", "change"), views, strict=True)))) if size else group)
+    return out, prescribed, slopes
 
 
 def with_trials(groups: list[Record]) -> list[Record]:
@@ -207,9 +207,9 @@ def with_trials(groups: list[Record]) -> list[Record]:
             for group, memory in zip(groups, memories, strict=True)]
 
 
-def _with_own_work(plan: Plan) -> Plan:
+def _with_own_work(plan: BatchPlan) -> BatchPlan:
     """Return a plan with work arrays of its own."""
-    return plan._replace(held=np.full_like(plan.held, -1), work=np.zeros_like(plan.work))
+    return plan._replace(loaded=np.full_like(plan.loaded, -1), work=np.zeros_like(plan.work))
 
 
 def with_own_arrays(group: Record) -> Record:
@@ -251,7 +251,7 @@ def unlike(groups: Sequence[Record]) -> Index:
 
 
 def _blocks(B: Array, nc: int, entries: list[tuple[int, int]]) -> tuple[Index, Index, Index]:
-    """Return blocks, pairs and entries of ``kernels.lanes.Plan``: one block, or one for each pair of components."""
+    """Return blocks, pairs and entries of ``kernels.lanes.BatchPlan``: one block, or one per pair of components."""
     nu = B.shape[2]
     component = np.array([_component(B[:, :, i], nc) for i in range(nu)])
     pairs = [(i, j) for i in range(nu) for j in range(i, nu)]
@@ -296,14 +296,14 @@ def _in_parts(x: Array, parts: int, axis: int, weight: float = 1.0) -> Array:
     return np.ascontiguousarray(np.moveaxis(x, 1, axis))
 
 
-def _plan(law: Law, parts: int, nc: int, blocks: Index, pairs: Index, entries: Index, rules: Index) -> Plan:
+def _plan(law: Law, parts: int, nc: int, blocks: Index, pairs: Index, entries: Index, rules: Index) -> BatchPlan:
     nu, S, n = law.B.shape[1:]
     points = nu // law.fields
     size = S * int(np.sum(blocks[:, 1] * blocks[:, 3]))
     most = max(1, min(LANES // S, ALONE // (S * int(np.max(blocks[:, 1] * blocks[:, 3])))))
-    at = places(law.fields, law.strains, law.references, law.state, points)
-    length = room(at, n, max(nu, len(pairs)), len(entries), size)
-    return _with_products(law, Plan(parts, most, _vectors(law, nc), _coupled(law), blocks, pairs, entries, rules,
+    at = station_rows(law.fields, law.strains, law.references, law.state, points)
+    length = buffer_length(at, n, max(nu, len(pairs)), len(entries), size)
+    return _with_products(law, BatchPlan(parts, most, _vectors(law, nc), _coupled(law), blocks, pairs, entries, rules,
                                     np.zeros((0, size)), np.full(2, -1), np.zeros(length), dgemm_address(),
                                     batch_address()))
 

@@ -21,7 +21,7 @@ from ..kernels.curves import point_accept
 from ..kernels.facing import face
 from ..kernels.lowlevel.records import Record
 from ..kernels.motion.state import Turning
-from ..kernels.points import Points, Sewn, point_constraint_rates, point_matrices
+from ..kernels.points import Assembly, Points, point_constraint_rates, point_matrices
 from ..kernels.sliding import sliding_constraint_rates, sliding_matrix
 from .constraints import Constraint
 from .mesh import Index
@@ -84,16 +84,16 @@ def point_table(patches: Sequence[HasItems], signals: list[Any] | None = None,
 
     def column(values: list[Any], dtype: type) -> Any:
         return np.repeat(np.array(values, dtype=dtype), each, axis=0)
-    forces, mean, accept, along, accept_along = column(list(addresses), np.int64).reshape(-1, 5).T.copy()
+    forces, mean, accept, forces_of_run, accept_run = column(list(addresses), np.int64).reshape(-1, 5).T.copy()
     signal, prescribed = (column(table, np.int64).reshape(-1, MAX_SIGNALS) for table in (rows, fed))
     run = np.concatenate([np.zeros(0, dtype=np.int64), *(
         np.ones(count, dtype=np.int64) if p.runs is None else p.runs for p, count in zip(items, each, strict=True))])
     lever = np.concatenate([np.zeros(0), *(np.abs(p.G).sum(axis=1).ravel() for p in items)])
-    return Points(forces, mean, accept, along, accept_along, field, dof, entry, dofs, G, _spans(items), p0, par, mem,
-                  signal, prescribed, column([p.multiplier for p in items], np.int64),
+    return Points(forces, mean, accept, forces_of_run, accept_run, field, dof, entry, dofs, G, _spans(items), p0, par,
+                  mem, signal, prescribed, column([p.multiplier for p in items], np.int64),
                   column([p.scale for p in items], np.float64), column([p.on for p in items], np.bool_),
                   np.zeros_like(p0), column([p.restitution for p in items], np.float64), run, np.zeros(n), lever,
-                  np.zeros(len(dofs)), no_sewn())
+                  np.zeros(len(dofs)), no_assembly())
 
 
 def _spans(items: Sequence[Items]) -> Index:
@@ -114,14 +114,14 @@ def _span(rows: Array) -> Index:
     return np.stack([used.argmax(axis=-1), rows.shape[-1] - used[..., ::-1].argmax(axis=-1)], axis=-1)
 
 
-def no_sewn() -> Sewn:
-    """Return an empty ``Sewn`` table, with the same types as a full one."""
+def no_assembly() -> Assembly:
+    """Return an empty ``Assembly`` table, with the same types as a full one."""
     none, index = np.zeros(0), np.zeros(0, dtype=np.int64)
-    return Sewn(np.zeros((0, 3), dtype=np.int64), index, none, np.zeros((0, 2), dtype=np.int64), index, none,
+    return Assembly(np.zeros((0, 3), dtype=np.int64), index, none, np.zeros((0, 2), dtype=np.int64), index, none,
                 np.zeros(0, dtype=bool), 0)
 
 
-def sew(points: Points, T: csr_matrix, slots: Callable[[Index, Index], Index]) -> Points:
+def with_assembly(points: Points, T: csr_matrix, slots: Callable[[Index, Index], Index]) -> Points:
     """Return a table with the couplings of curves, and of hard contact points with friction, to the unknowns z.
 
     ``T`` : (n_full, n) with d = T z; ``slots(i, j)`` : places of entries (i, j), j <= i, in the matrix of the unknowns.
@@ -130,7 +130,7 @@ def sew(points: Points, T: csr_matrix, slots: Callable[[Index, Index], Index]) -
     following, rubs = 0, (points.restitution >= 0.0) & (points.par[:, FRICTION] > 0.0)
     for i in range(len(points.forces)):
         begin[i + 1] = begin[i]
-        if i < following or (points.along[i] == 0 and not rubs[i]):
+        if i < following or (points.forces_of_run[i] == 0 and not rubs[i]):
             continue
         following, n = i + int(points.run[i]), int(points.dof[i + 1] - points.dof[i])
         if rubs[i] and points.par[i, SHAPE] == BODY:
@@ -150,7 +150,7 @@ def sew(points: Points, T: csr_matrix, slots: Callable[[Index, Index], Index]) -
         slot.append(slots(np.maximum(used[low], used[high]), np.minimum(used[low], used[high])))
         begin[i + 1] += [len(used), W.size, len(low)]
     index = np.zeros(0, dtype=np.int64)
-    return points._replace(sewn=Sewn(
+    return points._replace(assembly=Assembly(
         begin, np.concatenate([index, *unknown]), np.concatenate([np.zeros(0), *rows]),
         np.concatenate([index.reshape(0, 2), *spans]), np.concatenate([index, *slot]), np.zeros(int(begin[-1, 2])),
         np.zeros(len(points.forces), dtype=bool), max((len(u) for u in unknown), default=0)))

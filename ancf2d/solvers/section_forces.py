@@ -16,7 +16,7 @@ from ..interactions.inertia import mass_terms
 from ..interactions.tendons import Guide
 from ..kernels.elements import force as elastic_force
 from ..kernels.elements import natural_slope, tangent_action, viscous_force
-from ..kernels.natural import memory_of_some, of_some
+from ..kernels.stress_free import memory_of_some, of_some
 from ..model.body_groups import damping_time, place_in_pools
 from ..model.classes import Volume, over_body
 from ..model.mesh import BodyMesh, Index

@@ -79,14 +79,14 @@ import json, os, sys
 from ancf2d.kernels.lowlevel import jit
 
 notes = os.open("taken", os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND, 0o600)
-load = jit.Kept.load_overload
+load = jit.Storage.load_overload
 
 def noted(cache, signature, target):
     function = cache.function
     os.write(notes, f"{function.__module__}.{function.__qualname__}{signature}\\n".encode())
     return load(cache, signature, target)
 
-jit.Kept.load_overload = noted
+jit.Storage.load_overload = noted
 from ancf2d.cli import main
 from ancf2d.study import warmup
 # whatever other tests have compiled, each case goes through all of its kernels

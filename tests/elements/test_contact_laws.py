@@ -261,7 +261,7 @@ def test_points_of_a_curve_together_are_the_sum_of_each(section, pose, shape, ho
         # to all sides, further than the curve is long and nearer
         u[[0, terms]] += rng.uniform(-0.3, 0.3, 2) if shape == "pipe" else rng.uniform(-4.0, 4.0, 2)
         f, H, C = np.zeros(m), np.zeros((m, m)), np.zeros((m, m))
-        energy, power = COMPLIANT.along(point.p0, u, point.w, par, np.zeros(3), mem, f, H, C)
+        energy, power = COMPLIANT.forces_of_run(point.p0, u, point.w, par, np.zeros(3), mem, f, H, C)
         alone = []
         for z in places:
             point.par[geometry.HOME] = z

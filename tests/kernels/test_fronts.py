@@ -163,12 +163,12 @@ def test_entries_between_unknowns_of_two_kinds_are_kept_and_the_diagonal_of_the_
     n, low = len(A), np.nonzero(np.tril(A))
     kind = rng.integers(0, 3, n).astype(float)
     kept = np.where((kind[:, None] != kind) | (np.eye(n, dtype=bool) & (kind == 0.0)), A, 0.0)
-    symmetric.keep_between_fronts.py_func(SimpleNamespace(fronts=fronts), target.values, kind)
+    symmetric.clear_same_kind_fronts.py_func(SimpleNamespace(fronts=fronts), target.values, kind)
     np.testing.assert_array_equal(target.values[entries(fronts, *low)], kept[low])
     # as a band, with A_ij at n - 1 + j - i of row i
     i, j = np.tril_indices(n)
     band = np.zeros((n, n))
     band[i, n - 1 + j - i] = A[i, j]
     monkeypatch.setattr(symmetric, "band_of", lambda p, rows: rows)
-    symmetric.keep_between_band.py_func(SimpleNamespace(inner=n, width=n), band, kind)
+    symmetric.clear_same_kind_band.py_func(SimpleNamespace(inner=n, width=n), band, kind)
     np.testing.assert_array_equal(band[i, n - 1 + j - i], kept[i, j])

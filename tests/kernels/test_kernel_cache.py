@@ -119,7 +119,7 @@ def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (tmp_path / "sources" / room).mkdir(parents=True)
         (tmp_path / "sources" / room / "a.py").write_text("x = 1\n")
     (tmp_path / "sources" / "case").mkdir()
-    (tmp_path / "sources" / cache.MACHINE).write_text("x = 1\n")
+    (tmp_path / "sources" / cache.JETS).write_text("x = 1\n")
     monkeypatch.setattr(cache, "_PACKAGE", tmp_path / "sources")
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
@@ -128,7 +128,7 @@ def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize(("variable", "below"), [("HOME", ".cache"), ("XDG_CACHE_HOME", ""), ("NUMBA_CACHE_DIR", "")])
-@pytest.mark.parametrize("changed", ["kernels/a.py", "elements/a.py", "elements/new.py", cache.MACHINE])
+@pytest.mark.parametrize("changed", ["kernels/a.py", "elements/a.py", "elements/new.py", cache.JETS])
 def test_changed_sources_have_another_folder_wherever_it_is(places: Path, monkeypatch: pytest.MonkeyPatch,
                                                             variable: str, below: str, changed: str) -> None:
     monkeypatch.setenv(variable, str(places / "chosen"))

@@ -158,17 +158,13 @@ def test_statics_have_the_same_forces_and_tangents():
     assert np.abs(A - A.T).max() > 0.1
 
 
-@pytest.mark.parametrize("at_end", [True, False])
-def test_forces_of_a_step_are_those_of_the_laws(at_end):
-    model, patches, table, _ = scene()
+def test_forces_of_a_step_are_those_of_the_laws():
+    _, patches, table, _ = scene()
     d0, d1, v, amps0, amps1 = motion(5), motion(6), motion(7), random_amplitudes(8), random_amplitudes(9)
     Q, expected, energy, power = np.ones(len(d0)), np.ones(len(d0)), 0.0, 0.0
-    found = point_mean_forces(table, d0, d1, v, amps0, amps1, at_end, Q)
-    used = d1.copy()
-    if not at_end:
-        used[model.n_q:] = 0.5 * (d0 + d1)[model.n_q:]
+    found = point_mean_forces(table, d0, d1, v, amps0, amps1, Q)
     for i, p in enumerate(patches):
-        u0, u1, w = p.rows @ d0[p.coordinates], p.rows @ used[p.coordinates], p.rows @ v[p.coordinates]
+        u0, u1, w = p.rows @ d0[p.coordinates], p.rows @ d1[p.coordinates], p.rows @ v[p.coordinates]
         a0, a1 = (np.array([1.0, 0, 0]) if p.signal is None else x[table.signal[i, 0]] for x in (amps0, amps1))
         if p.fed >= 0:
             u0[p.fed], u1[p.fed] = a0[0], a1[0]
@@ -263,7 +259,7 @@ def test_empty_tables_do_nothing():
     plain = Places(np.arange(4), np.zeros(1, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
     assert point_forces(table, d, d, no_amps, Q) == (0.0, 0.0)
     assert tangent(table, d, d, no_amps, 1.0, Q, SymBand(A), plain) == 0.0
-    assert point_mean_forces(table, d, d, d, no_amps, no_amps, True, Q) == (0.0, 0.0)
+    assert point_mean_forces(table, d, d, d, no_amps, no_amps, Q) == (0.0, 0.0)
     point_constraint_rates(table, d, d, no_amps, Q, Q)
     assert point_violation(table, d, no_amps) == 0.0
     point_accept(table, d, no_amps)

@@ -20,7 +20,7 @@ from ancf2d.kernels.lowlevel.jit import kernel
 from ancf2d.kernels.lowlevel.records import Record
 from ancf2d.kernels.matrices.layout import Places
 from ancf2d.kernels.matrices.matrix import SymBand
-from ancf2d.model.interactions import point_table, sew
+from ancf2d.model.interactions import point_table, with_assembly
 from ancf2d.model.rotation import CoordinateKinds
 
 
@@ -55,7 +55,7 @@ def test_points_of_contact_on_one_curve_are_summed_and_left_out_where_it_is_far(
         far[i + 1:i + 4] = gaps[i:i + 4].min() > 0.6
     assert far.sum() >= 9
     assert (gaps < 0.0).sum() >= 2
-    sewn = Record(sew(points.values, identity(n, format="csr"), lambda i, j: i * n + n - 1 + j - i))
+    sewn = Record(with_assembly(points.values, identity(n, format="csr"), lambda i, j: i * n + n - 1 + j - i))
     found = []
     for table in (alone, points, sewn):
         if table is points:
@@ -102,7 +102,7 @@ def test_what_friction_between_bodies_makes_unsymmetric_is_kept_whatever_a_point
             model_T[c, num.index[some]] = num.value[some]
     assert (num.place < -1).any()
     touching = [c for c in model.constraints if isinstance(c, ContactPoint)]
-    points = Record(sew(point_table(touching), csr_matrix(model_T), lambda i, j: i))
+    points = Record(with_assembly(point_table(touching), csr_matrix(model_T), lambda i, j: i))
     table = Record(facing_table(touching))
     n, z = num.n_unknowns, 1e-5 * rng.standard_normal(num.n_unknowns)
     CoordinateKinds(model.meshes.values()).translation(moved := np.zeros(len(num.place)), 1.3, -1e-5)

@@ -64,7 +64,7 @@ def test_motions_write_nothing_that_others_read(scene: str) -> None:
               if np.shares_memory(x, y)]
     before = [x.tobytes() for x in shared]
     groups = [arrays(group.values) for group in run.model.groups]
-    written = {"p.plan.work", "p.plan.held", "p.natural.amount", "p.memory.states"}
+    written = {"p.plan.work", "p.plan.loaded", "p.natural.amount", "p.memory.states"}
     for group, own in zip(groups, groups_of(one.p), strict=True):
         assert not any(np.shares_memory(x, group[name]) for name, x in arrays(own.values).items() if name in written)
     while not other.done:

@@ -9,7 +9,7 @@ from motions import GRAVITY, Ride, rigid, rod
 from ancf2d.kernels.lowlevel.jit import kernel
 from ancf2d.kernels.motion.advance import advance
 from ancf2d.kernels.motion.state import SIZE, TIME
-from ancf2d.kernels.motion.step_control import enough
+from ancf2d.kernels.motion.step_control import increment_tolerance
 from ancf2d.solvers.motion import stepping
 from ancf2d.solvers.motion.methods import MAKERS
 from ancf2d.solvers.motion.schemes import INTEGRATORS, SCHEMES, method_problems
@@ -101,8 +101,8 @@ def test_stepping_is_compiled_once_for_all_scenes_and_integrators():
 
 @kernel
 def small_enough(p, s, h, tolerance):
-    """Do as ``enough``, which kernels alone call."""
-    return enough(p, s, h, tolerance)
+    """Do as ``increment_tolerance``, which kernels alone call."""
+    return increment_tolerance(p, s, h, tolerance)
 
 
 def test_increments_are_small_beside_what_rates_need_in_steps_far_shorter_than_usual():

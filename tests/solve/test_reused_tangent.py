@@ -10,7 +10,7 @@ from motions import GRAVITY, Ride, ride, rod
 
 from ancf2d.kernels.motion.dynamics import TANGENTS
 from ancf2d.kernels.motion.reused_tangent import MAKING
-from ancf2d.kernels.motion.state import HELD_STEP, HELD_STEPS
+from ancf2d.kernels.motion.state import TANGENT_STEP, TANGENT_STEPS
 from ancf2d.solvers.motion import stepping
 
 RADAU = ("radau5", "radau9")
@@ -52,8 +52,8 @@ def test_a_tangent_is_given_up_where_a_step_costs_more_than_the_mean(monkeypatch
     while not trip.stepper.done:
         row, = trip.stepper.run()
         costs.append(row.log[-1, stepping.LOG.index("iterations")])
-        with_it = int(numbers[HELD_STEPS])
-        gone = numbers[HELD_STEP] == 0.0
+        with_it = int(numbers[TANGENT_STEPS])
+        gone = numbers[TANGENT_STEP] == 0.0
         assert gone == (costs[-1] > (MAKING + sum(costs[-with_it:])) / with_it)
         given_up += gone
     assert len(costs) == 100
@@ -69,7 +69,7 @@ def test_a_motion_that_is_resumed_has_the_tangent_that_it_had(monkeypatch: pytes
         trip.stepper._adapt_chunk = lambda *_: None  # type: ignore[method-assign]
     one.stepper.steps = two.stepper.steps = 7
     one.stepper.run()
-    assert one.stepper.s.numbers[HELD_STEPS] > 1
+    assert one.stepper.s.numbers[TANGENT_STEPS] > 1
     kept = one.stepper.checkpoint()
     assert kept is not None
     two.stepper.resume(kept)

@@ -9,7 +9,7 @@ import pytest
 import ancf2d
 from ancf2d.case.numbers import number_at, numbers_at
 from ancf2d.kernels.lowlevel.records import Record
-from ancf2d.kernels.motion import along
+from ancf2d.kernels.motion import many_states
 from ancf2d.model.groups import unlike
 from ancf2d.solvers.derivatives import linear_steps
 from ancf2d.solvers.derivatives.varied_motions import Beside
@@ -166,7 +166,7 @@ def test_residuals_are_those_of_elements_where_a_number_acts(tmp_path):
     rng, shape = np.random.default_rng(3), (2, len(base.s.z))
     z, v, a = 1e-3 * rng.standard_normal((3, *shape))
     memories = [np.repeat(x[None], 2, axis=0) for x in (base.p.points.mem, base.p.sliding.memory)]
-    at = Record(along.Moments(np.array([0.001, 0.002]), z, v, a, *memories))
+    at = Record(many_states.States(np.array([0.001, 0.002]), z, v, a, *memories))
     for path, (arm, fork, groups) in ACTS.items():
         variable = number_at(loaded, path)
         h = 4e-4 * abs(variable.value)
@@ -178,7 +178,7 @@ def test_residuals_are_those_of_elements_where_a_number_acts(tmp_path):
         some = one.differing.residuals(at, base.p)
         whole, R = np.zeros((2, *shape)), np.zeros(shape)
         for own, weights in zip(one.runs, one.weights.T, strict=True):
-            along.residuals(own.stepper.p, own.stepper.w, at, R)
+            many_states.residuals(own.stepper.p, own.stepper.w, at, R)
             whole += weights[:, None, None] * R
         assert np.abs(whole[0]).max() > 0.0, path
         # round-off of the forces of all elements, divided by h

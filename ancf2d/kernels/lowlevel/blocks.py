@@ -21,7 +21,7 @@ _i = types.intp
 
 
 @inlined
-def room(bw):  # type: ignore[no-untyped-def]
+def work_size(bw):  # type: ignore[no-untyped-def]
     """Return the size of a factorisation's work space: C (4, bw rounded up), then the factors of a block (4, 4)."""
     return 4 * ((bw + 3) // 4 * 4) + 16
 
@@ -162,9 +162,9 @@ def eliminate(_, A, at, bw, outside, count, C, stride, column, scale, row, over,
     return types.boolean(A, _i, _i, _i, _i, C, _i, _i, scale, _i, *numbers), generate
 
 
-def _taker(diagonal: bool) -> Callable[..., Any]:
+def _subtracting(diagonal: bool) -> Callable[..., Any]:
     @intrinsic
-    def take(_, A, at, bw, count, C, stride, column):  # type: ignore[no-untyped-def]
+    def subtract_product(_, A, at, bw, count, C, stride, column):  # type: ignore[no-untyped-def]
         def generate(context, builder, signature, args):  # type: ignore[no-untyped-def]
             A, at, bw, count, C, stride, column = args
             block = _Block(context, builder, signature.args[0], A, at, bw)
@@ -174,15 +174,15 @@ def _taker(diagonal: bool) -> Callable[..., Any]:
                        for q in range(LANES)]
             for r in range(LANES):
                 with builder.if_then(builder.icmp_signed("<", ir.Constant(INDEX, r), count), likely=True):
-                    _take_row(block, r, factors, columns, diagonal)
+                    _subtract_row(block, r, factors, columns, diagonal)
             return context.get_dummy_value()
 
         return types.void(A, _i, _i, _i, C, _i, _i), generate
 
-    return take
+    return subtract_product
 
 
-def _take_row(block: _Block, r: int, factors: Any, columns: list[Four], diagonal: bool) -> None:
+def _subtract_row(block: _Block, r: int, factors: Any, columns: list[Four], diagonal: bool) -> None:
     builder, place = block.builder, block.row(ir.Constant(INDEX, r))
     v = block.load_first(place, r + 1) if diagonal else block.load(place)
     for q in range(LANES):
@@ -199,7 +199,7 @@ def _take_row(block: _Block, r: int, factors: Any, columns: list[Four], diagonal
 
 # take(A, at, bw, count, C, stride, column): subtract l C from a block of A, with the factors l behind C and the columns
 # of C (4, 4) from ``column`` on; take_diagonal changes only the lower half of a block on the diagonal
-take, take_diagonal = _taker(False), _taker(True)
+subtract_product, subtract_on_diagonal = _subtracting(False), _subtracting(True)
 
 
 @intrinsic

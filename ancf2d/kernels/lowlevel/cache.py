@@ -25,7 +25,7 @@ from numba.core import serialize
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 # folders whose sources are hashed as a whole, and one file of another folder that kernels compile
-ROOMS, MACHINE = ("kernels", "elements"), "case/jets.py"
+FOLDERS, JETS = ("kernels", "elements"), "case/jets.py"
 _KEEP_SECONDS = 30 * 24 * 3600
 # suffix of kernel files
 SUFFIX = ".kernel"
@@ -36,14 +36,14 @@ _OTHERS_WRITE = 0o022  # permission bits
 def source_hash() -> str:
     """Return a hash of all sources that can be part of a kernel; numba itself checks only a kernel's own file."""
     digest = hashlib.sha256(f"{numba.__version__} {llvmlite.__version__}".encode())
-    for paths in ([_PACKAGE / MACHINE], *(sorted((_PACKAGE / room).rglob("*.py")) for room in ROOMS)):
+    for paths in ([_PACKAGE / JETS], *(sorted((_PACKAGE / folder).rglob("*.py")) for folder in FOLDERS)):
         for path in paths:
             digest.update(path.relative_to(_PACKAGE).as_posix().encode() + path.read_bytes())
     return digest.hexdigest()[:12]
 
 
 def fingerprint(function: Any) -> str:
-    """Return a hash of a function's code, its closure and, outside ``ROOMS``, the globals that it uses.
+    """Return a hash of a function's code, its closure and, outside ``FOLDERS``, the globals that it uses.
 
     The sources in these folders are hashed as a whole; those of interactions and plugins are not.
     """
@@ -64,7 +64,7 @@ def fingerprint(function: Any) -> str:
         for constant in code.co_consts:
             digest.update(repr(constant).encode() if not hasattr(constant, "co_code") else constant.co_code)
         digest.update(repr(code.co_names).encode())
-        if not value.__module__.startswith((*(f"ancf2d.{room}." for room in ROOMS), "numba", "numpy")):
+        if not value.__module__.startswith((*(f"ancf2d.{folder}." for folder in FOLDERS), "numba", "numpy")):
             for name in code.co_names:
                 if name in value.__globals__:
                     add(value.__globals__[name])

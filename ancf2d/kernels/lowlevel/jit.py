@@ -130,7 +130,7 @@ def _entry(result: Any, wrapper: Any) -> Any:
     return _dynfunc.make_function(fndesc.lookup_module(), fndesc.qualname, "", _REFUSE, result.environment, (library,))
 
 
-class Kept:
+class Storage:
     """Storage of the compiled code of one function between processes, which replaces numba's cache."""
 
     def __init__(self, function: Callable[..., Any], folder: Any, kind: type[_Kernel]) -> None:
@@ -172,7 +172,7 @@ _MEMORY: dict[str, Any] = {"_nrt": True}
 def _compiled(function: Callable[..., Any], kind: type[_Kernel] = _Kernel, **options: Any) -> Any:
     compiled = numba.njit(pipeline_class=kind, **_PRESET, **options)(function)
     if CACHE is not None:  # else each process compiles for itself
-        compiled._cache = Kept(function, CACHE, kind)
+        compiled._cache = Storage(function, CACHE, kind)
     template = compiled.get_call_template
 
     def for_any_value(args: Any, kws: Any) -> Any:

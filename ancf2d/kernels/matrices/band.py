@@ -9,7 +9,16 @@ from __future__ import annotations
 import numpy as np
 
 from ..lowlevel.arrays import numbers
-from ..lowlevel.blocks import backward, eliminate, forward, inverse, room, size, take, take_diagonal
+from ..lowlevel.blocks import (
+    backward,
+    eliminate,
+    forward,
+    inverse,
+    size,
+    subtract_on_diagonal,
+    subtract_product,
+    work_size,
+)
 from ..lowlevel.jit import inner, kernel, merged
 
 # below this half bandwidth, blocks of four would overlap more than one row
@@ -28,11 +37,11 @@ def ldl_factor(A, tiny, scale):  # type: ignore[no-untyped-def]
     bw = w - 1
     for i in range(n):
         scale[i] = size(A[i, bw])
-    return take_out(A, A.reshape(n * w), n, tiny, scale, numbers(A, room(bw)))
+    return eliminate_pivots(A, A.reshape(n * w), n, tiny, scale, numbers(A, work_size(bw)))
 
 
 @inner
-def take_out(A, flat, pivots, tiny, scale, C):  # type: ignore[no-untyped-def]
+def eliminate_pivots(A, flat, pivots, tiny, scale, C):  # type: ignore[no-untyped-def]
     """Eliminate the first ``pivots`` pivots from all rows; returns as ``ldl_factor``.
 
     ``flat`` is A as one row, C work space for blocks.
@@ -119,8 +128,8 @@ def _four_pivots(A, flat, k, tiny, scale, C):  # type: ignore[no-untyped-def]
         at, count = (k + m) * w + bw - m, n - k - m
         if eliminate(flat, at, bw, m - bw, count, C, stride, m - 4, scale, k + m, over, below):
             for j in range(4, m, 4):
-                take(flat, at + j, bw, count, C, stride, j - 4)
-            take_diagonal(flat, at + m, bw, count, C, stride, m - 4)
+                subtract_product(flat, at + j, bw, count, C, stride, j - 4)
+            subtract_on_diagonal(flat, at + m, bw, count, C, stride, m - 4)
     return -1, negative, smallest
 
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..lowlevel.arrays import numbers, vector
-from ..lowlevel.blocks import inverse, room, size
+from ..lowlevel.blocks import inverse, size, work_size
 from ..lowlevel.jit import inner, kernel
 from ..lowlevel.records import array_at
-from .band import solve_lower, solve_upper, take_out
+from .band import eliminate_pivots, solve_lower, solve_upper
 
 
 @inner
@@ -74,7 +74,7 @@ def fronts_factor(fronts, values, tiny, scale):  # type: ignore[no-untyped-def]
 
     Bad pivots are defined as in ``band.ldl_factor``.
     """
-    C, sizes = numbers(values, room(fronts.largest)), vector(fronts.largest)
+    C, sizes = numbers(values, work_size(fronts.largest)), vector(fronts.largest)
     for q in range(len(fronts.parent)):
         first, pivots = fronts.first[q], fronts.first[q + 1] - fronts.first[q]
         apart = pivots + fronts.start[q + 1] - fronts.start[q] - 1
@@ -91,7 +91,7 @@ def fronts_factor(fronts, values, tiny, scale):  # type: ignore[no-untyped-def]
             sizes[pivots + k] = 0.0
         A, flat = (array_at(values, fronts.at[q], (height, height)),
                    array_at(values, fronts.at[q], (height * height,)))
-        bad, found, least = take_out(A, flat, pivots, tiny, sizes, C)
+        bad, found, least = eliminate_pivots(A, flat, pivots, tiny, sizes, C)
         negative += found
         smallest = least if least < smallest else smallest
         if bad >= 0:
@@ -99,12 +99,12 @@ def fronts_factor(fronts, values, tiny, scale):  # type: ignore[no-untyped-def]
         for k in range(below):
             scale[fronts.rows[start + k]] += sizes[pivots + k]
         if below > 0:
-            _hand_up(fronts, values, q, pivots, below)
+            _add_to_parent(fronts, values, q, pivots, below)
     return -1, negative, smallest
 
 
 @inner
-def _hand_up(fronts, values, q, pivots, below):  # type: ignore[no-untyped-def]
+def _add_to_parent(fronts, values, q, pivots, below):  # type: ignore[no-untyped-def]
     """Add the Schur complement of front q to its parent front."""
     p, start, apart = fronts.parent[q], fronts.start[q], pivots + below - 1
     stride = fronts.first[p + 1] - fronts.first[p] + fronts.start[p + 1] - fronts.start[p] - 1

@@ -299,19 +299,19 @@ def band_product(A, x, y):  # type: ignore[no-untyped-def]
 
 @inner
 def product_by_diagonals(p, x, y):  # type: ignore[no-untyped-def]
-    """Fill y = M x from the nonzero diagonals of the band (``Problem.diagonals``), in vector instructions."""
+    """Fill y = M x from the nonzero diagonals of the band (``Problem.mass_offsets``), in vector instructions."""
     n = len(y)
     for first in range(0, n, _ROWS):
         last = min(first + _ROWS, n)
         out = array_at(y, first, (last - first,))
         for i in range(last - first):
             out[i] = 0.0
-        for q in range(len(p.diagonals)):
-            k, at = p.diagonals[q], q * n
-            _add_products(p.along, at + first, x, first + k, y, first, min(last, n - k) - first)
+        for q in range(len(p.mass_offsets)):
+            k, at = p.mass_offsets[q], q * n
+            _add_products(p.mass_diagonals, at + first, x, first + k, y, first, min(last, n - k) - first)
             if k > 0:
                 start = max(first, k)
-                _add_products(p.along, at + start - k, x, start - k, y, start, last - start)
+                _add_products(p.mass_diagonals, at + start - k, x, start - k, y, start, last - start)
 
 
 @inner

@@ -113,7 +113,7 @@ def sizes_fronts(p, A, x, y):  # type: ignore[no-untyped-def]
 
 
 @addressed
-def keep_between_band(p, A, kind):  # type: ignore[no-untyped-def]
+def clear_same_kind_band(p, A, kind):  # type: ignore[no-untyped-def]
     """Set entries between unknowns of the same ``kind`` (n,) to zero, but not the diagonal of multipliers (kind 0)."""
     n, bw = p.inner, p.width - 1
     rows = band_of(p, A)
@@ -124,8 +124,8 @@ def keep_between_band(p, A, kind):  # type: ignore[no-untyped-def]
 
 
 @addressed
-def keep_between_fronts(p, A, kind):  # type: ignore[no-untyped-def]
-    """Same as ``keep_between_band``, for fronts."""
+def clear_same_kind_fronts(p, A, kind):  # type: ignore[no-untyped-def]
+    """Same as ``clear_same_kind_band``, for fronts."""
     fronts = p.fronts
     for q in range(len(fronts.parent)):
         first, pivots, start = fronts.first[q], fronts.first[q + 1] - fronts.first[q], fronts.start[q]
@@ -142,5 +142,6 @@ def matrix_functions(fronts: bool, problem: Any) -> dict[Any, tuple[Any, ...]]:
     kinds = {calls.factor: (factor_band, factor_fronts), calls.factor_complex: (factor_band, factor_fronts),
              calls.solve: (solve_band, solve_fronts), calls.solve_complex: (solve_band, solve_fronts),
              calls.product: (product_band, product_fronts), calls.mass_product: (mass_band, mass_fronts),
-             calls.add_sizes: (sizes_band, sizes_fronts), calls.keep_between: (keep_between_band, keep_between_fronts)}
+             calls.add_sizes: (sizes_band, sizes_fronts),
+             calls.clear_same_kind: (clear_same_kind_band, clear_same_kind_fronts)}
     return {call: (functions[fronts], problem) for call, functions in kinds.items()}

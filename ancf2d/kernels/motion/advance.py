@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from .. import calls
-from ..bodies import remember_elements
+from ..bodies import accept_elements
 from ..lowlevel.arrays import copy, copy_rows
 from ..lowlevel.jit import inner, seldom, shared
 from ..lowlevel.records import array_at
 from ..patches import accept_patches, violation
 from .contact_steps import let_rub, no_friction, opens
 from .dynamics import norm, signals_at, to_full
-from .events import NONE, aim, interpolate
+from .events import NONE, aim_at_event, interpolate
 from .impact import HIT
 from .state import (
     BACKWARD,
@@ -20,36 +20,47 @@ from .state import (
     COUNT,
     DONE,
     FASTEST,
-    FRESH,
+    FRICTION_LOSS,
     GRID,
-    HIT_AT,
-    HIT_LOST,
-    HIT_POINTS,
+    IMPACT_ITEM,
+    IMPACT_LOSS,
+    IMPACT_POINTS,
     IMPULSE,
+    INELASTIC_WORK,
     LOST,
-    NEXT,
+    NEXT_EULER,
     NOT_CONVERGED,
     NOT_FINITE,
     OLD_STEP,
-    RUBBED,
+    RATE_ERRORS,
     SIZE,
+    STARTS_CONSISTENT,
     STEP_SIZE,
-    STRUCK,
     SWITCHES,
-    TAKEN,
     TIME,
     TRIES,
     UNBOUNDED,
     WORK,
-    turn_on,
+    count_turns,
 )
-from .step_control import error_beside, late, length, next_size, passed, set_length, set_size, shorten, targets, usual
-from .step_energy import count_impact, gains
-from .stops import STAYS, land, leave, soften
-from .work import recall, taken_inside
+from .step_control import (
+    impact_tolerance,
+    next_size,
+    relative_error,
+    set_size,
+    set_wanted_size,
+    shorten,
+    size_to_target,
+    targets,
+    wanted_inside,
+    wanted_size,
+)
+from .step_energy import count_impact, gains_energy
+from .stops import UNCHANGED, aim_at_change, restart_after_change, size_after_engagement
+from .work import inelastic_work_within, set_history
 
 # rotation in a step [rad] beyond which the turn of its stages is ambiguous
-FAR = 2.5
+AMBIGUOUS_TURN = 2.5
 # why ``advance`` returns
 REACHED, FULL, FAILED, EVENT = range(4)
 # kind of a stored state: inside a step, at its end, or the end of a step with states inside, for the energy balance
@@ -58,7 +69,7 @@ INSIDE, END, CHECK = range(3)
 NEAR = 1e-9
 
 
-class Plan(NamedTuple):
+class StepPlan(NamedTuple):
     """Time span and step control: fixed steps dt on the grid t0 + k dt, or adaptive ones (dt = 0) with ``tolerance``.
 
     smallest, largest : step sizes; fastest : rate [m/s] above which the motion counts as failed; tracks : whether
@@ -120,7 +131,7 @@ def _work_within(m, p, w, s, at, t, h, x):  # type: ignore[no-untyped-def]
     work, lost = calls.work(m.calls, (p, w, s, m, at, t, h, x))
     if p.sided:
         let_rub(p, s.z)
-    return work, lost + x * s.numbers[RUBBED]
+    return work, lost + x * s.numbers[FRICTION_LOSS]
 
 
 @inner
@@ -148,7 +159,7 @@ def _turn(p, w, s, z, v, t, h, out):  # type: ignore[no-untyped-def]
         to_full(p, v, w.amps, 1, w.v)
         copy(s.turned[0], out[0])
         copy(s.turned[1], out[1])
-        turn_on(p.turning, w.d, w.v, h, out[0], out[1])
+        count_turns(p.turning, w.d, w.v, h, out[0], out[1])
 
 
 @inner
@@ -157,8 +168,9 @@ def _log(s, log, t, h, iterations, relative, worst):  # type: ignore[no-untyped-
     log[0], log[1], log[2], log[3] = s.numbers[COUNT], t, h, iterations
     log[4], log[5], log[6] = s.numbers[TRIES], relative, worst
     s.numbers[TRIES] = 0.0
-    log[7], log[8], log[9], log[10] = s.numbers[HIT_AT], s.numbers[HIT_POINTS], s.numbers[IMPULSE], s.numbers[HIT_LOST]
-    s.numbers[HIT_AT] = 0.0
+    log[7], log[8] = s.numbers[IMPACT_ITEM], s.numbers[IMPACT_POINTS]
+    log[9], log[10] = s.numbers[IMPULSE], s.numbers[IMPACT_LOSS]
+    s.numbers[IMPACT_ITEM] = 0.0
 
 
 @inner
@@ -169,17 +181,17 @@ def _store_inside(m, p, w, s, at, plan, rows, r, time, t, h, number):  # type: i
         work, lost = _work_within(m, p, w, s, at, t, h, x)
     interpolate(m, p, s, h, x, at.z, at.v, at.a)
     _turn(p, w, s, at.z, at.v, t + x * h, x * h, at.turned)
-    recall(m, p, h, x)
+    set_history(m, p, h, x)
     _store(p, rows, r, time, number, INSIDE, at, s.numbers[WORK] + work, s.numbers[LOST] + lost)
     if len(p.states) > 0:
         # energy dissipated by materials since the start of the step
-        rows.work[r, 1] += remember_elements(p, w.d, w.amps, True)
-        rows.work[r, 1] += taken_inside(m, p, w, s, at, t, h, x)
+        rows.work[r, 1] += accept_elements(p, w.d, w.amps, True)
+        rows.work[r, 1] += inelastic_work_within(m, p, w, s, at, t, h, x)
         copy(rows.states[r], p.states)
 
 
 @inner
-def _tried(m, p, w, s, at, t, h, adaptive):  # type: ignore[no-untyped-def]
+def _try_step(m, p, w, s, at, t, h, adaptive):  # type: ignore[no-untyped-def]
     """Try a step of size h; return (outcome, iterations, error [m], contraction).
 
     The outcome is also NOT_CONVERGED if a section rotated so far that its turn is ambiguous, or if a contact point
@@ -187,10 +199,10 @@ def _tried(m, p, w, s, at, t, h, adaptive):  # type: ignore[no-untyped-def]
     """
     for k in p.clocks:
         p.states[k] = h
-    s.numbers[BACKWARD] = 1.0 if s.numbers[NEXT] > 0.0 else 0.0
+    s.numbers[BACKWARD] = 1.0 if s.numbers[NEXT_EULER] > 0.0 else 0.0
     outcome, iterations, error, contraction = calls.step(m.calls, (p, w, s, m.own, t, h))
     looks = outcome == DONE and p.sided and not m.switches
-    if (adaptive and looks and s.numbers[FRESH] == 0.0 and opens(p, s.z, m.end.z)
+    if (adaptive and looks and s.numbers[STARTS_CONSISTENT] == 0.0 and opens(p, s.z, m.end.z)
             and calls.make_consistent(p.calls, (p, w, s, t))):
         # rates violate constraints by O(h^2), which would act as forces in a much shorter step
         calls.restart(m.calls, (s, m.own))
@@ -209,23 +221,23 @@ def _tried(m, p, w, s, at, t, h, adaptive):  # type: ignore[no-untyped-def]
     largest = 0.0
     for i in range(at.turned.shape[1]):
         largest = max(largest, abs(at.turned[0, i] - s.turned[0, i]))
-    return (NOT_CONVERGED if largest > FAR else DONE), iterations, error, contraction
+    return (NOT_CONVERGED if largest > AMBIGUOUS_TURN else DONE), iterations, error, contraction
 
 
 @inner
-def _moved(p, z):  # type: ignore[no-untyped-def]
+def _largest(p, z):  # type: ignore[no-untyped-def]
     """Return the largest displacement [m] (or rate [m/s]) in z (or v), without the states of controllers."""
     return norm(p, array_at(z, 0, (p.inner,)))
 
 
 @inner
-def _keep(p, w, m, s, t, h, tracks, given, happened):  # type: ignore[no-untyped-def]
+def _accept(p, w, m, s, t, h, tracks, fed_in, happened):  # type: ignore[no-untyped-def]
     """Accept the step: copy its end to the motion s and update all history; return the violation of the constraints.
 
     ``happened`` : result of ``impact``; after an impact (below 0) the method restarts.
     """
     if happened == HIT:
-        count_impact(m, p, w, s, s.numbers[TIME], h, tracks, given)
+        count_impact(m, p, w, s, s.numbers[TIME], h, tracks, fed_in)
     calls.accept(m.calls, (s, m.own))
     copy(m.end.z, s.z)
     copy(m.end.v, s.v)
@@ -235,11 +247,11 @@ def _keep(p, w, m, s, t, h, tracks, given, happened):  # type: ignore[no-untyped
         for tau in p.tau:
             if tau > 0.0 and not m.switches:
                 # errors of rates after an impact cause viscous forces, which lose or create energy
-                s.numbers[STRUCK] = 1.0
+                s.numbers[RATE_ERRORS] = 1.0
         calls.restart(m.calls, (s, m.own))
     s.numbers[COUNT] += 1.0
-    s.numbers[SIZE] = max(s.numbers[SIZE], _moved(p, s.z))
-    s.numbers[FASTEST] = max(s.numbers[FASTEST], _moved(p, s.v))
+    s.numbers[SIZE] = max(s.numbers[SIZE], _largest(p, s.z))
+    s.numbers[FASTEST] = max(s.numbers[FASTEST], _largest(p, s.v))
     if not p.patched and len(p.turning.length) == 0 and len(p.states) == 0 and len(p.feedback.kind) == 0:
         return 0.0
     _turn(p, w, s, s.z, s.v, t, h, s.turned)
@@ -250,10 +262,10 @@ def _keep(p, w, m, s, t, h, tracks, given, happened):  # type: ignore[no-untyped
             scale = p.feedback.scale[i - p.inner]
             p.weights[i] = s.numbers[SIZE] / scale if scale > 0.0 else 0.0
     if len(p.states) > 0:
-        recall(m, p, h, 1.0)
+        set_history(m, p, h, 1.0)
         # methods that solve for history variables at stages have updated them already: their clock is 0
         timed = len(p.clocks) > 0 and p.states[p.clocks[0]] > 0.0
-        s.numbers[LOST] += remember_elements(p, w.d, w.amps, timed)
+        s.numbers[LOST] += accept_elements(p, w.d, w.amps, timed)
         for k in p.clocks:
             p.states[k] = 0.0
     if not p.patched:
@@ -271,13 +283,13 @@ def _end(m, p, w, s, at, plan, t, h, room, aims):  # type: ignore[no-untyped-def
     negative for a stop). Size 0 means that the event is at the start of the step, below 0 that a condition has no
     value.
     """
-    stops = STAYS
+    stops = UNCHANGED
     if len(p.stops) > 0:
-        good, aimed, stops = land(m, p, w, s, at, plan, t, h, room, max(-aims, 0))
+        good, aimed, stops = aim_at_change(m, p, w, s, at, plan, t, h, room, max(-aims, 0))
         if not good:
             return False, aimed, False, stops, min(aims, 0) - 1
     if len(p.feedback.watched) > 0:
-        good, aimed, event = aim(m, p, w, s, at, t, h, room, max(aims, 0))
+        good, aimed, event = aim_at_event(m, p, w, s, at, t, h, room, max(aims, 0))
         return good, aimed, event, stops, 0 if good else max(aims, 0) + 1
     return True, h, False, stops, 0
 
@@ -295,22 +307,22 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
     while True:
         t = s.numbers[TIME]
         if event or (aims == 0 and len(p.feedback.watched) > 0
-                     and calls.holding(p.calls, (p, w, s.z, s.v, t)) != NONE):
+                     and calls.check_conditions(p.calls, (p, w, s.z, s.v, t)) != NONE):
             return EVENT, stored, logged, outcome, iterations
         if t >= plan.t_stop:
             return REACHED, stored, logged, outcome, iterations
         if logged >= min(steps, len(rows.log)) or (rows.every > 0 and stored >= len(rows.t)):
             return FULL, stored, logged, outcome, iterations
         last, target = targets(s, plan, rows, next_wanted)
-        h = aimed if aims != 0 else length(s, last, target, sooner > 0.0)
-        outcome, iterations, error, contraction = _tried(m, p, w, s, at, t, h, plan.dt == 0.0)
-        size, fastest = max(s.numbers[SIZE], _moved(p, m.end.z)), _moved(p, m.end.v)
-        relative = error_beside(s, error, size, fastest, h)
+        h = aimed if aims != 0 else size_to_target(s, last, target, sooner > 0.0)
+        outcome, iterations, error, contraction = _try_step(m, p, w, s, at, t, h, plan.dt == 0.0)
+        size, fastest = max(s.numbers[SIZE], _largest(p, m.end.z)), _largest(p, m.end.v)
+        relative = relative_error(s, error, size, fastest, h)
         fine = outcome == DONE and (plan.dt > 0.0 or relative <= plan.tolerance)
         if not fine:
             aims = 0
             shorten(m, s, plan, outcome, h, relative)
-            if outcome != SWITCHES and not usual(s) >= plan.smallest:
+            if outcome != SWITCHES and not wanted_size(s) >= plan.smallest:
                 return FAILED, stored, logged, outcome, iterations
             continue
         if not fastest <= plan.fastest:
@@ -323,17 +335,17 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             continue
         end = target if h >= target - t else t + h
         if p.sided and len(p.states) > 0:
-            s.numbers[TAKEN] = calls.taken_in_step(p.calls, (p, w, s, m, at, t, h))
-        sooner = calls.impact(p.calls, (p, w, s, m, t, h, late(plan, size))) if p.sided else 0.0
+            s.numbers[INELASTIC_WORK] = calls.inelastic_work_of_step(p.calls, (p, w, s, m, at, t, h))
+        sooner = calls.impact(p.calls, (p, w, s, m, t, h, impact_tolerance(plan, size))) if p.sided else 0.0
         if sooner > 0.0:
-            set_length(s, sooner)
+            set_wanted_size(s, sooner)
             s.numbers[TRIES] += 1.0
             continue
         work, lost = _work_of_step(m, p, w, s, at, t, h) if plan.tracks else (0.0, 0.0)
-        if p.sided and gains(m, p, w, s, plan, t, h, work - lost, sooner == HIT):
+        if p.sided and gains_energy(m, p, w, s, plan, t, h, work - lost, sooner == HIT):
             shorten(m, s, plan, NOT_CONVERGED, h, relative)
             continue
-        inside, at_end = passed(rows, next_wanted, end, NEAR * h)
+        inside, at_end = wanted_inside(rows, next_wanted, end, NEAR * h)
         needed, left = inside + 1 if at_end or inside > 0 else 0, len(rows.t) - stored
         if needed > left and stored > 0:
             # the next call repeats this step, with room for its (further) states
@@ -341,7 +353,7 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         for _ in range(min(inside, left)):
             _store_inside(m, p, w, s, at, plan, rows, stored, rows.wanted[next_wanted], t, h, logged)
             stored, next_wanted = stored + 1, next_wanted + 1
-        recall(m, p, h, 0.0)
+        set_history(m, p, h, 0.0)
         if needed > left:
             return FULL, stored, logged, outcome, iterations
         s.numbers[WORK] += work
@@ -350,11 +362,11 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         if plan.dt == 0.0:
             cut = event or (target < last and h < s.numbers[STEP_SIZE])
             following = next_size(m, p, s, h, relative / plan.tolerance, contraction, lost, cut)
-            following = soften(s, plan, h, stops, following)
+            following = size_after_engagement(s, plan, h, stops, following)
         if end >= last and plan.dt > 0.0 and last < plan.t_stop:
             s.numbers[GRID] += 1.0
-        worst = _keep(p, w, m, s, end, h, plan.tracks, work - lost, sooner)
-        leave(m, p, w, s, end, stops)
+        worst = _accept(p, w, m, s, end, h, plan.tracks, work - lost, sooner)
+        restart_after_change(m, p, w, s, end, stops)
         s.numbers[CONTRACTION] = contraction
         set_size(s, plan, h, relative, following)
         _log(s, rows.log[logged], end, h, iterations, relative, worst)

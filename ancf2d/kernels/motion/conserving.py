@@ -15,11 +15,11 @@ from .dynamics import (
     add_loads,
     add_mass,
     factor,
+    has_converged,
     lost_to_mass_damping,
     norm,
     patches_tangent,
-    remember,
-    settled,
+    record_increment,
     signals_at,
     solve_with,
     to_full,
@@ -60,7 +60,7 @@ def _mean_patches(p, d0, d1, v, amps0, amps1, mid, Q):  # type: ignore[no-untype
         calls.sliding_mean(p.calls, (p.sliding, d0, d1, mid, Q))
     if len(p.points.mem) == 0:
         return 0.0
-    return calls.point_mean(p.calls, (p.points, d0, d1, v, amps0, amps1, True, Q))[1]
+    return calls.point_mean(p.calls, (p.points, d0, d1, v, amps0, amps1, Q))[1]
 
 
 @inner
@@ -149,7 +149,7 @@ def conserving_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
             w.x[i] = -w.R[i] if p.coordinate[i] != 0.0 else -0.5 * w.R[i]
         solve_with(p, w.A, w.x)
         step = norm(p, w.x)
-        remember(w, iteration, step)
+        record_increment(w, iteration, step)
         if not np.isfinite(step):
             return NOT_FINITE, iteration + 1, 0.0, rate
         if iteration > 0:
@@ -170,7 +170,7 @@ def conserving_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
                 end.z[i] += 0.5 * w.x[i]
         last, iteration = step, iteration + 1
         w.other[:] = 0.0
-        if settled(step, rate if iteration > 1 else 0.5, m.tolerance * size, p, w, end.z, m.amps[1]):
+        if has_converged(step, rate if iteration > 1 else 0.5, m.tolerance * size, p, w, end.z, m.amps[1]):
             break
         if iteration >= m.max_iterations or (rate > 2.0 and iteration > 2):
             return NOT_CONVERGED, iteration, 0.0, rate

@@ -16,7 +16,7 @@ from .dynamics import FORCES, add_mass, patches_tangent, residual, signals_at, t
 
 @kernel
 @seldom
-def place_at(p, w, z, v, t):  # type: ignore[no-untyped-def]
+def place_moving_at(p, w, z, v, t):  # type: ignore[no-untyped-def]
     """Place the points that move along bodies at their positions at time t (``moving.place_moving``)."""
     signals_at(p, t, w.amps)
     to_full(p, z, w.amps, 0, w.d)
@@ -30,7 +30,7 @@ def constraint_matrix(p, w):  # type: ignore[no-untyped-def]
     w.A[:] = 0.0
     if p.patched:
         patches_tangent(p, w, 0.0)
-        calls.keep_between(p.calls, (p, w.A, p.coordinate))
+        calls.clear_same_kind(p.calls, (p, w.A, p.coordinate))
     add_mass(p, 1.0, w.A)
 
 

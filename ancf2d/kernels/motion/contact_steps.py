@@ -22,7 +22,15 @@ from .. import calls
 from ..compiled_laws import call_forces
 from ..lowlevel.jit import addressed, addressed_with_memory, inner, inner_with_memory, seldom
 from ..patches import face_bodies
-from ..points import amplitude_of, coordinates_of_item, evaluate_at, fields_of_item, rests, weights_of_item, work_arrays
+from ..points import (
+    amplitude_of,
+    coordinates_of_item,
+    evaluate_at,
+    fields_of_item,
+    is_inactive,
+    weights_of_item,
+    work_arrays,
+)
 from .dynamics import signals_at, to_full
 
 # fraction of Coulomb's limit: points with more friction slide
@@ -39,7 +47,7 @@ def point_sides(points, d, v, amps, out):  # type: ignore[no-untyped-def]
     """Set out (n_full,) to 1 at the multipliers of one-sided constraints that are closed at d, 0 at open ones."""
     u, w, a, f = np.zeros(FIELDS), np.zeros(FIELDS), np.zeros(3), np.zeros(FIELDS)
     for i in range(len(points.forces)):
-        if points.restitution[i] >= 0.0 and rests(points, i):
+        if points.restitution[i] >= 0.0 and is_inactive(points, i):
             out[points.multiplier[i]] = 0.0
         elif points.restitution[i] >= 0.0:
             b, m = points.field[i], points.field[i + 1] - points.field[i]
@@ -110,7 +118,7 @@ def leave_supported(p, w, z):  # type: ignore[no-untyped-def]
             continue
         if p.points.mem[i, FREE] == SUPPORTED:
             p.points.mem[i, FREE] = AT_HOME
-        if not _has_supports(p, i) or rests(p.points, i):
+        if not _has_supports(p, i) or is_inactive(p.points, i):
             continue
         if not placed:
             to_full(p, z, w.amps, 0, w.d)

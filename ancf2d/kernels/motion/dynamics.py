@@ -16,7 +16,7 @@ from ..patches import add_patch_tangent, patch_forces, patch_noise, violation
 from .state import evaluate, evaluate_constants, fill_full
 
 # a constraint counts as satisfied if its violation is at most this share of its scale
-MET = 1e-13
+SATISFIED = 1e-13
 # counters of a motion: evaluations of forces alone, of forces with tangent, factorisations
 FORCES, TANGENTS, FACTORS = range(3)
 
@@ -25,28 +25,28 @@ class Problem(NamedTuple):
     """A model in motion, as kernels take it: n unknowns (multipliers included), n_full full coordinates.
 
     groups : addresses of the element groups; states : history variables of all laws with memory, group after group,
-    with the time since the accepted state at entries ``clocks``; given, slopes : of relaxing laws
-    (``model.groups.with_given``); driven : (groups,) whether prescribed motion drives coordinates of the group; calls :
-    addresses (``kernels.calls``); tau : (groups,) Kelvin-Voigt times [s]. points, sliding, moving, facing : tables of
-    point laws, prismatic joints, points that move along bodies and points that touch bodies; patched : whether there
-    are laws or joints; stops : (k, 3) first and last + 1 item of each unilateral or gapped law, and the item that acted
-    last; touches, sided : whether there are contacts, and hard ones (a multiplier instead of a law); turning : section
-    directions whose turns are counted; winds : whether forces depend on the turns; programs : signals. place, indptr,
-    index, value, full, dependents : numbering; fronts : of matrices, empty for bands of ``width`` entries a row; mass :
-    T^T M T in this storage; diagonals (k,), along (k, n) : its nonzero diagonals d as a band, entries (j + d, j);
-    load_*, motion_* : dead loads, entries of P and (signals, n) T^T M P; alpha : mass damping [1/s]. pairs : (m, 2)
-    unknowns x and y of one vector; turns : (m, 4) full coordinates that give its rotation: theta, x and y of a
-    gradient, or those of two points; e0 : (n_q,) reference; weights, straining : (n,) [m] as in ``Model``, and
-    coordinate : (n,) 1, all three 0 for multipliers; extent : of the scene [m]. feedback : signals and controllers that
-    depend on the motion; inner : number of unknowns without controllers' states, which come last; rank : of the
-    feedback's part of tangents; sure : least number of iterations, 2 where feedback switches (increments do not show
-    it).
+    with the time since the accepted state at entries ``clocks``; prescribed, slopes : of relaxing laws
+    (``model.groups.with_prescribed``); driven : (groups,) whether prescribed motion drives coordinates of the group;
+    calls : addresses (``kernels.calls``); tau : (groups,) Kelvin-Voigt times [s]. points, sliding, moving, facing :
+    tables of point laws, prismatic joints, points that move along bodies and points that touch bodies; patched :
+    whether there are laws or joints; stops : (k, 3) first and last + 1 item of each unilateral or gapped law, and the
+    item that acted last; touches, sided : whether there are contacts, and hard ones (a multiplier instead of a law);
+    turning : section directions whose turns are counted; winds : whether forces depend on the turns; programs :
+    signals. place, indptr, index, value, full, dependents : numbering; fronts : of matrices, empty for bands of
+    ``width`` entries a row; mass : T^T M T in this storage; mass_offsets (k,), mass_diagonals (k, n) : its nonzero
+    diagonals d as a band, entries (j + d, j); load_*, motion_* : dead loads, entries of P and (signals, n) T^T M P;
+    alpha : mass damping [1/s]. pairs : (m, 2) unknowns x and y of one vector; turns : (m, 4) full coordinates that give
+    its rotation: theta, x and y of a gradient, or those of two points; e0 : (n_q,) reference; weights, straining : (n,)
+    [m] as in ``Model``, and coordinate : (n,) 1, all three 0 for multipliers; extent : of the scene [m]. feedback :
+    signals and controllers that depend on the motion; inner : number of unknowns without controllers' states, which
+    come last; rank : of the feedback's part of tangents; least_iterations : 2 where feedback switches (increments do
+    not show it), else 1.
     """
 
     groups: Any
     states: Any
     clocks: Any
-    given: Any
+    prescribed: Any
     slopes: Any
     driven: Any
     calls: Any
@@ -71,8 +71,8 @@ class Problem(NamedTuple):
     fronts: Any
     width: int
     mass: Any
-    diagonals: Any
-    along: Any
+    mass_offsets: Any
+    mass_diagonals: Any
     load_coord: Any
     load_value: Any
     load_signal: Any
@@ -94,7 +94,7 @@ class Problem(NamedTuple):
     feedback: Any
     inner: int
     rank: int
-    sure: int
+    least_iterations: int
 
 
 @kernel
@@ -121,7 +121,7 @@ def to_unknowns(p, full, out, sizes):  # type: ignore[no-untyped-def]
 
 
 @inner
-def remember(w, iteration, size):  # type: ignore[no-untyped-def]
+def record_increment(w, iteration, size):  # type: ignore[no-untyped-def]
     """Record the size of a Newton increment in w.history, which iteration 0 clears."""
     if iteration == 0:
         w.history[:] = 0.0
@@ -130,7 +130,7 @@ def remember(w, iteration, size):  # type: ignore[no-untyped-def]
 
 
 @inner
-def settled(step, rate, wanted, p, w, z, amps):  # type: ignore[no-untyped-def]
+def has_converged(step, rate, wanted, p, w, z, amps):  # type: ignore[no-untyped-def]
     """Return whether Newton's method has converged: the error left after increment ``step`` is below ``wanted``.
 
     The contraction ``rate`` predicts that error. Constraints must also hold to round-off at z and signals ``amps``.
@@ -140,7 +140,7 @@ def settled(step, rate, wanted, p, w, z, amps):  # type: ignore[no-untyped-def]
     if not p.patched:
         return True
     to_full(p, z, amps, 0, w.d)
-    return violation(p, w.d, amps) <= MET
+    return violation(p, w.d, amps) <= SATISFIED
 
 
 @inner
@@ -157,7 +157,7 @@ def directions(p, d, x, y):  # type: ignore[no-untyped-def]
 
 
 @inner
-def turned(theta, x, y, x0, y0):  # type: ignore[no-untyped-def]
+def rotation(theta, x, y, x0, y0):  # type: ignore[no-untyped-def]
     """Return cosine and sine of the rotation from (x0, y0) to (x, y), both as filled by ``directions``.
 
     ``theta`` : whether x and x0 are angles.
@@ -198,7 +198,7 @@ def add_inertia(p, w, v, a, R):  # type: ignore[no-untyped-def]
 
 
 @inner
-def answer(p, w):  # type: ignore[no-untyped-def]
+def apply_feedback(p, w):  # type: ignore[no-untyped-def]
     """Evaluate the feedback at w.d, w.v: set its signals in w.amps, and add z' - g of controllers' states to w.Q."""
     if p.rank > 0:
         calls.feedback(p.calls, (p, w))
@@ -213,7 +213,7 @@ def forces(p, w, z, v):  # type: ignore[no-untyped-def]
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
     w.Q[:] = 0.0
-    answer(p, w)
+    apply_feedback(p, w)
     w.counts[FORCES] += 1
     set_natural(p, w.amps, w.amps)
     place_moving(p, w.d, w.amps)
@@ -234,7 +234,7 @@ def forces_tangent(p, w, z, v, c):  # type: ignore[no-untyped-def]
     to_full(p, v, w.amps, 1, w.v)
     w.Q[:] = 0.0
     w.A[:] = 0.0
-    answer(p, w)
+    apply_feedback(p, w)
     if p.rank > 0:
         calls.feedback_tangent(p.calls, (p, w, c))
     w.counts[TANGENTS] += 1
@@ -289,7 +289,7 @@ def solve_with(p, A, x):  # type: ignore[no-untyped-def]
 
 
 @inner
-def weighed(weights, x):  # type: ignore[no-untyped-def]
+def weighted_norm(weights, x):  # type: ignore[no-untyped-def]
     """Return the largest |weights * x|; nan if x contains nan."""
     # compare bit patterns as integers, which vectorises
     largest = rank(0.0)
@@ -301,7 +301,7 @@ def weighed(weights, x):  # type: ignore[no-untyped-def]
 @inner
 def norm(p, x):  # type: ignore[no-untyped-def]
     """Return the largest displacement [m] that a change x of the unknowns causes; nan if x contains nan."""
-    return weighed(p.weights, x)
+    return weighted_norm(p.weights, x)
 
 
 @addressed

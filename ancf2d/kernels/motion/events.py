@@ -10,7 +10,7 @@ from .. import calls
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed, inner, kernel, seldom
 from .dynamics import signals_at, to_full
-from .feedback import tell
+from .feedback import fill_quantities
 from .state import evaluate_with_gradient
 
 # state of a condition: not waited for; waited for and false; true
@@ -18,7 +18,7 @@ PASSED, WAITING, HOLDS = range(3)
 # results: no condition is true, at least one is, one has no value (nan)
 NONE, SOME, NO_VALUE = 0, 1, -1
 # samples of a step, and halvings of the interval around a maximum of a margin
-LOOKS, HALVINGS = 8, 20
+SAMPLES, HALVINGS = 8, 20
 # relative spacing of floats, and how many of these spacings apart two times count as one event
 FLOAT, FLOATS = 2.220446049250313e-16, 4.0
 # a step that should end at an event: how far beyond its end the event is searched, and most tries to hit it
@@ -29,7 +29,7 @@ NOWHERE = 2.0
 
 @kernel
 @seldom
-def holding(p, w, z, v, t):  # type: ignore[no-untyped-def]
+def check_conditions(p, w, z, v, t):  # type: ignore[no-untyped-def]
     """Mark in p.feedback.watched the conditions that are true at unknowns z, rates v and time t.
 
     Returns NONE, SOME or NO_VALUE.
@@ -38,7 +38,7 @@ def holding(p, w, z, v, t):  # type: ignore[no-untyped-def]
     signals_at(p, t, w.amps)
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
-    tell(f, w.d, w.v)
+    fill_quantities(f, w.d, w.v)
     first, found = len(f.row) + f.states, NONE
     for k in range(len(f.watched)):
         if f.watched[k] == PASSED:
@@ -74,19 +74,19 @@ def interpolate(m, p, s, h, x, z, v, a):  # type: ignore[no-untyped-def]
 
 @inner
 def _within(p, w, s, m, at, t, h, x):  # type: ignore[no-untyped-def]
-    """Same as ``holding``, at the fraction x of the step from s at t."""
+    """Same as ``check_conditions``, at the fraction x of the step from s at t."""
     interpolate(m, p, s, h, x, at.z, at.v, at.a)
-    return holding(p, w, at.z, at.v, t + x * h)
+    return check_conditions(p, w, at.z, at.v, t + x * h)
 
 
 @inner
-def _look(p, w, s, m, at, t, h, x):  # type: ignore[no-untyped-def]
+def _fill_quantities_at(p, w, s, m, at, t, h, x):  # type: ignore[no-untyped-def]
     """Evaluate the quantities of conditions at the fraction x of the step from s at t."""
     interpolate(m, p, s, h, x, at.z, at.v, at.a)
     signals_at(p, t + x * h, w.amps)
     to_full(p, at.z, w.amps, 0, w.d)
     to_full(p, at.v, w.amps, 1, w.v)
-    tell(p.feedback, w.d, w.v)
+    fill_quantities(p.feedback, w.d, w.v)
 
 
 @inner
@@ -110,9 +110,9 @@ def _highest(p, w, s, m, at, t, h, k, x, half):  # type: ignore[no-untyped-def]
         if not b + (2.0 * b - a - c) >= 0.0:
             return NOWHERE
         half *= 0.5
-        _look(p, w, s, m, at, t, h, x - half)
+        _fill_quantities_at(p, w, s, m, at, t, h, x - half)
         left = _margin(f, k, t + (x - half) * h)
-        _look(p, w, s, m, at, t, h, x + half)
+        _fill_quantities_at(p, w, s, m, at, t, h, x + half)
         right = _margin(f, k, t + (x + half) * h)
         if left > b and left >= right:
             a, b, c, x = a, left, b, x - half
@@ -131,7 +131,7 @@ def _between(p, w, s, m, at, t, h, n):  # type: ignore[no-untyped-def]
 
     NOWHERE if there is none. Call it with the quantities at sample n; it stores the margins there.
     """
-    f, x = p.feedback, n / LOOKS
+    f, x = p.feedback, n / SAMPLES
     for k in range(len(f.watched)):
         first = 1 + len(f.values) + 3 * k
         f.slopes[first], f.slopes[first + 1] = f.slopes[first + 1], f.slopes[first + 2]
@@ -140,7 +140,7 @@ def _between(p, w, s, m, at, t, h, n):  # type: ignore[no-untyped-def]
         first = 1 + len(f.values) + 3 * k
         a, b, c = f.slopes[first], f.slopes[first + 1], f.slopes[first + 2]
         if n > 0 and f.watched[k] != PASSED and b > a and b >= c and b <= 0.0:
-            found = _highest(p, w, s, m, at, t, h, k, x - 1.0 / LOOKS, 1.0 / LOOKS)
+            found = _highest(p, w, s, m, at, t, h, k, x - 1.0 / SAMPLES, 1.0 / SAMPLES)
             if found != NOWHERE:
                 return found
     return NOWHERE
@@ -148,27 +148,27 @@ def _between(p, w, s, m, at, t, h, n):  # type: ignore[no-untyped-def]
 
 @addressed
 @seldom
-def crossing(p, w, s, m, at, t, h, beyond):  # type: ignore[no-untyped-def]
+def event_crossing(p, w, s, m, at, t, h, beyond):  # type: ignore[no-untyped-def]
     """Return the fraction of the step from s at t, up to 1 + ``beyond``, at which the first condition becomes true.
 
     NOWHERE if none does, NO_VALUE if one has no value. Conditions that are true there, to round-off, are marked.
     Margins are also sampled one interval before and after the step, to find maxima near its ends.
     """
     low, high, found = 0.0, 0.0, NONE
-    for n in range(-1, LOOKS + 2):
-        x, here = n / LOOKS, NONE
-        if 0 < n <= LOOKS:
+    for n in range(-1, SAMPLES + 2):
+        x, here = n / SAMPLES, NONE
+        if 0 < n <= SAMPLES:
             here = _within(p, w, s, m, at, t, h, x)
         else:
-            _look(p, w, s, m, at, t, h, x)
+            _fill_quantities_at(p, w, s, m, at, t, h, x)
         high = _between(p, w, s, m, at, t, h, n)
         if high != NOWHERE:
-            found, low = SOME, max(0.0, (n - 2) / LOOKS)
+            found, low = SOME, max(0.0, (n - 2) / SAMPLES)
             break
         if here != NONE:
             found, high = here, x
             break
-        if 0 < n <= LOOKS:
+        if 0 < n <= SAMPLES:
             low = x
     if found == NONE and beyond > 0.0:
         high = 1.0 + beyond
@@ -191,14 +191,14 @@ def crossing(p, w, s, m, at, t, h, beyond):  # type: ignore[no-untyped-def]
 
 
 @inner
-def aim(m, p, w, s, at, t, h, room, aims):  # type: ignore[no-untyped-def]
+def aim_at_event(m, p, w, s, at, t, h, room, aims):  # type: ignore[no-untyped-def]
     """Return (accepted, step size, event): whether a step from t has no event inside, and if not, the size to try next.
 
     ``event`` tells whether the step ends at an event. Steps are repeated until they end at the event, so that the state
     there is one of the integrator. ``room`` is the largest size allowed, ``aims`` the number of tries so far. A size
     below 0 means that a condition has no value, 0 that the event is at the start of the step.
     """
-    x = calls.crossing(p.calls, (p, w, s, m, at, t, h, BEYOND if aims > 0 else 0.0))
+    x = calls.event_crossing(p.calls, (p, w, s, m, at, t, h, BEYOND if aims > 0 else 0.0))
     if x < 0.0:
         return False, -1.0, False
     near = FLOATS * FLOAT * (t + h)
@@ -211,4 +211,5 @@ def aim(m, p, w, s, at, t, h, room, aims):  # type: ignore[no-untyped-def]
 
 def event_functions(problem: Any, accept: Any) -> dict[Any, tuple[Any, ...]]:
     """Return the entries of the table of a model with conditions to wait for (``kernels.calls.table``)."""
-    return {calls.holding: (holding, problem), calls.crossing: (crossing, problem), calls.feedback_accept: accept}
+    return {calls.check_conditions: (check_conditions, problem), calls.event_crossing: (event_crossing, problem),
+            calls.feedback_accept: accept}

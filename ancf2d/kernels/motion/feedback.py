@@ -35,13 +35,13 @@ class Feedback(NamedTuple):
     """Quantities (q), signals (k) that are functions of them, and states (m) of controllers.
 
     kind (q,) : kinds of quantities; quantity i depends on d or d' at ``coords`` with weights ``along`` and ``across``,
-    from begin[i] to begin[i + 1], and on start[i], its value in the reference or the length of a direction; near (q,) :
-    last accepted angles. row (k,) : rows of the signals in the amplitudes; columns (k, n) : change of the residual per
-    unit signal by dead loads that follow it; items : point laws that follow signal j, from first[j] to first[j + 1];
-    programs : of signals, rates of states, conditions, and their margins (``model.feedback.margin``); watched
-    (conditions,) : PASSED, WAITING or HOLDS (``events``); clock : row of the signal t; states : m; soon : a time in
-    which states change [s]; scale (m,) : largest sizes of states so far. Work space: values (q,), slopes (1 + q, and
-    three margins of each condition), rates (m,), full (n_full,), column (n,).
+    from begin[i] to begin[i + 1], and on start[i], its value in the reference or the length of a direction; last_angle
+    (q,) : last accepted angles. row (k,) : rows of the signals in the amplitudes; columns (k, n) : change of the
+    residual per unit signal by dead loads that follow it; items : point laws that follow signal j, from first[j] to
+    first[j + 1]; programs : of signals, rates of states, conditions, and their margins (``model.feedback.margin``);
+    watched (conditions,) : PASSED, WAITING or HOLDS (``events``); clock : row of the signal t; states : m; time_scale :
+    a time in which states change [s]; scale (m,) : largest sizes of states so far. Work space: values (q,), slopes (1 +
+    q, and three margins of each condition), rates (m,), full (n_full,), column (n,).
     """
 
     kind: Any
@@ -50,7 +50,7 @@ class Feedback(NamedTuple):
     along: Any
     across: Any
     start: Any
-    near: Any
+    last_angle: Any
     row: Any
     columns: Any
     first: Any
@@ -59,7 +59,7 @@ class Feedback(NamedTuple):
     watched: Any
     clock: int
     states: int
-    soon: float
+    time_scale: float
     scale: Any
     values: Any
     slopes: Any
@@ -95,7 +95,7 @@ def _components(f, i, x):  # type: ignore[no-untyped-def]
 
 
 @inner
-def tell(f, d, v):  # type: ignore[no-untyped-def]
+def fill_quantities(f, d, v):  # type: ignore[no-untyped-def]
     """Fill f.values with all quantities at d with rates v (n_full,)."""
     for i in range(len(f.kind)):
         kind = f.kind[i]
@@ -106,7 +106,7 @@ def tell(f, d, v):  # type: ignore[no-untyped-def]
         else:
             ux, uy = _components(f, i, d)
             if kind == ANGLE:
-                f.values[i] = _angle_near(f.start[i], ux, uy, f.near[i])
+                f.values[i] = _angle_near(f.start[i], ux, uy, f.last_angle[i])
             else:
                 x, (vx, vy) = f.start[i] + ux, _components(f, i, v)
                 f.values[i] = (x * vy - uy * vx) / (x * x + uy * uy)
@@ -137,7 +137,7 @@ def _add_gradient(f, i, d, v, factor, c, out):  # type: ignore[no-untyped-def]
 def feedback(p, w):  # type: ignore[no-untyped-def]
     """Set the feedback signals in w.amps and the rates of controllers' states in f.rates, at w.d and w.v."""
     f = p.feedback
-    tell(f, w.d, w.v)
+    fill_quantities(f, w.d, w.v)
     t, signals = w.amps[f.clock, 0], len(f.row)
     for k in range(signals + f.states):
         evaluate_with_gradient(f.programs, k, t, f.values, f.slopes)
@@ -206,7 +206,7 @@ def feedback_accept(p, w):  # type: ignore[no-untyped-def]
     for i in range(len(f.kind)):
         if f.kind[i] == ANGLE:
             ux, uy = _components(f, i, w.d)
-            f.near[i] = _angle_near(f.start[i], ux, uy, f.near[i])
+            f.last_angle[i] = _angle_near(f.start[i], ux, uy, f.last_angle[i])
     for j in range(f.states):
         size = abs(w.d[p.full[p.inner + j]])
         if size > f.scale[j]:
@@ -217,8 +217,8 @@ def feedback_accept(p, w):  # type: ignore[no-untyped-def]
 
 @inner
 def weigh_state(p, s, j, rate):  # type: ignore[no-untyped-def]
-    """Set the weight of state j in error norms: relative to its largest size so far, or to ``soon`` times its rate."""
-    scale = max(p.feedback.scale[j], p.feedback.soon * rate)
+    """Set the weight of state j in error norms: relative to its largest size, or to ``time_scale`` times its rate."""
+    scale = max(p.feedback.scale[j], p.feedback.time_scale * rate)
     p.feedback.scale[j] = scale
     p.weights[p.inner + j] = s.numbers[SIZE] / scale if scale > 0.0 else 0.0
 

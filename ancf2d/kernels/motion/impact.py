@@ -43,8 +43,8 @@ from .contact_steps import (
 from .dynamics import signals_at, to_full
 from .friction import approach_freely, drag, point_friction, point_slip, rub, rubs, take_hold
 from .impulses import approach_from, given_in_impact, note_impulses
-from .state import BACKWARD, GIVEN, HIT_AT, NEXT
-from .step_energy import kept, kept_before, lost_in_impact, taken_in_step
+from .state import BACKWARD, IMPACT_ITEM, NEXT_EULER, OBSTACLE_WORK
+from .step_energy import energy_at, energy_at_start, inelastic_work_of_step, lost_in_impact
 
 # fraction of the largest rate: constraints that open more slowly count as closed
 PARTING = 1e-9
@@ -184,7 +184,7 @@ def _bounce(p, w, s, m, t, h, bounce, approach, how, conserves, pushed, moves): 
     """
     end, searches = m.end, moves or rubs(p)
     z, v, a, sides, full = end.z.copy(), end.v.copy(), end.a.copy(), how.copy(), bounce.copy()
-    before, share, whole, plastic, given = kept_before(p, w, s, m, t, h, False), 1.0, 0.0, 0.0, 0.0
+    before, share, whole, plastic, given = energy_at_start(p, w, s, m, t, h, False), 1.0, 0.0, 0.0, 0.0
     # bracket: share without an energy gain (``below`` <= 0) and share with a gain (``above``)
     low, below, high, above = 0.0, 0.0, MORE, np.inf
     for attempt in range(MOST_BOUNCES if searches else 3):
@@ -201,7 +201,7 @@ def _bounce(p, w, s, m, t, h, bounce, approach, how, conserves, pushed, moves): 
         calls.behind(p.calls, (p, w, end.z, end.v, end.a, t + h, bounce, approach, how, share > 0.0))
         if moves:
             given = given_in_impact(p, w, end, t + h, sides, approach, pushed)
-        gain = kept(p, w, end.z, end.v, t + h, False) - given - before
+        gain = energy_at(p, w, end.z, end.v, t + h, False) - given - before
         noise = ROUND * (whole - plastic)
         if gain > noise:
             high, above = share, gain
@@ -289,20 +289,20 @@ def _closing(p, s, how):  # type: ignore[no-untyped-def]
 @addressed_with_memory
 @seldom
 def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
-    """Apply the impacts of constraints that closed in the step from s at t to m.end; set the work of obstacles (GIVEN).
+    """Apply the impacts of constraints that closed in the step from s at t to m.end; set OBSTACLE_WORK.
 
     Returns HIT after an impact, 0 if nothing closed, or, without any change, the smaller step size to use if closing
     points would be off by more than ``allowed`` [m] (0: no limit). For methods that switch, Radau steps are left alone,
     and after a backward Euler step without impact rates are made consistent with closed points, returning ANEW.
     """
-    if m.switches and s.numbers[NEXT] == 0.0:
+    if m.switches and s.numbers[NEXT_EULER] == 0.0:
         return 0.0
     n, end = len(p.points.mem), m.end
     how, g, rate, second, pushed = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     bounce, approach = np.zeros(len(s.z)), np.zeros(len(s.z))
     signals_at(p, t + h, w.amps)
     _hold(p, w, end.z, end.v, how)
-    s.numbers[GIVEN], s.numbers[HIT_AT], elastic_ones = 0.0, 0.0, False
+    s.numbers[OBSTACLE_WORK], s.numbers[IMPACT_ITEM], elastic_ones = 0.0, 0.0, False
     any_closes, bounces = _closing(p, s, how)
     if not any_closes:
         if m.switches:
@@ -327,11 +327,12 @@ def impact(p, w, s, m, t, h, allowed):  # type: ignore[no-untyped-def]
         bounces, elastic_ones = _rates_of_bounces(p, s, how, g, rate, second, h, approach, bounce)
         approach_freely(p, w, s, end, how, h if s.numbers[BACKWARD] > 0.0 else m.impulse * h, approach)
     if bounces and not driven:
-        s.numbers[GIVEN] = _bounce(p, w, s, m, t, h, bounce, approach, how, elastic_ones, pushed, moves)
+        s.numbers[OBSTACLE_WORK] = _bounce(p, w, s, m, t, h, bounce, approach, how, elastic_ones, pushed, moves)
     else:
         calls.behind(p.calls, (p, w, end.z, end.v, end.a, t + h, bounce, approach, how, bounces))
         if moves or driven:
-            s.numbers[GIVEN] = np.inf if driven else given_in_impact(p, w, end, t + h, touched, approach, pushed)
+            s.numbers[OBSTACLE_WORK] = (np.inf if driven
+                                        else given_in_impact(p, w, end, t + h, touched, approach, pushed))
     note_impulses(p, w, s, end, t, h, touched)
     let_choose(p)
     on_the_way(p, s, end, h, touched, allowed > 0.0 and not m.switches)
@@ -371,7 +372,8 @@ def impact_functions(contacts: Any, sided: bool, problem: Any) -> dict[Any, tupl
         out |= {calls.point_sides: (point_sides, points), calls.consistent: (consistent, problem),
                 calls.behind: (behind, problem), calls.impact: (impact, problem),
                 calls.make_consistent: (make_consistent, problem),
-                calls.lost_in_impact: (lost_in_impact, problem), calls.taken_in_step: (taken_in_step, problem)}
+                calls.lost_in_impact: (lost_in_impact, problem),
+                calls.inelastic_work_of_step: (inelastic_work_of_step, problem)}
         if any(pair.item.friction for pair in contacts):
             out |= {calls.point_slip: (point_slip, points), calls.rub: (rub, problem), calls.drag: (drag, problem),
                     calls.point_friction: (point_friction, points), calls.friction_forces: (friction_forces, problem),

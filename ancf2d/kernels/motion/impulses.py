@@ -11,7 +11,7 @@ from ..lowlevel.jit import inner_with_memory
 from .consistent import factored_constraints, gap_rates
 from .contact_steps import closes
 from .dynamics import signals_at
-from .state import HIT_AT, HIT_POINTS, IMPULSE
+from .state import IMPACT_ITEM, IMPACT_POINTS, IMPULSE
 
 
 @inner_with_memory
@@ -69,14 +69,14 @@ def note_impulses(p, w, s, end, t, h, touched):  # type: ignore[no-untyped-def]
     for i in range(n):
         if closes(p, s, touched, i):
             approach[p.place[p.points.multiplier[i]]] = approach_from(g[i], rate[i], second[i], h)
-    s.numbers[HIT_POINTS], s.numbers[IMPULSE], most = 0.0, 0.0, 0.0
+    s.numbers[IMPACT_POINTS], s.numbers[IMPULSE], most = 0.0, 0.0, 0.0
     if _impulses(p, w, end, t + h, touched, approach, force):
         for i in range(n):
             if force[i] > 0.0:
-                s.numbers[HIT_POINTS] += 1.0
+                s.numbers[IMPACT_POINTS] += 1.0
                 s.numbers[IMPULSE] += force[i]
             if force[i] > most:
-                s.numbers[HIT_AT], most = 1.0 + i, force[i]
+                s.numbers[IMPACT_ITEM], most = 1.0 + i, force[i]
     copy_rows(kept, p.points.mem)
 
 

@@ -11,11 +11,21 @@ from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed, inner, seldom
 from ..moving import add_moving_product
 from .contact_steps import let_choose, let_go, let_rub, lost_to_friction, to_limits, turned_back
-from .dynamics import add_mass, factor, norm, remember, residual, settled, signals_at, solve_with
+from .dynamics import add_mass, factor, has_converged, norm, record_increment, residual, signals_at, solve_with
 from .feedback import weigh_state
 from .friction import rubs
-from .state import BACKWARD, CONTRACTION, DONE, FRESH, INTO_SUPPORTS, NOT_CONVERGED, NOT_FINITE, RUBBED, SINGULAR
-from .step_control import enough
+from .state import (
+    BACKWARD,
+    CONTRACTION,
+    DONE,
+    FRICTION_LOSS,
+    INTO_SUPPORTS,
+    NOT_CONVERGED,
+    NOT_FINITE,
+    SINGULAR,
+    STARTS_CONSISTENT,
+)
+from .step_control import increment_tolerance
 
 # cost of a new tangent and its factors, in iterations: it is made if the old one would need more iterations than that
 MAKING = 3.0
@@ -201,7 +211,7 @@ def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
     n, end = len(m.alg), m.end
     cv = m.gamma / (m.beta * h)
     last, rate, pulls = 0.0, s.numbers[CONTRACTION], False
-    wanted = enough(p, s, h, m.tolerance)
+    wanted = increment_tolerance(p, s, h, m.tolerance)
     iteration = 0
     _move(m, p, s, h)
     while True:
@@ -215,7 +225,7 @@ def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
             w.x[i] = -w.R[i]
         _solve(m, p, w, w.x)
         step = norm(p, w.x)
-        remember(w, iteration, step)
+        record_increment(w, iteration, step)
         if not np.isfinite(step):
             return NOT_FINITE, iteration + 1, rate
         if iteration > 0:
@@ -231,7 +241,7 @@ def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
         pulls = p.sided and let_go(p, end.z)
         last, iteration = step, iteration + 1
         expected = rate if iteration > 1 else min(max(rate, 1e-2), 0.5)
-        if iteration >= p.sure and not pulls and settled(step, expected, wanted, p, w, end.z, w.amps):
+        if iteration >= p.least_iterations and not pulls and has_converged(step, expected, wanted, p, w, end.z, w.amps):
             break
         # the active set changes during the iteration, so the first increments need not shrink
         if iteration >= m.max_iterations or (rate > 2.0 and iteration > 2 and not p.sided):
@@ -260,7 +270,7 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
         m.before[:] = 0.0
         if rubs(p):
             calls.friction_forces(p.calls, (p, w, s.z, s.v, t, m.before))
-            if s.numbers[FRESH] > 0.0:
+            if s.numbers[STARTS_CONSISTENT] > 0.0:
                 to_limits(p, s.z, m.before[0])
                 copy(m.before[0], m.before[2])
             else:
@@ -269,7 +279,7 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
     signals_at(p, t + h, w.amps)
     copy(s.extra[0], m.alg)
     copy(s.z, end.z)
-    if p.sided and s.numbers[FRESH] > 0.0:
+    if p.sided and s.numbers[STARTS_CONSISTENT] > 0.0:
         _go_to(m, p, s, h, 1.0)
     outcome, iterations, rate = _iterate(m, p, w, s, h, ca)
     if outcome == NOT_CONVERGED and p.sided:
@@ -287,7 +297,7 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
         if rubs(p):
             calls.friction_forces(p.calls, (p, w, end.z, end.v, t + h, m.after))
             error = max(error, turned_back(p, m, h))
-        s.numbers[RUBBED] = h * lost_to_friction(m, p, end.z)
+        s.numbers[FRICTION_LOSS] = h * lost_to_friction(m, p, end.z)
     dense = end.dense
     for i in range(len(m.alg)):
         dense[0, i], dense[1, i], dense[2, i] = h * s.v[i], end.z[i] - s.z[i], h * end.v[i]
@@ -300,7 +310,7 @@ def newmark_accept(s, m):  # type: ignore[no-untyped-def]
     copy(m.alg, s.extra[0])
     copy(m.after[0], s.extra[1])
     copy(m.after[2], s.extra[2])
-    s.numbers[FRESH] = 0.0
+    s.numbers[STARTS_CONSISTENT] = 0.0
 
 
 @addressed
@@ -308,7 +318,7 @@ def newmark_go_on(s, m):  # type: ignore[no-untyped-def]
     """Restart in compiled code after an impact, same as ``newmark_restart``."""
     copy(s.a, s.extra[0])
     s.extra[1:] = 0.0
-    s.numbers[FRESH] = 1.0
+    s.numbers[STARTS_CONSISTENT] = 1.0
 
 
 @addressed
@@ -321,4 +331,4 @@ def newmark_inside(p, m, h, x):  # type: ignore[no-untyped-def]
 def newmark_restart(m: Any, s: Any) -> None:
     """Restart from the accelerations in s, which are consistent."""
     s.extra[:] = 0.0
-    s.extra[0], s.numbers[FRESH] = s.a, 1.0
+    s.extra[0], s.numbers[STARTS_CONSISTENT] = s.a, 1.0

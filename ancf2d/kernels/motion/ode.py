@@ -112,7 +112,7 @@ def powers(p, w, factors, s, free, t, y):  # type: ignore[no-untyped-def]
 
 @kernel
 @seldom
-def settle(p, w, s, t):  # type: ignore[no-untyped-def]
+def accept_step(p, w, s, t):  # type: ignore[no-untyped-def]
     """Accept the motion s at t as the end of a step, projected onto the constraints; return their violation."""
     if len(p.feedback.kind) > 0:
         signals_at(p, t, w.amps)

@@ -19,22 +19,22 @@ from ..lowlevel.jit import addressed, inner
 from ..lowlevel.records import array_at
 from ..moving import add_moving_product
 from ..patches import violation
-from .dynamics import MET, norm, remember, residual, signals_at, solve_with, to_full, weighed
+from .dynamics import SATISFIED, norm, record_increment, residual, signals_at, solve_with, to_full, weighted_norm
 from .feedback import weigh_state
 from .reused_tangent import count, tangent, turn, turns
 from .stages import TILE, combine, give, let_relax, place, ungive
 from .state import (
     CONTRACTION,
     DONE,
-    HELD_STEP,
-    HELD_TIME,
     LOST,
     NOT_CONVERGED,
     NOT_FINITE,
     OLD_STEP,
     SINGULAR,
+    TANGENT_STEP,
+    TANGENT_TIME,
 )
-from .step_control import enough, rounding
+from .step_control import increment_tolerance, round_off
 
 
 @inner
@@ -197,7 +197,7 @@ def _solve(m, p):  # type: ignore[no-untyped-def]
     size = 0.0
     for i in range(stages):
         turn(m, p, i, 1.0, m.R[i])
-        largest = weighed(p.straining, m.R[i])
+        largest = weighted_norm(p.straining, m.R[i])
         if size == size and not largest <= size:
             size = largest
     return size
@@ -244,7 +244,7 @@ def _met(m, p, w, s):  # type: ignore[no-untyped-def]
     last = len(m.c) - 1
     place(m, p, w, s, last)
     to_full(p, m.y, w.amps, 0, w.d)
-    return violation(p, w.d, w.amps) <= MET
+    return violation(p, w.d, w.amps) <= SATISFIED
 
 
 @inner
@@ -298,7 +298,7 @@ def _at_floor(m, p, w, s, h):  # type: ignore[no-untyped-def]
 def _iterate(m, p, w, s, h):  # type: ignore[no-untyped-def]
     """Solve for the stages by Newton's method from the prediction; return (outcome, iterations, contraction)."""
     rate, last, iteration = s.numbers[CONTRACTION], 0.0, 0
-    wanted, least = enough(p, s, h, m.tolerance), rounding(p, s)
+    wanted, least = increment_tolerance(p, s, h, m.tolerance), round_off(p, s)
     while True:
         for i in range(len(m.c)):
             place(m, p, w, s, i)
@@ -308,7 +308,7 @@ def _iterate(m, p, w, s, h):  # type: ignore[no-untyped-def]
             copy(w.R, m.R[i])
             copy(w.R, m.kept[i])
         step = _solve(m, p)
-        remember(w, iteration, step)
+        record_increment(w, iteration, step)
         if not np.isfinite(step):
             return NOT_FINITE, iteration + 1, rate
         if iteration > 0:
@@ -328,7 +328,7 @@ def _iterate(m, p, w, s, h):  # type: ignore[no-untyped-def]
         if m.fixed and iteration == 1:
             # one increment gives no contraction rate, and its error adds up over many short steps
             small = step <= least
-        if small and iteration >= p.sure and _met(m, p, w, s):
+        if small and iteration >= p.least_iterations and _met(m, p, w, s):
             return DONE, iteration, rate
         if in_vain:
             return NOT_CONVERGED, iteration, rate
@@ -347,16 +347,16 @@ def radau_step(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
         _rates(m, s, h, False)
         let_relax(m, p, w, s)
         if not tangent(m, p, w, s, t, h):
-            s.numbers[HELD_STEP] = 0.0
+            s.numbers[TANGENT_STEP] = 0.0
             ungive(m.relaxing)
             return SINGULAR, 1, 0.0, s.numbers[CONTRACTION]
-        kept = s.numbers[HELD_TIME] < t
+        kept = s.numbers[TANGENT_TIME] < t
         turns(m, p, w, s)
         outcome, iterations, rate = _iterate(m, p, w, s, h)
         ungive(m.relaxing)
         if outcome == DONE:
             break
-        s.numbers[HELD_STEP] = 0.0
+        s.numbers[TANGENT_STEP] = 0.0
         if not kept:
             return outcome, iterations, 0.0, rate
     m.held[2] = iterations
@@ -376,4 +376,4 @@ def radau_accept(s, m):  # type: ignore[no-untyped-def]
 
 def radau_restart(m: Any, s: Any) -> None:
     """Restart: the series in h predicts the next step, which gets a new tangent."""
-    s.numbers[OLD_STEP] = s.numbers[HELD_STEP] = 0.0
+    s.numbers[OLD_STEP] = s.numbers[TANGENT_STEP] = 0.0

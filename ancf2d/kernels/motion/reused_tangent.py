@@ -9,9 +9,9 @@ from __future__ import annotations
 from .. import calls
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed, inner
-from .dynamics import FACTORS, directions, factor, signals_at, to_full, turned
+from .dynamics import FACTORS, directions, factor, rotation, signals_at, to_full
 from .stages import double, give, is_first, modulus, place
-from .state import HELD_COST, HELD_STEP, HELD_STEPS, HELD_TIME
+from .state import TANGENT_COST, TANGENT_STEP, TANGENT_STEPS, TANGENT_TIME
 
 # cost of a tangent and its factors, in iterations
 MAKING = 1.5
@@ -28,7 +28,7 @@ def turns(m, p, w, s):  # type: ignore[no-untyped-def]
     for k in range(m.sine.shape[1]):
         x, y = m.facing[0, k], m.facing[1, k]
         for i in range(stages):
-            m.cosine[i, k], m.sine[i, k] = turned(p.turns[k, 1] < 0, m.cosine[i, k], m.sine[i, k], x, y)
+            m.cosine[i, k], m.sine[i, k] = rotation(p.turns[k, 1] < 0, m.cosine[i, k], m.sine[i, k], x, y)
 
 
 @inner
@@ -45,8 +45,8 @@ def _factor(m, p, w, s, h):  # type: ignore[no-untyped-def]
     """Factor the real and the complex bands with the tangent at the held state; return whether they are regular."""
     stages, A, B, M = len(m.c), w.A, m.B, p.mass
     z, v = s.extra[stages], s.extra[stages + 1]
-    signals_at(p, s.numbers[HELD_TIME], w.amps)
-    m.held[0], m.held[1] = s.numbers[HELD_TIME], h
+    signals_at(p, s.numbers[TANGENT_TIME], w.amps)
+    m.held[0], m.held[1] = s.numbers[TANGENT_TIME], h
     relaxes = len(m.relaxing.runs) > 0
     give(m.relaxing, s.remembered)
     if m.damped:
@@ -117,7 +117,7 @@ def _serves(m, p, s, h):  # type: ignore[no-untyped-def]
     if m.full or p.patched:
         return False
     # equal steps differ by the round-off of their times
-    return abs(s.numbers[HELD_STEP] - h) <= 1e-9 * h
+    return abs(s.numbers[TANGENT_STEP] - h) <= 1e-9 * h
 
 
 @inner
@@ -129,8 +129,8 @@ def _hold(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
     copy(m.V[middle], s.extra[stages + 1])
     if len(m.relaxing.runs) > 0:
         copy(m.relaxing.inner[middle], s.remembered)
-    s.numbers[HELD_TIME], s.numbers[HELD_STEP] = t + m.c[middle] * h, h
-    s.numbers[HELD_STEPS], s.numbers[HELD_COST] = 0.0, MAKING
+    s.numbers[TANGENT_TIME], s.numbers[TANGENT_STEP] = t + m.c[middle] * h, h
+    s.numbers[TANGENT_STEPS], s.numbers[TANGENT_COST] = 0.0, MAKING
     return _factor(m, p, w, s, h)
 
 
@@ -142,16 +142,16 @@ def tangent(m, p, w, s, t, h):  # type: ignore[no-untyped-def]
     """
     if not _serves(m, p, s, h):
         return _hold(m, p, w, s, t, h)
-    if m.held[0] == s.numbers[HELD_TIME] and m.held[1] == s.numbers[HELD_STEP]:
+    if m.held[0] == s.numbers[TANGENT_TIME] and m.held[1] == s.numbers[TANGENT_STEP]:
         return True
-    return _factor(m, p, w, s, s.numbers[HELD_STEP])
+    return _factor(m, p, w, s, s.numbers[TANGENT_STEP])
 
 
 @inner
 def count(s, iterations):  # type: ignore[no-untyped-def]
     """Count the iterations of a step; discard the tangent if they exceed the mean cost per step, which is then least.
     """
-    s.numbers[HELD_STEPS] += 1.0
-    s.numbers[HELD_COST] += iterations
-    if iterations * s.numbers[HELD_STEPS] > s.numbers[HELD_COST]:
-        s.numbers[HELD_STEP] = 0.0
+    s.numbers[TANGENT_STEPS] += 1.0
+    s.numbers[TANGENT_COST] += iterations
+    if iterations * s.numbers[TANGENT_STEPS] > s.numbers[TANGENT_COST]:
+        s.numbers[TANGENT_STEP] = 0.0

@@ -21,7 +21,7 @@ from ..bodies import group_at, set_natural
 from ..lowlevel.arrays import copy, copy_rows
 from ..lowlevel.jit import addressed, inner
 from ..lowlevel.records import array_at
-from ..natural import UNGIVEN
+from ..stress_free import COMPUTED
 from .dynamics import to_full
 
 # slopes of given internal strains: fixed ones, and ones that double the stiffness
@@ -64,10 +64,10 @@ class Relaxing(NamedTuple):
 
 def relaxing(runs: Any, terms: Any, weights: Any, p: Any) -> Relaxing:
     """Return the arrays for a method with these weights (s,) of its stages, and problem p."""
-    s, k = len(weights), p.given.shape[1] if len(runs) else 0
+    s, k = len(weights), p.prescribed.shape[1] if len(runs) else 0
     strains, internal, left = (np.zeros((s, k)) for _ in range(3))
     return Relaxing(runs, terms, weights, np.zeros((len(terms), s, s)), np.zeros((len(terms), s)),
-                    np.zeros((len(runs), s, s)), p.states, p.given, p.slopes,
+                    np.zeros((len(runs), s, s)), p.states, p.prescribed, p.slopes,
                     np.zeros(len(p.states) if len(runs) else 0), strains, internal, left, np.zeros(k),
                     np.zeros((1 + len(terms), 1 + s)), np.zeros(1 + s), calls.table({}))
 
@@ -151,7 +151,7 @@ def begin_stages(m, h):  # type: ignore[no-untyped-def]
 def ungive(q):  # type: ignore[no-untyped-def]
     """Make laws compute their internal strains themselves again."""
     for r in range(len(q.runs)):
-        q.slopes[q.runs[r, 0]] = UNGIVEN
+        q.slopes[q.runs[r, 0]] = COMPUTED
 
 
 @inner
@@ -171,7 +171,7 @@ def _strain(m, p, w, s, i):  # type: ignore[no-untyped-def]
     to_full(p, m.y, w.amps, 0, w.d)
     set_natural(p, w.amps, w.amps)
     for r in range(len(q.runs)):
-        calls.take_strains(p.calls, (group_at(p.groups[q.runs[r, 0]]), w.d, q.runs[r, 7], q.strains[i]))
+        calls.total_strains(p.calls, (group_at(p.groups[q.runs[r, 0]]), w.d, q.runs[r, 7], q.strains[i]))
 
 
 @addressed

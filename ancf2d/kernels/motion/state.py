@@ -14,32 +14,32 @@ from ..lowlevel.jit import addressed, inner, kernel
 # numbers carried from step to step. LIMIT: largest adaptive step size since Newton's method failed, 0 for none
 TIME, STEP_SIZE, CONTRACTION, SIZE, OLD_ERROR, OLD_STEP, WORK, LOST, COUNT, GRID, REJECTED, TRIES, LIMIT = range(13)
 # a tangent shared by several steps: its time, their size (0: no tangent), their number, cost in iterations so far
-HELD_TIME, HELD_STEP, HELD_STEPS, HELD_COST = range(13, 17)
+TANGENT_TIME, TANGENT_STEP, TANGENT_STEPS, TANGENT_COST = range(13, 17)
 # energy created by fixed steps so far; work of moving obstacles in the impact at the end of a step, inf if unknown
-GAINED, GIVEN = 17, 18
+CREATED_ENERGY, OBSTACLE_WORK = 17, 18
 # whether the next step starts from consistent accelerations; energy lost in a step by friction of hard contacts
-FRESH, RUBBED = 19, 20
-# whether a step uses the backward Euler method (a hard contact opens in it, or NEXT > 0)
+STARTS_CONSISTENT, FRICTION_LOSS = 19, 20
+# whether a step uses the backward Euler method (a hard contact opens in it, or NEXT_EULER > 0)
 BACKWARD = 21
 # backward Euler steps between Radau steps (``switching``): size of the next one, 0 for none; size that meets the
 # tolerance, 0 if unknown; size of the last one, 0 after longer Radau steps; size of Radau steps before they were cut;
 # number of backward Euler steps so far
-NEXT, EULER, LAST, UNCUT, SWITCHED = range(22, 27)
-# energy taken by the internal strains of materials in a step; set only with hard contacts
-TAKEN = 27
+NEXT_EULER, GOOD_EULER, LAST_EULER, UNCUT_RADAU, SWITCHED = range(22, 27)
+# work of the stresses on internal strains in a step; set only with hard contacts
+INELASTIC_WORK = 27
 # size of the next step after one that ends where a stop engages, else 0; whether errors are measured as errors of rates
 # (a stop has engaged or a viscous body was hit); the largest rate so far
-SOFT_STEP, STRUCK, FASTEST = range(28, 31)
+ENGAGED_STEP, RATE_ERRORS, FASTEST = range(28, 31)
 # impact at the end of a step: 1 + the item with the largest impulse (0: no impact); number of impulses; their sum
 # [N s]; energy lost
-HIT_AT, HIT_POINTS, IMPULSE, HIT_LOST = range(31, 35)
+IMPACT_ITEM, IMPACT_POINTS, IMPULSE, IMPACT_LOSS = range(31, 35)
 NUMBERS = 35
 
 _angle_near = inner(angle_near)
 # number of Newton increments kept for messages
 HISTORY = 64
-# outcomes of a step. SWITCHES: repeat it, shorter or (NEXT > 0) by backward Euler; INTO_SUPPORTS: a contact point whose
-# gap supports and other points determine would penetrate
+# outcomes of a step. SWITCHES: repeat it, shorter or (NEXT_EULER > 0) by backward Euler; INTO_SUPPORTS: a contact point
+# whose gap supports and other points determine would penetrate
 DONE, NOT_CONVERGED, NOT_FINITE, SINGULAR, SWITCHES, UNBOUNDED, INTO_SUPPORTS = range(7)
 
 
@@ -200,7 +200,7 @@ class Turning(NamedTuple):
 
 
 @kernel
-def turn_on(turning, d, v, h, angle, rate):  # type: ignore[no-untyped-def]
+def count_turns(turning, d, v, h, angle, rate):  # type: ignore[no-untyped-def]
     """Update counted angles and their rates (n,) after a time h, to d with rates v (n_full,).
 
     The mean of old and new rate selects the turn, so steps of more than half a turn are allowed.
@@ -220,5 +220,5 @@ def turn_on(turning, d, v, h, angle, rate):  # type: ignore[no-untyped-def]
 
 
 @addressed
-def keep_all(s, m):  # type: ignore[no-untyped-def]
+def no_restart(s, m):  # type: ignore[no-untyped-def]
     """Do nothing: method m may keep its data of earlier steps after an impact or a stop."""

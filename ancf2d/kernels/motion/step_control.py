@@ -6,65 +6,65 @@ from ..lowlevel.jit import inner
 from .dynamics import norm
 from .state import (
     DONE,
-    EULER,
     FASTEST,
+    GOOD_EULER,
     GRID,
-    LAST,
+    LAST_EULER,
     LIMIT,
-    NEXT,
+    NEXT_EULER,
     OLD_ERROR,
     OLD_STEP,
+    RATE_ERRORS,
     REJECTED,
     SIZE,
     STEP_SIZE,
-    STRUCK,
     SWITCHED,
     SWITCHES,
     TIME,
     TRIES,
-    UNCUT,
+    UNCUT_RADAU,
 )
-from .work import SECOND
+from .work import SECOND_ORDER_ERROR
 
 # largest growth of steps of second order methods with losses or hard contacts: motions that die out quickly, as after
 # an impact, move too little to show in the errors, so each step stays short compared with the time since then
-DAMPED = 1.4
+DAMPED_GROWTH = 1.4
 # fraction of the step size: shorter steps are not made only to store a state
 SHORT = 1e-2
 # most steps in which a motion at its usual speed moves as far as its size
-SO_MANY = 1e4
+MOST_STEPS = 1e4
 # round-off of positions, relative to the size of the motion
 ROUND = 1e-15
 # order of the local error of a backward Euler step
-SECOND_ORDER = 2
+EULER_ERROR = 2
 # growth of successive backward Euler steps within a fixed step
-GROWS = 8.0
+EULER_GROWTH = 8.0
 
 
 @inner
-def usual(s):  # type: ignore[no-untyped-def]
+def wanted_size(s):  # type: ignore[no-untyped-def]
     """Return the size of the next step as set by errors and failures, before any target limits it."""
-    return s.numbers[NEXT] if s.numbers[NEXT] > 0.0 else s.numbers[STEP_SIZE]
+    return s.numbers[NEXT_EULER] if s.numbers[NEXT_EULER] > 0.0 else s.numbers[STEP_SIZE]
 
 
 @inner
-def set_length(s, h):  # type: ignore[no-untyped-def]
+def set_wanted_size(s, h):  # type: ignore[no-untyped-def]
     """Set the size of the next try (Radau or backward Euler, as the last one)."""
-    s.numbers[NEXT if s.numbers[NEXT] > 0.0 else STEP_SIZE] = h
+    s.numbers[NEXT_EULER if s.numbers[NEXT_EULER] > 0.0 else STEP_SIZE] = h
 
 
 @inner
-def length(s, last, target, sooner):  # type: ignore[no-untyped-def]
+def size_to_target(s, last, target, sooner):  # type: ignore[no-untyped-def]
     """Return the size of the next step, which ends at ``target`` at the latest (before ``last`` if for a stored state).
 
     ``sooner`` : whether it should end where an impact is expected.
     """
     left = target - s.numbers[TIME]
-    h = min(usual(s), left)
+    h = min(wanted_size(s), left)
     if left < 1.1 * h and not sooner:
         return left
     # unequal successive steps reduce accuracy: halve the rest instead of leaving a short step
-    return 0.5 * left if target < last and left < 2.0 * h and not sooner and s.numbers[NEXT] == 0.0 else h
+    return 0.5 * left if target < last and left < 2.0 * h and not sooner and s.numbers[NEXT_EULER] == 0.0 else h
 
 
 @inner
@@ -81,8 +81,8 @@ def next_size(m, p, s, h, ratio, contraction, lost, cut):  # type: ignore[no-unt
         trend = h / s.numbers[OLD_STEP] * (old / (low * low)) ** (1.0 / order) * 0.9
         factor = min(factor, trend)
     largest = 4.0 if contraction < 0.3 else 1.2
-    if (lost > 0.0 or p.sided) and not m.exact and order <= SECOND:
-        largest = min(largest, DAMPED)
+    if (lost > 0.0 or p.sided) and not m.exact and order <= SECOND_ORDER_ERROR:
+        largest = min(largest, DAMPED_GROWTH)
     before = s.numbers[STEP_SIZE] if cut else h
     return max(min(max(factor, 0.2) * h, largest * before), before if cut else 0.0)
 
@@ -95,43 +95,43 @@ def shorten(m, s, plan, outcome, h, relative):  # type: ignore[no-untyped-def]
         # the method has set the size
         return
     s.numbers[REJECTED] += 1.0
-    euler = s.numbers[NEXT] > 0.0
+    euler = s.numbers[NEXT_EULER] > 0.0
     if outcome == DONE:
-        shrink = max(0.2, 0.8 * (plan.tolerance / relative) ** (1.0 / (SECOND_ORDER if euler else m.order)))
+        shrink = max(0.2, 0.8 * (plan.tolerance / relative) ** (1.0 / (EULER_ERROR if euler else m.order)))
     else:
         shrink = 0.5
         if not euler:
             s.numbers[LIMIT] = 0.8 * h
-    set_length(s, shrink * h)
+    set_wanted_size(s, shrink * h)
     if euler:
-        s.numbers[EULER] = shrink * h
+        s.numbers[GOOD_EULER] = shrink * h
 
 
 @inner
-def _go_on(s, plan, h, relative):  # type: ignore[no-untyped-def]
+def _after_euler(s, plan, h, relative):  # type: ignore[no-untyped-def]
     """Set step sizes after a backward Euler step of a method that switches to it; the next one is Radau's again."""
     if plan.dt > 0.0:
-        if h >= 0.5 * s.numbers[EULER]:
-            s.numbers[EULER] = min(plan.dt, GROWS * h)
-    elif h >= 0.5 * s.numbers[EULER]:
-        s.numbers[EULER] = h * min(2.0, 0.9 * max(relative / plan.tolerance, 1e-10) ** (-1.0 / SECOND_ORDER))
-    s.numbers[STEP_SIZE] = max(s.numbers[STEP_SIZE], s.numbers[UNCUT])
-    s.numbers[LAST], s.numbers[NEXT], s.numbers[UNCUT], s.numbers[OLD_ERROR] = h, 0.0, 0.0, 0.0
+        if h >= 0.5 * s.numbers[GOOD_EULER]:
+            s.numbers[GOOD_EULER] = min(plan.dt, EULER_GROWTH * h)
+    elif h >= 0.5 * s.numbers[GOOD_EULER]:
+        s.numbers[GOOD_EULER] = h * min(2.0, 0.9 * max(relative / plan.tolerance, 1e-10) ** (-1.0 / EULER_ERROR))
+    s.numbers[STEP_SIZE] = max(s.numbers[STEP_SIZE], s.numbers[UNCUT_RADAU])
+    s.numbers[LAST_EULER], s.numbers[NEXT_EULER], s.numbers[UNCUT_RADAU], s.numbers[OLD_ERROR] = h, 0.0, 0.0, 0.0
     s.numbers[SWITCHED] += 1.0
 
 
 @inner
 def set_size(s, plan, h, relative, size):  # type: ignore[no-untyped-def]
     """Set the size of the next step to ``size`` within its limits, after one of size h with that relative error."""
-    if s.numbers[NEXT] > 0.0:
-        _go_on(s, plan, h, relative)
+    if s.numbers[NEXT_EULER] > 0.0:
+        _after_euler(s, plan, h, relative)
         return
-    if h > s.numbers[LAST]:
-        s.numbers[LAST] = 0.0
+    if h > s.numbers[LAST_EULER]:
+        s.numbers[LAST_EULER] = 0.0
     if plan.dt > 0.0:
         s.numbers[STEP_SIZE] = min(plan.dt, 2.0 * s.numbers[STEP_SIZE])
         if h >= 0.5 * plan.dt:
-            s.numbers[EULER] = 0.0
+            s.numbers[GOOD_EULER] = 0.0
         return
     s.numbers[OLD_ERROR] = max(relative / plan.tolerance, 1e-2)
     s.numbers[STEP_SIZE] = min(plan.largest, size)
@@ -142,7 +142,7 @@ def set_size(s, plan, h, relative, size):  # type: ignore[no-untyped-def]
 
 
 @inner
-def late(plan, size):  # type: ignore[no-untyped-def]
+def impact_tolerance(plan, size):  # type: ignore[no-untyped-def]
     """Return the largest position error [m] at the end of a step with an impact, beyond which the step is repeated.
 
     0 with fixed steps: no limit.
@@ -169,7 +169,7 @@ def targets(s, plan, rows, k):  # type: ignore[no-untyped-def]
 
 
 @inner
-def passed(rows, first, end, near):  # type: ignore[no-untyped-def]
+def wanted_inside(rows, first, end, near):  # type: ignore[no-untyped-def]
     """Return how many wanted times, from the given one on, lie inside a step up to ``end``, and whether one is its end.
     """
     last = first
@@ -180,39 +180,39 @@ def passed(rows, first, end, near):  # type: ignore[no-untyped-def]
 
 
 @inner
-def rounding(p, s):  # type: ignore[no-untyped-def]
+def round_off(p, s):  # type: ignore[no-untyped-def]
     """Return the size [m] of increments that round-off alone may cause."""
     return ROUND * max(s.numbers[SIZE], p.extent)
 
 
 @inner
-def scale_of(s, size, fastest, h):  # type: ignore[no-untyped-def]
+def error_scale(s, size, fastest, h):  # type: ignore[no-untyped-def]
     """Return the scale of displacement errors in a step of size h: the size of the motion.
 
-    If they count as errors of rates (STRUCK), it is the distance moved in the step at the largest rate so far.
+    If they count as errors of rates (RATE_ERRORS), it is the distance moved in the step at the largest rate so far.
     """
-    if s.numbers[STRUCK] == 0.0:
+    if s.numbers[RATE_ERRORS] == 0.0:
         return size
     # a body at rest that a stop sets in motion has no rate yet: use the mean rate of the motion
     return min(size, max(s.numbers[FASTEST], fastest, size / max(s.numbers[TIME], h)) * h)
 
 
 @inner
-def error_beside(s, error, size, fastest, h):  # type: ignore[no-untyped-def]
-    """Return an error of displacements relative to its scale (``scale_of``), or 0 if the scale is 0."""
-    scale = scale_of(s, size, fastest, h)
+def relative_error(s, error, size, fastest, h):  # type: ignore[no-untyped-def]
+    """Return an error of displacements relative to its scale (``error_scale``), or 0 if the scale is 0."""
+    scale = error_scale(s, size, fastest, h)
     return error / scale if scale > 0.0 else 0.0
 
 
 @inner
-def enough(p, s, h, tolerance):  # type: ignore[no-untyped-def]
+def increment_tolerance(p, s, h, tolerance):  # type: ignore[no-untyped-def]
     """Return the tolerance [m] of Newton's increments in a step of size h from s, from their relative ``tolerance``.
 
     It is relative to the size of the motion. Since errors of rates are those of positions over h, steps that move far
     less use the distance moved in SO_MANY such steps instead. It is never below round-off.
     """
-    size = scale_of(s, max(s.numbers[SIZE], 1e-3 * p.extent), 0.0, h)
+    size = error_scale(s, max(s.numbers[SIZE], 1e-3 * p.extent), 0.0, h)
     if s.numbers[TIME] <= 0.0:
         return tolerance * size
-    moved = SO_MANY * h * max(norm(p, s.v), size / s.numbers[TIME])
-    return min(tolerance * size, max(tolerance * moved, rounding(p, s)))
+    moved = MOST_STEPS * h * max(norm(p, s.v), size / s.numbers[TIME])
+    return min(tolerance * size, max(tolerance * moved, round_off(p, s)))

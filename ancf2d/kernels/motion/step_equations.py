@@ -156,7 +156,7 @@ def _load(step, s, C, mass, rows, columns, rubs, dR, v, a, b):  # type: ignore[n
 
 
 @kernel
-def follow(LU, pivots, bw, C, mass, rows, columns, free, rubs, rates, begins, kept,  # type: ignore[no-untyped-def]
+def forward(LU, pivots, bw, C, mass, rows, columns, free, rubs, rates, begins, kept,  # type: ignore[no-untyped-def]
            dR, b, z, v, a, ends):
     """Fill z, v, a (steps s, n, k) with the changes of all stages, and ends (steps + 1, 4, n, k) from ends[0] on.
 
@@ -205,13 +205,13 @@ def _goals(step, s, free, rates, zb, vb, ab, b):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def back(LU, pivots, bw, C, mass, rows, columns, free, rubs, rates, begins, kept,  # type: ignore[no-untyped-def]
+def backward(LU, pivots, bw, C, mass, rows, columns, free, rubs, rates, begins, kept,  # type: ignore[no-untyped-def]
          zb, vb, ab, b, lam, starts, end):
     """Fill lam (steps s, n, k), the adjoint variables: goals change by -lam dR for changes dR of the stages' residuals.
 
     end (4, n, k) are the derivatives of the goals by the last end; it becomes those by the first start. starts
     (steps, 4, n, k) and zb, vb, ab (steps s, n, k) are the direct derivatives by starts and stages; they are
-    overwritten. All else is as in ``follow``.
+    overwritten. All else is as in ``forward``.
     """
     s, n, m = rates.shape[2], zb.shape[1], zb.shape[2]
     for step in range(LU.shape[0] - 1, -1, -1):

@@ -9,29 +9,29 @@ from __future__ import annotations
 from typing import Any
 
 from .. import calls
-from ..curves import is_apart
+from ..curves import is_out_of_reach
 from ..lowlevel.arrays import vector
 from ..lowlevel.jit import addressed, inner, kernel, seldom
 from ..moving import place_moving
 from ..patches import face_bodies
 from ..points import amplitude_of, fields_of_item, law_of_item, rates_of_item, work_arrays
 from .dynamics import signals_at, to_full
-from .events import LOOKS, NOWHERE, interpolate
-from .state import OLD_STEP, SOFT_STEP, STRUCK
+from .events import NOWHERE, SAMPLES, interpolate
+from .state import ENGAGED_STEP, OLD_STEP, RATE_ERRORS
 
 # fractions of a step: how close to its end a change of a stop must be for the step to end there; how close to its start
 # a change is that which ended the previous step. Most tries to hit a change; halvings of an interval
-ENDS, BEHIND, TRIES, HALVINGS = 1e-6, 3e-6, 5, 40
+AT_END, AT_START, TRIES, HALVINGS = 1e-6, 3e-6, 5, 40
 # a step that passes a change has a wrong path, so the first retry ends at this fraction of the way to the change, and
 # is at most this fraction of the step; how far beyond the end of a retry a change is searched [fraction of the step]
-BEFORE, SURE, AHEAD = 0.8, 0.5, 1.0
+FIRST_RETRY, LARGEST_RETRY, SEARCHED_BEYOND = 0.8, 0.5, 1.0
 # size of the step after an engagement, as a fraction of the step before: the stiffness of the stop is not known yet
-SOFT = 1e-2
+AFTER_ENGAGEMENT = 1e-2
 # fraction of the largest step: shorter steps are not made for a stop, and shorter contacts are missed. Without it, many
 # points that touch in quick succession would shorten steps until round-off decides whether they act
-LEAST = 1e-7
+SHORTEST = 1e-7
 # change of the stops at the end of a step: none, one engages, one releases, the last one releases
-STAYS, BEGINS, CEASES, PARTS = range(4)
+UNCHANGED, ENGAGES, RELEASES, ALL_RELEASED = range(4)
 
 
 @inner
@@ -42,14 +42,14 @@ def _item_acts(points, i, w, room):  # type: ignore[no-untyped-def]
     rates_of_item(points, i, w.v, rates)
     fields_of_item(points, i, w.d, u)
     amplitude_of(points, i, w.amps, u, rates, a)
-    acts = law_of_item(points, i, u, rates, a, f, H, C, m if points.along[i] == 0 else 0)[0] != 0.0
+    acts = law_of_item(points, i, u, rates, a, f, H, C, m if points.forces_of_run[i] == 0 else 0)[0] != 0.0
     for j in range(m):
         acts |= f[j] != 0.0
     return acts
 
 
 @inner
-def _tell(p, w, z, v, t, room, out):  # type: ignore[no-untyped-def]
+def _fill_acting(p, w, z, v, t, room, out):  # type: ignore[no-untyped-def]
     """Set out to 1 for each stop that acts at unknowns z and rates v at time t, else to 0."""
     signals_at(p, t, w.amps)
     to_full(p, z, w.amps, 0, w.d)
@@ -60,7 +60,7 @@ def _tell(p, w, z, v, t, room, out):  # type: ignore[no-untyped-def]
         # usually the item that acted last still does
         out[k], i = 1.0 if _item_acts(p.points, p.stops[k, 2], w, room) else 0.0, p.stops[k, 0]
         while i < p.stops[k, 1] and out[k] == 0.0:
-            if p.points.along[i] != 0 and p.points.apart[i] > 0.0 and is_apart(p.points, i, w.d):
+            if p.points.forces_of_run[i] != 0 and p.points.apart[i] > 0.0 and is_out_of_reach(p.points, i, w.d):
                 i += p.points.run[i]
                 continue
             if _item_acts(p.points, i, w, room):
@@ -72,14 +72,14 @@ def _tell(p, w, z, v, t, room, out):  # type: ignore[no-untyped-def]
 @seldom
 def acting(p, w, z, v, t, out):  # type: ignore[no-untyped-def]
     """Set out (k,) to 1 for each stop that acts at unknowns z and rates v at time t, else to 0."""
-    _tell(p, w, z, v, t, work_arrays(p.points), out)
+    _fill_acting(p, w, z, v, t, work_arrays(p.points), out)
 
 
 @inner
-def _acts(p, w, s, m, at, t, h, x, room, out):  # type: ignore[no-untyped-def]
+def _fill_acting_within(p, w, s, m, at, t, h, x, room, out):  # type: ignore[no-untyped-def]
     """Set out to 1 for each stop that acts at the fraction x of the step from s at t to m.end, else to 0."""
     interpolate(m, p, s, h, x, at.z, at.v, at.a)
-    _tell(p, w, at.z, at.v, t + x * h, room, out)
+    _fill_acting(p, w, at.z, at.v, t + x * h, room, out)
 
 
 @addressed
@@ -87,24 +87,24 @@ def _acts(p, w, s, m, at, t, h, x, room, out):  # type: ignore[no-untyped-def]
 def stop_crossing(p, w, s, m, at, t, h, near, beyond):  # type: ignore[no-untyped-def]
     """Return the fraction of the step from s at t, up to 1 + ``beyond``, of the first change of a stop, and its kind.
 
-    The kind is BEGINS (engages), CEASES (releases), or PARTS if no other stop acts after a release. Without a change,
-    returns (NOWHERE, STAYS). A change up to the fraction ``near`` is the one that ended the previous step: ignored.
+    The kind is ENGAGES, RELEASES, or ALL_RELEASED if no other stop acts after a release. Without a change, returns
+    (NOWHERE, UNCHANGED). A change up to the fraction ``near`` is the one that ended the previous step: ignored.
     """
     n = len(p.stops)
     room = work_arrays(p.points)
     before, now, middle = vector(n), vector(n), vector(n)
-    _acts(p, w, s, m, at, t, h, 0.0, room, before)
-    first, what, low = NOWHERE, STAYS, 0.0
-    for place in range(1, LOOKS + (2 if beyond > 0.0 else 1)):
-        x = place / LOOKS if place <= LOOKS else 1.0 + beyond
-        _acts(p, w, s, m, at, t, h, x, room, now)
+    _fill_acting_within(p, w, s, m, at, t, h, 0.0, room, before)
+    first, what, low = NOWHERE, UNCHANGED, 0.0
+    for place in range(1, SAMPLES + (2 if beyond > 0.0 else 1)):
+        x = place / SAMPLES if place <= SAMPLES else 1.0 + beyond
+        _fill_acting_within(p, w, s, m, at, t, h, x, room, now)
         for k in range(n):
             if now[k] == before[k]:
                 continue
             left, right = low, x
             for _ in range(HALVINGS):
                 half = 0.5 * (left + right)
-                _acts(p, w, s, m, at, t, h, half, room, middle)
+                _fill_acting_within(p, w, s, m, at, t, h, half, room, middle)
                 if middle[k] == before[k]:
                     left = half
                 else:
@@ -112,63 +112,64 @@ def stop_crossing(p, w, s, m, at, t, h, near, beyond):  # type: ignore[no-untype
             if right <= near:
                 before[k] = now[k]
             elif right < first:
-                first, what = right, BEGINS if now[k] > 0.0 else CEASES
+                first, what = right, ENGAGES if now[k] > 0.0 else RELEASES
         if first != NOWHERE:
             break
         low = x
-    if what == CEASES:
-        _acts(p, w, s, m, at, t, h, first + near, room, now)
-        what = PARTS
+    if what == RELEASES:
+        _fill_acting_within(p, w, s, m, at, t, h, first + near, room, now)
+        what = ALL_RELEASED
         for k in range(n):
             if now[k] > 0.0:
-                what = CEASES
+                what = RELEASES
     return first, what
 
 
 @inner
-def land(m, p, w, s, at, plan, t, h, room, tries):  # type: ignore[no-untyped-def]
+def aim_at_change(m, p, w, s, at, plan, t, h, room, tries):  # type: ignore[no-untyped-def]
     """Return (accepted, step size, change): whether a step may end where it does, and if not, the size to try instead.
 
     A step is accepted if no stop changes in it or if it ends at a change, which is returned (``stop_crossing``), else
-    STAYS. ``room`` is the largest size allowed, ``tries`` the number of tries so far.
+    UNCHANGED. ``room`` is the largest size allowed, ``tries`` the number of tries so far.
     """
-    near = max(BEHIND * max(h, s.numbers[OLD_STEP]), LEAST * plan.largest) / h
-    x, what = calls.stop_crossing(p.calls, (p, w, s, m, at, t, h, near, AHEAD if tries > 0 else 0.0))
+    near = max(AT_START * max(h, s.numbers[OLD_STEP]), SHORTEST * plan.largest) / h
+    x, what = calls.stop_crossing(p.calls, (p, w, s, m, at, t, h, near, SEARCHED_BEYOND if tries > 0 else 0.0))
     if x == NOWHERE or (x > 1.0 and (h >= room or tries >= TRIES)):
-        return True, h, STAYS
+        return True, h, UNCHANGED
     # any implicit step that runs into a stiff stop ends where the stop engages, so the first try proves nothing
-    if abs(x - 1.0) <= ENDS and (tries > 0 or what != BEGINS):
+    if abs(x - 1.0) <= AT_END and (tries > 0 or what != ENGAGES):
         return True, h, what
-    if tries >= TRIES and what != BEGINS:
+    if tries >= TRIES and what != ENGAGES:
         return True, h, what
     if x < 1.0 and (tries == 0 or tries >= TRIES):
-        return False, min(BEFORE * x, SURE) * h, STAYS
-    return False, min(x, room / h) * h, STAYS
+        return False, min(FIRST_RETRY * x, LARGEST_RETRY) * h, UNCHANGED
+    return False, min(x, room / h) * h, UNCHANGED
 
 
 @inner
-def leave(m, p, w, s, t, stops):  # type: ignore[no-untyped-def]
+def restart_after_change(m, p, w, s, t, stops):  # type: ignore[no-untyped-def]
     """Restart the method at s and t if ``stops`` is a change, so that the next step does not use earlier forces.
 
     Rates are projected onto the constraints first: their errors of O(h^2) would act as forces in a much shorter step.
     """
-    if stops == STAYS:
+    if stops == UNCHANGED:
         return
-    if stops != CEASES:
-        s.numbers[STRUCK] = 1.0 if stops == BEGINS else 0.0
+    if stops != RELEASES:
+        s.numbers[RATE_ERRORS] = 1.0 if stops == ENGAGES else 0.0
     if not m.exact:
         calls.onto_constraints(p.calls, (p, w, s.z, s.v, s.a, t, False))
     calls.restart(m.calls, (s, m.own))
 
 
 @inner
-def soften(s, plan, h, stops, usual):  # type: ignore[no-untyped-def]
-    """Return the size of the step after one of size h: short if a stop engages at its end, else ``usual``.
+def size_after_engagement(s, plan, h, stops, wanted):  # type: ignore[no-untyped-def]
+    """Return the size of the step after one of size h: short if a stop engages at its end, else ``wanted``.
 
     If several stops engage in succession, the first one determines the size.
     """
-    s.numbers[SOFT_STEP] = max(SOFT * h, s.numbers[SOFT_STEP], LEAST * plan.largest) if stops == BEGINS else 0.0
-    return usual if s.numbers[SOFT_STEP] == 0.0 else s.numbers[SOFT_STEP]
+    short = max(AFTER_ENGAGEMENT * h, s.numbers[ENGAGED_STEP], SHORTEST * plan.largest)
+    s.numbers[ENGAGED_STEP] = short if stops == ENGAGES else 0.0
+    return wanted if s.numbers[ENGAGED_STEP] == 0.0 else s.numbers[ENGAGED_STEP]
 
 
 def stop_functions(problem: Any) -> dict[Any, tuple[Any, ...]]:

@@ -27,18 +27,18 @@ from .newmark import newmark_inside
 from .radau import radau_restart
 from .state import (
     DONE,
-    EULER,
-    FRESH,
-    HELD_STEP,
+    GOOD_EULER,
     INTO_SUPPORTS,
-    LAST,
-    NEXT,
+    LAST_EULER,
+    NEXT_EULER,
     OLD_STEP,
     SIZE,
+    STARTS_CONSISTENT,
     STEP_SIZE,
     SWITCHES,
+    TANGENT_STEP,
     TRIES,
-    UNCUT,
+    UNCUT_RADAU,
 )
 
 # samples of a step, and halvings of the interval in which a point opens or closes
@@ -59,8 +59,8 @@ class Switched(NamedTuple):
     radau, euler : addresses of the records of the two methods, which share one Step as end; calls : table of their
     functions (``kernels.calls``); tolerance : of adaptive steps, 0 for fixed ones; basis : as in ``Method``; end, at :
     Steps, ``at`` for interpolated states; held (items,) : CLOSED or OPEN, state of the points in the step; looks
-    (3, items) : distance of the points to a change, at three samples; made (1,) : size NEXT of the current step if it
-    is a backward Euler step, else 0.
+    (3, items) : distance of the points to a change, at three samples; made (1,) : size NEXT_EULER of the current step
+    if it is a backward Euler step, else 0.
     """
 
     radau: int
@@ -180,9 +180,9 @@ def _first(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
 def _euler_length(p, s, own, h):  # type: ignore[no-untyped-def]
     """Return the size of a backward Euler step that meets the tolerance, estimated from its error h^2 a/2 at first."""
     if own.tolerance == 0.0:
-        return max(s.numbers[EULER], PART * max(s.numbers[STEP_SIZE], s.numbers[UNCUT]))
-    if s.numbers[EULER] > 0.0:
-        return s.numbers[EULER]
+        return max(s.numbers[GOOD_EULER], PART * max(s.numbers[STEP_SIZE], s.numbers[UNCUT_RADAU]))
+    if s.numbers[GOOD_EULER] > 0.0:
+        return s.numbers[GOOD_EULER]
     pull = norm(p, s.a)
     return min(np.sqrt(2.0 * own.tolerance * s.numbers[SIZE] / pull), h) if pull > 0.0 else h
 
@@ -205,7 +205,7 @@ def _closing_time(p, w, s, own, t, h, x):  # type: ignore[no-untyped-def]
 
 @inner
 def _switches(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
-    """Return whether a point changes in the step; it must then be repeated with the new STEP_SIZE or NEXT."""
+    """Return whether a point changes in the step; it must then be repeated with the new STEP_SIZE or NEXT_EULER."""
     x = _first(p, w, s, own, t, h)
     if x == NOWHERE:
         return False
@@ -214,9 +214,10 @@ def _switches(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
     # end further before the change after every failed try
     sooner = x * h - 0.5 * near * 2.0 ** s.numbers[TRIES]
     if x * h > euler and sooner > 0.5 * euler:
-        s.numbers[STEP_SIZE], s.numbers[UNCUT] = sooner, max(s.numbers[UNCUT], s.numbers[STEP_SIZE])
+        s.numbers[STEP_SIZE], s.numbers[UNCUT_RADAU] = sooner, max(s.numbers[UNCUT_RADAU], s.numbers[STEP_SIZE])
     else:
-        s.numbers[NEXT], s.numbers[EULER] = max(x * h + 0.5 * near, euler if s.numbers[LAST] > 0.0 else 0.0), euler
+        s.numbers[NEXT_EULER] = max(x * h + 0.5 * near, euler if s.numbers[LAST_EULER] > 0.0 else 0.0)
+        s.numbers[GOOD_EULER] = euler
     return True
 
 
@@ -224,9 +225,9 @@ def _switches(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
 @seldom
 def switched_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
     """Step from the motion s at t to own.end; return (outcome, iterations, error [m], contraction)."""
-    own.made[0] = s.numbers[NEXT]
-    if s.numbers[NEXT] > 0.0:
-        s.numbers[FRESH] = 1.0
+    own.made[0] = s.numbers[NEXT_EULER]
+    if s.numbers[NEXT_EULER] > 0.0:
+        s.numbers[STARTS_CONSISTENT] = 1.0
         outcome, iterations, error, rate = calls.euler_step(own.calls, (p, w, s, own.euler, t, h))
         go_straight(own.end, s)
         return outcome, iterations, error, rate
@@ -237,7 +238,7 @@ def switched_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
     if outcome != DONE:
         # if no point is closed, contact is not the cause: a shorter step helps
         if closes and not h > 2.0 * _euler_length(p, s, own, h):
-            s.numbers[NEXT], outcome = h, SWITCHES
+            s.numbers[NEXT_EULER], outcome = h, SWITCHES
     else:
         # a step that exceeds the tolerance is repeated anyway
         fine = own.tolerance == 0.0 or error <= own.tolerance * max(s.numbers[SIZE], norm(p, own.end.z))
@@ -259,7 +260,7 @@ def switched_accept(s, own):  # type: ignore[no-untyped-def]
 @addressed
 def switched_go_on(s, own):  # type: ignore[no-untyped-def]
     """Restart Radau's method after a backward Euler step."""
-    s.numbers[OLD_STEP] = s.numbers[HELD_STEP] = 0.0
+    s.numbers[OLD_STEP] = s.numbers[TANGENT_STEP] = 0.0
 
 
 @addressed
@@ -283,4 +284,4 @@ def switched_taken(p, w, own, x):  # type: ignore[no-untyped-def]
 def switched_restart(m: Any, s: Any) -> None:
     """Restart with steps of Radau's method."""
     radau_restart(m, s)
-    s.numbers[[NEXT, EULER, LAST, UNCUT]] = 0.0
+    s.numbers[[NEXT_EULER, GOOD_EULER, LAST_EULER, UNCUT_RADAU]] = 0.0

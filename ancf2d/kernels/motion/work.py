@@ -8,11 +8,11 @@ from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed, inner, seldom
 from ..moving import moving_inertia, place_moving
 from ..patches import forces_but_contacts, patch_forces
-from .dynamics import add_loads, answer, lost_to_mass_damping, signals_at, to_full
+from .dynamics import add_loads, apply_feedback, lost_to_mass_damping, signals_at, to_full
 from .events import interpolate
 
 # order of the local error of second order methods
-SECOND = 3
+SECOND_ORDER_ERROR = 3
 # Lobatto's points in [0, 1], and their weights
 POINTS = (0.0, 0.27639320225002106, 0.7236067977499789, 1.0)
 WEIGHTS = (1.0 / 12.0, 5.0 / 12.0, 5.0 / 12.0, 1.0 / 12.0)
@@ -27,7 +27,7 @@ def losing_forces(p, w, z, v, drives):  # type: ignore[no-untyped-def]
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
     w.Q[:] = 0.0
-    answer(p, w)
+    apply_feedback(p, w)
     set_natural(p, w.amps, w.amps)
     place_moving(p, w.d, w.amps)
     if drives:
@@ -83,7 +83,7 @@ def power(p, w, z, v, a, t):  # type: ignore[no-untyped-def]
 
 
 @inner
-def recall(m, p, h, x):  # type: ignore[no-untyped-def]
+def set_history(m, p, h, x):  # type: ignore[no-untyped-def]
     """Set the history variables of relaxing materials to the fraction x of the step (0: its start)."""
     if len(p.clocks) > 0:
         calls.inside(m.calls, (p, m.own, h, x))
@@ -103,7 +103,7 @@ def _lost_on_the_way(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
         w.y[i] = 0.5 * (0.5 * (s.v[i] + at.v[i]) - w.R[i]) * p.coordinate[i]
     interpolate(m, p, s, h, 0.5 * end, at.z, at.v, at.a)
     copy(w.y, at.a)
-    recall(m, p, h, 0.5 * end)
+    set_history(m, p, h, 0.5 * end)
     signals_at(p, t + 0.5 * end * h, w.amps)
     lost = 0.0
     for k in range(2):
@@ -115,10 +115,10 @@ def _lost_on_the_way(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
 
 
 @inner
-def taken_inside(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
-    """Return the energy that internal strains solved at stages take up to the fraction ``end`` of the step, else 0."""
+def inelastic_work_within(m, p, w, s, at, t, h, end):  # type: ignore[no-untyped-def]
+    """Return the work on internal strains solved at stages, up to the fraction ``end`` of the step, else 0."""
     lost = 0.0
-    if len(p.clocks) > 0 and m.order > SECOND:
+    if len(p.clocks) > 0 and m.order > SECOND_ORDER_ERROR:
         for k in range(4):
             interpolate(m, p, s, h, end * POINTS[k], at.z, at.v, at.a)
             signals_at(p, t + end * POINTS[k] * h, w.amps)
@@ -136,16 +136,16 @@ def work(p, w, s, m, at, t, h, end):  # type: ignore[no-untyped-def]
     Second order methods use two Gauss points, others four Lobatto points. Losses of second order methods are the mean
     force of dampers times the distance moved.
     """
-    done, lost, low = 0.0, 0.0, m.order <= SECOND
+    done, lost, low = 0.0, 0.0, m.order <= SECOND_ORDER_ERROR
     for k in range(2 if low else 4):
         x = end * ((0.21132486540518713, 0.7886751345948129, 0.0, 0.0) if low else POINTS)[k]
         f = 0.5 if low else WEIGHTS[k]
         interpolate(m, p, s, h, x, at.z, at.v, at.a)
-        recall(m, p, h, x)
+        set_history(m, p, h, x)
         one, two = power(p, w, at.z, at.v, at.a, t + x * h)
         done += f * one
         lost += f * two
     if low and lost != 0.0:
         lost = _lost_on_the_way(m, p, w, s, at, t, h, end)
-    recall(m, p, h, 0.0)
+    set_history(m, p, h, 0.0)
     return end * h * done, end * h * lost

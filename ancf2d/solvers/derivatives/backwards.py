@@ -21,7 +21,7 @@ from numpy.polynomial import polynomial
 from ...case import Dynamic
 from ...elements.shape import Array
 from ...kernels.lowlevel.records import Record
-from ...kernels.motion import along
+from ...kernels.motion import many_states
 from ...kernels.motion.advance import INSIDE
 from ...model.model import Model
 from ..linear import unknowns_to_coordinates
@@ -285,7 +285,7 @@ class Backwards(Once):
         one, two = np.zeros((2, *lam.shape[:2]))
         for q in range(lam.shape[2]):
             for sign in signs:
-                along.left_out(alone, w, at, sign * lam[:, :, q], none, room, one, two)
+                many_states.derivatives_left_out(alone, w, at, sign * lam[:, :, q], none, room, one, two)
                 by_z[:, :, q] += sign / len(signs) * one
                 by_v[:, :, q] += sign / len(signs) * two
             if many:
@@ -301,7 +301,7 @@ class Backwards(Once):
         by_z, by_v = np.zeros((2, *lam.shape))
         # scale lam to the size of the rates
         sizes, rates = ((p.weights * np.abs(x)).max(axis=1, initial=0.0) for x in (lam, at.v))
-        some = sizes > along.NONE
+        some = sizes > many_states.NEGLIGIBLE
         scale = np.where(some, np.maximum(rates, 1e-3 * p.extent) / np.where(some, sizes, 1.0), 1.0)
         virtual = (T @ (scale[:, None] * lam).T).T
         for group, tau in zip(self.run.model.groups, p.tau.tolist(), strict=True):
@@ -364,8 +364,8 @@ class Backwards(Once):
         p, w = self.stepper.p, self.stepper.w
         by_z, by_v = self._left_out(at, mu[None])
         A, B = np.zeros((2, 1, len(p.mass)))
-        along.tangents(p, w, at, 0.0, A)
-        along.tangents(p, w, at, 1.0, B)
+        many_states.tangents(p, w, at, 0.0, A)
+        many_states.tangents(p, w, at, 1.0, B)
         K, C = self.entries.matrix(self.entries.read(A)[0]), self.entries.matrix(self.entries.read(B - A)[0])
         M, none = self.entries.matrix(self.mass), np.zeros_like(mu)
         return Change(end.z - K @ mu - by_z[0], end.v - C @ mu - p.alpha * (M @ mu) - by_v[0], none, none.copy())

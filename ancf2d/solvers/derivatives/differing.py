@@ -13,7 +13,7 @@ from ...elements.shape import Array
 from ...interactions.prismatic import sliding_table
 from ...kernels.bodies import addresses
 from ...kernels.lowlevel.records import Record
-from ...kernels.motion import along
+from ...kernels.motion import many_states
 from ...kernels.motion.state import scratch
 from ...kernels.points import Points
 from ...model.breakpoints import motion_pieces
@@ -201,7 +201,7 @@ class Differing:
         shape, mine = at.values.z.shape, self._moments(at)
         out, R = np.zeros((len(self.weights), *shape)), np.zeros(shape)
         for p, w, elements, weights in zip(self.problems, self.w, self.elements, self.weights.T, strict=True):
-            along.residuals(p, w, mine, R)
+            many_states.residuals(p, w, mine, R)
             for group, tau in elements:
                 full = in_full(self.run, at, window)
                 Q = forces(group, tau, full.d, full.v)
@@ -210,7 +210,7 @@ class Differing:
         if (drag := self._drag).any():
             out += drag[:, None, None] * (self._own_mass @ at.values.v.T).T
         for p, total in zip(self.inertia, out, strict=False):
-            along.residuals(p, self.w[0], _forgotten(at), R)
+            many_states.residuals(p, self.w[0], _forgotten(at), R)
             total += R
         return out
 
@@ -227,7 +227,7 @@ class Differing:
         for p, w, elements, (first, second) in zip(self.problems, self.w, self.elements, self.weights.T.tolist(),
                                                    strict=True):
             work = np.zeros((m, goals) if first else (len(some), goals))
-            along.works(p, w, *((mine, lam) if first else (few, on_few)), work)
+            many_states.residual_products(p, w, *((mine, lam) if first else (few, on_few)), work)
             # the same number of states side by side for all models, so that their round-off is the same
             one = self._element_work(elements, at, window, lam, some)
             if first:
@@ -251,7 +251,7 @@ class Differing:
         if len(base.motion_coord) and self.inertia:
             # prescribed mass acts, too
             self._enter(window, self.inertia)
-            along.works(self.inertia[0], self.w[0], _forgotten(at), lam, out[0])
+            many_states.residual_products(self.inertia[0], self.w[0], _forgotten(at), lam, out[0])
         elif not len(base.motion_coord) and self.mass is not None:
             forces = self.mass @ (at.values.a + base.alpha * at.values.v).T
             np.einsum("mik,im->mk", lam, forces, out=out[0])
@@ -279,7 +279,7 @@ class Differing:
 
 def _some(at: Record, which: Index) -> Record:
     """Return some of the states."""
-    return Record(along.Moments(*(np.ascontiguousarray(x[which]) for x in at.values)))
+    return Record(many_states.States(*(np.ascontiguousarray(x[which]) for x in at.values)))
 
 
 def _forgotten(at: Record) -> Record:
@@ -353,7 +353,8 @@ def of_items(points: Points, which: Index | slice) -> Points:
         parts[along_] = np.concatenate([[0], np.cumsum([len(row) for row in rows])]).astype(np.int64)
         parts[name] = np.concatenate([getattr(points, name)[:0], *rows])
     # evaluated one by one, because other points of their curves may be missing
-    return points._replace(run=np.ones(len(which), dtype=np.int64), along=np.zeros(len(which), dtype=np.int64), **parts)
+    return points._replace(run=np.ones(len(which), dtype=np.int64),
+                           forces_of_run=np.zeros(len(which), dtype=np.int64), **parts)
 
 
 def _unlike_loads(tables: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -282,9 +282,9 @@ class Equations:
         ends = np.zeros((len(self.rates) + 1, 4, n, columns))
         ends[0] = start.z, start.v, start.a, start.own
         if self.bw <= BAND:
-            step_equations.follow(self.lu, self.pivots, self.bw, self.C, self.M, *self.shape, self.rubs, self.rates,
-                                  self.begins, self.kept, np.ascontiguousarray(dR), np.zeros((n * s, columns)),
-                                  out.z, out.v, out.a, ends)
+            step_equations.forward(self.lu, self.pivots, self.bw, self.C, self.M, *self.shape, self.rubs, self.rates,
+                                   self.begins, self.kept, np.ascontiguousarray(dR), np.zeros((n * s, columns)),
+                                   out.z, out.v, out.a, ends)
             return out, ends
         free, M = self.entries.free[:, None], self.entries.matrix(self.M)
         for k, lu in enumerate(self.sparse):
@@ -310,9 +310,9 @@ class Equations:
         lam: Array = np.zeros(stages.z.shape)
         last = np.array([end.z, end.v, end.a, end.own])
         if self.bw <= BAND:
-            step_equations.back(self.lu, self.pivots, self.bw, self.C, self.M, *self.shape, self.rubs, self.rates,
-                                self.begins, self.kept, stages.z, stages.v, stages.a,
-                                np.zeros((self.entries.n * self.entries.s, lam.shape[2])), lam, starts, last)
+            step_equations.backward(self.lu, self.pivots, self.bw, self.C, self.M, *self.shape, self.rubs, self.rates,
+                                    self.begins, self.kept, stages.z, stages.v, stages.a,
+                                    np.zeros((self.entries.n * self.entries.s, lam.shape[2])), lam, starts, last)
             return lam, Change(*last)
         s, n = self.entries.s, self.entries.n
         free, M = self.entries.free[:, None], self.entries.matrix(self.M)

@@ -70,8 +70,8 @@ def forces(group: Record, tau: float, d: Array, v: Array) -> Array:
 def left_out(group: Record, tau: float, d: Array, v: Array, lam: Array) -> tuple[Array, Array]:
     """Return the derivatives of the work of viscous elements on lam (m, n_full) by positions and rates.
 
-    They are (m, elements, n) each, at m states, without the part in ``along.tangents``. lam should be about as large as
-    the rates, so that quadratic terms keep most digits.
+    They are (m, elements, n) each, at m states, without the part in ``many_states.tangents``. lam should be about as
+    large as the rates, so that quadratic terms keep most digits.
     """
     many, (here, rates, virtual) = _side_by_side(group, d, v, lam)
     by_d, by_v, stiff, room = (np.zeros_like(here) for _ in range(4))

@@ -19,7 +19,7 @@ from numpy.polynomial import polynomial
 from ...case import Dynamic
 from ...elements.shape import Array
 from ...kernels.lowlevel.records import Record
-from ...kernels.motion import along
+from ...kernels.motion import many_states
 from ...kernels.motion.advance import EVENT, INSIDE
 from ...kernels.motion.state import Motion
 from ...model.model import Model
@@ -148,17 +148,17 @@ class Once:
         s = self.method.stages
         turns, feet = (np.repeat(np.array([getattr(step, name) for step in window]), s, axis=0)
                        for name in ("turns", "feet"))
-        return Record(along.Moments(joined("t"), joined("z"), joined("v"), joined("a"), turns, feet))
+        return Record(many_states.States(joined("t"), joined("z"), joined("v"), joined("a"), turns, feet))
 
     def equations(self, window: Sequence[Step], at: Record) -> Equations:
         """Return the factored equations of some steps."""
         p, w = self.stepper.p, self.stepper.w
         A = np.zeros((len(at.t), len(p.mass)))
-        along.tangents(p, w, at, 0.0, A)
+        many_states.tangents(p, w, at, 0.0, A)
         K = self.entries.read(A)
         C = np.broadcast_to(p.alpha * self.mass, K.shape)
         if self.damped:
-            along.tangents(p, w, at, 1.0, A)
+            many_states.tangents(p, w, at, 1.0, A)
             C = C + self.entries.read(A) - K
         lengths = np.array([step.h for step in window])
         try:
@@ -177,7 +177,7 @@ class Once:
     def now(self) -> Record:
         """Return the current state of the motion, with its accelerations."""
         s, p = self.stepper.s, self.stepper.p
-        return Record(along.Moments(np.array([self.stepper.t]), *(np.array(x)[None] for x in (
+        return Record(many_states.States(np.array([self.stepper.t]), *(np.array(x)[None] for x in (
             s.z, s.v, s.a, p.points.mem, p.sliding.memory))))
 
 
@@ -306,7 +306,8 @@ class Pass(Once):
         z, v, a = (np.ascontiguousarray(x[:, :, own] @ factors) for x in (stages.z, stages.v, stages.a))
         size = max(float((weights[:, :, 0] * np.abs(z)).max(initial=0.0)), 1.0)
         J = np.zeros(z.shape)
-        along.actions(self.stepper.p, self.stepper.w, at, z, v, a, TRIED * self.stepper.p.extent / size, J)
+        many_states.derivatives_along(self.stepper.p, self.stepper.w, at, z, v, a,
+                                      TRIED * self.stepper.p.extent / size, J)
         defect = (dR[:, :, own] @ factors + J)[:, :, None]
         more, _ = equations.follow(defect, Change.none(self.entries.n, 1))
         left = self._share(at, Stages(stages.t, z, v, a), more, 0, size, float(factors @ self._per_step))
@@ -326,7 +327,8 @@ class Pass(Once):
                 z, v, a = (np.ascontiguousarray(x[:, :, 2 * number]) for x in
                            (course.stages.z, course.stages.v, course.stages.a))
                 sizes[k] = max(float((weights * np.abs(z)).max(initial=0.0)), sizes[k])
-                along.actions(stepper.p, stepper.w, at, z, v, a, TRIED * stepper.p.extent / sizes[k], J)
+                many_states.derivatives_along(stepper.p, stepper.w, at, z, v, a,
+                                              TRIED * stepper.p.extent / sizes[k], J)
                 defects[:, :, k] = dR[:, :, 2 * number] + J
             more = Course(*equations.follow(defects, Change.none(self.entries.n, len(some))))
             stages = course.stages

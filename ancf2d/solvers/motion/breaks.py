@@ -12,7 +12,7 @@ from ...elements.sliding import OFF
 from ...interactions.moving import MovingPatch
 from ...kernels.lowlevel.records import Record
 from ...kernels.motion.advance import NEAR
-from ...kernels.motion.consistent import kinetic, onto_constraints, place_at
+from ...kernels.motion.consistent import kinetic, onto_constraints, place_moving_at
 from ...kernels.motion.dynamics import signals_at
 from ...kernels.motion.state import GRID, LOST, STEP_SIZE, WORK, fill_full
 from ...model.breakpoints import Break, MotionPiece, breakpoints
@@ -63,7 +63,7 @@ class MovingPoints:
         """Return for each point whether it acts in the motion s at t, and its velocity relative to the body."""
         if not self.patches:
             return []
-        place_at(p, w, s.z, s.v, t)
+        place_moving_at(p, w, s.z, s.v, t)
         points = p.points
         return [(bool(points.on[i]), points.drift[points.field[i]:points.field[i] + 2].copy())
                 for i in p.moving.item.tolist()]

@@ -16,7 +16,7 @@ from ...elements.shape import Array
 from ...errors import ComputationError
 from ...interactions.moving import MovingPatch
 from ...kernels.lowlevel.records import Record
-from ...kernels.motion.events import HOLDS, NO_VALUE, NONE, PASSED, WAITING, holding
+from ...kernels.motion.events import HOLDS, NO_VALUE, NONE, PASSED, WAITING, check_conditions
 from ...model.breakpoints import Break, MotionPiece
 from ...model.constraints import MOTIONS
 from ...model.determinacy import rigid_motion
@@ -108,7 +108,7 @@ class Events:
         if not self.conditions:
             return False
         motion = self.motion
-        found = holding(motion.p, motion.w, motion.s.z, motion.s.v, motion.t)
+        found = check_conditions(motion.p, motion.w, motion.s.z, motion.s.v, motion.t)
         if found == NO_VALUE:
             motion.answers.check(0.0)
         return bool(found != NONE)

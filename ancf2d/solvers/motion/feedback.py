@@ -26,9 +26,9 @@ class Answers:
         model = self.motion.model
         d = d[:model.n_q]
         # a controller that nothing uses reads no angles
-        for k, q in enumerate(self.feedback.quantities[:len(p.feedback.near)]):
+        for k, q in enumerate(self.feedback.quantities[:len(p.feedback.last_angle)]):
             if q.rotation is not None and q.kind == ANGLE:
-                p.feedback.near[k] = model.turns.theta(q.rotation, model.e0 + d, d, turned)
+                p.feedback.last_angle[k] = model.turns.theta(q.rotation, model.e0 + d, d, turned)
 
     @property
     def counts_angles(self) -> bool:
@@ -55,7 +55,7 @@ class Answers:
         self.sample(0.0)
         motion.consistent(0.0, np.zeros(len(s.z)))
         # states that start at zero are scaled by the value that they reach soon
-        motion.p.feedback.scale[:] = np.maximum(np.abs(s.z[inner:]), motion.p.feedback.soon * np.abs(s.v[inner:]))
+        motion.p.feedback.scale[:] = np.maximum(np.abs(s.z[inner:]), motion.p.feedback.time_scale * np.abs(s.v[inner:]))
         self.set_weights()
 
     def set_weights(self) -> None:

@@ -40,7 +40,7 @@ from ...kernels.motion.stages import (
     relax,
     relaxing,
 )
-from ...kernels.motion.state import Step, keep_all, method_of
+from ...kernels.motion.state import Step, method_of, no_restart
 from ...kernels.motion.switching import (
     Switched,
     switched_accept,
@@ -78,7 +78,7 @@ class Kernels(NamedTuple):
     restart: Callable[[Any, Any], None]
     inside: Any = None
     work: Any = None
-    go_on: Any = keep_all
+    go_on: Any = no_restart
     taken: Any = None
 
 
@@ -278,7 +278,7 @@ class Method:
         # the record with Radau's stages, if materials relax at these
         self._relaxing = next((x for x in (self.own, *parts) if len(relaxes[0]) and isinstance(x.values, Radau)), None)
         # number of internal strains that are stored with the motion's tangent
-        self.remembered = p.given.shape[1] if self._relaxing is not None else 0
+        self.remembered = p.prescribed.shape[1] if self._relaxing is not None else 0
         if self._relaxing is not None:
             self.functions |= _functions_of_stages(p.layout, self._relaxing.layout)
         impulse = own.gamma * (1.0 - own.af) / (1.0 - own.am) if isinstance(own, Newmark) else 0.0

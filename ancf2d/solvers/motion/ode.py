@@ -12,10 +12,10 @@ from ...case import Dynamic
 from ...elements.shape import Array
 from ...kernels.lowlevel.records import Record
 from ...kernels.motion.advance import CHECK, END, INSIDE, NEAR
-from ...kernels.motion.events import BEYOND, FLOAT, FLOATS, LOOKS, NO_VALUE, NONE, TRIES, holding
-from ...kernels.motion.ode import accelerations, mass_factors, place, powers, rates, settle, tangents
+from ...kernels.motion.events import BEYOND, FLOAT, FLOATS, NO_VALUE, NONE, SAMPLES, TRIES, check_conditions
+from ...kernels.motion.ode import accelerations, accept_step, mass_factors, place, powers, rates, tangents
 from ...kernels.motion.state import COUNT, LOST, OLD_STEP, SIZE, STEP_SIZE, TIME, WORK, motion
-from ...kernels.motion.stops import BEHIND, ENDS, LEAST, SOFT, SURE, acting
+from ...kernels.motion.stops import AFTER_ENGAGEMENT, AT_END, AT_START, LARGEST_RETRY, SHORTEST, acting
 from ...kernels.motion.stops import TRIES as STOP_TRIES
 from ...model.model import Model
 from ..linear import dense
@@ -207,7 +207,7 @@ class OdeStepper(Stepper):
         worst = self._keep(h)
         if lands:
             self._restart()
-            self.s.numbers[STEP_SIZE] = SOFT * h
+            self.s.numbers[STEP_SIZE] = AFTER_ENGAGEMENT * h
         tries = evaluations // self.scheme.stages if self.scheme.stages else 1
         self.log.append([self.s.numbers[COUNT], solver.t, h, evaluations, tries - 1, error, worst])
         for x, y, work, turned in states:
@@ -254,12 +254,12 @@ class OdeStepper(Stepper):
                 solver.dense_output())
             found = self._first_change(path, t, solver.t)
             # in an implicit step, a stiff stop holds the end of the step at the place where it engages
-            if found is None or ((k > 0 or not self.scheme.one_step) and solver.t - found <= ENDS * (solver.t - t)):
+            if found is None or ((k > 0 or not self.scheme.one_step) and solver.t - found <= AT_END * (solver.t - t)):
                 return solver.dense_output() if k > 0 or found is not None else None, found is not None
             if not self.scheme.one_step:
                 solver.t, solver.y, solver.status = found, path(found), "running"
                 return path, True
-            found = min(found, t + SURE * (solver.t - t)) if k == 0 else found
+            found = min(found, t + LARGEST_RETRY * (solver.t - t)) if k == 0 else found
             self.solver = self._begin(min(found, self.pieces[self.piece].stop), found - t)
             message = self.solver.step()
             if self.solver.status == "failed":
@@ -278,8 +278,8 @@ class OdeStepper(Stepper):
             return out
 
         before, begun = acts(t), t
-        near = max(BEHIND * max(end - t, self.s.numbers[OLD_STEP]), LEAST * self._largest())
-        for x in (t + (end - t) * k / LOOKS for k in range(1, LOOKS + 1)):
+        near = max(AT_START * max(end - t, self.s.numbers[OLD_STEP]), SHORTEST * self._largest())
+        for x in (t + (end - t) * k / SAMPLES for k in range(1, SAMPLES + 1)):
             now, times = acts(x), []
             for k in np.flatnonzero(now != before):
                 low, high = begun, x
@@ -300,12 +300,12 @@ class OdeStepper(Stepper):
         """
         def holds(x: float) -> bool:
             place(self.inner, self.free, path(x))
-            found = holding(self.p, self.w, self.inner.z, self.inner.v, x)
+            found = check_conditions(self.p, self.w, self.inner.z, self.inner.v, x)
             if found == NO_VALUE:
                 raise stuck(self, "a condition has no value")
             return bool(found != NONE)
 
-        times = [t + (end - t) * k / LOOKS for k in range(LOOKS)] + [end] + ([end + beyond] if beyond else [])
+        times = [t + (end - t) * k / SAMPLES for k in range(SAMPLES)] + [end] + ([end + beyond] if beyond else [])
         k = next((k for k in range(1, len(times)) if holds(times[k])), None)
         if k is None:
             return None
@@ -326,7 +326,7 @@ class OdeStepper(Stepper):
         """Move the motion to the end of the step, projected onto the constraints; return their violation."""
         solver, s = self.solver, self.s
         place(s, self.free, solver.y)
-        worst = float(settle(self.p, self.w, s, solver.t))
+        worst = float(accept_step(self.p, self.w, s, solver.t))
         s.turned[:] = self.turns_on(solver.t, h, s.z, s.v)
         if self.constrained:
             solver.y = np.concatenate([s.z[self.free], s.v[self.free]])

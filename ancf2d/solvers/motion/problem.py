@@ -26,22 +26,22 @@ from ...kernels.lowlevel.records import Record, type_of
 from ...kernels.matrices.layout import no_fronts
 from ...kernels.matrices.symmetric import matrix_functions
 from ...kernels.motion import ode
-from ...kernels.motion.advance import Plan, Rows, advance
-from ...kernels.motion.along import read_states
+from ...kernels.motion.advance import Rows, StepPlan, advance
 from ...kernels.motion.consistent import consistent, constraint_functions, kinetic
 from ...kernels.motion.dynamics import Problem, dynamic_functions, signals_at
-from ...kernels.motion.events import event_functions, holding
+from ...kernels.motion.events import check_conditions, event_functions
 from ...kernels.motion.feedback import Feedback, feedback_accept, feedback_functions, no_feedback, tail_size
 from ...kernels.motion.impact import begin, impact_functions
+from ...kernels.motion.many_states import read_states
 from ...kernels.motion.ode import ode_functions
-from ...kernels.motion.state import Turning, fill_full, method_of, motion, scratch, turn_on
+from ...kernels.motion.state import Turning, count_turns, fill_full, method_of, motion, scratch
 from ...kernels.motion.stops import acting, stop_functions
 from ...kernels.moving import moving_functions
 from ...kernels.patches import patch_functions
 from ...kernels.sliding import sliding_check
 from ...kernels.tangents import fill_products
 from ...model.feedback import POSITION
-from ...model.groups import with_given, with_own_arrays, with_states
+from ...model.groups import with_own_arrays, with_prescribed, with_states
 from ...model.interactions import point_table, turning_table
 from ...model.model import Model
 from ...model.timing import Signal
@@ -49,7 +49,17 @@ from ..energy import is_constant
 from ..linear import full_mass, unknowns_to_coordinates
 from .methods import MAKERS, Method
 from .schemes import INTEGRATORS, Integrator, default_method
-from .tables import Signals, dead_loads, mass_tables, motions, natural_signals, sewn_laws, stops_of, vectors, with_own
+from .tables import (
+    Signals,
+    assembled_laws,
+    dead_loads,
+    mass_tables,
+    motions,
+    natural_signals,
+    stops_of,
+    vectors,
+    with_own,
+)
 
 # share of the whole time: controllers' states that start at zero are scaled by their value after this time
 SOON = 1e-2
@@ -91,15 +101,15 @@ def empty_problem() -> Record:
     x, n, table2 = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 0))
     turning = Turning(n, n, x, x, x)
     return Record(Problem(
-        groups=n, states=x, clocks=n, given=table2, slopes=x, driven=np.zeros(0, dtype=bool), calls=n, tau=x,
+        groups=n, states=x, clocks=n, prescribed=table2, slopes=x, driven=np.zeros(0, dtype=bool), calls=n, tau=x,
         points=point_table([]), sliding=sliding_table([], x), moving=moving_table([], int, x), facing=facing_table([]),
         stops=n.reshape(0, 3), patched=False, touches=False, sided=False, turning=turning, winds=False,
         programs=programs([]), place=n, indptr=n, index=n, value=x, full=n, dependents=n, fronts=no_fronts(), width=1,
-        mass=x, diagonals=n, along=table2, load_coord=n, load_value=x, load_signal=n,
+        mass=x, mass_offsets=n, mass_diagonals=table2, load_coord=n, load_value=x, load_signal=n,
         load_varies=np.zeros(0, dtype=bool), motion_coord=n, motion_factor=x, motion_signal=n, motion_mass=table2,
         motion_mass_signal=n, motion_mutual=table2, alpha=0.0, pairs=n.reshape(0, 2), turns=n.reshape(0, 4), e0=x,
         weights=x, straining=x, coordinate=x, extent=0.0, feedback=no_feedback(programs([])), inner=0, rank=0,
-        sure=1))
+        least_iterations=1))
 
 
 def make_problem(model: Model) -> tuple[Record, list[Signal]]:
@@ -112,8 +122,8 @@ def make_problem(model: Model) -> tuple[Record, list[Signal]]:
     damping = model.case.damping
     data: dict[str, Any] = {
         "groups": addresses(model.groups), "states": model.states, "clocks": model.clocks, "tau": tau,
-        "given": np.zeros((2, 0)), "slopes": np.zeros(0),
-        "points": sewn_laws(model, T, signals, _method(model).conserves),
+        "prescribed": np.zeros((2, 0)), "slopes": np.zeros(0),
+        "points": assembled_laws(model, T, signals, _method(model).conserves),
         "turning": turning_table(model.turns), "winds": model.winds,
         "facing": facing_table(model.interactions.points), "stops": stops_of(model),
         "sliding": sliding_table(model.constraints, model.e0), "place": num.place,
@@ -138,7 +148,7 @@ def _feedback(model: Model, data: dict[str, Any], signals: Signals) -> dict[str,
     found, num = model.feedback, model.numbering
     n, n_full, m = num.n_unknowns, len(num.place), len(found.states)
     if found.rank == 0 and not found.conditions:
-        return {"feedback": no_feedback(programs([])), "inner": n, "rank": 0, "sure": 1}
+        return {"feedback": no_feedback(programs([])), "inner": n, "rank": 0, "least_iterations": 1}
     clock = signals.row(Signal(Expression("t")))
     rows = np.array([signals.row(a) for a in found.answers], dtype=np.int64)
     columns = np.zeros((len(rows), n + m))
@@ -149,10 +159,10 @@ def _feedback(model: Model, data: dict[str, Any], signals: Signals) -> dict[str,
         column[:n] = -num.reduce(full)
     names, waited = len(found.names), len(found.conditions)
     feedback = Feedback(
-        **_quantities(model), near=np.zeros(names), row=rows, columns=columns,
+        **_quantities(model), last_angle=np.zeros(names), row=rows, columns=columns,
         first=np.cumsum([0, *map(len, items)]), items=np.concatenate([np.zeros(0, dtype=np.int64), *items]),
         programs=found.programs(), watched=np.zeros(waited, dtype=np.int64), clock=clock, states=m,
-        soon=SOON * getattr(model.case.solver, "t_end", 0.0), scale=np.zeros(m), values=np.zeros(names),
+        time_scale=SOON * getattr(model.case.solver, "t_end", 0.0), scale=np.zeros(m), values=np.zeros(names),
         slopes=np.zeros(1 + names + 3 * waited), rates=np.zeros(m), full=np.zeros(n_full + m), column=np.zeros(n + m))
 
     def longer(x: Array, value: float = 0.0) -> Array:
@@ -163,11 +173,11 @@ def _feedback(model: Model, data: dict[str, Any], signals: Signals) -> dict[str,
     mass, fixed = (np.concatenate([x, np.zeros(k)])
                    for x, k in ((data["mass"], tail), (moving.fixed, tail if len(moving.fixed) else 0)))
     return {"feedback": feedback, "moving": moving._replace(fixed=fixed), "mass": mass, "inner": n,
-            "rank": found.rank, "sure": 2 if switches(feedback.programs, own) else 1,
+            "rank": found.rank, "least_iterations": 2 if switches(feedback.programs, own) else 1,
             "place": np.concatenate([num.place, n + np.arange(m)]),
             "full": np.concatenate([num.free, n_full + np.arange(m)]),
             "coordinate": longer(data["coordinate"], 1.0),
-            **{key: longer(data[key]) for key in ("weights", "straining", "along", "motion_mass")}}
+            **{key: longer(data[key]) for key in ("weights", "straining", "mass_diagonals", "motion_mass")}}
 
 
 def _quantities(model: Model) -> dict[str, Array]:
@@ -199,7 +209,7 @@ def with_own_tables(problem: Record, model: Model) -> Record:
     """Return a problem with its own copies of the tables that store history variables or intermediate results."""
     p: Problem = problem.values
     groups, states = with_states([with_own_arrays(group) for group in model.groups])
-    groups, given, slopes = with_given(groups)
+    groups, prescribed, slopes = with_prescribed(groups)
     points, changes = p.points, dict[str, Any]()
     if len(p.moving.item):
         # moving points write their current element
@@ -210,12 +220,13 @@ def with_own_tables(problem: Record, model: Model) -> Record:
         # contact points write the element that they are opposite to
         points = with_own(points, "dofs", "G", "p0", "par")
         changes["facing"] = with_own(p.facing, "now", "boxes")
-    feedback = with_own(p.feedback, "near", "scale", "values", "slopes", "rates", "full", "column", "watched")
+    feedback = with_own(p.feedback, "last_angle", "scale", "values", "slopes", "rates", "full", "column", "watched")
     return problem.replaced(
-        groups, **changes, groups=addresses(groups), states=states, given=given, slopes=slopes,
+        groups, **changes, groups=addresses(groups), states=states, prescribed=prescribed, slopes=slopes,
         straining=p.straining.copy(), weights=p.weights.copy(), stops=p.stops.copy(),
         sliding=with_own(p.sliding, "memory", "on", "gap"),
-        points=with_own(points, "mem", "on", "apart", "there")._replace(sewn=with_own(points.sewn, "skew", "rubs")),
+        points=with_own(points, "mem", "on", "apart", "there")._replace(
+            assembly=with_own(points.assembly, "skew", "has_skew")),
         feedback=feedback._replace(programs=with_own(p.feedback.programs, "data", "stack")),
         programs=with_own(p.programs, "window", "data", "stack"))
 
@@ -264,7 +275,7 @@ def motion_compilations(model: Model, spec: Dynamic) -> list[Compilation]:
     called = functions(model, not (works or model.feedback.rank))
     slides = calls.sliding_forces in called
     return [*element_compilations(model), *own, *_called_from_python(p.layout, name in MAKERS, slides, model.sided),
-            *([partial(holding.compile, _condition_types(p.layout))] if model.feedback.conditions else []),
+            *([partial(check_conditions.compile, _condition_types(p.layout))] if model.feedback.conditions else []),
             *([partial(acting.compile, (*_condition_types(p.layout), _x))]
               if len(stops_of(model)) and name not in MAKERS else []),
             *calls.compilations(called)]
@@ -275,7 +286,7 @@ def _called_from_python(P: Any, own: bool, slides: bool, sided: bool) -> list[Co
     M, W = type_of(motion(0, 0, 0)), type_of(scratch(0, 0, 0, 0))
     signatures: dict[Any, tuple[Any, ...]] = {
         consistent: (P, W, _x, _x, _x, _f, _x), kinetic: (P, W, M, _f), fill_full: (P, _x, _xx, _i, _x),
-        signals_at: (P, _f, _xx), turn_on: (P.place["turning"][1], _x, _x, _f, _x, _x),
+        signals_at: (P, _f, _xx), count_turns: (P.place["turning"][1], _x, _x, _f, _x, _x),
         read_states: (P, W, _x, _n, *[_xx] * 3, *[types.float64[:, :, ::1]] * 2, *[_xx] * 6)}
     if sided:
         signatures[begin] = signatures[consistent]
@@ -283,18 +294,18 @@ def _called_from_python(P: Any, own: bool, slides: bool, sided: bool) -> list[Co
         signatures[sliding_check] = P.place["sliding"][1], _x
     if own:
         rows, method = type_of(_no_rows()), type_of(method_of(0, np.zeros((0, 0)), 0))
-        plan = type_of(Plan(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, False))
+        plan = type_of(StepPlan(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, False))
         signatures[advance] = method, P, W, M, M, plan, rows, _i, _i
     else:
         signatures |= {
             ode.mass_factors: (P, W, _x), ode.accelerations: (P, W, _x, M, _f), ode.place: (M, _n, _x),
             ode.rates: (P, W, _x, M, _n, _f, _x, _x), ode.powers: (P, W, _x, M, _n, _f, _x),
-            ode.settle: (P, W, M, _f), ode.tangents: (P, W, M, _f, _x, _x, _x)}
+            ode.accept_step: (P, W, M, _f), ode.tangents: (P, W, M, _f, _x, _x, _x)}
     return [partial(kernel.compile, signature) for kernel, signature in signatures.items()]
 
 
 def _condition_types(P: Any) -> tuple[Any, ...]:
-    """Return the argument types of ``holding``, which evaluates the conditions of a motion."""
+    """Return the argument types of ``check_conditions``, which evaluates the conditions of a motion."""
     return P, type_of(scratch(0, 0, 0, 0)), _x, _x, _f
 
 

@@ -12,10 +12,10 @@ from ...elements.shape import Array
 from ...errors import ComputationError
 from ...kernels.lowlevel.records import Record
 from ...kernels.motion import advance as kernels
-from ...kernels.motion.along import AS_IS, FORCES_ALONE, POSITIONS, RATES, read_states
 from ...kernels.motion.consistent import consistent, kinetic
 from ...kernels.motion.dynamics import forces, signals_at
 from ...kernels.motion.impact import begin
+from ...kernels.motion.many_states import AS_IS, FORCES_ALONE, POSITIONS, RATES, read_states
 from ...kernels.motion.state import (
     LOST,
     SIZE,
@@ -23,10 +23,10 @@ from ...kernels.motion.state import (
     TIME,
     WORK,
     Motion,
+    count_turns,
     fill_full,
     motion,
     scratch,
-    turn_on,
 )
 from ...model.breakpoints import MotionPiece, motion_pieces, piece_at
 from ...model.model import Model
@@ -182,7 +182,7 @@ class Stepper:
         signals_at(self.p, t, self.w.amps)
         fill_full(self.p, z, self.w.amps, 0, d)
         fill_full(self.p, v, self.w.amps, 1, rates)
-        turn_on(self.p.turning, d, rates, h, *out)
+        count_turns(self.p.turning, d, rates, h, *out)
         return out
 
     def _restart(self) -> None:
@@ -276,7 +276,7 @@ class Stepper:
         """
         assert self.m is not None
         stop, end = self.pieces[self.piece].stop, self.spec.t_end
-        plan = kernels.Plan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), fastest(self),
+        plan = kernels.StepPlan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), fastest(self),
                             self.tracks_work, self.ends_at_states)
         self._plan = self._plan if self._plan is not None and self._plan.values == plan else Record(plan)
         why, stored, logged, outcome, _ = kernels.advance(

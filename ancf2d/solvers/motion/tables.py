@@ -11,7 +11,7 @@ import numpy as np
 from ...case.programs import programs
 from ...elements.shape import Array
 from ...kernels.matrices.layout import entries, no_fronts
-from ...model.interactions import point_table, sew
+from ...model.interactions import point_table, with_assembly
 from ...model.mesh import Index
 from ...model.model import Model
 from ...model.numbering import Numbering
@@ -79,10 +79,10 @@ def _diagonals(mass: Array) -> dict[str, Array]:
     """Return the numbers of the nonzero diagonals of a band, and their entries, each at its column."""
     n, width = mass.shape
     found = [d for d in range(width) if mass[d:, width - 1 - d].any()]
-    along = np.zeros((len(found), n))
-    for row, d in zip(along, found, strict=True):
+    diagonals = np.zeros((len(found), n))
+    for row, d in zip(diagonals, found, strict=True):
         row[:n - d] = mass[d:, width - 1 - d]
-    return {"diagonals": np.array(found, dtype=np.int64), "along": along}
+    return {"mass_offsets": np.array(found, dtype=np.int64), "mass_diagonals": diagonals}
 
 
 def dead_loads(model: Model, signals: Signals) -> dict[str, Array]:
@@ -154,7 +154,7 @@ def vectors(model: Model) -> tuple[Index, Index]:
             np.array(list(pairs.values()), dtype=np.int64).reshape(-1, 4))
 
 
-def sewn_laws(model: Model, T: csr_matrix, signals: Signals, steps: bool) -> Any:
+def assembled_laws(model: Model, T: csr_matrix, signals: Signals, steps: bool) -> Any:
     """Return the table of all point laws with the unknowns z that they act on, by d = T z (n_q,)."""
     from scipy.sparse import csr_matrix, vstack
 
@@ -162,7 +162,7 @@ def sewn_laws(model: Model, T: csr_matrix, signals: Signals, steps: bool) -> Any
     multipliers = num.place[num.n_q:]
     used = np.flatnonzero(multipliers >= 0)
     rest = csr_matrix((np.ones(len(used)), (used, multipliers[used])), shape=(len(multipliers), num.n_unknowns))
-    return sew(point_laws(model, signals, steps), vstack([T, rest]).tocsr(), _slots(num))
+    return with_assembly(point_laws(model, signals, steps), vstack([T, rest]).tocsr(), _slots(num))
 
 
 def stops_of(model: Model) -> Index:

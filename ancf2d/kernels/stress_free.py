@@ -42,8 +42,8 @@ def of_some(natural: Natural, which: Any) -> Natural:
     return natural._replace(pattern=np.ascontiguousarray(natural.pattern[which])) if len(natural.pattern) else natural
 
 
-# marks internal strains that are not given; slopes of given ones are 0 or less
-UNGIVEN = 1.0
+# marks internal strains that are computed by the law; slopes of prescribed ones are 0 or less
+COMPUTED = 1.0
 
 
 class Memory(NamedTuple):
@@ -51,17 +51,17 @@ class Memory(NamedTuple):
 
     states : (rows, stations of all parts, numbers of all points) last accepted state, possibly shared by groups; row :
     (ne,) row of each element; trial : like states, of the last evaluation of forces, or empty. slope (1,) : slope of
-    given internal strains, which replace those of the law, or UNGIVEN; given, taken (rows, stations of all parts,
-    strains of all points) : given internal strains, and the change of internal strains whose work is asked for. All are
-    empty if the law has no memory.
+    prescribed internal strains, which replace those of the law, or COMPUTED; prescribed, change (rows, stations of all
+    parts, strains of all points) : prescribed internal strains, and the change of internal strains whose work is asked
+    for. All are empty if the law has no memory.
     """
 
     row: Any
     states: Any
     trial: Any
     slope: Any
-    given: Any
-    taken: Any
+    prescribed: Any
+    change: Any
 
 
 @cache

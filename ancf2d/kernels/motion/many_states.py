@@ -15,12 +15,12 @@ from ..points import add_to, evaluate_item, fields_of_item, work_arrays
 from .dynamics import FORCES, norm, residual, signals_at, to_full, to_unknowns, twice_kinetic
 
 # smaller virtual displacements count as zero and are not scaled
-NONE = 1e-200
+NEGLIGIBLE = 1e-200
 # correction of a stored state: none; accelerations and multipliers; rates, too; positions, too
 AS_IS, FORCES_ALONE, RATES, POSITIONS = range(4)
 
 
-class Moments(NamedTuple):
+class States(NamedTuple):
     """States of a motion: t (m,), z, v, a (m, n), history turns (m, items, memory) of point laws, feet (m, joints, 2).
     """
 
@@ -33,7 +33,7 @@ class Moments(NamedTuple):
 
 
 @inner
-def _recall(p, w, at, k):  # type: ignore[no-untyped-def]
+def _load_history(p, w, at, k):  # type: ignore[no-untyped-def]
     """Restore the history of point laws and joints, and the signals, of state k."""
     copy_rows(at.turns[k], p.points.mem)
     copy_rows(at.feet[k], p.sliding.memory)
@@ -56,10 +56,10 @@ def read_states(p, w, side, onto, z, v, a, turns, feet, states,  # type: ignore[
         copy_rows(feet[k], p.sliding.memory)
         copy(states[k], p.states)
         if onto[k] == FORCES_ALONE:
-            given, none = array_at(second[k], 0, v[k].shape), array_at(Q[k], 0, v[k].shape)
-            copy(v[k], given)
+            rates_there, none = array_at(second[k], 0, v[k].shape), array_at(Q[k], 0, v[k].shape)
+            copy(v[k], rates_there)
             none[:] = 0.0
-            calls.consistent(p.calls, (p, w, z[k], given, a[k], side[k], none))
+            calls.consistent(p.calls, (p, w, z[k], rates_there, a[k], side[k], none))
             w.counts[FORCES] -= 1
         elif onto[k] != AS_IS:
             calls.onto_constraints(p.calls, (p, w, z[k], v[k], a[k], side[k], onto[k] == POSITIONS))
@@ -83,14 +83,14 @@ def read_states(p, w, side, onto, z, v, a, turns, feet, states,  # type: ignore[
 def residuals(p, w, at, out):  # type: ignore[no-untyped-def]
     """Fill out (m, n) with M (a + alpha v) + T^T (Q - F) of each state."""
     for k in range(len(at.t)):
-        _recall(p, w, at, k)
+        _load_history(p, w, at, k)
         calls.forces(p.calls, (p, w, at.z[k], at.v[k]))
         residual(p, w, at.v[k], at.a[k])
         copy(w.R, out[k])
 
 
 @kernel
-def actions(p, w, at, dz, dv, da, step, out):  # type: ignore[no-untyped-def]
+def derivatives_along(p, w, at, dz, dv, da, step, out):  # type: ignore[no-untyped-def]
     """Fill out (m, n) with the derivative of each residual along (dz, dv, da) (m, n).
 
     It is computed by differences of fourth order over ``step`` times these vectors.
@@ -111,7 +111,7 @@ def actions(p, w, at, dz, dv, da, step, out):  # type: ignore[no-untyped-def]
             moved = to
             if q < 4:
                 f = (8.0, -8.0, -1.0, 1.0)[q] / (12.0 * step)
-                _recall(p, w, at, k)
+                _load_history(p, w, at, k)
                 calls.forces(p.calls, (p, w, z, v))
                 residual(p, w, v, a)
                 for i in range(n):
@@ -123,16 +123,16 @@ def actions(p, w, at, dz, dv, da, step, out):  # type: ignore[no-untyped-def]
 def tangents(p, w, at, c, out):  # type: ignore[no-untyped-def]
     """Fill out (m, entries) with dQ/dz + c dQ/dz' of each state, as used by Newton's method."""
     for k in range(len(at.t)):
-        _recall(p, w, at, k)
+        _load_history(p, w, at, k)
         calls.forces_tangent(p.calls, (p, w, at.z[k], at.v[k], c))
         copy(w.A, out[k])
 
 
 @kernel
-def works(p, w, at, lam, out):  # type: ignore[no-untyped-def]
+def residual_products(p, w, at, lam, out):  # type: ignore[no-untyped-def]
     """Fill out (m, k) with the products of the residual of each state and lam (m, n, k)."""
     for k in range(len(at.t)):
-        _recall(p, w, at, k)
+        _load_history(p, w, at, k)
         calls.forces(p.calls, (p, w, at.z[k], at.v[k]))
         residual(p, w, at.v[k], at.a[k])
         for q in range(lam.shape[2]):
@@ -163,21 +163,21 @@ def _unsymmetric(points, d, v, amps, lam, by_d, by_v):  # type: ignore[no-untype
 
 
 @kernel
-def left_out(p, w, at, lam, none, room, by_z, by_v):  # type: ignore[no-untyped-def]
+def derivatives_left_out(p, w, at, lam, none, room, by_z, by_v):  # type: ignore[no-untyped-def]
     """Fill by_z and by_v (m, n) with the derivatives of lam . R by z and v that ``tangents`` leaves out.
 
     lam (m, n) has one vector per state; none (signals, 3) are zero signals; room (3, n_full) is work space.
     """
     full, by_d, by_rate = room[0], room[1], room[2]
     for k in range(len(at.t)):
-        _recall(p, w, at, k)
+        _load_history(p, w, at, k)
         to_full(p, at.z[k], w.amps, 0, w.d)
         to_full(p, at.v[k], w.amps, 1, w.v)
         to_full(p, lam[k], none, 0, full)
         set_natural(p, w.amps, w.amps)
         # differences of terms quadratic in v +- lam keep most digits if both are of similar size
         size, rates = norm(p, lam[k]), max(norm(p, at.v[k]), 1e-3 * p.extent)
-        scale = rates / size if size > NONE else 1.0
+        scale = rates / size if size > NEGLIGIBLE else 1.0
         for i in range(len(full)):
             full[i] *= scale
             by_d[i], by_rate[i] = 0.0, 0.0
