@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from ...case import Case
 from ..order import Estimate
 from .judging import apart
 from .pursuit import MOST_ELEMENTS, MOST_WORK, Pursuit
@@ -16,14 +15,6 @@ from .setting import Level
 MOVED, FALLS = 0.2, 0.35
 # times the steps of a path: fewer tell nothing of shorter ones; and how much shorter they are made before they have to
 MORE, MOST = 1.4, 256.0
-
-
-def follows_way(case: Case) -> bool:
-    """Return whether steps that a case has lead to an equilibrium that depends on them."""
-    materials = [material for body in case.bodies.values() for material in body.materials]
-    return bool(case.solver.with_steps(1.0)) and (
-        any(contact.friction > 0.0 for contact in case.contacts)
-        or any(material.yields or (case.solver.timed and material.viscoelastic) for material in materials))
 
 
 def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> dict[str, Any]:
