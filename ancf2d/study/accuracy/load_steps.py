@@ -30,7 +30,7 @@ def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> d
         if fine.answer is None:
             pursuit.report.pop("steps_error", None)
             return pursuit.accuracy(shorter.rough, shorter.found, error) | {
-                "achieved": False, "note": f"the steps are not judged, as those with {named(fine.setting.steps)} fail"}
+                "achieved": False, "note": f"the steps are not judged, as those with {fine.setting.named_steps} fail"}
         accuracy = pursuit.accuracy(fine, *shorter.told(fine))
         if error <= pursuit.wanted and apart(fine, known) > MOVED * pursuit.wanted:
             finer, error = _refined(pursuit, fine, error)
@@ -96,11 +96,6 @@ class _Shorter:
 
     def _steps(self, ratio: float) -> dict[str, Any]:
         return self.pursuit.loaded.case.solver.with_steps(ratio)
-
-
-def named(steps: dict[str, Any]) -> str:
-    """Return keys of a solver in words."""
-    return ", ".join(f"{name} {value:g}" for name, value in steps.items())
 
 
 def _refined(pursuit: Pursuit, level: Level, error: float) -> tuple[Level, float]:
