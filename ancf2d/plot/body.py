@@ -148,14 +148,10 @@ def no_states(results: Results) -> str:
 
 
 def how_to_store(results: Results, *fields: str) -> str:
-    """Return the key of the case that stores fields over the height, or why they are not available."""
-    found = [symbols.completed_case(results).get("bodies") or {}]
-    while found:
-        part = found.pop()
-        if isinstance(part, dict) and (isinstance(part.get("viscoelastic"), list) or part.get("law") == "neo_hooke"):
-            return ("not known of a material that relaxes or is hyperelastic: output: fields: [N, Q, M] stores what "
-                    "section_forces draws, history draws probes")
-        found += part.values() if isinstance(part, dict) else part if isinstance(part, list) else []
+    """Return the key of the case that stores fields over the height, or why they cannot be stored."""
+    refused = next((why for why in map(results.refused, fields) if why), "")
+    if refused:
+        return f"{refused}; output: fields: [N, Q, M] stores what section_forces draws, history draws probes"
     return f"output: fields: [{', '.join(fields)}] in the case stores {'it' if len(fields) == 1 else 'them'}"
 
 

@@ -295,14 +295,16 @@ class Results(AbstractContextManager["Results"]):
         record = FieldRecord(body.name, name, tuple(safe.strings(group, "components")),
                              str(safe.attribute(group, "units", "1")), str(safe.attribute(group, "description", "")),
                              safe.stations(group, len(body.dofs)), safe.numbers(group, "eta", 1))
-        shape = len(body.dofs), *record.stations, len(record.components)
-        return record, StateRows(values, shape)
+        return record, StateRows(values, (len(body.dofs), *record.stations, len(record.components)))
 
     @cached_property
     def fields(self) -> dict[str, dict[str, FieldRecord]]:
         """The fields stored over the bodies: ``fields[body][name]``, in the units of the file."""
-        return {body: {name: record for name, (record, _) in found.items()}
-                for body, found in self._stored_fields.items()}
+        return {body: {name: one for name, (one, _) in found.items()} for body, found in self._stored_fields.items()}
+
+    def refused(self, field: str) -> str:
+        """Return why the case cannot store a field; empty where it can, or where that is not known."""
+        return ""
 
     def _field_rows(self, body: str, name: str) -> StateRows:
         found = self._stored_fields.get(body, {}).get(name)
@@ -324,8 +326,7 @@ class Results(AbstractContextManager["Results"]):
     def history(self) -> Table:
         """Solver statistics by name, one value per step."""
         with safe.damage(self.path):
-            group = safe.child(self._file, "history", h5py.Group)
-            return read_columns(group, self._history_rows)
+            return read_columns(safe.child(self._file, "history", h5py.Group), self._history_rows)
 
     @cached_property
     def energies(self) -> Table:

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..case import Dynamic, Stiffness, load_case_text
+from ..case import Dynamic, LoadedCase, Stiffness, load_case_text
+from ..case.material_checks import refused_field
+from ..case.records import tag_of
 from ..errors import Ancf2dError
 from ..results import FieldRecord, Results
 from ..solvers.fields import FIELDS, FieldReader
@@ -29,12 +31,9 @@ class StatesWithFields(Results):
         """The model of the case with the fields to compute, or None if no field follows from its states."""
         from ..model.build import build_model
 
-        name = str(self.attrs.get("case_name", ""))
         try:
             def built(fields: list[str]) -> Model:
-                loaded = load_case_text(self.case_completed, name, [f"output.fields=[{', '.join(fields)}]"],
-                                        vocabulary(), os.path.dirname(name))
-                return build_model(loaded)
+                return build_model(self._with(fields))
 
             model = built([])
             # stored states do not contain the history variables of elements
@@ -44,6 +43,21 @@ class StatesWithFields(Results):
             return None
         same = found is not None and found.n_q == self.nq and np.array_equal(found.e0, self.e0)
         return found if same else None
+
+    def _with(self, fields: list[str]) -> LoadedCase:
+        """Return the case with other fields. Raises Ancf2dError."""
+        name = str(self.attrs.get("case_name", ""))
+        return load_case_text(self.case_completed, name, [f"output.fields=[{', '.join(fields)}]"], vocabulary(),
+                              os.path.dirname(name))
+
+    def refused(self, field: str) -> str:
+        """Return why the case cannot store a field; empty where it can."""
+        try:
+            case = self._with([]).case
+        except Ancf2dError:
+            return ""
+        found = refused_field(case, tag_of(type(case.solver)), field)
+        return "" if found is None else found[0]
 
     @cached_property
     def _reader(self) -> FieldReader | None:

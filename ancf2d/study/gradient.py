@@ -16,6 +16,7 @@ from ..case import (
     Goal,
     LinearStatic,
     LoadedCase,
+    QuasiStatic,
     Static,
     with_overrides,
 )
@@ -254,7 +255,7 @@ class Study:
                                     for_differences=True)
                     if numbering_of(found) != self.numbering:
                         raise UnsuitedError("the unknowns change with the number")
-                    if self.moves and _times_of(found) != _times_of(self.model):
+                    if self.model.case.solver.timed and _times_of(found) != _times_of(self.model):
                         raise UnsuitedError("the times of steps and of stored states change with the number")
                     models[step] = found
                 return models[step]
@@ -309,13 +310,14 @@ def why_not(model: Model) -> str:
     solver = model.case.solver
     if solver.moves:
         return unsuited(model)
-    if model.remembers and (not solver.scales or model.loads.flows):
+    balances = isinstance(solver, LinearStatic | Static | QuasiStatic)
+    if model.remembers and (model.case.remembers_way if balances else not solver.scales or model.loads.flows):
         return "materials depend on the load history"
     if any(pair.item.friction for pair in model.contacts):
         return "friction depends on the way to a state"
     if solver.scales and not model.loads.flows and next(unscaled(model), None) is not None:
         return "constant loads have moved the model before"
-    if not isinstance(solver, LinearStatic | Static | Eigen | Buckling | FrequencyResponse):
+    if not balances and not isinstance(solver, Eigen | Buckling | FrequencyResponse):
         return "the solver has no states of equilibrium"
     return ""
 
@@ -341,7 +343,7 @@ def responses(model: Model, states: Sequence[Any], whole: bool, goals: Sequence[
 
 
 def _times_of(model: Model) -> tuple[Any, ...]:
-    """Return the options that determine when the steps of a motion end, and which states are stored."""
+    """Return the options that determine when time steps end, and which states are stored."""
     return model.case.solver, model.case.output.every, model.case.output.interval
 
 

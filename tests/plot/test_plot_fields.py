@@ -397,3 +397,21 @@ solver: {type: static}
         with open_results(tmp_path / f"{name}.h5") as results, pytest.raises(ResultsError) as told:
             build(results, "moment_curvature")
         assert f"output: fields: {advised}" in str(told.value)
+
+
+@pytest.mark.parametrize(("law", "words"), [
+    ("viscoelastic: [{modulus: 0.5, time: 1}]", "stress is not available for a material that relaxes"),
+    ("yield: 1e5", "output: fields: .stress. in the case stores it")])
+def test_a_file_says_how_to_store_fields_as_its_case_refuses_them(tmp_path: Path, law: str, words: str) -> None:
+    """Wherever the material stands: here in a layer."""
+    text = f"""
+bodies:
+  beam: {{geometry: {{type: line, start: [0, 0], end: [1, 0]}}, element: {{type: reissner3, count: 2}},
+    section: {{width: 0.02, layers: [{{height: 0.02, material: {{E: 2e6, nu: 0.3, {law}}}}}]}}}}
+boundary_conditions: [{{type: clamp, at: beam@0}}]
+loads: [{{type: force, at: beam@1, value: [0, -0.01]}}]
+solver: {{type: static}}
+"""
+    run_case(load_case_text(text, "a.yaml", (), vocabulary()), str(tmp_path / "a.h5"))
+    with StatesWithFields(tmp_path / "a.h5") as results, pytest.raises(ResultsError, match=words):
+        build(results, "fields")

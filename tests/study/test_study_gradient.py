@@ -254,6 +254,44 @@ def test_goals_that_vanish_by_symmetry_have_no_relative_changes(goal, tells):
     assert any("vanishes by symmetry" in warning for warning in study.warnings) or study.goal == 0.0
 
 
+LAWS = {"linear": {}, "neo_hooke": {"law": "neo_hooke"}, "relaxed": {"viscoelastic": [{"modulus": 0.5, "time": 0.1}]},
+        "curve": {"stress_strain": {"strain": [0.001, 0.02], "stress": [2e8, 3e8], "unloading": "curve"}}}
+
+
+@pytest.mark.parametrize(("law", "solver"), [
+    ("linear", {"type": "quasi_static", "t_end": 1}), ("curve", {"type": "quasi_static", "t_end": 1}),
+    ("neo_hooke", {"type": "static"}), ("relaxed", {"type": "static"}), ("curve", {"type": "static"})])
+def test_equilibria_that_no_way_leads_to_have_exact_derivatives(law, solver):
+    """Laws that are no linear ones, and loads over time, depend on no history by themselves."""
+    case = {"bodies": {"beam": {"geometry": h.line(2.0), "section": {"height": 0.1, "width": 0.1},
+                                "material": {"E": 2e11, "nu": 0.3, **LAWS[law]},
+                                "element": h.element("2d3n" if law == "neo_hooke" else "reissner3", 4)}},
+            "boundary_conditions": [{"name": "wall", "type": "clamp", "at": "beam@0"}],
+            "loads": [{"name": "tip", "type": "force", "at": "beam@1", "value": [1e3, -1e5],
+                       "amplitude": {"type": "sine", "frequency": 0.3}}],
+            "solver": solver, "goal": {"probe": "tip", "quantity": "ux"}, "output": {"probes": {"tip": "beam@1"}}}
+    paths = [f"bodies.beam.{name}" for name in ("section.height", "material.E")] + [
+        f"loads.tip.{name}" for name in ("value.1", "amplitude.frequency")]
+    study = ancf2d.sensitivity(case, paths)
+    assert {row.method for row in study.rows} == {"exact"}
+    loaded = ancf2d.load(case)
+    for row in study.rows:
+        expected = differences_of_solves(loaded, row.path, 1e-4 * row.value, lambda s: s.value)
+        assert row.derivative == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_time_that_is_varied_has_another_end():
+    """A bar is pulled by F t: du/dt_end = F L/(E A); at one time the equilibrium of another end would be the same."""
+    study = ancf2d.sensitivity({
+        "bodies": {"bar": {"geometry": h.line(2.0), "section": {"height": 0.1, "width": 0.1},
+                           "material": {"E": 2e11, "nu": 0.3}, "element": h.element("cable", 1)}},
+        "boundary_conditions": [{"type": "clamp", "at": "bar@0"}],
+        "loads": [{"type": "force", "at": "bar@1", "value": [1e5, 0], "amplitude": {"type": "ramp", "t1": 10}}],
+        "solver": {"type": "quasi_static", "t_end": 3}, "goal": {"probe": "end", "quantity": "ux"},
+        "output": {"probes": {"end": "bar@1"}}}, ["solver.t_end"])
+    assert study.rows[0].derivative == pytest.approx(1e4 * 2.0 / (2e11 * 0.01), rel=1e-6)
+
+
 def test_euler_column():
     """mu P = pi^2 EI/(4 L^2) (Euler): the factor goes with EI, L^-2 and P^-1."""
     case = {**STRUT, "solver": {"type": "buckling", "modes": 2}, "goal": {"load_factor": 1}}

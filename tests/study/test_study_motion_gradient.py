@@ -339,3 +339,16 @@ def test_a_support_that_catches_a_motion_is_differentiated_by_runs():
     assert row.method == "differences of runs: a support or joint begins where the motion has come to"
     high, low = (ancf2d.solve(case, [f"bodies.deck.material.E={E!r}"]).value for E in (1.001e9, 0.999e9))
     assert row.derivative == pytest.approx((high - low) / 2e6, rel=1e-3)
+
+
+def test_a_body_that_is_held_has_derivatives_of_its_reaction():
+    """Nothing moves: fy = m g, whatever the integrator."""
+    study = ancf2d.sensitivity({
+        "bodies": {"block": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
+                             "element": {"type": "rigid", "mass": 3.0, "inertia": 0.1}}},
+        "boundary_conditions": [{"name": "wall", "type": "clamp", "at": "block@0"}],
+        "loads": [{"name": "weight", "type": "gravity", "value": [0, -9.81]}],
+        "solver": {"type": "dynamic", "t_end": 0.1, "dt": 0.01, "method": "generalized_alpha"},
+        "goal": {"reaction": "wall", "quantity": "fy"}}, ["bodies.block.element.mass", "loads.weight.value.1"])
+    found = {row.path: row.derivative for row in study.rows}
+    assert found == pytest.approx({"bodies.block.element.mass": 9.81, "loads.weight.value.1": -3.0}, rel=1e-7)

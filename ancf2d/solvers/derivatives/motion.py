@@ -149,7 +149,7 @@ class Motion(Together):
         run = self.runs[id(model)]
         n = len(run.stepper.p.coordinate)
         out = []
-        for row, (z, v, a) in zip(self.rows, change.reshape(-1, 3, n), strict=True):
+        for row, (z, v, a) in zip(self.rows, change.reshape(len(self.rows), 3, n), strict=True):
             moved = replace(row, z=row.z + z, v=row.v + v, a=row.a + a, full=())
             out.append(run.state(moved))
         return out

@@ -260,7 +260,7 @@ class Pass(Once):
         """Return the number of steps of a window."""
         n, s, k = self.entries.n, self.method.stages, 2 * len(self.numbers)
         each = s * n * (10 * k + 10) + s * len(self.mass) * (2 + s) + s * n * (3 * s * self.stepper.p.width + 1)
-        return int(min(max(WINDOW // each, 1), 256))
+        return int(min(max(WINDOW // max(each, 1), 1), 256))
 
     def _take(self, row: Row, change: Change) -> None:
         """Store a state and its change."""

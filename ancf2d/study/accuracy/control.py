@@ -19,7 +19,7 @@ from ..variants import Variant, flexible
 from ..windows import window_of
 from .direct import Direct
 from .judging import apart
-from .load_steps import follows_way, in_steps
+from .load_steps import in_steps
 from .mesh import Ladder
 from .motion import Motion
 from .pursuit import LEAST_TOLERANCE, MOST_WORK, Pursuit
@@ -98,7 +98,7 @@ def solve_to_accuracy(loaded: LoadedCase, target: Target | None = None, progress
             pursuit.tell(f"bodies.{name}: nodes are placed where something acts, despite nodes: regular, because "
                          "meshes with kinks inside elements cannot show the accuracy")
     # states that depend on the path must be reached along it on every mesh
-    pursuit.guesses = not follows_way(loaded.case)
+    pursuit.guesses = not loaded.case.follows_way
     types = _types(pursuit)
     accuracy = _climbed(pursuit, types, _tolerance_of(pursuit))
     if pursuit.outcome is None:
@@ -122,7 +122,7 @@ def _with_points(loaded: LoadedCase, error: float) -> LoadedCase | None:
 
 def _with_tolerance(loaded: LoadedCase, tolerance: float) -> LoadedCase:
     """Return a case whose first time steps have this tolerance if its result depends on them."""
-    if not (isinstance(loaded.case.solver, QuasiStatic) and follows_way(loaded.case)):
+    if not (isinstance(loaded.case.solver, QuasiStatic) and loaded.case.follows_way):
         return loaded
     return with_overrides(loaded, [f"solver.tolerance={tolerance!r}"], vocabulary())
 
@@ -134,7 +134,7 @@ def _climbed(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | Non
     if direct is not None:
         return pursuit.accuracy(direct[0], direct[2], direct[1])
     ladder = Ladder(pursuit, types, tolerance)
-    follows = follows_way(pursuit.loaded.case)
+    follows = pursuit.loaded.case.follows_way
     level, error, found = ladder.climb((1.0 - TIME) * left if follows or tolerance is not None else left)
     if level is None:
         reasons = [level.reason for level in pursuit.levels if level.reason]

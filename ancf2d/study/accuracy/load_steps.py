@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from ...case import Case
 from ..order import Estimate
 from .judging import apart
 from .pursuit import MOST_ELEMENTS, MOST_WORK, Pursuit
@@ -16,14 +15,6 @@ from .setting import Level
 MOVED, FALLS = 0.2, 0.35
 # least ratio of the steps of two paths that shows their errors; largest number by which steps are divided to reach it
 MORE, MOST = 1.4, 256.0
-
-
-def follows_way(case: Case) -> bool:
-    """Return whether the equilibrium of a case depends on the steps that lead to it."""
-    materials = [material for body in case.bodies.values() for material in body.materials]
-    return bool(case.solver.with_steps(1.0)) and (
-        any(contact.friction > 0.0 for contact in case.contacts)
-        or any(material.yields or (case.solver.timed and material.viscoelastic) for material in materials))
 
 
 def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> dict[str, Any]:
@@ -39,7 +30,7 @@ def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> d
         if fine.answer is None:
             pursuit.report.pop("steps_error", None)
             return pursuit.accuracy(shorter.rough, shorter.found, error) | {
-                "achieved": False, "note": f"the steps are not judged, as those with {named(fine.setting.steps)} fail"}
+                "achieved": False, "note": f"the steps are not judged, as those with {fine.setting.named_steps} fail"}
         accuracy = pursuit.accuracy(fine, *shorter.told(fine))
         if error <= pursuit.wanted and apart(fine, known) > MOVED * pursuit.wanted:
             finer, error = _refined(pursuit, fine, error)
@@ -105,11 +96,6 @@ class _Shorter:
 
     def _steps(self, ratio: float) -> dict[str, Any]:
         return self.pursuit.loaded.case.solver.with_steps(ratio)
-
-
-def named(steps: dict[str, Any]) -> str:
-    """Return keys of a solver with their values as text."""
-    return ", ".join(f"{name} {value:g}" for name, value in steps.items())
 
 
 def _refined(pursuit: Pursuit, level: Level, error: float) -> tuple[Level, float]:

@@ -80,7 +80,8 @@ class Pursuit:
         """Return a new level of a setting, reported and not solved yet."""
         self.tell(many(setting.elements, "element") + (
             "" if setting.tolerance is None else f", tolerance {setting.tolerance:.1g}") + (
-            "" if setting.method is None else f", {setting.method}") + f": {why}")
+            "" if setting.method is None else f", {setting.method}") + (
+            f", {setting.named_steps}" if setting.steps else "") + f": {why}")
         level = self.known[setting.name] = Level(setting, why, kinks=self.slides(setting),
                                                  zones=self.ends_within(setting))
         self.levels.append(level)

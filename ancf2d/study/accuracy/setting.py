@@ -53,6 +53,11 @@ class Setting:
         return (tuple(self.counts.items()), self.kinds, self.tolerance, tuple(self.nodes.items()),
                 tuple(self.steps.items()), self.method)
 
+    @property
+    def named_steps(self) -> str:
+        """The keys for steps in words, empty where they are the case's."""
+        return ", ".join(f"{name} {value:.3g}" for name, value in self.steps.items())
+
     def places(self) -> dict[str, list[float]] | None:
         """Return the places S of all nodes of bodies with unequal elements, or None if there are none."""
         out = {name: np.interp(np.linspace(0.0, 1.0, self.counts[name] + 1), np.linspace(0.0, 1.0, len(given)),
