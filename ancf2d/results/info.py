@@ -104,11 +104,14 @@ def _impacts(told: dict[str, Any] | None, units: dict[str, str]) -> list[tuple[s
     """Return how many impacts there were, the first and the strongest one."""
     if told is None:
         return []
+    first, strongest = (impact_text(told[which], units["force"], units["time"]) for which in ("first", "strongest"))
+    return [("impacts", str(told["count"])), ("first", first), ("strongest", strongest)]
 
-    def of(one: dict[str, Any]) -> str:
-        impulse = f"{one['impulse']:.6g} {units['force']} {units['time']}"
-        return f"{one['body']} on {one['touched']} at {one['t']:.6g} {units['time']}, S = {one['S']:.4g}: {impulse}"
-    return [("impacts", str(told["count"])), ("first", of(told["first"])), ("strongest", of(told["strongest"]))]
+
+def impact_text(one: dict[str, Any], force: str, time: str) -> str:
+    """Return what hit what, when, where and with which impulse; units are labels."""
+    return (f"{one['body']} on {one['touched']} at {one['t']:.6g} {time}, S = {one['S']:.4g}: "
+            f"{one['impulse']:.6g} {force} {time}")
 
 
 def _accuracy(accuracy: Any) -> str:
