@@ -357,8 +357,8 @@ def drift_warning(drift: float, estimate: float | None, struck: bool) -> list[st
     if struck:
         return [f"impacts start vibrations that the method damps where the steps do not resolve them: the energy "
                 f"balance has an error of {100 * drift:.2g} %, and the estimated error of displacements is "
-                f"{100 * estimate:.2g} %. Shorter steps, or a smaller tolerance, keep more of the vibrations; a contact "
-                "law softens impacts"]
+                f"{100 * estimate:.2g} %. Shorter steps, or a smaller tolerance, keep more of the vibrations; a "
+                "contact law softens impacts"]
     return [f"the steps are too long for part of the motion: the energy balance has an error of {100 * drift:.2g} %, "
             f"but the estimated error is only {100 * estimate:.2g} %. Use shorter steps to find out which is right"]
 
