@@ -262,6 +262,11 @@ def motion_lines(summary: dict[str, Any], labels: tuple[str, str, str]) -> list[
                  + (f" [{energy}]" if found else "")))
     if summary.get("energy_drift") is not None:
         rows.append(("drift", f"{summary['energy_drift']:.2g} of the largest kinetic plus strain energy"))
+    if impacts := summary.get("impacts"):
+        from ..results.info import impact_text
+
+        rows.append(("impacts", f"{impacts['count']} took {number(impacts['lost'])} [{energy}], the strongest: "
+                     f"{impact_text(impacts['strongest'], force, time)}"))
     momentum = summary.get("momentum")
     if momentum:
         linear = ", ".join(number(p) for p in momentum["linear"])

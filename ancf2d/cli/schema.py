@@ -49,7 +49,8 @@ _EVENTS = _list(_object("what begins or ends", {
     "impulse": _is("object", "fx, fy, m of a support on its body"),
     "offset": _is("object", "how far what it moves is from what is prescribed")},
     t=_is("number", "time"), what=_is("string", "what it is")))
-_IMPACTS = _object("of contacts without a law in a motion", count=_is("integer", "how many"), **dict.fromkeys(
+_IMPACTS = _object("of contacts without a law in a motion", count=_is("integer", "how many"),
+                   lost=_is("number", "energy that they took"), **dict.fromkeys(
     ("first", "strongest"), _is("object", "t, contact, body, touched, S, points, impulse, lost")))
 _ACCURACY = _is("object?", "of the goal, or of time or load steps: estimate (relative), wanted, achieved, "
                 "by_body (parts of the estimate), ...")

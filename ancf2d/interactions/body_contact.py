@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from itertools import combinations, product
 from typing import Any
 
@@ -339,9 +340,9 @@ class BodyPair:
                 yields, self.against.plan.length if self.against.plan.closed else 0.0,
                 float(bool(self.follows) and not moves(self.mesh, p, self.follows))]
 
-    @property
+    @cached_property
     def reach(self) -> Index:
-        """All coordinates that each item can ever act on (k, n)."""
+        """All coordinates that each item can ever act on (k, n); points keep rows of it."""
         other = np.unique(self.against.dofs)
         own = self.dofs[:, :self.own[1]]
         return np.hstack([own, np.broadcast_to(other, (len(own), len(other)))])

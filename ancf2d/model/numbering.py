@@ -224,20 +224,31 @@ def half_bandwidth(position: Index, sets: list[Index]) -> int:
     return width
 
 
+def meeting(n: int, sets: list[Index]) -> Any:
+    """Return which of n unknowns meet in a row of a set, -1 for none, as compressed sparse rows with the diagonal.
+
+    By a product of who is in which row: pairs one after another would fill the memory where long bodies touch.
+    """
+    from scipy.sparse import coo_array, eye_array
+
+    rows, columns, first = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)], 0
+    for part in sets:
+        used = part >= 0
+        rows.append(np.broadcast_to(first + np.arange(len(part))[:, None], part.shape)[used])
+        columns.append(part[used])
+        first += len(part)
+    at = np.concatenate(rows), np.concatenate(columns)
+    inside = coo_array((np.ones(len(at[0]), dtype=np.int32), at), shape=(first, n)).tocsr()
+    out = (inside.T @ inside + eye_array(n, dtype=np.int32, format="csr")).tocsr()
+    out.sort_indices()
+    return out
+
+
 def _cuthill_mckee(n: int, sets: list[Index]) -> Index:
-    from scipy.sparse import coo_matrix
+    from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-    i, j = [np.arange(n)], [np.arange(n)]
-    for rows in sets:
-        a = np.repeat(rows, rows.shape[1], axis=1).ravel()
-        b = np.tile(rows, (1, rows.shape[1])).ravel()
-        used = (a >= 0) & (b >= 0)
-        i.append(a[used])
-        j.append(b[used])
-    rows_, columns = np.concatenate(i), np.concatenate(j)
-    graph = coo_matrix((np.ones(len(rows_), dtype=np.int8), (rows_, columns)), shape=(n, n)).tocsr()
-    return np.asarray(reverse_cuthill_mckee(graph, symmetric_mode=True), dtype=np.int64)
+    return np.asarray(reverse_cuthill_mckee(csr_matrix(meeting(n, sets)), symmetric_mode=True), dtype=np.int64)
 
 
 def order_unknowns(n: int, sets: list[Index], narrow: int) -> tuple[Index, int]:

@@ -104,12 +104,14 @@ def _impacts(impacts: dict[str, Any] | None, units: dict[str, str]) -> list[tupl
     """Return the number of impacts, the first and the strongest one."""
     if impacts is None:
         return []
+    first, strongest = (impact_text(impacts[which], units["force"], units["time"]) for which in ("first", "strongest"))
+    return [("impacts", str(impacts["count"])), ("first", first), ("strongest", strongest)]
 
-    def of(one: dict[str, Any]) -> str:
-        impulse = f"{one['impulse']:.6g} {units['force']} {units['time']}"
-        return f"{one['body']} on {one['touched']} at {one['t']:.6g} {units['time']}, S = {one['S']:.4g}: {impulse}"
-    return [("impacts", str(impacts["count"])), ("first", of(impacts["first"])),
-            ("strongest", of(impacts["strongest"]))]
+
+def impact_text(one: dict[str, Any], force: str, time: str) -> str:
+    """Return what hit what, when, where and with which impulse; units are labels."""
+    return (f"{one['body']} on {one['touched']} at {one['t']:.6g} {time}, S = {one['S']:.4g}: "
+            f"{one['impulse']:.6g} {force} {time}")
 
 
 def _accuracy(accuracy: Any) -> str:

@@ -16,7 +16,7 @@ from ..model.classes import mass_matrix
 from ..model.fronts import make_fronts
 from ..model.mesh import Index
 from ..model.model import Model
-from ..model.numbering import Numbering
+from ..model.numbering import Numbering, meeting
 from .ldl import SINGULAR, Multipliers, Pivots, SymmetricBand, SymmetricFronts
 from .state import State
 
@@ -200,22 +200,16 @@ def matrix_of_one(kind: type) -> TangentMatrix:
 def pattern(model: Model) -> tuple[Array, Array]:
     """Return the row and column of every entry to which an element or patch can contribute."""
     num = model.numbering
-    rows, columns = [], []
     sets = [m.dofs for m in model.meshes.values()] + [p.dofs for p in model.patches]
     sets += [np.append(c.dofs, num.n_q + k)[None, :] for k, c in enumerate(model.constraints)]
+    meets = []
     for dofs in sets:
         place = num.place[dofs]
         plain = (place >= -1).all(axis=1)
-        a = np.repeat(place[plain], place.shape[1], axis=1).ravel()
-        b = np.tile(place[plain], (1, place.shape[1])).ravel()
-        used = (a >= 0) & (b >= 0)
-        rows.append(a[used])
-        columns.append(b[used])
-        for line in place[~plain]:
-            reached = np.unique(np.concatenate([_terms(num, int(i)) for i in line]))
-            rows.append(np.repeat(reached, len(reached)))
-            columns.append(np.tile(reached, len(reached)))
-    return np.concatenate(rows), np.concatenate(columns)
+        meets += [place[plain], *(np.unique(np.concatenate([_terms(num, int(i)) for i in line]))[None, :]
+                                  for line in place[~plain])]
+    rows, columns = meeting(num.n_unknowns, meets).nonzero()
+    return rows, columns
 
 
 def _terms(num: Numbering, i: int) -> Index:

@@ -389,3 +389,11 @@ def test_bodies_pressed_into_one_another_are_told_what_helps(hard: bool, advice:
     with pytest.raises(ComputationError, match="where contact may no longer hold it") as found:
         check_pressed(SimpleNamespace(contacts=[pair]), np.zeros(1), {"t": 0.1})
     assert found.value.failure.advice.startswith(advice)
+
+
+def test_points_share_the_coordinates_of_the_body_that_they_may_reach() -> None:
+    """Copies of all of them for each point grow with the cube of the elements: 12 GB with 200."""
+    model = helpers.build({"upper": beam([0, 0.021], [1, 0.021]), "lower": beam([0, 0], [1, 0])}, "static",
+                          bc=clamps("upper@0", "lower@0"), contacts=[ON])
+    first, second = model.constraints[:2]
+    assert first.dofs.base is second.dofs.base

@@ -10,8 +10,9 @@ import pytest
 
 import ancf2d
 from ancf2d.api.solving import load
+from ancf2d.cli.report import motion_lines
 from ancf2d.solvers.motion import stepping
-from ancf2d.solvers.motion.dynamic import Run
+from ancf2d.solvers.motion.dynamic import Run, drift_warning
 from ancf2d.study.run import prepare
 
 G, M, J = 9.81, 2.0, 0.25
@@ -45,6 +46,7 @@ def test_the_impulse_of_a_rod_that_falls_on_its_end(restitution: float, method: 
     assert (first["contact"], first["body"], first["touched"], first["S"], first["points"]) == (
         "hit", "rod", "floor", 0.0, 1)
     assert told["count"] == 1
+    assert told["lost"] == first["lost"]
 
 
 def test_impacts_of_a_resumed_motion_are_those_of_one_that_was_not_interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -84,3 +86,14 @@ def test_both_bodies_are_told_where_one_hits_the_other() -> None:
     assert first["lost"] == pytest.approx(0.5, rel=1e-6)
     assert first["t"] == pytest.approx(0.1, rel=1e-3)
     assert np.isfinite(first["S"])
+
+
+def test_what_impacts_take_is_told_and_who_loses_energy_behind_them() -> None:
+    summary = {"impacts": {"count": 2, "lost": 0.25, "strongest": {
+        "t": 0.125, "body": "rod", "touched": "floor", "S": 0.5, "impulse": 3.0}}}
+    (line,) = motion_lines(summary, ("m", "N", "s"))[-1:]
+    assert line == "impacts   2 took 0.25 [N m], the strongest: rod on floor at 0.125 s, S = 0.5: 3 N s"
+    assert not drift_warning(0.15, 0.02, True)
+    (told,), (other,) = (drift_warning(0.15, 0.002, struck) for struck in (True, False))
+    assert "impacts start vibrations" in told
+    assert "impacts" not in other

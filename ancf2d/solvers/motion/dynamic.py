@@ -311,7 +311,8 @@ class Run:
         if self.estimate is not None:
             state.report["accuracy"] = self.estimate.report()
             state.warnings += self.estimate.warnings()
-            state.warnings += drift_warning(self.balance.drift, state.report["accuracy"]["estimate"])
+            state.warnings += drift_warning(self.balance.drift, state.report["accuracy"]["estimate"],
+                                            "impacts" in state.report)
         return state
 
     def checkpoint(self) -> dict[str, Array] | None:
@@ -350,10 +351,15 @@ def wound_warning(model: Model, d: Array) -> list[str]:
             "tolerance as many times smaller, or a type without angles as coordinates, such as vallejo"]
 
 
-def drift_warning(drift: float, estimate: float | None) -> list[str]:
+def drift_warning(drift: float, estimate: float | None, struck: bool) -> list[str]:
     """Return a warning if the error of the energy balance is much larger than the estimated error."""
     if estimate is None or drift <= max(DRIFT_ALLOWED, 10.0 * estimate):
         return []
+    if struck:
+        return [f"impacts start vibrations that the method damps where the steps do not resolve them: the energy "
+                f"balance has an error of {100 * drift:.2g} %, and the estimated error of displacements is "
+                f"{100 * estimate:.2g} %. Shorter steps, or a smaller tolerance, keep more of the vibrations; a "
+                "contact law softens impacts"]
     return [f"the steps are too long for part of the motion: the energy balance has an error of {100 * drift:.2g} %, "
             f"but the estimated error is only {100 * estimate:.2g} %. Use shorter steps to find out which is right"]
 

@@ -54,6 +54,6 @@ class Impacts:
             return
         columns = state.tables["impacts"] = self.table()
         strongest = int(np.argmax(columns["impulse"]))
-        state.report["impacts"] = {"count": len(columns["t"]), **{
+        state.report["impacts"] = {"count": len(columns["t"]), "lost": float(sum(columns["lost"])), **{
             name: {key: values[k] for key, values in columns.items()}
             for name, k in (("first", 0), ("strongest", strongest))}}
