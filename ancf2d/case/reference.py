@@ -28,7 +28,7 @@ optional key or an item. `ancf2d run -` reads the case from stdin.
 
 # notes on a key of the case, in addition to its records
 _NOTES = {"units": """\
-Nothing is converted: labels are printed beside results, and all numbers of the case are in one consistent set. Its unit
+Nothing is converted: labels are printed with results, and all numbers of the case are in one consistent set. Its unit
 of mass is force time^2/length. In mm, N and s, which suit small parts, it is the tonne (t = N s^2/mm):
 
 | | in m, N, s | in mm, N, s |
@@ -41,8 +41,8 @@ of mass is force time^2/length. In mm, N and s, which suit small parts, it is th
 | moment | 1 N m | 1000 N mm |
 | mass, moment of inertia | 1 kg, 1 kg m^2 | 1e-3 t, 1e3 t mm^2 |
 
-`ancf2d validate` and `run` warn of a density or modulus that no material has in the labelled units, of gravity that
-differs from that of the earth by a power of 1000, and of a yield stress that no material has beside its modulus.
+`ancf2d validate` and `run` warn about a density or modulus that no material has in the labelled units, gravity that
+differs from that of the earth by a power of 1000, and a yield stress that no material with this modulus has.
 """}
 SCHEMA_FILE = "ancf2d.schema.json"
 

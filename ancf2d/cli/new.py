@@ -27,8 +27,8 @@ KINDS = ("cantilever", "simply_supported", "frame", "pendulum", "leaf_spring", "
 def command(session: Session, name: str, kind: str | None, force: bool) -> int:
     """Write a commented case NAME.yaml to start from.
 
-    Also writes the schema of case files beside it, unless there is one, so that editors can complete and check
-    the case.
+    Also writes the schema of case files to the same folder if it is not there yet; editors use it to complete and
+    check the case.
     """
     if not os.path.basename(name):
         raise ResultsError(f"'{name}' is not a valid case name; expected for example bridge")

@@ -39,7 +39,7 @@ def examples(*lines: str) -> str:
 debug_option = _switch("--debug", attribute="debug", help="Show the Python traceback of a failure.")
 json_option = _switch("--json", attribute="json", help="Print one JSON object on stdout, even if the command fails.")
 quiet_option = _switch("-q", "--quiet", attribute="quiet", help="Print errors only.")
-verbose_option = _switch("-v", "--verbose", attribute="verbose", help="Describe what was built and what was left out.")
+verbose_option = _switch("-v", "--verbose", attribute="verbose", help="Describe the model, and anything left out.")
 
 
 def plain_session(command: F) -> F:

@@ -47,7 +47,7 @@ _WARNINGS = _list(TEXT, "as on stderr")
 _ELEMENT: Schema = {"element": TEXT, "formulation": TEXT}
 _EVENTS = _list(_object("what begins or ends", {
     "impulse": _is("object", "fx, fy, m of a support on its body"),
-    "offset": _is("object", "how far what it moves is from what is prescribed")},
+    "offset": _is("object", "deviation from the prescribed position and angle")},
     t=_is("number", "time"), what=_is("string", "what it is")))
 _IMPACTS = _object("of contacts without a law in a motion", count=_is("integer", "how many"),
                    lost=_is("number", "energy that they took"), **dict.fromkeys(
@@ -84,20 +84,20 @@ def _run() -> Schema:
         "windows": _named(window, "goals and expected values that are over windows of time"),
         "energy": _named(NUMBER_OR_NONE, "strain, kinetic, potential; of motions also work and dissipated"),
         "t": _is("number", "the last time"), "load_factor": _is("number", "the last load factor"),
-        "negative_pivots": _is("integer", "of the tangent at the static state: none where it is stable"),
+        "negative_pivots": _is("integer", "of the tangent at the static state: 0 if it is stable"),
         "frequencies": _list(frequency, "lowest first"), "load_factors": _list(NUMBER, "of buckling"),
         "critical": _list(critical, "those load factors"), "state_space": linear,
         "response": {**_object("of frequency_response", hz=_list(NUMBER, "the frequencies")),
                      "additionalProperties": _named(_named(amplitude, "by probe and quantity"), "of one input")},
-        "response_error": _is("number?", "estimate, beside the largest displacement of a probe at that frequency; null "
-                              "where each frequency is solved"),
+        "response_error": _is("number?", "estimate, relative to the largest displacement of a probe at that frequency; "
+                              "null if each frequency is solved"),
         "limit_points": _list(limit, "in order along the path"), "bifurcations": _list(_is("object")),
         "method": _is("string", "the integrator"), "rejected": _is("integer", "steps repeated smaller"),
         "dt": _list(NUMBER, "the smallest and the largest step"), "initial": _is("object", "the initial velocities"),
         "energy_drift": _is("number?", "relative to the largest kinetic plus strain energy"),
         "events": _EVENTS, "impacts": _IMPACTS,
         "momentum": _object("at the end", linear=_list(NUMBER), angular=_is("number", "about the origin")),
-        "accuracy": _ACCURACY, "contact_error": _is("number", "how far bodies are off between points of contact")}
+        "accuracy": _ACCURACY, "contact_error": _is("number", "position error of bodies between contact points")}
     return _object("one solved case", {**optional, **_FAILED}, case=TEXT, title=TEXT, status=TEXT, solver=TEXT,
                    elements=WHOLE, dofs=_is("integer", "nodal coordinates before elimination"),
                    probes=_named(QUANTITIES, "x, y, ux, uy, theta, ... of each probe at the end"), iterations=WHOLE,
@@ -152,7 +152,7 @@ def _sensitivity() -> Schema:
     row = _object("a number of the case", path=TEXT, value=NUMBER, derivative=NUMBER,
                   elasticity=_is("number?", "relative change of the goal by a relative change of the number"),
                   error=_is("number", "estimate of the error of the derivative"),
-                  influence=_is("number", "change of the goal where the number changes by its own size"),
+                  influence=_is("number", "change of the goal if the number changes by its own size"),
                   method=_is("string", "exact, or differences of runs and why"))
     return _object("derivatives of the goal, the most influential first", {"output": TEXT, **_FAILED}, case=TEXT,
                    title=TEXT, status=TEXT, of=TEXT, goal=NUMBER, rows=_list(row), warnings=_WARNINGS,
@@ -162,7 +162,7 @@ def _sensitivity() -> Schema:
 def _optimise() -> Schema:
     row = _object("a number of the case", path=TEXT, value=NUMBER, start=NUMBER, low=NUMBER, high=NUMBER,
                   at_bound=_is("string?", "low or high"))
-    constraint = _object("a constraint", constraint=TEXT, excess=_is("number", "at most 0 where it is met"), met=FLAG,
+    constraint = _object("a constraint", constraint=TEXT, excess=_is("number", "at most 0 if it is met"), met=FLAG,
                          active=FLAG)
     return _object("an optimum", {"history": TEXT, **_FAILED}, case=TEXT, title=TEXT, status=TEXT, minimise=TEXT,
                    rows=_list(row), minimum=NUMBER, constraints=_list(constraint), evaluations=WHOLE, gradients=WHOLE,
@@ -171,12 +171,12 @@ def _optimise() -> Schema:
 
 def _fit() -> Schema:
     row = _object("a fitted number", path=TEXT, value=NUMBER, low=NUMBER, high=NUMBER, start=NUMBER,
-                  standard_error=_is("number?", "null where the data do not tell the number"))
+                  standard_error=_is("number?", "null if the data do not determine the number"))
     column = _object("a measured column", name=TEXT, rms=_is("number", "root of the mean square difference"),
-                     scale=_is("number", "what differences count beside: noise or range"))
+                     scale=_is("number", "scale of the differences: noise or range"))
     start = _object("a search", start=_named(NUMBER), residual=NUMBER, values=_named(NUMBER))
     return _object("a fit", _FAILED, case=TEXT, title=TEXT, status=TEXT, rows=_list(row), columns=_list(column),
-                   residual=_is("number", "root of the mean square of all differences beside their scales"),
+                   residual=_is("number", "root of the mean square of all differences, each relative to its scale"),
                    correlation=_list(_list(NUMBER_OR_NONE)), points=WHOLE, runs=WHOLE, starts=_list(start),
                    output=_is("string", "the case with its fitted numbers"),
                    results=_is("string", "parameters, data and model"), warnings=_WARNINGS)
@@ -242,15 +242,15 @@ def output_schema(command: str) -> Schema:
                                "ancf2d schema --of run"))
 @click.option("-o", "--output", type=click.Path(), metavar="FILE", help="Write to a file instead of stdout.")
 @click.option("--markdown", is_flag=True,
-              help="Print the reference of all keys as Markdown, in place of the JSON Schema.")
+              help="Print the reference of all keys as Markdown, instead of the JSON Schema.")
 @click.option("--definition", is_flag=True, help="Print the schema of files that define your own elements.")
 @click.option("--of", "of", type=click.Choice(list(OUTPUTS)),
-              help="Print the schema of what a command prints with --json.")
+              help="Print the schema of the --json output of a command.")
 @force_option
 @plain_session
 def command(session: Session, output: str | None, markdown: bool, definition: bool, of: str | None,
             force: bool) -> int:
-    """Print the JSON Schema of case files, or of what a command prints with --json."""
+    """Print the JSON Schema of case files, or of the --json output of a command."""
     if markdown + definition + (of is not None) > 1:
         raise click.UsageError("--markdown, --definition and --of exclude each other.")
     text = schema_text(markdown, definition) if of is None else _as_text(output_schema(of))

@@ -233,7 +233,7 @@ def _seconds(ctx: click.Context, parameter: click.Parameter, value: str) -> floa
 @click.option("--accuracy", "accuracies", default="1e-2,1e-3,1e-4", show_default=True, callback=positive_numbers,
               metavar="TOL,...", help="Relative errors for which a setting is recommended.")
 @click.option("--against", type=click.Choice(["limit", "continuum"]), default="limit", show_default=True,
-              help="What the errors of front and recommendations are relative to: each type's own limit, or the "
+              help="Reference for the errors of the front and the recommendations: each type's own limit, or the "
               "plane-stress continuum, which adds the model error.")
 @click.option("--reference", default="auto", show_default=True, callback=reference_value, metavar="VALUE",
               help="Reference for the errors: a number, or auto for a finer solution of the same type.")

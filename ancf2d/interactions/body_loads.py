@@ -249,7 +249,7 @@ class Distributed:
         example=[0, -500])
     from_: float = key(Number("", ge=0, le=1), "S where it begins", default=0.0)
     to: float = key(Number("", ge=0, le=1), "S where it ends", default=1.0)
-    follower: bool = key(Flag(), "Turns with the axis", default=False)
+    follower: bool = key(Flag(), "Whether it turns with the axis", default=False)
     amplitude: Amplitude | None = key(AMPLITUDE, AMPLITUDE_DOC, default=None)
     active: Active | None = key(ACTIVE, ACTIVE_DOC, default=None)
     name: str | None = key(NAME, "Name", default=None)

@@ -44,10 +44,10 @@ TOUCH = 1e-12
 
 @record
 class ContactLaw:
-    """Compliant contact: the pressure grows with the depth of the overlap and its rate."""
+    """Compliant contact: the pressure grows with the penetration and its rate."""
 
-    stiffness: float = key(Number("N/m^2", gt=0), "Force per length of the body and per depth", example=1e6)
-    damping: float = key(Number("N s/m^2", ge=0), "Force per length and per rate of the depth; the pressure is never "
+    stiffness: float = key(Number("N/m^2", gt=0), "Force per length of the body and per penetration", example=1e6)
+    damping: float = key(Number("N s/m^2", ge=0), "Force per length and per rate of penetration; the pressure is never "
                          "negative",
                          default=0.0)
 

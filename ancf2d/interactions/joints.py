@@ -257,7 +257,7 @@ class PinJoint:
 @joint
 @record
 class WeldJoint:
-    """Keeps points together and the angle between the bodies; two equal beams in line become one."""
+    """Keeps points together and the angle between the bodies fixed; two equal beams in line become one."""
 
     tag = "weld"
     between: tuple[Point, ...] = key(BETWEEN, "Two or more points", example=["column@1", "beam@0"])

@@ -27,7 +27,7 @@ MOTION = ByShape(number=Number(""), map=OneOf(Amplitude))
 
 @record
 class Motion:
-    """A motion of an obstacle from where it stands: displacements, and a rotation about its centre."""
+    """A motion of an obstacle from its given position: displacements, and a rotation about its centre."""
 
     x: float | Amplitude = key(MOTION, "Displacement along x [m]", default=0.0)
     y: float | Amplitude = key(MOTION, "Displacement along y [m]", default=0.0)
@@ -49,14 +49,14 @@ def _held(self: Any) -> Iterator[Issue]:
 
 @record
 class Circle:
-    """A disc; or, with ``inside``, all that is outside a circle."""
+    """A disc or, with ``inside``, everything outside a circle."""
 
     tag = "circle"
     # whether the surface has no corners
     smooth = True
     center: tuple[float, float] = key(PLACE, "Centre", example=[0, -0.5])
     radius: float = key(Number("m", gt=0), "Radius", example=0.5)
-    inside: bool = key(Flag(), "Bodies are inside the circle, as in a pipe", default=False)
+    inside: bool = key(Flag(), "Whether bodies are inside the circle, as in a pipe", default=False)
     on: str | None = key(Name("the name of a body"), ON_DOC, default=None, refers="bodies")
     motion: Motion | None = key(Record(Motion), MOTION_DOC, default=None)
     check = _held
@@ -82,7 +82,7 @@ class Circle:
 
 @record
 class HalfPlane:
-    """All that is behind a straight line."""
+    """Everything behind a straight line."""
 
     tag = "half_plane"
     smooth = True

@@ -39,7 +39,7 @@ ONLY_DOC = ("tension: acts only against elongation (for angles, counter-clockwis
             "acts only against shortening (default: acts both ways)")
 PULL_DOC = ("Force as a formula in the elongation u [m] and its rate v, in place of stiffness and damping; positive "
             "pulls the ends together")
-TURN_DOC = ("Moment as a formula in u, the relative rotation less angle [rad], and its rate v, in place of stiffness "
+TURN_DOC = ("Moment as a formula in u, the relative rotation minus angle [rad], and its rate v, in place of stiffness "
             "and damping; a positive moment turns the second end back")
 # values that the force function of a spring returns
 RETURNS = ("energy", "N", "dN/du", "dN/d(rate)")

@@ -195,7 +195,7 @@ class Clamp:
 @support
 @record
 class Fix:
-    """Holds single nodal coordinates of a node."""
+    """Holds individual nodal coordinates of a node."""
 
     tag = "fix"
     at: Point = key(POINT, "Point that is held; must be a node", example="beam@0")

@@ -35,7 +35,7 @@ class Condition(ExpressionText):
 
 @record
 class Active:
-    """When something acts: from a time or a condition on, until another. Conditions count once they have held."""
+    """When something acts: from a time or condition until another. A condition counts once it has become true."""
 
     from_: float | None = key(Number("s"), "When it begins (default: at the start)", default=None, example=0.5)
     to: float | None = key(Number("s"), "When it ends (default: never)", default=None, example=1)

@@ -37,8 +37,8 @@ class Ramp(Function):
 
     tag = "ramp"
     polynomial = True
-    t0: float = key(Number("s"), "Where the rise begins", default=0.0)
-    t1: float = key(Number("s"), "Where the rise ends", default=1.0)
+    t0: float = key(Number("s"), "Start of the rise", default=0.0)
+    t1: float = key(Number("s"), "End of the rise", default=1.0)
     scale: float = key(Number(), SCALE_DOC, default=1.0)
 
     def check(self) -> Iterator[Issue]:

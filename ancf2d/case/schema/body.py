@@ -57,7 +57,7 @@ class LayerOf:
 
 @record
 class Layers:
-    """A section of layers, each of a material; the body has none."""
+    """A section of layers, each with its own material, in place of a material of the body."""
 
     width: float | Profile = key(ProfileOf("m", gt=0), "Width, out of the plane", example=0.01)
     layers: tuple[LayerOf, ...] = key(ListOf(Record(LayerOf), "layers", 1), "Layers, from bottom (negative y) to top")
@@ -118,7 +118,7 @@ class Element:
     type: str = key(Known("element_types", "auto", "user"), "Element type, or auto",
                     default="user", example="2d2n")
     count: int | None = key(Integer(), "Number of elements; a polyline or path needs at least one per piece "
-                            "(default where nodes are given: one between two of them)", default=None, example=8)
+                            "(default if nodes are listed: one between each two)", default=None, example=8)
     order: tuple[int, int] | None = key(
         ORDER, "Polynomial degrees of type ancf along (p, 1 to 8) and across (q, 1 to 5)", default=None,
         example=[2, 1])
@@ -134,13 +134,13 @@ class Element:
     definition: str | None = key(Text("the name of a file"), "File that defines an element of your own, relative to "
                                  "the case", default=None)
     nodes: str | tuple[float, ...] | None = key(
-        NODES, "Placement of nodes. acting: wherever a support, joint, "
+        NODES, "Placement of nodes. acting: a node wherever a support, joint, "
         "spring, mass or load acts, and at the ends of line loads; count is divided among the "
         "stretches between these points in proportion to their lengths, with at least one "
         "element each, all of equal length. regular: "
         "all elements of a straight piece or arc are equally long (default: acting; "
-        "regular with preset paper). A list: the places S from 0 to 1 where elements end, and wherever something "
-        "acts; count, where given, is divided equally among them", default=None)
+        "regular with preset paper). A list: elements end at these places S from 0 to 1 and wherever something "
+        "acts; count, if given, is divided equally among the stretches of the list", default=None)
     grading: float | Profile | None = key(
         ProfileOf(gt=0), "Unequal elements. A number: the length of elements at the end of the body over that at its "
         "start, in a geometric series between. A profile in s: lengths are proportional to it (default: equal)",

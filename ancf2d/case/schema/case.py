@@ -128,7 +128,7 @@ OTHERS = {
 
 @record(kw_only=True)
 class Case:
-    """A case: the model, the solver, and the results that are wanted."""
+    """A case: the model, the solver and the requested results."""
 
     other_names = OTHERS
 
@@ -152,8 +152,8 @@ class Case:
                                     "quasi_static, eigen, frequency_response, state_space, dynamic)",
                                     default=())
     controllers: dict[str, Controller] = key(
-        Identifiers(ControllerKind(Controller), "controllers by name"), "Controllers: numbers that follow the motion, "
-        "with states of their own, which amplitudes may use by name (dynamic)", default={})
+        Identifiers(ControllerKind(Controller), "controllers by name"), "Controllers: numbers that depend on the "
+        "motion and on states of their own; amplitudes may use them by name (dynamic)", default={})
     initial: Initial | None = key(Record(Initial), "Initial state and velocities of the motion (dynamic)", default=None)
     damping: Damping | None = key(Record(Damping), "Damping of the whole model (dynamic, eigen, buckling, "
                                   "frequency_response)", default=None)

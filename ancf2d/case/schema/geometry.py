@@ -14,7 +14,7 @@ from .amplitudes import ExpressionText
 
 Vec2 = tuple[float, float]
 PLACE = Vector(Number("m"))
-CLOSED_DOC = "Whether the axis closes on its start, without a kink"
+CLOSED_DOC = "Whether the axis returns to its start, without a kink there"
 
 
 @record

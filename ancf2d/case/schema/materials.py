@@ -35,11 +35,11 @@ class LinearHardening:
 
 @record
 class StressStrain:
-    """A measured curve of uniaxial stress, odd in strain; its last slope goes on."""
+    """A measured uniaxial stress-strain curve, odd in strain, extended with its last slope."""
 
     strain: tuple[float, ...] = key(ListOf(Number("", ge=0), "numbers", 1), "Strains, in ascending order",
                                     example=[0.00125, 0.02])
-    stress: tuple[float, ...] = key(ListOf(Number("Pa", ge=0), "numbers", 1), "Stress at each strain, never falling",
+    stress: tuple[float, ...] = key(ListOf(Number("Pa", ge=0), "numbers", 1), "Stress at each strain, never decreasing",
                                     example=[2.5e8, 3.0e8])
     unloading: str = key(Choice("elastic", "curve"), "elastic: a metal, which unloads with E and hardens "
                          "isotropically; curve: nonlinear elastic, unloads along the curve", default="elastic")
@@ -70,7 +70,7 @@ class StressStrain:
 
 @record
 class MaxwellTerm:
-    """A spring with a dashpot, beside the long-time stiffness."""
+    """A spring in series with a dashpot, parallel to the long-time stiffness."""
 
     modulus: float = key(Number("", gt=0), "Modulus of the spring, relative to E", example=0.5)
     time: float = key(Number("s", gt=0), "Relaxation time", example=0.1)
@@ -85,7 +85,7 @@ OTHERS = {
 
 @record
 class Material:
-    """An isotropic material, elastic unless it says more."""
+    """An isotropic material, linear elastic by default."""
 
     other_names = OTHERS
     E: float | Profile | None = key(ProfileOf("Pa", gt=0), "Young's modulus", default=None, example=2.07e11)
@@ -106,8 +106,8 @@ class Material:
                                              "place of yield and hardening; shear stays elastic", default=None)
 
     viscoelastic: tuple[MaxwellTerm, ...] | None = key(
-        ListOf(Record(MaxwellTerm), "terms", 1), "Generalised Maxwell material: springs with dashpots beside E, the "
-        "long-time modulus; Poisson's ratio does not change", default=None, example=[{"modulus": 0.5, "time": 0.1}])
+        ListOf(Record(MaxwellTerm), "terms", 1), "Generalised Maxwell material: springs with dashpots in parallel with "
+        "E, the long-time modulus; Poisson's ratio is constant", default=None, example=[{"modulus": 0.5, "time": 0.1}])
 
     law: str = key(Choice("linear", "neo_hooke"), "Stress-strain law; neo_hooke: mu/2 (I_C - 3 - 2 ln J) + "
                    "lambda/2 (ln J)^2 in plane stress, in formulation continuum", default="linear")

@@ -92,7 +92,7 @@ def _response_issues(goal: Any) -> Iterator[Issue]:
 
 @record(kw_only=True)
 class Value:
-    """A value that a solution has: what a goal and an expected value name."""
+    """A value of a solution, as a goal or an expected value names it."""
 
     probe: str | None = key(Name("the name of a probe"), "Probe", default=None, refers="probes", example="mid")
     quantity: str | None = key(

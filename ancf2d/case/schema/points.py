@@ -30,7 +30,7 @@ class Point:
 
 @record
 class GroundPoint:
-    """A point that stands still."""
+    """A fixed point of the ground."""
 
     x: float
     y: float
@@ -42,7 +42,7 @@ class GroundPoint:
 
 @record
 class MovingPoint:
-    """A point that moves along a body; what is there acts while 0 <= s <= 1."""
+    """A point that moves along a body; the load, mass or spring there acts while 0 <= s <= 1."""
 
     on: str = key(Name("the name of a body"), "Body along which it moves", refers="bodies", example="beam")
     s: Amplitude = key(OneOf(Amplitude), "Position S over time, from 0 to 1 along the arc length",
@@ -84,8 +84,8 @@ PLACE = ByShape(text=POINT, map=Record(MovingPoint))
 class Probe:
     """A place whose motion is recorded."""
 
-    at: Point = key(POINT, "point of the axis", example="beam@0.5")
-    y: float = key(POSITION, "distance from the axis, along the section's y axis", default=0.0)
+    at: Point = key(POINT, "Point of the axis", example="beam@0.5")
+    y: float = key(POSITION, "Distance from the axis, along the section's y axis", default=0.0)
 
     def written(self) -> Any:
         """Return the probe as in a case: just the point if it is on the axis."""

@@ -115,7 +115,7 @@ def _samples(profile: Profile) -> tuple[float, ...]:
 
 @record
 class PointExpression(Expression):
-    """A formula in s and in what the motion tells of the point that a load acts on."""
+    """A formula in s and t, and in position, rotation and velocity of the point that a load acts on."""
 
     variable = "s"
 

@@ -118,12 +118,13 @@ class Static(Kind):
                                   "correction", default=None, example=1e-10)
     max_iterations: int | None = key(Integer(), "Maximum number of Newton iterations per step",
                                      default=None)
-    factors: tuple[float, ...] | None = key(ListOf(Number(), "load factors", 1), "Load factors at which steps end, "
-                                            "beside those that ``steps`` gives (method newton)", default=None,
+    factors: tuple[float, ...] | None = key(ListOf(Number(), "load factors", 1), "Load factors at which steps end, in "
+                                            "addition to those of ``steps`` (method newton)", default=None,
                                             example=[0.25, 0.6])
     largest_step: float | None = key(
-        Number("", gt=0, le=1), "Largest step of a path (method arc_length): the move of a point relative to the size "
-        f"of the model, and the share of the way to a load factor or value (default {LARGEST_STEP:g})", default=None,
+        Number("", gt=0, le=1), "Largest step of a path (method arc_length): the displacement of a point relative to "
+        "the size of the model, and the share of the distance to a load factor or value (default "
+        f"{LARGEST_STEP:g})", default=None,
         example=0.02)
     method: str = key(Choice("newton", "arc_length", "displacement"), "Path-following method",
                       default="newton")
@@ -199,12 +200,13 @@ class QuasiStatic(Kind):
     timed = balances = True
     t_end: float = key(Number("s", gt=0), "End time; the solution starts at t = 0 with the instantaneous response",
                        example=100)
-    tolerance: float = key(Number("", gt=0, lt=1), "Error, relative to the largest displacement, and where materials "
-                           "relax to the largest force of supports; steps adapt to it", default=STEP_TOLERANCE)
-    steps: int | None = key(Integer(), "Number of time steps at least: none is longer than t_end/steps (default "
+    tolerance: float = key(Number("", gt=0, lt=1), "Error relative to the largest displacement and, if materials "
+                           "relax, to the largest support force; steps adapt to it", default=STEP_TOLERANCE)
+    steps: int | None = key(Integer(), "Minimum number of time steps: none is longer than t_end/steps (default "
                             f"{TIME_STEPS})", default=None, example=400)
-    times: tuple[float, ...] | None = key(ListOf(Number("s", ge=0), "times", 1), "Times at which steps end, beside "
-                                          "those that the tolerance needs", default=None, example=[1, 10, 100])
+    times: tuple[float, ...] | None = key(ListOf(Number("s", ge=0), "times", 1), "Times at which steps end, in "
+                                          "addition to those that the tolerance requires", default=None,
+                                          example=[1, 10, 100])
     max_iterations: int | None = key(Integer(), "Maximum number of Newton iterations per step", default=None)
 
     def check(self) -> Iterator[Issue]:
