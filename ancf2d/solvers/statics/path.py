@@ -53,6 +53,8 @@ class Follower:
         shorter = max(LARGEST_STEP / (spec.largest_step or LARGEST_STEP), 1.0)
         # equal steps may be cut
         self.most = MOST_STEPS + (spec.steps or 0) if self.controlled else spec.steps or math.ceil(shorter * MOST_STEPS)
+        # whether fibres yield or follow a curve
+        self.bends = any(material.fibres for body in model.case.bodies.values() for material in body.materials)
         self.log = PathLog(model)
         self.steps: Steps
         self.number = self.cuts = 0
@@ -155,7 +157,7 @@ class Follower:
         went = (found.d[free] - a.d[free], found.t - a.t)
         b = curve.point(found, a.s + h, self.steps.scale(a))
         # where all of a bar begins to yield, the path has a corner, however short the step
-        corner = self.model.remembers and h <= CORNERED * a.s
+        corner = self.bends and h <= CORNERED * a.s
         for direction in (went, b.tangent):
             size = curve.metric.norm(direction) * curve.metric.norm(a.tangent)
             if curve.metric.dot(direction, a.tangent) < (AT_CORNER if corner else LARGEST_TURN) * size:
