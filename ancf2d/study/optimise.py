@@ -30,6 +30,8 @@ TOLERANCE, MET = 1e-9, 1e-6
 # share of what is minimised that derivatives may still promise over the ranges of all numbers where a search ends; how
 # close constraints and bounds are that count there; and the relative gain without which it is not begun anew
 PROMISED, CLOSE, GAIN = 1e-3, 1e-4, 1e-7
+# share of what a constraint is missed by that derivatives have to promise over these ranges, to search on
+FAINT = 0.01
 # the least half width of a box that a search is kept in, as a share of the ranges of the numbers
 SMALLEST = 0.01
 # shares of the range of a number within which it is called at its bound, and is put there
@@ -181,6 +183,18 @@ class _Search:
         good = [(values[0], key) for key, values in self._known.items() if meets(values)]
         return np.frombuffer(min(good)[1]) if good else y
 
+    def hopeless(self, y: Array) -> bool:
+        """Whether a constraint is missed at y that derivatives promise nothing of within the bounds."""
+        values, slopes = self.values(y), self.slopes(y)
+        for k, kind in enumerate(self.problem.kinds, 1):
+            rows = self.rows(k) or slice(k, k + 1)
+            for missed, slope in zip(values[rows].tolist(), slopes[rows], strict=True):
+                sign = -1.0 if kind == "==" and missed < 0.0 else 1.0
+                gain = -float(np.minimum(-sign * slope * y, sign * slope * (1.0 - y)).sum())
+                if sign * missed > MET * self.sizes[k] and gain < FAINT * sign * missed:
+                    return True
+        return False
+
     def rows(self, number: int) -> slice | None:
         """Return where the rows of an expression are among the values, None where it has none."""
         return self.problem.measures.rows(number)
@@ -261,8 +275,10 @@ def _minimised(search: _Search, method: str, iterations: int) -> tuple[Array, bo
             return outcome
         if result.success:
             y = found
+        elif search.hopeless(y := search.preferred(found)):
+            return outcome
         else:
-            y, reach = search.preferred(found), reach / 4.0
+            reach /= 4.0
 
 
 class _Goal:
