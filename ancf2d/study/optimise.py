@@ -30,6 +30,8 @@ TOLERANCE, MET = 1e-9, 1e-6
 # a search ends if the gradient of the Lagrangian times the ranges of all numbers is less than this share of the
 # minimum; constraints and bounds this close are active there; least relative gain for which the search is restarted
 PROMISED, CLOSE, GAIN = 1e-3, 1e-4, 1e-7
+# least promised decrease of a violated constraint, as a share of the violation, for which the search goes on
+FAINT = 0.01
 # least half width of the box of a search, as a share of the ranges of the numbers
 SMALLEST = 0.01
 # shares of a number's range within which it is reported at its bound, and is set to the bound
@@ -181,6 +183,18 @@ class _Search:
         good = [(values[0], key) for key, values in self._known.items() if meets(values)]
         return np.frombuffer(min(good)[1]) if good else y
 
+    def hopeless(self, y: Array) -> bool:
+        """Return whether a constraint is violated at y and derivatives promise no decrease of it within the bounds."""
+        values, slopes = self.values(y), self.slopes(y)
+        for k, kind in enumerate(self.problem.kinds, 1):
+            rows = self.rows(k) or slice(k, k + 1)
+            for missed, slope in zip(values[rows].tolist(), slopes[rows], strict=True):
+                sign = -1.0 if kind == "==" and missed < 0.0 else 1.0
+                gain = -float(np.minimum(-sign * slope * y, sign * slope * (1.0 - y)).sum())
+                if sign * missed > MET * self.sizes[k] and gain < FAINT * sign * missed:
+                    return True
+        return False
+
     def rows(self, number: int) -> slice | None:
         """Return the range of the rows of an expression among the values, or None if it has none."""
         return self.problem.measures.rows(number)
@@ -261,8 +275,10 @@ def _minimised(search: _Search, method: str, iterations: int) -> tuple[Array, bo
             return outcome
         if result.success:
             y = found
+        elif search.hopeless(y := search.preferred(found)):
+            return outcome
         else:
-            y, reach = search.preferred(found), reach / 4.0
+            reach /= 4.0
 
 
 class _Goal:

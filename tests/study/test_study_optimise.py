@@ -1,5 +1,6 @@
 """The best numbers of a case: designs with closed forms, expressions over results, and the case that is written."""
 
+import helpers as h
 import numpy as np
 import pytest
 from scipy.optimize import linprog, minimize
@@ -313,3 +314,16 @@ def test_the_lightest_taper_is_that_of_the_beam_equation():
     # of all beams with h = c sqrt(x) the one that bends by u: c^3 = 8 P/(E b u)
     parabola = rho * b * (8 * P / (E * b * u)) ** (1 / 3) * 2 / 3
     assert parabola * 0.999 < found.minimum < parabola * 1.03
+
+
+def test_constraints_that_nothing_within_the_bounds_can_meet_end_the_search():
+    """No height lifts the tip of a cantilever that is pushed down; at its bound, derivatives promise nothing more."""
+    found = ancf2d.optimise({
+        "bodies": {"beam": {"geometry": h.line(2.0), "section": {"height": 0.1, "width": 0.1},
+                            "material": {"E": 2e11, "nu": 0.3, "rho": 7800}, "element": h.element("reissner3", 2)}},
+        "boundary_conditions": [{"type": "clamp", "at": "beam@0"}],
+        "loads": [{"type": "force", "at": "beam@1", "value": [0, -5e5]}], "solver": {"type": "static"},
+        "output": {"probes": {"tip": "beam@1"}}}, {"bodies.beam.section.height": (0.05, 0.2)}, "mass", "tip.uy >= 0.5")
+    assert not found.found
+    assert found.rows[0]["at_bound"] == "high"
+    assert found.evaluations < 30

@@ -54,6 +54,8 @@ class Follower:
         shorter = max(LARGEST_STEP / (spec.largest_step or LARGEST_STEP), 1.0)
         # equal steps may be cut
         self.most = MOST_STEPS + (spec.steps or 0) if self.controlled else spec.steps or math.ceil(shorter * MOST_STEPS)
+        # whether fibres yield or follow a curve
+        self.bends = any(material.fibres for body in model.case.bodies.values() for material in body.materials)
         self.log = PathLog(model)
         self.steps: Steps
         self.number = self.cuts = 0
@@ -163,7 +165,7 @@ class Follower:
         if kink and not self.controlled and a.rate * b.rate * (-1.0) ** (b.negative - a.negative) < 0.0:
             b.z, b.rate = -b.z, -b.rate
         # where all of a bar starts to yield, the path has a corner at any step length
-        corner = self.model.remembers and h <= CORNERED * a.s
+        corner = self.bends and h <= CORNERED * a.s
         least = 0.0 if kink else AT_CORNER if corner else LARGEST_TURN
         for direction in (went,) if kink else (went, b.tangent):
             size = curve.metric.norm(direction) * curve.metric.norm(a.tangent)
