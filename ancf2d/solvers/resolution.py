@@ -26,7 +26,6 @@ from ..model.mesh import BodyMesh, Index
 from ..model.model import Model
 from .energy import internal_energy
 from .section_forces import SectionForces, has_section_forces, natural_rates, nodal_forces
-from .small_motions.relaxing import VIBRATES
 from .state import State
 from .system import System
 
@@ -59,6 +58,8 @@ LARGE_STRAIN = 3.0
 FAINT = 1e-13
 # kinds of modes of beams; largest number of inaccurate modes in a message
 KINDS, SHOWN = ("bending", "axial", "shear"), 3
+# share of an eigenvalue above which its imaginary part is the frequency of a vibration
+VIBRATES = 0.1
 ADVICE = "Use more elements, or --accuracy with a goal; ancf2d convergence shows the error"
 
 

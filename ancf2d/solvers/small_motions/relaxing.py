@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from ...elements.shape import Array
+from ..resolution import VIBRATES
 from .factors import Factors
 from .projected import Complex, Quadratic, Space, within_constraints
 
@@ -27,8 +28,8 @@ MASSLESS, UNSTRAINED, APART = 1e-13, 1e-15, 1e-12
 MAX_ITERATIONS, SAME, ROUGH = 30, 1e-12, 1e-8
 # smaller changes that stop decreasing are round-off of the stiffness, which is large in slender bodies
 STALLED = 1e-6
-# share of an eigenvalue below which its imaginary part is round-off, and above which its pair is a vibration
-REAL, VIBRATES = 1e-9, 0.1
+# share of an eigenvalue below which its imaginary part is round-off
+REAL = 1e-9
 # relative difference of equal eigenvalues, and deviation of their vectors from being parallel
 ALIKE, PARALLEL = 1e-9, 1e-6
 
