@@ -109,7 +109,9 @@ def sensitivity(loaded: LoadedCase, paths: Sequence[str] = (), progress: Progres
                 raise
             skipped[variable.path] = verdict(error)[1]
             continue
-        rows.append(_row(variable, 0.0 if vanishes else value, found, method, study.model.extent))
+        # a peak is between the frequencies of a run
+        own = value if study.middle is None else float(study.middle[0])
+        rows.append(_row(variable, 0.0 if vanishes else own, found, method, study.model.extent))
     rows.sort(key=lambda row: -row.influence)
     return Sensitivity(loaded.source.file, loaded.case.title, describe_goal(goal), value, rows,
                        loaded.case.units.labels, skipped, warnings, size)

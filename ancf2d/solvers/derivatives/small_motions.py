@@ -38,8 +38,8 @@ ITERATIONS = 3
 EQUAL, BESIDE = 1e-6, 1e-7
 # y^T dT/ds x of equal eigenvalues, for vectors of size 1, below which they have too few eigenvectors
 DEFECTIVE = 1e-6
-# tolerance of a peak, relative to the distance of frequencies
-PEAK = 1e-9
+# tolerance of a peak, and step of differences around it, relative to the distance of frequencies
+PEAK, AROUND = 1e-9, 0.02
 
 
 class SmallMotions(OneByOne):
@@ -205,7 +205,7 @@ class Excited(SmallMotions):
         """Return the place in the report and the frequency of a goal; a peak is located between the frequencies."""
         if goal.hz is not None:
             return self.hz.index(goal.hz), goal.hz
-        from scipy.optimize import minimize_scalar
+        from scipy.optimize import brentq, minimize_scalar
 
         H = self.state.report["response"][goal.input][goal.probe][goal.quantity]
         k = int(np.argmax(np.hypot(H["re"], H["im"])))
@@ -220,7 +220,17 @@ class Excited(SmallMotions):
             return -abs(response_of(self.problem, of, read, s, [x])[0, 0])
         low, high = self.hz[max(k - 1, 0)], self.hz[min(k + 1, len(self.hz) - 1)]
         peak = minimize_scalar(height, bounds=(low, high), method="bounded", options={"xatol": PEAK * (high - low)})
-        return k, float(peak.x) if peak.fun < height(self.hz[k]) else self.hz[k]
+        if peak.fun >= height(self.hz[k]):
+            return k, self.hz[k]
+
+        def slope(hz: float) -> float:
+            step = AROUND * (high - low)
+            one, two = (height(hz + n * step) - height(hz - n * step) for n in (1, 2))
+            return 8.0 * one - two
+        # round-off limits a maximum to its square root, the zero of the slope only to round-off itself
+        ends = peak.x - 2.0 * AROUND * (high - low), peak.x + 2.0 * AROUND * (high - low)
+        vanishes = slope(ends[0]) * slope(ends[1]) < 0.0
+        return k, float(brentq(slope, *ends, xtol=PEAK * (high - low)) if vanishes else peak.x)
 
     def slope(self, at: Varied, h: float) -> Quotient:
         """Return dz/dp (n,) of the state, if it is an equilibrium, then dx/dp (frequencies, inputs, n, 2)."""
