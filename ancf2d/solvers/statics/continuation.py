@@ -357,15 +357,16 @@ class Curve:
         # where bodies lift off, the places move along the path, unless they would come to others there
         for slide in (True, False):
             recall(self.model, touching, slide)
-            self.system.assemble(found.d, found.t)
+            balance = self.system.assemble(found.d, found.t)
             pivots = self.system.factor({"factor": float(f"{found.t:.6g}")})
             if not self.knows_inertia or pivots.negative >= self.model.numbering.n_multipliers:
                 break
         self.system.check_tangent(found.d, found.t, pivots)
         by_load = -self.system.matrix.solve(self.load_rate(found.d, found.t))
         recall(self.model, touching)
-        # where places stand: others that they might slide to are not in balance
-        balance = self.system.forces(found.d, found.t)
+        if touching:
+            # where places stand: others that they might slide to are not in balance
+            balance = self.system.forces(found.d, found.t)
         rate = scale(found.d, by_load)
         negative = pivots.negative - self.model.numbering.n_multipliers
         return PathPoint(found.d, found.t, s, rate * by_load, rate, negative, balance, found.iterations,
