@@ -303,7 +303,9 @@ class Curve:
         if slid and self.knows_inertia and self.pivots < self.model.numbering.n_multipliers:
             # the beam would turn about this place rather than lift off
             raise ComputationError("a place of lift-off is not the one that bears", at={"factor": float(f"{t:.6g}")})
-        return found
+        # a place may have slid beyond its interval
+        rests = not slid or balanced(self.system, self.system.forces(found.d, found.t), found.d, found.t)
+        return found if rests else self._corrected(control, found.d, found.t)
 
     def _corrected(self, control: Control, d: Array, t: float) -> Found:
         """Return the equilibrium that satisfies the control with the present set of closed points."""
@@ -360,6 +362,9 @@ class Curve:
         self.system.check_tangent(found.d, found.t, pivots)
         by_load = -self.system.matrix.solve(self.load_rate(found.d, found.t))
         recall(self.model, touching)
+        if touching:
+            # where places stand: others that they might slide to are not in balance
+            balance = self.system.forces(found.d, found.t)
         rate = scale(found.d, by_load)
         negative = pivots.negative - self.model.numbering.n_multipliers
         return PathPoint(found.d, found.t, s, rate * by_load, rate, negative, balance, found.iterations,
