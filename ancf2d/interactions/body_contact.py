@@ -342,7 +342,7 @@ class BodyPair:
 
     @cached_property
     def reach(self) -> Index:
-        """All coordinates that each item can ever act on (k, n); points keep rows of it."""
+        """All coordinates that each item can act on (k, n); points refer to rows of it."""
         other = np.unique(self.against.dofs)
         own = self.dofs[:, :self.own[1]]
         return np.hstack([own, np.broadcast_to(other, (len(own), len(other)))])

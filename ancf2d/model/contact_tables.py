@@ -276,7 +276,7 @@ class ContactTable:
         from ..kernels.contact import obstacle_crossed
 
         earlier, (table, amps), free = self.at(*before)[1], self.at(d, t), self.free
-        # along the curves of elements: those of beams have other fields in every state
+        # along the curves of elements, because the fields of beam curves change with the state
         table.mem[free, FREE] = UNUSED_OWN
         self.turn_to(d)
         return bool(obstacle_crossed(table, free, before[0], earlier, d, amps, self.pair.scale))

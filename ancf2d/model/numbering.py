@@ -225,9 +225,9 @@ def half_bandwidth(position: Index, sets: list[Index]) -> int:
 
 
 def meeting(n: int, sets: list[Index]) -> Any:
-    """Return which of n unknowns meet in a row of a set, -1 for none, as compressed sparse rows with the diagonal.
+    """Return which of n unknowns share a row of a set (-1 for none), as compressed sparse rows with the diagonal.
 
-    By a product of who is in which row: pairs one after another would fill the memory where long bodies touch.
+    Computed as a sparse product, because a list of all pairs would exhaust the memory where long bodies touch.
     """
     from scipy.sparse import coo_array, eye_array
 

@@ -109,7 +109,7 @@ def _impacts(impacts: dict[str, Any] | None, units: dict[str, str]) -> list[tupl
 
 
 def impact_text(one: dict[str, Any], force: str, time: str) -> str:
-    """Return what hit what, when, where and with which impulse; units are labels."""
+    """Return a description of an impact: bodies, time, place and impulse, with labels as units."""
     return (f"{one['body']} on {one['touched']} at {one['t']:.6g} {time}, S = {one['S']:.4g}: "
             f"{one['impulse']:.6g} {force} {time}")
 

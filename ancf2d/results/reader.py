@@ -303,7 +303,7 @@ class Results(AbstractContextManager["Results"]):
         return {body: {name: one for name, (one, _) in found.items()} for body, found in self._stored_fields.items()}
 
     def refused(self, field: str) -> str:
-        """Return why the case cannot store a field; empty where it can, or where that is not known."""
+        """Return why the case cannot store a field; empty if it can or if this is unknown."""
         return ""
 
     def _field_rows(self, body: str, name: str) -> StateRows:

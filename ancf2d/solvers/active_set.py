@@ -254,7 +254,7 @@ def exchange(system: System, d: Array, t: float, course: Course, way: Way = WAYS
 
 
 def unfound(t: float, worst: float) -> ComputationError:
-    """Return what to say where points of contact change again and again; ``worst`` [m] is how deep bodies are last."""
+    """Return the error for contact points that keep changing; ``worst`` [m] is the last penetration."""
     found = f"a body is {worst:.3g} deep in an obstacle" if worst > 0.0 else "those that press change again and again"
     return ComputationError(
         f"the contact points were not found: {found}", at={"factor": float(f"{t:.6g}")},

@@ -119,7 +119,7 @@ def choose_curves(one: ContactTable, course: Course) -> int:
     for k in np.flatnonzero(one.free).tolist():
         mem = one.points[k].mem
         if mem[FREE] < 0.0:
-            # what has left the zone once is not taken for its part again
+            # a point that has left the zone does not join it again
             own = inside[k] and one.pair.cubic and one.points[k] not in course.left
             mem[FREE] = UNUSED_OWN if own else UNUSED
         elif mem[FREE] == OWN and not inside[k]:

@@ -51,7 +51,7 @@ class StatesWithFields(Results):
                               os.path.dirname(name))
 
     def refused(self, field: str) -> str:
-        """Return why the case cannot store a field; empty where it can."""
+        """Return why the case cannot store a field; empty if it can."""
         try:
             case = self._with([]).case
         except Ancf2dError:

@@ -188,13 +188,13 @@ class Case:
 
     @property
     def remembers_way(self) -> bool:
-        """Whether equilibria depend on the way to them by a material, which yields, or relaxes over time."""
+        """Whether equilibria depend on the load path because a material yields, or relaxes over time."""
         return any(material.yields or (self.solver.timed and bool(material.viscoelastic))
                    for body in self.bodies.values() for material in body.materials)
 
     @property
     def follows_way(self) -> bool:
-        """Whether it takes steps to an equilibrium that depends on them, by a material or friction."""
+        """Whether the equilibrium depends on the steps that lead to it, because of a material or friction."""
         rubs = any(contact.friction > 0.0 for contact in self.contacts)
         return bool(self.solver.with_steps(1.0)) and (rubs or self.remembers_way)
 

@@ -196,7 +196,7 @@ class Curve:
         self.system, self.model = system, system.model
         self.tolerance, self.max_iterations = tolerance, max_iterations
         self.turns = system.turns()
-        # negative ones of the last tangent
+        # number of negative pivots of the last tangent
         self.pivots = 0
         squares = system.weights**2
         self.metric = Metric(squares / max(int(np.count_nonzero(squares)), 1), 0.0)
@@ -363,7 +363,7 @@ class Curve:
         by_load = -self.system.matrix.solve(self.load_rate(found.d, found.t))
         recall(self.model, touching)
         if touching:
-            # where places stand: others that they might slide to are not in balance
+            # with fixed places, since the state is not balanced for places beyond their interval
             balance = self.system.forces(found.d, found.t)
         rate = scale(found.d, by_load)
         negative = pivots.negative - self.model.numbering.n_multipliers

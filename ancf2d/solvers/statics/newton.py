@@ -242,7 +242,7 @@ def inexact(when: str, share: float) -> str:
 
 
 def too_deep(model: Model, when: str, depth: float) -> list[str]:
-    """Return the warning that points of contact leave a body in what it touches, if they do."""
+    """Return a warning if a body penetrates an obstacle between its contact points, else nothing."""
     told = (f"at {when} a body is {depth:.2g} deep in an obstacle between its contact points. Use more elements in the "
             "contact zone")
     return [Graded(told, "deep", depth)] if depth > 2.0 * PENETRATION * model.extent else []

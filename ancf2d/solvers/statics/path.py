@@ -52,7 +52,7 @@ class Follower:
         self.count = getattr(spec.until, "count", None)
         self.controlled = spec.method == "displacement"
         shorter = max(LARGEST_STEP / (spec.largest_step or LARGEST_STEP), 1.0)
-        # equal steps may be cut
+        # equal steps may be divided, so more are allowed than asked for
         self.most = MOST_STEPS + (spec.steps or 0) if self.controlled else spec.steps or math.ceil(shorter * MOST_STEPS)
         # whether fibres yield or follow a curve
         self.bends = any(material.fibres for body in model.case.bodies.values() for material in body.materials)

@@ -55,7 +55,7 @@ class Setting:
 
     @property
     def named_steps(self) -> str:
-        """The keys for steps in words, empty where they are the case's."""
+        """The solver keys for steps as text, empty if they are those of the case."""
         return ", ".join(f"{name} {value:.3g}" for name, value in self.steps.items())
 
     def places(self) -> dict[str, list[float]] | None:
