@@ -21,9 +21,9 @@ from ...errors import many
 from ...model.curve import stretches
 from ..order import Estimate
 from ..variants import Variant, described
-from .mesh import moved_alone
-from .neighbours import Neighbour, Verdict, beside, judged
-from .pursuit import MOST_ELEMENTS, MOST_WORK, Pursuit, Told
+from .mesh import influence_by_body
+from .neighbours import Neighbour, Verdict, solve_neighbour, verdict_of
+from .pursuit import MOST_ELEMENTS, MOST_WORK, EstimateOf, Pursuit
 from .setting import AS_GIVEN, Level, Setting, bodies_with_meshes, meshed
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ class Direct:
         for _ in range(1 + 2 * CORRECTIONS):
             if 2 * setting.elements > MOST_ELEMENTS:
                 return None
-            level = self.pursuit.whole(setting, why, self._told)
+            level = self.pursuit.solve_as_result(setting, why, self._estimate_of)
             verdict = self.verdict
             if level.answer is None:
                 return None
@@ -105,7 +105,7 @@ class Direct:
                 return level, verdict.error, verdict.found
             if verdict.finer <= wanted and self.finer is not None:
                 self.pursuit.tell(f"{many(self.finer.setting.elements, 'element')}: the result")
-                finer = self.pursuit.again(self.finer, _as_told(verdict.found, verdict.finer))
+                finer = self.pursuit.resolve_as_result(self.finer, _always(verdict.found, verdict.finer))
                 return None if finer.answer is None else (finer, verdict.finer, verdict.found)
             if verdict.found.order is None or 4 * level.work > MOST_WORK:
                 return None
@@ -164,16 +164,16 @@ class Direct:
                 counts[name] = 2 * max(mesh.least, math.ceil(0.5 * n))
         return Setting(counts, self.types)
 
-    def _told(self, level: Level) -> tuple[Estimate, float]:
+    def _estimate_of(self, level: Level) -> tuple[Estimate, float]:
         """Judge the level solved last with the help of its neighbours."""
         pursuit = self.pursuit
         self.verdict = self.fine = self.finer = None
         assert pursuit.last is not None
         assert pursuit.case is not None
         loaded, solved = pursuit.case, pursuit.last[1]
-        coarse = self._known(level) or pursuit.beside(beside(loaded, solved, level, False))[0]
-        fine, self.fine = pursuit.beside(beside(loaded, solved, level, True))
-        self.verdict = judged(coarse, level, fine, max(self.orders.values()))
+        coarse = self._known(level) or pursuit.add_neighbour(solve_neighbour(loaded, solved, level, False))[0]
+        fine, self.fine = pursuit.add_neighbour(solve_neighbour(loaded, solved, level, True))
+        self.verdict = verdict_of(coarse, level, fine, max(self.orders.values()))
         if self.verdict is None:
             return Estimate(None, None, None, False, "its neighbours do not tell"), math.inf
         self.finer, level.estimate, fine.estimate = fine, self.verdict.error, self.verdict.finer
@@ -188,7 +188,7 @@ class Direct:
             pursuit.weights, pursuit.by_adjoint = found.bodies, True
         elif not pursuit.weights:
             kept = pursuit.last, pursuit.case
-            pursuit.weights = moved_alone(pursuit, coarse.setting) or {}
+            pursuit.weights = influence_by_body(pursuit, coarse.setting) or {}
             pursuit.last, pursuit.case = kept
 
     def _parts(self) -> Weighted | None:
@@ -249,7 +249,7 @@ class Direct:
         return nodes
 
 
-def _as_told(found: Estimate, error: float) -> Told:
+def _always(found: Estimate, error: float) -> EstimateOf:
     """Return a function that gives any level this estimate and error."""
     return lambda level: (found, error)
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 
 from ..order import Estimate
 from ..variants import Variant
-from .judging import apart, judge
-from .mesh import moved_alone
+from .judging import judge, relative_distance
+from .mesh import influence_by_body
 from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_WORK, Pursuit, tenth
 from .setting import Level, Setting, meshed
 
@@ -77,11 +77,11 @@ class Motion:
         loose = self.pursuit.solve(self._setting(2), "half of the elements that are predicted")
         while self.tolerance > LEAST_TOLERANCE and 2 * loose.work <= MOST_WORK:
             tight = self.pursuit.solve(self.pursuit.sharper(loose.setting), "effect of the time steps")
-            gap = FINER * apart(loose, tight)
+            gap = FINER * relative_distance(loose, tight)
             if not math.isfinite(gap) or first.answer is None:
                 return False
             if len(self.predicted) > 1 and not self.pursuit.weights:
-                self.pursuit.weights = moved_alone(self.pursuit, first.setting) or {}
+                self.pursuit.weights = influence_by_body(self.pursuit, first.setting) or {}
             if LOOSE * gap <= SHARE * wanted:
                 self.levels, self.in_time = [first, loose], LOOSE * gap
                 return True

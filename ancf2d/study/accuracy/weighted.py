@@ -92,8 +92,8 @@ def weighted(loaded: LoadedCase, solved: Solved, finer: Neighbour | None = None)
                 for mesh in [model.meshes[body]]] or [(b, k) for b, v in parts.items() for k in range(len(v))]
         for body, ie in here:
             parts[body][ie] += first / len(here)
-        told = Weighted(J(end) - solved.answer.value, sum(float(v.sum()) for v in parts.values()), parts)
-        return told if abs(told.adjoint - told.change) <= TRUST * abs(told.change) else None
+        out = Weighted(J(end) - solved.answer.value, sum(float(v.sum()) for v in parts.values()), parts)
+        return out if abs(out.adjoint - out.change) <= TRUST * abs(out.change) else None
     except (ComputationError, SingularTangentError, FloatingPointError):
         return None
 
