@@ -14,8 +14,8 @@ from ..case.axes import Bounds
 from ..case.numbers import CaseNumber
 from ..elements.shape import Array
 from ..errors import ComputationError
-from .fit_data import Data, Watch
-from .gradient import Study, derivatives_of
+from .fit_data import Data, DataValues
+from .gradient import DifferentiableRun, derivatives_of
 from .record import Progress
 from .run import vocabulary
 
@@ -61,7 +61,7 @@ class Search:
     def __init__(self, loaded: LoadedCase, data: Data, variables: list[CaseNumber], bounds: Sequence[Bounds],
                  scales: Array, progress: Progress, done: Callable[[int, float], None]) -> None:
         self.loaded, self.data, self.variables, self.bounds = loaded, data, variables, bounds
-        self.watch, self.progress, self.done, self.runs = Watch(data), progress, done, 0
+        self.function, self.progress, self.done, self.runs = DataValues(data), progress, done, 0
         # parameters with positive bounds are scaled logarithmically
         self.ratios = [b.low > 0.0 for b in bounds]
         self.scale = np.broadcast_to(scales, data.values.shape)[data.known]
@@ -70,9 +70,9 @@ class Search:
         self.counts = np.ones(len(self.measured), dtype=bool)
         # derivatives of solutions over time take several runs: they are updated from step to step
         self.timed = loaded.case.solver.timed
-        self.exact = self.watch.places and loaded.case.solver.moves
+        self.exact = self.function.from_probes and loaded.case.solver.moves
         # the last two, since a step may have led away from the point where derivatives are wanted
-        self.solved: list[tuple[bytes, Study]] = []
+        self.solved: list[tuple[bytes, DifferentiableRun]] = []
         self.last: Array | None = None
         self.secant: _Secant | None = None
 
@@ -97,18 +97,18 @@ class Search:
         options = [v.override(x) for v, x in zip(self.variables, self.values(z), strict=True)]
         return with_overrides(self.loaded, options, vocabulary())
 
-    def study(self, z: Array) -> Study:
-        """Return the study of the case at z, solved once. Raises CaseError and ComputationError."""
+    def run_at(self, z: Array) -> DifferentiableRun:
+        """Return the case solved at z, each once. Raises CaseError and ComputationError."""
         known = next((one for at, one in self.solved if at == z.tobytes()), None)
         if known is None:
             self.runs += 1
-            known = Study(self.case(z), self.watch, replace(self.progress, checks_mesh=False))
+            known = DifferentiableRun(self.case(z), self.function, replace(self.progress, checks_mesh=False))
             self.solved = [*self.solved[-1:], (z.tobytes(), known)]
         return known
 
     def model(self, z: Array) -> Array:
         """Return the computed values at z for comparison with the data. Raises CaseError and ComputationError."""
-        return self.study(z).values
+        return self.run_at(z).values
 
     def residuals(self, z: Array) -> Array:
         """Return the scaled differences (m,); they are infinite if the case cannot be solved."""
@@ -147,7 +147,7 @@ class Search:
     def jacobian(self, z: Array) -> Array:
         """Return the derivatives (m, n) of the differences by z. Raises ComputationError."""
         if not self.timed:
-            found = derivatives_of(self.study(z), self._variables_at(z))
+            found = derivatives_of(self.run_at(z), self._variables_at(z))
             self.runs += sum(4 for method in found.methods if method != "exact")
             return found.jacobian * self.rates(z) / self.scale[:, None]
         assert self.last is not None
@@ -180,7 +180,7 @@ class Search:
 
     def _anew(self, z: Array, f: Array, step: tuple[Array, Array] | None = None) -> Array:
         """Return the derivatives (m, n) of runs over time, exactly if the motion has them, else by differences."""
-        found = self.study(z).exact(self._variables_at(z)) if self.exact else None
+        found = self.run_at(z).exact(self._variables_at(z)) if self.exact else None
         if found is None:
             self.exact = False
             return self._differences(z, f, step)

@@ -17,7 +17,7 @@ from ..case.numbers import CaseNumber, moved_starts, numbers_between
 from ..elements.shape import Array
 from ..errors import ComputationError, all_of
 from ..results import Column, write_tables
-from .gradient import Study
+from .gradient import DifferentiableRun
 from .measures import MASS, Measure, Measures, Vocabulary, bounded, read_measure
 from .record import Progress
 from .run import result_header, vocabulary
@@ -101,9 +101,10 @@ def problem_of(loaded: LoadedCase, bounds: Sequence[Bounds], minimise: str, cons
     kinds = [kind for _, _, kind in read]
     # the right-hand sides of constraints give their scales
     measures = [objective, *(m for m, _, _ in read), *(side for _, side, _ in read)]
-    apart = [bool(measure.extremes) and kind == "<=" for measure, kind in zip(measures, ["<=", *kinds], strict=False)]
-    return Problem(loaded, variables, list(bounds), Measures(measures, loaded.case.goal, apart, len(variables)), kinds,
-                   list(constraints))
+    with_rows = [bool(measure.extremes) and kind == "<="
+                 for measure, kind in zip(measures, ["<=", *kinds], strict=False)]
+    return Problem(loaded, variables, list(bounds), Measures(measures, loaded.case.goal, with_rows, len(variables)),
+                   kinds, list(constraints))
 
 
 class _Search:
@@ -118,7 +119,7 @@ class _Search:
         self.history: list[Point] = []
         self.warnings: dict[bytes, list[str]] = {}
         self.gradients = 0
-        self._last: tuple[bytes, Study] | None = None
+        self._last: tuple[bytes, DifferentiableRun] | None = None
         self._known: dict[bytes, Array] = {}
         self._slopes: dict[bytes, Array] = {}
         start = np.array([v.value for v in problem.variables])
@@ -141,27 +142,27 @@ class _Search:
         """Return the ``PATH=VALUE`` overrides at y."""
         return [v.override(float(x)) for v, x in zip(self.problem.variables, self.x(y), strict=True)]
 
-    def _study(self, y: Array) -> Study:
+    def _run_at(self, y: Array) -> DifferentiableRun:
         """Return the case solved at y. Raises ComputationError that names y."""
         key = y.tobytes()
         if self._last is None or self._last[0] != key:
             here = with_overrides(self.loaded, self.sets(y), vocabulary())
             try:
                 self.warnings[key] = []
-                study = Study(here, self.problem.measures, self.progress, self.warnings[key].append,
-                              len(self.problem.variables))
+                run = DifferentiableRun(here, self.problem.measures, self.progress, self.warnings[key].append,
+                                        len(self.problem.variables))
             except ComputationError as error:
                 f = error.failure
                 raise ComputationError(f"the case cannot be solved with {', '.join(self.sets(y))}: {f.reason}", at=f.at,
                                        history=f.history, advice="narrower bounds, or more load steps") from error
-            self._last = key, study
+            self._last = key, run
         return self._last[1]
 
     def values(self, y: Array) -> Array:
         """Return the objective and the constraints at y."""
         key = y.tobytes()
         if key not in self._known:
-            self._known[key] = found = self._study(y).values
+            self._known[key] = found = self._run_at(y).values
             self.history.append(Point(self.x(y), float(found[0]), float(np.max(self._excess(found), initial=0.0))))
             self.tell(self.history[-1])
         return self._known[key]
@@ -203,11 +204,11 @@ class _Search:
         """Return the derivatives (values, numbers) by y."""
         key = y.tobytes()
         if key not in self._slopes:
-            study = self._study(y)
+            run = self._run_at(y)
             here = [CaseNumber(variable.path, float(x), variable.list_scale, variable.body)
                     for variable, x in zip(self.problem.variables, self.x(y), strict=True)]
-            study.expect(here)
-            columns = [study.differentiate(variable)[0].value for variable in here]
+            run.compute_together(here)
+            columns = [run.differentiate(variable)[0].value for variable in here]
             self.gradients += 1
             self._slopes[key] = np.array(columns).T * self.range
         return self._slopes[key]

@@ -111,13 +111,13 @@ class _Goal:
     """A goal as a function of the unknowns of an equilibrium."""
 
     def __init__(self, goal: Goal, found: Any) -> None:
-        self.goal, self.found, self.watch = goal, found, GoalValues((goal,))
+        self.goal, self.found, self.values_of = goal, found, GoalValues((goal,))
         self.observer = Observer(found.model, goal_kind(goal) in ("force", "moment"))
 
     def __call__(self, z: Array) -> float:
         found, model = self.found, self.found.model
         if self.goal.probe is None:
-            return float(self.watch(model, [found.state_at(model, z)])[0])
+            return float(self.values_of(model, [found.state_at(model, z)])[0])
         # probes are read from displacements, without forces
         state = replace(found.state, d=model.displacements(z, found.t), linear=found.linear)
         turned = found.system.count(state.d, found.t)
