@@ -29,11 +29,11 @@ from ..solvers.derivatives.backwards import Backwards, UnlikeError
 from ..solvers.derivatives.differences import Quotient, UnsuitedError, derivative
 from ..solvers.derivatives.load_factors import Growth, Instability
 from ..solvers.derivatives.motion import Motion
-from ..solvers.derivatives.motion_adjoint import MotionAdjoint, made_again
+from ..solvers.derivatives.motion_adjoint import MotionAdjoint, recorded_motion
 from ..solvers.derivatives.motion_states import NEWTON, lengths_of
 from ..solvers.derivatives.small_motions import Excited, Vibration
 from ..solvers.derivatives.statics import Equilibrium, Path, Response
-from ..solvers.derivatives.varied_motions import unsuited
+from ..solvers.derivatives.varied_motions import why_unsuited
 from ..solvers.registry import solve
 from ..solvers.state import State
 from ..solvers.statics.static import unscaled
@@ -176,7 +176,7 @@ class DifferentiableRun:
         try:
             motion, states = self.motion, self.states
             if motion is None:
-                motion, states = made_again(self.model, goals.whole, lengths_of(states))
+                motion, states = recorded_motion(self.model, goals.whole, lengths_of(states))
             return MotionAdjoint(motion, states, goals)
         except UnsuitedError:
             return None
@@ -311,7 +311,7 @@ def why_no_response(model: Model) -> str:
     """Return why the states of a model have no response to changes, or an empty text if they have one."""
     solver = model.case.solver
     if solver.moves:
-        return unsuited(model)
+        return why_unsuited(model)
     balances = isinstance(solver, LinearStatic | Static | QuasiStatic)
     if model.remembers and (model.case.remembers_way if balances else not solver.scales or model.loads.flows):
         return "materials depend on the load history"

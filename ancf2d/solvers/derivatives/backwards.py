@@ -33,7 +33,7 @@ from ..state import Row, State
 from .differences import UnsuitedError
 from .linear_steps import Change, Equations, Stages
 from .many_states import in_full, left_out
-from .motion_states import CORRECTIONS, LOOSE, TRIED, Once, Step
+from .motion_states import CORRECTIONS, LOOSE, TRIED, RepeatedMotion, Step
 from .varied_motions import carried
 
 # largest numbers of floats in stages and virtual displacements of all steps, in checkpoints, and in the matrices of one
@@ -49,7 +49,7 @@ COLUMNS = 4000
 PARTS = ("z", "v", "a", "own")
 
 
-class Numbers(Protocol):
+class AdjointReceiver(Protocol):
     """Numbers of a case that receive the adjoint states of a motion and sum up their derivatives of the goals (k,)."""
 
     def note(self, at: Record, window: Array, lam: Array) -> None:
@@ -90,7 +90,7 @@ class UnlikeError(UnsuitedError):
     """A fixed step has another length than in the run, because of another tolerance of Newton's method."""
 
 
-class Backwards(Once):
+class Backwards(RepeatedMotion):
     """A motion whose steps are stored, so that it can be followed backwards. Raises UnsuitedError."""
 
     def __init__(self, model: Model, whole: bool, tolerance: float, lengths: list[float] | None) -> None:
@@ -128,7 +128,7 @@ class Backwards(Once):
         self.windows = [self.window]
         part, room, columns = Part(self._checkpoint()), KEPT, 0
         for step in self.steps():
-            if step is not None and self.unlike():
+            if step is not None and self.differs_from_run():
                 raise UnlikeError
             if step is None:
                 self._add(part)
@@ -167,7 +167,7 @@ class Backwards(Once):
         s, n = self.method.stages, self.entries.n
         return max(WINDOW // (s * max(n, 1) * (6 + 3 * s * max(self.stepper.p.width, 1))), 8)
 
-    def keeps(self, goals: int) -> bool:
+    def has_room(self, goals: int) -> bool:
         """Return whether there is room for the virtual displacements of so many goals at all stages."""
         if any(part.count and part.steps is None for part in self.parts):
             return False
@@ -191,30 +191,30 @@ class Backwards(Once):
         if each * len(self.parts) > CHECKPOINTS and len(self.parts) > LEAST:
             self.parts = list(_joined(self.parts))
 
-    def back(self, bars: Sequence[Change], numbers: Numbers) -> Change:
+    def back(self, bars: Sequence[Change], receiver: AdjointReceiver) -> Change:
         """Return the derivatives of goals by the start; ``bars`` (n, k) are those by each stored state."""
         end = bars[-1]
         for part in reversed(self.parts):
-            end = self._before(part, end, bars, numbers)
+            end = self._before(part, end, bars, receiver)
         return end.plus(bars[0]) if self.whole else end
 
-    def tell(self, numbers: Numbers) -> None:
-        """Report the stored virtual displacements to numbers again, without following the motion backwards."""
+    def report_stored(self, receiver: AdjointReceiver) -> None:
+        """Report the stored virtual displacements once more, without following the motion backwards."""
         for part in reversed(self.parts):
             self.stepper.resume(part.kept)
             if part.end is not None:
-                self._break(part, part.end, numbers)
+                self._break(part, part.end, receiver)
             elif part.at is not None and part.lam is not None:
-                numbers.note(part.at, self.stepper.p.programs.window.copy(), part.lam)
+                receiver.note(part.at, self.stepper.p.programs.window.copy(), part.lam)
 
-    def _before(self, part: Part, end: Change, bars: Sequence[Change], numbers: Numbers) -> Change:
+    def _before(self, part: Part, end: Change, bars: Sequence[Change], receiver: AdjointReceiver) -> Change:
         """Return the derivatives of goals by the start of a part, from those by its end."""
         self.stepper.resume(part.kept)
         if part.behind >= 0:
             part.end = end
-            return self._passed(part, end, self._break(part, end, numbers))
+            return self._passed(part, end, self._break(part, end, receiver))
         if part.count <= self.size:
-            return self._through(part, end, bars, numbers)
+            return self._through(part, end, bars, receiver)
         # a long part first gets checkpoints of its own
         room = max(CHECKPOINTS // sum(x.size for x in part.kept.values()), LEAST)
         size, inside = max(self.size, -(-part.count // room)), list[Part]()
@@ -225,14 +225,14 @@ class Backwards(Once):
             for _ in self._again(count):
                 pass
         for one in reversed(inside):
-            end = self._before(one, end, bars, numbers)
+            end = self._before(one, end, bars, receiver)
         return end
 
     def _again(self, count: int) -> Iterator[Step]:
         """Repeat steps from the current state."""
         return islice((step for step in self.steps() if step is not None), count)
 
-    def _through(self, part: Part, end: Change, bars: Sequence[Change], numbers: Numbers) -> Change:
+    def _through(self, part: Part, end: Change, bars: Sequence[Change], receiver: AdjointReceiver) -> Change:
         """Return the derivatives of goals by the start of some steps, from those by their end."""
         window = self.stepper.p.programs.window.copy()
         steps = list(self._again(part.count)) if part.steps is None else part.steps
@@ -246,9 +246,9 @@ class Backwards(Once):
         lam, start = equations.back(stages, starts, end)
         self._correct(equations, at, lam, start)
         self.run.seen.clear()
-        if self.keeps(k):
+        if self.has_room(k):
             part.at, part.lam, part.steps = at, lam, []
-        numbers.note(at, window, lam)
+        receiver.note(at, window, lam)
         return start
 
     def _stored(self, step: Step, row: Row, number: int, bar: Change, stages: Stages, starts: Array) -> None:
@@ -335,21 +335,21 @@ class Backwards(Once):
         if left > LOOSE:
             raise UnsuitedError("the tangents of the steps do not determine their derivatives")
 
-    def _break(self, part: Part, end: Change, numbers: Numbers) -> tuple[Record, Array]:
+    def _break(self, part: Part, end: Change, receiver: AdjointReceiver) -> tuple[Record, Array]:
         """Report a break to numbers; return the state after it, and its virtual displacements (n, k)."""
         stepper = self.stepper
         if not self.free.all():
-            numbers.pass_break(stepper, part.behind, end, None, end.a)
+            receiver.pass_break(stepper, part.behind, end, None, end.a)
             return self.now(), end.a
         before = stepper.s.v.copy()
         pass_break(stepper, part.behind)
         # accelerations after the break follow from positions and rates
         at, mu = self.now(), self.by_mass.solve(end.a + end.own)
         if (stepper.s.v == before).all():
-            numbers.pass_break(stepper, part.behind, end, at, mu)
+            receiver.pass_break(stepper, part.behind, end, at, mu)
         else:
             stepper.resume(part.kept)
-            numbers.pass_break(stepper, part.behind, end, None, mu)
+            receiver.pass_break(stepper, part.behind, end, None, mu)
         return at, mu
 
     def _passed(self, part: Part, end: Change, behind: tuple[Record, Array]) -> Change:

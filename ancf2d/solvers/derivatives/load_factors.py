@@ -22,7 +22,7 @@ from .differences import Quotient, UnsuitedError, derivative
 from .onsets import Onset, Singular, times
 from .small_motions import BESIDE, EQUAL, SmallMotions, joined, null_vectors, parted, parts
 from .statics import POLISH, OneByOne
-from .varied_motions import Varied
+from .varied_motions import ModelAt
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
@@ -63,7 +63,7 @@ class LinearResponse(OneByOne):
         return np.asarray(residual_rate(pencil)[0] + pencil.model.numbering.reduce(
             pencil.full_stiffness(self.full(pencil.model, u))))
 
-    def change(self, at: Varied, h: float) -> Quotient:
+    def change(self, at: ModelAt, h: float) -> Quotient:
         """Return du/dp (n,)."""
         first = derivative(lambda s: self._unbalanced(self.pencil_of(at(s)), self.u), h)
         change = -self.pencil.solve(first.value)
@@ -140,7 +140,7 @@ class Instability(LinearResponse):
         start = np.where(free < n_q, shapes[:, np.minimum(free, n_q - 1)], 0.0).T
         return factor, null_vectors(K + (1.0 + BESIDE) * rate, K + rate, start).real, near.index(number)
 
-    def slope(self, at: Varied, h: float) -> Quotient:
+    def slope(self, at: ModelAt, h: float) -> Quotient:
         """Return du/dp (n,) of the response, then dmu/dp of the factors, with a ``kink`` where equal ones separate."""
         first = self.change(at, h)
 
@@ -204,7 +204,7 @@ class _Flows(SmallMotions):
         set_speed(model, 0.0)
         return self.problem_at(model, self.z + change if self.n else self.z)
 
-    def change(self, at: Varied, h: float) -> Quotient:
+    def change(self, at: ModelAt, h: float) -> Quotient:
         """Return dz/dp (n,) of the state, if it is an equilibrium."""
         def still(step: float) -> Model:
             model = at(step)
@@ -247,7 +247,7 @@ class Growth(OneByOne):
         except UnsuitedError as error:
             self.reason = str(error)
 
-    def slope(self, at: Varied, h: float) -> Quotient:
+    def slope(self, at: ModelAt, h: float) -> Quotient:
         """Return the derivative (n,) of the state or response, then dmu/dp of the factors.
 
         Raises UnsuitedError if that is not known, ComputationError if it does not exist.

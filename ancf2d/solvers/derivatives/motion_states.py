@@ -29,7 +29,7 @@ from ..motion.stepping import LOG, Stepper
 from ..state import Row, State
 from .differences import UnsuitedError
 from .linear_steps import Change, Entries, Equations, Stages, method_of
-from .varied_motions import Beside, carried, joined, rests
+from .varied_motions import VariedNumber, carried, joined, rests
 
 # tolerances of Newton's increments; the first at which fixed steps are as long as in the run is used
 NEWTON = (1e-13, 1e-12, 1e-11, 1e-10)
@@ -83,7 +83,7 @@ class Course:
             getattr(self.stages, name)[:, :, columns] += getattr(other.stages, name)
 
 
-class Once:
+class RepeatedMotion:
     """A motion repeated step by step, with the linear equations of its steps.
 
     ``lengths`` are those of fixed steps in a run; if empty, they are found when needed; None if they may differ.
@@ -103,7 +103,7 @@ class Once:
         self.damped = bool(p.tau.any()) or len(p.points.mem) > 0
         # state before the last step, and number of steps made
         self.before: dict[str, Array] = {}
-        self.lengths, self.made = lengths, 0
+        self.lengths, self.step_count = lengths, 0
 
     def steps(self) -> Iterator[Step | None]:
         """Make the motion; yield its steps, and None when it has reached a break."""
@@ -116,7 +116,7 @@ class Once:
             if why == EVENT:
                 raise UnsuitedError("events answer the motion")
             if logged:
-                self.made += 1
+                self.step_count += 1
                 h = float(stepper.rows.log[0, 2])
                 stages = self.method.taken(self.own.values, self.before["z"], t, h)
                 yield Step(t, h, stages, turns, feet, rows)
@@ -124,7 +124,7 @@ class Once:
             if stepper.at_break(why):
                 yield None
 
-    def unlike(self) -> bool:
+    def differs_from_run(self) -> bool:
         """Return whether the last step is a fixed one with another length than in the run.
 
         With smaller increments, Newton's method may form a tangent earlier and converge where it does not in the run,
@@ -138,7 +138,7 @@ class Once:
             if not cut and (self.method.stages > 1 or iterations <= EASY):
                 return False
             lengths += lengths_of(Run(self.run.model, self.run.spec).states())
-        h, k = float(stepper.rows.log[0, LOG.index("dt")]), self.made - 1
+        h, k = float(stepper.rows.log[0, LOG.index("dt")]), self.step_count - 1
         return k >= len(lengths) or not math.isclose(h, lengths[k], rel_tol=SAME)
 
     def moments(self, window: Sequence[Step]) -> Record:
@@ -186,7 +186,7 @@ def lengths_of(states: Iterable[State]) -> list[float]:
     return [h for state in states for h in state.blocks["dt"].tolist()]
 
 
-class Pass(Once):
+class MotionWithDerivatives(RepeatedMotion):
     """A motion repeated with the derivatives of its states. Raises UnsuitedError."""
 
     def __init__(self, model: Model, spec: Dynamic, whole: bool, tolerance: float,
@@ -202,7 +202,7 @@ class Pass(Once):
         # for each number: error of the linear equations, and of differences of lower order over the first steps
         self.off, self.rough = np.zeros(0), np.zeros(0)
 
-    def make(self, numbers: Sequence[Beside], steps: int | None = None) -> bool:
+    def make(self, numbers: Sequence[VariedNumber], steps: int | None = None) -> bool:
         """Make the motion, or so many steps; return whether these are as long as in the run.
 
         ``rows`` and ``changes`` (3, n, 2 numbers) are then those of the stored states.
@@ -214,7 +214,7 @@ class Pass(Once):
         self._take(stepper.last(), change)
         size, window = min(self._size(), steps or self._size()), list[Step]()
         for step in self.steps():
-            if step is not None and self.unlike():
+            if step is not None and self.differs_from_run():
                 return False
             if step is not None:
                 window.append(step)
