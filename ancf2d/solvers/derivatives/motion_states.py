@@ -118,7 +118,7 @@ class RepeatedMotion:
             if logged:
                 self.step_count += 1
                 h = float(stepper.rows.log[0, 2])
-                stages = self.method.taken(self.own.values, self.before["z"], t, h)
+                stages = self.method.stages_of_step(self.own.values, self.before["z"], t, h)
                 yield Step(t, h, stages, turns, feet, rows)
                 rows = []
             if stepper.at_break(why):

@@ -91,7 +91,7 @@ def solve_to_accuracy(loaded: LoadedCase, target: Target | None = None, progress
     pursuit = Pursuit(dense or _with_tolerance(loaded, BEGUN * wanted), wanted, progress or Progress(), target, tell)
     if dense is not None:
         pursuit.model_error = pursuit.report["points_error"] = POINTS * wanted
-    if _open_bodies(loaded) or not Direct(pursuit, {}).suits():
+    if _open_bodies(loaded) or not Direct(pursuit, {}).applies():
         prepare(first_mesh(loaded))
     for name, body in flexible(loaded.case).items():
         if body.element.nodes == "regular" and stretches(body.geometry, acting_points(loaded.case)[name])[1:]:
@@ -227,9 +227,9 @@ def describe(accuracy: dict[str, Any], case: Case) -> str:
         about = f"error about {estimate:.1e} of their peaks" if goal is None else (
             f"error about {accuracy['absolute']:.1e}, which is {estimate:.1e} of "
             + _measured_by(accuracy, goal, case.solver.moves))
-    told = describe_goal(goal) + ("" if goal is None else f" = {accuracy['value']:.10g}")
+    measured = describe_goal(goal) + ("" if goal is None else f" = {accuracy['value']:.10g}")
     verdict = "reached" if accuracy["achieved"] else "NOT reached"
-    return (f"{told}, {about} (wanted {accuracy['wanted']:.1e}: {verdict}), "
+    return (f"{measured}, {about} (wanted {accuracy['wanted']:.1e}: {verdict}), "
             f"{many(sum(accuracy['elements'].values()), 'element')}, {many(accuracy['solves'], 'solve')}")
 
 
@@ -272,16 +272,16 @@ def choose_types(pursuit: Pursuit, bodies: list[str], allowed: float, tolerance:
         share = left / (len(bodies) - i)
         for kind in ladders[name][:-1]:
             tried = {**types, name: kind}
-            moved = meshes.moved(tried, best, error + share, f"{name} as {kind.element}")
-            if moved is None:
+            goal_change = meshes.goal_change(tried, best, error + share, f"{name} as {kind.element}")
+            if goal_change is None:
                 continue
-            if moved - error <= share:
-                types, error = tried, max(error, moved)
+            if goal_change - error <= share:
+                types, error = tried, max(error, goal_change)
                 left = allowed - error
-                why[name] = f"with {kind.element} the goal moves by {moved:.1e}; {share:.1e} may go to the model"
+                why[name] = f"with {kind.element} the goal moves by {goal_change:.1e}; {share:.1e} may go to the model"
                 break
-            why[name] = (f"with {kind.element} the goal would move by {moved:.1e}, more than the {share:.1e} that may "
-                         "go to the model")
+            why[name] = (f"with {kind.element} the goal would move by {goal_change:.1e}, more than the {share:.1e} "
+                         "that may go to the model")
     return Choice(types, why, error)
 
 
@@ -296,13 +296,13 @@ class _Meshes:
         """Return the level solved with some types on the mesh of a size."""
         return self.pursuit.solve(Ladder(self.pursuit, types, self.tolerance).setting(size), why)
 
-    def moved(self, types: dict[str, Variant], best: dict[str, Variant], enough: float, why: str) -> float | None:
+    def goal_change(self, types: dict[str, Variant], best: dict[str, Variant], enough: float, why: str) -> float | None:
         """Return how far the goal moves with simpler types, relative; None if the types are not possible.
 
         A distance of more than ``enough`` may be due to the mesh instead of the model: meshes are doubled as long as
         this reduces the distance at least by half.
         """
-        if self.pursuit.refuses(Ladder(self.pursuit, types, self.tolerance).setting(SIZE)) is not None:
+        if self.pursuit.why_refused(Ladder(self.pursuit, types, self.tolerance).setting(SIZE)) is not None:
             return None
         size, before = SIZE, float("inf")
         finest = SIZE if self.tolerance is not None else FINEST

@@ -82,7 +82,7 @@ class Direct:
 
         None if no mesh can be judged in this way; a ladder of meshes may still succeed.
         """
-        if not self.suits():
+        if not self.applies():
             return None
         setting, why = self.first(wanted), "predicted from the order of the element type"
         unseen = 0
@@ -96,7 +96,7 @@ class Direct:
             if verdict is None:
                 # perhaps too coarse: of the mesh twice as fine, two of the three meshes are known already
                 unseen += 1
-                found = None if unseen == 1 else self._unseen(level)
+                found = None if unseen == 1 else self._refined_locally(level)
                 if unseen > 1 + CORRECTIONS:
                     return None
                 setting, why = found or self._doubled(setting)
@@ -118,7 +118,7 @@ class Direct:
         counts = {name: 2 * n for name, n in setting.counts.items()}
         return replace(setting, counts=counts), "twice as fine, as the meshes beside tell nothing"
 
-    def _unseen(self, level: Level) -> tuple[Setting, str] | None:
+    def _refined_locally(self, level: Level) -> tuple[Setting, str] | None:
         """Return a mesh with far shorter elements where a mesh that shows no order yet has the largest errors.
 
         None if there is no adjoint, or if all elements would be shorter: layers may be thinner than all elements.
@@ -132,7 +132,7 @@ class Direct:
             return None
         return Setting(fewer, self.types, None, nodes), "elements as the error of each asks for"
 
-    def suits(self) -> bool:
+    def applies(self) -> bool:
         """Return whether meshes can be judged by neighbours: values are numbers, and no kink moves through elements."""
         case = self.pursuit.loaded.case
         bodies = bodies_with_meshes(case, self.types)
@@ -171,17 +171,17 @@ class Direct:
         assert pursuit.last is not None
         assert pursuit.case is not None
         loaded, solved = pursuit.case, pursuit.last[1]
-        coarse = self._known(level) or pursuit.add_neighbour(solve_neighbour(loaded, solved, level, False))[0]
+        coarse = self._known_coarser(level) or pursuit.add_neighbour(solve_neighbour(loaded, solved, level, False))[0]
         fine, self.fine = pursuit.add_neighbour(solve_neighbour(loaded, solved, level, True))
         self.verdict = verdict_of(coarse, level, fine, max(self.orders.values()))
         if self.verdict is None:
             return Estimate(None, None, None, False, "its neighbours do not tell"), math.inf
         self.finer, level.estimate, fine.estimate = fine, self.verdict.error, self.verdict.finer
         if len(level.setting.counts) > 1:
-            self._weigh(coarse)
+            self._find_weights(coarse)
         return self.verdict.found, self.verdict.error
 
-    def _weigh(self, coarse: Level) -> None:
+    def _find_weights(self, coarse: Level) -> None:
         """Find the influence of each body's mesh on the goal, by the adjoint if there is one."""
         pursuit, found = self.pursuit, self._parts()
         if found is not None:
@@ -199,7 +199,7 @@ class Direct:
 
         return None if self.fine is None else weighted(self.pursuit.case, self.pursuit.last[1], self.fine)
 
-    def _known(self, level: Level) -> Level | None:
+    def _known_coarser(self, level: Level) -> Level | None:
         """Return the level of the mesh half as fine if it is solved already."""
         counts = {name: n // 2 for name, n in level.setting.counts.items()}
         found = self.pursuit.known.get(replace(level.setting, counts=counts).name)

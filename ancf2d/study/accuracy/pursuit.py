@@ -149,7 +149,7 @@ class Pursuit:
                         checks_mesh=estimate_of is not None)
 
         def conclude(found: Solved) -> None:
-            level.take(found.answer, found.summary)
+            level.store(found.answer, found.summary)
             level.dofs, level.reason, self.last = found.model.n_q, "", (level, found)
             if estimate_of is not None:
                 found.summary["accuracy"] = self.accuracy(level, *estimate_of(level))
@@ -219,7 +219,7 @@ class Pursuit:
             method = SHARPER if default_method(self.last[1].model) == DEFAULT else None
         return replace(setting, tolerance=tenth(setting.tolerance), method=method)
 
-    def refuses(self, setting: Setting) -> Ancf2dError | None:
+    def why_refused(self, setting: Setting) -> Ancf2dError | None:
         """Return why the case cannot be built with a setting, or None if it can."""
         try:
             prepare(with_setting(self.loaded, setting))

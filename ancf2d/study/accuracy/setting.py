@@ -109,7 +109,7 @@ class Level:
     zones: bool = False
     off: float = 0.0
 
-    def take(self, answer: GoalValue, summary: dict[str, Any]) -> None:
+    def store(self, answer: GoalValue, summary: dict[str, Any]) -> None:
         """Store the answer of a solve, and add its cost."""
         self.answer = answer
         self.wall_s += summary["wall_s"]
