@@ -233,7 +233,7 @@ class DataValues:
     For a motion, it also provides their derivatives by probe quantities (``readings.Goals``).
     """
 
-    whole = True
+    all_states = True
 
     def __init__(self, data: Data) -> None:
         self.data, self.count = data, int(data.known.sum())

@@ -49,8 +49,8 @@ STEP, STEP_OF_RUNS = 4e-4, 2e-3
 TIGHT = 1e-12
 
 # function to differentiate: numbers (m,) from the states of a model. It may have ``goals``, those that it reads of
-# modes and load factors; ``whole``, False if it reads the last state alone; ``weights``, which returns how much the
-# derivatives of its values count; and ``from_probes``, True if it has the methods of ``readings.Goals``
+# modes and load factors; ``all_states``, False if it reads the last state alone; ``weights``, which returns how much
+# the derivatives of its values count; and ``from_probes``, True if it has the methods of ``readings.Goals``
 GoalFunction = Callable[[Model, Sequence[Any]], Array]
 
 
@@ -142,7 +142,7 @@ class DifferentiableRun:
         if why_no_response(model):
             return solve(model)
         goals: Any = self.function
-        self.motion = Backwards(model, goals.whole, tolerance, self.lengths)
+        self.motion = Backwards(model, goals.all_states, tolerance, self.lengths)
         return self.motion.states()
 
     def _run(self, loaded: LoadedCase, how: Callable[[Model], Iterator[State]] | None = None,
@@ -176,7 +176,7 @@ class DifferentiableRun:
         try:
             motion, states = self.motion, self.states
             if motion is None:
-                motion, states = recorded_motion(self.model, goals.whole, lengths_of(states))
+                motion, states = recorded_motion(self.model, goals.all_states, lengths_of(states))
             return MotionAdjoint(motion, states, goals)
         except UnsuitedError:
             return None
@@ -190,22 +190,22 @@ class DifferentiableRun:
     def _responses(self, states: list[Any]) -> tuple[list[Any], str]:
         """Return the responses of the states to a change, or the reason why runs with a changed number are needed."""
         reason, goals = why_no_response(self.model), getattr(self.function, "goals", None)
-        whole = getattr(self.function, "whole", True) and len(states) > 1
+        all_states = getattr(self.function, "all_states", True) and len(states) > 1
         if not reason and self.model.contacts and any(g.limit_point is not None for g in goals or ()):
             reason = "contact changes along the path"
         if not reason and not self.moves and stays_behind(self.model):
             reason = "places between nodes that touch are chosen anew in every run"
         if not reason and goals is None and isinstance(self.model.case.solver, Eigen | Buckling):
             reason = "it is not known which modes are read"
-        if not reason and whole and not self.moves and (self.model.contacts or any(s.report for s in states)):
+        if not reason and all_states and not self.moves and (self.model.contacts or any(s.report for s in states)):
             reason = "states along the path have no derivative of their own"
         if reason:
             return [], reason
         if self.moves:
             function: Any = self.function
             from_probes = getattr(function, "from_probes", False)
-            return [Motion(self.model, states, whole, function if from_probes else None)], ""
-        return responses(self.model, states, whole, goals), ""
+            return [Motion(self.model, states, all_states, function if from_probes else None)], ""
+        return responses(self.model, states, all_states, goals), ""
 
     def compute_together(self, variables: Sequence[CaseNumber]) -> None:
         """Compute together what is cheaper for several numbers than for each."""
@@ -324,12 +324,12 @@ def why_no_response(model: Model) -> str:
     return ""
 
 
-def responses(model: Model, states: Sequence[Any], whole: bool, goals: Sequence[Goal] | None) -> list[Response]:
-    """Return the responses of the states of a run (of the last one unless ``whole``) that ``goals`` need.
+def responses(model: Model, states: Sequence[Any], all_states: bool, goals: Sequence[Goal] | None) -> list[Response]:
+    """Return the responses of the states of a run (of the last one unless ``all_states``) that ``goals`` need.
 
     Without goals these are the responses at all frequencies.
     """
-    solver, kept, asked = model.case.solver, states if whole else states[-1:], goals or ()
+    solver, kept, asked = model.case.solver, states if all_states else states[-1:], goals or ()
     if isinstance(solver, Eigen):
         modes = [(g.kind, g.number) for g in asked if g.kind is not None and g.number is not None]
         return [Vibration(model, state, modes) for state in kept]

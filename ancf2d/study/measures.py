@@ -133,7 +133,7 @@ class Measures:
         self.parameters = {name for name in self.names if "." not in name} - {GOAL, MASS, ENERGY}
         self.goals = (goal,) if goal is not None and GOAL in self.names else ()
         self.along = any(e.tree is not None for m in measures for e in m.extremes.values())
-        self.whole = self.along or any(window_of(g) is not None for g in self.goals)
+        self.all_states = self.along or any(window_of(g) is not None for g in self.goals)
         self.fields = tuple(dict.fromkeys(e.field for m in measures for e in m.extremes.values() if e.field))
         self.forces = any(name.rpartition(".")[2] in SECTION for name in self.names)
         self.parts: list[Part] | None = None if any(self.with_rows) else []
@@ -302,7 +302,7 @@ class GoalValues:
     goals: tuple[Goal, ...]
 
     @property
-    def whole(self) -> bool:
+    def all_states(self) -> bool:
         """Return whether a value depends on other states than the last."""
         return any(window_of(goal) is not None for goal in self.goals)
 

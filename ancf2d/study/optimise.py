@@ -184,7 +184,7 @@ class _Search:
         good = [(values[0], key) for key, values in self._known.items() if meets(values)]
         return np.frombuffer(min(good)[1]) if good else y
 
-    def hopeless(self, y: Array) -> bool:
+    def is_infeasible(self, y: Array) -> bool:
         """Return whether a constraint is violated at y and derivatives promise no decrease of it within the bounds."""
         values, slopes = self.values(y), self.slopes(y)
         for k, kind in enumerate(self.problem.kinds, 1):
@@ -213,7 +213,7 @@ class _Search:
             self._slopes[key] = np.array(columns).T * self.range
         return self._slopes[key]
 
-    def knows(self, y: Array) -> bool:
+    def has_slopes(self, y: Array) -> bool:
         """Return whether the derivatives at y are known."""
         return y.tobytes() in self._slopes
 
@@ -234,7 +234,7 @@ def optimise(problem: Problem, method: str = "slsqp", iterations: int = 100, pro
     y, success, nit, message = _minimised(search, method, iterations)
     message = (f"no convergence within {iterations} iteration{'s' * (iterations != 1)}; allow more, or widen the bounds"
                if nit >= iterations and not success else message)
-    return _concluded(problem, search, y, success, message)
+    return _optimum(problem, search, y, success, message)
 
 
 def _minimised(search: _Search, method: str, iterations: int) -> tuple[Array, bool, int, str]:
@@ -267,7 +267,7 @@ def _minimised(search: _Search, method: str, iterations: int) -> tuple[Array, bo
         success = bool(result.success) and not at_edge
         outcome = found, success, done, " ".join(str(result.message).split())
         gains = last - result.fun > GAIN * abs(result.fun)
-        if success and method == "slsqp" and done < iterations and gains and _goes_on(search, goal, result.x):
+        if success and method == "slsqp" and done < iterations and gains and _can_decrease(search, goal, result.x):
             y, last, ended = found, float(result.fun), outcome
             continue
         if ended is not None and not success:
@@ -276,7 +276,7 @@ def _minimised(search: _Search, method: str, iterations: int) -> tuple[Array, bo
             return outcome
         if result.success:
             y = found
-        elif search.hopeless(y := search.preferred(found)):
+        elif search.is_infeasible(y := search.preferred(found)):
             return outcome
         else:
             reach /= 4.0
@@ -310,7 +310,7 @@ class _Goal:
         return np.eye(self.n + 1)[-1] if self.level else self.search.slopes(z)[0] / self.search.sizes[0]
 
 
-def _goes_on(search: _Search, goal: _Goal, z: Array) -> bool:
+def _can_decrease(search: _Search, goal: _Goal, z: Array) -> bool:
     """Return whether known derivatives at z promise a larger decrease than a converged search would leave.
 
     The measure is the residual of the conditions of Karush, Kuhn and Tucker with the best multipliers of what is
@@ -319,7 +319,7 @@ def _goes_on(search: _Search, goal: _Goal, z: Array) -> bool:
     from scipy.optimize import nnls
 
     n, slopes, values = goal.n, list[Array](), list[Array]()
-    if not search.knows(z[:n]):
+    if not search.has_slopes(z[:n]):
         return False
     for one in _constraints(search, "slsqp"):
         for sign in (1.0, -1.0) if one["type"] == "eq" else (1.0,):
@@ -356,7 +356,7 @@ def _constraints(search: _Search, method: str) -> list[Any]:
     return out
 
 
-def _concluded(problem: Problem, search: _Search, y: Array, success: bool, message: str) -> Optimum:
+def _optimum(problem: Problem, search: _Search, y: Array, success: bool, message: str) -> Optimum:
     y = search.preferred(y)
     values, x = search.values(y), search.x(y)
     rows = []

@@ -80,9 +80,9 @@ def test_neighbours_tell_the_error_of_a_power_law(order):
     """f = 1 + h^p/100: estimates are the safety factor times the true error, of the finest mesh twice it."""
     found = verdict_of(*(level(1.0 + 0.01 * (2.0**-k) ** order) for k in range(3)), 4.0)
     assert found.error == pytest.approx(SAFETY * 0.01 * 2.0**-order, rel=1e-9)
-    assert 0.01 * 4.0**-order < found.finer <= 5 * 0.01 * 4.0**-order
-    assert found.found.value == pytest.approx(1.0, abs=1e-12)
-    assert found.found.order == pytest.approx(order, rel=1e-9)
+    assert 0.01 * 4.0**-order < found.finer_error <= 5 * 0.01 * 4.0**-order
+    assert found.estimate.value == pytest.approx(1.0, abs=1e-12)
+    assert found.estimate.order == pytest.approx(order, rel=1e-9)
 
 
 def test_meshes_that_agree_by_chance_are_not_believed():

@@ -65,7 +65,7 @@ accuracy: 1e-2
 
 
 def test_meshes_that_miss_an_obstacle_say_nothing_of_others() -> None:
-    levels = [Level(Setting({"rod": n}), "", GoalValue(f, 1.0), off=off)
+    levels = [Level(Setting({"rod": n}), "", GoalValue(f, 1.0), missed_by=off)
               for n, f, off in ((1, 0.5, 0.3), (2, 0.5, 0.2), (4, 0.5, 0.1), (8, 1.25, 0.0), (16, 1.0625, 0.0))]
     assert judge(levels[:3])[1] == pytest.approx(0.1)
     assert list(usable_levels(levels)) == levels[3:]

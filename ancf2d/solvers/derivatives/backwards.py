@@ -76,7 +76,7 @@ class Part:
     derivatives of the goals by the state after a break.
     """
 
-    kept: dict[str, Array]
+    checkpoint: dict[str, Array]
     count: int = 0
     steps: list[Step] | None = field(default_factory=list)
     rows: list[tuple[int, int]] = field(default_factory=list)
@@ -93,11 +93,11 @@ class UnlikeError(UnsuitedError):
 class Backwards(RepeatedMotion):
     """A motion whose steps are stored, so that it can be followed backwards. Raises UnsuitedError."""
 
-    def __init__(self, model: Model, whole: bool, tolerance: float, lengths: list[float] | None) -> None:
+    def __init__(self, model: Model, all_states: bool, tolerance: float, lengths: list[float] | None) -> None:
         spec = model.case.solver
         assert isinstance(spec, Dynamic)
         super().__init__(model, spec, tolerance, lengths)
-        self.whole, self.rows, self.parts, self.off = whole, list[Row](), list[Part](), 0.0
+        self.all_states, self.rows, self.parts, self.equation_error = all_states, list[Row](), list[Part](), 0.0
         # the window of signals for each row
         self.windows: list[Array] = []
         if self.stepper.moving or self.stepper.events or len(self.stepper.p.facing.item):
@@ -106,8 +106,8 @@ class Backwards(RepeatedMotion):
     def states(self) -> Iterator[State]:
         """Make the motion and yield its states. Raises ComputationError, and UnsuitedError if it has no adjoint.
 
-        ``rows`` are then its first and its last state, and those between if ``whole``; ``parts`` are its steps. Raises
-        UnlikeError if a fixed step has another length than in the run.
+        ``rows`` are then its first and its last state, and those between if ``all_states``; ``parts`` are its steps.
+        Raises UnlikeError if a fixed step has another length than in the run.
         """
         return self.run.states(advance=partial(self._some, self._record()))
 
@@ -139,7 +139,7 @@ class Backwards(RepeatedMotion):
                 pass_break(stepper, stepper.piece + 1)
                 part = Part(self._checkpoint())
                 continue
-            if self.whole:
+            if self.all_states:
                 if not self.free.all() and any(row.kind == INSIDE for row in step.rows):
                     raise UnsuitedError("states within steps are put onto constraints")
                 part.rows += [(part.count, len(self.rows) + k) for k in range(len(step.rows))]
@@ -187,7 +187,7 @@ class Backwards(RepeatedMotion):
         if not part.count:
             return
         self.parts.append(part)
-        each = sum(x.size for x in part.kept.values())
+        each = sum(x.size for x in part.checkpoint.values())
         if each * len(self.parts) > CHECKPOINTS and len(self.parts) > LEAST:
             self.parts = list(_joined(self.parts))
 
@@ -196,12 +196,12 @@ class Backwards(RepeatedMotion):
         end = bars[-1]
         for part in reversed(self.parts):
             end = self._before(part, end, bars, receiver)
-        return end.plus(bars[0]) if self.whole else end
+        return end.plus(bars[0]) if self.all_states else end
 
     def report_stored(self, receiver: AdjointReceiver) -> None:
         """Report the stored virtual displacements once more, without following the motion backwards."""
         for part in reversed(self.parts):
-            self.stepper.resume(part.kept)
+            self.stepper.resume(part.checkpoint)
             if part.end is not None:
                 self._break(part, part.end, receiver)
             elif part.at is not None and part.lam is not None:
@@ -209,14 +209,14 @@ class Backwards(RepeatedMotion):
 
     def _before(self, part: Part, end: Change, bars: Sequence[Change], receiver: AdjointReceiver) -> Change:
         """Return the derivatives of goals by the start of a part, from those by its end."""
-        self.stepper.resume(part.kept)
+        self.stepper.resume(part.checkpoint)
         if part.behind >= 0:
             part.end = end
             return self._passed(part, end, self._break(part, end, receiver))
         if part.count <= self.size:
             return self._through(part, end, bars, receiver)
         # a long part first gets checkpoints of its own
-        room = max(CHECKPOINTS // sum(x.size for x in part.kept.values()), LEAST)
+        room = max(CHECKPOINTS // sum(x.size for x in part.checkpoint.values()), LEAST)
         size, inside = max(self.size, -(-part.count // room)), list[Part]()
         for begin in range(0, part.count, size):
             count = min(size, part.count - begin)
@@ -331,7 +331,7 @@ class Backwards(RepeatedMotion):
             left, worse, before = share * share / before, share >= before, share
             if left <= NEGLIGIBLE or worse:
                 break
-        self.off = max(self.off, left)
+        self.equation_error = max(self.equation_error, left)
         if left > LOOSE:
             raise UnsuitedError("the tangents of the steps do not determine their derivatives")
 
@@ -348,7 +348,7 @@ class Backwards(RepeatedMotion):
         if (stepper.s.v == before).all():
             receiver.pass_break(stepper, part.behind, end, at, mu)
         else:
-            stepper.resume(part.kept)
+            stepper.resume(part.checkpoint)
             receiver.pass_break(stepper, part.behind, end, None, mu)
         return at, mu
 
@@ -394,7 +394,7 @@ def _joined(parts: Sequence[Part]) -> Iterator[Part]:
                 yield part
             continue
         rows = last.rows + [(last.count + k, row) for k, row in part.rows]
-        yield Part(last.kept, last.count + part.count, None, rows)
+        yield Part(last.checkpoint, last.count + part.count, None, rows)
         last = None
     if last is not None:
         yield last

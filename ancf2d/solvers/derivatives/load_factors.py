@@ -238,9 +238,9 @@ class Growth(OneByOne):
     """
 
     def __init__(self, model: Model, state: State, wanted: Sequence[int]) -> None:
-        self.of = _Flows(model, state) if model.loads.flows else _Loads(model, state)
-        self.state, self.wanted, self.n, self.reason = state, list(wanted), self.of.n, ""
-        singular = Singular(self.of.matrices(model, np.zeros(self.n)), self.of.adds)
+        self.loading = _Flows(model, state) if model.loads.flows else _Loads(model, state)
+        self.state, self.wanted, self.n, self.reason = state, list(wanted), self.loading.n, ""
+        singular = Singular(self.loading.matrices(model, np.zeros(self.n)), self.loading.adds)
         critical = [state.report["critical"][k - 1] for k in wanted]
         try:
             self.onsets = [singular.near(one["factor"], one["omega"]) for one in critical]
@@ -254,15 +254,15 @@ class Growth(OneByOne):
         """
         if self.reason:
             raise UnsuitedError(self.reason)
-        first = self.of.change(at, h)
+        first = self.loading.change(at, h)
 
         def forms(step: float) -> Array:
             change = step * first.value
-            problem = self.of.matrices(at(step), change)
+            problem = self.loading.matrices(at(step), change)
             if problem.small.rates.damps and any(one.meets for one in self.onsets):
                 raise ComputationError("dampers let motions grow at another factor, however little they damp: there is "
                                        "no derivative where there are none", advice="a small damping instead of 0")
-            return parts(np.array([one.y @ problem.action(one.s, one.x) + self.of.added(problem, change, one)
+            return parts(np.array([one.y @ problem.action(one.s, one.x) + self.loading.added(problem, change, one)
                                    for one in self.onsets]))
         scale = np.repeat([1.0 / (abs(one.by[1]) * abs(one.factor)) for one in self.onsets], 2)
         found = derivative(forms, h, scale) if self.onsets else Quotient(np.zeros(0), np.zeros(0), h)
@@ -274,4 +274,4 @@ class Growth(OneByOne):
 
     def states(self, model: Model, change: Array) -> list[State]:
         """Return the state of a model with its factors changed."""
-        return [self.of.state_with(model, change[:self.n], self.wanted, change[self.n:])]
+        return [self.loading.state_with(model, change[:self.n], self.wanted, change[self.n:])]

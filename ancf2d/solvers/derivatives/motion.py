@@ -15,7 +15,7 @@ from ...model.model import Model
 from ..motion.dynamic import Run
 from ..state import Row, State
 from .differences import SHORTER, SMOOTH, TRIES, Quotient, UnsuitedError
-from .motion_states import NEWTON, OF_FORCES, MotionWithDerivatives, lengths_of, unlike
+from .motion_states import NEWTON, OF_FORCES, MotionWithDerivatives, lengths_of, lower_order_error
 from .readings import Goals, Readings
 from .varied_motions import ModelAt, Together, VariedNumber
 
@@ -27,18 +27,18 @@ FIRST_STEPS = 16
 
 
 class Motion(Together):
-    """The derivatives of the ``states`` of a motion by numbers of its case; of the last state only, unless ``whole``.
+    """The derivatives of the ``states`` of a motion by numbers of its case; of ``all_states``, or only of the last one.
 
     If ``goals`` are given and their derivatives follow from those of the states, there are ``readings``, and ``slope``
     returns the derivatives of the goals.
     """
 
-    def __init__(self, model: Model, states: Sequence[State], whole: bool, goals: Goals | None = None) -> None:
+    def __init__(self, model: Model, states: Sequence[State], all_states: bool, goals: Goals | None = None) -> None:
         spec = model.case.solver
         assert isinstance(spec, Dynamic)
         # without coarser motions for an error estimate
         self.spec = replace(spec, estimate=False)
-        self.model, self.whole = model, whole
+        self.model, self.all_states = model, all_states
         # fixed steps have the lengths that they had in the run
         self.lengths = lengths_of(states)
         self.found: dict[ModelAt, Quotient | Exception] = {}
@@ -49,7 +49,7 @@ class Motion(Together):
         self.run = Run(model, self.spec)
         self.readings: Readings | None = None
         if goals is not None:
-            self.readings = Readings(model, goals, states if whole else states[-1:],
+            self.readings = Readings(model, goals, states if all_states else states[-1:],
                                      np.array(self.run.problem.coordinate))
 
     def find(self, numbers: Sequence[tuple[ModelAt, float]]) -> None:
@@ -90,7 +90,7 @@ class Motion(Together):
         """Make the motion, or its first steps, with the tightest possible tolerance; return it, numbers, refusals."""
         while True:
             last = len(self.tolerances) == 1
-            motion = MotionWithDerivatives(self.model, self.spec, self.whole, self.tolerances[0],
+            motion = MotionWithDerivatives(self.model, self.spec, self.all_states, self.tolerances[0],
                                            None if last else self.lengths)
             numbers, refused = self._numbers(todo)
             try:
@@ -127,9 +127,10 @@ class Motion(Together):
                 continue
             both = np.array(motion.changes)[..., 2 * column:2 * column + 2]
             value, gap = both[..., 0], np.abs(both[..., 0] - both[..., 1])
-            shares[k] = unlike(weights, both[:, 0])
+            shares[k] = lower_order_error(weights, both[:, 0])
             # for z, v and a, weighted as in ``MotionWithDerivatives``
-            off = motion.off[column] * np.array([np.where(motion.free, 1.0, of_forces), one, of_forces * one])
+            share = motion.equation_error[column]
+            off = share * np.array([np.where(motion.free, 1.0, of_forces), one, of_forces * one])
             error = gap * min(shares[k], 1.0) + off * np.abs(value)
             best = self.found.get(number.at)
             found = Quotient(value.ravel(), error.ravel(), number.h) if self.readings is None else (

@@ -39,14 +39,14 @@ ROUND_OFF = 3e-11
 EPSILON, FEW = 2.2e-16, 4.0
 
 
-def recorded_motion(model: Model, whole: bool, lengths: list[float]) -> tuple[Backwards, list[State]]:
+def recorded_motion(model: Model, all_states: bool, lengths: list[float]) -> tuple[Backwards, list[State]]:
     """Make a motion with the tightest tolerance of Newton's method at which fixed steps keep their ``lengths``.
 
     Raises UnsuitedError.
     """
     for tolerance in NEWTON:
         last = tolerance == NEWTON[-1]
-        motion = Backwards(model, whole, tolerance, None if last else lengths)
+        motion = Backwards(model, all_states, tolerance, None if last else lengths)
         try:
             return motion, list(motion.states())
         except UnlikeError:
@@ -127,7 +127,7 @@ class MotionAdjoint(Together):
         self.motion, self.model = motion, motion.run.model
         self.found: dict[ModelAt, Quotient | Exception] = {}
         self.base, self.first = Run(self.model, motion.run.spec), dict[ModelAt, float]()
-        self.states = states if motion.whole else [states[0], states[-1]]
+        self.states = states if motion.all_states else [states[0], states[-1]]
         self.readings = Readings(self.model, goals, self.states, motion.free)
         self.values, self.bars = self.readings.values, self.readings.bars()
         # if virtual displacements are stored, the start is known, and derivatives can be found number by number
@@ -180,7 +180,7 @@ class MotionAdjoint(Together):
             if nonlinearity > STRAIGHT and shorter < 0.5 and not last:
                 again.append((number.at, number.h * shorter))
                 continue
-            error = one.sizes[0] * (nonlinearity**2 + self.motion.off + noise) + of_reading
+            error = one.sizes[0] * (nonlinearity**2 + self.motion.equation_error + noise) + of_reading
             self.found[number.at] = Quotient(one.value, error, number.h)
         return again
 

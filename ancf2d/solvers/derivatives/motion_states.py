@@ -189,10 +189,10 @@ def lengths_of(states: Iterable[State]) -> list[float]:
 class MotionWithDerivatives(RepeatedMotion):
     """A motion repeated with the derivatives of its states. Raises UnsuitedError."""
 
-    def __init__(self, model: Model, spec: Dynamic, whole: bool, tolerance: float,
+    def __init__(self, model: Model, spec: Dynamic, all_states: bool, tolerance: float,
                  lengths: list[float] | None) -> None:
         super().__init__(model, spec, tolerance, lengths)
-        self.whole = whole
+        self.all_states = all_states
         # a second motion of the same model, for differences across breaks
         self.other: Stepper | None = None
         self.rows: list[Row] = []
@@ -200,7 +200,7 @@ class MotionWithDerivatives(RepeatedMotion):
         # whether all tangents have been exact so far
         self.precise = True
         # for each number: error of the linear equations, and of differences of lower order over the first steps
-        self.off, self.rough = np.zeros(0), np.zeros(0)
+        self.equation_error, self.rough = np.zeros(0), np.zeros(0)
 
     def make(self, numbers: Sequence[VariedNumber], steps: int | None = None) -> bool:
         """Make the motion, or so many steps; return whether these are as long as in the run.
@@ -209,9 +209,9 @@ class MotionWithDerivatives(RepeatedMotion):
         """
         stepper, self.numbers = self.stepper, numbers
         self.run.begin()
-        self.off = np.zeros(len(numbers))
+        self.equation_error = np.zeros(len(numbers))
         change = self._begin()
-        self._take(stepper.last(), change)
+        self._store(stepper.last(), change)
         size, window = min(self._size(), steps or self._size()), list[Step]()
         for step in self.steps():
             if step is not None and self.differs_from_run():
@@ -225,7 +225,7 @@ class MotionWithDerivatives(RepeatedMotion):
             if step is None:
                 change = self._behind_break(change)
         change = self._through(window, change)
-        self._take(stepper.last(), change)
+        self._store(stepper.last(), change)
         return True
 
     def _begin(self) -> Change:
@@ -262,9 +262,9 @@ class MotionWithDerivatives(RepeatedMotion):
         each = s * n * (10 * k + 10) + s * len(self.mass) * (2 + s) + s * n * (3 * s * self.stepper.p.width + 1)
         return int(min(max(WINDOW // max(each, 1), 1), 256))
 
-    def _take(self, row: Row, change: Change) -> None:
+    def _store(self, row: Row, change: Change) -> None:
         """Store a state and its change."""
-        if not self.whole:
+        if not self.all_states:
             self.rows, self.changes = [], []
         self.rows.append(row)
         self.changes.append(np.array([change.z, change.v, change.a]))
@@ -286,12 +286,12 @@ class MotionWithDerivatives(RepeatedMotion):
         if not self.precise:
             self._correct(equations, at, dR, course)
         if not len(self.rough):
-            self.rough = np.array([unlike(self.stepper.p.weights, course.stages.z[:, :, 2 * k:2 * k + 2])
+            self.rough = np.array([lower_order_error(self.stepper.p.weights, course.stages.z[:, :, 2 * k:2 * k + 2])
                                    for k in range(len(self.numbers))])
-        for k, step in enumerate(window if self.whole else ()):
+        for k, step in enumerate(window if self.all_states else ()):
             for row in step.rows:
                 if row.t < self.run.spec.t_end:
-                    self._take(row, self._within(step, row, course, k))
+                    self._store(row, self._within(step, row, course, k))
         return course.at(-1)
 
     def _exact(self, equations: Equations, at: Record, dR: Array, course: Course) -> bool:
@@ -312,7 +312,7 @@ class MotionWithDerivatives(RepeatedMotion):
         more, _ = equations.follow(defect, Change.none(self.entries.n, 1))
         left = self._share(at, Stages(stages.t, z, v, a), more, 0, size, float(factors @ self._per_step))
         if left <= ENOUGH:
-            self.off = np.maximum(self.off, left)
+            self.equation_error = np.maximum(self.equation_error, left)
         return left <= ENOUGH
 
     def _correct(self, equations: Equations, at: Record, dR: Array, course: Course) -> None:
@@ -346,7 +346,7 @@ class MotionWithDerivatives(RepeatedMotion):
             some = some[going]
             if not len(some):
                 break
-        self.off = np.maximum(self.off, last)
+        self.equation_error = np.maximum(self.equation_error, last)
         if (last > LOOSE).any():
             raise UnsuitedError("the tangents of the steps do not determine their derivatives")
 
@@ -385,7 +385,7 @@ class MotionWithDerivatives(RepeatedMotion):
         return Change(start.z + z, free * v / step.h, free * a / step.h**2, start.own)
 
 
-def unlike(weights: Array, both: Array) -> float:
+def lower_order_error(weights: Array, both: Array) -> float:
     """Return the error of differences of lower order relative to the largest change: ``both`` (m, n, 2) of a number."""
     size, far = (float((weights * np.abs(x)).max(initial=0.0)) for x in (both[..., 0], both[..., 0] - both[..., 1]))
     return far / size if size > 0.0 else 0.0

@@ -29,10 +29,10 @@ Term = tuple[int, int, str, str, float]
 
 
 class Goals(Protocol):
-    """Numbers that follow from probes of states, of the last state only unless ``whole``."""
+    """Numbers that follow from probes of states, of the last state only unless ``all_states``."""
 
     @property
-    def whole(self) -> bool: ...
+    def all_states(self) -> bool: ...
 
     @property
     def count(self) -> int:

@@ -310,7 +310,7 @@ class _Meshes:
             simple = self.solve(types, size, why)
             gap = relative_distance(simple, self.solve(best, size, "reference model for the errors"))
             # a mesh that misses an obstacle cannot be compared
-            gap = float("inf") if simple.off else gap
+            gap = float("inf") if simple.missed_by else gap
             if gap <= enough or 2.0 * size > finest or not gap <= min(FAR, 0.5 * before):
                 return min(gap, before) if math.isfinite(min(gap, before)) else None
             size, before = 2.0 * size, gap

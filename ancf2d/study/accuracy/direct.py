@@ -102,12 +102,12 @@ class Direct:
                 setting, why = found or self._doubled(setting)
                 continue
             if verdict.error <= wanted:
-                return level, verdict.error, verdict.found
-            if verdict.finer <= wanted and self.finer is not None:
+                return level, verdict.error, verdict.estimate
+            if verdict.finer_error <= wanted and self.finer is not None:
                 self.pursuit.tell(f"{many(self.finer.setting.elements, 'element')}: the result")
-                finer = self.pursuit.resolve_as_result(self.finer, _always(verdict.found, verdict.finer))
-                return None if finer.answer is None else (finer, verdict.finer, verdict.found)
-            if verdict.found.order is None or 4 * level.work > MOST_WORK:
+                finer = self.pursuit.resolve_as_result(self.finer, _always(verdict.estimate, verdict.finer_error))
+                return None if finer.answer is None else (finer, verdict.finer_error, verdict.estimate)
+            if verdict.estimate.order is None or 4 * level.work > MOST_WORK:
                 return None
             setting, why = self._next(level, verdict, wanted)
         return None
@@ -176,10 +176,10 @@ class Direct:
         self.verdict = verdict_of(coarse, level, fine, max(self.orders.values()))
         if self.verdict is None:
             return Estimate(None, None, None, False, "its neighbours do not tell"), math.inf
-        self.finer, level.estimate, fine.estimate = fine, self.verdict.error, self.verdict.finer
+        self.finer, level.estimate, fine.estimate = fine, self.verdict.error, self.verdict.finer_error
         if len(level.setting.counts) > 1:
             self._find_weights(coarse)
-        return self.verdict.found, self.verdict.error
+        return self.verdict.estimate, self.verdict.error
 
     def _find_weights(self, coarse: Level) -> None:
         """Find the influence of each body's mesh on the goal, by the adjoint if there is one."""
@@ -207,8 +207,8 @@ class Direct:
 
     def _next(self, level: Level, verdict: Verdict, wanted: float) -> tuple[Setting, str]:
         """Return the mesh predicted to suffice, with unequal elements if these save enough, and why it is tried."""
-        assert verdict.found.order is not None
-        p = min(max(verdict.found.order, 1.0), max(self.orders.values()))
+        assert verdict.estimate.order is not None
+        p = min(max(verdict.estimate.order, 1.0), max(self.orders.values()))
         excess = min(verdict.error / (AIM * wanted), LEAP**p)
         factor, counts = excess ** (1.0 / p), {}
         for name, mesh in meshed(self.pursuit.loaded.case, self.types).items():

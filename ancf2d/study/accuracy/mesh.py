@@ -103,7 +103,7 @@ class Ladder:
         """Return whether meshes differ because of the time steps; if so, reduce the tolerance, discard all levels."""
         if self.tolerance is None or len(self.levels) <= LADDER or self.tolerance <= LEAST_TOLERANCE:
             return False
-        if self.levels[-1].off:
+        if self.levels[-1].missed_by:
             return False
         middle, last = self.levels[-2:]
         gap = relative_distance(middle, last)

@@ -45,9 +45,9 @@ class Neighbour:
 class Verdict:
     """The result of three meshes: the estimate, and the relative errors of the middle mesh and of the finest."""
 
-    found: Estimate
+    estimate: Estimate
     error: float
-    finer: float
+    finer_error: float
 
 
 def coarsened(loaded: LoadedCase) -> LoadedCase:

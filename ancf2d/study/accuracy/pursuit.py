@@ -161,7 +161,7 @@ class Pursuit:
         except (ComputationError, MemoryError) as error:
             level.reason = verdict(error)[1]
             return
-        if self.loaded.case.solver.takes_guess and not level.off:
+        if self.loaded.case.solver.takes_guess and not level.missed_by:
             # a mesh that has missed an obstacle may be on its wrong side, so its state is no start for others
             self.latest[level.setting.kinds] = found
         if estimate_of is not None:

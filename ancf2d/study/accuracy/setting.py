@@ -92,8 +92,8 @@ class Level:
 
     ``kinks``: a point slides along a body, so its kink is at a different place within an element in each mesh.
     ``zones``: fibres yield or follow a curve, or bodies touch, in zones that end at a different place within an element
-    in each mesh. ``step_count``: number of steps of the solver. ``off``: relative distance by which a body misses an
-    obstacle between contact points, if known.
+    in each mesh. ``step_count``: number of steps of the solver. ``missed_by``: relative distance by which a body misses
+    an obstacle between contact points, if known.
     """
 
     setting: Setting
@@ -107,7 +107,7 @@ class Level:
     reason: str = ""
     kinks: bool = False
     zones: bool = False
-    off: float = 0.0
+    missed_by: float = 0.0
 
     def store(self, answer: GoalValue, summary: dict[str, Any]) -> None:
         """Store the answer of a solve, and add its cost."""
@@ -115,7 +115,7 @@ class Level:
         self.wall_s += summary["wall_s"]
         self.iterations += summary["iterations"]
         self.step_count = summary["steps"]
-        self.off = summary.get("contact_error", 0.0)
+        self.missed_by = summary.get("contact_error", 0.0)
 
     @property
     def work(self) -> int:
