@@ -103,10 +103,11 @@ def fit(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: Mapping
         raise failures[0]
     tried.sort(key=lambda one: one[0])
     paths = [b.path for b in bounds]
-    told = [{"start": dict(zip(paths, start, strict=True)), "residual": float(np.sqrt(np.mean(one.fun**2))),
-             "values": dict(zip(paths, problem.values(one.x), strict=True))} for _, start, one in tried]
+    searches = [{"start": dict(zip(paths, start, strict=True)), "residual": float(np.sqrt(np.mean(one.fun**2))),
+                 "values": dict(zip(paths, problem.values(one.x), strict=True))} for _, start, one in tried]
     warnings = moved_starts(variables, bounds, problem.values(places[0]))
-    return _conclude(loaded, problem, best, tried[0][1], told, warnings + [f"a start failed: {e}" for e in failures])
+    return _conclude(loaded, problem, best, tried[0][1], searches,
+                     warnings + [f"a start failed: {e}" for e in failures])
 
 
 def _variables(loaded: LoadedCase, data: Data, bounds: Sequence[Bounds], sigma: Mapping[str, float]
@@ -137,7 +138,7 @@ def _starts(problem: Search, count: int) -> list[Array]:
     """Return the starting points of the searches: the case's own numbers, then points of a Sobol sequence."""
     from scipy.stats import qmc
 
-    own = problem.place([v.value for v in problem.variables])
+    own = problem.positions([v.value for v in problem.variables])
     inside = np.where((own > 0.0) & (own < 1.0), own, 0.5)
     more = qmc.Sobol(len(own), seed=0).random_base2(max(math.ceil(math.log2(max(count - 1, 1))), 0))
     return [inside, *(0.05 + 0.9 * more[:count - 1])]
@@ -156,11 +157,11 @@ def _conclude(loaded: LoadedCase, problem: Search, found: Any, start: Sequence[f
     squares = np.bincount(column, found.fun**2, len(data.names)) / counts
     m, n = found.jac.shape
     U, s, Vt = np.linalg.svd(found.jac, full_matrices=False)
-    told = s > SINGULAR * max(float(s.max(initial=0.0)), 1e-300)
-    A = (Vt[told].T / s[told]) @ U[:, told].T
+    determined = s > SINGULAR * max(float(s.max(initial=0.0)), 1e-300)
+    A = (Vt[determined].T / s[determined]) @ U[:, determined].T
     covariance = (A * squares[column] * m / (m - n)) @ A.T
     # parameters with a part in directions that the data do not determine get no error
-    lost = (np.abs(Vt[~told]) > 1e-3).any(axis=0) if (~told).any() else np.zeros(n, bool)
+    lost = (np.abs(Vt[~determined]) > 1e-3).any(axis=0) if (~determined).any() else np.zeros(n, bool)
     errors = np.sqrt(np.diag(covariance)) * np.abs(problem.rates(found.x))
     sizes = np.sqrt(np.diag(covariance))
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -193,10 +194,10 @@ def write_case(loaded: LoadedCase, values: Mapping[str, float], path: str | os.P
     lines = [line for line in text.splitlines(keepends=True) if not line.startswith(f"# {MARK}")]
     with replacing(path, force) as private:
         private.write_text(f"# {MARK}: {how}\n" + "".join(lines), encoding="utf-8")
-    told = [] if kept else [f"'{path}' has the case with its defaults, without comments"]
+    remarks = [] if kept else [f"'{path}' has the case with its defaults, without comments"]
     if inputs_of(loaded)[1:] and Path(path).absolute().parent != Path(loaded.source.file).absolute().parent:
-        told.append(f"'{path}' names files that it is read with; they are beside '{loaded.source.file}'")
-    return told
+        remarks.append(f"'{path}' names files that it is read with; they are beside '{loaded.source.file}'")
+    return remarks
 
 
 def write_fit(fit: Fit, path: str | os.PathLike[str], command: str = "", force: bool = False) -> None:

@@ -227,13 +227,13 @@ def comparable(loaded: LoadedCase, data: Data) -> LoadedCase:
     return with_overrides(loaded, more, vocabulary())
 
 
-class Watch:
+class DataValues:
     """The values at the measured places (measured values,), as a function of a model and the states of its run.
 
     For a motion, it also provides their derivatives by probe quantities (``readings.Goals``).
     """
 
-    whole = True
+    all_states = True
 
     def __init__(self, data: Data) -> None:
         self.data, self.count = data, int(data.known.sum())
@@ -244,10 +244,11 @@ class Watch:
         return found[self.data.known]
 
     @property
-    def places(self) -> bool:
+    def from_probes(self) -> bool:
         """Return whether the values follow from positions of probes, and from their rates at stored states."""
-        told = [name.rpartition(".")[2] for name in self.data.names]
-        return self.data.axis == "t" and all(q in RATES or (q in KINEMATIC and self.data.interval > 0.0) for q in told)
+        quantities = [name.rpartition(".")[2] for name in self.data.names]
+        return self.data.axis == "t" and all(q in RATES or (q in KINEMATIC and self.data.interval > 0.0)
+                                             for q in quantities)
 
     def alike(self, one: Model, other: Model) -> bool:
         """Return whether both models give the same values for the same states."""
@@ -296,21 +297,21 @@ class Watch:
 
         observer = Observer(model)
         places = model.case.places_over_time
-        told = [observer.observe(state) | places(state.side) | state.controllers for state in states]
+        read = [observer.observe(state) | places(state.side) | state.controllers for state in states]
         t = np.array([state.t for state in states])
         t, first = np.unique(t, return_index=True)
         near = np.abs(t[:, None] - self.data.x).argmin(axis=0)
         columns = []
         for name in self.data.names:
             probe, _, quantity = name.rpartition(".")
-            if quantity not in told[-1][probe]:
+            if quantity not in read[-1][probe]:
                 raise ComputationError(f"the solver does not compute {quantity} of {probe}")
-            y = np.array([told[k][probe].get(quantity, np.nan) for k in first])
+            y = np.array([read[k][probe].get(quantity, np.nan) for k in first])
             rate = RATES.get(quantity, "")
             if not np.abs(t[near] - self.data.x).max() > NEAR * t[-1]:
                 columns.append(y[near])
-            elif rate in told[-1][probe]:
-                slope = np.array([told[k][probe][rate] for k in first])
+            elif rate in read[-1][probe]:
+                slope = np.array([read[k][probe][rate] for k in first])
                 columns.append(CubicHermiteSpline(t, y, slope)(self.data.x))
             else:
                 columns.append(make_interp_spline(t, y, k=min(3, len(t) - 1))(self.data.x))

@@ -14,8 +14,8 @@ from ..case.axes import Bounds
 from ..case.numbers import CaseNumber
 from ..elements.shape import Array
 from ..errors import ComputationError
-from .fit_data import Data, Watch
-from .gradient import Study, derivatives_of
+from .fit_data import Data, DataValues
+from .gradient import DifferentiableRun, derivatives_of
 from .record import Progress
 from .run import vocabulary
 
@@ -47,12 +47,12 @@ class _SettledError(Exception):
 
 
 class _Secant(NamedTuple):
-    """A point z (n,) with residuals f (m,) and derivatives J (m, n), last recomputed at ``made`` (n,)."""
+    """A point z (n,) with residuals f (m,) and derivatives J (m, n), these computed at ``computed_at`` (n,)."""
 
     z: Array
     f: Array
     J: Array
-    made: Array
+    computed_at: Array
 
 
 class Search:
@@ -61,7 +61,7 @@ class Search:
     def __init__(self, loaded: LoadedCase, data: Data, variables: list[CaseNumber], bounds: Sequence[Bounds],
                  scales: Array, progress: Progress, done: Callable[[int, float], None]) -> None:
         self.loaded, self.data, self.variables, self.bounds = loaded, data, variables, bounds
-        self.watch, self.progress, self.done, self.runs = Watch(data), progress, done, 0
+        self.function, self.progress, self.done, self.runs = DataValues(data), progress, done, 0
         # parameters with positive bounds are scaled logarithmically
         self.ratios = [b.low > 0.0 for b in bounds]
         self.scale = np.broadcast_to(scales, data.values.shape)[data.known]
@@ -70,9 +70,9 @@ class Search:
         self.counts = np.ones(len(self.measured), dtype=bool)
         # derivatives of solutions over time take several runs: they are updated from step to step
         self.timed = loaded.case.solver.timed
-        self.exact = self.watch.places and loaded.case.solver.moves
+        self.exact = self.function.from_probes and loaded.case.solver.moves
         # the last two, since a step may have led away from the point where derivatives are wanted
-        self.solved: list[tuple[bytes, Study]] = []
+        self.solved: list[tuple[bytes, DifferentiableRun]] = []
         self.last: Array | None = None
         self.secant: _Secant | None = None
 
@@ -81,7 +81,7 @@ class Search:
         return [float(b.low * (b.high / b.low) ** s if ratio else b.low + (b.high - b.low) * s)
                 for b, s, ratio in zip(self.bounds, z.tolist(), self.ratios, strict=True)]
 
-    def place(self, values: Sequence[float]) -> Array:
+    def positions(self, values: Sequence[float]) -> Array:
         """Return the positions of parameters between their bounds."""
         return np.array([math.log(v / b.low) / math.log(b.high / b.low) if ratio and v > 0.0
                          else (v - b.low) / (b.high - b.low)
@@ -97,18 +97,18 @@ class Search:
         options = [v.override(x) for v, x in zip(self.variables, self.values(z), strict=True)]
         return with_overrides(self.loaded, options, vocabulary())
 
-    def study(self, z: Array) -> Study:
-        """Return the study of the case at z, solved once. Raises CaseError and ComputationError."""
+    def run_at(self, z: Array) -> DifferentiableRun:
+        """Return the case solved at z, each once. Raises CaseError and ComputationError."""
         known = next((one for at, one in self.solved if at == z.tobytes()), None)
         if known is None:
             self.runs += 1
-            known = Study(self.case(z), self.watch, replace(self.progress, checks_mesh=False))
+            known = DifferentiableRun(self.case(z), self.function, replace(self.progress, checks_mesh=False))
             self.solved = [*self.solved[-1:], (z.tobytes(), known)]
         return known
 
     def model(self, z: Array) -> Array:
         """Return the computed values at z for comparison with the data. Raises CaseError and ComputationError."""
-        return self.study(z).values
+        return self.run_at(z).values
 
     def residuals(self, z: Array) -> Array:
         """Return the scaled differences (m,); they are infinite if the case cannot be solved."""
@@ -122,15 +122,15 @@ class Search:
         self.done(self.runs, float(np.sqrt(np.mean(found**2))))
         return found
 
-    def _counted(self, z: Array) -> Array:
+    def _counted_residuals(self, z: Array) -> Array:
         """Return the differences (m,) that count.
 
         Raises _RenewedError if derivatives that were carried far led to a larger sum of squares.
         """
         f, known, now = np.where(self.counts, self.residuals(z), 0.0), self.secant, self.counts
         larger = known is not None and self.exact and not f @ f <= known.f[now] @ known.f[now]
-        if known is not None and larger and _distance(known.z, known.made, known.f[now], known.J[now]) > CARRIED:
-            self.secant = known._replace(J=self._anew(known.z, known.f), made=known.z)
+        if known is not None and larger and _distance(known.z, known.computed_at, known.f[now], known.J[now]) > CARRIED:
+            self.secant = known._replace(J=self._recomputed(known.z, known.f), computed_at=known.z)
             raise _RenewedError
         return f
 
@@ -147,7 +147,7 @@ class Search:
     def jacobian(self, z: Array) -> Array:
         """Return the derivatives (m, n) of the differences by z. Raises ComputationError."""
         if not self.timed:
-            found = derivatives_of(self.study(z), self._variables_at(z))
+            found = derivatives_of(self.run_at(z), self._variables_at(z))
             self.runs += sum(4 for method in found.methods if method != "exact")
             return found.jacobian * self.rates(z) / self.scale[:, None]
         assert self.last is not None
@@ -162,25 +162,25 @@ class Search:
         They are recomputed if the update misses most of a step, and near the end of the search if they were computed
         far away, since standard errors follow from them. Raises _SettledError at the end.
         """
-        known, J, made, step, now = self.secant, None, z, None, self.counts
+        known, J, computed_at, step, now = self.secant, None, z, None, self.counts
         if known is not None and np.array_equal(z, known.z):
-            J, made = known.J, known.made
+            J, computed_at = known.J, known.computed_at
         elif known is not None:
             dz, df = step = z - known.z, f - known.f
             off = df - known.J @ dz
             if np.linalg.norm(off[now]) < BENT * np.linalg.norm(df[now]):
-                J, made = known.J + np.outer(off, dz) / float(dz @ dz), known.made
+                J, computed_at = known.J + np.outer(off, dz) / float(dz @ dz), known.computed_at
         ends = now.all()
-        if J is None or (ends and _offset(z, f, J) < CLOSE and _distance(z, made, f, J) > CARRIED):
-            J, made = self._anew(z, f, step), z
-        self.secant = _Secant(z, f, J, made)
+        if J is None or (ends and _offset(z, f, J) < CLOSE and _distance(z, computed_at, f, J) > CARRIED):
+            J, computed_at = self._recomputed(z, f, step), z
+        self.secant = _Secant(z, f, J, computed_at)
         if _offset(z, f[now], J[now]) < (SETTLED if ends else NEAR):
             raise _SettledError
         return J
 
-    def _anew(self, z: Array, f: Array, step: tuple[Array, Array] | None = None) -> Array:
+    def _recomputed(self, z: Array, f: Array, step: tuple[Array, Array] | None = None) -> Array:
         """Return the derivatives (m, n) of runs over time, exactly if the motion has them, else by differences."""
-        found = self.study(z).exact(self._variables_at(z)) if self.exact else None
+        found = self.run_at(z).exact(self._variables_at(z)) if self.exact else None
         if found is None:
             self.exact = False
             return self._differences(z, f, step)
@@ -219,11 +219,11 @@ class Search:
             while found is None:
                 try:
                     found = least_squares(
-                        self._counted, z0, lambda z: self.jacobian(z) * self.counts[:, None], (0.0, 1.0), method="trf",
-                        x_scale="jac", ftol=TOLERANCE_OF_RUNS if self.timed else TOLERANCE, xtol=TOLERANCE,
-                        gtol=TOLERANCE, max_nfev=None if self.counts.all() else FIRST_STEPS)
+                        self._counted_residuals, z0, lambda z: self.jacobian(z) * self.counts[:, None], (0.0, 1.0),
+                        method="trf", x_scale="jac", ftol=TOLERANCE_OF_RUNS if self.timed else TOLERANCE,
+                        xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=None if self.counts.all() else FIRST_STEPS)
                     if self.timed and self.counts.all():
-                        found.jac = self._anew(found.x, found.fun)
+                        found.jac = self._recomputed(found.x, found.fun)
                 except (_RenewedError, _SettledError) as why:
                     assert self.secant is not None
                     z0, f, J, _ = self.secant

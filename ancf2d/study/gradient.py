@@ -29,11 +29,11 @@ from ..solvers.derivatives.backwards import Backwards, UnlikeError
 from ..solvers.derivatives.differences import Quotient, UnsuitedError, derivative
 from ..solvers.derivatives.load_factors import Growth, Instability
 from ..solvers.derivatives.motion import Motion
-from ..solvers.derivatives.motion_adjoint import MotionAdjoint, made_again
+from ..solvers.derivatives.motion_adjoint import MotionAdjoint, recorded_motion
 from ..solvers.derivatives.motion_states import NEWTON, lengths_of
 from ..solvers.derivatives.small_motions import Excited, Vibration
 from ..solvers.derivatives.statics import Equilibrium, Path, Response
-from ..solvers.derivatives.varied_motions import unsuited
+from ..solvers.derivatives.varied_motions import why_unsuited
 from ..solvers.registry import solve
 from ..solvers.state import State
 from ..solvers.statics.static import unscaled
@@ -49,9 +49,9 @@ STEP, STEP_OF_RUNS = 4e-4, 2e-3
 TIGHT = 1e-12
 
 # function to differentiate: numbers (m,) from the states of a model. It may have ``goals``, those that it reads of
-# modes and load factors; ``whole``, False if it reads the last state alone; ``weights``, which returns how much the
-# derivatives of its values count; and ``places``, True if it has the methods of ``readings.Goals``
-Watch = Callable[[Model, Sequence[Any]], Array]
+# modes and load factors; ``all_states``, False if it reads the last state alone; ``weights``, which returns how much
+# the derivatives of its values count; and ``from_probes``, True if it has the methods of ``readings.Goals``
+GoalFunction = Callable[[Model, Sequence[Any]], Array]
 
 
 @dataclass
@@ -68,7 +68,7 @@ class Derivatives:
     methods: list[str]
 
 
-def gradient(loaded: LoadedCase, goals: Iterable[Goal] | Watch, paths: Sequence[str],
+def gradient(loaded: LoadedCase, goals: Iterable[Goal] | GoalFunction, paths: Sequence[str],
              progress: Progress | None = None) -> tuple[Array, Array]:
     """Return the values (m,) of goals, and their derivatives (m, n) by the numbers of a case at some paths.
 
@@ -79,29 +79,30 @@ def gradient(loaded: LoadedCase, goals: Iterable[Goal] | Watch, paths: Sequence[
     return found.values, found.jacobian
 
 
-def derivatives(loaded: LoadedCase, goals: Iterable[Goal] | Watch, variables: Sequence[CaseNumber],
+def derivatives(loaded: LoadedCase, goals: Iterable[Goal] | GoalFunction, variables: Sequence[CaseNumber],
                 progress: Progress | None = None) -> Derivatives:
     """Return the results of ``gradient`` with error estimates and methods."""
-    watch = goals if callable(goals) else GoalValues(tuple(goals))
-    return derivatives_of(Study(loaded, watch, progress or Progress(), numbers=len(variables)), variables)
+    function = goals if callable(goals) else GoalValues(tuple(goals))
+    run = DifferentiableRun(loaded, function, progress or Progress(), numbers=len(variables))
+    return derivatives_of(run, variables)
 
 
-def derivatives_of(study: Study, variables: Sequence[CaseNumber]) -> Derivatives:
+def derivatives_of(run: DifferentiableRun, variables: Sequence[CaseNumber]) -> Derivatives:
     """Return the results of ``derivatives`` for a case that was solved."""
-    study.expect(variables)
-    found = [study.differentiate(variable) for variable in variables]
-    shape = len(variables), len(study.values)
+    run.compute_together(variables)
+    found = [run.differentiate(variable) for variable in variables]
+    shape = len(variables), len(run.values)
     columns, errors = (np.array(rows).reshape(shape).T for rows in ([q.value for q, _ in found],
                                                                     [q.error for q, _ in found]))
-    return Derivatives(list(variables), study.values, columns, errors, [how for _, how in found])
+    return Derivatives(list(variables), run.values, columns, errors, [how for _, how in found])
 
 
-class Study:
+class DifferentiableRun:
     """A case solved once, the values watched in it, and their derivatives by numbers of the case."""
 
-    def __init__(self, loaded: LoadedCase, watch: Watch, progress: Progress,
+    def __init__(self, loaded: LoadedCase, function: GoalFunction, progress: Progress,
                  warn: Callable[[str], None] = lambda text: None, numbers: int = 0) -> None:
-        self.loaded, self.watch = _tight(for_study(loaded)), watch
+        self.loaded, self.function = _tight(for_study(loaded)), function
         # warnings of the case come from its own run, not from runs with changed numbers
         self.progress = replace(progress, warn=warn)
         self.models: dict[str, Callable[[float], Model]] = {}
@@ -110,38 +111,38 @@ class Study:
         # the motion, if its steps were stored for the adjoint, and the lengths of fixed steps
         self.motion: Backwards | None = None
         self.lengths: list[float] = []
-        self.model, states = self._first(numbers)
+        self.model, states = self._first_run(numbers)
         self.progress = replace(progress, warn=lambda text: None, state=lambda state: None, built=lambda model: None,
                                 checks_mesh=False)
-        self.values, self.numbering = watch(self.model, states), numbering_of(self.model)
+        self.values, self.numbering = function(self.model, states), numbering_of(self.model)
         # states for the derivatives; the method is chosen when the number of variables is known
-        self.ended = states
+        self.states = states
         self.adjoint: MotionAdjoint | None = None
         self.responses: list[Any] | None = None
         self.reason = ""
 
-    def _first(self, numbers: int) -> tuple[Model, list[Any]]:
+    def _first_run(self, numbers: int) -> tuple[Model, list[Any]]:
         """Return model and states of the case; the motion is stored if its derivatives will use the adjoint."""
-        for tolerance in NEWTON if self._goes_back(numbers) else ():
-            told = list[str]()
+        for tolerance in NEWTON if self._takes_adjoint(numbers) else ():
+            warnings = list[str]()
             try:
-                found = self._run(self.loaded, partial(self._kept, tolerance=tolerance), told.append)
+                found = self._run(self.loaded, partial(self._recorded, tolerance=tolerance), warnings.append)
             except UnlikeError:
                 continue
             except (UnsuitedError, ComputationError):
                 break
-            for text in told:
+            for text in warnings:
                 self.progress.warn(text)
             return found
         self.motion = None
         return self._run(self.loaded)
 
-    def _kept(self, model: Model, tolerance: float) -> Iterator[State]:
+    def _recorded(self, model: Model, tolerance: float) -> Iterator[State]:
         """Return the states of a motion, which is stored for the adjoint if possible."""
-        if why_not(model):
+        if why_no_response(model):
             return solve(model)
-        goals: Any = self.watch
-        self.motion = Backwards(model, goals.whole, tolerance, self.lengths)
+        goals: Any = self.function
+        self.motion = Backwards(model, goals.all_states, tolerance, self.lengths)
         return self.motion.states()
 
     def _run(self, loaded: LoadedCase, how: Callable[[Model], Iterator[State]] | None = None,
@@ -154,76 +155,77 @@ class Study:
             raise outcome.failure
         return outcome.model, states
 
-    def _choose(self, numbers: int) -> None:
+    def _choose_method(self, numbers: int) -> None:
         """Choose the method of derivatives: one adjoint per goal, or one linearised motion per number."""
         if self.adjoint is None and self.responses is None:
-            if self._goes_back(max(numbers, 1)):
+            if self._takes_adjoint(max(numbers, 1)):
                 self.adjoint = self._adjoint()
             if self.adjoint is None:
-                self._go_forth()
+                self._take_responses()
 
-    def _goes_back(self, numbers: int) -> bool:
+    def _takes_adjoint(self, numbers: int) -> bool:
         """Return whether the goals are probe quantities of a motion, and not more than ``numbers``."""
-        watch: Any = self.watch
-        return self.moves and getattr(watch, "places", False) and watch.count <= numbers
+        function: Any = self.function
+        return self.moves and getattr(function, "from_probes", False) and function.count <= numbers
 
     def _adjoint(self) -> MotionAdjoint | None:
         """Return the adjoint of a motion's goals, or None if there is none."""
-        goals: Any = self.watch
-        if why_not(self.model):
+        goals: Any = self.function
+        if why_no_response(self.model):
             return None
         try:
-            motion, states = self.motion, self.ended
+            motion, states = self.motion, self.states
             if motion is None:
-                motion, states = made_again(self.model, goals.whole, lengths_of(states))
+                motion, states = recorded_motion(self.model, goals.all_states, lengths_of(states))
             return MotionAdjoint(motion, states, goals)
         except UnsuitedError:
             return None
 
-    def _go_forth(self) -> None:
+    def _take_responses(self) -> None:
         """Use responses of the states for the derivatives instead of the adjoint."""
         self.adjoint = self.motion = None
-        self.responses, self.reason = self._responses(self.ended)
-        self.ended = self.ended[-1:]
+        self.responses, self.reason = self._responses(self.states)
+        self.states = self.states[-1:]
 
     def _responses(self, states: list[Any]) -> tuple[list[Any], str]:
         """Return the responses of the states to a change, or the reason why runs with a changed number are needed."""
-        reason, goals = why_not(self.model), getattr(self.watch, "goals", None)
-        whole = getattr(self.watch, "whole", True) and len(states) > 1
+        reason, goals = why_no_response(self.model), getattr(self.function, "goals", None)
+        all_states = getattr(self.function, "all_states", True) and len(states) > 1
         if not reason and self.model.contacts and any(g.limit_point is not None for g in goals or ()):
             reason = "contact changes along the path"
         if not reason and not self.moves and stays_behind(self.model):
             reason = "places between nodes that touch are chosen anew in every run"
         if not reason and goals is None and isinstance(self.model.case.solver, Eigen | Buckling):
             reason = "it is not known which modes are read"
-        if not reason and whole and not self.moves and (self.model.contacts or any(s.report for s in states)):
+        if not reason and all_states and not self.moves and (self.model.contacts or any(s.report for s in states)):
             reason = "states along the path have no derivative of their own"
         if reason:
             return [], reason
         if self.moves:
-            watch: Any = self.watch
-            return [Motion(self.model, states, whole, watch if getattr(watch, "places", False) else None)], ""
-        return responses(self.model, states, whole, goals), ""
+            function: Any = self.function
+            from_probes = getattr(function, "from_probes", False)
+            return [Motion(self.model, states, all_states, function if from_probes else None)], ""
+        return responses(self.model, states, all_states, goals), ""
 
-    def expect(self, variables: Sequence[CaseNumber]) -> None:
+    def compute_together(self, variables: Sequence[CaseNumber]) -> None:
         """Compute together what is cheaper for several numbers than for each."""
-        self._choose(len(variables))
-        beside = [(self._beside(v), STEP * size_of(v, self.model.extent)) for v in variables]
+        self._choose_method(len(variables))
+        steps = [(self._varied_model(v), STEP * size_of(v, self.model.extent)) for v in variables]
         if self.adjoint is not None:
             try:
-                self.adjoint.prepare(beside)
+                self.adjoint.prepare(steps)
             except UnsuitedError:
-                self._go_forth()
+                self._take_responses()
         for one in self.responses or ():
-            one.prepare(beside)
+            one.prepare(steps)
 
     def differentiate(self, variable: CaseNumber) -> tuple[Quotient, str]:
         """Return the derivative by a number, and how it was found."""
-        self._choose(1)
+        self._choose_method(1)
         size, reason = size_of(variable, self.model.extent), self.reason
         if self.adjoint is not None or self.responses:
             try:
-                return self._responded(variable, STEP * size), "exact"
+                return self._by_responses(variable, STEP * size), "exact"
             except UnsuitedError as error:
                 reason = str(error)
             finally:
@@ -236,15 +238,15 @@ class Study:
         Derivatives that would need further runs, or readings of changed states, are left to callers with cheaper
         methods.
         """
-        self.expect(variables)
+        self.compute_together(variables)
         if self.adjoint is None and not any(one.readings for one in self.responses or ()):
             return None
         try:
-            return np.array([self._responded(v, STEP * size_of(v, self.model.extent)).value for v in variables]).T
+            return np.array([self._by_responses(v, STEP * size_of(v, self.model.extent)).value for v in variables]).T
         except UnsuitedError:
             return None
 
-    def _beside(self, variable: CaseNumber) -> Callable[[float], Model]:
+    def _varied_model(self, variable: CaseNumber) -> Callable[[float], Model]:
         """Return a function that builds the model with a number changed by a step, each once."""
         if variable.path not in self.models:
             models: dict[float, Model] = {}
@@ -262,28 +264,28 @@ class Study:
             self.models[variable.path] = at
         return self.models[variable.path]
 
-    def _responded(self, variable: CaseNumber, h: float) -> Quotient:
-        at = self._beside(variable)
+    def _by_responses(self, variable: CaseNumber, h: float) -> Quotient:
+        at = self._varied_model(variable)
         if self.adjoint is not None:
             return self.adjoint.slope(at, h)
         slopes = [one.slope(at, h) for one in self.responses or ()]
         if any(getattr(one, "readings", None) for one in self.responses or ()):
             return slopes[0]
 
-        def watched(step: float, model: Model | None = None) -> Array:
+        def values_near(step: float, model: Model | None = None) -> Array:
             model = model or (at(step) if step else self.model)
-            return self.watch(model, [
+            return self.function(model, [
                 s for one, slope in zip(self.responses or (), slopes, strict=True)
                 for s in one.states(model, step * slope.value + abs(step) * slope.kink)])
         if self.middle is None:
             # differs from the values of the run: Newton's iterations go further where steps are differentiated, contact
             # points slide with a lift-off point, and a peak lies between the frequencies of a range
-            apart = self.moves or self.model.contacts or isinstance(self.model.case.solver, FrequencyResponse)
-            self.middle = watched(0.0) if apart else self.values
-        found = derivative(watched, min(slope.h for slope in slopes), self._weights(), middle=self.middle)
+            differs = self.moves or self.model.contacts or isinstance(self.model.case.solver, FrequencyResponse)
+            self.middle = values_near(0.0) if differs else self.values
+        found = derivative(values_near, min(slope.h for slope in slopes), self._weights(), middle=self.middle)
         # relative errors of the states count as far as the values change with the states, not with the number itself
         share = max(_share(slope) for slope in slopes)
-        by_states = np.abs(watched(found.h, self.model) - self.middle) / found.h
+        by_states = np.abs(values_near(found.h, self.model) - self.middle) / found.h
         return Quotient(found.value, found.error + share * by_states, found.h)
 
     def _differences(self, variable: CaseNumber, h: float) -> Quotient:
@@ -296,20 +298,20 @@ class Study:
             if len(meshes) > 1:
                 raise ComputationError(f"the mesh changes with {variable.path}: there is no derivative at "
                                        f"{variable.value:.9g}", advice="another value, or element: {nodes: regular}")
-            return self.watch(model, states)
+            return self.function(model, states)
         return derivative(run, h, self._weights(), middle=self.values)
 
     def _weights(self) -> Array | None:
         """Return the weights of the values in the choice of difference steps, or None."""
-        weights = getattr(self.watch, "weights", None)
+        weights = getattr(self.function, "weights", None)
         return None if weights is None else weights(self.values)
 
 
-def why_not(model: Model) -> str:
+def why_no_response(model: Model) -> str:
     """Return why the states of a model have no response to changes, or an empty text if they have one."""
     solver = model.case.solver
     if solver.moves:
-        return unsuited(model)
+        return why_unsuited(model)
     balances = isinstance(solver, LinearStatic | Static | QuasiStatic)
     if model.remembers and (model.case.remembers_way if balances else not solver.scales or model.loads.flows):
         return "materials depend on the load history"
@@ -322,12 +324,12 @@ def why_not(model: Model) -> str:
     return ""
 
 
-def responses(model: Model, states: Sequence[Any], whole: bool, goals: Sequence[Goal] | None) -> list[Response]:
-    """Return the responses of the states of a run (of the last one unless ``whole``) that ``goals`` need.
+def responses(model: Model, states: Sequence[Any], all_states: bool, goals: Sequence[Goal] | None) -> list[Response]:
+    """Return the responses of the states of a run (of the last one unless ``all_states``) that ``goals`` need.
 
     Without goals these are the responses at all frequencies.
     """
-    solver, kept, asked = model.case.solver, states if whole else states[-1:], goals or ()
+    solver, kept, asked = model.case.solver, states if all_states else states[-1:], goals or ()
     if isinstance(solver, Eigen):
         modes = [(g.kind, g.number) for g in asked if g.kind is not None and g.number is not None]
         return [Vibration(model, state, modes) for state in kept]

@@ -120,27 +120,27 @@ class Measures:
     """The values of expressions as a function of a model and the states of its run.
 
     An expression with max or min has a kink where another value becomes the extreme. For expressions flagged in
-    ``apart``, the values are therefore followed by smooth rows: the expression evaluated with one representative of
+    ``with_rows``, the values are therefore followed by smooth rows: the expression evaluated with one representative of
     each group of neighbouring values (``Evaluated.chosen``). The largest row equals the expression. ``parts``, one for
     each such extreme, are chosen at the first call; for motions, such that there are at most ``numbers`` values to
     differentiate.
     """
 
-    def __init__(self, measures: Sequence[Measure], goal: Goal | None, apart: Sequence[bool] = (), numbers: int = 0
+    def __init__(self, measures: Sequence[Measure], goal: Goal | None, with_rows: Sequence[bool] = (), numbers: int = 0
                  ) -> None:
-        self.measures, self.apart, self.numbers = tuple(measures), tuple(apart), numbers
+        self.measures, self.with_rows, self.numbers = tuple(measures), tuple(with_rows), numbers
         self.names = {name for m in measures for name in names_of(m)}
         self.parameters = {name for name in self.names if "." not in name} - {GOAL, MASS, ENERGY}
         self.goals = (goal,) if goal is not None and GOAL in self.names else ()
         self.along = any(e.tree is not None for m in measures for e in m.extremes.values())
-        self.whole = self.along or any(window_of(g) is not None for g in self.goals)
+        self.all_states = self.along or any(window_of(g) is not None for g in self.goals)
         self.fields = tuple(dict.fromkeys(e.field for m in measures for e in m.extremes.values() if e.field))
         self.forces = any(name.rpartition(".")[2] in SECTION for name in self.names)
-        self.parts: list[Part] | None = None if any(self.apart) else []
+        self.parts: list[Part] | None = None if any(self.with_rows) else []
 
     def __call__(self, model: Model, states: Sequence[Any]) -> Array:
         """Return the values (measures,), then the rows. Raises ComputationError if one is not computed."""
-        met = self._met(model, states, self._course(model, states))
+        met = self._evaluated(model, states, self._values_over_states(model, states))
         found = [one.value() for one in met]
         for one, value in zip(met, found, strict=True):
             if not np.isfinite(value):
@@ -152,10 +152,12 @@ class Measures:
 
     def _divided(self, met: list[Evaluated], moves: bool) -> list[Part]:
         """Return the extremes that get rows, with their numbers of groups."""
-        wanted = [one for one, apart in zip(met, self.apart, strict=False) if apart]
+        wanted = [one for one, with_rows in zip(met, self.with_rows, strict=False) if with_rows]
         # more expressions than numbers would be differentiated forwards, at the cost of many motions
-        most = (self.numbers - self.count) // sum(len(one.samples) for one in wanted) if moves and self.places else MOST
-        return [part for k, apart in enumerate(self.apart) if apart for part in met[k].parts(k, most)]
+        most = MOST
+        if moves and self.from_probes:
+            most = (self.numbers - self.count) // sum(len(one.samples) for one in wanted)
+        return [part for k, with_rows in enumerate(self.with_rows) if with_rows for part in met[k].parts(k, most)]
 
     def rows(self, number: int) -> slice | None:
         """Return the range of the rows of an expression among all values, or None if it has none."""
@@ -176,27 +178,27 @@ class Measures:
                 out[number], out[rows] = 0.0, near(values[rows])
         return out
 
-    def _met(self, model: Model, states: Sequence[Any], course: list[dict[str, float]]) -> list[Evaluated]:
+    def _evaluated(self, model: Model, states: Sequence[Any], course: list[dict[str, float]]) -> list[Evaluated]:
         """Return the expressions evaluated at the states."""
         of_fields, out = {name: self._field(model, states[-1], name) for name in self.fields}, list[Evaluated]()
         for measure in self.measures:
             places = {name: of_fields[extreme.field] if extreme.tree is None else
-                      np.array([value_of(extreme.tree, told) for told in course])
+                      np.array([value_of(extreme.tree, values) for values in course])
                       for name, extreme in measure.extremes.items()}
             ends = {name: float(values[measure.extremes[name].at(values)]) for name, values in places.items()}
             out.append(Evaluated(measure, course[-1] | ends, places))
         return out
 
-    def _course(self, model: Model, states: Sequence[Any]) -> list[dict[str, float]]:
+    def _values_over_states(self, model: Model, states: Sequence[Any]) -> list[dict[str, float]]:
         """Return the values of all names at each state, or at the last one alone if no extreme needs the others."""
-        return [self._told(model, states[:k], k == len(states))
+        return [self._values_at(model, states[:k], k == len(states))
                 for k in range(1 if self.along else len(states), len(states) + 1)]
 
     @property
-    def places(self) -> bool:
+    def from_probes(self) -> bool:
         """Return whether all values follow from the model and from probe quantities given by positions and rates."""
         read = {name.rpartition(".")[2] for name in self.names - self.parameters - {GOAL, MASS}}
-        return not self.fields and read <= set(KINEMATIC) and GoalValues(self.goals).places
+        return not self.fields and read <= set(KINEMATIC) and GoalValues(self.goals).from_probes
 
     @property
     def count(self) -> int:
@@ -213,8 +215,8 @@ class Measures:
     def terms(self, model: Model, states: Sequence[Any]) -> list[Term]:
         """Return the derivatives of the values by probe quantities (chain rule); an extreme is the value at one state.
         """
-        course = self._course(model, states)
-        met, out = self._met(model, states, course), list[Term]()
+        course = self._values_over_states(model, states)
+        met, out = self._evaluated(model, states, course), list[Term]()
         chosen = [{name: one.measure.extremes[name].at(values) for name, values in one.samples.items()} for one in met]
         every = [(one, at) for one, at in zip(met, chosen, strict=True)]
         for part in self.parts or ():
@@ -244,7 +246,7 @@ class Measures:
                     probe, _, quantity = own.rpartition(".")
                     yield number, probe, quantity, outer * by
 
-    def _told(self, model: Model, states: Sequence[Any], ended: bool) -> dict[str, float]:
+    def _values_at(self, model: Model, states: Sequence[Any], ended: bool) -> dict[str, float]:
         """Return the values of the names at the last of some states; a goal over a window is NaN unless ``ended``."""
         reacts = any(name.rpartition(".")[2] in REACTIONS for name in self.names)
         reacts |= any(g.reaction is not None for g in self.goals)
@@ -300,7 +302,7 @@ class GoalValues:
     goals: tuple[Goal, ...]
 
     @property
-    def whole(self) -> bool:
+    def all_states(self) -> bool:
         """Return whether a value depends on other states than the last."""
         return any(window_of(goal) is not None for goal in self.goals)
 
@@ -315,7 +317,7 @@ class GoalValues:
         return np.array(found, dtype=float)
 
     @property
-    def places(self) -> bool:
+    def from_probes(self) -> bool:
         """Return whether all goals are probe quantities given by positions and rates."""
         return all(goal.probe is not None and goal.quantity in KINEMATIC for goal in self.goals)
 

@@ -17,7 +17,7 @@ from ..case.numbers import CaseNumber, moved_starts, numbers_between
 from ..elements.shape import Array
 from ..errors import ComputationError, all_of
 from ..results import Column, write_tables
-from .gradient import Study
+from .gradient import DifferentiableRun
 from .measures import MASS, Measure, Measures, Vocabulary, bounded, read_measure
 from .record import Progress
 from .run import result_header, vocabulary
@@ -101,9 +101,10 @@ def problem_of(loaded: LoadedCase, bounds: Sequence[Bounds], minimise: str, cons
     kinds = [kind for _, _, kind in read]
     # the right-hand sides of constraints give their scales
     measures = [objective, *(m for m, _, _ in read), *(side for _, side, _ in read)]
-    apart = [bool(measure.extremes) and kind == "<=" for measure, kind in zip(measures, ["<=", *kinds], strict=False)]
-    return Problem(loaded, variables, list(bounds), Measures(measures, loaded.case.goal, apart, len(variables)), kinds,
-                   list(constraints))
+    with_rows = [bool(measure.extremes) and kind == "<="
+                 for measure, kind in zip(measures, ["<=", *kinds], strict=False)]
+    return Problem(loaded, variables, list(bounds), Measures(measures, loaded.case.goal, with_rows, len(variables)),
+                   kinds, list(constraints))
 
 
 class _Search:
@@ -118,7 +119,7 @@ class _Search:
         self.history: list[Point] = []
         self.warnings: dict[bytes, list[str]] = {}
         self.gradients = 0
-        self._last: tuple[bytes, Study] | None = None
+        self._last: tuple[bytes, DifferentiableRun] | None = None
         self._known: dict[bytes, Array] = {}
         self._slopes: dict[bytes, Array] = {}
         start = np.array([v.value for v in problem.variables])
@@ -141,27 +142,27 @@ class _Search:
         """Return the ``PATH=VALUE`` overrides at y."""
         return [v.override(float(x)) for v, x in zip(self.problem.variables, self.x(y), strict=True)]
 
-    def _study(self, y: Array) -> Study:
+    def _run_at(self, y: Array) -> DifferentiableRun:
         """Return the case solved at y. Raises ComputationError that names y."""
         key = y.tobytes()
         if self._last is None or self._last[0] != key:
             here = with_overrides(self.loaded, self.sets(y), vocabulary())
             try:
                 self.warnings[key] = []
-                study = Study(here, self.problem.measures, self.progress, self.warnings[key].append,
-                              len(self.problem.variables))
+                run = DifferentiableRun(here, self.problem.measures, self.progress, self.warnings[key].append,
+                                        len(self.problem.variables))
             except ComputationError as error:
                 f = error.failure
                 raise ComputationError(f"the case cannot be solved with {', '.join(self.sets(y))}: {f.reason}", at=f.at,
                                        history=f.history, advice="narrower bounds, or more load steps") from error
-            self._last = key, study
+            self._last = key, run
         return self._last[1]
 
     def values(self, y: Array) -> Array:
         """Return the objective and the constraints at y."""
         key = y.tobytes()
         if key not in self._known:
-            self._known[key] = found = self._study(y).values
+            self._known[key] = found = self._run_at(y).values
             self.history.append(Point(self.x(y), float(found[0]), float(np.max(self._excess(found), initial=0.0))))
             self.tell(self.history[-1])
         return self._known[key]
@@ -183,7 +184,7 @@ class _Search:
         good = [(values[0], key) for key, values in self._known.items() if meets(values)]
         return np.frombuffer(min(good)[1]) if good else y
 
-    def hopeless(self, y: Array) -> bool:
+    def is_infeasible(self, y: Array) -> bool:
         """Return whether a constraint is violated at y and derivatives promise no decrease of it within the bounds."""
         values, slopes = self.values(y), self.slopes(y)
         for k, kind in enumerate(self.problem.kinds, 1):
@@ -203,16 +204,16 @@ class _Search:
         """Return the derivatives (values, numbers) by y."""
         key = y.tobytes()
         if key not in self._slopes:
-            study = self._study(y)
+            run = self._run_at(y)
             here = [CaseNumber(variable.path, float(x), variable.list_scale, variable.body)
                     for variable, x in zip(self.problem.variables, self.x(y), strict=True)]
-            study.expect(here)
-            columns = [study.differentiate(variable)[0].value for variable in here]
+            run.compute_together(here)
+            columns = [run.differentiate(variable)[0].value for variable in here]
             self.gradients += 1
             self._slopes[key] = np.array(columns).T * self.range
         return self._slopes[key]
 
-    def knows(self, y: Array) -> bool:
+    def has_slopes(self, y: Array) -> bool:
         """Return whether the derivatives at y are known."""
         return y.tobytes() in self._slopes
 
@@ -233,7 +234,7 @@ def optimise(problem: Problem, method: str = "slsqp", iterations: int = 100, pro
     y, success, nit, message = _minimised(search, method, iterations)
     message = (f"no convergence within {iterations} iteration{'s' * (iterations != 1)}; allow more, or widen the bounds"
                if nit >= iterations and not success else message)
-    return _concluded(problem, search, y, success, message)
+    return _optimum(problem, search, y, success, message)
 
 
 def _minimised(search: _Search, method: str, iterations: int) -> tuple[Array, bool, int, str]:
@@ -266,7 +267,7 @@ def _minimised(search: _Search, method: str, iterations: int) -> tuple[Array, bo
         success = bool(result.success) and not at_edge
         outcome = found, success, done, " ".join(str(result.message).split())
         gains = last - result.fun > GAIN * abs(result.fun)
-        if success and method == "slsqp" and done < iterations and gains and _goes_on(search, goal, result.x):
+        if success and method == "slsqp" and done < iterations and gains and _can_decrease(search, goal, result.x):
             y, last, ended = found, float(result.fun), outcome
             continue
         if ended is not None and not success:
@@ -275,7 +276,7 @@ def _minimised(search: _Search, method: str, iterations: int) -> tuple[Array, bo
             return outcome
         if result.success:
             y = found
-        elif search.hopeless(y := search.preferred(found)):
+        elif search.is_infeasible(y := search.preferred(found)):
             return outcome
         else:
             reach /= 4.0
@@ -309,7 +310,7 @@ class _Goal:
         return np.eye(self.n + 1)[-1] if self.level else self.search.slopes(z)[0] / self.search.sizes[0]
 
 
-def _goes_on(search: _Search, goal: _Goal, z: Array) -> bool:
+def _can_decrease(search: _Search, goal: _Goal, z: Array) -> bool:
     """Return whether known derivatives at z promise a larger decrease than a converged search would leave.
 
     The measure is the residual of the conditions of Karush, Kuhn and Tucker with the best multipliers of what is
@@ -318,7 +319,7 @@ def _goes_on(search: _Search, goal: _Goal, z: Array) -> bool:
     from scipy.optimize import nnls
 
     n, slopes, values = goal.n, list[Array](), list[Array]()
-    if not search.knows(z[:n]):
+    if not search.has_slopes(z[:n]):
         return False
     for one in _constraints(search, "slsqp"):
         for sign in (1.0, -1.0) if one["type"] == "eq" else (1.0,):
@@ -355,7 +356,7 @@ def _constraints(search: _Search, method: str) -> list[Any]:
     return out
 
 
-def _concluded(problem: Problem, search: _Search, y: Array, success: bool, message: str) -> Optimum:
+def _optimum(problem: Problem, search: _Search, y: Array, success: bool, message: str) -> Optimum:
     y = search.preferred(y)
     values, x = search.values(y), search.x(y)
     rows = []

@@ -18,7 +18,7 @@ from .accuracy.control import is_pursued, solve_to_accuracy
 from .convergence import goal_units
 from .forecast import Done
 from .goal import goal_kind, goal_of
-from .gradient import Quotient, Study, size_of
+from .gradient import DifferentiableRun, Quotient, size_of
 from .measures import GoalValues
 from .record import Progress
 from .run import describe_goal, result_header
@@ -87,11 +87,11 @@ def sensitivity(loaded: LoadedCase, paths: Sequence[str] = (), progress: Progres
     variables = numbers_at(loaded, paths) or numbers_of(loaded)
     progress = progress or Progress()
     warnings: list[str] = []
-    study = Study(on_its_mesh(loaded, progress), GoalValues((goal,)), progress, warnings.append,
-                  len(variables))
-    study.expect(variables)
-    value, rows, skipped = float(study.values[0]), [], dict[str, str]()
-    size = _largest(goal, study.model, study.ended)
+    run = DifferentiableRun(on_its_mesh(loaded, progress), GoalValues((goal,)), progress, warnings.append,
+                            len(variables))
+    run.compute_together(variables)
+    value, rows, skipped = float(run.values[0]), [], dict[str, str]()
+    size = _largest(goal, run.model, run.states)
     vanishes = abs(value) <= ROUND_OFF * size
     if vanishes and value:
         warnings.append(f"{describe_goal(goal)} = {value:.1e} is round-off: it vanishes by symmetry or because nothing "
@@ -99,7 +99,7 @@ def sensitivity(loaded: LoadedCase, paths: Sequence[str] = (), progress: Progres
     for k, variable in enumerate(variables):
         done(k / len(variables), None)
         try:
-            found, method = study.differentiate(variable)
+            found, method = run.differentiate(variable)
         except UNSOLVED as error:
             if paths and isinstance(error, CaseError):
                 raise CaseError([Problem(f"{variable.path} cannot vary about {variable.value:g}: {one.message}",
@@ -110,8 +110,8 @@ def sensitivity(loaded: LoadedCase, paths: Sequence[str] = (), progress: Progres
             skipped[variable.path] = verdict(error)[1]
             continue
         # a peak is between the frequencies of a run
-        own = value if study.middle is None else float(study.middle[0])
-        rows.append(_row(variable, 0.0 if vanishes else own, found, method, study.model.extent))
+        own = value if run.middle is None else float(run.middle[0])
+        rows.append(_row(variable, 0.0 if vanishes else own, found, method, run.model.extent))
     rows.sort(key=lambda row: -row.influence)
     return Sensitivity(loaded.source.file, loaded.case.title, describe_goal(goal), value, rows,
                        loaded.case.units.labels, skipped, warnings, size)

@@ -118,7 +118,7 @@ def _run(sweep: Sweep, ledger: Ledger, workers: Workers, compiling: Callable[[st
         if found is not None:
             found["output"] = found["output"] or str(sweep.file)
             for row in rows:
-                row.take(found, reused=True)
+                row.store(found, reused=True)
             del needed[name]
     jobs = [job for job, _ in needed.values()]
     if workers.scheduler is None:
@@ -126,20 +126,20 @@ def _run(sweep: Sweep, ledger: Ledger, workers: Workers, compiling: Callable[[st
 
     ahead = Forecast([(job.kernels, job.size) for job in jobs], workers, done)
 
-    def take(i: int, summary: dict[str, Any], seconds: float) -> None:
+    def store_result(i: int, summary: dict[str, Any], seconds: float) -> None:
         job, rows = needed[jobs[i].name]
         if job.keep and summary["status"] == "converged" and not os.path.exists(job.output):
             unseen = f"'{job.output}' was written by a worker on another machine and is not visible here"
             summary.setdefault("warnings", []).append(unseen)
         found = outcome_of(job.goal, summary)
         if found["status"] == "converged":
-            ledger.take(job.name, found)
+            ledger.store(job.name, found)
             found["output"] = found["output"] or str(sweep.file)
         for row in rows:
-            row.take(found)
+            row.store(found)
         ahead.record(i, summary, seconds)
 
-    run_jobs(ahead.followed(solve_job), jobs, workers, lost, take, ahead.tick)
+    run_jobs(ahead.followed(solve_job), jobs, workers, lost, store_result, ahead.tick)
 
 
 def _known(job: Job, ledger: Ledger) -> dict[str, Any] | None:
@@ -150,7 +150,7 @@ def _known(job: Job, ledger: Ledger) -> dict[str, Any] | None:
     if summary is None:
         return None
     found = outcome_of(job.goal, summary)
-    ledger.take(job.name, found)
+    ledger.store(job.name, found)
     return dict(found)
 
 

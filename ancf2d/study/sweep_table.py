@@ -73,7 +73,7 @@ class Row:
         """The estimate of the relative error, or None if the run gives none."""
         return (self.accuracy or {}).get("estimate")
 
-    def take(self, found: dict[str, Any], reused: bool = False) -> None:
+    def store(self, found: dict[str, Any], reused: bool = False) -> None:
         """Store what ``outcome_of`` returned for a run."""
         for name, value in found.items():
             setattr(self, name, value)
@@ -143,11 +143,11 @@ def outcome_of(goal: Goal | None, summary: dict[str, Any]) -> dict[str, Any]:
     out["warnings"] = list(summary.get("warnings", ()))
     if summary["status"] == "converged" or fell_short(summary):
         out["goal"] = None if goal is None else quantity(goal, summary)
-        out["values"] = {describe_goal(goal): out["goal"]} if goal is not None else told(summary)
+        out["values"] = {describe_goal(goal): out["goal"]} if goal is not None else main_values(summary)
     return out
 
 
-def told(summary: dict[str, Any]) -> dict[str, float | None]:
+def main_values(summary: dict[str, Any]) -> dict[str, float | None]:
     """Return the main numbers of a run without a goal: modes, load factors or displacements of probes."""
     found: dict[str, float | None] = {f"{name}.{q}": values.get(q) for name, values in summary["probes"].items()
                                       for q in ("ux", "uy")}
@@ -186,22 +186,22 @@ def write_csv(sweep: Sweep, path: str | os.PathLike[str], *, force: bool = False
 class Ledger:
     """The rows known in the folder of a sweep, which is locked while the sweep runs.
 
-    ``known``: the fields of ``Row`` by the name of the case. ``told`` is called if another sweep has to end first.
+    ``known``: the fields of ``Row`` by the name of the case. ``tell`` is called if another sweep has to end first.
     Raises ResultsError if files not made by ancf2d have the same names, unless ``force``.
     """
 
-    def __init__(self, folder: Path, force: bool = False, told: Callable[[str], None] = lambda text: None) -> None:
+    def __init__(self, folder: Path, force: bool = False, tell: Callable[[str], None] = lambda text: None) -> None:
         self.file, self.list = folder / NAME, folder / LIST
         check_output(self.file, force)
         self.known = self._stored()
-        self._stream = self._claimed(told)
+        self._stream = self._claimed(tell)
         try:
             self._read(force)
         except BaseException:
             self._stream.close()
             raise
 
-    def _claimed(self, told: Callable[[str], None]) -> Any:
+    def _claimed(self, tell: Callable[[str], None]) -> Any:
         """Return the open list when no other sweep has locked it."""
         while True:
             try:
@@ -213,7 +213,7 @@ class Ledger:
                 self.known = self._stored()
                 return stream
             stream.close()
-            told(f"another sweep writes to '{self.list.parent}'; waiting for it to end")
+            tell(f"another sweep writes to '{self.list.parent}'; waiting for it to end")
             time.sleep(TURN_SECONDS)
 
     def _read(self, force: bool) -> None:
@@ -250,7 +250,7 @@ class Ledger:
     def _add(self, line: dict[str, Any]) -> None:
         self._stream.write(_JSON.encode(line).encode() + b"\n")
 
-    def take(self, name: str, row: dict[str, Any]) -> None:
+    def store(self, name: str, row: dict[str, Any]) -> None:
         """Store the outcome of a case; it survives the end of this process."""
         self.known[name] = row
         self._add({"name": name, "row": row})

@@ -60,7 +60,7 @@ def case(method: str, elements: int, steps: int) -> dict[str, Any]:
 class Forwards:
     """The same goal as a function of states, which the direct method differentiates."""
 
-    whole = False
+    all_states = False
 
     def __init__(self, read: GoalValues) -> None:
         self.read = read

@@ -120,7 +120,7 @@ def test_rows_of_a_sweep_reach_the_accuracy_that_they_ask_for(call: Call, call_j
 
 def test_an_interrupted_pursuit_says_where_the_best_so_far_is(call: Call, folder: Path,
                                                               monkeypatch: pytest.MonkeyPatch) -> None:
-    again, asked = Pursuit.again, []
+    again, asked = Pursuit.resolve_as_result, []
 
     def interrupted(*arguments: Any) -> Any:
         asked.append(1)
@@ -128,7 +128,7 @@ def test_an_interrupted_pursuit_says_where_the_best_so_far_is(call: Call, folder
             raise KeyboardInterrupt
         return again(*arguments)
 
-    monkeypatch.setattr(Pursuit, "again", interrupted)
+    monkeypatch.setattr(Pursuit, "resolve_as_result", interrupted)
     text = CASE.replace("type: static", "type: linear_static").replace("reissner3", "reissner2")
     (folder / "bent.yaml").write_text(text)
     result = call("run", "bent.yaml", "--accuracy", "1e-9")

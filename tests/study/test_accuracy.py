@@ -9,7 +9,7 @@ from pursued import BETWEEN, CANTILEVER, SWING, TWO, case, limit
 from ancf2d.case import load_case_text
 from ancf2d.errors import CaseError
 from ancf2d.study.accuracy.control import describe, first_mesh, is_pursued, solve_to_accuracy
-from ancf2d.study.accuracy.judging import apart
+from ancf2d.study.accuracy.judging import relative_distance
 from ancf2d.study.accuracy.pursuit import Pursuit
 from ancf2d.study.accuracy.setting import Setting, with_setting
 from ancf2d.study.goal import Target, solve_for_goal
@@ -163,7 +163,7 @@ def test_meshes_that_begin_from_coarser_ones_cost_less_than_the_result():
     pursuit.guesses = False
     again = pursuit.solve(Setting({"beam": 9}), "")
     assert again.iterations >= coarse.iterations
-    assert apart(fine, again) < 1e-3
+    assert relative_distance(fine, again) < 1e-3
 
 
 def test_only_the_result_is_asked_whether_its_mesh_is_fine_enough(monkeypatch):

@@ -9,7 +9,7 @@ from pursued import CANTILEVER, TWO, case
 from ancf2d.elements import registry
 from ancf2d.study.accuracy.control import solve_to_accuracy
 from ancf2d.study.accuracy.direct import order_of
-from ancf2d.study.accuracy.neighbours import SAFETY, judged
+from ancf2d.study.accuracy.neighbours import SAFETY, verdict_of
 from ancf2d.study.accuracy.setting import Level, Setting, with_setting
 from ancf2d.study.accuracy.weighted import weighted
 from ancf2d.study.goal import GoalValue, solve_for_goal
@@ -78,20 +78,20 @@ def level(value: float) -> Level:
 @pytest.mark.parametrize("order", [1.0, 2.0, 3.0, 4.0])
 def test_neighbours_tell_the_error_of_a_power_law(order):
     """f = 1 + h^p/100: estimates are the safety factor times the true error, of the finest mesh twice it."""
-    found = judged(*(level(1.0 + 0.01 * (2.0**-k) ** order) for k in range(3)), 4.0)
+    found = verdict_of(*(level(1.0 + 0.01 * (2.0**-k) ** order) for k in range(3)), 4.0)
     assert found.error == pytest.approx(SAFETY * 0.01 * 2.0**-order, rel=1e-9)
-    assert 0.01 * 4.0**-order < found.finer <= 5 * 0.01 * 4.0**-order
-    assert found.found.value == pytest.approx(1.0, abs=1e-12)
-    assert found.found.order == pytest.approx(order, rel=1e-9)
+    assert 0.01 * 4.0**-order < found.finer_error <= 5 * 0.01 * 4.0**-order
+    assert found.estimate.value == pytest.approx(1.0, abs=1e-12)
+    assert found.estimate.order == pytest.approx(order, rel=1e-9)
 
 
 def test_meshes_that_agree_by_chance_are_not_believed():
     """The finer mesh has the same value, the coarser one is off: it counts as far as the type's order lets it."""
-    found = judged(level(1.064), level(1.0), level(1.0 - 1e-12), 4.0)
+    found = verdict_of(level(1.064), level(1.0), level(1.0 - 1e-12), 4.0)
     assert found.error >= 0.064 / 2.0**6
-    assert judged(level(0.8), level(0.8001), level(0.95), 4.0) is None
-    assert judged(level(0.9), level(1.1), level(0.95), 4.0) is None
-    assert judged(level(1.0), level(1.0), level(1.0), 4.0).error == 0.0
+    assert verdict_of(level(0.8), level(0.8001), level(0.95), 4.0) is None
+    assert verdict_of(level(0.9), level(1.1), level(0.95), 4.0) is None
+    assert verdict_of(level(1.0), level(1.0), level(1.0), 4.0).error == 0.0
 
 
 TENSE = CANTILEVER.replace("height: 0.1, width: 0.1}", "EA: 1e7, kGA: 1e7, EI: 1}").replace(

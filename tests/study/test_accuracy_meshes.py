@@ -13,7 +13,7 @@ from ancf2d.case import LoadedCase, load_case_text
 from ancf2d.errors import ComputationError
 from ancf2d.study.accuracy.judging import SAFETY, best, choose, judge
 from ancf2d.study.accuracy.mesh import Ladder
-from ancf2d.study.accuracy.pursuit import Pursuit, Told, tenth
+from ancf2d.study.accuracy.pursuit import EstimateOf, Pursuit, tenth
 from ancf2d.study.accuracy.setting import Level, Setting, least
 from ancf2d.study.goal import GoalValue, solve_for_goal
 from ancf2d.study.record import Progress
@@ -75,7 +75,7 @@ class Invented(Pursuit):
         super().__init__(loaded, 1e-3, Progress())
         self.answer = answer
 
-    def solve(self, setting: Setting, why: str, told: Told | None = None) -> Level:
+    def solve(self, setting: Setting, why: str, estimate_of: EstimateOf | None = None) -> Level:
         level = Level(setting, why, GoalValue(self.answer(setting.elements, setting.tolerance), 1.0), iterations=10)
         self.levels.append(level)
         return level

@@ -10,7 +10,7 @@ import pytest
 
 from ancf2d.case import LoadedCase, Static, load_case_text
 from ancf2d.study.accuracy.control import solve_to_accuracy
-from ancf2d.study.accuracy.judging import judge, telling
+from ancf2d.study.accuracy.judging import judge, usable_levels
 from ancf2d.study.accuracy.load_steps import in_steps
 from ancf2d.study.accuracy.setting import Level, Setting, with_setting
 from ancf2d.study.goal import GoalValue, solve_for_goal
@@ -65,10 +65,10 @@ accuracy: 1e-2
 
 
 def test_meshes_that_miss_an_obstacle_say_nothing_of_others() -> None:
-    levels = [Level(Setting({"rod": n}), "", GoalValue(f, 1.0), off=off)
+    levels = [Level(Setting({"rod": n}), "", GoalValue(f, 1.0), missed_by=off)
               for n, f, off in ((1, 0.5, 0.3), (2, 0.5, 0.2), (4, 0.5, 0.1), (8, 1.25, 0.0), (16, 1.0625, 0.0))]
     assert judge(levels[:3])[1] == pytest.approx(0.1)
-    assert list(telling(levels)) == levels[3:]
+    assert list(usable_levels(levels)) == levels[3:]
     assert judge(levels) == judge(levels[3:])
 
 
@@ -128,7 +128,7 @@ class Swept:
         n, steps = setting.counts["rod"], setting.steps.get("steps", 10)
         return Level(setting, why, GoalValue(1.0 + self.error(n, steps), 1.0))
 
-    def whole(self, setting: Setting, why: str, told: Any) -> Level:
+    def solve_as_result(self, setting: Setting, why: str, estimate_of: Any) -> Level:
         return self.solve(setting, why)
 
     def accuracy(self, level: Level, found: Any, error: float) -> dict[str, Any]:

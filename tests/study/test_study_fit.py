@@ -14,7 +14,7 @@ from ancf2d.case.axes import read_bounds
 from ancf2d.errors import CaseError
 from ancf2d.results import open_results
 from ancf2d.study.fit import Fit, fit, write_case, write_fit
-from ancf2d.study.fit_data import Watch, comparable, data_of, read_data
+from ancf2d.study.fit_data import DataValues, comparable, data_of, read_data
 from ancf2d.study.record import Progress
 from ancf2d.study.run import load, run_case
 from scripts import measured_cantilever as strip
@@ -91,7 +91,7 @@ def test_measured_load_factors_are_ends_of_steps_where_contact_begins() -> None:
     model = run_case(ready, progress=Progress(state=states.append)).model
     ends = [ancf2d.solve(case, {"solver.until": {"load_factor": f}}, states=False).summary["probes"]["tip"]
             for f in factors]
-    assert Watch(data)(model, states) == pytest.approx([end[q] for end in ends for q in ("theta", "ux")], rel=1e-7)
+    assert DataValues(data)(model, states) == pytest.approx([end[q] for end in ends for q in ("theta", "ux")], rel=1e-7)
 
 
 def path_of(EI: float, pull: float, factors: list[float]) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import ancf2d
-from ancf2d.study.fit_data import Watch, comparable, data_of
+from ancf2d.study.fit_data import DataValues, comparable, data_of
 from ancf2d.study.fit_search import Search
 from ancf2d.study.gradient import gradient
 from scripts.bench.fits import ARM, SCENES, fitted
@@ -53,12 +53,12 @@ def test_values_of_motions_are_sums_of_changes_of_states(solver: str, x: np.ndar
                        "sine, scale: 0.01, frequency: 2}}").replace("dt: 4.0e-3, method: generalized_alpha", solver)
     text = text.replace("t_end: 0.6", "t_end: 0.06")
     data = data_of({"t": x, **{f"{p}.{q}": 0.0 * x for p, q in zip(("tip", "mid", "third"), quantities, strict=True)}})
-    case, read = comparable(ancf2d.load(text), data), Watch(data)
+    case, read = comparable(ancf2d.load(text), data), DataValues(data)
     paths = ("masses.tip.mass", "bodies.arm.geometry.end.0", "boundary_conditions.hub.y.scale")
 
     def plain(model: Any, states: Any) -> np.ndarray:
         return read(model, states)
-    assert read.places
+    assert read.from_probes
     (value, J), (same, by_states) = gradient(case, read, paths), gradient(case, plain, paths)
     np.testing.assert_array_equal(value, same)
     for k in range(len(paths)):

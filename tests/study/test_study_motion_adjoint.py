@@ -15,7 +15,7 @@ from ancf2d.solvers.post import Observer
 from ancf2d.solvers.state import State
 from ancf2d.study import gradient
 from ancf2d.study.goal import for_study
-from ancf2d.study.gradient import Study, derivatives, prepare, run_case
+from ancf2d.study.gradient import DifferentiableRun, derivatives, prepare, run_case
 from ancf2d.study.measures import GoalValues, Measures, Vocabulary, read_measure
 from ancf2d.study.record import Progress
 
@@ -46,11 +46,11 @@ def scene(folder, method, held, *more):
 
 def found(loaded, paths):
     """Return the derivatives (numbers,) that the motion backwards tells."""
-    study = Study(loaded, GoalValues((loaded.case.goal,)), Progress())
+    run = DifferentiableRun(loaded, GoalValues((loaded.case.goal,)), Progress())
     variables = numbers_at(loaded, paths)
-    study.expect(variables)
-    assert study.adjoint is not None
-    rows = [study.differentiate(variable) for variable in variables]
+    run.compute_together(variables)
+    assert run.adjoint is not None
+    rows = [run.differentiate(variable) for variable in variables]
     assert {how for _, how in rows} == {"exact"}
     return np.array([quotient.value[0] for quotient, _ in rows]), np.array([quotient.error[0] for quotient, _ in rows])
 
@@ -185,13 +185,13 @@ def test_expressions_over_a_motion(tmp_path):
     words, paths = Vocabulary(loaded), ["bodies.arm.material.rho", "parameters.far", "springs.stay.stiffness",
                                         "bodies.fork.geometry.end.0", "masses.lump.mass"]
     read = Measures([read_measure(text, "--minimise", words, ["far"]) for text in texts], loaded.case.goal)
-    assert read.places
+    assert read.from_probes
     assert read.count == 4
     variables = numbers_at(loaded, paths)
     forth = derivatives(loaded, lambda model, states: read(model, states), variables)
     assert set(forth.methods) == {"exact"}
-    back = Study(loaded, read, Progress())
-    back.expect(variables)
+    back = DifferentiableRun(loaded, read, Progress())
+    back.compute_together(variables)
     assert back.adjoint is not None
     for variable, column in zip(variables, forth.jacobian.T, strict=True):
         assert back.differentiate(variable)[0].value == pytest.approx(column, rel=1e-6, abs=1e-9), variable.path
@@ -207,11 +207,11 @@ def test_rows_of_extremes_over_a_motion(tmp_path):
     variables = numbers_at(loaded, paths)
     read = Measures([read_measure(text, "--minimise", Vocabulary(loaded)) for text in texts], None,
                     [True, True, False], len(variables))
-    back = Study(loaded, read, Progress(), numbers=len(variables))
+    back = DifferentiableRun(loaded, read, Progress(), numbers=len(variables))
     assert [(part.number, part.groups) for part in read.parts] == [(0, 2), (1, 2)]
     assert read.count == 7
     assert back.values[read.rows(0)].max() == back.values[0]
-    back.expect(variables)
+    back.compute_together(variables)
     assert back.adjoint is not None
     forth = derivatives(loaded, lambda model, states: read(model, states), variables)
     assert set(forth.methods) == {"exact"}
@@ -311,9 +311,9 @@ def test_one_way_is_chosen_by_goals_and_numbers(tmp_path):
     loaded = scene(tmp_path, "radau5", CLAMP)
     goals = tuple(replace(loaded.case.goal, quantity=name) for name in ("x", "y", "theta"))
     for paths, back in ((SOME, True), (SOME[:2], False)):
-        study = Study(loaded, GoalValues(goals), Progress())
-        study.expect(numbers_at(loaded, paths))
-        assert (study.adjoint is not None) == back
+        run = DifferentiableRun(loaded, GoalValues(goals), Progress())
+        run.compute_together(numbers_at(loaded, paths))
+        assert (run.adjoint is not None) == back
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from ancf2d.kernels.lowlevel.records import Record
 from ancf2d.kernels.motion import many_states
 from ancf2d.model.groups import unlike
 from ancf2d.solvers.derivatives import linear_steps
-from ancf2d.solvers.derivatives.varied_motions import Beside
+from ancf2d.solvers.derivatives.varied_motions import VariedNumber
 from ancf2d.solvers.motion import methods
 from ancf2d.solvers.motion.dynamic import Run
 from ancf2d.study.gradient import derivatives, gradient, prepare, varied
@@ -170,7 +170,7 @@ def test_residuals_are_those_of_elements_where_a_number_acts(tmp_path):
     for path, (arm, fork, groups) in ACTS.items():
         variable = number_at(loaded, path)
         h = 4e-4 * abs(variable.value)
-        one = Beside(lambda h, of=variable: prepare(varied(loaded, of, h)), h, run)
+        one = VariedNumber(lambda h, of=variable: prepare(varied(loaded, of, h)), h, run)
         found = [unlike(alike).tolist() for alike in zip(*(own.model.groups for own in one.runs), strict=True)]
         assert found == [arm, fork], path
         left = zip(one.differing.problems, one.differing.elements, strict=True)

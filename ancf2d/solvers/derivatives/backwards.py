@@ -33,7 +33,7 @@ from ..state import Row, State
 from .differences import UnsuitedError
 from .linear_steps import Change, Equations, Stages
 from .many_states import in_full, left_out
-from .motion_states import CORRECTIONS, LOOSE, TRIED, Once, Step
+from .motion_states import CORRECTIONS, LOOSE, TRIED, RepeatedMotion, Step
 from .varied_motions import carried
 
 # largest numbers of floats in stages and virtual displacements of all steps, in checkpoints, and in the matrices of one
@@ -49,7 +49,7 @@ COLUMNS = 4000
 PARTS = ("z", "v", "a", "own")
 
 
-class Numbers(Protocol):
+class AdjointReceiver(Protocol):
     """Numbers of a case that receive the adjoint states of a motion and sum up their derivatives of the goals (k,)."""
 
     def note(self, at: Record, window: Array, lam: Array) -> None:
@@ -76,7 +76,7 @@ class Part:
     derivatives of the goals by the state after a break.
     """
 
-    kept: dict[str, Array]
+    checkpoint: dict[str, Array]
     count: int = 0
     steps: list[Step] | None = field(default_factory=list)
     rows: list[tuple[int, int]] = field(default_factory=list)
@@ -90,14 +90,14 @@ class UnlikeError(UnsuitedError):
     """A fixed step has another length than in the run, because of another tolerance of Newton's method."""
 
 
-class Backwards(Once):
+class Backwards(RepeatedMotion):
     """A motion whose steps are stored, so that it can be followed backwards. Raises UnsuitedError."""
 
-    def __init__(self, model: Model, whole: bool, tolerance: float, lengths: list[float] | None) -> None:
+    def __init__(self, model: Model, all_states: bool, tolerance: float, lengths: list[float] | None) -> None:
         spec = model.case.solver
         assert isinstance(spec, Dynamic)
         super().__init__(model, spec, tolerance, lengths)
-        self.whole, self.rows, self.parts, self.off = whole, list[Row](), list[Part](), 0.0
+        self.all_states, self.rows, self.parts, self.equation_error = all_states, list[Row](), list[Part](), 0.0
         # the window of signals for each row
         self.windows: list[Array] = []
         if self.stepper.moving or self.stepper.events or len(self.stepper.p.facing.item):
@@ -106,8 +106,8 @@ class Backwards(Once):
     def states(self) -> Iterator[State]:
         """Make the motion and yield its states. Raises ComputationError, and UnsuitedError if it has no adjoint.
 
-        ``rows`` are then its first and its last state, and those between if ``whole``; ``parts`` are its steps. Raises
-        UnlikeError if a fixed step has another length than in the run.
+        ``rows`` are then its first and its last state, and those between if ``all_states``; ``parts`` are its steps.
+        Raises UnlikeError if a fixed step has another length than in the run.
         """
         return self.run.states(advance=partial(self._some, self._record()))
 
@@ -128,7 +128,7 @@ class Backwards(Once):
         self.windows = [self.window]
         part, room, columns = Part(self._checkpoint()), KEPT, 0
         for step in self.steps():
-            if step is not None and self.unlike():
+            if step is not None and self.differs_from_run():
                 raise UnlikeError
             if step is None:
                 self._add(part)
@@ -139,7 +139,7 @@ class Backwards(Once):
                 pass_break(stepper, stepper.piece + 1)
                 part = Part(self._checkpoint())
                 continue
-            if self.whole:
+            if self.all_states:
                 if not self.free.all() and any(row.kind == INSIDE for row in step.rows):
                     raise UnsuitedError("states within steps are put onto constraints")
                 part.rows += [(part.count, len(self.rows) + k) for k in range(len(step.rows))]
@@ -167,7 +167,7 @@ class Backwards(Once):
         s, n = self.method.stages, self.entries.n
         return max(WINDOW // (s * max(n, 1) * (6 + 3 * s * max(self.stepper.p.width, 1))), 8)
 
-    def keeps(self, goals: int) -> bool:
+    def has_room(self, goals: int) -> bool:
         """Return whether there is room for the virtual displacements of so many goals at all stages."""
         if any(part.count and part.steps is None for part in self.parts):
             return False
@@ -187,36 +187,36 @@ class Backwards(Once):
         if not part.count:
             return
         self.parts.append(part)
-        each = sum(x.size for x in part.kept.values())
+        each = sum(x.size for x in part.checkpoint.values())
         if each * len(self.parts) > CHECKPOINTS and len(self.parts) > LEAST:
             self.parts = list(_joined(self.parts))
 
-    def back(self, bars: Sequence[Change], numbers: Numbers) -> Change:
+    def back(self, bars: Sequence[Change], receiver: AdjointReceiver) -> Change:
         """Return the derivatives of goals by the start; ``bars`` (n, k) are those by each stored state."""
         end = bars[-1]
         for part in reversed(self.parts):
-            end = self._before(part, end, bars, numbers)
-        return end.plus(bars[0]) if self.whole else end
+            end = self._before(part, end, bars, receiver)
+        return end.plus(bars[0]) if self.all_states else end
 
-    def tell(self, numbers: Numbers) -> None:
-        """Report the stored virtual displacements to numbers again, without following the motion backwards."""
+    def report_stored(self, receiver: AdjointReceiver) -> None:
+        """Report the stored virtual displacements once more, without following the motion backwards."""
         for part in reversed(self.parts):
-            self.stepper.resume(part.kept)
+            self.stepper.resume(part.checkpoint)
             if part.end is not None:
-                self._break(part, part.end, numbers)
+                self._break(part, part.end, receiver)
             elif part.at is not None and part.lam is not None:
-                numbers.note(part.at, self.stepper.p.programs.window.copy(), part.lam)
+                receiver.note(part.at, self.stepper.p.programs.window.copy(), part.lam)
 
-    def _before(self, part: Part, end: Change, bars: Sequence[Change], numbers: Numbers) -> Change:
+    def _before(self, part: Part, end: Change, bars: Sequence[Change], receiver: AdjointReceiver) -> Change:
         """Return the derivatives of goals by the start of a part, from those by its end."""
-        self.stepper.resume(part.kept)
+        self.stepper.resume(part.checkpoint)
         if part.behind >= 0:
             part.end = end
-            return self._passed(part, end, self._break(part, end, numbers))
+            return self._passed(part, end, self._break(part, end, receiver))
         if part.count <= self.size:
-            return self._through(part, end, bars, numbers)
+            return self._through(part, end, bars, receiver)
         # a long part first gets checkpoints of its own
-        room = max(CHECKPOINTS // sum(x.size for x in part.kept.values()), LEAST)
+        room = max(CHECKPOINTS // sum(x.size for x in part.checkpoint.values()), LEAST)
         size, inside = max(self.size, -(-part.count // room)), list[Part]()
         for begin in range(0, part.count, size):
             count = min(size, part.count - begin)
@@ -225,14 +225,14 @@ class Backwards(Once):
             for _ in self._again(count):
                 pass
         for one in reversed(inside):
-            end = self._before(one, end, bars, numbers)
+            end = self._before(one, end, bars, receiver)
         return end
 
     def _again(self, count: int) -> Iterator[Step]:
         """Repeat steps from the current state."""
         return islice((step for step in self.steps() if step is not None), count)
 
-    def _through(self, part: Part, end: Change, bars: Sequence[Change], numbers: Numbers) -> Change:
+    def _through(self, part: Part, end: Change, bars: Sequence[Change], receiver: AdjointReceiver) -> Change:
         """Return the derivatives of goals by the start of some steps, from those by their end."""
         window = self.stepper.p.programs.window.copy()
         steps = list(self._again(part.count)) if part.steps is None else part.steps
@@ -246,9 +246,9 @@ class Backwards(Once):
         lam, start = equations.back(stages, starts, end)
         self._correct(equations, at, lam, start)
         self.run.seen.clear()
-        if self.keeps(k):
+        if self.has_room(k):
             part.at, part.lam, part.steps = at, lam, []
-        numbers.note(at, window, lam)
+        receiver.note(at, window, lam)
         return start
 
     def _stored(self, step: Step, row: Row, number: int, bar: Change, stages: Stages, starts: Array) -> None:
@@ -331,25 +331,25 @@ class Backwards(Once):
             left, worse, before = share * share / before, share >= before, share
             if left <= NEGLIGIBLE or worse:
                 break
-        self.off = max(self.off, left)
+        self.equation_error = max(self.equation_error, left)
         if left > LOOSE:
             raise UnsuitedError("the tangents of the steps do not determine their derivatives")
 
-    def _break(self, part: Part, end: Change, numbers: Numbers) -> tuple[Record, Array]:
+    def _break(self, part: Part, end: Change, receiver: AdjointReceiver) -> tuple[Record, Array]:
         """Report a break to numbers; return the state after it, and its virtual displacements (n, k)."""
         stepper = self.stepper
         if not self.free.all():
-            numbers.pass_break(stepper, part.behind, end, None, end.a)
+            receiver.pass_break(stepper, part.behind, end, None, end.a)
             return self.now(), end.a
         before = stepper.s.v.copy()
         pass_break(stepper, part.behind)
         # accelerations after the break follow from positions and rates
         at, mu = self.now(), self.by_mass.solve(end.a + end.own)
         if (stepper.s.v == before).all():
-            numbers.pass_break(stepper, part.behind, end, at, mu)
+            receiver.pass_break(stepper, part.behind, end, at, mu)
         else:
-            stepper.resume(part.kept)
-            numbers.pass_break(stepper, part.behind, end, None, mu)
+            stepper.resume(part.checkpoint)
+            receiver.pass_break(stepper, part.behind, end, None, mu)
         return at, mu
 
     def _passed(self, part: Part, end: Change, behind: tuple[Record, Array]) -> Change:
@@ -394,7 +394,7 @@ def _joined(parts: Sequence[Part]) -> Iterator[Part]:
                 yield part
             continue
         rows = last.rows + [(last.count + k, row) for k, row in part.rows]
-        yield Part(last.kept, last.count + part.count, None, rows)
+        yield Part(last.checkpoint, last.count + part.count, None, rows)
         last = None
     if last is not None:
         yield last

@@ -58,7 +58,7 @@ class Differing:
     def __init__(self, run: Run, models: Sequence[Model], weights: Array) -> None:
         self.run, self.models, self.weights = run, models, weights
         stepper, base = run.stepper, run.problem.values
-        signals, found = zip(*(_told(run, model) for model in models), strict=True)
+        signals, found = zip(*(_signals_and_tables(run, model) for model in models), strict=True)
         if any(len(one.all) > len(run.signals) and list(motion_pieces(one.all, run.spec.t_end)) != list(stepper.pieces)
                for one in signals):
             raise UnsuitedError("the times of corners of signals depend on the number")
@@ -272,7 +272,7 @@ class Differing:
                       [np.zeros(x.shape[1])], axis=0)
 
     @property
-    def moves(self) -> bool:
+    def changes_coordinates(self) -> bool:
         """Return whether the number may change the relation of coordinates and unknowns, or prescribed motion."""
         return not self.reduced
 
@@ -288,11 +288,11 @@ def _forgotten(at: Record) -> Record:
     return Record(values._replace(turns=values.turns[:, :0].copy(), feet=values.feet[:, :0].copy()))
 
 
-# results of ``_told`` for the own models of motions
+# results of ``_signals_and_tables`` for the own models of motions
 _OWN: WeakKeyDictionary[Run, tuple[Signals, dict[str, Any]]] = WeakKeyDictionary()
 
 
-def _told(run: Run, model: Model) -> tuple[Signals, dict[str, Any]]:
+def _signals_and_tables(run: Run, model: Model) -> tuple[Signals, dict[str, Any]]:
     """Return the signals of a motion, extended by those of a varied model, and the model's ``_tables``."""
     if model is run.model and run in _OWN:
         return _OWN[run]

@@ -69,7 +69,7 @@ class Method(Protocol):
 
     stages: int
 
-    def taken(self, own: Any, start: Array, t: float, h: float) -> Stages:
+    def stages_of_step(self, own: Any, start: Array, t: float, h: float) -> Stages:
         """Return the stages of the last step, which started from positions ``start``."""
         ...
 
@@ -77,11 +77,11 @@ class Method(Protocol):
         """Return V and A (s, s)."""
         ...
 
-    def begins(self, h: float) -> Array:
+    def by_start(self, h: float) -> Array:
         """Return the coefficients (2, s, 4) of v_0 and a_0 of the stages for changes of the start's z, v, a and own."""
         ...
 
-    def kept(self, h: float) -> Array:
+    def stored(self, h: float) -> Array:
         """Return the coefficients (5,) of the stored values at the end, for changes of z there and of the start."""
         ...
 
@@ -102,7 +102,7 @@ class NewmarkStages:
     def __init__(self, own: Newmark) -> None:
         self.am, self.af, self.beta, self.gamma = own.am, own.af, own.beta, own.gamma
 
-    def taken(self, own: Newmark, start: Array, t: float, h: float) -> Stages:
+    def stages_of_step(self, own: Newmark, start: Array, t: float, h: float) -> Stages:
         """Return the end of the step."""
         end = own.end
         return Stages(np.array([t + h]), *(np.array(x)[None] for x in (end.z, end.v, end.a)))
@@ -112,14 +112,14 @@ class NewmarkStages:
         f = (1.0 - self.am) / (1.0 - self.af) / (self.beta * h * h)
         return np.array([[self.gamma / (self.beta * h)]]), np.array([[f]])
 
-    def begins(self, h: float) -> Array:
+    def by_start(self, h: float) -> Array:
         """Return the coefficients of the rates at the end for fixed positions there."""
         V, A = (float(x[0, 0]) for x in self.rates(h))
         far, f = h * h * (0.5 - self.beta), 1.0 / (1.0 - self.af)
         v = [-V, 1.0 - V * h, 0.0, h * (1.0 - self.gamma) - V * far]
         return np.array([[v], [[-A, -A * h, -self.af * f, self.am * f - A * far]]])
 
-    def kept(self, h: float) -> Array:
+    def stored(self, h: float) -> Array:
         """Return the coefficients of the algorithmic acceleration at the end."""
         f = 1.0 / (self.beta * h * h)
         return np.array([f, -f, -h * f, 0.0, -(0.5 - self.beta) / self.beta])
@@ -149,7 +149,7 @@ class RadauStages:
             self.slopes[0, j] = np.prod(others / (others - self.c[j])) / self.c[j]
         self.slopes[1:] = self.W
 
-    def taken(self, own: Radau, start: Array, t: float, h: float) -> Stages:
+    def stages_of_step(self, own: Radau, start: Array, t: float, h: float) -> Stages:
         """Return the stages."""
         moved = start.copy()
         moved[own.multipliers] = 0.0
@@ -159,14 +159,14 @@ class RadauStages:
         """Return W/h and W^2/h^2."""
         return self.W / h, self.W2 / (h * h)
 
-    def begins(self, h: float) -> Array:
+    def by_start(self, h: float) -> Array:
         """Return the coefficients of the rates at the stages for fixed positions there."""
         out = np.zeros((2, self.stages, 4))
         out[0, :, 0] = out[1, :, 1] = -self.ones / h
         out[1, :, 0] = -self.W2.sum(axis=1) / (h * h)
         return out
 
-    def kept(self, h: float) -> Array:
+    def stored(self, h: float) -> Array:
         """Return the coefficients of the stored values, which are those of the start."""
         return np.array([0.0, 0.0, 0.0, 0.0, 1.0])
 
@@ -246,8 +246,8 @@ class Equations:
 
     def __init__(self, entries: Entries, method: Method, h: Array, K: Array, C: Array, M: Array, rubs: bool) -> None:
         self.entries, self.rubs, self.K, self.C, self.M = entries, rubs, K, np.ascontiguousarray(C), M
-        self.rates, self.begins, self.kept = (np.array([f(one) for one in h.tolist()]) for f in
-                                              (method.rates, method.begins, method.kept))
+        self.rates, self.by_start, self.stored = (np.array([f(one) for one in h.tolist()]) for f in
+                                                  (method.rates, method.by_start, method.stored))
         self.bw, n = entries.places[0], entries.n * entries.s
         self.shape = entries.rows, entries.columns, entries.free
         if self.bw > BAND:
@@ -283,13 +283,13 @@ class Equations:
         ends[0] = start.z, start.v, start.a, start.own
         if self.bw <= BAND:
             step_equations.forward(self.lu, self.pivots, self.bw, self.C, self.M, *self.shape, self.rubs, self.rates,
-                                   self.begins, self.kept, np.ascontiguousarray(dR), np.zeros((n * s, columns)),
+                                   self.by_start, self.stored, np.ascontiguousarray(dR), np.zeros((n * s, columns)),
                                    out.z, out.v, out.a, ends)
             return out, ends
         free, M = self.entries.free[:, None], self.entries.matrix(self.M)
         for k, lu in enumerate(self.sparse):
             mine = slice(s * k, s * k + s)
-            v0, a0 = free * np.tensordot(self.begins[k], ends[k], 1)
+            v0, a0 = free * np.tensordot(self.by_start[k], ends[k], 1)
             b = -dR[mine]
             for i in range(s):
                 b[i] -= M @ a0[i]
@@ -298,7 +298,7 @@ class Equations:
             z = lu.solve(b.transpose(1, 0, 2).reshape(n * s, -1)).reshape(n, s, -1).transpose(1, 0, 2)
             v, a = np.tensordot(self.rates[k], z, 1) * free + np.array([v0, a0])
             out.z[mine], out.v[mine], out.a[mine] = z, v, a
-            ends[k + 1] = z[-1], v[-1], a[-1], np.tensordot(self.kept[k], np.concatenate([z[-1:], ends[k]]), 1)
+            ends[k + 1] = z[-1], v[-1], a[-1], np.tensordot(self.stored[k], np.concatenate([z[-1:], ends[k]]), 1)
         return out, ends
 
     def back(self, stages: Stages, starts: Array, end: Change) -> tuple[Array, Change]:
@@ -311,7 +311,7 @@ class Equations:
         last = np.array([end.z, end.v, end.a, end.own])
         if self.bw <= BAND:
             step_equations.backward(self.lu, self.pivots, self.bw, self.C, self.M, *self.shape, self.rubs, self.rates,
-                                    self.begins, self.kept, stages.z, stages.v, stages.a,
+                                    self.by_start, self.stored, stages.z, stages.v, stages.a,
                                     np.zeros((self.entries.n * self.entries.s, lam.shape[2])), lam, starts, last)
             return lam, Change(*last)
         s, n = self.entries.s, self.entries.n
@@ -319,7 +319,7 @@ class Equations:
         for k in range(len(self.sparse) - 1, -1, -1):
             mine = slice(s * k, s * k + s)
             zb, vb, ab = stages.z[mine], stages.v[mine], stages.a[mine]
-            zb[-1] += last[0] + self.kept[k, 0] * last[3]
+            zb[-1] += last[0] + self.stored[k, 0] * last[3]
             vb[-1] += last[1]
             ab[-1] += last[2]
             V, A = np.asarray(self.rates)[k]
@@ -330,7 +330,8 @@ class Equations:
                 ab[i] -= M @ lam[s * k + i]
                 if self.rubs:
                     vb[i] -= self.entries.matrix(self.C[s * k + i]) @ lam[s * k + i]
-            of = [free * (np.tensordot(self.begins[k, 0, :, j], vb, 1) + np.tensordot(self.begins[k, 1, :, j], ab, 1))
-                  + self.kept[k, j + 1] * last[3] for j in range(4)]
+            v_by, a_by = self.by_start[k]
+            of = [free * (np.tensordot(v_by[:, j], vb, 1) + np.tensordot(a_by[:, j], ab, 1))
+                  + self.stored[k, j + 1] * last[3] for j in range(4)]
             last = starts[k] + np.array(of)
         return lam, Change(*last)

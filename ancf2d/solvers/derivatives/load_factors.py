@@ -22,7 +22,7 @@ from .differences import Quotient, UnsuitedError, derivative
 from .onsets import Onset, Singular, times
 from .small_motions import BESIDE, EQUAL, SmallMotions, joined, null_vectors, parted, parts
 from .statics import POLISH, OneByOne
-from .varied_motions import Varied
+from .varied_motions import ModelAt
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
@@ -63,7 +63,7 @@ class LinearResponse(OneByOne):
         return np.asarray(residual_rate(pencil)[0] + pencil.model.numbering.reduce(
             pencil.full_stiffness(self.full(pencil.model, u))))
 
-    def change(self, at: Varied, h: float) -> Quotient:
+    def change(self, at: ModelAt, h: float) -> Quotient:
         """Return du/dp (n,)."""
         first = derivative(lambda s: self._unbalanced(self.pencil_of(at(s)), self.u), h)
         change = -self.pencil.solve(first.value)
@@ -140,7 +140,7 @@ class Instability(LinearResponse):
         start = np.where(free < n_q, shapes[:, np.minimum(free, n_q - 1)], 0.0).T
         return factor, null_vectors(K + (1.0 + BESIDE) * rate, K + rate, start).real, near.index(number)
 
-    def slope(self, at: Varied, h: float) -> Quotient:
+    def slope(self, at: ModelAt, h: float) -> Quotient:
         """Return du/dp (n,) of the response, then dmu/dp of the factors, with a ``kink`` where equal ones separate."""
         first = self.change(at, h)
 
@@ -204,7 +204,7 @@ class _Flows(SmallMotions):
         set_speed(model, 0.0)
         return self.problem_at(model, self.z + change if self.n else self.z)
 
-    def change(self, at: Varied, h: float) -> Quotient:
+    def change(self, at: ModelAt, h: float) -> Quotient:
         """Return dz/dp (n,) of the state, if it is an equilibrium."""
         def still(step: float) -> Model:
             model = at(step)
@@ -238,31 +238,31 @@ class Growth(OneByOne):
     """
 
     def __init__(self, model: Model, state: State, wanted: Sequence[int]) -> None:
-        self.of = _Flows(model, state) if model.loads.flows else _Loads(model, state)
-        self.state, self.wanted, self.n, self.reason = state, list(wanted), self.of.n, ""
-        singular = Singular(self.of.matrices(model, np.zeros(self.n)), self.of.adds)
+        self.loading = _Flows(model, state) if model.loads.flows else _Loads(model, state)
+        self.state, self.wanted, self.n, self.reason = state, list(wanted), self.loading.n, ""
+        singular = Singular(self.loading.matrices(model, np.zeros(self.n)), self.loading.adds)
         critical = [state.report["critical"][k - 1] for k in wanted]
         try:
             self.onsets = [singular.near(one["factor"], one["omega"]) for one in critical]
         except UnsuitedError as error:
             self.reason = str(error)
 
-    def slope(self, at: Varied, h: float) -> Quotient:
+    def slope(self, at: ModelAt, h: float) -> Quotient:
         """Return the derivative (n,) of the state or response, then dmu/dp of the factors.
 
         Raises UnsuitedError if that is not known, ComputationError if it does not exist.
         """
         if self.reason:
             raise UnsuitedError(self.reason)
-        first = self.of.change(at, h)
+        first = self.loading.change(at, h)
 
         def forms(step: float) -> Array:
             change = step * first.value
-            problem = self.of.matrices(at(step), change)
+            problem = self.loading.matrices(at(step), change)
             if problem.small.rates.damps and any(one.meets for one in self.onsets):
                 raise ComputationError("dampers let motions grow at another factor, however little they damp: there is "
                                        "no derivative where there are none", advice="a small damping instead of 0")
-            return parts(np.array([one.y @ problem.action(one.s, one.x) + self.of.added(problem, change, one)
+            return parts(np.array([one.y @ problem.action(one.s, one.x) + self.loading.added(problem, change, one)
                                    for one in self.onsets]))
         scale = np.repeat([1.0 / (abs(one.by[1]) * abs(one.factor)) for one in self.onsets], 2)
         found = derivative(forms, h, scale) if self.onsets else Quotient(np.zeros(0), np.zeros(0), h)
@@ -274,4 +274,4 @@ class Growth(OneByOne):
 
     def states(self, model: Model, change: Array) -> list[State]:
         """Return the state of a model with its factors changed."""
-        return [self.of.state_with(model, change[:self.n], self.wanted, change[self.n:])]
+        return [self.loading.state_with(model, change[:self.n], self.wanted, change[self.n:])]

@@ -15,9 +15,9 @@ from ...model.model import Model
 from ..motion.dynamic import Run
 from ..state import Row, State
 from .differences import SHORTER, SMOOTH, TRIES, Quotient, UnsuitedError
-from .motion_states import NEWTON, OF_FORCES, Pass, lengths_of, unlike
+from .motion_states import NEWTON, OF_FORCES, MotionWithDerivatives, lengths_of, lower_order_error
 from .readings import Goals, Readings
-from .varied_motions import Beside, Together, Varied
+from .varied_motions import ModelAt, Together, VariedNumber
 
 # if differences of lower order are this close, relative to the largest change, the motion is not repeated: the error is
 # the square
@@ -27,37 +27,37 @@ FIRST_STEPS = 16
 
 
 class Motion(Together):
-    """The derivatives of the ``states`` of a motion by numbers of its case; of the last state only, unless ``whole``.
+    """The derivatives of the ``states`` of a motion by numbers of its case; of ``all_states``, or only of the last one.
 
     If ``goals`` are given and their derivatives follow from those of the states, there are ``readings``, and ``slope``
     returns the derivatives of the goals.
     """
 
-    def __init__(self, model: Model, states: Sequence[State], whole: bool, goals: Goals | None = None) -> None:
+    def __init__(self, model: Model, states: Sequence[State], all_states: bool, goals: Goals | None = None) -> None:
         spec = model.case.solver
         assert isinstance(spec, Dynamic)
         # without coarser motions for an error estimate
         self.spec = replace(spec, estimate=False)
-        self.model, self.whole = model, whole
+        self.model, self.all_states = model, all_states
         # fixed steps have the lengths that they had in the run
         self.lengths = lengths_of(states)
-        self.found: dict[Varied, Quotient | Exception] = {}
+        self.found: dict[ModelAt, Quotient | Exception] = {}
         self.runs: dict[int, Run] = {}
         self.rows: list[Row] = []
         # shared by all attempts: tolerances not yet excluded, and varied models by number and step
-        self.tolerances, self.beside = list(NEWTON), dict[tuple[Varied, float], Beside | Exception]()
+        self.tolerances, self.varied = list(NEWTON), dict[tuple[ModelAt, float], VariedNumber | Exception]()
         self.run = Run(model, self.spec)
         self.readings: Readings | None = None
         if goals is not None:
-            self.readings = Readings(model, goals, states if whole else states[-1:],
+            self.readings = Readings(model, goals, states if all_states else states[-1:],
                                      np.array(self.run.problem.coordinate))
 
-    def find(self, beside: Sequence[tuple[Varied, float]]) -> None:
+    def find(self, numbers: Sequence[tuple[ModelAt, float]]) -> None:
         """Find the derivatives by several numbers at once, with shorter steps of the differences where necessary.
 
         The first steps of the motion usually suffice to choose these.
         """
-        todo = list(beside)
+        todo = list(numbers)
         for k in range(2 * TRIES - 1):
             if not todo:
                 break
@@ -67,30 +67,31 @@ class Motion(Together):
             shorter = [(at, h * SHORTER) if share > enough else (at, h)
                        for (at, h), share in zip(todo, shares, strict=True)]
             todo = shorter if first else [new for new, old in zip(shorter, todo, strict=True) if new != old]
-        self.beside.clear()
+        self.varied.clear()
 
-    def _numbers(self, todo: Sequence[tuple[Varied, float]]) -> tuple[dict[int, Beside], dict[int, Exception]]:
+    def _numbers(self, todo: Sequence[tuple[ModelAt, float]]) -> tuple[dict[int, VariedNumber], dict[int, Exception]]:
         """Return the numbers that can be varied, and the reasons why others cannot, by their places."""
-        numbers, refused = dict[int, Beside](), dict[int, Exception]()
+        numbers, refused = dict[int, VariedNumber](), dict[int, Exception]()
         for k, (at, h) in enumerate(todo):
-            if (at, h) not in self.beside:
+            if (at, h) not in self.varied:
                 try:
-                    self.beside[at, h] = Beside(at, h, self.run)
+                    self.varied[at, h] = VariedNumber(at, h, self.run)
                 except (CaseError, ComputationError, UnsuitedError) as found:
-                    self.beside[at, h] = found
-            one = self.beside[at, h]
-            if isinstance(one, Beside):
+                    self.varied[at, h] = found
+            one = self.varied[at, h]
+            if isinstance(one, VariedNumber):
                 numbers[k] = one
             else:
                 refused[k] = one
         return numbers, refused
 
-    def _made(self, todo: Sequence[tuple[Varied, float]], steps: int | None
-              ) -> tuple[Pass, dict[int, Beside], dict[int, Exception]]:
+    def _made(self, todo: Sequence[tuple[ModelAt, float]], steps: int | None
+              ) -> tuple[MotionWithDerivatives, dict[int, VariedNumber], dict[int, Exception]]:
         """Make the motion, or its first steps, with the tightest possible tolerance; return it, numbers, refusals."""
         while True:
             last = len(self.tolerances) == 1
-            motion = Pass(self.model, self.spec, self.whole, self.tolerances[0], None if last else self.lengths)
+            motion = MotionWithDerivatives(self.model, self.spec, self.all_states, self.tolerances[0],
+                                           None if last else self.lengths)
             numbers, refused = self._numbers(todo)
             try:
                 if not numbers or motion.make(list(numbers.values()), steps):
@@ -103,7 +104,7 @@ class Motion(Together):
                     return motion, numbers, refused | dict.fromkeys(numbers, reason)
             del self.tolerances[0]
 
-    def _shares(self, todo: Sequence[tuple[Varied, float]]) -> list[float]:
+    def _shares(self, todo: Sequence[tuple[ModelAt, float]]) -> list[float]:
         """Return the relative error of differences of lower order over the first steps."""
         motion, numbers, refused = self._made(todo, FIRST_STEPS)
         shares = [0.0] * len(todo)
@@ -111,14 +112,14 @@ class Motion(Together):
             shares[k] = 0.0 if k in refused else rough
         return shares
 
-    def _once(self, todo: Sequence[tuple[Varied, float]]) -> list[float]:
+    def _once(self, todo: Sequence[tuple[ModelAt, float]]) -> list[float]:
         """Find derivatives; return the relative difference of those of lower order from them."""
         motion, numbers, refused = self._made(todo, None)
         shares = [0.0] * len(todo)
         for k, why in refused.items():
             self.found.setdefault(todo[k][0], why)
         self.rows = motion.rows or self.rows
-        if self.readings is not None and not self.readings.of(self.rows):
+        if self.readings is not None and not self.readings.linear_in(self.rows):
             self.readings = None
         weights, one, of_forces = motion.stepper.p.weights, np.ones(len(motion.free)), 1.0 / OF_FORCES
         for column, (k, number) in enumerate(numbers.items()):
@@ -126,9 +127,10 @@ class Motion(Together):
                 continue
             both = np.array(motion.changes)[..., 2 * column:2 * column + 2]
             value, gap = both[..., 0], np.abs(both[..., 0] - both[..., 1])
-            shares[k] = unlike(weights, both[:, 0])
-            # for z, v and a, weighted as in ``Pass``
-            off = motion.off[column] * np.array([np.where(motion.free, 1.0, of_forces), one, of_forces * one])
+            shares[k] = lower_order_error(weights, both[:, 0])
+            # for z, v and a, weighted as in ``MotionWithDerivatives``
+            share = motion.equation_error[column]
+            off = share * np.array([np.where(motion.free, 1.0, of_forces), one, of_forces * one])
             error = gap * min(shares[k], 1.0) + off * np.abs(value)
             best = self.found.get(number.at)
             found = Quotient(value.ravel(), error.ravel(), number.h) if self.readings is None else (

@@ -26,7 +26,7 @@ from .differences import Quotient, UnsuitedError
 from .linear_steps import Change
 from .motion_states import NEWTON
 from .readings import Goals, Readings
-from .varied_motions import Beside, Together, Varied, rests
+from .varied_motions import ModelAt, Together, VariedNumber, rests
 
 # step relative to that of fourth-order differences, and the largest second difference relative to the first (the error
 # is its square)
@@ -39,14 +39,14 @@ ROUND_OFF = 3e-11
 EPSILON, FEW = 2.2e-16, 4.0
 
 
-def made_again(model: Model, whole: bool, lengths: list[float]) -> tuple[Backwards, list[State]]:
+def recorded_motion(model: Model, all_states: bool, lengths: list[float]) -> tuple[Backwards, list[State]]:
     """Make a motion with the tightest tolerance of Newton's method at which fixed steps keep their ``lengths``.
 
     Raises UnsuitedError.
     """
     for tolerance in NEWTON:
         last = tolerance == NEWTON[-1]
-        motion = Backwards(model, whole, tolerance, None if last else lengths)
+        motion = Backwards(model, all_states, tolerance, None if last else lengths)
         try:
             return motion, list(motion.states())
         except UnlikeError:
@@ -72,8 +72,8 @@ class Sums:
         """Add the contribution of a break."""
         window = stepper.p.programs.window.copy()
         for one in self.all:
-            if at is None or one.number.differing.moves:
-                one.change(one.number.pass_break(stepper, piece), end)
+            if at is None or one.number.differing.changes_coordinates:
+                one.add_change(one.number.pass_break(stepper, piece), end)
             else:
                 one.note(at, window, mu[None])
 
@@ -81,24 +81,24 @@ class Sums:
 class Sum:
     """The derivative of goals (k,) by a number, and the summed magnitudes of its contributions (2, k)."""
 
-    def __init__(self, number: Beside, k: int) -> None:
+    def __init__(self, number: VariedNumber, k: int) -> None:
         self.number, self.value, self.sizes = number, np.zeros(k), np.zeros((2, k))
 
     def note(self, at: Record, window: Array, lam: Array) -> None:
         """Add the contribution of the residuals at states."""
-        self.take(-self.number.differing.works(at, window, lam))
+        self.add(-self.number.differing.works(at, window, lam))
 
-    def take(self, parts: Array) -> None:
+    def add(self, parts: Array) -> None:
         """Add differences (2, m, k); the second show how much the first vary over a step."""
         self.value += parts[0].sum(axis=0)
         self.sizes += np.abs(parts).sum(axis=1)
 
-    def change(self, found: Change, bar: Change) -> None:
+    def add_change(self, found: Change, bar: Change) -> None:
         """Add the contribution of a change (n, 2) of a state, with derivatives ``bar`` (n, k) of the goals by it."""
         parts = [getattr(found, name).T @ getattr(bar, name) for name in PARTS]
-        self.take(np.sum(parts, axis=0)[:, None])
+        self.add(np.sum(parts, axis=0)[:, None])
 
-    def bent(self, round_off: Array) -> float:
+    def nonlinearity(self, round_off: Array) -> float:
         """Return the relative nonlinearity over a step, beyond the round-off (k,) of the goals."""
         shares = np.maximum(self.sizes[1] - round_off, 0.0) / np.where(self.sizes[0] > 0.0, self.sizes[0], 1.0)
         return float(shares.max(initial=0.0))
@@ -125,66 +125,66 @@ class MotionAdjoint(Together):
 
     def __init__(self, motion: Backwards, states: Sequence[State], goals: Goals) -> None:
         self.motion, self.model = motion, motion.run.model
-        self.found: dict[Varied, Quotient | Exception] = {}
-        self.base, self.first = Run(self.model, motion.run.spec), dict[Varied, float]()
-        self.states = states if motion.whole else [states[0], states[-1]]
+        self.found: dict[ModelAt, Quotient | Exception] = {}
+        self.base, self.first = Run(self.model, motion.run.spec), dict[ModelAt, float]()
+        self.states = states if motion.all_states else [states[0], states[-1]]
         self.readings = Readings(self.model, goals, self.states, motion.free)
         self.values, self.bars = self.readings.values, self.readings.bars()
         # if virtual displacements are stored, the start is known, and derivatives can be found number by number
         self.start: Start | None = None
-        if self.motion.keeps(self.bars[-1].z.shape[1]):
-            self.start = self._started(self.motion.back(self.bars, Sums()))
+        if self.motion.has_room(self.bars[-1].z.shape[1]):
+            self.start = self._start_of(self.motion.back(self.bars, Sums()))
 
-    def prepare(self, beside: Sequence[tuple[Varied, float]]) -> None:
+    def prepare(self, numbers: Sequence[tuple[ModelAt, float]]) -> None:
         """Find the derivatives by several numbers at once, if they cannot be found one by one."""
         if self.start is None:
-            self.find(beside)
+            self.find(numbers)
 
-    def find(self, beside: Sequence[tuple[Varied, float]]) -> None:
+    def find(self, numbers: Sequence[tuple[ModelAt, float]]) -> None:
         """Find the derivatives, with shorter steps of the differences where necessary."""
-        todo = [(at, h * SHORT) for at, h in beside]
+        todo = [(at, h * SHORT) for at, h in numbers]
         for k in range(TRIES):
             todo = self._once(todo, last=k == TRIES - 1)
             if not todo:
                 break
 
-    def _once(self, todo: Sequence[tuple[Varied, float]], last: bool) -> list[tuple[Varied, float]]:
+    def _once(self, todo: Sequence[tuple[ModelAt, float]], last: bool) -> list[tuple[ModelAt, float]]:
         """Find derivatives; return the numbers whose steps are too long, with shorter ones."""
         sums, k = Sums(), self.bars[-1].z.shape[1]
         for at, h in todo:
             self.first.setdefault(at, h)
             try:
-                sums.all.append(Sum(Beside(at, h, self.base, few=True), k))
+                sums.all.append(Sum(VariedNumber(at, h, self.base, few=True), k))
             except (CaseError, ComputationError, UnsuitedError) as found:
                 self.found[at] = found
         if not sums.all:
             return []
         start, again = self.start, []
         if start is None:
-            start = self._started(self.motion.back(self.bars, sums))
+            start = self._start_of(self.motion.back(self.bars, sums))
         else:
-            self.motion.tell(sums)
+            self.motion.report_stored(sums)
         for one in sums.all:
             number = one.number
             try:
                 self._begin(one, start)
-                one.take(self.readings.directly(number, self.motion.rows, self.motion.windows)[:, None])
+                one.add(self.readings.direct_differences(number, self.motion.rows, self.motion.windows)[:, None])
             except (CaseError, ComputationError, UnsuitedError) as found:
                 self.found[number.at] = found
                 continue
             noise = ROUND_OFF * self.first[number.at] / number.h
             of_reading = EPSILON / number.h * np.abs(self.values)
-            bent = one.bent(FEW * of_reading)
+            nonlinearity = one.nonlinearity(FEW * of_reading)
             # factor x on the step that minimises (bent x)^2 + noise / x
-            shorter = (0.5 * noise / max(bent, STRAIGHT)**2) ** (1 / 3)
-            if bent > STRAIGHT and shorter < 0.5 and not last:
+            shorter = (0.5 * noise / max(nonlinearity, STRAIGHT)**2) ** (1 / 3)
+            if nonlinearity > STRAIGHT and shorter < 0.5 and not last:
                 again.append((number.at, number.h * shorter))
                 continue
-            error = one.sizes[0] * (bent**2 + self.motion.off + noise) + of_reading
+            error = one.sizes[0] * (nonlinearity**2 + self.motion.equation_error + noise) + of_reading
             self.found[number.at] = Quotient(one.value, error, number.h)
         return again
 
-    def _started(self, start: Change) -> Start:
+    def _start_of(self, start: Change) -> Start:
         """Return the derivatives by the start, given those by its state."""
         motion, initial = self.motion, self.model.case.initial or Initial()
         if not motion.free.all() or len(motion.stepper.p.motion_coord) or initial.from_ != "rest":
@@ -200,7 +200,7 @@ class MotionAdjoint(Together):
     def _begin(self, one: Sum, start: Start) -> None:
         """Add the contribution of the start of the motion to the derivative by a number."""
         if start.mu is None:
-            one.change(one.number.begin(), start.all)
+            one.add_change(one.number.begin(), start.all)
             return
         one.note(self.motion.begun, self.motion.window, start.mu[None])
         if start.rates is None or start.lifted is None or start.left is None:
@@ -211,4 +211,4 @@ class MotionAdjoint(Together):
         else:
             sides = zip(one.number.weights[0].tolist(), differing.models, strict=True)
             by_rates = sum(weight * initial_rates(model) for weight, model in sides if weight) @ start.rates
-        one.take(np.array([by_rates, np.zeros_like(by_rates)])[:, None])
+        one.add(np.array([by_rates, np.zeros_like(by_rates)])[:, None])

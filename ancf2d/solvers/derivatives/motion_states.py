@@ -29,7 +29,7 @@ from ..motion.stepping import LOG, Stepper
 from ..state import Row, State
 from .differences import UnsuitedError
 from .linear_steps import Change, Entries, Equations, Stages, method_of
-from .varied_motions import Beside, carried, joined, rests
+from .varied_motions import VariedNumber, carried, joined, rests
 
 # tolerances of Newton's increments; the first at which fixed steps are as long as in the run is used
 NEWTON = (1e-13, 1e-12, 1e-11, 1e-10)
@@ -83,7 +83,7 @@ class Course:
             getattr(self.stages, name)[:, :, columns] += getattr(other.stages, name)
 
 
-class Once:
+class RepeatedMotion:
     """A motion repeated step by step, with the linear equations of its steps.
 
     ``lengths`` are those of fixed steps in a run; if empty, they are found when needed; None if they may differ.
@@ -103,7 +103,7 @@ class Once:
         self.damped = bool(p.tau.any()) or len(p.points.mem) > 0
         # state before the last step, and number of steps made
         self.before: dict[str, Array] = {}
-        self.lengths, self.made = lengths, 0
+        self.lengths, self.step_count = lengths, 0
 
     def steps(self) -> Iterator[Step | None]:
         """Make the motion; yield its steps, and None when it has reached a break."""
@@ -116,15 +116,15 @@ class Once:
             if why == EVENT:
                 raise UnsuitedError("events answer the motion")
             if logged:
-                self.made += 1
+                self.step_count += 1
                 h = float(stepper.rows.log[0, 2])
-                stages = self.method.taken(self.own.values, self.before["z"], t, h)
+                stages = self.method.stages_of_step(self.own.values, self.before["z"], t, h)
                 yield Step(t, h, stages, turns, feet, rows)
                 rows = []
             if stepper.at_break(why):
                 yield None
 
-    def unlike(self) -> bool:
+    def differs_from_run(self) -> bool:
         """Return whether the last step is a fixed one with another length than in the run.
 
         With smaller increments, Newton's method may form a tangent earlier and converge where it does not in the run,
@@ -138,7 +138,7 @@ class Once:
             if not cut and (self.method.stages > 1 or iterations <= EASY):
                 return False
             lengths += lengths_of(Run(self.run.model, self.run.spec).states())
-        h, k = float(stepper.rows.log[0, LOG.index("dt")]), self.made - 1
+        h, k = float(stepper.rows.log[0, LOG.index("dt")]), self.step_count - 1
         return k >= len(lengths) or not math.isclose(h, lengths[k], rel_tol=SAME)
 
     def moments(self, window: Sequence[Step]) -> Record:
@@ -186,13 +186,13 @@ def lengths_of(states: Iterable[State]) -> list[float]:
     return [h for state in states for h in state.blocks["dt"].tolist()]
 
 
-class Pass(Once):
+class MotionWithDerivatives(RepeatedMotion):
     """A motion repeated with the derivatives of its states. Raises UnsuitedError."""
 
-    def __init__(self, model: Model, spec: Dynamic, whole: bool, tolerance: float,
+    def __init__(self, model: Model, spec: Dynamic, all_states: bool, tolerance: float,
                  lengths: list[float] | None) -> None:
         super().__init__(model, spec, tolerance, lengths)
-        self.whole = whole
+        self.all_states = all_states
         # a second motion of the same model, for differences across breaks
         self.other: Stepper | None = None
         self.rows: list[Row] = []
@@ -200,21 +200,21 @@ class Pass(Once):
         # whether all tangents have been exact so far
         self.precise = True
         # for each number: error of the linear equations, and of differences of lower order over the first steps
-        self.off, self.rough = np.zeros(0), np.zeros(0)
+        self.equation_error, self.rough = np.zeros(0), np.zeros(0)
 
-    def make(self, numbers: Sequence[Beside], steps: int | None = None) -> bool:
+    def make(self, numbers: Sequence[VariedNumber], steps: int | None = None) -> bool:
         """Make the motion, or so many steps; return whether these are as long as in the run.
 
         ``rows`` and ``changes`` (3, n, 2 numbers) are then those of the stored states.
         """
         stepper, self.numbers = self.stepper, numbers
         self.run.begin()
-        self.off = np.zeros(len(numbers))
+        self.equation_error = np.zeros(len(numbers))
         change = self._begin()
-        self._take(stepper.last(), change)
+        self._store(stepper.last(), change)
         size, window = min(self._size(), steps or self._size()), list[Step]()
         for step in self.steps():
-            if step is not None and self.unlike():
+            if step is not None and self.differs_from_run():
                 return False
             if step is not None:
                 window.append(step)
@@ -225,7 +225,7 @@ class Pass(Once):
             if step is None:
                 change = self._behind_break(change)
         change = self._through(window, change)
-        self._take(stepper.last(), change)
+        self._store(stepper.last(), change)
         return True
 
     def _begin(self) -> Change:
@@ -262,9 +262,9 @@ class Pass(Once):
         each = s * n * (10 * k + 10) + s * len(self.mass) * (2 + s) + s * n * (3 * s * self.stepper.p.width + 1)
         return int(min(max(WINDOW // max(each, 1), 1), 256))
 
-    def _take(self, row: Row, change: Change) -> None:
+    def _store(self, row: Row, change: Change) -> None:
         """Store a state and its change."""
-        if not self.whole:
+        if not self.all_states:
             self.rows, self.changes = [], []
         self.rows.append(row)
         self.changes.append(np.array([change.z, change.v, change.a]))
@@ -286,12 +286,12 @@ class Pass(Once):
         if not self.precise:
             self._correct(equations, at, dR, course)
         if not len(self.rough):
-            self.rough = np.array([unlike(self.stepper.p.weights, course.stages.z[:, :, 2 * k:2 * k + 2])
+            self.rough = np.array([lower_order_error(self.stepper.p.weights, course.stages.z[:, :, 2 * k:2 * k + 2])
                                    for k in range(len(self.numbers))])
-        for k, step in enumerate(window if self.whole else ()):
+        for k, step in enumerate(window if self.all_states else ()):
             for row in step.rows:
                 if row.t < self.run.spec.t_end:
-                    self._take(row, self._within(step, row, course, k))
+                    self._store(row, self._within(step, row, course, k))
         return course.at(-1)
 
     def _exact(self, equations: Equations, at: Record, dR: Array, course: Course) -> bool:
@@ -312,7 +312,7 @@ class Pass(Once):
         more, _ = equations.follow(defect, Change.none(self.entries.n, 1))
         left = self._share(at, Stages(stages.t, z, v, a), more, 0, size, float(factors @ self._per_step))
         if left <= ENOUGH:
-            self.off = np.maximum(self.off, left)
+            self.equation_error = np.maximum(self.equation_error, left)
         return left <= ENOUGH
 
     def _correct(self, equations: Equations, at: Record, dR: Array, course: Course) -> None:
@@ -346,7 +346,7 @@ class Pass(Once):
             some = some[going]
             if not len(some):
                 break
-        self.off = np.maximum(self.off, last)
+        self.equation_error = np.maximum(self.equation_error, last)
         if (last > LOOSE).any():
             raise UnsuitedError("the tangents of the steps do not determine their derivatives")
 
@@ -385,7 +385,7 @@ class Pass(Once):
         return Change(start.z + z, free * v / step.h, free * a / step.h**2, start.own)
 
 
-def unlike(weights: Array, both: Array) -> float:
+def lower_order_error(weights: Array, both: Array) -> float:
     """Return the error of differences of lower order relative to the largest change: ``both`` (m, n, 2) of a number."""
     size, far = (float((weights * np.abs(x)).max(initial=0.0)) for x in (both[..., 0], both[..., 0] - both[..., 1]))
     return far / size if size > 0.0 else 0.0

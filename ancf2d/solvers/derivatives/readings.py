@@ -19,7 +19,7 @@ from ..post import Observer
 from ..state import Row, State
 from .differences import Quotient, UnsuitedError, error_of
 from .linear_steps import Change
-from .varied_motions import Beside
+from .varied_motions import VariedNumber
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_matrix
@@ -29,10 +29,10 @@ Term = tuple[int, int, str, str, float]
 
 
 class Goals(Protocol):
-    """Numbers that follow from probes of states, of the last state only unless ``whole``."""
+    """Numbers that follow from probes of states, of the last state only unless ``all_states``."""
 
     @property
-    def whole(self) -> bool: ...
+    def all_states(self) -> bool: ...
 
     @property
     def count(self) -> int:
@@ -92,7 +92,7 @@ class Readings:
         by_place, by_rate = (csc_matrix(csr_matrix((by, (rows, columns)), (k, n)) @ T) for by in (by_place, by_rate))
         return by_place, by_rate
 
-    def of(self, rows: Sequence[Row]) -> bool:
+    def linear_in(self, rows: Sequence[Row]) -> bool:
         """Return whether the derivatives of the goals follow from those of stored states that are not projected."""
         if not self.free.all() and any(row.kind == INSIDE for row in rows):
             return False
@@ -109,27 +109,29 @@ class Readings:
                 getattr(bar, name)[:] = by[:, state * n:(state + 1) * n].T.toarray()
         return out
 
-    def change(self, number: Beside, rows: Sequence[Row], windows: Sequence[Array], value: Array, error: Array
+    def change(self, number: VariedNumber, rows: Sequence[Row], windows: Sequence[Array], value: Array, error: Array
                ) -> Quotient:
         """Return the derivatives of goals by a number, from those of the states (states, 3, n) and their ``error``."""
         parts = [(by @ value[:, k].ravel(), abs(by) @ error[:, k].ravel()) for k, by in enumerate(self.by)]
-        direct, near = self.directly(number, rows, windows)
+        direct, near = self.direct_differences(number, rows, windows)
         return Quotient(sum(found for found, _ in parts) + direct,
                         sum(off for _, off in parts) + error_of(direct, near), number.h)
 
-    def directly(self, number: Beside, rows: Sequence[Row], windows: Sequence[Array]) -> Array:
+    def direct_differences(self, number: VariedNumber, rows: Sequence[Row], windows: Sequence[Array]) -> Array:
         """Return differences (2, k), by the weights of a number, of the goals at the same unknowns.
 
         ``windows`` between breaks give the times of signals at the ``rows`` of the states.
         """
         found = number.differing
-        if not found.moves and all(self.goals.alike(self.model, model) for model in found.models):
+        if not found.changes_coordinates and all(self.goals.alike(self.model, model) for model in found.models):
             return np.zeros((2, len(self.values)))
-        read = [self.goals(model, self._beside(number, side, rows, windows) if found.moves else self.states)
+        read = [self.goals(model, self._varied_states(number, side, rows, windows)
+                           if found.changes_coordinates else self.states)
                 for side, model in enumerate(found.models)]
         return np.asarray(number.weights @ np.array(read))
 
-    def _beside(self, number: Beside, side: int, rows: Sequence[Row], windows: Sequence[Array]) -> list[State]:
+    def _varied_states(self, number: VariedNumber, side: int, rows: Sequence[Row], windows: Sequence[Array]
+                       ) -> list[State]:
         """Return the states of a varied model at the same unknowns."""
         p, w, out = number.differing.problems[side], number.differing.w[side], list[State]()
         for row, window, state in zip(rows, windows, self.states, strict=True):

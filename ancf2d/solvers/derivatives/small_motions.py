@@ -27,7 +27,7 @@ from ..small_motions.projected import Complex, Quadratic
 from ..state import State
 from .differences import Quotient, derivative
 from .statics import Equilibrium, OneByOne
-from .varied_motions import Varied
+from .varied_motions import ModelAt
 
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
@@ -65,14 +65,14 @@ class SmallMotions(OneByOne):
         small = Linearised(Base(base, self.state_at(base, z), self.loaded))
         return Quadratic(small, self.damped, relaxes=self.damped)
 
-    def moved(self, at: Varied, h: float) -> tuple[Callable[[float], Quadratic], Quotient]:
+    def moved(self, at: ModelAt, h: float) -> tuple[Callable[[float], Quadratic], Quotient]:
         """Return the matrices as a function of the change of the number, and the derivative (n,) of an equilibrium."""
         if self.rest is None:
             return lambda step: self.problem_at(at(step), self.z), Quotient(np.zeros(0), np.zeros(0), h)
         rest = self.rest.slope(at, h)
         return lambda step: self.problem_at(at(step), self.z + step * rest.value), rest
 
-    def beside(self, change: Array) -> tuple[Array, Array]:
+    def unknowns_and_rest(self, change: Array) -> tuple[Array, Array]:
         """Return the unknowns (n,) of the state changed by the first part of ``change``, and the rest of that."""
         return (self.z + change[:self.n] if self.n else self.z), change[self.n:]
 
@@ -140,7 +140,7 @@ class Vibration(SmallMotions):
                                    at={"mode": entry + 1})
         return _Cluster(near, [], s, x, y, G)
 
-    def slope(self, at: Varied, h: float) -> Quotient:
+    def slope(self, at: ModelAt, h: float) -> Quotient:
         """Return dz/dp (n,) of the state, if it is an equilibrium, then ds/dp of the modes (real, imaginary).
 
         For equal ones that separate, it is the mean of both sides, and ``kink`` the difference of each side from it.
@@ -162,7 +162,7 @@ class Vibration(SmallMotions):
 
     def states(self, model: Model, change: Array) -> list[State]:
         """Return the state of a model with its frequencies changed."""
-        z, rest = self.beside(change)
+        z, rest = self.unknowns_and_rest(change)
         report = {**self.state.report, "frequencies": [dict(e) for e in self.state.report["frequencies"]]}
         places = [c.entries[k] for c in self.clusters for k in c.wanted]
         for place, (real, imaginary) in zip(places, rest.reshape(-1, 2).tolist(), strict=True):
@@ -232,7 +232,7 @@ class Excited(SmallMotions):
         vanishes = slope(ends[0]) * slope(ends[1]) < 0.0
         return k, float(brentq(slope, *ends, xtol=PEAK * (high - low)) if vanishes else peak.x)
 
-    def slope(self, at: Varied, h: float) -> Quotient:
+    def slope(self, at: ModelAt, h: float) -> Quotient:
         """Return dz/dp (n,) of the state, if it is an equilibrium, then dx/dp (frequencies, inputs, n, 2)."""
         problem, rest = self.moved(at, h)
 
@@ -249,7 +249,7 @@ class Excited(SmallMotions):
 
     def states(self, model: Model, change: Array) -> list[State]:
         """Return the state of a model with its responses changed, at the differentiated frequencies."""
-        z, rest = self.beside(change)
+        z, rest = self.unknowns_and_rest(change)
         p = self.problem_at(model, z)
         inputs, probes = self._read(p)
         X = rest.reshape(len(self.at), len(self.inputs), -1, 2) @ [1.0, 1j]

@@ -27,7 +27,7 @@ from ..statics.continuation import Curve
 from ..statics.path_events import goal_of
 from ..system import System
 from .differences import Quotient, UnsuitedError, derivative
-from .varied_motions import Varied
+from .varied_motions import ModelAt
 
 # number of corrections of a solution before it is differentiated
 POLISH = 3
@@ -40,7 +40,7 @@ ALONG = 1e-3
 class Response(Protocol):
     """The first derivative of a solver's result."""
 
-    def slope(self, at: Varied, h: float) -> Quotient:
+    def slope(self, at: ModelAt, h: float) -> Quotient:
         """Return the derivative of all variables, by differences of models with steps near h."""
         ...
 
@@ -48,7 +48,7 @@ class Response(Protocol):
         """Return the states of a varied model, for a change of all variables."""
         ...
 
-    def prepare(self, beside: Sequence[tuple[Varied, float]]) -> None:
+    def prepare(self, numbers: Sequence[tuple[ModelAt, float]]) -> None:
         """Compute in advance derivatives that are cheaper for several numbers at once."""
         ...
 
@@ -56,7 +56,7 @@ class Response(Protocol):
 class OneByOne:
     """Derivatives that are found separately for each number."""
 
-    def prepare(self, beside: Sequence[tuple[Varied, float]]) -> None:
+    def prepare(self, numbers: Sequence[tuple[ModelAt, float]]) -> None:
         """Do nothing."""
 
 
@@ -112,18 +112,18 @@ class Equilibrium(OneByOne):
 
     def residual(self, model: Model, change: Array | float = 0.0) -> Array:
         """Return R (n,) of a model at the unknowns of this equilibrium plus ``change``."""
-        t = self.factor(model)
+        t = self.load_factor(model)
         system, d = self.system_of(model), model.displacements(self.z + change, t)
         if not self.linear:
             return system.forces(d, t).R
         start = system.assemble(self.zero, self.t, load_stiffness=False)
         return start.R + model.numbering.reduce(system.action(self.zero, d, self.t, linear=True))
 
-    def factor(self, model: Model) -> float:
+    def load_factor(self, model: Model) -> float:
         """Return the load factor of the state of a model."""
         return self.t
 
-    def slope(self, at: Varied, h: float) -> Quotient:
+    def slope(self, at: ModelAt, h: float) -> Quotient:
         """Return dz/dp (n,).
 
         Steps are judged by the displacements that the residuals cause: at fixed unknowns, stiff motions contribute,
@@ -133,7 +133,7 @@ class Equilibrium(OneByOne):
         found = derivative(lambda s: -self._solved(self.residual(at(s))), h, weights, self._unknown)
         return found if self.contacts is None else self._corrected(at, found)
 
-    def _corrected(self, at: Varied, found: Quotient) -> Quotient:
+    def _corrected(self, at: ModelAt, found: Quotient) -> Quotient:
         """Return dz/dp (n,) with stationary residuals along it: tangents of sliding points are not exact."""
         system, z = self.system, found.value
 
@@ -155,7 +155,7 @@ class Equilibrium(OneByOne):
 
     def states(self, model: Model, change: Array) -> list[State]:
         """Return the state of a model at the unknowns z + change."""
-        return [self.state_at(model, self.z + change, self.factor(model))]
+        return [self.state_at(model, self.z + change, self.load_factor(model))]
 
     def state_at(self, model: Model, z: Array, t: float | None = None) -> State:
         """Return the state of a model at unknowns z (n,), and at another load factor if given."""
@@ -172,10 +172,10 @@ class Equilibrium(OneByOne):
         return replace(self.state, d=d, Q=start.Q + elastic, F=start.F, energy=energy)
 
 
-class AtFactor(Equilibrium):
+class EndAtLoadFactor(Equilibrium):
     """The end of a path at a load factor that the case gives."""
 
-    def factor(self, model: Model) -> float:
+    def load_factor(self, model: Model) -> float:
         """Return the load factor that the case of a model gives."""
         spec = model.case.solver
         assert isinstance(spec, Static)
@@ -269,7 +269,7 @@ class PathEnd(OneByOne):
         """Return R and g (n + 1,) of a model at this state."""
         return np.append(self.rest.residual(model), self._goal(model, self.rest.z, self.rest.t))
 
-    def slope(self, at: Varied, h: float) -> Quotient:
+    def slope(self, at: ModelAt, h: float) -> Quotient:
         """Return dz/dp and dt/dp (n + 1,). Raises UnsuitedError if no load changes with the load factor."""
         if not np.isfinite(self.met):
             raise UnsuitedError("no load changes with the load factor there, as where a tendon hangs loose")
@@ -297,11 +297,11 @@ class Path(OneByOne):
         passed = [next(s for s in states if len(s.report["limit_points"]) >= k) for k in self.limits]
         self.parts: list[Equilibrium | PathEnd] = [PathEnd(model, s, limit=True) for s in passed]
         if isinstance(spec.until, LoadFactor):
-            self.parts.append(AtFactor(model, self.last))
+            self.parts.append(EndAtLoadFactor(model, self.last))
         else:
             self.parts.append(PathEnd(model, self.last, isinstance(spec.until, LimitPoints)))
 
-    def slope(self, at: Varied, h: float) -> Quotient:
+    def slope(self, at: ModelAt, h: float) -> Quotient:
         """Return the derivatives of all these states, concatenated."""
         found = [part.slope(at, h) for part in self.parts]
         self.lengths = np.cumsum([len(q.value) for q in found])

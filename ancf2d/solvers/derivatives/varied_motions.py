@@ -30,10 +30,10 @@ FEW = {0: (-1, 0, 1), 1: (0, 1, 2), -1: (0, -1, -2)}
 TWO = {0: np.array([[-0.5, 0.0, 0.5], [0.5, -1.0, 0.5]]), 1: np.array([[-1.5, 2.0, -0.5], [-0.5, 1.0, -0.5]])}
 
 # returns the model with the number changed by h
-Varied = Callable[[float], Model]
+ModelAt = Callable[[float], Model]
 
 
-def unsuited(model: Model) -> str:
+def why_unsuited(model: Model) -> str:
     """Return why the steps of a motion have no derivative, empty if they have one."""
     spec = model.case.solver
     if not isinstance(spec, Dynamic):
@@ -60,17 +60,17 @@ def unsuited(model: Model) -> str:
 class Together(ABC):
     """Derivatives by several numbers that are found at once and stored."""
 
-    found: dict[Varied, Quotient | Exception]
+    found: dict[ModelAt, Quotient | Exception]
 
     @abstractmethod
-    def find(self, beside: Sequence[tuple[Varied, float]]) -> None:
+    def find(self, numbers: Sequence[tuple[ModelAt, float]]) -> None:
         """Find the derivatives by numbers with their steps, or why there are none."""
 
-    def prepare(self, beside: Sequence[tuple[Varied, float]]) -> None:
+    def prepare(self, numbers: Sequence[tuple[ModelAt, float]]) -> None:
         """Find the derivatives in advance."""
-        self.find(beside)
+        self.find(numbers)
 
-    def slope(self, at: Varied, h: float) -> Quotient:
+    def slope(self, at: ModelAt, h: float) -> Quotient:
         """Return the derivatives by a number. Raises UnsuitedError, CaseError, ComputationError."""
         if at not in self.found:
             self.find([(at, h)])
@@ -80,14 +80,14 @@ class Together(ABC):
         return found
 
 
-class Beside:
+class VariedNumber:
     """A number of the case: models with the number varied in steps of h, and their motions.
 
     ``weights`` (2, sides) give differences of fourth and of lower order of the models' values; with ``few`` sides, of
     second order and how much they change over h.
     """
 
-    def __init__(self, at: Varied, h: float, run: Run, few: bool = False) -> None:
+    def __init__(self, at: ModelAt, h: float, run: Run, few: bool = False) -> None:
         self.at, self.h, self.spec, self.pieces = at, h, run.spec, run.stepper.pieces
         sides: dict[int, tuple[int, ...]] = dict(FEW if few else SIDES)
         side = self._side(at, h, sides)
@@ -110,7 +110,7 @@ class Beside:
         return runs
 
     @staticmethod
-    def _side(at: Varied, h: float, sides: dict[int, tuple[int, ...]]) -> int:
+    def _side(at: ModelAt, h: float, sides: dict[int, tuple[int, ...]]) -> int:
         """Return the side on which models can be built: 0 for both, else the sign."""
         for side in (0, 1):
             try:

@@ -18,7 +18,7 @@ from ..run import Outcome, describe_goal, prepare, vocabulary
 from ..variants import Variant, flexible
 from ..windows import window_of
 from .direct import Direct
-from .judging import apart
+from .judging import relative_distance
 from .load_steps import in_steps
 from .mesh import Ladder
 from .motion import Motion
@@ -90,8 +90,8 @@ def solve_to_accuracy(loaded: LoadedCase, target: Target | None = None, progress
     dense = _with_points(loaded, POINTS * wanted)
     pursuit = Pursuit(dense or _with_tolerance(loaded, BEGUN * wanted), wanted, progress or Progress(), target, tell)
     if dense is not None:
-        pursuit.apart = pursuit.report["points_error"] = POINTS * wanted
-    if _open_bodies(loaded) or not Direct(pursuit, {}).suits():
+        pursuit.model_error = pursuit.report["points_error"] = POINTS * wanted
+    if _open_bodies(loaded) or not Direct(pursuit, {}).applies():
         prepare(first_mesh(loaded))
     for name, body in flexible(loaded.case).items():
         if body.element.nodes == "regular" and stretches(body.geometry, acting_points(loaded.case)[name])[1:]:
@@ -129,7 +129,7 @@ def _with_tolerance(loaded: LoadedCase, tolerance: float) -> LoadedCase:
 
 def _climbed(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | None) -> dict[str, Any]:
     """Refine the mesh, and the time steps if there are any; write the result and return its accuracy."""
-    left = max(pursuit.wanted - pursuit.apart, 0.1 * pursuit.wanted)
+    left = max(pursuit.wanted - pursuit.model_error, 0.1 * pursuit.wanted)
     direct = _directly(pursuit, types, tolerance, left) if pursuit.guesses else None
     if direct is not None:
         return pursuit.accuracy(direct[0], direct[2], direct[1])
@@ -145,7 +145,7 @@ def _climbed(pursuit: Pursuit, types: dict[str, Variant], tolerance: float | Non
         return _in_time(pursuit, level, error, found)
     expected = level.answer
     pursuit.write(level, lambda level: (found, error))
-    if pursuit.begins and _strayed(level, expected, BRANCH * left):
+    if pursuit.starts_from_guess and _strayed(level, expected, BRANCH * left):
         pursuit.tell("the load steps have changed, so all meshes are solved again")
         pursuit.guesses = False
         pursuit.known.clear()
@@ -174,15 +174,15 @@ def _strayed(level: Level, expected: GoalValue | None, allowed: float) -> bool:
 
 def _in_time(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> dict[str, Any]:
     """Solve the chosen mesh with smaller steps, until that hardly changes the goal; return its accuracy."""
-    def told(level: Level) -> tuple[Estimate, float]:
+    def estimate_of(level: Level) -> tuple[Estimate, float]:
         # a ten times larger tolerance has at least three times the error
-        pursuit.report["time_error"] = 0.5 * apart(level, rough)
+        pursuit.report["time_error"] = 0.5 * relative_distance(level, rough)
         return found, error + pursuit.report["time_error"]
 
     while True:
-        fine = pursuit.solve(pursuit.sharper(rough.setting), "effect of the time steps", told)
-        pursuit.write(fine, told)
-        accuracy = pursuit.accuracy(fine, *told(fine))
+        fine = pursuit.solve(pursuit.sharper(rough.setting), "effect of the time steps", estimate_of)
+        pursuit.write(fine, estimate_of)
+        accuracy = pursuit.accuracy(fine, *estimate_of(fine))
         if accuracy["achieved"] or error > pursuit.wanted or fine.reason:
             return accuracy
         if (fine.setting.tolerance or 0.0) <= LEAST_TOLERANCE or 2 * fine.work > MOST_WORK:
@@ -196,7 +196,7 @@ def _types(pursuit: Pursuit) -> dict[str, Variant]:
         return {}
     chosen = choose_types(pursuit, open_bodies, MODEL * pursuit.wanted, _tolerance_of(pursuit))
     error = SAFE * chosen.error
-    pursuit.apart += error
+    pursuit.model_error += error
     pursuit.report["model_error"] = error
     pursuit.report["types"] = {name: {"element": chosen.types[name].element, "why": chosen.why[name]}
                                for name in open_bodies}
@@ -227,9 +227,9 @@ def describe(accuracy: dict[str, Any], case: Case) -> str:
         about = f"error about {estimate:.1e} of their peaks" if goal is None else (
             f"error about {accuracy['absolute']:.1e}, which is {estimate:.1e} of "
             + _measured_by(accuracy, goal, case.solver.moves))
-    told = describe_goal(goal) + ("" if goal is None else f" = {accuracy['value']:.10g}")
+    measured = describe_goal(goal) + ("" if goal is None else f" = {accuracy['value']:.10g}")
     verdict = "reached" if accuracy["achieved"] else "NOT reached"
-    return (f"{told}, {about} (wanted {accuracy['wanted']:.1e}: {verdict}), "
+    return (f"{measured}, {about} (wanted {accuracy['wanted']:.1e}: {verdict}), "
             f"{many(sum(accuracy['elements'].values()), 'element')}, {many(accuracy['solves'], 'solve')}")
 
 
@@ -272,16 +272,16 @@ def choose_types(pursuit: Pursuit, bodies: list[str], allowed: float, tolerance:
         share = left / (len(bodies) - i)
         for kind in ladders[name][:-1]:
             tried = {**types, name: kind}
-            moved = meshes.moved(tried, best, error + share, f"{name} as {kind.element}")
-            if moved is None:
+            goal_change = meshes.goal_change(tried, best, error + share, f"{name} as {kind.element}")
+            if goal_change is None:
                 continue
-            if moved - error <= share:
-                types, error = tried, max(error, moved)
+            if goal_change - error <= share:
+                types, error = tried, max(error, goal_change)
                 left = allowed - error
-                why[name] = f"with {kind.element} the goal moves by {moved:.1e}; {share:.1e} may go to the model"
+                why[name] = f"with {kind.element} the goal moves by {goal_change:.1e}; {share:.1e} may go to the model"
                 break
-            why[name] = (f"with {kind.element} the goal would move by {moved:.1e}, more than the {share:.1e} that may "
-                         "go to the model")
+            why[name] = (f"with {kind.element} the goal would move by {goal_change:.1e}, more than the {share:.1e} "
+                         "that may go to the model")
     return Choice(types, why, error)
 
 
@@ -296,21 +296,21 @@ class _Meshes:
         """Return the level solved with some types on the mesh of a size."""
         return self.pursuit.solve(Ladder(self.pursuit, types, self.tolerance).setting(size), why)
 
-    def moved(self, types: dict[str, Variant], best: dict[str, Variant], enough: float, why: str) -> float | None:
+    def goal_change(self, types: dict[str, Variant], best: dict[str, Variant], enough: float, why: str) -> float | None:
         """Return how far the goal moves with simpler types, relative; None if the types are not possible.
 
         A distance of more than ``enough`` may be due to the mesh instead of the model: meshes are doubled as long as
         this reduces the distance at least by half.
         """
-        if self.pursuit.refuses(Ladder(self.pursuit, types, self.tolerance).setting(SIZE)) is not None:
+        if self.pursuit.why_refused(Ladder(self.pursuit, types, self.tolerance).setting(SIZE)) is not None:
             return None
         size, before = SIZE, float("inf")
         finest = SIZE if self.tolerance is not None else FINEST
         while True:
             simple = self.solve(types, size, why)
-            gap = apart(simple, self.solve(best, size, "reference model for the errors"))
+            gap = relative_distance(simple, self.solve(best, size, "reference model for the errors"))
             # a mesh that misses an obstacle cannot be compared
-            gap = float("inf") if simple.off else gap
+            gap = float("inf") if simple.missed_by else gap
             if gap <= enough or 2.0 * size > finest or not gap <= min(FAR, 0.5 * before):
                 return min(gap, before) if math.isfinite(min(gap, before)) else None
             size, before = 2.0 * size, gap

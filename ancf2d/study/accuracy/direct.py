@@ -21,9 +21,9 @@ from ...errors import many
 from ...model.curve import stretches
 from ..order import Estimate
 from ..variants import Variant, described
-from .mesh import moved_alone
-from .neighbours import Neighbour, Verdict, beside, judged
-from .pursuit import MOST_ELEMENTS, MOST_WORK, Pursuit, Told
+from .mesh import influence_by_body
+from .neighbours import Neighbour, Verdict, solve_neighbour, verdict_of
+from .pursuit import MOST_ELEMENTS, MOST_WORK, EstimateOf, Pursuit
 from .setting import AS_GIVEN, Level, Setting, bodies_with_meshes, meshed
 
 if TYPE_CHECKING:
@@ -82,32 +82,32 @@ class Direct:
 
         None if no mesh can be judged in this way; a ladder of meshes may still succeed.
         """
-        if not self.suits():
+        if not self.applies():
             return None
         setting, why = self.first(wanted), "predicted from the order of the element type"
         unseen = 0
         for _ in range(1 + 2 * CORRECTIONS):
             if 2 * setting.elements > MOST_ELEMENTS:
                 return None
-            level = self.pursuit.whole(setting, why, self._told)
+            level = self.pursuit.solve_as_result(setting, why, self._estimate_of)
             verdict = self.verdict
             if level.answer is None:
                 return None
             if verdict is None:
                 # perhaps too coarse: of the mesh twice as fine, two of the three meshes are known already
                 unseen += 1
-                found = None if unseen == 1 else self._unseen(level)
+                found = None if unseen == 1 else self._refined_locally(level)
                 if unseen > 1 + CORRECTIONS:
                     return None
                 setting, why = found or self._doubled(setting)
                 continue
             if verdict.error <= wanted:
-                return level, verdict.error, verdict.found
-            if verdict.finer <= wanted and self.finer is not None:
+                return level, verdict.error, verdict.estimate
+            if verdict.finer_error <= wanted and self.finer is not None:
                 self.pursuit.tell(f"{many(self.finer.setting.elements, 'element')}: the result")
-                finer = self.pursuit.again(self.finer, _as_told(verdict.found, verdict.finer))
-                return None if finer.answer is None else (finer, verdict.finer, verdict.found)
-            if verdict.found.order is None or 4 * level.work > MOST_WORK:
+                finer = self.pursuit.resolve_as_result(self.finer, _always(verdict.estimate, verdict.finer_error))
+                return None if finer.answer is None else (finer, verdict.finer_error, verdict.estimate)
+            if verdict.estimate.order is None or 4 * level.work > MOST_WORK:
                 return None
             setting, why = self._next(level, verdict, wanted)
         return None
@@ -118,7 +118,7 @@ class Direct:
         counts = {name: 2 * n for name, n in setting.counts.items()}
         return replace(setting, counts=counts), "twice as fine, as the meshes beside tell nothing"
 
-    def _unseen(self, level: Level) -> tuple[Setting, str] | None:
+    def _refined_locally(self, level: Level) -> tuple[Setting, str] | None:
         """Return a mesh with far shorter elements where a mesh that shows no order yet has the largest errors.
 
         None if there is no adjoint, or if all elements would be shorter: layers may be thinner than all elements.
@@ -132,7 +132,7 @@ class Direct:
             return None
         return Setting(fewer, self.types, None, nodes), "elements as the error of each asks for"
 
-    def suits(self) -> bool:
+    def applies(self) -> bool:
         """Return whether meshes can be judged by neighbours: values are numbers, and no kink moves through elements."""
         case = self.pursuit.loaded.case
         bodies = bodies_with_meshes(case, self.types)
@@ -164,31 +164,31 @@ class Direct:
                 counts[name] = 2 * max(mesh.least, math.ceil(0.5 * n))
         return Setting(counts, self.types)
 
-    def _told(self, level: Level) -> tuple[Estimate, float]:
+    def _estimate_of(self, level: Level) -> tuple[Estimate, float]:
         """Judge the level solved last with the help of its neighbours."""
         pursuit = self.pursuit
         self.verdict = self.fine = self.finer = None
         assert pursuit.last is not None
         assert pursuit.case is not None
         loaded, solved = pursuit.case, pursuit.last[1]
-        coarse = self._known(level) or pursuit.beside(beside(loaded, solved, level, False))[0]
-        fine, self.fine = pursuit.beside(beside(loaded, solved, level, True))
-        self.verdict = judged(coarse, level, fine, max(self.orders.values()))
+        coarse = self._known_coarser(level) or pursuit.add_neighbour(solve_neighbour(loaded, solved, level, False))[0]
+        fine, self.fine = pursuit.add_neighbour(solve_neighbour(loaded, solved, level, True))
+        self.verdict = verdict_of(coarse, level, fine, max(self.orders.values()))
         if self.verdict is None:
             return Estimate(None, None, None, False, "its neighbours do not tell"), math.inf
-        self.finer, level.estimate, fine.estimate = fine, self.verdict.error, self.verdict.finer
+        self.finer, level.estimate, fine.estimate = fine, self.verdict.error, self.verdict.finer_error
         if len(level.setting.counts) > 1:
-            self._weigh(coarse)
-        return self.verdict.found, self.verdict.error
+            self._find_weights(coarse)
+        return self.verdict.estimate, self.verdict.error
 
-    def _weigh(self, coarse: Level) -> None:
+    def _find_weights(self, coarse: Level) -> None:
         """Find the influence of each body's mesh on the goal, by the adjoint if there is one."""
         pursuit, found = self.pursuit, self._parts()
         if found is not None:
             pursuit.weights, pursuit.by_adjoint = found.bodies, True
         elif not pursuit.weights:
             kept = pursuit.last, pursuit.case
-            pursuit.weights = moved_alone(pursuit, coarse.setting) or {}
+            pursuit.weights = influence_by_body(pursuit, coarse.setting) or {}
             pursuit.last, pursuit.case = kept
 
     def _parts(self) -> Weighted | None:
@@ -199,7 +199,7 @@ class Direct:
 
         return None if self.fine is None else weighted(self.pursuit.case, self.pursuit.last[1], self.fine)
 
-    def _known(self, level: Level) -> Level | None:
+    def _known_coarser(self, level: Level) -> Level | None:
         """Return the level of the mesh half as fine if it is solved already."""
         counts = {name: n // 2 for name, n in level.setting.counts.items()}
         found = self.pursuit.known.get(replace(level.setting, counts=counts).name)
@@ -207,8 +207,8 @@ class Direct:
 
     def _next(self, level: Level, verdict: Verdict, wanted: float) -> tuple[Setting, str]:
         """Return the mesh predicted to suffice, with unequal elements if these save enough, and why it is tried."""
-        assert verdict.found.order is not None
-        p = min(max(verdict.found.order, 1.0), max(self.orders.values()))
+        assert verdict.estimate.order is not None
+        p = min(max(verdict.estimate.order, 1.0), max(self.orders.values()))
         excess = min(verdict.error / (AIM * wanted), LEAP**p)
         factor, counts = excess ** (1.0 / p), {}
         for name, mesh in meshed(self.pursuit.loaded.case, self.types).items():
@@ -249,7 +249,7 @@ class Direct:
         return nodes
 
 
-def _as_told(found: Estimate, error: float) -> Told:
+def _always(found: Estimate, error: float) -> EstimateOf:
     """Return a function that gives any level this estimate and error."""
     return lambda level: (found, error)
 

@@ -26,7 +26,7 @@ CONFIRMING = 3
 NONE_BEFORE = 1.0
 
 
-def apart(level: Level, finest: Level) -> float:
+def relative_distance(level: Level, finest: Level) -> float:
     """Return the relative distance between the answers of two solved levels."""
     if level.answer is None or finest.answer is None:
         return math.inf
@@ -43,7 +43,7 @@ def choose(levels: Sequence[Level], wanted: float) -> tuple[Level | None, float,
     if not levels:
         return None, last, found
     for level in levels:
-        error = max(last + (0.0 if level is levels[-1] else apart(level, levels[-1])), level.off)
+        error = max(last + (0.0 if level is levels[-1] else relative_distance(level, levels[-1])), level.missed_by)
         if error <= wanted:
             return level, error, found
     return levels[-1], last, found
@@ -62,9 +62,9 @@ def best(levels: Sequence[Level], wanted: float) -> tuple[Level | None, float, E
     return level, last, found
 
 
-def telling(levels: Sequence[Level]) -> Sequence[Level]:
+def usable_levels(levels: Sequence[Level]) -> Sequence[Level]:
     """Return the levels after the last one that misses an obstacle."""
-    return levels[next((n for n in range(len(levels), 0, -1) if levels[n - 1].off), 0):]
+    return levels[next((n for n in range(len(levels), 0, -1) if levels[n - 1].missed_by), 0):]
 
 
 def judge(levels: Sequence[Level]) -> tuple[Estimate, float]:
@@ -72,12 +72,12 @@ def judge(levels: Sequence[Level]) -> tuple[Estimate, float]:
 
     Meshes whose contact points miss an obstacle may agree by accident: they do not count in the estimate of others.
     """
-    found, error = _by_order(telling(levels) or levels)
-    off = levels[-1].off if levels else 0.0
-    if not off:
+    found, error = _by_order(usable_levels(levels) or levels)
+    missed_by = levels[-1].missed_by if levels else 0.0
+    if not missed_by:
         return found, error
     note = "an obstacle is between the contact points of a body"
-    return Estimate(None, None, None, False, note), max(off, error) if math.isfinite(error) else off
+    return Estimate(None, None, None, False, note), max(missed_by, error) if math.isfinite(error) else missed_by
 
 
 def _by_order(levels: Sequence[Level]) -> tuple[Estimate, float]:

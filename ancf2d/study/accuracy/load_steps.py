@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ..order import Estimate
-from .judging import apart
+from .judging import relative_distance
 from .pursuit import MOST_ELEMENTS, MOST_WORK, Pursuit
 from .setting import Level
 
@@ -23,7 +23,7 @@ def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> d
     If shorter steps change the goal, a mesh twice as fine shows whether the mesh error is still the one found with long
     steps.
     """
-    shorter = _Shorter(pursuit, rough, error, found)
+    shorter = _ShorterSteps(pursuit, rough, error, found)
     known = rough
     while True:
         fine = shorter.next()
@@ -31,8 +31,8 @@ def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> d
             pursuit.report.pop("steps_error", None)
             return pursuit.accuracy(shorter.rough, shorter.found, error) | {
                 "achieved": False, "note": f"the steps are not judged, as those with {fine.setting.named_steps} fail"}
-        accuracy = pursuit.accuracy(fine, *shorter.told(fine))
-        if error <= pursuit.wanted and apart(fine, known) > MOVED * pursuit.wanted:
+        accuracy = pursuit.accuracy(fine, *shorter.estimate_of(fine))
+        if error <= pursuit.wanted and relative_distance(fine, known) > MOVED * pursuit.wanted:
             finer, error = _refined(pursuit, fine, error)
             known, shorter.error = finer, error
             if finer is not fine:
@@ -43,11 +43,11 @@ def in_steps(pursuit: Pursuit, rough: Level, error: float, found: Estimate) -> d
             return accuracy
         if 2 * fine.work > MOST_WORK:
             return accuracy | {"note": "the steps needed would take too long"}
-        shorter.go_on(fine)
+        shorter.compare_with(fine)
 
 
 @dataclass
-class _Shorter:
+class _ShorterSteps:
     """Steps half as long as before on one mesh, with its ``error`` and the estimate ``found`` from other meshes.
 
     Errors of steps are of first order: that of the shorter steps is the difference from the ``rough`` ones, twice as
@@ -70,10 +70,10 @@ class _Shorter:
     def begin(self, rough: Level) -> None:
         """Start again on another mesh, with steps twice as long for comparison."""
         longer = self.pursuit.solve(replace(rough.setting, steps=self._steps(0.5 * self.ratio)), "effect of the steps")
-        self.moved = [0.0 if longer.answer is None else apart(longer, rough)]
-        self.go_on(rough)
+        self.moved = [0.0 if longer.answer is None else relative_distance(longer, rough)]
+        self.compare_with(rough)
 
-    def go_on(self, rough: Level) -> None:
+    def compare_with(self, rough: Level) -> None:
         """Compare shorter steps with these from now on."""
         self.rough, self.between = rough, []
         self.moved.append(0.0)
@@ -82,15 +82,16 @@ class _Shorter:
         """Return the level with steps half as long, or shorter if these are hardly more."""
         while True:
             self.ratio *= 2.0
-            fine = self.pursuit.whole(replace(self.rough.setting, steps=self._steps(self.ratio)), "effect of the steps",
-                                      self.told)
-            if fine.answer is None or fine.made >= MORE * self.rough.made or self.ratio >= MOST:
+            fine = self.pursuit.solve_as_result(replace(self.rough.setting, steps=self._steps(self.ratio)),
+                                                "effect of the steps", self.estimate_of)
+            if fine.answer is None or fine.step_count >= MORE * self.rough.step_count or self.ratio >= MOST:
                 return fine
             self.between.append(fine)
 
-    def told(self, level: Level) -> tuple[Estimate, float]:
+    def estimate_of(self, level: Level) -> tuple[Estimate, float]:
         """Return the estimate from meshes for a level, and its error with that of the steps."""
-        self.moved[-1] = max(apart(level, other) for other in (self.rough, *self.between) if other is not level)
+        self.moved[-1] = max(relative_distance(level, other) for other in (self.rough, *self.between)
+                             if other is not level)
         error = self.pursuit.report["steps_error"] = max(0.5**k * moved for k, moved in enumerate(self.moved[:-4:-1]))
         return self.found, self.error + error
 
@@ -105,16 +106,16 @@ def _refined(pursuit: Pursuit, level: Level, error: float) -> tuple[Level, float
     is good enough. The error of a mesh is its difference from that half as fine, or a share of that one's error if
     larger.
     """
-    coarse, told = level, 0.0
+    coarse, assumed = level, 0.0
     while True:
         counts = {name: 2 * n for name, n in coarse.setting.counts.items()}
         fine = pursuit.solve(replace(coarse.setting, counts=counts), "whether meshes differ as with longer steps")
-        moved = apart(fine, coarse)
+        moved = relative_distance(fine, coarse)
         if coarse is level and (fine.answer is None or moved <= error):
             return level, error
         if fine.answer is None:
-            return coarse, told
-        coarse, told = fine, max(moved, FALLS * told)
+            return coarse, assumed
+        coarse, assumed = fine, max(moved, FALLS * assumed)
         work = 4 * fine.work > MOST_WORK or 2 * sum(counts.values()) > MOST_ELEMENTS
-        if work or told <= (1.0 - MOVED) * pursuit.wanted:
-            return fine, told
+        if work or assumed <= (1.0 - MOVED) * pursuit.wanted:
+            return fine, assumed

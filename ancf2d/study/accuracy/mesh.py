@@ -8,7 +8,7 @@ from dataclasses import replace
 from ..goal import sequence
 from ..order import Estimate
 from ..variants import Variant
-from .judging import apart, best, choose, judge, telling
+from .judging import best, choose, judge, relative_distance, usable_levels
 from .pursuit import LEAST_TOLERANCE, MOST_ELEMENTS, MOST_LEVELS, MOST_WORK, Pursuit
 from .setting import Level, Setting, meshed, with_setting
 
@@ -54,16 +54,16 @@ class Ladder:
             why = "coarse mesh of the series" if len(self.levels) < LADDER else "predicted from the observed order"
             if self._add(size, why) is None and not self.levels and size > HOPELESS:
                 break
-            self._weigh()
+            self._find_weights()
             level, error, found = self._chosen(wanted)
-            if self._tells() and (error <= wanted or (found.asymptotic and "round-off" in found.note)):
+            if self._has_enough_levels() and (error <= wanted or (found.asymptotic and "round-off" in found.note)):
                 break
             if self._steps_matter():
                 size = max(1.0, size / 4.0)
                 continue
             if not shared and len(self.levels) >= EVEN:
                 shared = True
-                size = self._share(size)
+                size = self._redistribute(size)
                 continue
             size *= self._factor(error / wanted, found)
             hopeless = self._hopeless(size)
@@ -72,20 +72,20 @@ class Ladder:
         level, error, found = self._chosen(wanted) if not hopeless else best(self.levels, wanted)
         return level, error, replace(found, note="; ".join(note for note in (found.note, hopeless) if note))
 
-    def _tells(self) -> bool:
+    def _has_enough_levels(self) -> bool:
         """Return whether there are enough levels for an estimate: three.
 
         One more is needed if the values oscillate, as with elements that lock, and if zones end within elements: coarse
         meshes may hardly differ if none of their integration points are in the zones that yield.
         """
-        levels = telling(self.levels)
+        levels = usable_levels(self.levels)
         if len(levels) != LADDER:
             return len(levels) > LADDER
         if levels[-1].zones:
             return False
         first, middle, last = sequence([level.answer for level in levels if level.answer is not None])
         swings = (middle - first) * (last - middle) < 0.0
-        return not swings or apart(*levels[:2]) <= SWING
+        return not swings or relative_distance(*levels[:2]) <= SWING
 
     def _hopeless(self, size: float) -> str:
         """Return why a mesh of a size is not worth solving, or an empty text."""
@@ -103,15 +103,15 @@ class Ladder:
         """Return whether meshes differ because of the time steps; if so, reduce the tolerance, discard all levels."""
         if self.tolerance is None or len(self.levels) <= LADDER or self.tolerance <= LEAST_TOLERANCE:
             return False
-        if self.levels[-1].off:
+        if self.levels[-1].missed_by:
             return False
         middle, last = self.levels[-2:]
-        gap = apart(middle, last)
-        if gap < 0.5 * apart(self.levels[-3], middle):
+        gap = relative_distance(middle, last)
+        if gap < 0.5 * relative_distance(self.levels[-3], middle):
             return False
         finer = self.pursuit.solve(self.pursuit.sharper(middle.setting),
                                    "whether the time steps cause the differences between meshes")
-        if not apart(middle, finer) > NOISE * gap:
+        if not relative_distance(middle, finer) > NOISE * gap:
             return False
         self.tolerance, self.method = finer.setting.tolerance, finer.setting.method
         self.levels = []
@@ -124,10 +124,10 @@ class Ladder:
             return self.levels[-1], error, found
         return choose(self.levels, wanted)
 
-    def _share(self, size: float) -> float:
+    def _redistribute(self, size: float) -> float:
         """Distribute the elements by the influence of the bodies and discard the levels; return the next size."""
         if not self.pursuit.by_adjoint:
-            self.pursuit.weights = moved_alone(self.pursuit, self.setting(size / 2.0)) or self.pursuit.weights
+            self.pursuit.weights = influence_by_body(self.pursuit, self.setting(size / 2.0)) or self.pursuit.weights
         weights = shares_by_weight(self.pursuit.weights)
         if weights is None or min(weights.values()) == 1.0:
             return 2.0 * size
@@ -136,7 +136,7 @@ class Ladder:
         self.levels = []
         return size
 
-    def _weigh(self) -> None:
+    def _find_weights(self) -> None:
         """Find the influence of each body's mesh on the goal, before the first estimate is reported.
 
         Uses the adjoint on the second mesh if possible, else refines one body of the first mesh after the other.
@@ -151,11 +151,11 @@ class Ladder:
             if found is not None:
                 pursuit.weights, pursuit.by_adjoint = found.bodies, True
                 return
-        pursuit.weights = moved_alone(self.pursuit, self.levels[0].setting) or {}
+        pursuit.weights = influence_by_body(self.pursuit, self.levels[0].setting) or {}
 
     def _add(self, size: float, why: str) -> Level | None:
-        told = (lambda level: judge([*self.levels, level])) if len(self.levels) >= LADDER - 1 else None
-        level = self.pursuit.solve(self.setting(size), why, told)
+        estimate_of = (lambda level: judge([*self.levels, level])) if len(self.levels) >= LADDER - 1 else None
+        level = self.pursuit.solve(self.setting(size), why, estimate_of)
         if level.answer is None:
             return None
         if not self.levels or level.setting.elements > self.levels[-1].setting.elements:
@@ -170,7 +170,7 @@ class Ladder:
         It is 2 unless the order is confirmed, and also if meshes start from the state of another one: then the meshes
         in between cost little, and more of them improve the estimate.
         """
-        if self.pursuit.begins or not found.asymptotic or found.order is None or len(self.levels) <= LADDER:
+        if self.pursuit.starts_from_guess or not found.asymptotic or found.order is None or len(self.levels) <= LADDER:
             return 2.0
         p = min(max(found.order, TRUSTED[0]), TRUSTED[1])
         wanted = (excess / AIM) ** (1.0 / p)
@@ -180,7 +180,7 @@ class Ladder:
         return max(STEP, math.ceil(2.0 * factor - 0.25) / 2.0)
 
 
-def moved_alone(pursuit: Pursuit, base: Setting) -> dict[str, float] | None:
+def influence_by_body(pursuit: Pursuit, base: Setting) -> dict[str, float] | None:
     """Return how far the goal moves if each body of a mesh alone is refined once, or None if that is unknown."""
     middle = pursuit.solve(base, "starting mesh for refining single bodies")
     if middle.answer is None:

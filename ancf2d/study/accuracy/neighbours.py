@@ -45,9 +45,9 @@ class Neighbour:
 class Verdict:
     """The result of three meshes: the estimate, and the relative errors of the middle mesh and of the finest."""
 
-    found: Estimate
+    estimate: Estimate
     error: float
-    finer: float
+    finer_error: float
 
 
 def coarsened(loaded: LoadedCase) -> LoadedCase:
@@ -62,7 +62,7 @@ def coarsened(loaded: LoadedCase) -> LoadedCase:
     return replace(loaded, case=replace(loaded.case, bodies=bodies))
 
 
-def beside(loaded: LoadedCase, solved: Solved, level: Level, finer: bool) -> tuple[Level, Neighbour | None]:
+def solve_neighbour(loaded: LoadedCase, solved: Solved, level: Level, finer: bool) -> tuple[Level, Neighbour | None]:
     """Solve the mesh twice as fine as a solved one, or half as fine; return its level and its state.
 
     If it cannot be solved, the level has no answer and the second value is None.
@@ -110,7 +110,7 @@ def _summary(loaded: LoadedCase, model: Model, state: Any) -> dict[str, Any]:
     return last_summary(model, [state], goal.reaction is not None, goal_kind(goal) in ("force", "moment"))
 
 
-def judged(coarse: Level, middle: Level, fine: Level, order: float) -> Verdict | None:
+def verdict_of(coarse: Level, middle: Level, fine: Level, order: float) -> Verdict | None:
     """Return the verdict of three meshes, given the order of the element type, or None if they show no error.
 
     An order much higher than the type's is an accident of two meshes: then the difference from the coarser mesh counts

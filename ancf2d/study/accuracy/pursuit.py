@@ -29,18 +29,18 @@ MOST_LEVELS = 30
 LEAST_TOLERANCE = 1e-12
 
 
-# gives the estimate and relative error of a solved level
-Told = Callable[[Level], tuple[Estimate, float]]
+# function that gives the estimate and relative error of a solved level
+EstimateOf = Callable[[Level], tuple[Estimate, float]]
 
 
 @dataclass
 class Pursuit:
     """A case, the relative accuracy wanted, and all levels solved so far, in order.
 
-    ``apart``: the error of simpler models or frequencies, which meshes do not show; ``guesses``: statics may start from
-    the ``latest`` state of the same element types on another mesh. ``last``: the level solved last, and its solution;
-    ``case``: the case with its setting. ``weights``: the influence of each body's mesh on the goal, relative to the
-    others; ``by_adjoint``: they come from the adjoint.
+    ``model_error``: the error of simpler models or frequencies, which meshes do not show; ``guesses``: statics may
+    start from the ``latest`` state of the same element types on another mesh. ``last``: the level solved last, and its
+    solution; ``case``: the case with its setting. ``weights``: the influence of each body's mesh on the goal, relative
+    to the others; ``by_adjoint``: they come from the adjoint.
     """
 
     loaded: LoadedCase
@@ -50,7 +50,7 @@ class Pursuit:
     tell: Callable[[str], None] = lambda text: None
     levels: list[Level] = field(default_factory=list)
     known: dict[Any, Level] = field(default_factory=dict)
-    apart: float = 0.0
+    model_error: float = 0.0
     report: dict[str, Any] = field(default_factory=dict)
     outcome: Outcome | None = None
     written: Level | None = None
@@ -61,22 +61,22 @@ class Pursuit:
     weights: dict[str, float] = field(default_factory=dict)
     by_adjoint: bool = False
 
-    def solve(self, setting: Setting, why: str, told: Told | None = None) -> Level:
+    def solve(self, setting: Setting, why: str, estimate_of: EstimateOf | None = None) -> Level:
         """Return the level of a setting, solved unless it is known.
 
-        ``told`` gives its error if it may be the result: then it is written, unless it starts from a guess. Raises
-        CaseError for an invalid case.
+        If it may be the result, ``estimate_of`` gives its error: then it is written, unless it starts from a guess.
+        Raises CaseError for an invalid case.
         """
         level = self.known.get(setting.name)
         if level is None:
-            level = self.begun(setting, why)
-            if self.begins:
+            level = self.new_level(setting, why)
+            if self.starts_from_guess:
                 self._run(level, None, lambda model: solve(model, self._guess(model, level)))
             else:
-                self._run(level, told)
+                self._run(level, estimate_of)
         return level
 
-    def begun(self, setting: Setting, why: str) -> Level:
+    def new_level(self, setting: Setting, why: str) -> Level:
         """Return a new level of a setting, reported and not solved yet."""
         self.tell(many(setting.elements, "element") + (
             "" if setting.tolerance is None else f", tolerance {setting.tolerance:.1g}") + (
@@ -87,16 +87,16 @@ class Pursuit:
         self.levels.append(level)
         return level
 
-    def whole(self, setting: Setting, why: str, told: Told) -> Level:
+    def solve_as_result(self, setting: Setting, why: str, estimate_of: EstimateOf) -> Level:
         """Return the level of a setting, solved with all its load steps and written as the preliminary result."""
-        return self.again(self.known.get(setting.name) or self.begun(setting, why), told)
+        return self.resolve_as_result(self.known.get(setting.name) or self.new_level(setting, why), estimate_of)
 
-    def again(self, level: Level, told: Told) -> Level:
+    def resolve_as_result(self, level: Level, estimate_of: EstimateOf) -> Level:
         """Solve a level with all its load steps and write it as the preliminary result."""
-        self._run(level, told)
+        self._run(level, estimate_of)
         return level
 
-    def beside(self, found: tuple[Level, Any]) -> tuple[Level, Any]:
+    def add_neighbour(self, found: tuple[Level, Any]) -> tuple[Level, Any]:
         """Store a level that was solved as a neighbour, with its additional data; return both."""
         level, other = found
         self.tell(f"{many(level.setting.elements, 'element')}: {level.why}")
@@ -120,14 +120,14 @@ class Pursuit:
         touches = case.solver.balances and any(contact.law is None for contact in case.contacts)
         return touches or any(material.fibres for body in meshed.values() for material in body.materials)
 
-    def write(self, level: Level, told: Told) -> None:
+    def write(self, level: Level, estimate_of: EstimateOf) -> None:
         """Make a level the result: solve it once more from the reference configuration, unless written already."""
         if self.written is not level:
             self.tell(f"{many(level.setting.elements, 'element')}: the result")
-            self._run(level, told)
+            self._run(level, estimate_of)
 
     @property
-    def begins(self) -> bool:
+    def starts_from_guess(self) -> bool:
         """Return whether meshes start from the state of another one."""
         return self.guesses and self.loaded.case.solver.takes_guess
 
@@ -142,28 +142,29 @@ class Pursuit:
         d = transferred(latest.state.d, latest.model, model)
         return None if d is None else Start(d, int(latest.state.history["negative_pivots"]), latest.state.turned)
 
-    def _run(self, level: Level, told: Told | None, how: Solve | None = None) -> None:
-        """Solve a level; if its error is ``told``, it becomes the preliminary result."""
+    def _run(self, level: Level, estimate_of: EstimateOf | None, how: Solve | None = None) -> None:
+        """Solve a level; with ``estimate_of``, which gives its error, it becomes the preliminary result."""
         # warnings about intermediate meshes are suppressed: their sequence shows more than each by itself
-        quiet = replace(self.progress, warn=lambda text: None, note=lambda text: None, checks_mesh=told is not None)
+        quiet = replace(self.progress, warn=lambda text: None, note=lambda text: None,
+                        checks_mesh=estimate_of is not None)
 
         def conclude(found: Solved) -> None:
-            level.take(found.answer, found.summary)
+            level.store(found.answer, found.summary)
             level.dofs, level.reason, self.last = found.model.n_q, "", (level, found)
-            if told is not None:
-                found.summary["accuracy"] = self.accuracy(level, *told(level))
+            if estimate_of is not None:
+                found.summary["accuracy"] = self.accuracy(level, *estimate_of(level))
 
-        target = None if told is None else self.target
+        target = None if estimate_of is None else self.target
         self.case = with_setting(self.loaded, level.setting)
         try:
             found = solve_for_goal(self.case, quiet, target, conclude, how)
         except (ComputationError, MemoryError) as error:
             level.reason = verdict(error)[1]
             return
-        if self.loaded.case.solver.takes_guess and not level.off:
+        if self.loaded.case.solver.takes_guess and not level.missed_by:
             # a mesh that has missed an obstacle may be on its wrong side, so its state is no start for others
             self.latest[level.setting.kinds] = found
-        if told is not None:
+        if estimate_of is not None:
             self.outcome, self.written = found.outcome, level
             if self.target is not None:
                 self.target.written = True
@@ -171,7 +172,7 @@ class Pursuit:
     def accuracy(self, level: Level, found: Estimate, error: float) -> dict[str, Any]:
         """Return ``accuracy`` of the summary for a level, with its estimate ``found`` and its ``error``."""
         sampled = 0.0 if level.answer is None else level.answer.sampling / level.answer.size
-        total, note = error + self.apart + sampled, found.note
+        total, note = error + self.model_error + sampled, found.note
         if sampled:
             self.report["sampling_error"] = sampled
         if sampled > 0.5 * self.wanted:
@@ -185,7 +186,7 @@ class Pursuit:
                 "absolute": None if estimate is None or size is None else estimate * size, "wanted": self.wanted,
                 "achieved": bool(total <= self.wanted), "order": found.order, "limit": found.value,
                 "by_body": self.by_body(level, error),
-                "elements": dict(level.setting.counts), "nodes": level.setting.places(),
+                "elements": dict(level.setting.counts), "nodes": level.setting.node_positions(),
                 "tolerance": level.setting.tolerance, "steps": None, **level.setting.steps, "note": note,
                 "solves": len(self.levels), "wall_s": self.wall_s, **self.report,
                 "path": [level.as_json() for level in self.levels]}
@@ -218,7 +219,7 @@ class Pursuit:
             method = SHARPER if default_method(self.last[1].model) == DEFAULT else None
         return replace(setting, tolerance=tenth(setting.tolerance), method=method)
 
-    def refuses(self, setting: Setting) -> Ancf2dError | None:
+    def why_refused(self, setting: Setting) -> Ancf2dError | None:
         """Return why the case cannot be built with a setting, or None if it can."""
         try:
             prepare(with_setting(self.loaded, setting))

@@ -58,7 +58,7 @@ class Setting:
         """The solver keys for steps as text, empty if they are those of the case."""
         return ", ".join(f"{name} {value:.3g}" for name, value in self.steps.items())
 
-    def places(self) -> dict[str, list[float]] | None:
+    def node_positions(self) -> dict[str, list[float]] | None:
         """Return the places S of all nodes of bodies with unequal elements, or None if there are none."""
         out = {name: np.interp(np.linspace(0.0, 1.0, self.counts[name] + 1), np.linspace(0.0, 1.0, len(given)),
                                given).tolist() for name, given in self.nodes.items()}
@@ -92,8 +92,8 @@ class Level:
 
     ``kinks``: a point slides along a body, so its kink is at a different place within an element in each mesh.
     ``zones``: fibres yield or follow a curve, or bodies touch, in zones that end at a different place within an element
-    in each mesh. ``made``: number of steps of the solver. ``off``: relative distance by which a body misses an obstacle
-    between contact points, if known.
+    in each mesh. ``step_count``: number of steps of the solver. ``missed_by``: relative distance by which a body misses
+    an obstacle between contact points, if known.
     """
 
     setting: Setting
@@ -103,19 +103,19 @@ class Level:
     wall_s: float = 0.0
     dofs: int | None = None
     iterations: int = 0
-    made: int = 0
+    step_count: int = 0
     reason: str = ""
     kinks: bool = False
     zones: bool = False
-    off: float = 0.0
+    missed_by: float = 0.0
 
-    def take(self, answer: GoalValue, summary: dict[str, Any]) -> None:
+    def store(self, answer: GoalValue, summary: dict[str, Any]) -> None:
         """Store the answer of a solve, and add its cost."""
         self.answer = answer
         self.wall_s += summary["wall_s"]
         self.iterations += summary["iterations"]
-        self.made = summary["steps"]
-        self.off = summary.get("contact_error", 0.0)
+        self.step_count = summary["steps"]
+        self.missed_by = summary.get("contact_error", 0.0)
 
     @property
     def work(self) -> int:

@@ -92,8 +92,8 @@ def weighted(loaded: LoadedCase, solved: Solved, finer: Neighbour | None = None)
                 for mesh in [model.meshes[body]]] or [(b, k) for b, v in parts.items() for k in range(len(v))]
         for body, ie in here:
             parts[body][ie] += first / len(here)
-        told = Weighted(J(end) - solved.answer.value, sum(float(v.sum()) for v in parts.values()), parts)
-        return told if abs(told.adjoint - told.change) <= TRUST * abs(told.change) else None
+        out = Weighted(J(end) - solved.answer.value, sum(float(v.sum()) for v in parts.values()), parts)
+        return out if abs(out.adjoint - out.change) <= TRUST * abs(out.change) else None
     except (ComputationError, SingularTangentError, FloatingPointError):
         return None
 
@@ -110,25 +110,25 @@ def _settled(found: Any, begin: Array) -> bool:
 class _Goal:
     """A goal as a function of the unknowns of an equilibrium."""
 
-    def __init__(self, goal: Goal, found: Any) -> None:
-        self.goal, self.found, self.watch = goal, found, GoalValues((goal,))
-        self.observer = Observer(found.model, goal_kind(goal) in ("force", "moment"))
+    def __init__(self, goal: Goal, equilibrium: Any) -> None:
+        self.goal, self.equilibrium, self.values_of = goal, equilibrium, GoalValues((goal,))
+        self.observer = Observer(equilibrium.model, goal_kind(goal) in ("force", "moment"))
 
     def __call__(self, z: Array) -> float:
-        found, model = self.found, self.found.model
+        equilibrium, model = self.equilibrium, self.equilibrium.model
         if self.goal.probe is None:
-            return float(self.watch(model, [found.state_at(model, z)])[0])
+            return float(self.values_of(model, [equilibrium.state_at(model, z)])[0])
         # probes are read from displacements, without forces
-        state = replace(found.state, d=model.displacements(z, found.t), linear=found.linear)
-        turned = found.system.count(state.d, found.t)
+        state = replace(equilibrium.state, d=model.displacements(z, equilibrium.t), linear=equilibrium.linear)
+        turned = equilibrium.system.count(state.d, equilibrium.t)
         return self.observer.read(self.goal.probe, state, turned)[str(self.goal.quantity)]
 
     def slope(self, z: Array, way: Array) -> float:
         """Return the derivative along a change of the unknowns."""
-        size = self.found.system.norm(way)
+        size = self.equilibrium.system.norm(way)
         if size == 0.0:
             return 0.0
-        h = STEP * self.found.model.extent / size
+        h = STEP * self.equilibrium.model.extent / size
         return (self(z + h * way) - self(z - h * way)) / (2.0 * h)
 
     def gradient(self, z: Array, way: Array) -> Array | None:
@@ -140,8 +140,8 @@ class _Goal:
         along = self.slope(z, way)
         if goal_kind(self.goal) == "energy":
             # elastic forces are the gradient of the energy, unless loads store energy too
-            state = self.found.state_at(self.found.model, z)
-            g = self.found.model.numbering.reduce(state.Q)
+            state = self.equilibrium.state_at(self.equilibrium.model, z)
+            g = self.equilibrium.model.numbering.reduce(state.Q)
             if abs(float(g @ way) - along) <= OFF * abs(along):
                 return g
             g = np.zeros_like(z)
@@ -161,7 +161,7 @@ class _Goal:
 
     def _near(self) -> Index:
         """Return the unknowns of the elements at the goal's point, and of their neighbours if the goal is a force."""
-        model: Model = self.found.model
+        model: Model = self.equilibrium.model
         beside = 0 if goal_kind(self.goal) in ("displacement", "position", "rotation") else 1
         full = np.zeros(len(model.numbering.place), dtype=bool)
         for body, s in self.points():
@@ -171,7 +171,7 @@ class _Goal:
         return np.flatnonzero(full[model.numbering.free])
 
     def points(self) -> Iterator[tuple[str, float]]:
-        case = self.found.model.case
+        case = self.equilibrium.model.case
         if self.goal.probe is not None:
             point = case.output.probes[self.goal.probe]
             yield point.at.body, point.at.s
