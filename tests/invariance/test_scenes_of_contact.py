@@ -55,6 +55,12 @@ def test_a_beam_that_is_pressed_onto_stiff_layers_has_an_equilibrium(number: int
     assert touching.pressed(5, number, stiffness=1e7) == []
 
 
+@pytest.mark.slow
+def test_a_rod_that_a_layer_throws_back_gains_no_energy() -> None:
+    """The loss of a layer is measured at rates at which it presses: at others it may have released."""
+    assert touching.judged(5, 89).faults == []
+
+
 def test_distances_are_those_of_plane_geometry() -> None:
     square = {"type": "polyline", "points": [[0, 0], [1, 0], [1, 1], [0, 1]]}
     X = np.array([[0.5, 0.25], [2.0, 2.0], [0.5, -1.0], [-1.0, 0.5]])
