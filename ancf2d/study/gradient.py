@@ -25,13 +25,13 @@ from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
 from ..solvers.contact import stays_behind
-from ..solvers.derivatives.backwards import Backwards, UnlikeError
+from ..solvers.derivatives.backwards import RecordedMotion, StepLengthError
 from ..solvers.derivatives.differences import Quotient, UnsuitedError, derivative
 from ..solvers.derivatives.load_factors import Growth, Instability
 from ..solvers.derivatives.motion import Motion
 from ..solvers.derivatives.motion_adjoint import MotionAdjoint, recorded_motion
 from ..solvers.derivatives.motion_states import NEWTON, lengths_of
-from ..solvers.derivatives.small_motions import Excited, Vibration
+from ..solvers.derivatives.small_motions import ForcedVibration, Vibration
 from ..solvers.derivatives.statics import Equilibrium, Path, Response
 from ..solvers.derivatives.varied_motions import why_unsuited
 from ..solvers.registry import solve
@@ -109,7 +109,7 @@ class DifferentiableRun:
         self.moves = loaded.case.solver.moves
         self.middle: Array | None = None
         # the motion, if its steps were stored for the adjoint, and the lengths of fixed steps
-        self.motion: Backwards | None = None
+        self.motion: RecordedMotion | None = None
         self.lengths: list[float] = []
         self.model, states = self._first_run(numbers)
         self.progress = replace(progress, warn=lambda text: None, state=lambda state: None, built=lambda model: None,
@@ -127,7 +127,7 @@ class DifferentiableRun:
             warnings = list[str]()
             try:
                 found = self._run(self.loaded, partial(self._recorded, tolerance=tolerance), warnings.append)
-            except UnlikeError:
+            except StepLengthError:
                 continue
             except (UnsuitedError, ComputationError):
                 break
@@ -142,7 +142,7 @@ class DifferentiableRun:
         if why_no_response(model):
             return solve(model)
         goals: Any = self.function
-        self.motion = Backwards(model, goals.all_states, tolerance, self.lengths)
+        self.motion = RecordedMotion(model, goals.all_states, tolerance, self.lengths)
         return self.motion.states()
 
     def _run(self, loaded: LoadedCase, how: Callable[[Model], Iterator[State]] | None = None,
@@ -338,7 +338,7 @@ def responses(model: Model, states: Sequence[Any], all_states: bool, goals: Sequ
         return [kind(model, state, [g.load_factor for g in asked if g.load_factor]) for state in kept]
     if isinstance(solver, FrequencyResponse):
         read = None if goals is None else [g for g in goals if g.input is not None]
-        return [Excited(model, state, read) for state in kept]
+        return [ForcedVibration(model, state, read) for state in kept]
     if solver.on_path:
         return [Path(model, states, [g.limit_point for g in asked if g.limit_point])]
     return [Equilibrium(model, state, solver.linear) for state in kept]

@@ -138,7 +138,7 @@ class _Search:
         inside = np.where(y >= 1.0 - EXACT, self.high, self.low + self.range * y)
         return np.where(y <= EXACT, self.low, inside)
 
-    def sets(self, y: Array) -> list[str]:
+    def overrides(self, y: Array) -> list[str]:
         """Return the ``PATH=VALUE`` overrides at y."""
         return [v.override(float(x)) for v, x in zip(self.problem.variables, self.x(y), strict=True)]
 
@@ -146,15 +146,16 @@ class _Search:
         """Return the case solved at y. Raises ComputationError that names y."""
         key = y.tobytes()
         if self._last is None or self._last[0] != key:
-            here = with_overrides(self.loaded, self.sets(y), vocabulary())
+            here = with_overrides(self.loaded, self.overrides(y), vocabulary())
             try:
                 self.warnings[key] = []
                 run = DifferentiableRun(here, self.problem.measures, self.progress, self.warnings[key].append,
                                         len(self.problem.variables))
             except ComputationError as error:
                 f = error.failure
-                raise ComputationError(f"the case cannot be solved with {', '.join(self.sets(y))}: {f.reason}", at=f.at,
-                                       history=f.history, advice="narrower bounds, or more load steps") from error
+                raise ComputationError(f"the case cannot be solved with {', '.join(self.overrides(y))}: {f.reason}",
+                                       at=f.at, history=f.history, advice="narrower bounds, or more load steps"
+                                       ) from error
             self._last = key, run
         return self._last[1]
 

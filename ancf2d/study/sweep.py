@@ -19,7 +19,7 @@ from .forecast import Done, Forecast, steps_of
 from .pool import ALONE, Workers, no_interrupts, run_jobs
 from .run import prepare, result_header, vocabulary
 from .samples import Design
-from .sweep_runs import Job, lost, solve_job, stored_summary
+from .sweep_runs import Job, solve_job, stored_summary, summary_of_lost
 from .sweep_table import RUNS, Ledger, Row, Sweep, outcome_of
 from .variants import count_of, flexible
 from .warmup import kernels_of, warm_up
@@ -139,7 +139,7 @@ def _run(sweep: Sweep, ledger: Ledger, workers: Workers, compiling: Callable[[st
             row.store(found)
         ahead.record(i, summary, seconds)
 
-    run_jobs(ahead.followed(solve_job), jobs, workers, lost, store_result, ahead.tick)
+    run_jobs(ahead.followed(solve_job), jobs, workers, summary_of_lost, store_result, ahead.tick)
 
 
 def _known(job: Job, ledger: Ledger) -> dict[str, Any] | None:

@@ -139,14 +139,14 @@ def _solve(job: Job, progress: Progress | None) -> dict[str, Any]:
     if not job.keep:
         checkpoints = _checkpoints(job) if loaded.case.solver.timed else None
         if is_pursued(loaded):
-            return _judged(solve_to_accuracy(loaded).outcome.summary)
+            return _with_status(solve_to_accuracy(loaded).outcome.summary)
         return _last.run(job, loaded, progress=progress, checkpoints=checkpoints, brief=True)
     folder = Path(job.output).parent
     if not folder.is_dir():
         raise ResultsError(f"there is no folder '{folder}' on this worker; several machines need a shared folder")
     options: dict[str, Any] = {"force": job.force or _left_over(job.output), "command": job.command}
     if is_pursued(loaded):
-        return _judged(solve_to_accuracy(loaded, Target(job.output, **options)).outcome.summary)
+        return _with_status(solve_to_accuracy(loaded, Target(job.output, **options)).outcome.summary)
     if not job.force and loaded.case.solver.moves and part_path(job.output).exists():
         try:
             return _last.run(job, loaded, job.output, resume=True, progress=progress, **options)
@@ -165,7 +165,7 @@ def _checkpoints(job: Job) -> Path | None:
     return found
 
 
-def _judged(summary: dict[str, Any]) -> dict[str, Any]:
+def _with_status(summary: dict[str, Any]) -> dict[str, Any]:
     """Return a summary with status 'failed' if the wanted accuracy was not reached."""
     wanted = summary["accuracy"]["wanted"]
     short = {"status": "failed", "reason": f"the wanted accuracy {wanted:g} was not reached"}
@@ -188,6 +188,6 @@ def _left_over(output: str) -> bool:
         return False
 
 
-def lost(job: Job) -> dict[str, Any]:
+def summary_of_lost(job: Job) -> dict[str, Any]:
     """Return the summary of a case whose process died."""
     return {"status": "failed", "reason": DIED}

@@ -235,7 +235,7 @@ def test_checkpoints_stay_within_their_room(monkeypatch, tmp_path):
     for name, size in (("KEPT", 0), ("WINDOW", 0), ("LEAST", 2), ("CHECKPOINTS", 0)):
         monkeypatch.setattr(backwards, name, size)
     loaded = scene(tmp_path, "generalized_alpha", CLAMP, "solver.dt=1e-4", "loads.push.amplitude={type: constant}")
-    motion = backwards.Backwards(prepare(loaded), False, 1e-12, None)
+    motion = backwards.RecordedMotion(prepare(loaded), False, 1e-12, None)
     list(motion.states())
     # windows of 8 steps
     assert sum(part.count for part in motion.parts) == 100
@@ -283,8 +283,8 @@ def test_steps_are_as_long_as_those_of_a_run(tmp_path, iterations, dt, tight):
     outcome = run_case(loaded)
     assert outcome.summary["rejected"] > 0
     for tolerance, kept in ((1e-13, tight), (1e-10, True)):
-        motion = backwards.Backwards(outcome.model, False, tolerance, [])
-        with nullcontext() if kept else pytest.raises(backwards.UnlikeError):
+        motion = backwards.RecordedMotion(outcome.model, False, tolerance, [])
+        with nullcontext() if kept else pytest.raises(backwards.StepLengthError):
             *_, last = motion.states()
             assert last.report["rejected"] == outcome.summary["rejected"]
 
@@ -303,7 +303,7 @@ def test_a_bead_that_slides_off_its_rail_ends_the_motion_that_is_kept():
         "solver": {"type": "dynamic", "t_end": 0.52, "tolerance": 1e-6, "method": "radau5"},
         "goal": {"probe": "bead", "quantity": "x"}, "output": {"probes": {"bead": "bead@0.5"}}})
     with pytest.raises(ancf2d.ComputationError, match=r"sleeve: bead@0\.5 has slid off the end of rail"):
-        list(backwards.Backwards(prepare(loaded), False, 1e-10, None).states())
+        list(backwards.RecordedMotion(prepare(loaded), False, 1e-10, None).states())
 
 
 def test_one_way_is_chosen_by_goals_and_numbers(tmp_path):

@@ -52,14 +52,14 @@ PARTS = ("z", "v", "a", "own")
 class AdjointReceiver(Protocol):
     """Numbers of a case that receive the adjoint states of a motion and sum up their derivatives of the goals (k,)."""
 
-    def note(self, at: Record, window: Array, lam: Array) -> None:
+    def add_states(self, at: Record, window: Array, lam: Array) -> None:
         """Receive states, the window (2,) of times of their signals, and virtual displacements lam (m, n, k).
 
         Goals change by -lam . dR if the residuals at these states change by dR.
         """
         ...
 
-    def pass_break(self, stepper: Stepper, piece: int, end: Change, at: Record | None, mu: Array) -> None:
+    def add_break(self, stepper: Stepper, piece: int, end: Change, at: Record | None, mu: Array) -> None:
         """Receive a motion before a break, the next piece, and the derivatives ``end`` of goals by the state after it.
 
         If rates do not jump, and numbers change only accelerations there, through the residuals of the state ``at``,
@@ -86,11 +86,11 @@ class Part:
     end: Change | None = None
 
 
-class UnlikeError(UnsuitedError):
+class StepLengthError(UnsuitedError):
     """A fixed step has another length than in the run, because of another tolerance of Newton's method."""
 
 
-class Backwards(RepeatedMotion):
+class RecordedMotion(RepeatedMotion):
     """A motion whose steps are stored, so that it can be followed backwards. Raises UnsuitedError."""
 
     def __init__(self, model: Model, all_states: bool, tolerance: float, lengths: list[float] | None) -> None:
@@ -107,7 +107,7 @@ class Backwards(RepeatedMotion):
         """Make the motion and yield its states. Raises ComputationError, and UnsuitedError if it has no adjoint.
 
         ``rows`` are then its first and its last state, and those between if ``all_states``; ``parts`` are its steps.
-        Raises UnlikeError if a fixed step has another length than in the run.
+        Raises StepLengthError if a fixed step has another length than in the run.
         """
         return self.run.states(advance=partial(self._some, self._record()))
 
@@ -129,7 +129,7 @@ class Backwards(RepeatedMotion):
         part, room, columns = Part(self._checkpoint()), KEPT, 0
         for step in self.steps():
             if step is not None and self.differs_from_run():
-                raise UnlikeError
+                raise StepLengthError
             if step is None:
                 self._add(part)
                 self.parts.append(Part(self._checkpoint(), behind=stepper.piece + 1))
@@ -191,7 +191,7 @@ class Backwards(RepeatedMotion):
         if each * len(self.parts) > CHECKPOINTS and len(self.parts) > LEAST:
             self.parts = list(_joined(self.parts))
 
-    def back(self, bars: Sequence[Change], receiver: AdjointReceiver) -> Change:
+    def derivatives_by_start(self, bars: Sequence[Change], receiver: AdjointReceiver) -> Change:
         """Return the derivatives of goals by the start; ``bars`` (n, k) are those by each stored state."""
         end = bars[-1]
         for part in reversed(self.parts):
@@ -205,7 +205,7 @@ class Backwards(RepeatedMotion):
             if part.end is not None:
                 self._break(part, part.end, receiver)
             elif part.at is not None and part.lam is not None:
-                receiver.note(part.at, self.stepper.p.programs.window.copy(), part.lam)
+                receiver.add_states(part.at, self.stepper.p.programs.window.copy(), part.lam)
 
     def _before(self, part: Part, end: Change, bars: Sequence[Change], receiver: AdjointReceiver) -> Change:
         """Return the derivatives of goals by the start of a part, from those by its end."""
@@ -248,7 +248,7 @@ class Backwards(RepeatedMotion):
         self.run.seen.clear()
         if self.has_room(k):
             part.at, part.lam, part.steps = at, lam, []
-        receiver.note(at, window, lam)
+        receiver.add_states(at, window, lam)
         return start
 
     def _stored(self, step: Step, row: Row, number: int, bar: Change, stages: Stages, starts: Array) -> None:
@@ -339,17 +339,17 @@ class Backwards(RepeatedMotion):
         """Report a break to numbers; return the state after it, and its virtual displacements (n, k)."""
         stepper = self.stepper
         if not self.free.all():
-            receiver.pass_break(stepper, part.behind, end, None, end.a)
+            receiver.add_break(stepper, part.behind, end, None, end.a)
             return self.now(), end.a
         before = stepper.s.v.copy()
         pass_break(stepper, part.behind)
         # accelerations after the break follow from positions and rates
         at, mu = self.now(), self.by_mass.solve(end.a + end.own)
         if (stepper.s.v == before).all():
-            receiver.pass_break(stepper, part.behind, end, at, mu)
+            receiver.add_break(stepper, part.behind, end, at, mu)
         else:
             stepper.resume(part.checkpoint)
-            receiver.pass_break(stepper, part.behind, end, None, mu)
+            receiver.add_break(stepper, part.behind, end, None, mu)
         return at, mu
 
     def _passed(self, part: Part, end: Change, behind: tuple[Record, Array]) -> Change:

@@ -210,7 +210,7 @@ class _Flows(SmallMotions):
             model = at(step)
             set_speed(model, 0.0)
             return model
-        return self.moved(still, h)[1]
+        return self.varied_matrices(still, h)[1]
 
     def added(self, problem: Quadratic, change: Array, one: Onset) -> complex:
         """Return y^T T_added x, the contribution of the factor."""

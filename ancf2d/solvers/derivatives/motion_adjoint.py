@@ -21,7 +21,7 @@ from ..motion.dynamic import Run
 from ..motion.initial import asked_rates, initial_rates
 from ..motion.stepping import Stepper
 from ..state import State
-from .backwards import PARTS, Backwards, UnlikeError
+from .backwards import PARTS, RecordedMotion, StepLengthError
 from .differences import Quotient, UnsuitedError
 from .linear_steps import Change
 from .motion_states import NEWTON
@@ -39,17 +39,17 @@ ROUND_OFF = 3e-11
 EPSILON, FEW = 2.2e-16, 4.0
 
 
-def recorded_motion(model: Model, all_states: bool, lengths: list[float]) -> tuple[Backwards, list[State]]:
+def recorded_motion(model: Model, all_states: bool, lengths: list[float]) -> tuple[RecordedMotion, list[State]]:
     """Make a motion with the tightest tolerance of Newton's method at which fixed steps keep their ``lengths``.
 
     Raises UnsuitedError.
     """
     for tolerance in NEWTON:
         last = tolerance == NEWTON[-1]
-        motion = Backwards(model, all_states, tolerance, None if last else lengths)
+        motion = RecordedMotion(model, all_states, tolerance, None if last else lengths)
         try:
             return motion, list(motion.states())
-        except UnlikeError:
+        except StepLengthError:
             continue
         except ComputationError as found:
             if last:
@@ -57,34 +57,34 @@ def recorded_motion(model: Model, all_states: bool, lengths: list[float]) -> tup
     raise AssertionError
 
 
-class Sums:
+class GoalDerivatives:
     """Derivatives of goals by several numbers."""
 
     def __init__(self) -> None:
-        self.all: list[Sum] = []
+        self.all: list[GoalDerivative] = []
 
-    def note(self, at: Record, window: Array, lam: Array) -> None:
+    def add_states(self, at: Record, window: Array, lam: Array) -> None:
         """Add the contribution of the residuals at states."""
         for one in self.all:
-            one.note(at, window, lam)
+            one.add_states(at, window, lam)
 
-    def pass_break(self, stepper: Stepper, piece: int, end: Change, at: Record | None, mu: Array) -> None:
+    def add_break(self, stepper: Stepper, piece: int, end: Change, at: Record | None, mu: Array) -> None:
         """Add the contribution of a break."""
         window = stepper.p.programs.window.copy()
         for one in self.all:
             if at is None or one.number.differing.changes_coordinates:
                 one.add_change(one.number.pass_break(stepper, piece), end)
             else:
-                one.note(at, window, mu[None])
+                one.add_states(at, window, mu[None])
 
 
-class Sum:
+class GoalDerivative:
     """The derivative of goals (k,) by a number, and the summed magnitudes of its contributions (2, k)."""
 
     def __init__(self, number: VariedNumber, k: int) -> None:
         self.number, self.value, self.sizes = number, np.zeros(k), np.zeros((2, k))
 
-    def note(self, at: Record, window: Array, lam: Array) -> None:
+    def add_states(self, at: Record, window: Array, lam: Array) -> None:
         """Add the contribution of the residuals at states."""
         self.add(-self.number.differing.works(at, window, lam))
 
@@ -123,7 +123,7 @@ class Start:
 class MotionAdjoint(Together):
     """Derivatives of goals of a motion that has been made, with its states, by numbers. Raises UnsuitedError."""
 
-    def __init__(self, motion: Backwards, states: Sequence[State], goals: Goals) -> None:
+    def __init__(self, motion: RecordedMotion, states: Sequence[State], goals: Goals) -> None:
         self.motion, self.model = motion, motion.run.model
         self.found: dict[ModelAt, Quotient | Exception] = {}
         self.base, self.first = Run(self.model, motion.run.spec), dict[ModelAt, float]()
@@ -133,7 +133,7 @@ class MotionAdjoint(Together):
         # if virtual displacements are stored, the start is known, and derivatives can be found number by number
         self.start: Start | None = None
         if self.motion.has_room(self.bars[-1].z.shape[1]):
-            self.start = self._start_of(self.motion.back(self.bars, Sums()))
+            self.start = self._start_of(self.motion.derivatives_by_start(self.bars, GoalDerivatives()))
 
     def prepare(self, numbers: Sequence[tuple[ModelAt, float]]) -> None:
         """Find the derivatives by several numbers at once, if they cannot be found one by one."""
@@ -150,18 +150,18 @@ class MotionAdjoint(Together):
 
     def _once(self, todo: Sequence[tuple[ModelAt, float]], last: bool) -> list[tuple[ModelAt, float]]:
         """Find derivatives; return the numbers whose steps are too long, with shorter ones."""
-        sums, k = Sums(), self.bars[-1].z.shape[1]
+        sums, k = GoalDerivatives(), self.bars[-1].z.shape[1]
         for at, h in todo:
             self.first.setdefault(at, h)
             try:
-                sums.all.append(Sum(VariedNumber(at, h, self.base, few=True), k))
+                sums.all.append(GoalDerivative(VariedNumber(at, h, self.base, few=True), k))
             except (CaseError, ComputationError, UnsuitedError) as found:
                 self.found[at] = found
         if not sums.all:
             return []
         start, again = self.start, []
         if start is None:
-            start = self._start_of(self.motion.back(self.bars, sums))
+            start = self._start_of(self.motion.derivatives_by_start(self.bars, sums))
         else:
             self.motion.report_stored(sums)
         for one in sums.all:
@@ -197,12 +197,12 @@ class MotionAdjoint(Together):
         left = asked_rates(self.model) - T @ initial_rates(self.model)
         return Start(start, mu, rates, T @ motion.by_mass.solve(rates), left)
 
-    def _begin(self, one: Sum, start: Start) -> None:
+    def _begin(self, one: GoalDerivative, start: Start) -> None:
         """Add the contribution of the start of the motion to the derivative by a number."""
         if start.mu is None:
             one.add_change(one.number.begin(), start.all)
             return
-        one.note(self.motion.begun, self.motion.window, start.mu[None])
+        one.add_states(self.motion.begun, self.motion.window, start.mu[None])
         if start.rates is None or start.lifted is None or start.left is None:
             return
         differing = one.number.differing

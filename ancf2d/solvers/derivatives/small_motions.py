@@ -65,7 +65,7 @@ class SmallMotions(OneByOne):
         small = Linearised(Base(base, self.state_at(base, z), self.loaded))
         return Quadratic(small, self.damped, relaxes=self.damped)
 
-    def moved(self, at: ModelAt, h: float) -> tuple[Callable[[float], Quadratic], Quotient]:
+    def varied_matrices(self, at: ModelAt, h: float) -> tuple[Callable[[float], Quadratic], Quotient]:
         """Return the matrices as a function of the change of the number, and the derivative (n,) of an equilibrium."""
         if self.rest is None:
             return lambda step: self.problem_at(at(step), self.z), Quotient(np.zeros(0), np.zeros(0), h)
@@ -145,7 +145,7 @@ class Vibration(SmallMotions):
 
         For equal ones that separate, it is the mean of both sides, and ``kink`` the difference of each side from it.
         """
-        problem, rest = self.moved(at, h)
+        problem, rest = self.varied_matrices(at, h)
 
         def forms(step: float) -> Array:
             p = problem(step)
@@ -173,7 +173,7 @@ class Vibration(SmallMotions):
         return [replace(self.state_at(model, z), report=report)]
 
 
-class Excited(SmallMotions):
+class ForcedVibration(SmallMotions):
     """Responses to oscillating inputs: Z(s) x = f gives x' = Z^-1 (f' - Z' x) at each frequency.
 
     ``goals`` name a frequency each, or ask for the peak; without goals, all frequencies are differentiated. The peak of
@@ -234,7 +234,7 @@ class Excited(SmallMotions):
 
     def slope(self, at: ModelAt, h: float) -> Quotient:
         """Return dz/dp (n,) of the state, if it is an equilibrium, then dx/dp (frequencies, inputs, n, 2)."""
-        problem, rest = self.moved(at, h)
+        problem, rest = self.varied_matrices(at, h)
 
         def changes(step: float) -> Array:
             p, out = problem(step), []
