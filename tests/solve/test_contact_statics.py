@@ -321,8 +321,12 @@ def test_no_step_leads_past_a_disc_between_two_nodes() -> None:
     np.testing.assert_allclose(*found, atol=1e-6)
 
 
-@pytest.mark.parametrize("gap", [0.0, 0.05])
-def test_arc_length_passes_the_states_of_load_steps_that_touch(gap: float) -> None:
+@pytest.mark.parametrize(("gap", "force", "place"), [
+    # load steps settle the place of lift-off to 1e-5 of half an element
+    (0.0, 5e-6, 1e-6),
+    # the tip touches
+    (0.05, 1e-9, 1e-8)])
+def test_arc_length_passes_the_states_of_load_steps_that_touch(gap: float, force: float, place: float) -> None:
     """A cantilever comes down on a disc, between two nodes or with its tip, in the same state by either method."""
     scene = {"bc": [CLAMP], "loads": [{"type": "force", "at": "beam@0.5", "value": [0, -2]}],
              "obstacles": {"solid": {"type": "circle", "center": [1, -0.1 - gap], "radius": 0.1}}}
@@ -331,8 +335,8 @@ def test_arc_length_passes_the_states_of_load_steps_that_touch(gap: float) -> No
     (one,), (other,) = (contact_report(s.model, s.state) for s in (steps, along))
     assert one["force"][1] > 0.1
     assert not steps.state.warnings + along.state.warnings
-    np.testing.assert_allclose(other["force"], one["force"], rtol=1e-6, atol=5e-6)
-    np.testing.assert_allclose(along.r("beam@0.5"), steps.r("beam@0.5"), rtol=1e-6)
+    np.testing.assert_allclose(other["force"], one["force"], rtol=1e-6, atol=force)
+    np.testing.assert_allclose(along.r("beam@0.5"), steps.r("beam@0.5"), rtol=place)
 
 
 @pytest.mark.parametrize(("solid", "where"), [

@@ -124,10 +124,10 @@ def test_motions_of_a_slender_column_that_relaxes_grow_as_the_beam_equation_says
              for f in ancf2d.solve(case, states=False).summary["frequencies"] if f["omega"] > 0.1]
     # relaxations that the load makes pairs of come in addition, on some machines more than on others
     assert len(pairs) == 4
-    # the mesh has errors of up to 2e-3 in the other two
-    for s in pairs[:2]:
+    # the mesh resolves the lower two better
+    for s, error in zip(pairs, (2e-4, 2e-4, 3e-3, 3e-3), strict=True):
         growth, omega = fsolve(lambda x: _left(ZENER, 17.0, complex(*x)), [s.real, s.imag], xtol=1e-12)
-        assert abs(s - complex(growth, omega)) < 2e-4 * abs(s)
+        assert abs(s - complex(growth, omega)) < error * abs(s)
     assert max(s.real for s in pairs) == pytest.approx(0.01, rel=0.05)
 
 
