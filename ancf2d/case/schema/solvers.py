@@ -186,8 +186,8 @@ class Static(Kind):
             yield Issue(("until",), "{}: method displacement ends where a probe reaches a value",
                         "until: {probe, quantity, reaches}")
         if self.largest_step is not None and self.method != "arc_length":
-            yield Issue(("largest_step",), f"{{}}: method {self.method} has no largest step; steps sets how many it takes",
-                        "steps, or method: arc_length")
+            yield Issue(("largest_step",), f"{{}}: method {self.method} has no largest step; steps sets how many it "
+                        "takes", "steps, or method: arc_length")
         if self.branch is not None and self.method != "arc_length":
             yield Issue(("branch",), f"{{}}: method {self.method} cannot follow branches", "method: arc_length")
 
