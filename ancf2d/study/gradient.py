@@ -272,11 +272,11 @@ class DifferentiableRun:
         if any(getattr(one, "readings", None) for one in self.responses or ()):
             return slopes[0]
 
-        def values_near(step: float, model: Model | None = None) -> Array:
+        def values_near(step: float, model: Model | None = None, errors: float = 0.0) -> Array:
             model = model or (at(step) if step else self.model)
             return self.function(model, [
                 s for one, slope in zip(self.responses or (), slopes, strict=True)
-                for s in one.states(model, step * slope.value + abs(step) * slope.kink)])
+                for s in one.states(model, step * (slope.value + errors * slope.error) + abs(step) * slope.kink)])
         if self.middle is None:
             # differs from the values of the run: Newton's iterations go further where steps are differentiated, contact
             # points slide with a lift-off point, and a peak lies between the frequencies of a range
@@ -284,9 +284,10 @@ class DifferentiableRun:
             self.middle = values_near(0.0) if differs else self.values
         found = derivative(values_near, min(slope.h for slope in slopes), self._weights(), middle=self.middle)
         # relative errors of the states count as far as the values change with the states, not with the number itself
-        share = max(_share(slope) for slope in slopes)
-        by_states = np.abs(values_near(found.h, self.model) - self.middle) / found.h
-        return Quotient(found.value, found.error + share * by_states, found.h)
+        share, moved = max(_share(slope) for slope in slopes), values_near(found.h, self.model)
+        by_states = np.abs(moved - self.middle) / found.h
+        by_errors = np.abs(values_near(found.h, self.model, 1.0) - moved) / found.h
+        return Quotient(found.value, found.error + np.maximum(share * by_states, by_errors), found.h)
 
     def _differences(self, variable: CaseNumber, h: float) -> Quotient:
         """Return the derivative by a number from runs at other values. Raises ComputationError if meshes differ."""
