@@ -10,35 +10,35 @@ from __future__ import annotations
 import numpy as np
 
 from .contact_geometry import (
+    AFTER_IMPACT,
     ANCHOR,
     AT_HOME,
-    BEHIND,
+    AUGMENTATION,
     BY,
     BY_BY,
-    BY_CHOICE,
+    BY_FORCE,
     CLOSES,
     FEATURE,
-    FREE,
     FRICTION,
-    FROM,
-    HELD,
     HOME,
     MATRIX,
-    NONE,
+    NO_IMPACT,
     OF_THETA,
+    ON_BEAM,
     OPEN,
     OTHER,
     OUTSIDE,
     PLACE,
+    PLACEMENT,
     RHO,
     ROW,
     SECTION,
-    SLIDES,
     SLIDING,
-    STANDING,
+    SLIP_STATUS,
+    START_GAP,
+    STATUS,
     STICK,
     STICKS,
-    STIFFNESS,
     TERMS,
     TOUCH,
     VECTOR,
@@ -78,14 +78,14 @@ def bent(par, z, nx, ny, k, work, H):  # type: ignore[no-untyped-def]
 
 
 def dragged(par, mem, way, pressed):  # type: ignore[no-untyped-def]
-    """Return (friction force along s for a slip, whether it slides), by Coulomb's law or as mem[SLIDES] says."""
-    if mem[SLIDES] == 0.0:
+    """Return (friction force along s for a slip, whether it slides), by Coulomb's law or as mem[SLIP_STATUS] says."""
+    if mem[SLIP_STATUS] == 0.0:
         return drag(par, way, pressed)
-    if mem[SLIDES] == STICKS:
+    if mem[SLIP_STATUS] == STICKS:
         return -par[STICK] * way, False
-    if mem[SLIDES] == CLOSES:
+    if mem[SLIP_STATUS] == CLOSES:
         return 0.0, True
-    return mem[SLIDES] * par[FRICTION] * pressed, True
+    return mem[SLIP_STATUS] * par[FRICTION] * pressed, True
 
 
 def rub(par, z, nx, ny, k, ds, force, stiff, work, f, H):  # type: ignore[no-untyped-def]
@@ -128,16 +128,16 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     """Contact without penetration: the last field is the multiplier, minus the force; a point that would pull is open.
 
     Closed points are stationary points of U + lambda g, open ones of U - lambda^2/(2 c) (Alart & Curnier 1991). A point
-    is closed if -lambda - c g > 0, unless the solver prescribes its state (mem[HELD]).
+    is closed if -lambda - c g > 0, unless the solver prescribes its status (mem[STATUS]).
     """
-    m, c = len(u) - 1, par[STIFFNESS]
+    m, c = len(u) - 1, par[AUGMENTATION]
     force = -u[m]
     f[m], H[m, m] = force / c, -1.0 / c
-    if mem[FREE] < 0.0 or mem[HELD] == OPEN:
+    if mem[PLACEMENT] < 0.0 or mem[STATUS] == OPEN:
         return 0.0, 0.0
-    work, stays = work_vector(WORK), mem[FREE] == AT_HOME
+    work, stays = work_vector(WORK), mem[PLACEMENT] == AT_HOME
     z, feature = par[HOME] if stays else mem[PLACE], -1.0 if stays else mem[FEATURE]
-    found = least(par, p0, u, mem, force, work) if mem[FREE] == SLIDING else np.nan
+    found = least(par, p0, u, mem, force, work) if mem[PLACEMENT] == SLIDING else np.nan
     moves = not np.isnan(found)
     if moves:
         z = found
@@ -145,12 +145,12 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     else:
         stand(par, p0, u, z, work)
         g, nx, ny, k, s, ds = gap_at(par, work[RHO], work[RHO + 1], feature)
-    outside = mem[FROM] == OUTSIDE
-    g -= 0.0 if outside else mem[FROM]
-    if opens_by_choice(par, mem, force, g) or (mem[HELD] < OPEN and outside and is_back(par, nx, ny, work)):
+    outside = mem[START_GAP] == OUTSIDE
+    g -= 0.0 if outside else mem[START_GAP]
+    if opens_by_choice(par, mem, force, g) or (mem[STATUS] < OPEN and outside and is_back(par, nx, ny, work)):
         return 0.0, 0.0
     soft, slope = 0.0, 0.0
-    if mem[FREE] == SLIDING or mem[FREE] == STANDING:
+    if mem[PLACEMENT] == SLIDING or mem[PLACEMENT] == ON_BEAM:
         soft, slope, _ = yields(par, z)
     H[m, m], slope = -soft, 0.5 * slope * force
     if moves:
@@ -164,7 +164,7 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
             H[p, q] *= -force
         H[p, m] = H[m, p] = work[ROW + p] - (slope * work[OTHER + p] if moves else 0.0)
     f[m] = g + soft * force
-    if par[FRICTION] == 0.0 or moves or mem[SLIDES] == CLOSES or (force <= 0.0 and mem[SLIDES] == 0.0):
+    if par[FRICTION] == 0.0 or moves or mem[SLIP_STATUS] == CLOSES or (force <= 0.0 and mem[SLIP_STATUS] == 0.0):
         return 0.0, 0.0
     return 0.0, -hold_back(par, mem, z, nx, ny, k, slip(par, s, mem[ANCHOR]), ds, force, work, f, H) * speed(work, w, m)
 
@@ -175,7 +175,7 @@ def hold_back(par, mem, z, nx, ny, k, way, ds, force, work, f, H):  # type: igno
     rub(par, z, nx, ny, k, ds, held, 0.0 if slides else par[STICK], work, f, H)
     if slides:
         # between equilibria, the normal force of a sliding point may pull
-        m, sign = len(f) - 1, 1.0 if (held if mem[SLIDES] == 0.0 else mem[SLIDES]) < 0.0 else -1.0
+        m, sign = len(f) - 1, 1.0 if (held if mem[SLIP_STATUS] == 0.0 else mem[SLIP_STATUS]) < 0.0 else -1.0
         for p in range(m):
             # Coulomb's limit grows with the normal force, which is minus the multiplier
             H[p, m] -= sign * par[FRICTION] * work[ROW + p]
@@ -226,32 +226,32 @@ def _settle(par, p0, u, mem, z, pressed):  # type: ignore[no-untyped-def]
     work = work_vector(WORK)
     stand(par, p0, u, z, work)
     g, nx, ny, _, s, _ = gap_at(par, work[RHO], work[RHO + 1], -1.0)
-    if mem[HELD] == BY_CHOICE:
-        # the gap of a pressing point is its value FROM, up to round-off
-        kept = pressed > 0.0 and mem[FROM] != OUTSIDE
-        mem[FROM] = mem[FROM] if kept else 0.0 if pressed > 0.0 else pressed_from(
-            mem[FROM], g + par[TOUCH], not is_back(par, nx, ny, work))
+    if mem[STATUS] == BY_FORCE:
+        # the gap of a pressing point is START_GAP, up to round-off
+        kept = pressed > 0.0 and mem[START_GAP] != OUTSIDE
+        mem[START_GAP] = mem[START_GAP] if kept else 0.0 if pressed > 0.0 else pressed_from(
+            mem[START_GAP], g + par[TOUCH], not is_back(par, nx, ny, work))
     if par[FRICTION] == 0.0:
         return
     held, slides = dragged(par, mem, slip(par, s, mem[ANCHOR]), pressed)
-    if mem[BEHIND] != NONE:
-        held, slides, mem[BEHIND] = mem[BEHIND], True, NONE
+    if mem[AFTER_IMPACT] != NO_IMPACT:
+        held, slides, mem[AFTER_IMPACT] = mem[AFTER_IMPACT], True, NO_IMPACT
     if slides or np.isnan(mem[ANCHOR]):
         mem[ANCHOR] = s + held / par[STICK]
 
 
 def accept_hard(p0, u, par, mem):  # type: ignore[no-untyped-def]
     """Update the start of the search for a sliding point, and the friction history, at an accepted state."""
-    if mem[FREE] == SLIDING:
+    if mem[PLACEMENT] == SLIDING:
         z = least(par, p0, u, mem, -u[len(u) - 1], work_vector(WORK))
         if not np.isnan(z):
             mem[PLACE] = z
-    elif mem[FREE] >= AT_HOME and mem[HELD] != OPEN:
+    elif mem[PLACEMENT] >= AT_HOME and mem[STATUS] != OPEN:
         pressed = max(-u[len(u) - 1], 0.0)
-        _settle(par, p0, u, mem, par[HOME] if mem[FREE] == AT_HOME else mem[PLACE], pressed)
-        if mem[HELD] == BY_CHOICE and par[FRICTION] > 0.0:
+        _settle(par, p0, u, mem, par[HOME] if mem[PLACEMENT] == AT_HOME else mem[PLACE], pressed)
+        if mem[STATUS] == BY_FORCE and par[FRICTION] > 0.0:
             # forces of a step are not impulses: a point that closes in the next step gets the friction of its impact
-            mem[SLIDES] = 0.0 if pressed > 0.0 else CLOSES
+            mem[SLIP_STATUS] = 0.0 if pressed > 0.0 else CLOSES
 
 
 COMPLIANT = PointLaw("compliant_contact", layer_at, over_step(layer_at, 0), accept=settle_at, forces_of_run=layer,

@@ -13,13 +13,13 @@ import numpy as np
 from . import contact
 from .contact import dragged
 from .contact_gaps import (
-    BOTH,
+    BOTH_SIDES,
     END,
-    FOUND,
+    FOOT_KIND,
     JOINED,
     LOOP,
-    ON,
     SIDE,
+    SURFACE,
     WITHIN,
     bend,
     bent_between,
@@ -34,21 +34,22 @@ from .contact_gaps import (
     way_between,
 )
 from .contact_geometry import (
+    AFTER_IMPACT,
     ANCHOR,
-    BEHIND,
-    BY_CHOICE,
+    AUGMENTATION,
+    BY_FORCE,
     CLOSED,
     CLOSES,
     DAMPING,
-    FREE,
     FRICTION,
-    HELD,
     HOME,
-    NONE,
+    NO_IMPACT,
     OPEN,
-    ORIGIN,
+    OPPOSITE,
     PLACE,
-    SLIDES,
+    PLACEMENT,
+    SLIP_STATUS,
+    STATUS,
     STICK,
     STIFFNESS,
     WEIGHT,
@@ -60,7 +61,7 @@ from .point_laws import PointLaw, work_matrix, work_vector
 
 def slip_on(other, mem, place, unit):  # type: ignore[no-untyped-def]
     """Return the slip from the friction anchor to a place, or 0 if the anchor is on another surface."""
-    return unit * way_between(other[LOOP], place, mem[ANCHOR]) if mem[ON] == surface_of(other) else 0.0
+    return unit * way_between(other[LOOP], place, mem[ANCHOR]) if mem[SURFACE] == surface_of(other) else 0.0
 
 
 def rub_between(par, p0, u, w, mem, g, z, nx, ny, pressed, damped, own, work, across, rows, f, H,
@@ -71,14 +72,14 @@ def rub_between(par, p0, u, w, mem, g, z, nx, ny, pressed, damped, own, work, ac
     5 with dz/dq. The normal force changes by ``damped`` N with rates. With F = R.t,
     d2z/dq2 = (F_qq + F_qz z_q + z_q F_qz + F_zz z_q z_q)/D; H omits the terms of F that are proportional to the depth.
     """
-    other, m, n = par[ORIGIN:], size_of(par), size_of(par) + size_of(par[ORIGIN:])
+    other, m, n = par[OPPOSITE:], size_of(par), size_of(par) + size_of(par[OPPOSITE:])
     at, turn = z if other[END] == 0.0 else other[END], work_matrix(n, n)
     tx, ty, kx, ky = curve_at(other, p0[m:], u[m:], z, work, across)
     T, b, k = tx * tx + ty * ty, nx * kx + ny * ky, tx * kx + ty * ky
     L, D, rate = np.sqrt(T), T - g * b, 0.0
     way = slip_on(other, mem, *place_on(other, z, tx, ty))
     held, slides = dragged(par, mem, way, pressed)
-    bend(par, mem[PLACE] if mem[FREE] > 0.0 else par[HOME], tx, ty, own, turn, 0)
+    bend(par, mem[PLACE] if mem[PLACEMENT] > 0.0 else par[HOME], tx, ty, own, turn, 0)
     bend(other, at, -tx, -ty, work, turn, m)
     for q in range(n):
         rows[4, q] = 0.0
@@ -90,9 +91,9 @@ def rub_between(par, p0, u, w, mem, g, z, nx, ny, pressed, damped, own, work, ac
     share, stick = 0.0, 0.0
     if not slides:
         stick = par[STICK] * L
-    elif mem[SLIDES] != 0.0:
+    elif mem[SLIP_STATUS] != 0.0:
         # as the solver prescribes: between equilibria the normal force may pull
-        share = mem[SLIDES] * par[FRICTION]
+        share = mem[SLIP_STATUS] * par[FRICTION]
     else:
         share = par[FRICTION] if held > 0.0 else -par[FRICTION]
     for p in range(n):
@@ -144,7 +145,7 @@ def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
             H[p, q] = -weight * pressure * H[p, q] + N * rows[1, q]
             C[p, q] = weight * damping * N * rows[0, q]
     power = weight * damping * rate * rate
-    if par[FRICTION] > 0.0 and mem[FOUND] == WITHIN:
+    if par[FRICTION] > 0.0 and mem[FOOT_KIND] == WITHIN:
         power += rub_between(par, p0, u, w, mem, g, z, nx, ny, weight * pressure, weight * damping, own, work, across,
                              rows, f, H, C)[0]
     return energy, power
@@ -155,13 +156,13 @@ def press(p0, u, par, mem, f, H, own, work, across, rows):  # type: ignore[no-un
 
     A point that the solver holds closed continues along the curve beyond an end of the other body.
     """
-    m, c = len(u) - 1, par[STIFFNESS]
+    m, c = len(u) - 1, par[AUGMENTATION]
     force = -u[m]
     f[m], H[m, m] = force / c, -1.0 / c
-    if mem[FREE] < 0.0 or mem[HELD] == OPEN:
+    if mem[PLACEMENT] < 0.0 or mem[STATUS] == OPEN:
         return np.nan, 0.0, 0.0, 0.0
-    if mem[HELD] == CLOSED and beyond(par[ORIGIN + JOINED], mem[FOUND]):
-        mem[FOUND] = WITHIN
+    if mem[STATUS] == CLOSED and beyond(par[OPPOSITE + JOINED], mem[FOOT_KIND]):
+        mem[FOOT_KIND] = WITHIN
     g, nx, ny, z = gap_between(par, p0, u, mem, own, work, across)
     if np.isnan(g) or opens_by_choice(par, mem, force, g):
         return np.nan, 0.0, 0.0, 0.0
@@ -188,8 +189,8 @@ def hard_rough(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     m, own, work, across = len(u) - 1, work_vector(WORK), work_vector(WORK), work_vector(WORK)
     rows = work_matrix(6, m)
     g, nx, ny, z = press(p0, u, par, mem, f, H, own, work, across, rows)
-    if np.isnan(g) or par[FRICTION] == 0.0 or mem[FOUND] != WITHIN or mem[SLIDES] == CLOSES or (
-            u[m] >= 0.0 and mem[SLIDES] == 0.0):
+    if np.isnan(g) or par[FRICTION] == 0.0 or mem[FOOT_KIND] != WITHIN or mem[SLIP_STATUS] == CLOSES or (
+            u[m] >= 0.0 and mem[SLIP_STATUS] == 0.0):
         return 0.0, 0.0
     for p in range(m):
         # the normal force is an unknown, so it does not depend on the coordinates
@@ -202,9 +203,9 @@ def hard_rough(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
 
 def take_side(p0, u, par, mem):  # type: ignore[no-untyped-def]
     """Update the side of an axis that the point is on: set when it comes opposite to the axis, 0 beyond its ends."""
-    if par[ORIGIN + BOTH] == 0.0:
+    if par[OPPOSITE + BOTH_SIDES] == 0.0:
         return
-    if mem[FOUND] != WITHIN:
+    if mem[FOOT_KIND] != WITHIN:
         mem[SIDE] = 0.0
     elif mem[SIDE] == 0.0:
         mem[SIDE] = 1.0
@@ -217,19 +218,19 @@ def take_hold(p0, u, par, mem, pressed):  # type: ignore[no-untyped-def]
     """Update the friction anchor at an accepted state; return the gap. If ``pressed`` is negative, the normal force
     of the layer is used."""
     own, work, across = work_vector(WORK), work_vector(WORK), work_vector(WORK)
-    behind, mem[BEHIND] = mem[BEHIND], NONE
+    behind, mem[AFTER_IMPACT] = mem[AFTER_IMPACT], NO_IMPACT
     g, _, _, z = gap_between(par, p0, u, mem, own, work, across)
-    if np.isnan(g) or mem[FOUND] != WITHIN:
+    if np.isnan(g) or mem[FOOT_KIND] != WITHIN:
         return g
     place, unit, surface = place_opposite(par, p0, u, mem, z, work, across)
     if pressed < 0.0:
         pressed = par[WEIGHT] * par[STIFFNESS] * max(-g, 0.0)
-    held, slides = dragged(par, mem, slip_on(par[ORIGIN:], mem, place, unit), pressed)
-    if behind != NONE:
+    held, slides = dragged(par, mem, slip_on(par[OPPOSITE:], mem, place, unit), pressed)
+    if behind != NO_IMPACT:
         held, slides = behind, True
-    if slides or mem[ON] != surface:
+    if slides or mem[SURFACE] != surface:
         mem[ANCHOR] = place + held / (par[STICK] * unit)
-    mem[ON] = surface
+    mem[SURFACE] = surface
     return g
 
 
@@ -238,20 +239,20 @@ def accept(p0, u, par, mem):  # type: ignore[no-untyped-def]
     take_side(p0, u, par, mem)
     if par[FRICTION] > 0.0:
         g = take_hold(p0, u, par, mem, -1.0)
-        if np.isnan(g) or (mem[FOUND] != WITHIN and g >= 0.0):
+        if np.isnan(g) or (mem[FOOT_KIND] != WITHIN and g >= 0.0):
             # no contact: the anchor is dropped
-            mem[ON] = 0.0
+            mem[SURFACE] = 0.0
 
 
 def accept_rough(p0, u, par, mem):  # type: ignore[no-untyped-def]
     """Update the side of an axis that the point is on, and the friction anchor if the point is closed."""
     take_side(p0, u, par, mem)
-    if par[FRICTION] > 0.0 and mem[FREE] >= 0.0 and mem[HELD] != OPEN:
+    if par[FRICTION] > 0.0 and mem[PLACEMENT] >= 0.0 and mem[STATUS] != OPEN:
         pressed = max(-u[len(u) - 1], 0.0)
         take_hold(p0, u, par, mem, pressed)
-        if mem[HELD] == BY_CHOICE:
+        if mem[STATUS] == BY_FORCE:
             # same as in ``contact.accept_hard``
-            mem[SLIDES] = 0.0 if pressed > 0.0 else CLOSES
+            mem[SLIP_STATUS] = 0.0 if pressed > 0.0 else CLOSES
 
 
 COMPLIANT_BODIES = PointLaw("contact_of_bodies", compliant, contact.over_step(compliant, 0), accept=accept)

@@ -23,13 +23,12 @@ from .contact_geometry import (
     DAMPING,
     FACE,
     FRICTION,
-    FROM,
     HOME,
     LENGTH,
     OF_TANGENT,
     OF_THETA,
     OFFSET,
-    ORIGIN,
+    OPPOSITE,
     OUTSIDE,
     POLYLINE,
     POSE,
@@ -37,6 +36,7 @@ from .contact_geometry import (
     POSE_Y,
     SECTION,
     SHAPE,
+    START_GAP,
     STICK,
     STIFFNESS,
     STILL,
@@ -62,9 +62,9 @@ def slip(par, s, anchor):  # type: ignore[no-untyped-def]
         return 0.0
     way = s - anchor
     if int(par[SHAPE]) == CIRCLE:
-        round_ = 2.0 * np.pi * abs(par[ORIGIN + 2])
-    elif int(par[SHAPE]) == POLYLINE and par[ORIGIN + 1] > 0.0:
-        round_ = par[ORIGIN + 1]
+        round_ = 2.0 * np.pi * abs(par[OPPOSITE + 2])
+    elif int(par[SHAPE]) == POLYLINE and par[OPPOSITE + 1] > 0.0:
+        round_ = par[OPPOSITE + 1]
     else:
         return way
     return way - round_ * np.floor(way / round_ + 0.5)
@@ -335,8 +335,8 @@ def layer(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
                 if far > 0.0:
                     break
             continue
-        if mem[i, FROM] != OUTSIDE:
-            g -= mem[i, FROM]
+        if mem[i, START_GAP] != OUTSIDE:
+            g -= mem[i, START_GAP]
             if g >= 0.0:
                 continue
         elif looks_away(one, x1, y1, nx, ny, bends, q):
@@ -382,8 +382,8 @@ def settle(p0, u, par, mem):  # type: ignore[no-untyped-def]
         one, anchor = par[i], mem[i, ANCHOR]
         x1, y1, bends, q, place = opposite(one, work)
         g, nx, ny, _, part = distance_at(one, place[0], place[1], -1.0)
-        begin = pressed_from(mem[i, FROM], g, not looks_away(one, x1, y1, nx, ny, bends, q))
-        mem[i, FROM] = begin
+        begin = pressed_from(mem[i, START_GAP], g, not looks_away(one, x1, y1, nx, ny, bends, q))
+        mem[i, START_GAP] = begin
         if one[FRICTION] == 0.0:
             continue
         s, _ = place_at(one, place[0], place[1], part)

@@ -24,21 +24,21 @@ import numpy as np
 from .contact_geometry import (
     AT_1,
     AT_2,
-    BENDS,
+    BENDING,
     BY,
     BY_BY,
-    DAMPING,
     FEATURE,
+    HALF_INTERVAL,
     HOME,
     MATRIX,
-    ORIGIN,
+    OPPOSITE,
     OTHER,
     PLACE,
     POLYLINE,
     RHO,
     ROW,
     SHAPE,
-    SHEARS,
+    SHEAR,
     VECTOR,
     along,
     count_of,
@@ -57,24 +57,24 @@ BEYOND = 1.5
 
 def yields(par, z):  # type: ignore[no-untyped-def]
     """Return c at z and its first two derivatives by z; 0 outside the interval of the point."""
-    if par[BENDS] == 0.0 or abs(z - par[HOME]) >= par[DAMPING]:
+    if par[BENDING] == 0.0 or abs(z - par[HOME]) >= par[HALF_INTERVAL]:
         return 0.0, 0.0, 0.0
-    half = par[DAMPING]
+    half = par[HALF_INTERVAL]
     x = 0.5 + 0.5 * (z - par[HOME]) / half
     v, d = x * (1.0 - x), 0.5 * (1.0 - 2.0 * x) / half
-    by_v, twice = 3.0 * par[BENDS] * v * v + par[SHEARS], 6.0 * par[BENDS] * v
-    return (par[BENDS] * v * v + par[SHEARS]) * v, by_v * d, twice * d * d - 0.5 * by_v / half**2
+    by_v, twice = 3.0 * par[BENDING] * v * v + par[SHEAR], 6.0 * par[BENDING] * v
+    return (par[BENDING] * v * v + par[SHEAR]) * v, by_v * d, twice * d * d - 0.5 * by_v / half**2
 
 
 def yields_beside(par, z, at):  # type: ignore[no-untyped-def]
     """Return the additional deflection at z under a unit force at another place ``at`` of the interval."""
-    if par[BENDS] == 0.0 or max(abs(z - par[HOME]), abs(at - par[HOME])) >= par[DAMPING]:
+    if par[BENDING] == 0.0 or max(abs(z - par[HOME]), abs(at - par[HOME])) >= par[HALF_INTERVAL]:
         return 0.0
-    x, a = 0.5 + 0.5 * (z - par[HOME]) / par[DAMPING], 0.5 + 0.5 * (at - par[HOME]) / par[DAMPING]
+    x, a = 0.5 + 0.5 * (z - par[HOME]) / par[HALF_INTERVAL], 0.5 + 0.5 * (at - par[HOME]) / par[HALF_INTERVAL]
     if x > a:
         x, a = 1.0 - x, 1.0 - a
-    bent = 0.5 * par[BENDS] * x * (1.0 - a) * (3.0 * a - x * (1.0 + 2.0 * a))
-    return (bent + par[SHEARS]) * x * (1.0 - a)
+    bent = 0.5 * par[BENDING] * x * (1.0 - a) * (3.0 * a - x * (1.0 + 2.0 * a))
+    return (bent + par[SHEAR]) * x * (1.0 - a)
 
 
 def at_corner(par, feature):  # type: ignore[no-untyped-def]
@@ -127,7 +127,7 @@ def foot(par, p0, u, z, work):  # type: ignore[no-untyped-def]
     """
     for _ in range(TRIES):
         stand(par, p0, u, z, work)
-        x, y = work[RHO] - par[ORIGIN], work[RHO + 1] - par[ORIGIN + 1]
+        x, y = work[RHO] - par[OPPOSITE], work[RHO + 1] - par[OPPOSITE + 1]
         x1, y1 = along(par, work, AT_1, 1)
         x2, y2 = along(par, work, AT_2, 2)
         square = x1 * x1 + y1 * y1

@@ -196,12 +196,12 @@ class BodyPair:
         same = [geometry.SECTION, geometry.TERMS, geometry.OFFSET]
         self.alike = _alike(self.par[:, same])
         self.alike_curves = _alike(np.array([c.constants for c in self.curves])[
-            :, [*same, facing.END, facing.MIDDLE, facing.HALF]])
+            :, [*same, facing.END, facing.END_MIDDLE, facing.END_HALF]])
         self.mem: Array = np.zeros((len(self.spots), facing.BODY_MEMORY))
         self.mem[:, geometry.PLACE] = [p.z for p in self.spots]
-        self.mem[:, geometry.HELD], self.mem[:, geometry.BEHIND] = -1.0, geometry.NONE
-        self.mem[:, geometry.SLIDES] = geometry.CLOSES if self.hard else 0.0
-        self.mem[:, geometry.FREE] = [-1.0 if p.free else 0.0 for p in self.spots]
+        self.mem[:, geometry.STATUS], self.mem[:, geometry.AFTER_IMPACT] = -1.0, geometry.NO_IMPACT
+        self.mem[:, geometry.SLIP_STATUS] = geometry.CLOSES if self.hard else 0.0
+        self.mem[:, geometry.PLACEMENT] = [-1.0 if p.free else 0.0 for p in self.spots]
         self.own = len(self.p0[0]) - len(opposite.p0), own.shape[1]
         if self.item.side == "axis":
             self.mem[:, facing.SIDE] = self._sides()

@@ -141,10 +141,10 @@ class ContactPair:
         self.G, self.p0, self.par = np.array(G), np.array(start), np.array(par)
         self.mem: Array = np.zeros((len(self.spots), geometry.MEMORY))
         self.mem[:, geometry.PLACE] = self.par[:, geometry.HOME]
-        self.mem[:, geometry.HELD], self.mem[:, geometry.BEHIND] = -1.0, geometry.NONE
-        self.mem[:, geometry.FROM] = geometry.OUTSIDE
-        self.mem[:, geometry.SLIDES] = geometry.CLOSES if self.hard else 0.0
-        self.mem[:, geometry.FREE] = [-1.0 if p.free else 0.0 for p in self.spots]
+        self.mem[:, geometry.STATUS], self.mem[:, geometry.AFTER_IMPACT] = -1.0, geometry.NO_IMPACT
+        self.mem[:, geometry.START_GAP] = geometry.OUTSIDE
+        self.mem[:, geometry.SLIP_STATUS] = geometry.CLOSES if self.hard else 0.0
+        self.mem[:, geometry.PLACEMENT] = [-1.0 if p.free else 0.0 for p in self.spots]
         # with a law, friction holds a point to its place in the first state
         self.mem[:, geometry.ANCHOR] = 0.0 if self.hard else np.nan
         self.fed = tuple(self.G.shape[1] - 3 + k for k in range(3)) if frame.kind == geometry.BY_ANGLE else -1

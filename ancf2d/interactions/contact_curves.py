@@ -303,21 +303,21 @@ def curves_of(mesh: BodyMesh, side: str, follows: Mapping[int, Any]) -> list[Cur
             rows, own, kind = curve_rows(mesh, ie, height)
             joined = (1 if ie > 0 or mesh.plan.closed else 0) + (2 if ie < count - 1 or mesh.plan.closed else 0)
             add(ie, padded(rows, own, terms), kind, OFFSET=offset_of(mesh, height), JOINED=joined,
-                SIGN=-1.0 if eta == levels[0] and side == "surface" else 1.0, BEGINS=float(mesh.starts[ie]),
-                GOES=float(mesh.lengths[ie]), FIXED=sum(k for k, z in ((1, -1.0), (2, 1.0))
-                                                    if follows and not moves(mesh, Spot(ie, z, eta, 0.0), follows)))
+                SIGN=-1.0 if eta == levels[0] and side == "surface" else 1.0, START=float(mesh.starts[ie]),
+                SPAN=float(mesh.lengths[ie]), SUPPORTED_PART=sum(
+                    k for k, z in ((1, -1.0), (2, 1.0)) if follows and not moves(mesh, Spot(ie, z, eta, 0.0), follows)))
     if side == "surface" and not mesh.plan.closed:
         for ie, z in ((0, -1.0), (count - 1, 1.0)):
             low, high = (eta_at(mesh, Spot(ie, z, eta, 0.0)) for eta in levels)
             rests = follows and not any(moves(mesh, Spot(ie, z, eta, 0.0), follows) for eta in levels)
-            place = {"SIGN": -z, "BEGINS": 0.0 if z < 0.0 else mesh.plan.length, "FIXED": 4.0 if rests else 0.0}
+            place = {"SIGN": -z, "START": 0.0 if z < 0.0 else mesh.plan.length, "SUPPORTED_PART": 4.0 if rests else 0.0}
             rows, own, kind = curve_rows(mesh, ie, 0.0)
             if kind == geometry.CURVE:
                 add(ie, _across(mesh, ie, z, low, high), kind, **place)
             else:
                 below, above = offset_of(mesh, low), offset_of(mesh, high)
-                add(ie, padded(rows, own, terms), kind, **place, END=z, MIDDLE=0.5 * (below + above),
-                    HALF=0.5 * (above - below))
+                add(ie, padded(rows, own, terms), kind, **place, END=z, END_MIDDLE=0.5 * (below + above),
+                    END_HALF=0.5 * (above - below))
     return out
 
 
@@ -371,11 +371,11 @@ class BeamCurves:
         """Write the curves of points at displacements d (n_full,) to the table (``kernels.points.Points``); those of
         ``unused`` points too, if asked for."""
         for group in self.groups:
-            free = points.mem[group.items, geometry.FREE]
+            free = points.mem[group.items, geometry.PLACEMENT]
             which: Index = np.flatnonzero(unused | (free > 0.0))
             if not len(which):
                 continue
-            own = (free[which] == geometry.OWN) | (free[which] == geometry.UNUSED_OWN)
+            own = (free[which] == geometry.ON_ELEMENT) | (free[which] == geometry.UNUSED_ON_ELEMENT)
             rows, start = group.at(which, own, d)
             items, (wide, n) = group.items[which], rows.shape[1:]
             fields = points.field[items + 1] - points.field[items]

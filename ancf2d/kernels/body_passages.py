@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from ..elements import contact_gaps, contact_geometry
-from ..elements.contact_gaps import BOTH, DEEPEST, FOUND, SIDE, WITHIN
-from ..elements.contact_geometry import FREE, HOME, ORIGIN, PLACE, RHO, WORK
+from ..elements.contact_gaps import BOTH_SIDES, DEEPEST, FOOT_KIND, SIDE, WITHIN
+from ..elements.contact_geometry import HOME, OPPOSITE, PLACE, PLACEMENT, RHO, WORK
 from .compiled_laws import part
 from .facing import face, fill_curves
 from .lowlevel.arrays import copy, vector
@@ -32,7 +32,7 @@ def _places(table, points, d, out):  # type: ignore[no-untyped-def]
         i = table.item[k]
         par, mem, b = points.par[i], points.mem[i], points.field[i]
         fields_of_item(points, i, d, u)
-        _stand(par, points.p0[b:b + _size_of(par)], u, mem[PLACE] if mem[FREE] > 0.0 else par[HOME], work)
+        _stand(par, points.p0[b:b + _size_of(par)], u, mem[PLACE] if mem[PLACEMENT] > 0.0 else par[HOME], work)
         out[k, 0], out[k, 1] = work[RHO], work[RHO + 1]
     for k in range(2 * len(table.curve)):
         copy(table.curve[k // 2], par_of)
@@ -55,13 +55,13 @@ def _look(table, points, d, gaps, side):  # type: ignore[no-untyped-def]
         i = table.item[k]
         mem, b, e = points.mem[i], points.field[i], points.field[i + 1]
         fields_of_item(points, i, d, u)
-        both = points.par[i, ORIGIN + BOTH] > 0.0
-        if both and mem[FOUND] == WITHIN and side[k] == 0.0:
+        both = points.par[i, OPPOSITE + BOTH_SIDES] > 0.0
+        if both and mem[FOOT_KIND] == WITHIN and side[k] == 0.0:
             mem[SIDE] = 1.0
             g = _gap_between(points.par[i], points.p0[b:e], u, mem, own, work, across)[0]
             mem[SIDE] = side[k] = -1.0 if g < 0.0 else 1.0
         g = _gap_between(points.par[i], points.p0[b:e], u, mem, own, work, across)[0]
-        gaps[k] = np.inf if np.isnan(g) or mem[FREE] < 0.0 else g
+        gaps[k] = np.inf if np.isnan(g) or mem[PLACEMENT] < 0.0 else g
         near = min(near, gaps[k])
     return near
 
@@ -85,7 +85,7 @@ def bodies_cross(table, points, d0, d1):  # type: ignore[no-untyped-def]
         way = max(way, 2.0 * math.sqrt(dx * dx + dy * dy))
     thin = np.inf
     for i in table.item:
-        thin = min(thin, points.par[i, ORIGIN + DEEPEST])
+        thin = min(thin, points.par[i, OPPOSITE + DEEPEST])
     if way < PART * thin:
         return False
     kept, side, first, last, gaps = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)

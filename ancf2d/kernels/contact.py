@@ -14,20 +14,20 @@ from ..elements import contact_sliding as sliding
 from ..elements.contact_geometry import (
     AT_HOME,
     CIRCLE,
-    DAMPING,
     FEATURE,
-    FREE,
-    HELD,
+    HALF_INTERVAL,
     HOME,
     MEMORY,
-    ORIGIN,
-    OWN,
+    ON_BEAM,
+    ON_ELEMENT,
+    OPPOSITE,
     PLACE,
+    PLACEMENT,
     POLYLINE,
     RHO,
     SHAPE,
     SLIDING,
-    STANDING,
+    STATUS,
     WORK,
 )
 from .body_passages import bodies_cross
@@ -64,11 +64,11 @@ def contact_gaps(points, d, amps, gaps, along, faces):  # type: ignore[no-untype
         b, m = points.field[i], points.field[i + 1] - points.field[i]
         fields_of_item(points, i, d, u)
         amplitude_of(points, i, amps, u, w, a)
-        z = points.par[i, HOME] if points.mem[i, FREE] == AT_HOME else points.mem[i, PLACE]
+        z = points.par[i, HOME] if points.mem[i, PLACEMENT] == AT_HOME else points.mem[i, PLACE]
         _stand(points.par[i], points.p0[b:b + m], u, z, work)
-        feature = -1.0 if points.mem[i, FREE] == AT_HOME else points.mem[i, FEATURE]
+        feature = -1.0 if points.mem[i, PLACEMENT] == AT_HOME else points.mem[i, FEATURE]
         gaps[i], nx, ny, _, along[i], _ = _gap_at(points.par[i], work[RHO], work[RHO + 1], feature)
-        if points.mem[i, FREE] == SLIDING or points.mem[i, FREE] == STANDING:
+        if points.mem[i, PLACEMENT] == SLIDING or points.mem[i, PLACEMENT] == ON_BEAM:
             gaps[i] -= u[m - 1] * _yields(points.par[i], z)[0]
         faces[i] = not _is_back(points.par[i], nx, ny, work)
 
@@ -130,14 +130,14 @@ def obstacle_crossed(points, free, before, amps_before, d, amps, extent):  # typ
     """
     u, v, w, a, work = vector(200), vector(200), vector(200), vector(3), vector(WORK)
     for i in range(len(points.forces)):
-        if points.mem[i, FREE] != AT_HOME and not free[i]:
+        if points.mem[i, PLACEMENT] != AT_HOME and not free[i]:
             continue
         par, b, m = points.par[i], points.field[i], points.field[i + 1] - points.field[i]
         fields_of_item(points, i, before, u)
         amplitude_of(points, i, amps_before, u, w, a)
         fields_of_item(points, i, d, v)
         amplitude_of(points, i, amps, v, w, a)
-        half = par[DAMPING] if free[i] else 0.0
+        half = par[HALF_INTERVAL] if free[i] else 0.0
         for k in range(SAMPLES if free[i] else 1):
             if _passes(par, points.p0[b:b + m], u, v, par[HOME] - half + 2.0 * half * k / (SAMPLES - 1), extent, work):
                 return True
@@ -150,7 +150,7 @@ def lean(points, d, amps, slope, bend):  # type: ignore[no-untyped-def]
     """Fill slope = g_z and bend = g_zz (n,) of the gap of each point that was placed off its home, at d (n_full,)."""
     u, w, a, work = vector(200), vector(200), vector(3), vector(WORK)
     for i in range(len(points.forces)):
-        if points.mem[i, FREE] <= 0.0:
+        if points.mem[i, PLACEMENT] <= 0.0:
             continue
         par, z, b, m = points.par[i], points.mem[i, PLACE], points.field[i], points.field[i + 1] - points.field[i]
         fields_of_item(points, i, d, u)
@@ -195,15 +195,15 @@ def deepest(points, free, d, amps, depth, place, feature):  # type: ignore[no-un
         par, p0 = points.par[i], points.p0[b:b + m]
         fields_of_item(points, i, d, u)
         amplitude_of(points, i, amps, u, w, a)
-        low, high = par[HOME] - par[DAMPING], par[HOME] + par[DAMPING]
+        low, high = par[HOME] - par[HALF_INTERVAL], par[HOME] + par[HALF_INTERVAL]
         longest, at = 0.0, 0
-        taken = points.mem[i, HELD] > 0.0 and points.mem[i, FREE] > 0.0
+        taken = points.mem[i, STATUS] > 0.0 and points.mem[i, PLACEMENT] > 0.0
         for k in range(SAMPLES):
             zs[k] = low + (high - low) * k / (SAMPLES - 1)
             _stand(par, p0, u, zs[k], work)
             xs[k], ys[k] = work[RHO], work[RHO + 1]
             g[k] = _gap_at(par, xs[k], ys[k], -1.0)[0]
-            if taken and points.mem[i, FREE] != OWN:
+            if taken and points.mem[i, PLACEMENT] != ON_ELEMENT:
                 g[k] -= u[m - 1] * _yields_beside(par, zs[k], points.mem[i, PLACE])
             if k > 0:
                 longest = max(longest, math.hypot(xs[k] - xs[k - 1], ys[k] - ys[k - 1]))
@@ -218,9 +218,9 @@ def deepest(points, free, d, amps, depth, place, feature):  # type: ignore[no-un
             continue
         if int(par[SHAPE]) != POLYLINE:
             circle = int(par[SHAPE]) == CIRCLE
-            if not circle or par[ORIGIN + 2] > 0.0 or 0 < at < SAMPLES - 1:
+            if not circle or par[OPPOSITE + 2] > 0.0 or 0 < at < SAMPLES - 1:
                 # a circle whose centre is closer than the samples are to each other
-                small = circle and par[ORIGIN + 2] > 0.0 and par[ORIGIN + 2] + g[at] < longest
+                small = circle and par[OPPOSITE + 2] > 0.0 and par[OPPOSITE + 2] + g[at] < longest
                 _try(par, p0, u, mem, work, zs[at], -1.0, low, high, small, best)
         else:
             _try_polyline(par, p0, u, mem, work, zs, xs, ys, g, longest, best)
@@ -240,7 +240,7 @@ def overlaps(points, d, amps, place, x, w, exact, summed):  # type: ignore[no-un
         par, p0 = points.par[i], points.p0[b:b + m]
         fields_of_item(points, i, d, u)
         amplitude_of(points, i, amps, u, v, a)
-        low, length = par[HOME] - par[DAMPING], 2.0 * par[DAMPING]
+        low, length = par[HOME] - par[HALF_INTERVAL], 2.0 * par[HALF_INTERVAL]
         exact[i], summed[i] = 0.0, 0.0
         for k in range(len(x)):
             summed[i] += length * w[k] * _depth(par, p0, u, low + length * x[k], work)
@@ -270,7 +270,7 @@ def _beside(par, multiplier, mem, x, y, z, g):  # type: ignore[no-untyped-def]
     """Return (depth, z, feature) if sample z penetrates another feature than the existing point of the interval, by
     more than a share of the beam's local deflection there; else zeros."""
     what = float(_feature_at(par, x, y)) if int(par[SHAPE]) == POLYLINE else mem[FEATURE]
-    soft = 0.0 if mem[FREE] == OWN else _yields(par, mem[PLACE])[0]
+    soft = 0.0 if mem[PLACEMENT] == ON_ELEMENT else _yields(par, mem[PLACE])[0]
     if what == mem[FEATURE] or g >= BESIDE * multiplier * soft:
         return 0.0, 0.0, 0.0
     return -g, z, what
@@ -285,7 +285,7 @@ def _try_polyline(par, p0, u, mem, work, zs, xs, ys, g, longest, best):  # type:
             what = _feature_at(par, xs[k], ys[k])
             if what % 2 == 0:
                 _try(par, p0, u, mem, work, zs[k], float(what), low, high, False, best)
-    n, c = int(par[ORIGIN]), ORIGIN + 2
+    n, c = int(par[OPPOSITE]), OPPOSITE + 2
     for v in range(n):
         if not _convex(par, v, n):
             continue
@@ -301,8 +301,8 @@ def _try_polyline(par, p0, u, mem, work, zs, xs, ys, g, longest, best):  # type:
 @inner
 def _convex(par, v, n):  # type: ignore[no-untyped-def]
     """Return whether vertex v of a polyline is a convex corner of the solid; ends of an open polyline are not."""
-    c = ORIGIN + 2
-    if par[ORIGIN + 1] < 0.0 and (v == 0 or v == n - 1):
+    c = OPPOSITE + 2
+    if par[OPPOSITE + 1] < 0.0 and (v == 0 or v == n - 1):
         return False
     before, after = (v - 1 + n) % n, (v + 1) % n
     ax, ay = par[c + 3 * v] - par[c + 3 * before], par[c + 3 * v + 1] - par[c + 3 * before + 1]

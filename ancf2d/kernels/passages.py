@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..elements import contact_geometry
-from ..elements.contact_geometry import BODY, FREE, HOME, RHO, SHAPE, WORK
+from ..elements.contact_geometry import BODY, HOME, PLACEMENT, RHO, SHAPE, WORK
 from . import calls
 from .compiled_laws import part
 from .contact import DEPTH, TOUCHES, is_crossed
@@ -34,7 +34,7 @@ def _place(p, d, i, amps, u, work):  # type: ignore[no-untyped-def]
 @inner_with_memory
 def _meets_obstacle(p, i):  # type: ignore[no-untyped-def]
     """Return whether item i is an active contact point that may touch an obstacle (not a body)."""
-    return (not p.points.restitution[i] < 0.0 and p.points.mem[i, FREE] >= 0.0
+    return (not p.points.restitution[i] < 0.0 and p.points.mem[i, PLACEMENT] >= 0.0
             and int(p.points.par[i, SHAPE]) != BODY)
 
 

@@ -8,24 +8,24 @@ from typing import Any
 
 import numpy as np
 
-from ..elements.contact_gaps import BEGINS, FOOT, FOUND, GOES, JOINED, LOOP, ON, beyond, way_between
+from ..elements.contact_gaps import FOOT, FOOT_KIND, JOINED, LOOP, SPAN, START, SURFACE, beyond, way_between
 from ..elements.contact_geometry import (
     ANCHOR,
-    BENDS,
-    DAMPING,
+    BENDING,
     FEATURE,
-    FREE,
     FRICTION,
-    HELD,
+    HALF_INTERVAL,
     HOME,
-    ORIGIN,
-    OWN,
+    ON_BEAM,
+    ON_ELEMENT,
+    OPPOSITE,
     PLACE,
-    SHEARS,
-    SLIDES,
+    PLACEMENT,
+    SHEAR,
     SLIDING,
-    STANDING,
-    UNUSED_OWN,
+    SLIP_STATUS,
+    STATUS,
+    UNUSED_ON_ELEMENT,
 )
 from ..elements.contact_layer import slip
 from ..elements.contact_sliding import at_corner
@@ -95,12 +95,12 @@ class ContactTable:
         self.curves.take(self.table, d, True)
 
     def stands(self, k: int, feature: float) -> float:
-        """Return mem[FREE] of point k between nodes, opposite to a part (``feature``) of the obstacle: it slides at a
-        corner; elsewhere it stands at a place of the curve that it is on."""
+        """Return mem[PLACEMENT] of point k between nodes, opposite to a part (``feature``) of the obstacle: it slides
+        at a corner; elsewhere it stands at a place of the curve that it is on."""
         point = self.points[k]
         if at_corner(point.par, feature):
             return SLIDING
-        return OWN if point.mem[FREE] in (OWN, UNUSED_OWN) else STANDING
+        return ON_ELEMENT if point.mem[PLACEMENT] in (ON_ELEMENT, UNUSED_ON_ELEMENT) else ON_BEAM
 
     @property
     def free(self) -> Any:
@@ -110,7 +110,7 @@ class ContactTable:
     @cached_property
     def ends(self) -> Any:
         """The fixed points at both ends of the interval of each movable point (m, 2), -1 where there is none."""
-        mesh, half = self.pair.mesh, self.pair.par[:, DAMPING]
+        mesh, half = self.pair.mesh, self.pair.par[:, HALF_INTERVAL]
         count, closed = len(mesh.dofs), mesh.plan.closed
         known = {(p.ie, round(p.z, 9), p.eta): k for k, p in enumerate(self.pair.spots) if not p.free}
         out = np.full((len(half), 2), -1)
@@ -128,7 +128,7 @@ class ContactTable:
             end = self.ends[:, side]
             if self.fixed[end[end >= 0]].any():
                 self.supported[:, side] = (end >= 0) & self.fixed[end] & (np.abs(self.gaps(d, t)[0][end]) <= near)
-            at = {k: (float(self.pair.par[k, HOME] + (2 * side - 1) * self.pair.par[k, DAMPING]), -1.0)
+            at = {k: (float(self.pair.par[k, HOME] + (2 * side - 1) * self.pair.par[k, HALF_INTERVAL]), -1.0)
                   for k in np.flatnonzero(self.free & (self.ends[:, side] < 0)).tolist()}
             if at:
                 gap = self.gradients(d, t, at)[2]
@@ -167,7 +167,7 @@ class ContactTable:
         closed = held[ends] & (ends >= 0)
         # ends that supports hold have no closed point
         near = (closed | self.supported[free]).any(axis=1)
-        soft = par[:, BENDS] / 64.0 + par[:, SHEARS] / 4.0
+        soft = par[:, BENDING] / 64.0 + par[:, SHEAR] / 4.0
         out[free] = np.where(near, BETWEEN * self.pair.scale + ROUGH * soft * np.where(
             closed, np.abs(force[ends]), 0.0).sum(axis=1), 0.0)
         return out
@@ -220,7 +220,7 @@ class ContactTable:
         Movable points are at their current place, or at the (z, part of the obstacle) given in ``at``.
         """
         table, amps = self._placed(d, t, at)
-        table.mem[:, HELD] = 1.0
+        table.mem[:, STATUS] = 1.0
         dofs = table.dofs.reshape(len(table.forces), -1).copy()
         # forces of the gap's multiplier alone, without friction
         Q = self._of_unit(table, d, amps, 1.0, 0.0)
@@ -229,7 +229,7 @@ class ContactTable:
     def slips(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None = None) -> Array:
         """Return the gradients (m, n) of the places on the obstacle; arguments as of ``gradients``."""
         table, amps = self._placed(d, t, at)
-        table.mem[:, HELD], table.mem[:, SLIDES] = 1.0, 1.0
+        table.mem[:, STATUS], table.mem[:, SLIP_STATUS] = 1.0, 1.0
         Q = self._of_unit(table, d, amps, -1.0, 0.0) - self._of_unit(table, d, amps, -1.0, 1.0)
         return Q[:, :-1]
 
@@ -238,7 +238,7 @@ class ContactTable:
         table, amps = self.at(d, t)
         for k, (place, feature) in (at or {}).items():
             table.mem[k, PLACE], table.mem[k, FEATURE] = place, feature
-            table.mem[k, FREE] = self.stands(k, feature)
+            table.mem[k, PLACEMENT] = self.stands(k, feature)
         if at:
             self.turn_to(d)
         return table, amps
@@ -252,10 +252,10 @@ class ContactTable:
         unit[table.dofs.reshape(m, -1)[:, -1]] = multiplier
         n = table.dofs.size // m
         energy, Q, K, C = np.zeros(m), np.zeros((m, n)), np.zeros((m, n, n)), np.zeros((m, n, n))
-        kept = table.par[:, [FRICTION, BENDS, SHEARS]]
-        table.par[:, [FRICTION, BENDS, SHEARS]] = friction, 0.0, 0.0
+        kept = table.par[:, [FRICTION, BENDING, SHEAR]]
+        table.par[:, [FRICTION, BENDING, SHEAR]] = friction, 0.0, 0.0
         point_matrices(table, unit, np.zeros_like(d), amps, False, energy, Q, K, C)
-        table.par[:, [FRICTION, BENDS, SHEARS]] = kept
+        table.par[:, [FRICTION, BENDING, SHEAR]] = kept
         return Q
 
     def lean(self, d: Array, t: float) -> tuple[Array, Array]:
@@ -277,7 +277,7 @@ class ContactTable:
 
         earlier, (table, amps), free = self.at(*before)[1], self.at(d, t), self.free
         # along the curves of elements, because the fields of beam curves change with the state
-        table.mem[free, FREE] = UNUSED_OWN
+        table.mem[free, PLACEMENT] = UNUSED_ON_ELEMENT
         self.turn_to(d)
         return bool(obstacle_crossed(table, free, before[0], earlier, d, amps, self.pair.scale))
 
@@ -292,7 +292,7 @@ class ContactTable:
     def places(self, mesh: Any) -> Array:
         """Return S (m,) of each point on its own body."""
         s: Array = self.pair.s.copy()
-        for k in np.flatnonzero(self.free & (self.table.mem[:, FREE] > 0.0)):
+        for k in np.flatnonzero(self.free & (self.table.mem[:, PLACEMENT] > 0.0)):
             ie = self.pair.spots[k].ie
             s[k] = (mesh.starts[ie] + 0.5 * (self.table.mem[k, PLACE] + 1.0) * mesh.lengths[ie]) / mesh.plan.length
         return s
@@ -333,7 +333,7 @@ class BodyTable(ContactTable):
     @staticmethod
     def _ended(table: Record) -> Any:
         """Return which points (m,) of an updated table are beyond an end of the other body."""
-        joined, found = table.par[:, ORIGIN + JOINED], table.mem[:, FOUND]
+        joined, found = table.par[:, OPPOSITE + JOINED], table.mem[:, FOOT_KIND]
         return np.array([beyond(*row) for row in zip(joined, found, strict=True)], dtype=bool)
 
     def stand(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None = None) -> tuple[Array, Array, Any]:
@@ -350,7 +350,7 @@ class BodyTable(ContactTable):
         """Return how far point k has slid from one place (3,) to another; 0 if they are on different surfaces."""
         if now[2] != before[2]:
             return 0.0
-        return float(now[1] * way_between(self.points[k].par[ORIGIN + LOOP], now[0], before[0]))
+        return float(now[1] * way_between(self.points[k].par[OPPOSITE + LOOP], now[0], before[0]))
 
     def beside(self, place: Array, way: float) -> Array:
         """Return the place (3,) on the other body at distance ``way`` from another."""
@@ -360,8 +360,8 @@ class BodyTable(ContactTable):
         """Return the place (3,) at which friction holds point k; set it to ``held`` first if given."""
         mem = self.points[k].mem
         if held is not None:
-            mem[ANCHOR], mem[ON] = held[0], held[2]
-        return np.array([mem[ANCHOR], 0.0, mem[ON]])
+            mem[ANCHOR], mem[SURFACE] = held[0], held[2]
+        return np.array([mem[ANCHOR], 0.0, mem[SURFACE]])
 
     def deepest(self, d: Array, t: float) -> tuple[Array, Array, Array]:
         """Same as ``ContactTable.deepest``, for bodies; the last array is 0."""
@@ -378,8 +378,8 @@ class BodyTable(ContactTable):
 
     def opposite(self) -> Array:
         """Return S (m,) of the place opposite to each point on the other body, as last found."""
-        par, mem = self.table.par[:, ORIGIN:], self.table.mem
-        out: Array = (par[:, BEGINS] + 0.5 * (mem[:, FOOT] + 1.0) * par[:, GOES]) / self.pair.against.plan.length
+        par, mem = self.table.par[:, OPPOSITE:], self.table.mem
+        out: Array = (par[:, START] + 0.5 * (mem[:, FOOT] + 1.0) * par[:, SPAN]) / self.pair.against.plan.length
         return out
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..elements.contact_geometry import CIRCLE, DAMPING, HOME, ORIGIN, SHAPE
+from ..elements.contact_geometry import CIRCLE, HALF_INTERVAL, HOME, OPPOSITE, SHAPE
 from ..elements.shape import Array, gauss
 from ..interactions.contact_curves import ALONG, Spot, levels_of
 from ..model.model import Model
@@ -38,7 +38,7 @@ class _Layer:
         lengths, last = [float(l) for l in mesh.lengths], self.count - 1
         pair = known.pair.at(item, mesh, [Spot(ie, 0.0, eta, l, free=True) for eta in levels
                                           for ie, l in enumerate(lengths)])
-        pair.par[:, HOME], pair.par[:, DAMPING] = 0.0, 1.0
+        pair.par[:, HOME], pair.par[:, HALF_INTERVAL] = 0.0, 1.0
         self.half: Array = 0.5 * np.tile(mesh.lengths, len(levels))
         self.table = contact_table((), pair)
         # the ends of the body, where it may be deepest without being parallel to the surface, and their intervals
@@ -114,7 +114,7 @@ class Between:
             else:
                 off, depth, yields = look.off(state)
             par = pair.par[0]
-            small = off / par[ORIGIN + 2] if par[SHAPE] == CIRCLE and par[ORIGIN + 2] > 0.0 else 0.0
+            small = off / par[OPPOSITE + 2] if par[SHAPE] == CIRCLE and par[OPPOSITE + 2] > 0.0 else 0.0
             for worst, size in ((self.most, off), (self.share, small)):
                 if size > worst[0]:
                     worst[:] = size, depth, yields, t, k

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..elements.contact_gaps import SIGN
-from ..elements.contact_geometry import ORIGIN
+from ..elements.contact_geometry import OPPOSITE
 from ..elements.shape import Array
 from ..interactions.contact import Contact, ContactLaw
 from ..interactions.contact_curves import Spot, levels_of, pieces_along
@@ -80,7 +80,7 @@ class ContactFields:
                 face = np.sign([p.eta for p in one.pair.spots])
                 self._add(sums, state, one.places(self.mesh), face, normal, every - normal)
             if one.pair.other == self.mesh.plan.name:
-                face = one.table.par[:, ORIGIN + SIGN]
+                face = one.table.par[:, OPPOSITE + SIGN]
                 self._add(sums, state, one.opposite(), face, -normal, normal - every)
         if self.mesh.plan.closed:
             sums[..., 0] += sums[..., -1]

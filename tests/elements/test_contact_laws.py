@@ -46,9 +46,9 @@ class Point:
         elif damping:
             self.w[:] = 0.3 * rng.standard_normal(len(self.w))
         self.mem = np.zeros(geometry.MEMORY)
-        self.mem[geometry.FREE] = float(free)
-        self.mem[geometry.PLACE], self.mem[geometry.FROM] = 0.1, geometry.OUTSIDE
-        self.mem[geometry.HELD] = geometry.BY_CHOICE
+        self.mem[geometry.PLACEMENT] = float(free)
+        self.mem[geometry.PLACE], self.mem[geometry.START_GAP] = 0.1, geometry.OUTSIDE
+        self.mem[geometry.STATUS] = geometry.BY_FORCE
         # the corner of the polyline
         self.mem[geometry.FEATURE] = 3.0 if shape == "polyline" else 0.0
 
@@ -82,7 +82,7 @@ def test_stiffness_and_damping_are_the_derivatives_of_the_forces(contact, sectio
     law, friction, damping, free, *bends = CONTACTS[contact]
     point = Point(law, section, pose, shape, friction, free, damping, *bends)
     if law is HARD:
-        point.mem[geometry.HELD] = geometry.CLOSED
+        point.mem[geometry.STATUS] = geometry.CLOSED
     _, f, H, C = point(point.u, point.w)
     size = 1.0 + np.abs(H).max()
     # a layer in a pipe may be apart from it
@@ -186,7 +186,7 @@ def test_what_comes_in_with_its_back_presses_from_the_gap_on_at_which_it_turns(l
 
     def accept():
         law.accept(point.p0, point.u, point.par, point.mem)
-        return point.mem[geometry.FROM]
+        return point.mem[geometry.START_GAP]
 
     def touches():
         energy, f, _, _ = point(point.u, point.w)
@@ -219,7 +219,7 @@ def test_what_presses_goes_on_pressing_when_its_face_turns_away(law):
     point = Point(law, "curve", "still", "circle")
     point.par[geometry.FACE] = -1.0
     law.accept(point.p0, point.u, point.par, point.mem)
-    assert point.mem[geometry.FROM] == 0.0
+    assert point.mem[geometry.START_GAP] == 0.0
     before = point(point.u, point.w)
     point.par[geometry.FACE] = 1.0
     for one, other in zip(before, point(point.u, point.w), strict=True):
@@ -251,7 +251,7 @@ def test_points_of_a_curve_together_are_the_sum_of_each(section, pose, shape, ho
     terms = SECTIONS[section][1]
     if shape == "polyline":
         # closed
-        point.par[geometry.ORIGIN + 1] = 3.0
+        point.par[geometry.OPPOSITE + 1] = 3.0
     places = [home, *np.linspace(-1.0, 1.0, 9)]
     par, mem = np.tile(point.par, (len(places), 1)), np.tile(point.mem, (len(places), 1))
     par[:, geometry.HOME] = places
