@@ -56,7 +56,7 @@ def count_of(par):  # type: ignore[no-untyped-def]
     return 2 + section, (0 if pose == STILL else 2 + pose)
 
 
-def take(par, p0, u, z, work):  # type: ignore[no-untyped-def]
+def interpolate(par, p0, u, z, work):  # type: ignore[no-untyped-def]
     """Fill X, dX/dz and d2X/dz2 at z from the fields p0 + u."""
     terms, section = int(par[TERMS]), int(par[SECTION])
     sets = 3 if section == OF_THETA else 2
@@ -110,7 +110,7 @@ def offset(par, work):  # type: ignore[no-untyped-def]
                 work[BY_BY + 8 * (2 + j) + 2 + k], work[BY_BY + 64 + 8 * (2 + j) + 2 + k] = -y * f1, y * f0
 
 
-def seen(par, work):  # type: ignore[no-untyped-def]
+def to_obstacle_frame(par, work):  # type: ignore[no-untyped-def]
     """Transform rho and its derivatives to the frame of the obstacle, and add derivatives by its pose."""
     pose = int(par[POSE])
     if pose == STILL:
@@ -244,7 +244,7 @@ def gap_at(par, x, y, feature):  # type: ignore[no-untyped-def]
     return g, nx, ny, k, s, ds
 
 
-def reach(par, p0, u, z):  # type: ignore[no-untyped-def]
+def bound_on_distance(par, p0, u, z):  # type: ignore[no-untyped-def]
     """Return a bound on the distance of points of the curve from the point at z, for the obstacle; inf if gaps jump.
 
     It uses |z^j| <= 1. The gap changes by no more than this distance, except at the ends of an open polyline.
@@ -267,7 +267,7 @@ def reach(par, p0, u, z):  # type: ignore[no-untyped-def]
     return size
 
 
-def along(par, work, first, order):  # type: ignore[no-untyped-def]
+def curve_derivative(par, work, first, order):  # type: ignore[no-untyped-def]
     """Return drho/dz (order 1) or d2rho/dz2 (order 2), from derivatives of rho by X and X' or X'' (at ``first``)."""
     body, _ = count_of(par)
     rx, ry = 0.0, 0.0
@@ -282,63 +282,14 @@ def along(par, work, first, order):  # type: ignore[no-untyped-def]
     return rx, ry
 
 
-def stand(par, p0, u, z, work):  # type: ignore[no-untyped-def]
+def position_at(par, p0, u, z, work):  # type: ignore[no-untyped-def]
     """Fill X, rho and its derivatives at z."""
-    take(par, p0, u, z, work)
+    interpolate(par, p0, u, z, work)
     offset(par, work)
-    seen(par, work)
+    to_obstacle_frame(par, work)
 
 
-def spread(par, z, work, first, order, out, add):  # type: ignore[no-untyped-def]
-    """Fill out from index ``add`` with derivatives (fields,) by the fields, from those (n,) by X at ``first`` of work.
-
-    With ``order`` 1, the entries of work are derivatives by dX/dz.
-    """
-    terms, section = int(par[TERMS]), int(par[SECTION])
-    body, pose = count_of(par)
-    sets = 3 if section == OF_THETA else 2
-    for c in range(sets):
-        m0, m1, m2 = 1.0, 0.0, 0.0
-        for j in range(terms):
-            v = work[first + c] * (m0 if order == 0 else m1)
-            if section == OF_TANGENT:
-                v += work[first + 2 + c] * (m1 if order == 0 else m2)
-            out[add + c * terms + j] = v
-            m0, m1, m2 = m0 * z, m1 * z + m0, m2 * z + 2.0 * m1
-    for i in range(pose):
-        out[add + sets * terms + i] = work[first + body + i] if order == 0 else 0.0
-
-
-def spread_both(par, z, work, H, first, share):  # type: ignore[no-untyped-def]
-    """Add ``share`` times the matrix (8, 8) by X in work to H by the fields, in rows and columns from ``first`` on."""
-    terms, section = int(par[TERMS]), int(par[SECTION])
-    body, pose = count_of(par)
-    sets = 3 if section == OF_THETA else 2
-    fields = sets * terms + pose
-    for a in range(body + pose):
-        empty = True
-        for b in range(body + pose):
-            work[VECTOR + b] = work[MATRIX + 8 * a + b]
-            if work[VECTOR + b] != 0.0:
-                empty = False
-        if empty:
-            continue
-        spread(par, z, work, VECTOR, 0, work, OTHER)
-        if a >= body:
-            for q in range(fields):
-                H[first + sets * terms + a - body, first + q] += share * work[OTHER + q]
-            continue
-        c, up = (a - 2, 1) if section == OF_TANGENT and a >= 2 else (a, 0)
-        m0, m1 = 1.0, 0.0
-        for j in range(terms):
-            m = share * (m1 if up == 1 else m0)
-            if m != 0.0:
-                for q in range(fields):
-                    H[first + c * terms + j, first + q] += m * work[OTHER + q]
-            m0, m1 = m0 * z, m1 * z + m0
-
-
-def opens_by_choice(par, mem, force, g):  # type: ignore[no-untyped-def]
+def opens_by_force(par, mem, force, g):  # type: ignore[no-untyped-def]
     """Return whether a hard contact point with a free choice is open, given its force and gap.
 
     It is closed if force - c g >= -c TOUCH. A point that has pulled is open at any gap that is 0 up to round-off,
@@ -348,7 +299,7 @@ def opens_by_choice(par, mem, force, g):  # type: ignore[no-untyped-def]
     return mem[STATUS] < OPEN and force < par[AUGMENTATION] * (g - touch)
 
 
-def is_back(par, nx, ny, work):  # type: ignore[no-untyped-def]
+def faces_away(par, nx, ny, work):  # type: ignore[no-untyped-def]
     """Return whether the point is on a face that looks away from the obstacle; that of a thin body overlaps it too."""
     if par[FACE] == 0.0:
         return False
@@ -356,11 +307,11 @@ def is_back(par, nx, ny, work):  # type: ignore[no-untyped-def]
         # normal of the section, which two elements share at a node
         tx, ty = -work[BY + 2] / par[OFFSET], -work[BY + 10] / par[OFFSET]
     else:
-        tx, ty = along(par, work, AT_1, 1)
+        tx, ty = curve_derivative(par, work, AT_1, 1)
     return par[FACE] * (tx * ny - ty * nx) > BACK * np.sqrt(tx * tx + ty * ty)
 
 
-def pressed_from(last, gap, faces):  # type: ignore[no-untyped-def]
+def next_start_gap(last, gap, faces):  # type: ignore[no-untyped-def]
     """Return the gap from which a point presses after an accepted state, given its value before.
 
     It matters whether a point faces the obstacle when it enters. A point from OUTSIDE then presses from gap 0 on. One

@@ -215,7 +215,7 @@ class BodyPair:
         for rows in self.alike:
             # points on curves with the same constants are evaluated together
             work = np.zeros((geometry.WORK, len(rows)))
-            geometry.stand(self.par[rows[0]], self.p0[rows].T, u[rows].T, self.par[rows, geometry.HOME], work)
+            geometry.position_at(self.par[rows[0]], self.p0[rows].T, u[rows].T, self.par[rows, geometry.HOME], work)
             out[rows] = work[[geometry.RHO, geometry.RHO + 1]].T
         return out
 

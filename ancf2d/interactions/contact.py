@@ -200,7 +200,7 @@ class ContactPair:
             u = self.G[i] @ d[self.dofs[i]]
             if given:
                 u[-3:] = given
-            geometry.stand(par, self.p0[i], u, par[geometry.HOME], work)
+            geometry.position_at(par, self.p0[i], u, par[geometry.HOME], work)
             out[i] = geometry.gap_at(par, work[geometry.RHO], work[geometry.RHO + 1], -1.0)[0]
         return out
 

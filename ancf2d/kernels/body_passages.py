@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ..elements import contact_gaps, contact_geometry
+from ..elements import contact_derivatives, contact_gaps, contact_geometry
 from ..elements.contact_gaps import BOTH_SIDES, DEEPEST, FOOT_KIND, SIDE, WITHIN
 from ..elements.contact_geometry import HOME, OPPOSITE, PLACE, PLACEMENT, RHO, WORK
 from .compiled_laws import part
@@ -18,8 +18,8 @@ from .points import fields_of_item
 # fractions of the largest penetration allowed: largest motion between two samples, and penetration that counts as 0
 PART, SAME = 0.2, 1e-6
 
-_curve_at, _gap_between, _size_of, _stand = (part(f) for f in (
-    contact_gaps.curve_at, contact_gaps.gap_between, contact_gaps.size_of, contact_geometry.stand))
+_curve_at, _gap_between, _field_count, _position_at = (part(f) for f in (
+    contact_gaps.curve_at, contact_gaps.gap_between, contact_derivatives.field_count, contact_geometry.position_at))
 
 
 @inner
@@ -31,8 +31,9 @@ def _places(table, points, d, out):  # type: ignore[no-untyped-def]
     for k in range(n):
         i = table.item[k]
         par, mem, b = points.par[i], points.mem[i], points.field[i]
+        z = mem[PLACE] if mem[PLACEMENT] > 0.0 else par[HOME]
         fields_of_item(points, i, d, u)
-        _stand(par, points.p0[b:b + _size_of(par)], u, mem[PLACE] if mem[PLACEMENT] > 0.0 else par[HOME], work)
+        _position_at(par, points.p0[b:b + _field_count(par)], u, z, work)
         out[k, 0], out[k, 1] = work[RHO], work[RHO + 1]
     for k in range(2 * len(table.curve)):
         copy(table.curve[k // 2], par_of)

@@ -49,10 +49,11 @@ TURNED, TURNED_DEEP, DEEP = -0.5, 0.5, 2e-2
 # as the one before, with this many midpoints each
 HALVES, PIECES = 12, 4
 
-_feature_at, _gap_at, _is_back, _stand = (part(f) for f in (
-    geometry.feature_at, geometry.gap_at, geometry.is_back, geometry.stand))
-_facing, _foot, _least, _slopes, _yields, _yields_beside = (part(f) for f in (
-    sliding.facing, sliding.foot, sliding.least, sliding.slopes, sliding.yields, sliding.yields_beside))
+_feature_at, _gap_at, _faces_away, _position_at = (part(f) for f in (
+    geometry.feature_at, geometry.gap_at, geometry.faces_away, geometry.position_at))
+_gap_at_place, _foot_of_centre, _sliding_place, _slopes, _compliance, _compliance_between = (part(f) for f in (
+    sliding.gap_at_place, sliding.foot_of_centre, sliding.sliding_place, sliding.slopes, sliding.compliance,
+    sliding.compliance_between))
 
 
 @kernel
@@ -65,12 +66,12 @@ def contact_gaps(points, d, amps, gaps, along, faces):  # type: ignore[no-untype
         fields_of_item(points, i, d, u)
         amplitude_of(points, i, amps, u, w, a)
         z = points.par[i, HOME] if points.mem[i, PLACEMENT] == AT_HOME else points.mem[i, PLACE]
-        _stand(points.par[i], points.p0[b:b + m], u, z, work)
+        _position_at(points.par[i], points.p0[b:b + m], u, z, work)
         feature = -1.0 if points.mem[i, PLACEMENT] == AT_HOME else points.mem[i, FEATURE]
         gaps[i], nx, ny, _, along[i], _ = _gap_at(points.par[i], work[RHO], work[RHO + 1], feature)
         if points.mem[i, PLACEMENT] == SLIDING or points.mem[i, PLACEMENT] == ON_BEAM:
-            gaps[i] -= u[m - 1] * _yields(points.par[i], z)[0]
-        faces[i] = not _is_back(points.par[i], nx, ny, work)
+            gaps[i] -= u[m - 1] * _compliance(points.par[i], z)[0]
+        faces[i] = not _faces_away(points.par[i], nx, ny, work)
 
 
 @inner
@@ -102,9 +103,9 @@ def _met(par, x, y, dx, dy, depth):  # type: ignore[no-untyped-def]
 def _passes(par, p0, u, v, z, extent, work):  # type: ignore[no-untyped-def]
     """Return whether place z of a curve passes through an obstacle between fields u and v: see ``obstacle_crossed``."""
     depth, near = DEPTH * extent, TOUCHES * extent
-    _stand(par, p0, u, z, work)
+    _position_at(par, p0, u, z, work)
     x, y = work[RHO], work[RHO + 1]
-    _stand(par, p0, v, z, work)
+    _position_at(par, p0, v, z, work)
     dx, dy = work[RHO] - x, work[RHO + 1] - y
     g = _gap_at(par, x, y, -1.0)[0]
     g_end, mx, my, _, _, _ = _gap_at(par, x + dx, y + dy, -1.0)
@@ -155,7 +156,7 @@ def lean(points, d, amps, slope, bend):  # type: ignore[no-untyped-def]
         par, z, b, m = points.par[i], points.mem[i, PLACE], points.field[i], points.field[i + 1] - points.field[i]
         fields_of_item(points, i, d, u)
         amplitude_of(points, i, amps, u, w, a)
-        _stand(par, points.p0[b:b + m], u, z, work)
+        _position_at(par, points.p0[b:b + m], u, z, work)
         _, nx, ny, k, _, _ = _gap_at(par, work[RHO], work[RHO + 1], points.mem[i, FEATURE])
         slope[i], bend[i], _, _ = _slopes(par, z, 0.0, nx, ny, k, work)
 
@@ -167,13 +168,13 @@ def _try(par, p0, u, mem, work, z, feature, low, high, about, best):  # type: ig
     ``about``: the minimum is found as the foot point of the centre of a circle.
     """
     mem[PLACE], mem[FEATURE] = z, feature
-    found = _foot(par, p0, u, z, work) if about else _least(par, p0, u, mem, 0.0, work)
+    found = _foot_of_centre(par, p0, u, z, work) if about else _sliding_place(par, p0, u, mem, 0.0, work)
     if math.isnan(found) or not low <= found <= high:
         return
-    g, nx, ny, _, _, _ = _facing(par, mem, found, 0.0, work)
+    g, nx, ny, _, _, _ = _gap_at_place(par, mem, found, 0.0, work)
     # the gap to a corner can also be negative outside of the obstacle, behind the corner
     inside = feature < 0.0 or _gap_at(par, work[RHO], work[RHO + 1], -1.0)[0] < 0.0
-    if g < best[0] and inside and not _is_back(par, nx, ny, work):
+    if g < best[0] and inside and not _faces_away(par, nx, ny, work):
         best[0], best[1], best[2] = g, found, feature
 
 
@@ -200,11 +201,11 @@ def deepest(points, free, d, amps, depth, place, feature):  # type: ignore[no-un
         taken = points.mem[i, STATUS] > 0.0 and points.mem[i, PLACEMENT] > 0.0
         for k in range(SAMPLES):
             zs[k] = low + (high - low) * k / (SAMPLES - 1)
-            _stand(par, p0, u, zs[k], work)
+            _position_at(par, p0, u, zs[k], work)
             xs[k], ys[k] = work[RHO], work[RHO + 1]
             g[k] = _gap_at(par, xs[k], ys[k], -1.0)[0]
             if taken and points.mem[i, PLACEMENT] != ON_ELEMENT:
-                g[k] -= u[m - 1] * _yields_beside(par, zs[k], points.mem[i, PLACE])
+                g[k] -= u[m - 1] * _compliance_between(par, zs[k], points.mem[i, PLACE])
             if k > 0:
                 longest = max(longest, math.hypot(xs[k] - xs[k - 1], ys[k] - ys[k - 1]))
             if g[k] < g[at]:
@@ -260,9 +261,9 @@ def overlaps(points, d, amps, place, x, w, exact, summed):  # type: ignore[no-un
 @inner
 def _depth(par, p0, u, z, work):  # type: ignore[no-untyped-def]
     """Return the depth of the curve in the obstacle at z, or 0 if it is the back of the curve."""
-    _stand(par, p0, u, z, work)
+    _position_at(par, p0, u, z, work)
     g, nx, ny, _, _, _ = _gap_at(par, work[RHO], work[RHO + 1], -1.0)
-    return -g if g < 0.0 and not _is_back(par, nx, ny, work) else 0.0
+    return -g if g < 0.0 and not _faces_away(par, nx, ny, work) else 0.0
 
 
 @inner
@@ -270,7 +271,7 @@ def _beside(par, multiplier, mem, x, y, z, g):  # type: ignore[no-untyped-def]
     """Return (depth, z, feature) if sample z penetrates another feature than the existing point of the interval, by
     more than a share of the beam's local deflection there; else zeros."""
     what = float(_feature_at(par, x, y)) if int(par[SHAPE]) == POLYLINE else mem[FEATURE]
-    soft = 0.0 if mem[PLACEMENT] == ON_ELEMENT else _yields(par, mem[PLACE])[0]
+    soft = 0.0 if mem[PLACEMENT] == ON_ELEMENT else _compliance(par, mem[PLACE])[0]
     if what == mem[FEATURE] or g >= BESIDE * multiplier * soft:
         return 0.0, 0.0, 0.0
     return -g, z, what

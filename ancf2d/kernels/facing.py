@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from ..elements import contact_gaps, contact_geometry
+from ..elements import contact_derivatives, contact_gaps, contact_geometry
 from ..elements.contact_gaps import (
     AT_FIRST,
     AT_LAST,
@@ -75,10 +75,10 @@ SAMPLES, SECTIONS, GOLDEN = 9, 40, 0.6180339887498949
 # most nodes of the tree that wait during a descent: two for each level
 _DEEP = 128
 
-_beyond, _curve_at, _foot_on, _gap_between, _place_opposite, _size_of = (part(f) for f in (
-    contact_gaps.beyond, contact_gaps.curve_at, contact_gaps.foot_on, contact_gaps.gap_between,
-    contact_gaps.place_opposite, contact_gaps.size_of))
-_along, _stand = part(contact_geometry.along), part(contact_geometry.stand)
+_is_past_end, _curve_at, _foot_point, _gap_between, _place_opposite, _field_count = (part(f) for f in (
+    contact_gaps.is_past_end, contact_gaps.curve_at, contact_gaps.foot_point, contact_gaps.gap_between,
+    contact_gaps.place_opposite, contact_derivatives.field_count))
+_curve_derivative, _position_at = part(contact_geometry.curve_derivative), part(contact_geometry.position_at)
 
 
 @inner
@@ -154,7 +154,7 @@ def _try(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: i
     if other[END] == 0.0 and terms > 1:
         cx, cy = fields[1], fields[terms + 1]
         z = ((x - fields[0]) * cx + (y - fields[terms]) * cy) / max(cx * cx + cy * cy, 1e-300)
-    z = _foot_on(other, fields, none, x, y, min(max(z, -1.0), 1.0), work, across)
+    z = _foot_point(other, fields, none, x, y, min(max(z, -1.0), 1.0), work, across)
     found = WITHIN
     if z < -BESIDE:
         z, found = -1.0, AT_FIRST
@@ -233,13 +233,13 @@ def _find(table, points, k, u, z, within, best, room, none, own, across, waiting
     """
     i = table.item[k]
     points.apart[i] = 0.0
-    par, mem, b, m = points.par[i], points.mem[i], points.field[i], _size_of(points.par[i])
-    _stand(par, points.p0[b:b + m], u, z, own)
+    par, mem, b, m = points.par[i], points.mem[i], points.field[i], _field_count(points.par[i])
+    _position_at(par, points.p0[b:b + m], u, z, own)
     x, y = own[RHO], own[RHO + 1]
     if _away(table.boxes[table.tree[table.way[k]]], x, y) >= within * within:
         points.apart[i] = within
         return
-    tx, ty = _along(par, own, AT_1, 1)
+    tx, ty = _curve_derivative(par, own, AT_1, 1)
     for q in range(len(room)):
         room[q] = par[OPPOSITE + q] if CURVE_SIZE <= q < BODY_SIZE else 0.0
     # arc length of the point itself on its body
@@ -315,7 +315,7 @@ def _gap_from(table, points, k, d, z, u, best, room, none, own, work, across, wa
     points.mem[i, PLACE] = z
     fields_of_item(points, i, d, u)
     _find(table, points, k, u, z, np.inf, best, room, none, own, across, waiting)
-    if _beyond(points.par[i, OPPOSITE + JOINED], points.mem[i, FOOT_KIND]):
+    if _is_past_end(points.par[i, OPPOSITE + JOINED], points.mem[i, FOOT_KIND]):
         return np.inf
     fields_of_item(points, i, d, u)
     b, e = points.field[i], points.field[i + 1]

@@ -14,7 +14,7 @@ from .lowlevel.jit import addressed_with_memory, inner_with_memory, seldom
 from .motion.dynamics import signals_at, to_full
 from .points import amplitude_of, fields_of_item
 
-_gap_at, _stand = part(contact_geometry.gap_at), part(contact_geometry.stand)
+_gap_at, _position_at = part(contact_geometry.gap_at), part(contact_geometry.position_at)
 # most fields of a contact
 _FIELDS = 100
 
@@ -27,7 +27,7 @@ def _place(p, d, i, amps, u, work):  # type: ignore[no-untyped-def]
     rates, amplitude = u[len(u) // 2:], work[WORK:]
     fields_of_item(points, i, d, u)
     amplitude_of(points, i, amps, u, rates, amplitude)
-    _stand(points.par[i], points.p0[b:b + m], u, points.par[i, HOME], work)
+    _position_at(points.par[i], points.p0[b:b + m], u, points.par[i, HOME], work)
     return work[RHO], work[RHO + 1], _gap_at(points.par[i], work[RHO], work[RHO + 1], -1.0)[0]
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..elements.contact_gaps import FOOT, FOOT_KIND, JOINED, LOOP, SPAN, START, SURFACE, beyond, way_between
+from ..elements.contact_gaps import FOOT, FOOT_KIND, JOINED, LOOP, SPAN, START, SURFACE, distance_along, is_past_end
 from ..elements.contact_geometry import (
     ANCHOR,
     BENDING,
@@ -334,7 +334,7 @@ class BodyTable(ContactTable):
     def _ended(table: Record) -> Any:
         """Return which points (m,) of an updated table are beyond an end of the other body."""
         joined, found = table.par[:, OPPOSITE + JOINED], table.mem[:, FOOT_KIND]
-        return np.array([beyond(*row) for row in zip(joined, found, strict=True)], dtype=bool)
+        return np.array([is_past_end(*row) for row in zip(joined, found, strict=True)], dtype=bool)
 
     def stand(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None = None) -> tuple[Array, Array, Any]:
         """Return the gap of each point (m,), infinite where nothing is opposite, its place on the other body (m, 3; see
@@ -350,7 +350,7 @@ class BodyTable(ContactTable):
         """Return how far point k has slid from one place (3,) to another; 0 if they are on different surfaces."""
         if now[2] != before[2]:
             return 0.0
-        return float(now[1] * way_between(self.points[k].par[OPPOSITE + LOOP], now[0], before[0]))
+        return float(now[1] * distance_along(self.points[k].par[OPPOSITE + LOOP], now[0], before[0]))
 
     def beside(self, place: Array, way: float) -> Array:
         """Return the place (3,) on the other body at distance ``way`` from another."""

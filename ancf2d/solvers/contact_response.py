@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..elements.contact_geometry import AUGMENTATION, ON_ELEMENT
-from ..elements.contact_sliding import yields
+from ..elements.contact_sliding import compliance
 from ..elements.shape import Array
 from .complementarity import DEPENDENT, lemke
 from .friction import sticking
@@ -46,7 +46,7 @@ class Spot(NamedTuple):
         """Compliance of an open movable point beyond that of its element's polynomial."""
         if self.held or not self.one.pair.spots[self.k].free or self.one.stands(self.k, self.feature) == ON_ELEMENT:
             return 0.0
-        return yields(self.point.par, self.place)[0]
+        return compliance(self.point.par, self.place)[0]
 
     @property
     def point(self) -> ContactPoint:

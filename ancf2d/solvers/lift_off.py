@@ -28,7 +28,7 @@ from ..elements.contact_geometry import (
     UNUSED,
     UNUSED_ON_ELEMENT,
 )
-from ..elements.contact_sliding import yields
+from ..elements.contact_sliding import compliance
 from ..elements.shape import Array
 
 if TYPE_CHECKING:
@@ -170,7 +170,7 @@ class _Place:
         self.one, self.k, self.point, self.force = one, k, one.points[k], force
         self.slope, self.bend, self.turn = slope, bend, turn
         self.z, self.feature = float(self.point.mem[PLACE]), float(self.point.mem[FEATURE])
-        _, self.c1, self.c2 = yields(self.point.par, self.z)
+        _, self.c1, self.c2 = compliance(self.point.par, self.z)
 
     @property
     def sigma(self) -> float:

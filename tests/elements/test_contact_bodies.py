@@ -56,7 +56,7 @@ class Point:
         m = self.sizes[0]
         other = self.par[geometry.OPPOSITE:]
         tx, ty, _, _ = gaps.curve_at(other, self.p0[m:], self.u[m:], self.mem[gaps.FOOT], work, across)
-        geometry.stand(self.par, self.p0, self.u, 0.3, own)
+        geometry.position_at(self.par, self.p0, self.u, 0.3, own)
         n = other[gaps.SIGN] * np.array([-ty, tx]) / np.hypot(tx, ty)
         # beside a kink the straight way to it is not normal to the curve
         aside = 0.3 * depth * np.array([tx, ty]) / np.hypot(tx, ty) * (self.mem[gaps.FOOT_KIND] == gaps.AT_LAST)
