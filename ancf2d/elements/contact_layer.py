@@ -270,7 +270,7 @@ def add_stiffness(par, work, force, held, stick, share, k, sheared, H, C):  # ty
 
 
 def point_at_home(par, work):  # type: ignore[no-untyped-def]
-    """Return drho/dz, derivatives of rho by the section, the result of ``to_obstacle_frame``, and the point in its frame."""
+    """Return drho/dz, derivatives of rho by the section, the result of ``to_obstacle_frame``, and the point there."""
     x, y, x1, y1, a, b, c, d = position_at(par, work, par[HOME])
     q = to_obstacle_frame(par, work[HERE, sets_of(par)[1]:], x, y)
     if int(par[POSE]) == STILL:

@@ -23,7 +23,7 @@ _curve_at, _gap_between, _field_count, _position_at = (part(f) for f in (
 
 
 @inner
-def _places(table, points, d, out):  # type: ignore[no-untyped-def]
+def _positions(table, points, d, out):  # type: ignore[no-untyped-def]
     """Fill out (k + 2 curves, 2) with the positions of the points, then of both ends of the curves, at d (n_full,)."""
     fill_curves(table, d)
     u, none, work, across, n = vector(200), vector(200), vector(WORK), vector(WORK), len(table.item)
@@ -42,7 +42,7 @@ def _places(table, points, d, out):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _look(table, points, d, gaps, side):  # type: ignore[no-untyped-def]
+def _find_gaps(table, points, d, gaps, side):  # type: ignore[no-untyped-def]
     """Fill the gaps (k,) of points at d (n_full,), inf for points that face nothing; return the smallest gap.
 
     ``side`` (k,) : side of an axis that each point is on, found here where it is 0.
@@ -76,8 +76,8 @@ def bodies_cross(table, points, d0, d1):  # type: ignore[no-untyped-def]
     """
     n = len(table.item)
     one, two = np.zeros((n + 2 * len(table.curve), 2)), np.zeros((n + 2 * len(table.curve), 2))
-    _places(table, points, d0, one)
-    _places(table, points, d1, two)
+    _positions(table, points, d0, one)
+    _positions(table, points, d1, two)
     mx, my, way = 0.0, 0.0, 0.0
     for k in range(len(one)):
         mx, my = mx + (two[k, 0] - one[k, 0]) / len(one), my + (two[k, 1] - one[k, 1]) / len(one)
@@ -93,16 +93,16 @@ def bodies_cross(table, points, d0, d1):  # type: ignore[no-untyped-def]
     d = np.zeros(len(d0))
     for k in range(n):
         side[k] = kept[k] = points.mem[table.item[k], SIDE]
-    _look(table, points, d1, last, side)
+    _find_gaps(table, points, d1, last, side)
     copy(kept, side)
-    s, through, near = 0.0, False, _look(table, points, d0, first, side)
+    s, through, near = 0.0, False, _find_gaps(table, points, d0, first, side)
     while not through:
         s += max(near, PART * thin) / way
         if s >= 1.0:
             break
         for k in range(len(d)):
             d[k] = d0[k] + s * (d1[k] - d0[k])
-        near = _look(table, points, d, gaps, side)
+        near = _find_gaps(table, points, d, gaps, side)
         for k in range(n):
             through |= first[k] > -SAME * thin and last[k] > 0.0 and gaps[k] < -PART * thin
     for k in range(n):

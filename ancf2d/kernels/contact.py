@@ -39,7 +39,7 @@ from .points import amplitude_of, fields_of_item
 
 # samples of an interval between contact points; penetration next to an existing point counts from this fraction of the
 # beam's local deflection there
-SAMPLES, BESIDE = 9, 0.25
+SAMPLES, SHARE_OF_DEFLECTION = 9, 0.25
 # fractions of the extent: a path less deep than this does not pass through an obstacle; depth that counts as touching
 DEPTH, TOUCHES = 1e-3, 1e-9
 # a point has passed through if the cosine between the normals where it enters and leaves is below the first number,
@@ -89,7 +89,7 @@ def is_crossed(par, x, y, g, dx, dy, depth):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _met(par, x, y, dx, dy, depth):  # type: ignore[no-untyped-def]
+def _entry_normal(par, x, y, dx, dy, depth):  # type: ignore[no-untyped-def]
     """Return the normal of an obstacle where the straight path (dx, dy) from (x, y) first comes within ``depth``."""
     length, s = math.sqrt(dx * dx + dy * dy), 0.0
     g, nx, ny, _, _, _ = _gap_at(par, x, y, -1.0)
@@ -100,7 +100,7 @@ def _met(par, x, y, dx, dy, depth):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _passes(par, p0, u, v, z, extent, work):  # type: ignore[no-untyped-def]
+def _passes_through(par, p0, u, v, z, extent, work):  # type: ignore[no-untyped-def]
     """Return whether place z of a curve passes through an obstacle between fields u and v: see ``obstacle_crossed``."""
     depth, near = DEPTH * extent, TOUCHES * extent
     _position_at(par, p0, u, z, work)
@@ -111,10 +111,10 @@ def _passes(par, p0, u, v, z, extent, work):  # type: ignore[no-untyped-def]
     g_end, mx, my, _, _, _ = _gap_at(par, x + dx, y + dy, -1.0)
     if g <= -near or math.sqrt(dx * dx + dy * dy) <= g + g_end or not is_crossed(par, x, y, g, dx, dy, depth):
         return False
-    nx, ny = _met(par, x, y, dx, dy, depth)
+    nx, ny = _entry_normal(par, x, y, dx, dy, depth)
     if g_end <= -near:
         return nx * mx + ny * my < TURNED
-    mx, my = _met(par, x + dx, y + dy, -dx, -dy, depth)
+    mx, my = _entry_normal(par, x + dx, y + dy, -dx, -dy, depth)
     turned = nx * mx + ny * my
     return turned < TURNED or (turned < TURNED_DEEP and is_crossed(par, x, y, g, dx, dy, DEEP * extent))
 
@@ -140,14 +140,15 @@ def obstacle_crossed(points, free, before, amps_before, d, amps, extent):  # typ
         amplitude_of(points, i, amps, v, w, a)
         half = par[HALF_INTERVAL] if free[i] else 0.0
         for k in range(SAMPLES if free[i] else 1):
-            if _passes(par, points.p0[b:b + m], u, v, par[HOME] - half + 2.0 * half * k / (SAMPLES - 1), extent, work):
+            z = par[HOME] - half + 2.0 * half * k / (SAMPLES - 1)
+            if _passes_through(par, points.p0[b:b + m], u, v, z, extent, work):
                 return True
     return False
 
 
 @kernel
 @seldom
-def lean(points, d, amps, slope, bend):  # type: ignore[no-untyped-def]
+def gap_slopes(points, d, amps, slope, bend):  # type: ignore[no-untyped-def]
     """Fill slope = g_z and bend = g_zz (n,) of the gap of each point that was placed off its home, at d (n_full,)."""
     u, w, a, work = vector(200), vector(200), vector(3), vector(WORK)
     for i in range(len(points.forces)):
@@ -162,7 +163,7 @@ def lean(points, d, amps, slope, bend):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _try(par, p0, u, mem, work, z, feature, low, high, about, best):  # type: ignore[no-untyped-def]
+def _try_from(par, p0, u, mem, work, z, feature, low, high, about, best):  # type: ignore[no-untyped-def]
     """Minimise the gap to one ``feature`` of the obstacle from z; store the minimum in ``best`` if it is the deepest.
 
     ``about``: the minimum is found as the foot point of the centre of a circle.
@@ -215,14 +216,14 @@ def deepest(points, free, d, amps, depth, place, feature):  # type: ignore[no-un
             continue
         best[0] = 0.0
         if taken:
-            depth[i], place[i], feature[i] = _beside(par, u[m - 1], points.mem[i], xs[at], ys[at], zs[at], g[at])
+            depth[i], place[i], feature[i] = _next_to_point(par, u[m - 1], points.mem[i], xs[at], ys[at], zs[at], g[at])
             continue
         if int(par[SHAPE]) != POLYLINE:
             circle = int(par[SHAPE]) == CIRCLE
             if not circle or par[OPPOSITE + 2] > 0.0 or 0 < at < SAMPLES - 1:
                 # a circle whose centre is closer than the samples are to each other
                 small = circle and par[OPPOSITE + 2] > 0.0 and par[OPPOSITE + 2] + g[at] < longest
-                _try(par, p0, u, mem, work, zs[at], -1.0, low, high, small, best)
+                _try_from(par, p0, u, mem, work, zs[at], -1.0, low, high, small, best)
         else:
             _try_polyline(par, p0, u, mem, work, zs, xs, ys, g, longest, best)
         depth[i], place[i], feature[i] = -best[0], best[1], best[2]
@@ -267,12 +268,12 @@ def _depth(par, p0, u, z, work):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _beside(par, multiplier, mem, x, y, z, g):  # type: ignore[no-untyped-def]
+def _next_to_point(par, multiplier, mem, x, y, z, g):  # type: ignore[no-untyped-def]
     """Return (depth, z, feature) if sample z penetrates another feature than the existing point of the interval, by
     more than a share of the beam's local deflection there; else zeros."""
     what = float(_feature_at(par, x, y)) if int(par[SHAPE]) == POLYLINE else mem[FEATURE]
     soft = 0.0 if mem[PLACEMENT] == ON_ELEMENT else _compliance(par, mem[PLACE])[0]
-    if what == mem[FEATURE] or g >= BESIDE * multiplier * soft:
+    if what == mem[FEATURE] or g >= SHARE_OF_DEFLECTION * multiplier * soft:
         return 0.0, 0.0, 0.0
     return -g, z, what
 
@@ -285,7 +286,7 @@ def _try_polyline(par, p0, u, mem, work, zs, xs, ys, g, longest, best):  # type:
         if g[k] <= longest:
             what = _feature_at(par, xs[k], ys[k])
             if what % 2 == 0:
-                _try(par, p0, u, mem, work, zs[k], float(what), low, high, False, best)
+                _try_from(par, p0, u, mem, work, zs[k], float(what), low, high, False, best)
     n, c = int(par[OPPOSITE]), OPPOSITE + 2
     for v in range(n):
         if not _convex(par, v, n):
@@ -296,7 +297,7 @@ def _try_polyline(par, p0, u, mem, work, zs, xs, ys, g, longest, best):  # type:
             if far > D:
                 near, far = k, D
         if near >= 0:
-            _try(par, p0, u, mem, work, zs[near], 2.0 * v + 1.0, low, high, False, best)
+            _try_from(par, p0, u, mem, work, zs[near], 2.0 * v + 1.0, low, high, False, best)
 
 
 @inner
@@ -329,7 +330,7 @@ def contact_compilations(problem: Any, obstacles: bool, bodies: bool, sided: boo
             out.append(partial(body_deepest.compile, (facing, points, b, x, x, x)))
     if obstacles:
         out += [partial(contact_gaps.compile, (points, x, xx, x, x, b)),
-                partial(lean.compile, (points, x, xx, x, x))]
+                partial(gap_slopes.compile, (points, x, xx, x, x))]
         if not moves:
             out.append(partial(obstacle_crossed.compile, (points, b, x, xx, x, xx, types.float64)))
         if sided or soft:

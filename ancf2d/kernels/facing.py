@@ -67,9 +67,9 @@ from .lowlevel.jit import inner, kernel, seldom
 from .points import fields_of_first, fields_of_item, weights_of_item
 
 # largest cosine between outward normals of faces that may touch; between those of a corner and of a surface
-AGAINST, ASIDE = -0.3, 0.5
+FACE_COSINE, CORNER_COSINE = -0.3, 0.5
 # |z| beyond this is off the end of an element, so that a point between two elements is within both; equal positions
-BESIDE, SAME = 1.0 + 1e-6, 1e-6
+PAST_END, SAME = 1.0 + 1e-6, 1e-6
 # samples of an interval between contact points, and golden sections around the deepest one
 SAMPLES, SECTIONS, GOLDEN = 9, 40, 0.6180339887498949
 # most nodes of the tree that wait during a descent: two for each level
@@ -119,7 +119,7 @@ def _box(par, fields, box):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _away(box, x, y):  # type: ignore[no-untyped-def]
+def _distance_squared(box, x, y):  # type: ignore[no-untyped-def]
     """Return the squared distance of (x, y) from a box."""
     dx, dy = max(box[0] - x, 0.0, x - box[2]), max(box[1] - y, 0.0, y - box[3])
     return dx * dx + dy * dy
@@ -138,12 +138,12 @@ def _may_touch(par, other, s, nx, ny, tx, ty):  # type: ignore[no-untyped-def]
     size = math.sqrt(tx * tx + ty * ty)
     face, end = par[FACE] * (tx * ny - ty * nx) / size, other[CORNER] * (tx * nx + ty * ny) / size
     if par[FACE] != 0.0 and other[CORNER] != 0.0:
-        return face < ASIDE and end < ASIDE
-    return (face if par[FACE] != 0.0 else end) < AGAINST
+        return face < CORNER_COSINE and end < CORNER_COSINE
+    return (face if par[FACE] != 0.0 else end) < FACE_COSINE
 
 
 @inner
-def _try(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: ignore[no-untyped-def]
+def _try_curve(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: ignore[no-untyped-def]
     """Replace ``best`` by the foot point on a curve if it is nearer and may touch; return whether it was replaced.
 
     best : (distance squared, z, kind of foot point, side of the point, whether the point is closed).
@@ -156,9 +156,9 @@ def _try(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: i
         z = ((x - fields[0]) * cx + (y - fields[terms]) * cy) / max(cx * cx + cy * cy, 1e-300)
     z = _foot_point(other, fields, none, x, y, min(max(z, -1.0), 1.0), work, across)
     found = WITHIN
-    if z < -BESIDE:
+    if z < -PAST_END:
         z, found = -1.0, AT_FIRST
-    elif z > BESIDE:
+    elif z > PAST_END:
         z, found = 1.0, AT_LAST
     if other[OPPOSITE_INTERVALS] > 0.0 and (best[4] != CLOSED or par[FRICTION] > 0.0):
         # positions with contact points of their own, spaced evenly along the curve, are left to these; closed points
@@ -200,18 +200,18 @@ def _nearest(table, way, par, x, y, tx, ty, best, room, none, own, across, waiti
     while count > 0:
         count -= 1
         k = waiting[count]
-        if _away(table.boxes[root + k], x, y) >= best[0]:
+        if _distance_squared(table.boxes[root + k], x, y) >= best[0]:
             continue
         if k >= n - 1:
             c = first + k - (n - 1)
             copy(table.curve[c], room[:CURVE_SIZE])
             if room[BOTH_SIDES] > 0.0:
                 room[SIGN] = best[3]
-            if _try(par, room, table.now[table.at[c, 2]:], none, x, y, tx, ty, best, own, across):
+            if _try_curve(par, room, table.now[table.at[c, 2]:], none, x, y, tx, ty, best, own, across):
                 found = c
             continue
         one, two = 2 * k + 1, 2 * k + 2
-        if _away(table.boxes[root + one], x, y) < _away(table.boxes[root + two], x, y):
+        if _distance_squared(table.boxes[root + one], x, y) < _distance_squared(table.boxes[root + two], x, y):
             one, two = two, one
         # the nearer one is visited first
         waiting[count], waiting[count + 1] = one, two
@@ -220,13 +220,13 @@ def _nearest(table, way, par, x, y, tx, ty, best, room, none, own, across, waiti
 
 
 @inner
-def _rests(fixed, z):  # type: ignore[no-untyped-def]
+def _is_supported(fixed, z):  # type: ignore[no-untyped-def]
     """Return whether supports hold the point z of a curve (``fixed``: SUPPORTED_PART of the curve)."""
     return fixed >= 4.0 or (fixed % 2.0 == 1.0 and z < SAME - 1.0) or (fixed >= 2.0 and z > 1.0 - SAME)
 
 
 @inner
-def _find(table, points, k, u, z, within, best, room, none, own, across, waiting):  # type: ignore[no-untyped-def]
+def _find_curve(table, points, k, u, z, within, best, room, none, own, across, waiting):  # type: ignore[no-untyped-def]
     """Find the curve that point k faces from position z of its element, whose fields are in u, and store it.
 
     If nothing is ``within`` this distance, the point is marked as apart.
@@ -236,7 +236,7 @@ def _find(table, points, k, u, z, within, best, room, none, own, across, waiting
     par, mem, b, m = points.par[i], points.mem[i], points.field[i], _field_count(points.par[i])
     _position_at(par, points.p0[b:b + m], u, z, own)
     x, y = own[RHO], own[RHO + 1]
-    if _away(table.boxes[table.tree[table.way[k]]], x, y) >= within * within:
+    if _distance_squared(table.boxes[table.tree[table.way[k]]], x, y) >= within * within:
         points.apart[i] = within
         return
     tx, ty = _curve_derivative(par, own, AT_1, 1)
@@ -250,15 +250,15 @@ def _find(table, points, k, u, z, within, best, room, none, own, across, waiting
         points.apart[i] = within
         return
     mem[FOOT], mem[FOOT_KIND] = best[1], best[2]
-    if c >= 0 and par[OPPOSITE + SUPPORTED_POINT] != 0.0 and _rests(table.curve[c, SUPPORTED_PART], best[1]):
+    if c >= 0 and par[OPPOSITE + SUPPORTED_POINT] != 0.0 and _is_supported(table.curve[c, SUPPORTED_PART], best[1]):
         # supports determine the gap, so no contact force can
         mem[FOOT_KIND] = NOWHERE
     if c >= 0:
-        _put(table, points, k, i, c)
+        _copy_curve(table, points, k, i, c)
 
 
 @inner
-def _reach(points, i, d):  # type: ignore[no-untyped-def]
+def _force_range(points, i, d):  # type: ignore[no-untyped-def]
     """Return the distance beyond which point i has no force at d (n_full,), whatever it faces."""
     par, k = points.par[i], points.multiplier[i]
     reach = par[OPPOSITE + DEEPEST]
@@ -284,8 +284,8 @@ def face(table, points, d, near):  # type: ignore[no-untyped-def]
         i = table.item[k]
         fields_of_first(points, i, table.own[k, 1], d, u)
         z = points.mem[i, PLACE] if points.mem[i, PLACEMENT] > 0.0 else points.par[i, HOME]
-        within = _reach(points, i, d) if near else np.inf
-        _find(table, points, k, u, z, within, best, room, none, own, across, waiting)
+        within = _force_range(points, i, d) if near else np.inf
+        _find_curve(table, points, k, u, z, within, best, room, none, own, across, waiting)
 
 
 @kernel
@@ -314,7 +314,7 @@ def _gap_from(table, points, k, d, z, u, best, room, none, own, work, across, wa
     i = table.item[k]
     points.mem[i, PLACE] = z
     fields_of_item(points, i, d, u)
-    _find(table, points, k, u, z, np.inf, best, room, none, own, across, waiting)
+    _find_curve(table, points, k, u, z, np.inf, best, room, none, own, across, waiting)
     if _is_past_end(points.par[i, OPPOSITE + JOINED], points.mem[i, FOOT_KIND]):
         return np.inf
     fields_of_item(points, i, d, u)
@@ -362,7 +362,7 @@ def body_deepest(table, points, free, d, depth, place):  # type: ignore[no-untyp
 
 
 @inner
-def _put(table, points, k, i, c):  # type: ignore[no-untyped-def]
+def _copy_curve(table, points, k, i, c):  # type: ignore[no-untyped-def]
     """Copy coordinates, weights and constants of curve c into item i, after the item's own."""
     m, n = table.sizes[c, 0], table.sizes[c, 1]
     dof, entry, field = table.at[c, 0], table.at[c, 1], table.at[c, 2]

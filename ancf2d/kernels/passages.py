@@ -20,7 +20,7 @@ _FIELDS = 100
 
 
 @inner_with_memory
-def _place(p, d, i, amps, u, work):  # type: ignore[no-untyped-def]
+def _position_and_gap(p, d, i, amps, u, work):  # type: ignore[no-untyped-def]
     """Return x and y of point i in the frame of its obstacle, and its gap, at d (n_full,) and signals ``amps``."""
     points = p.points
     b, m = points.field[i], points.field[i + 1] - points.field[i]
@@ -68,9 +68,9 @@ def tunnels(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
             i += p.points.run[i]
             continue
         if _meets_obstacle(p, i):
-            x0, y0, g0 = _place(p, start, i, amps, u, work)
+            x0, y0, g0 = _position_and_gap(p, start, i, amps, u, work)
             if g0 > -near:
-                x, y, g = _place(p, w.d, i, w.amps, u, work)
+                x, y, g = _position_and_gap(p, w.d, i, w.amps, u, work)
                 dx, dy = x - x0, y - y0
                 if g > -near and np.sqrt(dx * dx + dy * dy) > g0 + g \
                         and is_crossed(p.points.par[i], x0, y0, g0, dx, dy, depth):

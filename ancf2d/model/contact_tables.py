@@ -60,14 +60,14 @@ class ContactTable:
         self.curves = BeamCurves(self.patches)
         self.fixed, self.supported = (np.zeros((len(self.points), *n), dtype=bool) for n in ((), (2,)))
         # gaps of fixed points where a motion starts, if negative
-        self.within = np.zeros(len(self.points))
+        self.initial_gaps = np.zeros(len(self.points))
 
-    def at(self, d: Array, t: float) -> tuple[Record, Array]:
+    def updated(self, d: Array, t: float) -> tuple[Record, Array]:
         """Return the table, updated to the state d (n_full,), and the amplitudes at t."""
         mem = [p.mem[:self.size] for p in self.points] if self.points else self.pair.mem[:, :self.size]
         self.table.mem[:, :self.size] = mem
         amps = np.array([(s(t), *rates_of(s, t)) for s in self.signals]).reshape(-1, 3)
-        self.turn_to(d)
+        self.update_curves(d)
         return self.table, amps
 
     def nodal(self, d: Array, v: Array, t: float, rub: bool, stiff: bool = False
@@ -79,7 +79,7 @@ class ContactTable:
         """
         from ..kernels.points import point_matrices
 
-        table, amps = self.at(d, t)
+        table, amps = self.updated(d, t)
         friction, m = table.par[:, FRICTION].copy(), len(table.forces)
         if not rub:
             table.par[:, FRICTION] = 0.0
@@ -90,11 +90,11 @@ class ContactTable:
         table.par[:, FRICTION] = friction
         return coords, Q, energy, K
 
-    def turn_to(self, d: Array) -> None:
+    def update_curves(self, d: Array) -> None:
         """Update the curves that the points are on to d (n_full,); the obstacle opposite needs no search."""
-        self.curves.take(self.table, d, True)
+        self.curves.write(self.table, d, True)
 
-    def stands(self, k: int, feature: float) -> float:
+    def placement_at(self, k: int, feature: float) -> float:
         """Return mem[PLACEMENT] of point k between nodes, opposite to a part (``feature``) of the obstacle: it slides
         at a corner; elsewhere it stands at a place of the curve that it is on."""
         point = self.points[k]
@@ -122,7 +122,7 @@ class ContactTable:
                 out[k, side] = own if own >= 0 or z < 1.0 - 1e-9 else known.get((after, -1.0, p.eta), -1)
         return out
 
-    def look_at_supports(self, d: Array, t: float, near: float) -> None:
+    def find_supported_ends(self, d: Array, t: float, near: float) -> None:
         """Update ``supported``: which interval ends, held by supports, are closer than ``near`` at d (n_full,)."""
         for side in range(2):
             end = self.ends[:, side]
@@ -134,7 +134,7 @@ class ContactTable:
                 gap = self.gradients(d, t, at)[2]
                 self.supported[list(at), side] = np.abs(gap[list(at)]) <= near
 
-    def inside(self, held: Any) -> Any:
+    def inside_zone(self, held: Any) -> Any:
         """Return which intervals (m,) between fixed points are inside a contact zone.
 
         ``held`` (m,) marks the closed points. An interval is inside if on either side the next interval has a closed
@@ -154,14 +154,14 @@ class ContactTable:
             out[free] &= points[following] | (closed[:, side] & whole[following])
         return out
 
-    def slack(self, held: Any, force: Array) -> Array:
+    def allowed_penetration(self, held: Any, force: Array) -> Array:
         """Return the penetration (m,) between the ends of elements that counts as none.
 
         ``held`` marks the closed points, ``force`` (m,) has their forces. Where curves are not cubic, the forces of
         neighbouring closed points cause part of this penetration by bending the beam.
         """
         free, out = np.flatnonzero(self.free), np.zeros(len(held))
-        if not self.pair.still or self.pair.cubic:
+        if not self.pair.places_move or self.pair.cubic:
             return out
         ends, par = self.ends[free], self.pair.par[free]
         closed = held[ends] & (ends >= 0)
@@ -174,9 +174,10 @@ class ContactTable:
 
     def gaps(self, d: Array, t: float) -> tuple[Array, Any]:
         """Return the gap of each point (m,) at its current place, and whether its face can touch there."""
-        return self.stand(d, t)[::2]
+        return self.gaps_and_places(d, t)[::2]
 
-    def stand(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None = None) -> tuple[Array, Array, Any]:
+    def gaps_and_places(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None = None
+                        ) -> tuple[Array, Array, Any]:
         """Return the gap of each point (m,), its place on the obstacle, and whether its face can touch there.
 
         Movable points are at their current place, or at the one given in ``at`` (see ``gradients``).
@@ -192,7 +193,7 @@ class ContactTable:
         """Return how far point k has slid along the obstacle from ``before`` to ``now``."""
         return float(slip(self.points[k].par, now, before))
 
-    def beside(self, place: Any, way: float) -> Any:
+    def place_at_distance(self, place: Any, way: float) -> Any:
         """Return the place on the obstacle at distance ``way`` from another."""
         return place + way
 
@@ -207,7 +208,7 @@ class ContactTable:
         """Return the largest penetration (m,) in each movable point's interval, its z, and the part of the obstacle."""
         from ..kernels.contact import deepest
 
-        table, amps = self.at(d, t)
+        table, amps = self.updated(d, t)
         n = len(table.forces)
         depth, place, feature = np.zeros(n), np.zeros(n), np.zeros(n)
         deepest(table, self.free, d, amps, depth, place, feature)
@@ -226,7 +227,7 @@ class ContactTable:
         Q = self._of_unit(table, d, amps, 1.0, 0.0)
         return dofs[:, :-1], Q[:, :-1], Q[:, -1]
 
-    def slips(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None = None) -> Array:
+    def slip_gradients(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None = None) -> Array:
         """Return the gradients (m, n) of the places on the obstacle; arguments as of ``gradients``."""
         table, amps = self._placed(d, t, at)
         table.mem[:, STATUS], table.mem[:, SLIP_STATUS] = 1.0, 1.0
@@ -235,12 +236,12 @@ class ContactTable:
 
     def _placed(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None) -> tuple[Record, Array]:
         """Return table and amplitudes, with the points in ``at`` moved to their given places (see ``gradients``)."""
-        table, amps = self.at(d, t)
+        table, amps = self.updated(d, t)
         for k, (place, feature) in (at or {}).items():
             table.mem[k, PLACE], table.mem[k, FEATURE] = place, feature
-            table.mem[k, PLACEMENT] = self.stands(k, feature)
+            table.mem[k, PLACEMENT] = self.placement_at(k, feature)
         if at:
-            self.turn_to(d)
+            self.update_curves(d)
         return table, amps
 
     @staticmethod
@@ -258,16 +259,16 @@ class ContactTable:
         table.par[:, [FRICTION, BENDING, SHEAR]] = kept
         return Q
 
-    def lean(self, d: Array, t: float) -> tuple[Array, Array]:
+    def gap_slopes(self, d: Array, t: float) -> tuple[Array, Array]:
         """Return g_z and g_zz (m,) of points between nodes."""
-        from ..kernels.contact import lean
+        from ..kernels.contact import gap_slopes
 
-        table, amps = self.at(d, t)
+        table, amps = self.updated(d, t)
         slope, bend = np.zeros((2, len(table.forces)))
-        lean(table, d, amps, slope, bend)
+        gap_slopes(table, d, amps, slope, bend)
         return slope, bend
 
-    def past(self, d: Array, t: float) -> Any:
+    def past_ends(self, d: Array, t: float) -> Any:
         """Return that no point (m,) is beyond an end: obstacles have none."""
         return np.zeros(len(self.points), dtype=bool)
 
@@ -275,10 +276,10 @@ class ContactTable:
         """Return whether a point passes through the obstacle from ``before`` (state and time) to d (n_full,) at t."""
         from ..kernels.contact import obstacle_crossed
 
-        earlier, (table, amps), free = self.at(*before)[1], self.at(d, t), self.free
+        earlier, (table, amps), free = self.updated(*before)[1], self.updated(d, t), self.free
         # along the curves of elements, because the fields of beam curves change with the state
         table.mem[free, PLACEMENT] = UNUSED_ON_ELEMENT
-        self.turn_to(d)
+        self.update_curves(d)
         return bool(obstacle_crossed(table, free, before[0], earlier, d, amps, self.pair.scale))
 
     def along(self) -> Array:
@@ -308,7 +309,7 @@ class BodyTable(ContactTable):
         super().__init__(constraints, pair)
         self.facing = Record(facing_table(self.patches))
 
-    def turn_to(self, d: Array) -> None:
+    def update_curves(self, d: Array) -> None:
         """Find the element opposite to each point at d (n_full,), and use its coordinates."""
         from ..kernels.facing import face
 
@@ -316,7 +317,7 @@ class BodyTable(ContactTable):
 
     def keep_sides(self, d: Array, t: float) -> None:
         """Store, for points with a law, the side of an axis that they are on in the accepted state d (n_full,) at t."""
-        table, amps = self.at(d, t)
+        table, amps = self.updated(d, t)
         point_accept(table, d, amps)
         self.pair.mem[:, :self.size] = table.mem[:, :self.size]
 
@@ -326,17 +327,18 @@ class BodyTable(ContactTable):
 
         return bool(bodies_cross(self.facing, self.table, before[0], d))
 
-    def past(self, d: Array, t: float) -> Any:
+    def past_ends(self, d: Array, t: float) -> Any:
         """Return which points (m,) are beyond an end of the other body at d (n_full,)."""
-        return self._ended(self.at(d, t)[0])
+        return self._past_ends(self.updated(d, t)[0])
 
     @staticmethod
-    def _ended(table: Record) -> Any:
+    def _past_ends(table: Record) -> Any:
         """Return which points (m,) of an updated table are beyond an end of the other body."""
         joined, found = table.par[:, OPPOSITE + JOINED], table.mem[:, FOOT_KIND]
         return np.array([is_past_end(*row) for row in zip(joined, found, strict=True)], dtype=bool)
 
-    def stand(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None = None) -> tuple[Array, Array, Any]:
+    def gaps_and_places(self, d: Array, t: float, at: dict[int, tuple[float, float]] | None = None
+                        ) -> tuple[Array, Array, Any]:
         """Return the gap of each point (m,), infinite where nothing is opposite, its place on the other body (m, 3; see
         ``kernels.facing``), and whether something other than an end of that body is opposite."""
         from ..kernels.facing import body_gaps
@@ -344,7 +346,7 @@ class BodyTable(ContactTable):
         table, _ = self._placed(d, t, at)
         gap, places = np.zeros(len(table.forces)), np.zeros((len(table.forces), 3))
         body_gaps(self.facing, table, d, gap, places)
-        return gap, places, np.isfinite(gap) & ~self._ended(table)
+        return gap, places, np.isfinite(gap) & ~self._past_ends(table)
 
     def slip(self, k: int, now: Array, before: Array) -> float:
         """Return how far point k has slid from one place (3,) to another; 0 if they are on different surfaces."""
@@ -352,7 +354,7 @@ class BodyTable(ContactTable):
             return 0.0
         return float(now[1] * distance_along(self.points[k].par[OPPOSITE + LOOP], now[0], before[0]))
 
-    def beside(self, place: Array, way: float) -> Array:
+    def place_at_distance(self, place: Array, way: float) -> Array:
         """Return the place (3,) on the other body at distance ``way`` from another."""
         return place + np.array([way / place[1], 0.0, 0.0])
 
@@ -367,7 +369,7 @@ class BodyTable(ContactTable):
         """Same as ``ContactTable.deepest``, for bodies; the last array is 0."""
         from ..kernels.facing import body_deepest
 
-        table, n = self.at(d, t)[0], len(self.table.forces)
+        table, n = self.updated(d, t)[0], len(self.table.forces)
         depth, place = np.zeros(n), np.zeros(n)
         body_deepest(self.facing, table, self.free, d, depth, place)
         return depth, place, np.zeros(n)

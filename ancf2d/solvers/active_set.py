@@ -83,7 +83,7 @@ def begin(system: System, d: Array, t: float) -> None:
                 closed.append(point)
                 rows.append((row.nonzero()[0], row[row != 0.0] / np.linalg.norm(row)))
         one.fixed = ~moves & ~one.free
-        one.within = np.where(one.fixed, np.minimum(gap, 0.0), 0.0)
+        one.initial_gaps = np.where(one.fixed, np.minimum(gap, 0.0), 0.0)
     for point, needed in zip(closed, _independent(rows), strict=True):
         point.mem[STATUS] = float(needed)
     for one in first:
@@ -106,7 +106,7 @@ def check_supports(system: System, d: Array, t: float) -> None:
     for one in system.model.contact_tables:
         if one.pair.hard and one.fixed.any():
             gap, faces = one.gaps(d, t)
-            deep = np.flatnonzero(one.fixed & faces & (gap < one.within - limit)).tolist()
+            deep = np.flatnonzero(one.fixed & faces & (gap < one.initial_gaps - limit)).tolist()
             dofs, gradients, _ = one.gradients(d, t) if deep else (gap, gap, gap)
             into += [(one.pair, k) for k in deep if not _reduced(system, dofs[k], gradients[k])[1]]
     into += driven_into(system.model, d, t, limit)
@@ -158,7 +158,7 @@ def _depths(one: ContactTable, d: Array, t: float) -> tuple[Array, Array, Array]
     home = ~free & ~held & faces
     depth[home] = np.maximum(-gap[home], 0.0)
     force = np.array([-d[p.multiplier] for p in one.points])
-    depth[free & (depth <= one.slack(held, force))] = 0.0
+    depth[free & (depth <= one.allowed_penetration(held, force))] = 0.0
     return depth, place, feature
 
 
@@ -201,10 +201,10 @@ def _rubs(one: ContactTable, d: Array, t: float, accepted: tuple[Array, float],
     m = len(one.points)
     if not one.pair.item.friction:
         return [None] * m, [0.0] * m
-    now, before = one.stand(d, t, at)[1], one.stand(*accepted, at)[1]
+    now, before = one.gaps_and_places(d, t, at)[1], one.gaps_and_places(*accepted, at)[1]
     from_ = [one.anchor(k) if p.mem[STATUS] > 0.0 else before[k] for k, p in enumerate(one.points)]
     ways = [0.0 if np.isnan(since).any() else one.slip(k, now[k], since) for k, since in enumerate(from_)]
-    return one.slips(d, t, at), ways
+    return one.slip_gradients(d, t, at), ways
 
 
 def _beside(one: ContactTable, k: int) -> list[int]:
@@ -229,10 +229,10 @@ def exchange(system: System, d: Array, t: float, course: Course, way: Way = WAYS
     """
     limit = PENETRATION * system.model.extent
     hard = [one for one in system.model.contact_tables if one.pair.hard]
-    sliding = [one for one in hard if one.pair.still and way.moves]
+    sliding = [one for one in hard if one.pair.places_move and way.moves]
     turned = 0
     for one in sliding:
-        one.look_at_supports(d, t, 2.0 * limit)
+        one.find_supported_ends(d, t, 2.0 * limit)
         turned += let_go(one, d, course) + choose_curves(one, course)
     off = sum(_let_off(one, d, t) for one in hard)
     depths = [_depths(one, d, t) for one in hard]
@@ -263,7 +263,7 @@ def unfound(t: float, worst: float) -> ComputationError:
 
 def _let_off(one: ContactTable, d: Array, t: float) -> int:
     """Open points that have slid beyond an end of the other body, whose corner may close instead; return how many."""
-    off = [one.points[k] for k in np.flatnonzero(one.past(d, t)) if one.points[k].mem[STATUS] > 0.0]
+    off = [one.points[k] for k in np.flatnonzero(one.past_ends(d, t)) if one.points[k].mem[STATUS] > 0.0]
     for point in off:
         open_point(point, d)
     return len(off)
@@ -362,7 +362,8 @@ def _close(s: Spot, force: float, d: Array) -> int:
             beside, key=lambda j: -d[points[j].multiplier] if rubs else abs(points[j].mem[PLACE] - place))
         mem, more = points[k].mem, -d[points[k].multiplier]
         # a point at a corner has a fixed place, and one with friction an anchor of its own
-        if not (unused or rubs) and force > 0.0 < more and SLIDING not in (mem[PLACEMENT], s.one.stands(k, s.feature)):
+        if not (unused or rubs) and force > 0.0 < more and SLIDING not in (
+                mem[PLACEMENT], s.one.placement_at(k, s.feature)):
             force, place = force + more, (force * place + more * float(mem[PLACE])) / (force + more)
         stand_at(s.one, k, place, s.feature)
     point = points[k]

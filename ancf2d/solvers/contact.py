@@ -32,7 +32,7 @@ def recall(model: Model, kept: list[Array], slide: bool = False) -> None:
     for one, mem in zip(model.contact_tables, kept, strict=True):
         for own, row in zip(_remembered(one), mem, strict=True):
             own[:len(row)] = row
-            if slide and one.pair.still and own[PLACEMENT] == ON_BEAM:
+            if slide and one.pair.places_move and own[PLACEMENT] == ON_BEAM:
                 own[PLACEMENT] = SLIDING
 
 
@@ -42,7 +42,7 @@ def stays_behind(model: Model) -> bool:
     Such places are where a body penetrates most: on another body, and inside a contact zone.
     """
     return any(mem[STATUS] > 0.0 and (mem[PLACEMENT] == ON_ELEMENT
-                                   or (mem[PLACEMENT] == ON_BEAM and not one.pair.still))
+                                   or (mem[PLACEMENT] == ON_BEAM and not one.pair.places_move))
                for one in model.contact_tables if one.pair.hard for mem in _remembered(one))
 
 
@@ -117,7 +117,7 @@ def forces_of_points(model: Model, one: ContactTable, state: State, rub: bool = 
 def _touch(model: Model, one: ContactTable, state: State) -> Touch:
     gap, _ = one.gaps(state.d, state.side)
     force, moment = forces_of_points(model, one, state)
-    table, _ = one.at(state.d, state.side)
+    table, _ = one.updated(state.d, state.side)
     gap[one.free & ~(table.mem[:, PLACEMENT] > 0.0)] = np.nan
     return Touch(one.pair, one.along(), gap, force, moment, 2.0 * PENETRATION * model.extent)
 

@@ -36,8 +36,8 @@ class _Layer:
         mesh, item, levels = known.pair.mesh, known.pair.item, levels_of(known.pair.mesh, known.pair.item.side)
         self.count, self.closed = len(mesh.dofs), mesh.plan.closed
         lengths, last = [float(l) for l in mesh.lengths], self.count - 1
-        pair = known.pair.at(item, mesh, [Spot(ie, 0.0, eta, l, free=True) for eta in levels
-                                          for ie, l in enumerate(lengths)])
+        pair = known.pair.with_points(item, mesh, [Spot(ie, 0.0, eta, l, free=True) for eta in levels
+                                                   for ie, l in enumerate(lengths)])
         pair.par[:, HOME], pair.par[:, HALF_INTERVAL] = 0.0, 1.0
         self.half: Array = 0.5 * np.tile(mesh.lengths, len(levels))
         self.table = contact_table((), pair)
@@ -45,7 +45,7 @@ class _Layer:
         ends = [] if self.closed else [Spot(ie, z, eta, lengths[ie]) for eta in levels
                                        for ie, z in ((0, -1.0), (last, 1.0))]
         self.ends = [(k // 2 * self.count + p.ie, p.z) for k, p in enumerate(ends)]
-        self.tips = contact_table((), known.pair.at(item, mesh, ends)) if ends else None
+        self.tips = contact_table((), known.pair.with_points(item, mesh, ends)) if ends else None
 
     def off(self, state: State) -> tuple[float, float, float]:
         """Return the position error of the body in a state, its depth there, and the depth for the summed forces."""
@@ -58,7 +58,7 @@ class _Layer:
                 depth[k], place[k] = -gap, z
         if not depth.any():
             return 0.0, 0.0, 0.0
-        table, amps = self.table.at(d, t)
+        table, amps = self.table.updated(d, t)
         exact, summed = np.zeros((2, len(depth)))
         overlaps(table, d, amps, place, *gauss(ALONG), exact, summed)
         both = self._beside(self.half * np.array([exact, summed]))

@@ -56,7 +56,7 @@ class ContactFields:
         spots = [Spot(ie, 2.0 * x - 1.0, eta, 0.0) for eta in levels_of(self.mesh, item.side)
                  for ie in range(len(self.mesh.dofs)) for x in self.xi.tolist()]
         known = next(one.pair for one in self.tables if one.pair.item is item)
-        return [known.at(replace(item, law=ContactLaw(1.0), friction=0.0), self.mesh, spots)]
+        return [known.with_points(replace(item, law=ContactLaw(1.0), friction=0.0), self.mesh, spots)]
 
     def __call__(self, state: State) -> dict[str, Array]:
         """Return the fields of a state by name."""

@@ -44,7 +44,8 @@ class Spot(NamedTuple):
     @property
     def soft(self) -> float:
         """Compliance of an open movable point beyond that of its element's polynomial."""
-        if self.held or not self.one.pair.spots[self.k].free or self.one.stands(self.k, self.feature) == ON_ELEMENT:
+        free = self.one.pair.spots[self.k].free
+        if self.held or not free or self.one.placement_at(self.k, self.feature) == ON_ELEMENT:
             return 0.0
         return compliance(self.point.par, self.place)[0]
 

@@ -30,7 +30,7 @@ def hold(one: ContactTable, which: Iterable[int], d: Array, accepted: tuple[Arra
 
     Raises ComputationError at a corner.
     """
-    before, now = one.stand(*accepted)[1], one.stand(d, t)[1]
+    before, now = one.gaps_and_places(*accepted)[1], one.gaps_and_places(d, t)[1]
     for k in which:
         point = one.points[k]
         if point.mem[STATUS] > 0.0 and point.mem[PLACEMENT] == SLIDING:
@@ -51,7 +51,7 @@ def _limit(point: Any, d: Array) -> float:
 def wrong_way(one: ContactTable, d: Array, t: float) -> dict[int, float]:
     """Return the closed points that stick beyond their limit at an equilibrium d (n_full,), or slide with their
     friction force, and their right friction state."""
-    now = one.stand(d, t)[1]
+    now = one.gaps_and_places(d, t)[1]
     closed = [k for k, p in enumerate(one.points) if p.mem[STATUS] > 0.0]
     largest = max((_limit(one.points[k], d) for k in closed), default=0.0)
     out: dict[int, float] = {}
@@ -80,7 +80,7 @@ def _sliding(one: ContactTable) -> list[int]:
 def _stick(one: ContactTable, k: int, now: Any, d: Array) -> None:
     """Let a sliding point stick at its place, with the friction force that it has."""
     point = one.points[k]
-    one.anchor(k, one.beside(now, point.mem[SLIP_STATUS] * _limit(point, d) / point.par[STICK]))
+    one.anchor(k, one.place_at_distance(now, point.mem[SLIP_STATUS] * _limit(point, d) / point.par[STICK]))
     point.mem[SLIP_STATUS] = STICKS
 
 
@@ -93,7 +93,7 @@ def stick_one(tables: Iterable[ContactTable], d: Array, t: float, accepted: tupl
     slid = []
     for one in tables:
         if one.pair.hard and one.pair.item.friction:
-            before, now = one.stand(*accepted)[1], one.stand(d, t)[1]
+            before, now = one.gaps_and_places(*accepted)[1], one.gaps_and_places(d, t)[1]
             slid += [(abs(one.slip(k, now[k], before[k])), one, k, now[k]) for k in _sliding(one)]
     if not slid:
         return False
@@ -111,7 +111,7 @@ def sticking(tables: Iterable[ContactTable], d: Array, t: float) -> Iterator[Non
     kept = []
     for one in tables:
         if one.pair.hard and one.pair.item.friction and (sliding := _sliding(one)):
-            now = one.stand(d, t)[1]
+            now = one.gaps_and_places(d, t)[1]
             for k in sliding:
                 kept.append((one.points[k].mem, one.points[k].mem.copy()))
                 _stick(one, k, now[k], d)

@@ -102,7 +102,7 @@ class Course:
 def stand_at(one: ContactTable, k: int, place: float, feature: float) -> None:
     """Put point k at z = ``place`` of its element, opposite to a part (``feature``) of the obstacle."""
     mem = one.points[k].mem
-    mem[PLACEMENT], mem[PLACE], mem[FEATURE] = one.stands(k, feature), place, feature
+    mem[PLACEMENT], mem[PLACE], mem[FEATURE] = one.placement_at(k, feature), place, feature
 
 
 def open_point(point: ContactPoint, d: Array) -> None:
@@ -115,7 +115,7 @@ def open_point(point: ContactPoint, d: Array) -> None:
 def choose_curves(one: ContactTable, course: Course) -> int:
     """Set the curve of movable points: the element's own inside a contact zone, elsewhere the beam's; return how many
     closed ones have left the zone, and add them to ``course.left``."""
-    inside, before = one.inside(np.array([p.mem[STATUS] > 0.0 for p in one.points])), len(course.left)
+    inside, before = one.inside_zone(np.array([p.mem[STATUS] > 0.0 for p in one.points])), len(course.left)
     for k in np.flatnonzero(one.free).tolist():
         mem = one.points[k].mem
         if mem[PLACEMENT] < 0.0:
@@ -131,7 +131,7 @@ def choose_curves(one: ContactTable, course: Course) -> int:
 def _enclosed(one: ContactTable, course: Course) -> list[int]:
     """Return the closed points on the beam's curve now inside a contact zone, except those in ``course.left``."""
     held = np.array([p.mem[STATUS] > 0.0 for p in one.points])
-    inside = one.inside(held) & held & one.pair.cubic
+    inside = one.inside_zone(held) & held & one.pair.cubic
     return [k for k in np.flatnonzero(inside).tolist()
             if one.points[k].mem[PLACEMENT] == ON_BEAM and one.points[k] not in course.left]
 
@@ -195,7 +195,7 @@ def _places(one: ContactTable, d: Array, t: float, course: Course) -> list[_Plac
     own = _own(one, course)
     if not own:
         return []
-    slope, bend = one.lean(d, t)
+    slope, bend = one.gap_slopes(d, t)
     turns = np.zeros((len(own), len(d)))
     for side in (-1.0, 1.0):
         at = {k: (float(one.points[k].mem[PLACE] + side * DIFFERENCE), float(one.points[k].mem[FEATURE])) for k in own}
@@ -242,7 +242,7 @@ def slide(system: System, hard: list[ContactTable], d: Array, t: float, course: 
 
 def released(hard: list[ContactTable], course: Course) -> list[tuple[ContactTable, int]]:
     """Make the lift-off points slide with the state that is being solved for; return them."""
-    out = [(one, k) for one in hard if one.pair.still for k in _own(one, course)]
+    out = [(one, k) for one in hard if one.pair.places_move for k in _own(one, course)]
     for one, k in out:
         one.points[k].mem[PLACEMENT] = SLIDING
     return out
@@ -255,7 +255,7 @@ def stand_still(slid: list[tuple[ContactTable, int]], d: Array, t: float) -> Non
     for one in {id(one): one for one, _ in slid}.values():
         own = [k for other, k in slid if other is one]
         for _ in range(PLACED):
-            slope, bend = one.lean(d, t)
+            slope, bend = one.gap_slopes(d, t)
             for k in own:
                 place = _Place(one, k, float(-d[one.points[k].multiplier]), float(slope[k]), float(bend[k]), d)
                 par, step = place.point.par, place.sigma / place.own if place.own > 0.0 else 0.0
@@ -327,7 +327,7 @@ def _move(place: _Place, z: float, d: Array, t: float, course: Course) -> None:
     """
     point, points, one = place.point, place.one.points, place.one
     rubs = one.pair.item.friction > 0.0
-    held = one.anchor(place.k) - one.stand(d, t)[1][place.k] if rubs else 0.0
+    held = one.anchor(place.k) - one.gaps_and_places(d, t)[1][place.k] if rubs else 0.0
     # others may have moved meanwhile
     z = _room(place, z, course)
     j = place.k
@@ -347,4 +347,4 @@ def _move(place: _Place, z: float, d: Array, t: float, course: Course) -> None:
         points[j].mem[STATUS] = 1.0
         d[points[j].multiplier] -= force
     if rubs:
-        one.anchor(j, one.stand(d, t)[1][j] + held)
+        one.anchor(j, one.gaps_and_places(d, t)[1][j] + held)

@@ -181,7 +181,7 @@ def _obeys_coulomb(model, before, state) -> None:
     assert overlap(model, state.d, state.t) <= 2.0 * PENETRATION * model.extent
     for one in model.contact_tables:
         held = [k for k, point in enumerate(one.points) if point.mem[STATUS] > 0.0]
-        was, now = one.stand(before.d, before.t)[1], one.stand(state.d, state.t)[1]
+        was, now = one.gaps_and_places(before.d, before.t)[1], one.gaps_and_places(state.d, state.t)[1]
         force = np.array([-state.d[one.points[k].multiplier] for k in held])
         assert np.all(force >= -1e-8 * np.abs(force).max(initial=0.0))
         for k, N in zip(held, force, strict=True):

@@ -239,7 +239,7 @@ class Curve:
         try:
             return self._settled(control, d, t, self._slid)
         except ComputationError:
-            if not any(pair.hard and pair.still for pair in self.model.contacts):
+            if not any(pair.hard and pair.places_move for pair in self.model.contacts):
                 raise
             recall(self.model, touching)
             return self._settled(control, d, t, self._stood)
