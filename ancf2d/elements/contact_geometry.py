@@ -46,6 +46,8 @@ OUTSIDE, UNTOUCHED = np.inf, -np.inf
 # rows of work: X, X', X'' (8 each), rho (2), its derivatives by X (2, 8) and (2, 8, 8), small vectors and matrices
 AT, AT_1, AT_2, RHO, BY, BY_BY, VECTOR, MATRIX, ROW, OTHER = 0, 8, 16, 24, 26, 42, 170, 226, 290, 330
 WORK = 370
+# most fields of a contact
+MOST_FIELDS = 100
 # cosine of the angle between face normal and gap gradient: a face turned away by more is the back of a thin body
 BACK = 0.7
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..elements import contact_geometry
-from ..elements.contact_geometry import BODY, HOME, PLACEMENT, RHO, SHAPE, WORK
+from ..elements.contact_geometry import BODY, HOME, MOST_FIELDS, PLACEMENT, RHO, SHAPE, WORK
 from . import calls
 from .compiled_laws import part
 from .contact import DEPTH, TOUCHES, is_crossed
@@ -15,8 +15,6 @@ from .motion.dynamics import signals_at, to_full
 from .points import amplitude_of, fields_of_item
 
 _gap_at, _position_at = part(contact_geometry.gap_at), part(contact_geometry.position_at)
-# most fields of a contact
-_FIELDS = 100
 
 
 @inner_with_memory
@@ -57,7 +55,7 @@ def tunnels(p, w, s, m, t, h):  # type: ignore[no-untyped-def]
     """
     n, end, depth = len(p.points.mem), m.end, DEPTH * p.extent
     near = TOUCHES * p.extent
-    u, work, amps = np.zeros(2 * _FIELDS), np.zeros(WORK + 3), w.amps.copy()
+    u, work, amps = np.zeros(2 * MOST_FIELDS), np.zeros(WORK + 3), w.amps.copy()
     signals_at(p, t, amps)
     to_full(p, s.z, amps, 0, w.d)
     start, i = w.d.copy(), 0

@@ -12,6 +12,7 @@ from ...elements.contact_geometry import (
     CLOSED,
     CLOSES,
     FRICTION,
+    MOST_FIELDS,
     PLACEMENT,
     PULLED,
     SLIP_STATUS,
@@ -35,8 +36,6 @@ from .dynamics import signals_at, to_full
 
 # fraction of Coulomb's limit: points with more friction slide
 AT_LIMIT = 0.999
-# most fields of a contact
-FIELDS = 100
 # gaps whose gradient by a displacement is smaller are held by supports; fraction of the extent: penetration allowed
 MOVES, INTO = 1e-5, 1e-8
 
@@ -45,7 +44,7 @@ MOVES, INTO = 1e-5, 1e-8
 @seldom
 def point_sides(points, d, v, amps, out):  # type: ignore[no-untyped-def]
     """Set out (n_full,) to 1 at the multipliers of one-sided constraints that are closed at d, 0 at open ones."""
-    u, w, a, f = np.zeros(FIELDS), np.zeros(FIELDS), np.zeros(3), np.zeros(FIELDS)
+    u, w, a, f = np.zeros(MOST_FIELDS), np.zeros(MOST_FIELDS), np.zeros(3), np.zeros(MOST_FIELDS)
     for i in range(len(points.forces)):
         if points.restitution[i] >= 0.0 and is_inactive(points, i):
             out[points.multiplier[i]] = 0.0

@@ -40,8 +40,6 @@ PARTING, ALONG = 1e-9, 1e-5
 _ROUNDS, SAME = 1000, 1e-14
 # multiple of the largest normal force: if friction grows beyond it, the points lock and there is no solution
 LOCKED = 1e6
-# most fields of a contact
-_FIELDS = 100
 
 
 @inner_with_memory
