@@ -325,7 +325,7 @@ def curves_of(mesh: BodyMesh, side: str, follows: Mapping[int, Any]) -> list[Cur
     return out
 
 
-class _Curves:
+class _StackedCurves:
     """Points of a table whose curves have the same numbers of fields and coordinates, stacked for ``BeamCurves``."""
 
     def __init__(self, items: list[int], patches: list[Any]) -> None:
@@ -369,7 +369,7 @@ class BeamCurves:
                 items.append(at)
                 found.append(patch)
             at += len(patch.items().p0)
-        self.groups = [_Curves(*group) for group in groups.values()]
+        self.groups = [_StackedCurves(*group) for group in groups.values()]
 
     def write(self, points: Any, d: Array, unused: bool) -> None:
         """Write the curves of points at displacements d (n_full,) to the table (``kernels.points.Points``); those of

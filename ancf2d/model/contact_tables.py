@@ -70,18 +70,18 @@ class ContactTable:
         self.update_curves(d)
         return self.table, amps
 
-    def nodal(self, d: Array, v: Array, t: float, rub: bool, stiff: bool = False
+    def nodal_forces(self, d: Array, v: Array, t: float, with_friction: bool, stiff: bool = False
               ) -> tuple[Index, Array, Array, Array]:
         """Return coordinates (m, n), forces of elastic sign (m, n), energy (m,) and stiffness (m, n, n) of each point.
 
         At d and v (n_full,). The coordinates of a point's own element come first, then those of what it touches. The
-        stiffness is empty unless ``stiff``. Without ``rub``, friction is left out.
+        stiffness is empty unless ``stiff``. If not ``with_friction``, friction is left out.
         """
         from ..kernels.points import point_matrices
 
         table, amps = self.updated(d, t)
         friction, m = table.par[:, FRICTION].copy(), len(table.forces)
-        if not rub:
+        if not with_friction:
             table.par[:, FRICTION] = 0.0
         coords: Index = table.dofs.reshape(m, -1)
         n = coords.shape[1]
@@ -282,15 +282,15 @@ class ContactTable:
         self.update_curves(d)
         return bool(obstacle_crossed(table, free, before[0], earlier, d, amps, self.pair.scale))
 
-    def along(self) -> Array:
+    def s_on_first_body(self) -> Array:
         """Return S (m,) of each point on the first body of the contact."""
-        return self.places(self.pair.mesh)
+        return self.s_on_own_body(self.pair.mesh)
 
-    def opposite(self) -> Array:
+    def s_on_other_body(self) -> Array:
         """Return S (m,) of the place opposite to each point on the other body: NaN, as an obstacle has none."""
         return np.full(len(self.pair.spots), np.nan)
 
-    def places(self, mesh: Any) -> Array:
+    def s_on_own_body(self, mesh: Any) -> Array:
         """Return S (m,) of each point on its own body."""
         s: Array = self.pair.s.copy()
         for k in np.flatnonzero(self.free & (self.table.mem[:, PLACEMENT] > 0.0)):
@@ -374,11 +374,11 @@ class BodyTable(ContactTable):
         body_deepest(self.facing, table, self.free, d, depth, place)
         return depth, place, np.zeros(n)
 
-    def along(self) -> Array:
+    def s_on_first_body(self) -> Array:
         """Return S (m,) on the first body of the contact: of the points, or of the places opposite to them."""
-        return self.places(self.pair.mesh) if self.pair.sign >= 0.0 else self.opposite()
+        return self.s_on_own_body(self.pair.mesh) if self.pair.sign >= 0.0 else self.s_on_other_body()
 
-    def opposite(self) -> Array:
+    def s_on_other_body(self) -> Array:
         """Return S (m,) of the place opposite to each point on the other body, as last found."""
         par, mem = self.table.par[:, OPPOSITE:], self.table.mem
         out: Array = (par[:, START] + 0.5 * (mem[:, FOOT] + 1.0) * par[:, SPAN]) / self.pair.against.plan.length

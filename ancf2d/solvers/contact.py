@@ -97,7 +97,7 @@ def nodal_forces_of_points(one: ContactTable, state: State, rub: bool = True) ->
     v = np.zeros(len(state.d))
     if state.v is not None:
         v[:len(state.v)] = state.v
-    return one.nodal(state.d, v, state.side, rub)[:2]
+    return one.nodal_forces(state.d, v, state.side, rub)[:2]
 
 
 def forces_of_points(model: Model, one: ContactTable, state: State, rub: bool = True) -> tuple[Array, Array]:
@@ -119,7 +119,7 @@ def _touch(model: Model, one: ContactTable, state: State) -> Touch:
     force, moment = forces_of_points(model, one, state)
     table, _ = one.updated(state.d, state.side)
     gap[one.free & ~(table.mem[:, PLACEMENT] > 0.0)] = np.nan
-    return Touch(one.pair, one.along(), gap, force, moment, 2.0 * PENETRATION * model.extent)
+    return Touch(one.pair, one.s_on_first_body(), gap, force, moment, 2.0 * PENETRATION * model.extent)
 
 
 def check_pressed(model: Model, d: Array, at: dict[str, float]) -> None:

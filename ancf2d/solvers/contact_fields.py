@@ -78,10 +78,10 @@ class ContactFields:
             normal = forces_of_points(self.model, one, state, False)[0] if one.pair.item.friction else every
             if one.pair.mesh is self.mesh:
                 face = np.sign([p.eta for p in one.pair.spots])
-                self._add(sums, state, one.places(self.mesh), face, normal, every - normal)
+                self._add(sums, state, one.s_on_own_body(self.mesh), face, normal, every - normal)
             if one.pair.other == self.mesh.plan.name:
                 face = one.table.par[:, OPPOSITE + SIGN]
-                self._add(sums, state, one.opposite(), face, -normal, normal - every)
+                self._add(sums, state, one.s_on_other_body(), face, -normal, normal - every)
         if self.mesh.plan.closed:
             sums[..., 0] += sums[..., -1]
             sums[..., -1] = sums[..., 0]
@@ -130,11 +130,11 @@ def lying(model: Model, mesh: BodyMesh, state: State) -> Any:
         gap, faces = one.gaps(state.d, state.side)
         home, touching = ~one.free, faces & (gap <= 2.0 * PENETRATION * model.extent)
         if own:
-            out |= _ends_on(mesh, one.places(mesh)[home], touching[home], SAME * mesh.plan.length, True)
+            out |= _ends_on(mesh, one.s_on_own_body(mesh)[home], touching[home], SAME * mesh.plan.length, True)
         if other and one.pair.whole:
             # up to the middle between two points of the other body
             reach = (0.5 + SAME) * float(one.pair.mesh.lengths.max())
-            out |= _ends_on(mesh, one.opposite()[home], touching[home], reach, False)
+            out |= _ends_on(mesh, one.s_on_other_body()[home], touching[home], reach, False)
     return out
 
 

@@ -70,7 +70,7 @@ class BodyLayer:
     def off(self, state: State) -> tuple[float, float, float]:
         """Return the position error of bodies in a state, their overlap, and the overlap for their points' forces."""
         force, depth, d, t = np.zeros(2), 0.0, state.d, state.side
-        found = [[one.nodal(d, np.zeros_like(d), t, False, self.balances) for one in tables]
+        found = [[one.nodal_forces(d, np.zeros_like(d), t, False, self.balances) for one in tables]
                  for tables in (self.few, self.many)]
         for k, tables in enumerate((self.few, self.many)):
             for one, (_, _, energy, _) in zip(tables, found[k], strict=True):
