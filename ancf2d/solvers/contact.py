@@ -42,7 +42,7 @@ def stays_behind(model: Model) -> bool:
     Such places are where a body penetrates most: on another body, and inside a contact zone.
     """
     return any(mem[STATUS] > 0.0 and (mem[PLACEMENT] == ON_ELEMENT
-                                   or (mem[PLACEMENT] == ON_BEAM and not one.pair.places_move))
+                                      or (mem[PLACEMENT] == ON_BEAM and not one.pair.places_move))
                for one in model.contact_tables if one.pair.hard for mem in _remembered(one))
 
 
