@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..elements.contact_geometry import FEATURE, FREE, HELD, PLACE, SLIDING, TOUCH
+from ..elements.contact_geometry import FEATURE, PLACE, PLACEMENT, SLIDING, STATUS, TOUCH
 from ..elements.shape import Array
 from ..errors import ComputationError
 from .contact_response import PULL, Response, Spot
@@ -69,7 +69,7 @@ def begin(system: System, d: Array, t: float) -> None:
     if system.accepted is None:
         system.accepted = d.copy(), t
     first = [one for one in system.model.contact_tables
-             if one.pair.hard and any(p.mem[HELD] < 0.0 for p in one.points)]
+             if one.pair.hard and any(p.mem[STATUS] < 0.0 for p in one.points)]
     closed, rows = [], []
     for one in first:
         gap, faces = one.gaps(d, t)
@@ -78,14 +78,14 @@ def begin(system: System, d: Array, t: float) -> None:
         for k, (point, spot) in enumerate(zip(one.points, one.pair.spots, strict=True)):
             row, moves[k] = _reduced(system, dofs[k], gradients[k])
             touches = faces[k] and not spot.free and gap[k] <= point.par[TOUCH]
-            point.mem[HELD] = float(bool(touches and moves[k]))
-            if point.mem[HELD]:
+            point.mem[STATUS] = float(bool(touches and moves[k]))
+            if point.mem[STATUS]:
                 closed.append(point)
                 rows.append((row.nonzero()[0], row[row != 0.0] / np.linalg.norm(row)))
         one.fixed = ~moves & ~one.free
-        one.within = np.where(one.fixed, np.minimum(gap, 0.0), 0.0)
+        one.initial_gaps = np.where(one.fixed, np.minimum(gap, 0.0), 0.0)
     for point, needed in zip(closed, _independent(rows), strict=True):
-        point.mem[HELD] = float(needed)
+        point.mem[STATUS] = float(needed)
     for one in first:
         if one.pair.item.friction:
             hold(one, range(len(one.points)), d, (d, t), t)
@@ -106,7 +106,7 @@ def check_supports(system: System, d: Array, t: float) -> None:
     for one in system.model.contact_tables:
         if one.pair.hard and one.fixed.any():
             gap, faces = one.gaps(d, t)
-            deep = np.flatnonzero(one.fixed & faces & (gap < one.within - limit)).tolist()
+            deep = np.flatnonzero(one.fixed & faces & (gap < one.initial_gaps - limit)).tolist()
             dofs, gradients, _ = one.gradients(d, t) if deep else (gap, gap, gap)
             into += [(one.pair, k) for k in deep if not _reduced(system, dofs[k], gradients[k])[1]]
     into += driven_into(system.model, d, t, limit)
@@ -154,11 +154,11 @@ def _depths(one: ContactTable, d: Array, t: float) -> tuple[Array, Array, Array]
     free = one.free
     depth, place, feature = one.deepest(d, t)
     gap, faces = one.gaps(d, t)
-    held = np.array([p.mem[HELD] > 0.0 for p in one.points])
+    held = np.array([p.mem[STATUS] > 0.0 for p in one.points])
     home = ~free & ~held & faces
     depth[home] = np.maximum(-gap[home], 0.0)
     force = np.array([-d[p.multiplier] for p in one.points])
-    depth[free & (depth <= one.slack(held, force))] = 0.0
+    depth[free & (depth <= one.allowed_penetration(held, force))] = 0.0
     return depth, place, feature
 
 
@@ -176,7 +176,7 @@ def _look(one: ContactTable, d: Array, t: float, depths: tuple[Array, Array, Arr
           accepted: tuple[Array, float]) -> list[Spot]:
     """Return the closed points, the fixed points that may close and, unless ``home``, new places between them."""
     depth, place, feature = depths
-    free, held = one.free, np.array([p.mem[HELD] > 0.0 for p in one.points])
+    free, held = one.free, np.array([p.mem[STATUS] > 0.0 for p in one.points])
     _, faces = one.gaps(d, t)
     dofs, rows, gap = one.gradients(d, t)
     slopes, ways = _rubs(one, d, t, accepted)
@@ -201,10 +201,10 @@ def _rubs(one: ContactTable, d: Array, t: float, accepted: tuple[Array, float],
     m = len(one.points)
     if not one.pair.item.friction:
         return [None] * m, [0.0] * m
-    now, before = one.stand(d, t, at)[1], one.stand(*accepted, at)[1]
-    from_ = [one.anchor(k) if p.mem[HELD] > 0.0 else before[k] for k, p in enumerate(one.points)]
+    now, before = one.gaps_and_places(d, t, at)[1], one.gaps_and_places(*accepted, at)[1]
+    from_ = [one.anchor(k) if p.mem[STATUS] > 0.0 else before[k] for k, p in enumerate(one.points)]
     ways = [0.0 if np.isnan(since).any() else one.slip(k, now[k], since) for k, since in enumerate(from_)]
-    return one.slips(d, t, at), ways
+    return one.slip_gradients(d, t, at), ways
 
 
 def _beside(one: ContactTable, k: int) -> list[int]:
@@ -216,8 +216,8 @@ def _beside(one: ContactTable, k: int) -> list[int]:
 
 def _there(one: ContactTable, k: int, place: float, feature: float) -> bool:
     """Return whether a movable point in use is already at a place, or at the same corner."""
-    mems = [one.points[j].mem for j in _beside(one, k) if one.points[j].mem[HELD] > 0.0]
-    return any(mem[FEATURE] == feature if mem[FREE] == SLIDING else abs(mem[PLACE] - place) < SAME for mem in mems)
+    mems = [one.points[j].mem for j in _beside(one, k) if one.points[j].mem[STATUS] > 0.0]
+    return any(mem[FEATURE] == feature if mem[PLACEMENT] == SLIDING else abs(mem[PLACE] - place) < SAME for mem in mems)
 
 
 def exchange(system: System, d: Array, t: float, course: Course, way: Way = WAYS[0]
@@ -229,15 +229,15 @@ def exchange(system: System, d: Array, t: float, course: Course, way: Way = WAYS
     """
     limit = PENETRATION * system.model.extent
     hard = [one for one in system.model.contact_tables if one.pair.hard]
-    sliding = [one for one in hard if one.pair.still and way.moves]
+    sliding = [one for one in hard if one.pair.places_move and way.moves]
     turned = 0
     for one in sliding:
-        one.look_at_supports(d, t, 2.0 * limit)
+        one.find_supported_ends(d, t, 2.0 * limit)
         turned += let_go(one, d, course) + choose_curves(one, course)
     off = sum(_let_off(one, d, t) for one in hard)
     depths = [_depths(one, d, t) for one in hard]
     worst = max((float(depth.max(initial=0.0)) for depth, _, _ in depths), default=0.0)
-    pulls = np.array([d[p.multiplier] for one in hard for p in one.points if p.mem[HELD] > 0.0])
+    pulls = np.array([d[p.multiplier] for one in hard for p in one.points if p.mem[STATUS] > 0.0])
     rubs = [(one, wrong) for one in hard if one.pair.item.friction and (wrong := wrong_way(one, d, t))]
     if not way.together:
         turned += sum(turn(*rub) for rub in rubs)
@@ -263,7 +263,7 @@ def unfound(t: float, worst: float) -> ComputationError:
 
 def _let_off(one: ContactTable, d: Array, t: float) -> int:
     """Open points that have slid beyond an end of the other body, whose corner may close instead; return how many."""
-    off = [one.points[k] for k in np.flatnonzero(one.past(d, t)) if one.points[k].mem[HELD] > 0.0]
+    off = [one.points[k] for k in np.flatnonzero(one.past_ends(d, t)) if one.points[k].mem[STATUS] > 0.0]
     for point in off:
         open_point(point, d)
     return len(off)
@@ -323,7 +323,7 @@ def _answer(system: System, d: Array, t: float, spots: list[Spot], limit: float,
             tried = _grown(tried, d, accepted, t)
             grown = {k for k, (s, now) in enumerate(zip(spots, tried, strict=True)) if s.held != now.held}
     for k in grown:
-        spots[k].point.mem[HELD] = 0.0
+        spots[k].point.mem[STATUS] = 0.0
     return None
 
 
@@ -341,7 +341,7 @@ def _grown(spots: list[Spot], d: Array, accepted: tuple[Array, float], t: float)
         for k, beside in [*pairwise(order), *pairwise(order[::-1])]:
             if spots[beside].held and not spots[k].held:
                 out[k] = spots[k]._replace(held=True)
-                spots[k].point.mem[HELD] = 1.0
+                spots[k].point.mem[STATUS] = 1.0
                 if spots[k].one.pair.item.friction:
                     hold(spots[k].one, [spots[k].k], d, accepted, t)
     return out
@@ -356,15 +356,16 @@ def _close(s: Spot, force: float, d: Array) -> int:
     k, points, place = s.k, s.one.points, s.place
     if s.one.pair.spots[k].free:
         beside = _beside(s.one, k)
-        unused = [j for j in beside if points[j].mem[HELD] <= 0.0]
+        unused = [j for j in beside if points[j].mem[STATUS] <= 0.0]
         rubs = s.one.pair.item.friction > 0.0
         k = unused[0] if unused else min(
             beside, key=lambda j: -d[points[j].multiplier] if rubs else abs(points[j].mem[PLACE] - place))
         mem, more = points[k].mem, -d[points[k].multiplier]
         # a point at a corner has a fixed place, and one with friction an anchor of its own
-        if not (unused or rubs) and force > 0.0 < more and SLIDING not in (mem[FREE], s.one.stands(k, s.feature)):
+        if not (unused or rubs) and force > 0.0 < more and SLIDING not in (
+                mem[PLACEMENT], s.one.placement_at(k, s.feature)):
             force, place = force + more, (force * place + more * float(mem[PLACE])) / (force + more)
         stand_at(s.one, k, place, s.feature)
     point = points[k]
-    point.mem[HELD], d[point.multiplier] = 1.0, -force
+    point.mem[STATUS], d[point.multiplier] = 1.0, -force
     return k

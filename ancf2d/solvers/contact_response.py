@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..elements.contact_geometry import OWN, STIFFNESS
-from ..elements.contact_sliding import yields
+from ..elements.contact_geometry import AUGMENTATION, ON_ELEMENT
+from ..elements.contact_sliding import compliance
 from ..elements.shape import Array
 from .complementarity import DEPENDENT, lemke
 from .friction import sticking
@@ -44,9 +44,10 @@ class Spot(NamedTuple):
     @property
     def soft(self) -> float:
         """Compliance of an open movable point beyond that of its element's polynomial."""
-        if self.held or not self.one.pair.spots[self.k].free or self.one.stands(self.k, self.feature) == OWN:
+        free = self.one.pair.spots[self.k].free
+        if self.held or not free or self.one.placement_at(self.k, self.feature) == ON_ELEMENT:
             return 0.0
-        return yields(self.point.par, self.place)[0]
+        return compliance(self.point.par, self.place)[0]
 
     @property
     def point(self) -> ContactPoint:
@@ -76,7 +77,7 @@ class Response:
         self.at = self.num.place[[s.point.multiplier for s in spots]]
         self.force = np.array([-d[s.point.multiplier] if s.held else 0.0 for s in spots])
         self.soft = [s.soft for s in spots]
-        self.stiff = np.array([s.point.par[STIFFNESS] for s in spots])
+        self.stiff = np.array([s.point.par[AUGMENTATION] for s in spots])
         self.b = np.where(self.held, self.force, [s.gap for s in spots]) + self.told(self.base)
         self.steps: dict[int, Array] = {}
         # friction state (slides, with its sign, or sticks) of spots after the change

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..elements.contact_geometry import FRICTION, SLIDES, STICK, STICKS
+from ..elements.contact_geometry import FRICTION, SLIP_STATUS, STICK, STICKS
 from ..elements.shape import Array
 from .complementarity import DEPENDENT, lemke, lemke_from
 from .contact_response import HELD_ALREADY, Response, Spot
@@ -42,7 +42,7 @@ class RoughResponse(Response):
         points = [spots[k].point for k in self.rough]
         self.mu, self.spring = (np.array([p.par[key] for p in points]) for key in (FRICTION, STICK))
         way, held = np.array([spots[k].way for k in self.rough]), np.array([spots[k].held for k in self.rough])
-        self.signs = signs = np.array([p.mem[SLIDES] for p in points])
+        self.signs = signs = np.array([p.mem[SLIP_STATUS] for p in points])
         # tangential forces, and slip since the last accepted state
         drag = np.where(held, np.where(signs == STICKS, -self.spring * way,
                                        -signs * self.mu * np.array([d[p.multiplier] for p in points])), 0.0)

@@ -15,20 +15,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..elements.contact_geometry import (
-    DAMPING,
     FEATURE,
-    FREE,
-    HELD,
+    HALF_INTERVAL,
     HOME,
-    OWN,
+    ON_BEAM,
+    ON_ELEMENT,
     PLACE,
-    SLIDES,
+    PLACEMENT,
     SLIDING,
-    STANDING,
+    SLIP_STATUS,
+    STATUS,
     UNUSED,
-    UNUSED_OWN,
+    UNUSED_ON_ELEMENT,
 )
-from ..elements.contact_sliding import yields
+from ..elements.contact_sliding import compliance
 from ..elements.shape import Array
 
 if TYPE_CHECKING:
@@ -102,45 +102,45 @@ class Course:
 def stand_at(one: ContactTable, k: int, place: float, feature: float) -> None:
     """Put point k at z = ``place`` of its element, opposite to a part (``feature``) of the obstacle."""
     mem = one.points[k].mem
-    mem[FREE], mem[PLACE], mem[FEATURE] = one.stands(k, feature), place, feature
+    mem[PLACEMENT], mem[PLACE], mem[FEATURE] = one.placement_at(k, feature), place, feature
 
 
 def open_point(point: ContactPoint, d: Array) -> None:
     """Open a point, with zero force."""
-    point.mem[HELD], d[point.multiplier] = 0.0, 0.0
-    if point.mem[FREE] > 0.0:
-        point.mem[FREE] = UNUSED_OWN if point.mem[FREE] == OWN else UNUSED
+    point.mem[STATUS], d[point.multiplier] = 0.0, 0.0
+    if point.mem[PLACEMENT] > 0.0:
+        point.mem[PLACEMENT] = UNUSED_ON_ELEMENT if point.mem[PLACEMENT] == ON_ELEMENT else UNUSED
 
 
 def choose_curves(one: ContactTable, course: Course) -> int:
     """Set the curve of movable points: the element's own inside a contact zone, elsewhere the beam's; return how many
     closed ones have left the zone, and add them to ``course.left``."""
-    inside, before = one.inside(np.array([p.mem[HELD] > 0.0 for p in one.points])), len(course.left)
+    inside, before = one.inside_zone(np.array([p.mem[STATUS] > 0.0 for p in one.points])), len(course.left)
     for k in np.flatnonzero(one.free).tolist():
         mem = one.points[k].mem
-        if mem[FREE] < 0.0:
+        if mem[PLACEMENT] < 0.0:
             # a point that has left the zone does not join it again
             own = inside[k] and one.pair.cubic and one.points[k] not in course.left
-            mem[FREE] = UNUSED_OWN if own else UNUSED
-        elif mem[FREE] == OWN and not inside[k]:
-            mem[FREE] = STANDING
+            mem[PLACEMENT] = UNUSED_ON_ELEMENT if own else UNUSED
+        elif mem[PLACEMENT] == ON_ELEMENT and not inside[k]:
+            mem[PLACEMENT] = ON_BEAM
             course.left.add(one.points[k])
     return len(course.left) - before
 
 
 def _enclosed(one: ContactTable, course: Course) -> list[int]:
     """Return the closed points on the beam's curve now inside a contact zone, except those in ``course.left``."""
-    held = np.array([p.mem[HELD] > 0.0 for p in one.points])
-    inside = one.inside(held) & held & one.pair.cubic
+    held = np.array([p.mem[STATUS] > 0.0 for p in one.points])
+    inside = one.inside_zone(held) & held & one.pair.cubic
     return [k for k in np.flatnonzero(inside).tolist()
-            if one.points[k].mem[FREE] == STANDING and one.points[k] not in course.left]
+            if one.points[k].mem[PLACEMENT] == ON_BEAM and one.points[k] not in course.left]
 
 
 def come_inside(one: ContactTable, course: Course) -> int:
     """Move closed points that are now inside a contact zone to the element's own curve; return how many."""
     found = _enclosed(one, course)
     for k in found:
-        one.points[k].mem[FREE] = OWN
+        one.points[k].mem[PLACEMENT] = ON_ELEMENT
     return len(found)
 
 
@@ -151,8 +151,8 @@ def let_go(one: ContactTable, d: Array, course: Course) -> int:
     """
     gone = 0
     for k, point in enumerate(one.points if not one.pair.cubic else ()):
-        standing = point.mem[HELD] > 0.0 and point.mem[FREE] == STANDING
-        beside = any(j >= 0 and one.points[j].mem[HELD] > 0.0 for j in one.ends[k])
+        standing = point.mem[STATUS] > 0.0 and point.mem[PLACEMENT] == ON_BEAM
+        beside = any(j >= 0 and one.points[j].mem[STATUS] > 0.0 for j in one.ends[k])
         if standing and point not in course.left and (beside or one.supported[k].any()):
             open_point(point, d)
             course.left.add(point)
@@ -170,7 +170,7 @@ class _Place:
         self.one, self.k, self.point, self.force = one, k, one.points[k], force
         self.slope, self.bend, self.turn = slope, bend, turn
         self.z, self.feature = float(self.point.mem[PLACE]), float(self.point.mem[FEATURE])
-        _, self.c1, self.c2 = yields(self.point.par, self.z)
+        _, self.c1, self.c2 = compliance(self.point.par, self.z)
 
     @property
     def sigma(self) -> float:
@@ -186,7 +186,8 @@ class _Place:
 def _own(one: ContactTable, course: Course) -> list[int]:
     """Return the movable closed points of a contact, except those inside a contact zone."""
     enclosed = _enclosed(one, course)
-    return [k for k, p in enumerate(one.points) if p.mem[HELD] > 0.0 and p.mem[FREE] == STANDING and k not in enclosed]
+    return [k for k, p in enumerate(one.points)
+            if p.mem[STATUS] > 0.0 and p.mem[PLACEMENT] == ON_BEAM and k not in enclosed]
 
 
 def _places(one: ContactTable, d: Array, t: float, course: Course) -> list[_Place]:
@@ -194,7 +195,7 @@ def _places(one: ContactTable, d: Array, t: float, course: Course) -> list[_Plac
     own = _own(one, course)
     if not own:
         return []
-    slope, bend = one.lean(d, t)
+    slope, bend = one.gap_slopes(d, t)
     turns = np.zeros((len(own), len(d)))
     for side in (-1.0, 1.0):
         at = {k: (float(one.points[k].mem[PLACE] + side * DIFFERENCE), float(one.points[k].mem[FEATURE])) for k in own}
@@ -241,24 +242,25 @@ def slide(system: System, hard: list[ContactTable], d: Array, t: float, course: 
 
 def released(hard: list[ContactTable], course: Course) -> list[tuple[ContactTable, int]]:
     """Make the lift-off points slide with the state that is being solved for; return them."""
-    out = [(one, k) for one in hard if one.pair.still for k in _own(one, course)]
+    out = [(one, k) for one in hard if one.pair.places_move for k in _own(one, course)]
     for one, k in out:
-        one.points[k].mem[FREE] = SLIDING
+        one.points[k].mem[PLACEMENT] = SLIDING
     return out
 
 
 def stand_still(slid: list[tuple[ContactTable, int]], d: Array, t: float) -> None:
     """Fix the points that slid at their places in state d (n_full,) at t, at most at the ends of their intervals."""
     for one, k in slid:
-        one.points[k].mem[FREE] = STANDING
+        one.points[k].mem[PLACEMENT] = ON_BEAM
     for one in {id(one): one for one, _ in slid}.values():
         own = [k for other, k in slid if other is one]
         for _ in range(PLACED):
-            slope, bend = one.lean(d, t)
+            slope, bend = one.gap_slopes(d, t)
             for k in own:
                 place = _Place(one, k, float(-d[one.points[k].multiplier]), float(slope[k]), float(bend[k]), d)
                 par, step = place.point.par, place.sigma / place.own if place.own > 0.0 else 0.0
-                place.point.mem[PLACE] = np.clip(place.z - step, par[HOME] - par[DAMPING], par[HOME] + par[DAMPING])
+                place.point.mem[PLACE] = np.clip(place.z - step, par[HOME] - par[HALF_INTERVAL],
+                                                 par[HOME] + par[HALF_INTERVAL])
 
 
 def _step(S: Array, sigma: Array, force: Array, own: Array) -> Array:
@@ -276,9 +278,9 @@ def _allowed(place: _Place, z: float, d: Array) -> float:
     """Return z, or a place nearer by, such that no closed fixed point is passed; one that is close opens instead."""
     point = place.point
     for end, side in zip(place.one.ends[place.k].tolist(), (-1.0, 1.0), strict=True):
-        if end < 0 or place.one.points[end].mem[HELD] <= 0.0:
+        if end < 0 or place.one.points[end].mem[STATUS] <= 0.0:
             continue
-        room = point.par[DAMPING] - side * (place.z - point.par[HOME])
+        room = point.par[HALF_INTERVAL] - side * (place.z - point.par[HOME])
         if side * (z - place.z) > (1.0 - NEARER) * room:
             z = place.z + side * (1.0 - NEARER) * room
             if NEARER * room < MEETS:
@@ -294,25 +296,26 @@ def _room(place: _Place, z: float, course: Course) -> float:
     Also return the end if the point came from the next interval: at kinks between elements, each may lead to the other.
     """
     par, up = place.point.par, z > place.point.par[HOME]
-    if abs(z - par[HOME]) <= par[DAMPING] + BEYOND:
+    if abs(z - par[HOME]) <= par[HALF_INTERVAL] + BEYOND:
         return z
     following = _following(place, z)
     back = following is not None and place.one.points[following[0]] in course.passed
     if not back and (place.one.ends[place.k, int(up)] >= 0 or following):
         return z
-    return float(par[HOME] + (par[DAMPING] if up else -par[DAMPING]))
+    return float(par[HOME] + (par[HALF_INTERVAL] if up else -par[HALF_INTERVAL]))
 
 
 def _following(place: _Place, z: float) -> tuple[int, float] | None:
     """Return the movable point of the next interval and its place for z beyond this interval; None if it is closed."""
     pair, up, ie = place.one.pair, 1.0 if z > place.point.par[HOME] else -1.0, place.one.pair.spots[place.k].ie
     here, count = pair.spots[place.k], len(pair.mesh.dofs)
-    if abs(here.z + 2.0 * up * place.point.par[DAMPING]) > 1.0:
+    if abs(here.z + 2.0 * up * place.point.par[HALF_INTERVAL]) > 1.0:
         ie = (ie + int(up)) % count if pair.mesh.plan.closed else ie + int(up)
         z = -up + (z - up) * float(pair.mesh.lengths[here.ie] / pair.mesh.lengths[min(max(ie, 0), count - 1)])
     for j, (other, spot) in enumerate(zip(place.one.points, pair.spots, strict=True)):
-        near = spot.free and (spot.ie, spot.eta) == (ie, here.eta) and abs(z - spot.z) <= other.par[DAMPING] + BEYOND
-        if near and other.mem[HELD] <= 0.0:
+        near = spot.free and (spot.ie, spot.eta) == (ie, here.eta) and (
+            abs(z - spot.z) <= other.par[HALF_INTERVAL] + BEYOND)
+        if near and other.mem[STATUS] <= 0.0:
             return j, z
     return None
 
@@ -324,24 +327,24 @@ def _move(place: _Place, z: float, d: Array, t: float, course: Course) -> None:
     """
     point, points, one = place.point, place.one.points, place.one
     rubs = one.pair.item.friction > 0.0
-    held = one.anchor(place.k) - one.stand(d, t)[1][place.k] if rubs else 0.0
+    held = one.anchor(place.k) - one.gaps_and_places(d, t)[1][place.k] if rubs else 0.0
     # others may have moved meanwhile
     z = _room(place, z, course)
     j = place.k
-    if abs(z - point.par[HOME]) <= point.par[DAMPING] + BEYOND:
+    if abs(z - point.par[HOME]) <= point.par[HALF_INTERVAL] + BEYOND:
         point.mem[PLACE] = z
     else:
         force, following = -d[point.multiplier], _following(place, z)
         j = following[0] if following else int(one.ends[place.k, int(z > point.par[HOME])])
-        slides = point.mem[SLIDES]
+        slides = point.mem[SLIP_STATUS]
         open_point(point, d)
         course.passed.add(point)
         if following:
             stand_at(one, *following, place.feature)
-        rubs = rubs and points[j].mem[HELD] <= 0.0
+        rubs = rubs and points[j].mem[STATUS] <= 0.0
         if rubs:
-            points[j].mem[SLIDES] = slides
-        points[j].mem[HELD] = 1.0
+            points[j].mem[SLIP_STATUS] = slides
+        points[j].mem[STATUS] = 1.0
         d[points[j].multiplier] -= force
     if rubs:
-        one.anchor(j, one.stand(d, t)[1][j] + held)
+        one.anchor(j, one.gaps_and_places(d, t)[1][j] + held)

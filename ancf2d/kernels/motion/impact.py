@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 
 from ...elements.contact_geometry import (
-    BEHIND,
-    BY_CHOICE,
+    AFTER_IMPACT,
+    BY_FORCE,
     CLOSED,
     CLOSES,
     FRICTION,
-    HELD,
-    NONE,
+    NO_IMPACT,
     OPEN,
-    SLIDES,
+    SLIP_STATUS,
+    STATUS,
 )
 from .. import calls
 from ..lowlevel.arrays import copy
@@ -66,15 +66,15 @@ def _hold(p, w, z, v, how):  # type: ignore[no-untyped-def]
     for i in range(len(how)):
         if p.points.restitution[i] >= 0.0:
             # and discard the friction after the impact of a rejected step
-            p.points.mem[i, HELD], p.points.mem[i, BEHIND] = BY_CHOICE, NONE
+            p.points.mem[i, STATUS], p.points.mem[i, AFTER_IMPACT] = BY_FORCE, NO_IMPACT
     w.other[:] = 0.0
     face_bodies(p, w.d)
     calls.point_sides(p.calls, (p.points, w.d, w.v, w.amps, w.other))
     for i in range(len(how)):
-        how[i] = BY_CHOICE
+        how[i] = BY_FORCE
         if p.points.restitution[i] >= 0.0:
             how[i] = CLOSED if w.other[p.points.multiplier[i]] != 0.0 else OPEN
-            p.points.mem[i, HELD] = how[i]
+            p.points.mem[i, STATUS] = how[i]
 
 
 @inner_with_memory
@@ -93,7 +93,7 @@ def _settle(p, w, z, v, a, t, impulse, how):  # type: ignore[no-untyped-def]
         for i in range(len(how)):
             if how[i] == CLOSED and z[p.place[p.points.multiplier[i]]] > 0.0:
                 how[i] = OPEN
-                p.points.mem[i, HELD] = OPEN
+                p.points.mem[i, STATUS] = OPEN
                 pulls = True
         if not pulls:
             break
@@ -109,9 +109,9 @@ def begin(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
     n = len(p.points.mem)
     how, g, rate, second = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     for i in range(n):
-        if p.points.restitution[i] >= 0.0 and p.points.mem[i, SLIDES] != CLOSES:
+        if p.points.restitution[i] >= 0.0 and p.points.mem[i, SLIP_STATUS] != CLOSES:
             # discard whether it stuck or slid in an equilibrium
-            p.points.mem[i, SLIDES] = 0.0
+            p.points.mem[i, SLIP_STATUS] = 0.0
     signals_at(p, t, w.amps)
     _hold(p, w, z, v, how)
     gap_rates(p, w, z, v, a, g, rate, second)
@@ -123,7 +123,7 @@ def begin(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
     for i in range(n):
         if how[i] == CLOSED and rate[i] > PARTING * fastest:
             how[i] = OPEN
-            p.points.mem[i, HELD] = OPEN
+            p.points.mem[i, STATUS] = OPEN
         elif how[i] == CLOSED and rate[i] < -PARTING * fastest:
             k = p.place[p.points.multiplier[i]]
             approach[k], bounce[k] = rate[i], -p.points.restitution[i] * rate[i]
@@ -136,7 +136,7 @@ def begin(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
         calls.take_hold(p.calls, (p.points, w.d, w.amps))
     for i in range(n):
         if p.points.restitution[i] >= 0.0 and p.points.par[i, FRICTION] > 0.0:
-            p.points.mem[i, SLIDES] = 0.0 if how[i] == CLOSED else CLOSES
+            p.points.mem[i, SLIP_STATUS] = 0.0 if how[i] == CLOSED else CLOSES
     return good
 
 
@@ -159,7 +159,7 @@ def behind(p, w, z, v, a, t, impulse, approach, how, bounces):  # type: ignore[n
     for i in range(len(how)):
         if how[i] == CLOSED and kept[p.place[p.points.multiplier[i]]] > 0.0:
             how[i] = OPEN
-            p.points.mem[i, HELD] = OPEN
+            p.points.mem[i, STATUS] = OPEN
     impulse[:] = 0.0
     return good and _settle(p, w, z, v, a, t, impulse, how)
 
@@ -195,7 +195,7 @@ def _bounce(p, w, s, m, t, h, bounce, approach, how, conserves, pushed, moves): 
             copy(sides, how)
             for i in range(len(how)):
                 if p.points.restitution[i] >= 0.0:
-                    p.points.mem[i, HELD] = how[i]
+                    p.points.mem[i, STATUS] = how[i]
         for i in range(len(bounce)):
             bounce[i] = share * full[i]
         calls.behind(p.calls, (p, w, end.z, end.v, end.a, t + h, bounce, approach, how, share > 0.0))

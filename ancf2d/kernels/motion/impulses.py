@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...elements.contact_geometry import CLOSED, FRICTION, HELD
+from ...elements.contact_geometry import CLOSED, FRICTION, STATUS
 from .. import calls
 from ..lowlevel.arrays import copy_rows
 from ..lowlevel.jit import inner_with_memory
@@ -30,7 +30,7 @@ def _rates(p, w, s, t, touched, g, rate, second):  # type: ignore[no-untyped-def
     """Fill gaps (items,) and their first and second rates at state s and time t, with items held as in ``touched``."""
     for i in range(len(touched)):
         if p.points.restitution[i] >= 0.0:
-            p.points.mem[i, HELD] = touched[i]
+            p.points.mem[i, STATUS] = touched[i]
     signals_at(p, t, w.amps)
     gap_rates(p, w, s.z, s.v, s.a, g, rate, second)
 
