@@ -151,8 +151,8 @@ def _independent_gaps(rows: list[tuple[Any, Array]]) -> Any:
 
     if not rows:
         return np.zeros(0, dtype=bool)
-    places, values = (np.concatenate(part) for part in zip(*rows, strict=True))
-    R = csr_array((values, places, np.cumsum([0, *(len(at) for at, _ in rows)])))
+    columns, values = (np.concatenate(part) for part in zip(*rows, strict=True))
+    R = csr_array((values, columns, np.cumsum([0, *(len(at) for at, _ in rows)])))
     factors = splu((R @ R.T + NO_PIVOT * eye_array(len(rows))).tocsc(), permc_spec="MMD_AT_PLUS_A",
                    diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     return np.abs(factors.U.diagonal())[factors.perm_c] > DEPENDENT_GAPS

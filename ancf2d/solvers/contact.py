@@ -152,7 +152,7 @@ def _report_of(parts: list[Touch]) -> dict[str, Any]:
     fx, fy = sum(touch.pair.sign * touch.force.sum(axis=0) for touch in parts)
     return {"name": parts[0].pair.name, "force": [float(fx), float(fy)],
             "moment": float(sum(touch.pair.sign * touch.moment.sum() for touch in parts)),
-            "length": max(_length(touch.pair, touch) for touch in parts if touch.pair.sign >= 0.0 or touch.pair.hard),
+            "length": max(_contact_length(touch) for touch in parts if touch.pair.sign >= 0.0 or touch.pair.hard),
             "from": float(first.min()) if len(first) else None, "to": float(last.max()) if len(last) else None}
 
 
@@ -164,7 +164,7 @@ def _stretches(touch: Touch) -> tuple[Array, Array]:
     """
     pair, first, last = touch.pair, touch.s.copy(), touch.s.copy()
     if not pair.hard and pair.sign >= 0.0:
-        lengths, length = _lengths(pair), pair.mesh.plan.length
+        lengths, length = _represented_lengths(pair), pair.mesh.plan.length
         for ie, eta in {(p.ie, p.eta) for p in pair.spots}:
             here = np.flatnonzero([(p.ie, p.eta) == (ie, eta) for p in pair.spots] & (lengths > 0.0))
             here = here[np.argsort(touch.s[here], kind="stable")]
@@ -173,19 +173,20 @@ def _stretches(touch: Touch) -> tuple[Array, Array]:
     return first[touch.touching], last[touch.touching]
 
 
-def _lengths(pair: ContactPair) -> Array:
+def _represented_lengths(pair: ContactPair) -> Array:
     """Return the length of the axis (m,) that each point with a law represents, 0 on an end."""
     along = levels_of(pair.mesh, pair.item.side)
     return np.array([p.weight if p.eta in along else 0.0 for p in pair.spots])
 
 
-def _length(pair: ContactPair, touch: Touch) -> float:
+def _contact_length(touch: Touch) -> float:
     """Return the length of the reference axis along which a body touches.
 
     Without a law it is the distance between neighbouring points that touch; with a law, points represent lengths.
     """
+    pair = touch.pair
     if not pair.hard:
-        return float(_lengths(pair)[touch.touching].sum())
+        return float(_represented_lengths(pair)[touch.touching].sum())
     total = 0.0
     for eta in {p.eta for p in pair.spots}:
         here = np.array([p.eta == eta for p in pair.spots]) & np.isfinite(touch.gap)

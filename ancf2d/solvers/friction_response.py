@@ -43,10 +43,10 @@ class FrictionResponse(Response):
         points = [s.point for s in some]
         self.mu, self.spring = (np.array([p.par[key] for p in points]) for key in (FRICTION, STICK))
         anchored, closed = np.array([s.slip for s in some]), np.array([s.closed for s in some])
-        self.signs = signs = np.array([p.mem[SLIDES] for p in points])
+        self.friction_states = states = np.array([p.mem[SLIDES] for p in points])
         # tangential forces, and slip since the last accepted state
-        force = np.where(closed, np.where(signs == STICKS, -self.spring * anchored,
-                                          -signs * self.mu * np.array([d[p.multiplier] for p in points])), 0.0)
+        force = np.where(closed, np.where(states == STICKS, -self.spring * anchored,
+                                          -states * self.mu * np.array([d[p.multiplier] for p in points])), 0.0)
         slip = anchored + force / self.spring
         super().__init__(system, d, t, candidates, stuck)
         self.slip_gradients = np.zeros((len(some), len(self.num.place)))
@@ -120,8 +120,8 @@ class FrictionResponse(Response):
 class _ContactProblem(NamedTuple):
     """Contact forces and their conjugates (gaps, slips), n of each, as functions of x (n,): ``forces`` x + ``forces0``
     and ``conjugates`` x + ``conjugates0``. ``tangential`` are numbers of friction forces, ``normal_of`` those of the
-    normal forces of the same points, ``mu`` the coefficients, ``signs`` the friction states. x is the gap or slip where
-    a point is ``closed`` (n,), and the force elsewhere."""
+    normal forces of the same points, ``mu`` their coefficients, ``friction_states`` whether they stick or the signs of
+    their sliding. x is the gap or slip where a point is ``closed`` (n,), and the force elsewhere."""
 
     forces: Array
     forces0: Array
@@ -133,7 +133,7 @@ class _ContactProblem(NamedTuple):
     closed: Any
     movable: Any
     stiffness: Array
-    signs: Array
+    friction_states: Array
 
     @classmethod
     def of(cls, response: FrictionResponse, entries: list[int], columns: Array) -> _ContactProblem:
@@ -147,7 +147,8 @@ class _ContactProblem(NamedTuple):
                    np.where(closed[:, None], unit, changes), np.where(closed, slip, b), np.array(tangential, dtype=int),
                    np.array([at[response.with_friction[i]] for i in which], dtype=int), response.mu[which], closed,
                    np.array([k < m and response.movable[k] for k in entries]),
-                   np.array([response.stiffness[k] if k < m else 0.0 for k in entries]), response.signs[which])
+                   np.array([response.stiffness[k] if k < m else 0.0 for k in entries]),
+                   response.friction_states[which])
 
     def _compliance(self) -> Array:
         """Return the change of gaps and slips with the forces (n, n); bodies held by contact alone are held softly."""
@@ -198,9 +199,9 @@ class _ContactProblem(NamedTuple):
 
     def _current_basis(self, normals: Any) -> Any:
         """Return which forces and slips of the problem are nonzero if all points keep their states."""
-        closed, sticks = self.closed[self.tangential], self.signs == STICKS
+        closed, sticks = self.closed[self.tangential], self.friction_states == STICKS
         forth = np.where(closed & sticks, self.forces0[self.tangential] >= 0.0,
-                         np.where(closed, self.signs > 0.0, self.conjugates0[self.tangential] <= 0.0))
+                         np.where(closed, self.friction_states > 0.0, self.conjugates0[self.tangential] <= 0.0))
         return np.concatenate([self.closed[normals], forth, ~forth, ~(closed & sticks)])
 
     def _redundant(self, closed: Any) -> list[int]:
