@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..elements.contact_geometry import FEATURE, FREE, HELD, PLACE, SLIDING, TOUCH
+from ..elements.contact_geometry import FEATURE, PLACE, PLACEMENT, SLIDING, STATUS, TOUCH
 from ..elements.shape import Array
 from ..errors import ComputationError
 from .contact_response import PULL, Candidate, Response
@@ -78,7 +78,7 @@ def initialise_active_set(system: System, d: Array, t: float) -> None:
     if system.accepted is None:
         system.accepted = d.copy(), t
     first = [one for one in system.model.contact_tables
-             if one.pair.hard and any(p.mem[HELD] < 0.0 for p in one.points)]
+             if one.pair.hard and any(p.mem[STATUS] < 0.0 for p in one.points)]
     closed, rows = [], []
     for one in first:
         gap, faces = one.gaps(d, t)
@@ -87,14 +87,14 @@ def initialise_active_set(system: System, d: Array, t: float) -> None:
         for k, (point, spot) in enumerate(zip(one.points, one.pair.spots, strict=True)):
             row, moves[k] = _reduced_gradient(system, dofs[k], gradients[k])
             touches = faces[k] and not spot.free and gap[k] <= point.par[TOUCH]
-            point.mem[HELD] = float(bool(touches and moves[k]))
-            if point.mem[HELD]:
+            point.mem[STATUS] = float(bool(touches and moves[k]))
+            if point.mem[STATUS]:
                 closed.append(point)
                 rows.append((row.nonzero()[0], row[row != 0.0] / np.linalg.norm(row)))
         one.fixed = ~moves & ~one.free
-        one.within = np.where(one.fixed, np.minimum(gap, 0.0), 0.0)
+        one.initial_gaps = np.where(one.fixed, np.minimum(gap, 0.0), 0.0)
     for point, needed in zip(closed, _independent_gaps(rows), strict=True):
-        point.mem[HELD] = float(needed)
+        point.mem[STATUS] = float(needed)
     for one in first:
         if one.pair.item.friction:
             anchor_points(one, range(len(one.points)), d, (d, t), t)
@@ -115,7 +115,7 @@ def check_supports(system: System, d: Array, t: float) -> None:
     for one in system.model.contact_tables:
         if one.pair.hard and one.fixed.any():
             gap, faces = one.gaps(d, t)
-            deep = np.flatnonzero(one.fixed & faces & (gap < one.within - limit)).tolist()
+            deep = np.flatnonzero(one.fixed & faces & (gap < one.initial_gaps - limit)).tolist()
             dofs, gradients, _ = one.gradients(d, t) if deep else (gap, gap, gap)
             into += [(one.pair, k) for k in deep if not _reduced_gradient(system, dofs[k], gradients[k])[1]]
     into += driven_points(system.model, d, t, limit)
@@ -167,7 +167,7 @@ def _depths(one: ContactTable, d: Array, t: float) -> tuple[Array, Array, Array]
     may_close = ~free & ~closed & faces
     depth[may_close] = np.maximum(-gap[may_close], 0.0)
     force = np.array([-d[p.multiplier] for p in one.points])
-    depth[free & (depth <= one.slack(closed, force))] = 0.0
+    depth[free & (depth <= one.allowed_penetration(closed, force))] = 0.0
     return depth, place, feature
 
 
@@ -211,10 +211,10 @@ def _slips(one: ContactTable, d: Array, t: float, accepted: tuple[Array, float],
     m = len(one.points)
     if not one.pair.item.friction:
         return [None] * m, [0.0] * m
-    now, before = one.stand(d, t, at)[1], one.stand(*accepted, at)[1]
-    start = [one.anchor(k) if p.mem[HELD] > 0.0 else before[k] for k, p in enumerate(one.points)]
+    now, before = one.gaps_and_places(d, t, at)[1], one.gaps_and_places(*accepted, at)[1]
+    start = [one.anchor(k) if p.mem[STATUS] > 0.0 else before[k] for k, p in enumerate(one.points)]
     slips = [0.0 if np.isnan(place).any() else one.slip(k, now[k], place) for k, place in enumerate(start)]
-    return one.slips(d, t, at), slips
+    return one.slip_gradients(d, t, at), slips
 
 
 def _movable_on_element(one: ContactTable, k: int) -> list[int]:
@@ -226,8 +226,8 @@ def _movable_on_element(one: ContactTable, k: int) -> list[int]:
 
 def _in_use(one: ContactTable, k: int, place: float, feature: float) -> bool:
     """Return whether a movable point in use is already at a place, or at the same corner."""
-    mems = [one.points[j].mem for j in _movable_on_element(one, k) if one.points[j].mem[HELD] > 0.0]
-    return any(mem[FEATURE] == feature if mem[FREE] == SLIDING else abs(mem[PLACE] - place) < SAME_PLACE
+    mems = [one.points[j].mem for j in _movable_on_element(one, k) if one.points[j].mem[STATUS] > 0.0]
+    return any(mem[FEATURE] == feature if mem[PLACEMENT] == SLIDING else abs(mem[PLACE] - place) < SAME_PLACE
                for mem in mems)
 
 
@@ -240,15 +240,15 @@ def update_active_set(system: System, d: Array, t: float, history: PlaceHistory,
     """
     limit = PENETRATION * system.model.extent
     hard = [one for one in system.model.contact_tables if one.pair.hard]
-    sliding = [one for one in hard if one.pair.still and strategy.moves]
+    sliding = [one for one in hard if one.pair.places_move and strategy.moves]
     changed = 0
     for one in sliding:
-        one.look_at_supports(d, t, 2.0 * limit)
+        one.find_supported_ends(d, t, 2.0 * limit)
         changed += open_beside_fixed(one, d, history) + choose_curves(one, history)
     opened = sum(_open_past_ends(one, d, t) for one in hard)
     depths = [_depths(one, d, t) for one in hard]
     worst = max((float(depth.max(initial=0.0)) for depth, _, _ in depths), default=0.0)
-    pulls = np.array([d[p.multiplier] for one in hard for p in one.points if p.mem[HELD] > 0.0])
+    pulls = np.array([d[p.multiplier] for one in hard for p in one.points if p.mem[STATUS] > 0.0])
     friction = [(one, wrong) for one in hard if one.pair.item.friction and (wrong := wrong_states(one, d, t))]
     if not strategy.together:
         changed += sum(set_friction_states(*wrong) for wrong in friction)
@@ -276,7 +276,7 @@ def not_found(t: float, worst: float) -> ComputationError:
 
 def _open_past_ends(one: ContactTable, d: Array, t: float) -> int:
     """Open points that have slid beyond an end of the other body, whose corner may close instead; return how many."""
-    off = [one.points[k] for k in np.flatnonzero(one.past(d, t)) if one.points[k].mem[HELD] > 0.0]
+    off = [one.points[k] for k in np.flatnonzero(one.past_ends(d, t)) if one.points[k].mem[STATUS] > 0.0]
     for point in off:
         open_point(point, d)
     return len(off)
@@ -336,7 +336,7 @@ def _solution(system: System, d: Array, t: float, candidates: list[Candidate], l
             tried = _with_closed_neighbours(tried, d, accepted, t)
             added = {k for k, (s, now) in enumerate(zip(candidates, tried, strict=True)) if s.closed != now.closed}
     for k in added:
-        candidates[k].point.mem[HELD] = 0.0
+        candidates[k].point.mem[STATUS] = 0.0
     return None
 
 
@@ -355,7 +355,7 @@ def _with_closed_neighbours(candidates: list[Candidate], d: Array, accepted: tup
         for k, beside in [*pairwise(order), *pairwise(order[::-1])]:
             if candidates[beside].closed and not candidates[k].closed:
                 out[k] = candidates[k]._replace(closed=True)
-                candidates[k].point.mem[HELD] = 1.0
+                candidates[k].point.mem[STATUS] = 1.0
                 if candidates[k].contact.pair.item.friction:
                     anchor_points(candidates[k].contact, [candidates[k].k], d, accepted, t)
     return out
@@ -370,16 +370,16 @@ def _close(s: Candidate, force: float, d: Array) -> int:
     k, points, place = s.k, s.contact.points, s.place
     if s.contact.pair.spots[k].free:
         beside = _movable_on_element(s.contact, k)
-        unused = [j for j in beside if points[j].mem[HELD] <= 0.0]
+        unused = [j for j in beside if points[j].mem[STATUS] <= 0.0]
         has_friction = s.contact.pair.item.friction > 0.0
         k = unused[0] if unused else min(
             beside, key=lambda j: -d[points[j].multiplier] if has_friction else abs(points[j].mem[PLACE] - place))
         mem, more = points[k].mem, -d[points[k].multiplier]
         # a point at a corner has a fixed place, and one with friction an anchor of its own
-        moves = not (unused or has_friction) and SLIDING not in (mem[FREE], s.contact.stands(k, s.feature))
+        moves = not (unused or has_friction) and SLIDING not in (mem[PLACEMENT], s.contact.placement_at(k, s.feature))
         if moves and force > 0.0 < more:
             force, place = force + more, (force * place + more * float(mem[PLACE])) / (force + more)
         place_point(s.contact, k, place, s.feature)
     point = points[k]
-    point.mem[HELD], d[point.multiplier] = 1.0, -force
+    point.mem[STATUS], d[point.multiplier] = 1.0, -force
     return k

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..elements.contact_geometry import CIRCLE, DAMPING, HOME, ORIGIN, SHAPE
+from ..elements.contact_geometry import CIRCLE, HALF_INTERVAL, HOME, OPPOSITE, SHAPE
 from ..elements.shape import Array, gauss
 from ..interactions.contact_curves import ALONG, Spot, levels_of
 from ..model.model import Model
@@ -37,16 +37,16 @@ class _ObstacleLayer:
         levels = levels_of(mesh, item.side)
         self.count, self.closed = len(mesh.dofs), mesh.plan.closed
         lengths, last = [float(l) for l in mesh.lengths], self.count - 1
-        pair = contact.pair.at(item, mesh, [Spot(ie, 0.0, eta, l, free=True) for eta in levels
+        pair = contact.pair.with_points(item, mesh, [Spot(ie, 0.0, eta, l, free=True) for eta in levels
                                             for ie, l in enumerate(lengths)])
-        pair.par[:, HOME], pair.par[:, DAMPING] = 0.0, 1.0
+        pair.par[:, HOME], pair.par[:, HALF_INTERVAL] = 0.0, 1.0
         self.half: Array = 0.5 * np.tile(mesh.lengths, len(levels))
         self.table = contact_table((), pair)
         # the ends of the body, where it may be deepest without being parallel to the surface, and their intervals
         ends = [] if self.closed else [Spot(ie, z, eta, lengths[ie]) for eta in levels
                                        for ie, z in ((0, -1.0), (last, 1.0))]
         self.ends = [(k // 2 * self.count + p.ie, p.z) for k, p in enumerate(ends)]
-        self.tips = contact_table((), contact.pair.at(item, mesh, ends)) if ends else None
+        self.tips = contact_table((), contact.pair.with_points(item, mesh, ends)) if ends else None
 
     def position_error(self, state: State) -> tuple[float, float, float]:
         """Return the position error of the body in a state, its depth there, and the depth for the summed forces."""
@@ -59,7 +59,7 @@ class _ObstacleLayer:
                 depth[k], place[k] = -gap, z
         if not depth.any():
             return 0.0, 0.0, 0.0
-        table, amps = self.table.at(d, t)
+        table, amps = self.table.updated(d, t)
         exact, summed = np.zeros((2, len(depth)))
         overlaps(table, d, amps, place, *gauss(ALONG), exact, summed)
         both = self._sums_with_neighbours(self.half * np.array([exact, summed]))
@@ -113,7 +113,7 @@ class ErrorsBetweenPoints:
             else:
                 error, depth, yields = check.position_error(state)
             par = pair.par[0]
-            small = error / par[ORIGIN + 2] if par[SHAPE] == CIRCLE and par[ORIGIN + 2] > 0.0 else 0.0
+            small = error / par[OPPOSITE + 2] if par[SHAPE] == CIRCLE and par[OPPOSITE + 2] > 0.0 else 0.0
             for record, size in ((self.worst, error), (self.worst_on_disc, small)):
                 if size > record[0]:
                     record[:] = size, depth, yields, t, k

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..elements.contact_geometry import FREE, HELD, OWN, SLIDING, STANDING
+from ..elements.contact_geometry import ON_BEAM, ON_ELEMENT, PLACEMENT, SLIDING, STATUS
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
@@ -32,8 +32,8 @@ def restore_memory(model: Model, saved: list[Array], slide: bool = False) -> Non
     for one, mem in zip(model.contact_tables, saved, strict=True):
         for own, row in zip(_memory_views(one), mem, strict=True):
             own[:len(row)] = row
-            if slide and one.pair.still and own[FREE] == STANDING:
-                own[FREE] = SLIDING
+            if slide and one.pair.places_move and own[PLACEMENT] == ON_BEAM:
+                own[PLACEMENT] = SLIDING
 
 
 def force_at_fixed_place(model: Model) -> bool:
@@ -41,7 +41,8 @@ def force_at_fixed_place(model: Model) -> bool:
 
     Such places are where a body penetrates most: on another body, and inside a contact zone.
     """
-    return any(mem[HELD] > 0.0 and (mem[FREE] == OWN or (mem[FREE] == STANDING and not one.pair.still))
+    return any(mem[STATUS] > 0.0 and (mem[PLACEMENT] == ON_ELEMENT
+                                      or (mem[PLACEMENT] == ON_BEAM and not one.pair.places_move))
                for one in model.contact_tables if one.pair.hard for mem in _memory_views(one))
 
 
@@ -96,7 +97,7 @@ def nodal_forces_of_points(one: ContactTable, state: State, friction: bool = Tru
     v = np.zeros(len(state.d))
     if state.v is not None:
         v[:len(state.v)] = state.v
-    return one.nodal(state.d, v, state.side, friction)[:2]
+    return one.nodal_forces(state.d, v, state.side, friction)[:2]
 
 
 def forces_of_points(model: Model, one: ContactTable, state: State, friction: bool = True) -> tuple[Array, Array]:
@@ -116,9 +117,9 @@ def forces_of_points(model: Model, one: ContactTable, state: State, friction: bo
 def _touch(model: Model, one: ContactTable, state: State) -> Touch:
     gap, _ = one.gaps(state.d, state.side)
     force, moment = forces_of_points(model, one, state)
-    table, _ = one.at(state.d, state.side)
-    gap[one.free & ~(table.mem[:, FREE] > 0.0)] = np.nan
-    return Touch(one.pair, one.along(), gap, force, moment, 2.0 * PENETRATION * model.extent)
+    table, _ = one.updated(state.d, state.side)
+    gap[one.free & ~(table.mem[:, PLACEMENT] > 0.0)] = np.nan
+    return Touch(one.pair, one.s_on_first_body(), gap, force, moment, 2.0 * PENETRATION * model.extent)
 
 
 def check_pressed_through(model: Model, d: Array, at: dict[str, float]) -> None:

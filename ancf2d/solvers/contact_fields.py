@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..elements.contact_gaps import SIGN
-from ..elements.contact_geometry import ORIGIN
+from ..elements.contact_geometry import OPPOSITE
 from ..elements.shape import Array
 from ..interactions.contact import Contact, ContactLaw
 from ..interactions.contact_curves import Spot, levels_of, pieces_along
@@ -56,7 +56,7 @@ class ContactFields:
         spots = [Spot(ie, 2.0 * x - 1.0, eta, 0.0) for eta in levels_of(self.mesh, item.side)
                  for ie in range(len(self.mesh.dofs)) for x in self.xi.tolist()]
         known = next(one.pair for one in self.tables if one.pair.item is item)
-        return [known.at(replace(item, law=ContactLaw(1.0), friction=0.0), self.mesh, spots)]
+        return [known.with_points(replace(item, law=ContactLaw(1.0), friction=0.0), self.mesh, spots)]
 
     def __call__(self, state: State) -> dict[str, Array]:
         """Return the fields of a state by name."""
@@ -78,10 +78,10 @@ class ContactFields:
             normal = forces_of_points(self.model, one, state, False)[0] if one.pair.item.friction else every
             if one.pair.mesh is self.mesh:
                 face = np.sign([p.eta for p in one.pair.spots])
-                self._distribute(sums, state, one.places(self.mesh), face, normal, every - normal)
+                self._distribute(sums, state, one.s_on_own_body(self.mesh), face, normal, every - normal)
             if one.pair.other == self.mesh.plan.name:
-                face = one.table.par[:, ORIGIN + SIGN]
-                self._distribute(sums, state, one.opposite(), face, -normal, normal - every)
+                face = one.table.par[:, OPPOSITE + SIGN]
+                self._distribute(sums, state, one.s_on_other_body(), face, -normal, normal - every)
         if self.mesh.plan.closed:
             sums[..., 0] += sums[..., -1]
             sums[..., -1] = sums[..., 0]
@@ -130,11 +130,11 @@ def touching_at_both_ends(model: Model, mesh: BodyMesh, state: State) -> Any:
         gap, faces = one.gaps(state.d, state.side)
         fixed, touching = ~one.free, faces & (gap <= 2.0 * PENETRATION * model.extent)
         if own:
-            out |= _touching_ends(mesh, one.places(mesh)[fixed], touching[fixed], SAME * mesh.plan.length, True)
+            out |= _touching_ends(mesh, one.s_on_own_body(mesh)[fixed], touching[fixed], SAME * mesh.plan.length, True)
         if other and one.pair.whole:
             # up to the middle between two points of the other body
             reach = (0.5 + SAME) * float(one.pair.mesh.lengths.max())
-            out |= _touching_ends(mesh, one.opposite()[fixed], touching[fixed], reach, False)
+            out |= _touching_ends(mesh, one.s_on_other_body()[fixed], touching[fixed], reach, False)
     return out
 
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..elements.contact_geometry import OWN, STIFFNESS
-from ..elements.contact_sliding import yields
+from ..elements.contact_geometry import AUGMENTATION, ON_ELEMENT
+from ..elements.contact_sliding import compliance
 from ..elements.shape import Array
 from .complementarity import DEPENDENT, lemke
 from .friction import sticking
@@ -44,9 +44,10 @@ class Candidate(NamedTuple):
     @property
     def compliance(self) -> float:
         """Compliance of an open movable point beyond that of its element's polynomial."""
-        if self.closed or not self.contact.pair.spots[self.k].free or self.contact.stands(self.k, self.feature) == OWN:
+        free = self.contact.pair.spots[self.k].free
+        if self.closed or not free or self.contact.placement_at(self.k, self.feature) == ON_ELEMENT:
             return 0.0
-        return yields(self.point.par, self.place)[0]
+        return compliance(self.point.par, self.place)[0]
 
     @property
     def point(self) -> ContactPoint:
@@ -76,7 +77,7 @@ class Response:
         self.multiplier_rows = self.num.place[[s.point.multiplier for s in candidates]]
         self.force = np.array([-d[s.point.multiplier] if s.closed else 0.0 for s in candidates])
         self.compliance = [s.compliance for s in candidates]
-        self.stiffness = np.array([s.point.par[STIFFNESS] for s in candidates])
+        self.stiffness = np.array([s.point.par[AUGMENTATION] for s in candidates])
         self.b = np.where(self.closed, self.force, [s.gap for s in candidates]) + self.changes(self.newton_step)
         self.steps: dict[int, Array] = {}
         # friction state (slides, with its sign, or sticks) of candidates after the change

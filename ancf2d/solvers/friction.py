@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..elements.contact_geometry import FREE, FRICTION, HELD, SLIDES, SLIDING, STICK, STICKS
+from ..elements.contact_geometry import FRICTION, PLACEMENT, SLIDING, SLIP_STATUS, STATUS, STICK, STICKS
 from ..elements.shape import Array
 from ..errors import ComputationError
 
@@ -30,18 +30,18 @@ def anchor_points(one: ContactTable, which: Iterable[int], d: Array, accepted: t
 
     Raises ComputationError at a corner.
     """
-    before, now = one.stand(*accepted)[1], one.stand(d, t)[1]
+    before, now = one.gaps_and_places(*accepted)[1], one.gaps_and_places(d, t)[1]
     for k in which:
         point = one.points[k]
-        if point.mem[HELD] > 0.0 and point.mem[FREE] == SLIDING:
+        if point.mem[STATUS] > 0.0 and point.mem[PLACEMENT] == SLIDING:
             raise ComputationError(f"{one.pair.name}: a body slides over a corner of {one.pair.other}, where friction "
                                    "without a contact law is undefined", at={"factor": float(f"{t:.6g}")},
                                    advice="a circle in place of the corner, or a contact law")
         # a point with nothing opposite before is anchored where it closes
         one.anchor(k, now[k] if np.isnan(before[k]).any() else before[k])
-        point.mem[SLIDES], slip = STICKS, one.slip(k, now[k], before[k])
+        point.mem[SLIP_STATUS], slip = STICKS, one.slip(k, now[k], before[k])
         if abs(slip) > NO_SLIP * point.scale and abs(slip) * point.par[STICK] > _coulomb_limit(point, d):
-            point.mem[SLIDES] = -np.sign(slip)
+            point.mem[SLIP_STATUS] = -np.sign(slip)
 
 
 def _coulomb_limit(point: Any, d: Array) -> float:
@@ -51,37 +51,37 @@ def _coulomb_limit(point: Any, d: Array) -> float:
 def wrong_states(one: ContactTable, d: Array, t: float) -> dict[int, float]:
     """Return the closed points that stick beyond their limit at an equilibrium d (n_full,), or slide with their
     friction force, and their right friction state."""
-    now = one.stand(d, t)[1]
-    closed = [k for k, p in enumerate(one.points) if p.mem[HELD] > 0.0]
+    now = one.gaps_and_places(d, t)[1]
+    closed = [k for k, p in enumerate(one.points) if p.mem[STATUS] > 0.0]
     largest = max((_coulomb_limit(one.points[k], d) for k in closed), default=0.0)
     out: dict[int, float] = {}
     for k in closed:
         point, slip = one.points[k], one.slip(k, now[k], one.anchor(k))
-        if point.mem[SLIDES] == STICKS:
+        if point.mem[SLIP_STATUS] == STICKS:
             if point.par[STICK] * abs(slip) > _coulomb_limit(point, d) + EXCESS * largest:
                 out[k] = -float(np.sign(slip))
-        elif slip * point.mem[SLIDES] + _coulomb_limit(point, d) / point.par[STICK] > NO_SLIP * point.scale:
+        elif slip * point.mem[SLIP_STATUS] + _coulomb_limit(point, d) / point.par[STICK] > NO_SLIP * point.scale:
             out[k] = STICKS
     return out
 
 
 def set_friction_states(one: ContactTable, to: dict[int, float]) -> int:
     """Set the friction state of points: sliding with a sign, or sticking; return how many change."""
-    changed = sum(one.points[k].mem[SLIDES] != state for k, state in to.items())
+    changed = sum(one.points[k].mem[SLIP_STATUS] != state for k, state in to.items())
     for k, state in to.items():
-        one.points[k].mem[SLIDES] = state
+        one.points[k].mem[SLIP_STATUS] = state
     return changed
 
 
 def _sliding(one: ContactTable) -> list[int]:
-    return [k for k, p in enumerate(one.points) if p.mem[HELD] > 0.0 and p.mem[SLIDES] != STICKS]
+    return [k for k, p in enumerate(one.points) if p.mem[STATUS] > 0.0 and p.mem[SLIP_STATUS] != STICKS]
 
 
 def _stick(one: ContactTable, k: int, now: Any, d: Array) -> None:
     """Let a sliding point stick at its place, with the friction force that it has."""
     point = one.points[k]
-    one.anchor(k, one.beside(now, point.mem[SLIDES] * _coulomb_limit(point, d) / point.par[STICK]))
-    point.mem[SLIDES] = STICKS
+    one.anchor(k, one.place_at_distance(now, point.mem[SLIP_STATUS] * _coulomb_limit(point, d) / point.par[STICK]))
+    point.mem[SLIP_STATUS] = STICKS
 
 
 def stick_least_slipping(tables: Iterable[ContactTable], d: Array, t: float, accepted: tuple[Array, float]) -> bool:
@@ -93,7 +93,7 @@ def stick_least_slipping(tables: Iterable[ContactTable], d: Array, t: float, acc
     slid = []
     for one in tables:
         if one.pair.hard and one.pair.item.friction:
-            before, now = one.stand(*accepted)[1], one.stand(d, t)[1]
+            before, now = one.gaps_and_places(*accepted)[1], one.gaps_and_places(d, t)[1]
             slid += [(abs(one.slip(k, now[k], before[k])), one, k, now[k]) for k in _sliding(one)]
     if not slid:
         return False
@@ -111,7 +111,7 @@ def sticking(tables: Iterable[ContactTable], d: Array, t: float) -> Iterator[Non
     saved = []
     for one in tables:
         if one.pair.hard and one.pair.item.friction and (sliding := _sliding(one)):
-            now = one.stand(d, t)[1]
+            now = one.gaps_and_places(d, t)[1]
             for k in sliding:
                 saved.append((one.points[k].mem, one.points[k].mem.copy()))
                 _stick(one, k, now[k], d)

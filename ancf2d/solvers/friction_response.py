@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..elements.contact_geometry import FRICTION, SLIDES, STICK, STICKS
+from ..elements.contact_geometry import FRICTION, SLIP_STATUS, STICK, STICKS
 from ..elements.shape import Array
 from .complementarity import DEPENDENT, lemke, lemke_from
 from .contact_response import HELD_ALREADY, Candidate, Response
@@ -43,7 +43,7 @@ class FrictionResponse(Response):
         points = [s.point for s in some]
         self.mu, self.spring = (np.array([p.par[key] for p in points]) for key in (FRICTION, STICK))
         anchored, closed = np.array([s.slip for s in some]), np.array([s.closed for s in some])
-        self.friction_states = states = np.array([p.mem[SLIDES] for p in points])
+        self.friction_states = states = np.array([p.mem[SLIP_STATUS] for p in points])
         # tangential forces, and slip since the last accepted state
         force = np.where(closed, np.where(states == STICKS, -self.spring * anchored,
                                           -states * self.mu * np.array([d[p.multiplier] for p in points])), 0.0)

@@ -46,7 +46,7 @@ def _dense_points(pair: BodyPair) -> list[Spot]:
     for ie, eta in sorted({(p.ie, p.eta) for p in pair.spots if abs(p.z) < 1.0}):
         begin, length = float(mesh.starts[ie]), float(mesh.lengths[ie])
         out += [Spot(ie, 2.0 * a - 1.0, eta, b * length) for a, b in divided(min(math.ceil(length / step), most))
-                if all(abs(begin + a * length - s) >= near for s, near in pair.beside)]
+                if all(abs(begin + a * length - s) >= near for s, near in pair.excluded)]
     for ie, z in sorted({(p.ie, p.z) for p in pair.spots if abs(p.z) == 1.0}):
         low, high = levels
         out += [Spot(ie, z, low + (high - low) * a, b * mesh.plan.section.height) for a, b in divided(4 * INTERVALS)]
@@ -59,8 +59,8 @@ class BodyLayer:
     def __init__(self, model: Model, known: list[BodyTable]) -> None:
         self.model = model
         self.system: System | None = None
-        self.few, self.many = known, [BodyTable((), one.pair.at(replace(one.pair.item, friction=0.0), one.pair.mesh,
-                                                                _dense_points(one.pair))) for one in known]
+        self.few, self.many = known, [BodyTable((), one.pair.with_points(
+            replace(one.pair.item, friction=0.0), one.pair.mesh, _dense_points(one.pair))) for one in known]
         self.of_axes = known[0].pair.item.side == "axis"
         for one in self.many:
             one.near = not self.of_axes
@@ -70,7 +70,7 @@ class BodyLayer:
     def position_error(self, state: State) -> tuple[float, float, float]:
         """Return the position error of bodies in a state, their overlap, and the overlap for their points' forces."""
         force, depth, d, t = np.zeros(2), 0.0, state.d, state.side
-        found = [[one.nodal(d, np.zeros_like(d), t, False, self.balances) for one in tables]
+        found = [[one.nodal_forces(d, np.zeros_like(d), t, False, self.balances) for one in tables]
                  for tables in (self.few, self.many)]
         for k, tables in enumerate((self.few, self.many)):
             for one, (_, _, energy, _) in zip(tables, found[k], strict=True):

@@ -15,20 +15,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..elements.contact_geometry import (
-    DAMPING,
     FEATURE,
-    FREE,
-    HELD,
+    HALF_INTERVAL,
     HOME,
-    OWN,
+    ON_BEAM,
+    ON_ELEMENT,
     PLACE,
-    SLIDES,
+    PLACEMENT,
     SLIDING,
-    STANDING,
+    SLIP_STATUS,
+    STATUS,
     UNUSED,
-    UNUSED_OWN,
+    UNUSED_ON_ELEMENT,
 )
-from ..elements.contact_sliding import yields
+from ..elements.contact_sliding import compliance
 from ..elements.shape import Array
 
 if TYPE_CHECKING:
@@ -102,33 +102,33 @@ class PlaceHistory:
 def place_point(one: ContactTable, k: int, place: float, feature: float) -> None:
     """Put point k at z = ``place`` of its element, opposite to a part (``feature``) of the obstacle."""
     mem = one.points[k].mem
-    mem[FREE], mem[PLACE], mem[FEATURE] = one.stands(k, feature), place, feature
+    mem[PLACEMENT], mem[PLACE], mem[FEATURE] = one.placement_at(k, feature), place, feature
 
 
 def open_point(point: ContactPoint, d: Array) -> None:
     """Open a point, with zero force."""
-    point.mem[HELD], d[point.multiplier] = 0.0, 0.0
-    if point.mem[FREE] > 0.0:
-        point.mem[FREE] = UNUSED_OWN if point.mem[FREE] == OWN else UNUSED
+    point.mem[STATUS], d[point.multiplier] = 0.0, 0.0
+    if point.mem[PLACEMENT] > 0.0:
+        point.mem[PLACEMENT] = UNUSED_ON_ELEMENT if point.mem[PLACEMENT] == ON_ELEMENT else UNUSED
 
 
 def closed_points(one: ContactTable) -> Any:
     """Return which points of a contact are closed (m,)."""
-    return np.array([p.mem[HELD] > 0.0 for p in one.points])
+    return np.array([p.mem[STATUS] > 0.0 for p in one.points])
 
 
 def choose_curves(one: ContactTable, history: PlaceHistory) -> int:
     """Set the curve of movable points: the element's own inside a contact zone, elsewhere the beam's; return how many
     closed ones have left the zone, and add them to ``history.left_zone``."""
-    inside, before = one.inside(closed_points(one)), len(history.left_zone)
+    inside, before = one.inside_zone(closed_points(one)), len(history.left_zone)
     for k in np.flatnonzero(one.free).tolist():
         mem = one.points[k].mem
-        if mem[FREE] < 0.0:
+        if mem[PLACEMENT] < 0.0:
             # a point that has left the zone does not join it again
             own = inside[k] and one.pair.cubic and one.points[k] not in history.left_zone
-            mem[FREE] = UNUSED_OWN if own else UNUSED
-        elif mem[FREE] == OWN and not inside[k]:
-            mem[FREE] = STANDING
+            mem[PLACEMENT] = UNUSED_ON_ELEMENT if own else UNUSED
+        elif mem[PLACEMENT] == ON_ELEMENT and not inside[k]:
+            mem[PLACEMENT] = ON_BEAM
             history.left_zone.add(one.points[k])
     return len(history.left_zone) - before
 
@@ -136,16 +136,16 @@ def choose_curves(one: ContactTable, history: PlaceHistory) -> int:
 def _newly_inside(one: ContactTable, history: PlaceHistory) -> list[int]:
     """Return the closed points on the beam's curve now inside a contact zone, except those in ``history.left_zone``."""
     closed = closed_points(one)
-    inside = one.inside(closed) & closed & one.pair.cubic
+    inside = one.inside_zone(closed) & closed & one.pair.cubic
     return [k for k in np.flatnonzero(inside).tolist()
-            if one.points[k].mem[FREE] == STANDING and one.points[k] not in history.left_zone]
+            if one.points[k].mem[PLACEMENT] == ON_BEAM and one.points[k] not in history.left_zone]
 
 
 def move_inside_zone(one: ContactTable, history: PlaceHistory) -> int:
     """Move closed points that are now inside a contact zone to the element's own curve; return how many."""
     found = _newly_inside(one, history)
     for k in found:
-        one.points[k].mem[FREE] = OWN
+        one.points[k].mem[PLACEMENT] = ON_ELEMENT
     return len(found)
 
 
@@ -157,8 +157,8 @@ def open_beside_fixed(one: ContactTable, d: Array, history: PlaceHistory) -> int
     """
     opened = 0
     for k, point in enumerate(one.points if not one.pair.cubic else ()):
-        standing = point.mem[HELD] > 0.0 and point.mem[FREE] == STANDING
-        beside = any(j >= 0 and one.points[j].mem[HELD] > 0.0 for j in one.ends[k])
+        standing = point.mem[STATUS] > 0.0 and point.mem[PLACEMENT] == ON_BEAM
+        beside = any(j >= 0 and one.points[j].mem[STATUS] > 0.0 for j in one.ends[k])
         if standing and point not in history.left_zone and (beside or one.supported[k].any()):
             open_point(point, d)
             history.left_zone.add(point)
@@ -178,7 +178,7 @@ class _LiftOffPlace:
         self.one, self.k, self.point, self.force = one, k, one.points[k], force
         self.gap_slope, self.gap_curvature, self.gap_slope_gradient = slope, curvature, gradient
         self.z, self.feature = float(self.point.mem[PLACE]), float(self.point.mem[FEATURE])
-        _, self.c1, self.c2 = yields(self.point.par, self.z)
+        _, self.c1, self.c2 = compliance(self.point.par, self.z)
 
     @property
     def sigma(self) -> float:
@@ -194,7 +194,8 @@ class _LiftOffPlace:
 def _lift_off_points(one: ContactTable, history: PlaceHistory) -> list[int]:
     """Return the movable closed points of a contact, except those inside a contact zone."""
     inside = _newly_inside(one, history)
-    return [k for k, p in enumerate(one.points) if p.mem[HELD] > 0.0 and p.mem[FREE] == STANDING and k not in inside]
+    return [k for k, p in enumerate(one.points)
+            if p.mem[STATUS] > 0.0 and p.mem[PLACEMENT] == ON_BEAM and k not in inside]
 
 
 def _lift_off_places(one: ContactTable, d: Array, t: float, history: PlaceHistory) -> list[_LiftOffPlace]:
@@ -202,7 +203,7 @@ def _lift_off_places(one: ContactTable, d: Array, t: float, history: PlaceHistor
     points = _lift_off_points(one, history)
     if not points:
         return []
-    slope, curvature = one.lean(d, t)
+    slope, curvature = one.gap_slopes(d, t)
     gradients = np.zeros((len(points), len(d)))
     for side in (-1.0, 1.0):
         at = {k: (float(one.points[k].mem[PLACE] + side * DIFFERENCE), float(one.points[k].mem[FEATURE]))
@@ -250,24 +251,25 @@ def move_to_tangency(system: System, hard: list[ContactTable], d: Array, t: floa
 
 def release_places(hard: list[ContactTable], history: PlaceHistory) -> list[tuple[ContactTable, int]]:
     """Make the lift-off points slide with the state that is being solved for; return them."""
-    out = [(one, k) for one in hard if one.pair.still for k in _lift_off_points(one, history)]
+    out = [(one, k) for one in hard if one.pair.places_move for k in _lift_off_points(one, history)]
     for one, k in out:
-        one.points[k].mem[FREE] = SLIDING
+        one.points[k].mem[PLACEMENT] = SLIDING
     return out
 
 
 def fix_places(slid: list[tuple[ContactTable, int]], d: Array, t: float) -> None:
     """Fix the points that slid at their places in state d (n_full,) at t, at most at the ends of their intervals."""
     for one, k in slid:
-        one.points[k].mem[FREE] = STANDING
+        one.points[k].mem[PLACEMENT] = ON_BEAM
     for one in {id(one): one for one, _ in slid}.values():
         for _ in range(PLACE_STEPS):
-            slope, curvature = one.lean(d, t)
+            slope, curvature = one.gap_slopes(d, t)
             for k in (k for other, k in slid if other is one):
                 place = _LiftOffPlace(one, k, float(-d[one.points[k].multiplier]), float(slope[k]), float(curvature[k]),
                                       d)
                 par, step = place.point.par, place.sigma / place.sigma_slope if place.sigma_slope > 0.0 else 0.0
-                place.point.mem[PLACE] = np.clip(place.z - step, par[HOME] - par[DAMPING], par[HOME] + par[DAMPING])
+                place.point.mem[PLACE] = np.clip(place.z - step, par[HOME] - par[HALF_INTERVAL],
+                                                 par[HOME] + par[HALF_INTERVAL])
 
 
 def _step(S: Array, sigma: Array, force: Array, slope: Array) -> Array:
@@ -285,9 +287,9 @@ def _before_closed_points(place: _LiftOffPlace, z: float, d: Array) -> float:
     """Return z, or a place nearer by, such that no closed fixed point is passed; one that is close opens instead."""
     point = place.point
     for end, side in zip(place.one.ends[place.k].tolist(), (-1.0, 1.0), strict=True):
-        if end < 0 or place.one.points[end].mem[HELD] <= 0.0:
+        if end < 0 or place.one.points[end].mem[STATUS] <= 0.0:
             continue
-        room = point.par[DAMPING] - side * (place.z - point.par[HOME])
+        room = point.par[HALF_INTERVAL] - side * (place.z - point.par[HOME])
         if side * (z - place.z) > (1.0 - LEFT_SHARE) * room:
             z = place.z + side * (1.0 - LEFT_SHARE) * room
             if LEFT_SHARE * room < OPENING_SHARE:
@@ -303,25 +305,25 @@ def _within_reach(place: _LiftOffPlace, z: float, history: PlaceHistory) -> floa
     Also return the end if the point came from the next interval: at kinks between elements, each may lead to the other.
     """
     par, up = place.point.par, z > place.point.par[HOME]
-    if abs(z - par[HOME]) <= par[DAMPING] + END_TOLERANCE:
+    if abs(z - par[HOME]) <= par[HALF_INTERVAL] + END_TOLERANCE:
         return z
     next_point = _next_point(place, z)
     back = next_point is not None and place.one.points[next_point[0]] in history.replaced
     if not back and (place.one.ends[place.k, int(up)] >= 0 or next_point):
         return z
-    return float(par[HOME] + (par[DAMPING] if up else -par[DAMPING]))
+    return float(par[HOME] + (par[HALF_INTERVAL] if up else -par[HALF_INTERVAL]))
 
 
 def _next_point(place: _LiftOffPlace, z: float) -> tuple[int, float] | None:
     """Return the movable point of the next interval and its place for z beyond this interval; None if it is closed."""
     pair, up, ie = place.one.pair, 1.0 if z > place.point.par[HOME] else -1.0, place.one.pair.spots[place.k].ie
     here, count = pair.spots[place.k], len(pair.mesh.dofs)
-    if abs(here.z + 2.0 * up * place.point.par[DAMPING]) > 1.0:
+    if abs(here.z + 2.0 * up * place.point.par[HALF_INTERVAL]) > 1.0:
         ie = (ie + int(up)) % count if pair.mesh.plan.closed else ie + int(up)
         z = -up + (z - up) * float(pair.mesh.lengths[here.ie] / pair.mesh.lengths[min(max(ie, 0), count - 1)])
     for j, (other, spot) in enumerate(zip(place.one.points, pair.spots, strict=True)):
         on_element = spot.free and (spot.ie, spot.eta) == (ie, here.eta)
-        if on_element and abs(z - spot.z) <= other.par[DAMPING] + END_TOLERANCE and other.mem[HELD] <= 0.0:
+        if on_element and abs(z - spot.z) <= other.par[HALF_INTERVAL] + END_TOLERANCE and other.mem[STATUS] <= 0.0:
             return j, z
     return None
 
@@ -333,24 +335,24 @@ def _move(place: _LiftOffPlace, z: float, d: Array, t: float, history: PlaceHist
     """
     point, points, one = place.point, place.one.points, place.one
     has_friction = one.pair.item.friction > 0.0
-    to_anchor = one.anchor(place.k) - one.stand(d, t)[1][place.k] if has_friction else 0.0
+    to_anchor = one.anchor(place.k) - one.gaps_and_places(d, t)[1][place.k] if has_friction else 0.0
     # others may have moved meanwhile
     z = _within_reach(place, z, history)
     j = place.k
-    if abs(z - point.par[HOME]) <= point.par[DAMPING] + END_TOLERANCE:
+    if abs(z - point.par[HOME]) <= point.par[HALF_INTERVAL] + END_TOLERANCE:
         point.mem[PLACE] = z
     else:
         force, next_point = -d[point.multiplier], _next_point(place, z)
         j = next_point[0] if next_point else int(one.ends[place.k, int(z > point.par[HOME])])
-        slides = point.mem[SLIDES]
+        slides = point.mem[SLIP_STATUS]
         open_point(point, d)
         history.replaced.add(point)
         if next_point:
             place_point(one, *next_point, place.feature)
-        has_friction = has_friction and points[j].mem[HELD] <= 0.0
+        has_friction = has_friction and points[j].mem[STATUS] <= 0.0
         if has_friction:
-            points[j].mem[SLIDES] = slides
-        points[j].mem[HELD] = 1.0
+            points[j].mem[SLIP_STATUS] = slides
+        points[j].mem[STATUS] = 1.0
         d[points[j].multiplier] -= force
     if has_friction:
-        one.anchor(j, one.stand(d, t)[1][j] + to_anchor)
+        one.anchor(j, one.gaps_and_places(d, t)[1][j] + to_anchor)

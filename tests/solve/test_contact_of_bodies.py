@@ -45,7 +45,7 @@ def check_balance(solution: Any) -> None:
     model, d = solution.model, solution.state.d
     e = model.e0 + d[:model.n_q]
     for pair, table in zip(model.contacts, model.contact_tables, strict=True):
-        points, _ = table.at(d, 1.0)
+        points, _ = table.updated(d, 1.0)
         from ancf2d.kernels.points import point_matrices
         from ancf2d.model.determinacy import rigid_motion
 

@@ -8,14 +8,15 @@ import numpy as np
 
 from ...elements.contact_geometry import (
     AT_HOME,
-    BY_CHOICE,
+    BY_FORCE,
     CLOSED,
     CLOSES,
-    FREE,
     FRICTION,
-    HELD,
+    MOST_FIELDS,
+    PLACEMENT,
     PULLED,
-    SLIDES,
+    SLIP_STATUS,
+    STATUS,
     SUPPORTED,
 )
 from .. import calls
@@ -35,8 +36,6 @@ from .dynamics import signals_at, to_full
 
 # fraction of Coulomb's limit: points with more friction slide
 AT_LIMIT = 0.999
-# most fields of a contact
-FIELDS = 100
 # gaps whose gradient by a displacement is smaller are held by supports; fraction of the extent: penetration allowed
 NO_GRADIENT, ALLOWED_PENETRATION = 1e-5, 1e-8
 
@@ -45,7 +44,7 @@ NO_GRADIENT, ALLOWED_PENETRATION = 1e-5, 1e-8
 @seldom
 def mark_closed_points(points, d, v, amps, out):  # type: ignore[no-untyped-def]
     """Set out (n_full,) to 1 at the multipliers of one-sided constraints that are closed at d, 0 at open ones."""
-    u, w, a, f = np.zeros(FIELDS), np.zeros(FIELDS), np.zeros(3), np.zeros(FIELDS)
+    u, w, a, f = np.zeros(MOST_FIELDS), np.zeros(MOST_FIELDS), np.zeros(3), np.zeros(MOST_FIELDS)
     for i in range(len(points.forces)):
         if points.restitution[i] >= 0.0 and is_inactive(points, i):
             out[points.multiplier[i]] = 0.0
@@ -66,7 +65,7 @@ def mark_closed_points(points, d, v, amps, out):  # type: ignore[no-untyped-def]
 def _has_supports(p, i):  # type: ignore[no-untyped-def]
     """Return whether supports or joints eliminate coordinates of item i, a hard contact point."""
     found = False
-    if p.points.mem[i, FREE] == AT_HOME:
+    if p.points.mem[i, PLACEMENT] == AT_HOME:
         dofs, _ = coordinates_of_item(p.points, i)
         for c in range(len(dofs)):
             found |= p.place[dofs[c]] < 0
@@ -97,12 +96,12 @@ def _gap_can_change(p, i, row):  # type: ignore[no-untyped-def]
 def _evaluate_as_closed(p, w, i, arrays):  # type: ignore[no-untyped-def]
     """Evaluate item i at w.d as if closed with zero multiplier, into the work ``arrays`` (``points.work_arrays``)."""
     u, v, a, f, H, C = arrays
-    held, free, k = p.points.mem[i, HELD], p.points.mem[i, FREE], p.points.multiplier[i]
-    p.points.mem[i, HELD], p.points.mem[i, FREE] = CLOSED, AT_HOME
+    held, free, k = p.points.mem[i, STATUS], p.points.mem[i, PLACEMENT], p.points.multiplier[i]
+    p.points.mem[i, STATUS], p.points.mem[i, PLACEMENT] = CLOSED, AT_HOME
     force, w.d[k] = w.d[k], 0.0
     v[:] = 0.0
     evaluate_at(p.points, i, w.d, w.amps, u, v, a, f, H, C)
-    p.points.mem[i, HELD], p.points.mem[i, FREE], w.d[k] = held, free, force
+    p.points.mem[i, STATUS], p.points.mem[i, PLACEMENT], w.d[k] = held, free, force
 
 
 @addressed_with_memory
@@ -116,8 +115,8 @@ def deactivate_supported(p, w, z):  # type: ignore[no-untyped-def]
     for i in range(len(p.points.mem)):
         if not p.points.restitution[i] >= 0.0:
             continue
-        if p.points.mem[i, FREE] == SUPPORTED:
-            p.points.mem[i, FREE] = AT_HOME
+        if p.points.mem[i, PLACEMENT] == SUPPORTED:
+            p.points.mem[i, PLACEMENT] = AT_HOME
         if not _has_supports(p, i) or is_inactive(p.points, i):
             continue
         if not placed:
@@ -126,7 +125,7 @@ def deactivate_supported(p, w, z):  # type: ignore[no-untyped-def]
         _evaluate_as_closed(p, w, i, arrays)
         m = p.points.field[i + 1] - p.points.field[i]
         if not _gap_can_change(p, i, arrays[4][(m - 1) * m:m * m - 1]):
-            p.points.mem[i, FREE] = SUPPORTED
+            p.points.mem[i, PLACEMENT] = SUPPORTED
 
 
 @addressed
@@ -138,7 +137,7 @@ def deactivate_dependent(p, w):  # type: ignore[no-untyped-def]
     """
     for i in range(len(p.points.mem)):
         if p.points.restitution[i] >= 0.0 and p.place[p.points.multiplier[i]] == w.y[0]:
-            p.points.mem[i, FREE] = SUPPORTED
+            p.points.mem[i, PLACEMENT] = SUPPORTED
             return True
     return False
 
@@ -149,7 +148,7 @@ def deactivated_penetrates(p, w, z):  # type: ignore[no-untyped-def]
     """Return whether a deactivated contact point penetrates at z, with the signals in w.amps."""
     arrays, faced = work_arrays(p.points), False
     for i in range(len(p.points.mem)):
-        if p.points.restitution[i] >= 0.0 and p.points.mem[i, FREE] == SUPPORTED:
+        if p.points.restitution[i] >= 0.0 and p.points.mem[i, PLACEMENT] == SUPPORTED:
             if not faced:
                 to_full(p, z, w.amps, 0, w.d)
                 face_bodies(p, w.d)
@@ -168,7 +167,7 @@ def enable_friction(p, z):  # type: ignore[no-untyped-def]
     """
     for i in range(len(p.points.mem)):
         if p.points.restitution[i] >= 0.0 and p.points.par[i, FRICTION] > 0.0:
-            p.points.mem[i, SLIDES] = 0.0 if z[p.place[p.points.multiplier[i]]] < 0.0 else CLOSES
+            p.points.mem[i, SLIP_STATUS] = 0.0 if z[p.place[p.points.multiplier[i]]] < 0.0 else CLOSES
 
 
 @inner
@@ -176,7 +175,7 @@ def disable_friction(p):  # type: ignore[no-untyped-def]
     """Disable friction of hard contacts in forces."""
     for i in range(len(p.points.mem)):
         if p.points.restitution[i] >= 0.0 and p.points.par[i, FRICTION] > 0.0:
-            p.points.mem[i, SLIDES] = CLOSES
+            p.points.mem[i, SLIP_STATUS] = CLOSES
 
 
 @inner
@@ -184,7 +183,7 @@ def fix_active_set(p, status):  # type: ignore[no-untyped-def]
     """Hold hard contact points open or closed, as in status (items,), until ``unfix_active_set``."""
     for i in range(len(status)):
         if p.points.restitution[i] >= 0.0:
-            p.points.mem[i, HELD] = status[i]
+            p.points.mem[i, STATUS] = status[i]
 
 
 @inner
@@ -192,7 +191,7 @@ def unfix_active_set(p):  # type: ignore[no-untyped-def]
     """Let Newton's method determine the active set of contact points again."""
     for i in range(len(p.points.mem)):
         if p.points.restitution[i] >= 0.0:
-            p.points.mem[i, HELD] = BY_CHOICE
+            p.points.mem[i, STATUS] = BY_FORCE
 
 
 @inner
@@ -206,7 +205,7 @@ def open_pulling_points(p, z):  # type: ignore[no-untyped-def]
         if p.points.restitution[i] >= 0.0:
             k = p.place[p.points.multiplier[i]]
             if z[k] > 0.0:
-                z[k], p.points.mem[i, HELD], pulls = 0.0, PULLED, True
+                z[k], p.points.mem[i, STATUS], pulls = 0.0, PULLED, True
     return pulls
 
 

@@ -15,7 +15,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...elements.contact_geometry import BEHIND, CLOSED, CLOSES, FRICTION, HELD, NONE, OPEN, SLIDES, STICKS
+from ...elements.contact_geometry import (
+    AFTER_IMPACT,
+    CLOSED,
+    CLOSES,
+    FRICTION,
+    NO_IMPACT,
+    OPEN,
+    SLIP_STATUS,
+    STATUS,
+    STICKS,
+)
 from .. import calls
 from ..compiled_laws import call_accept, call_forces
 from ..lowlevel.arrays import copy, copy_rows
@@ -42,14 +52,14 @@ def _slip_gradient(points, i, u, w, a, out):  # type: ignore[no-untyped-def]
     multiplier in u.
     """
     b, m = points.field[i], points.field[i + 1] - points.field[i]
-    back, H, C, kept = np.zeros(m), np.zeros((m, m)), np.zeros((m, m)), points.mem[i, SLIDES]
+    back, H, C, kept = np.zeros(m), np.zeros((m, m)), np.zeros((m, m)), points.mem[i, SLIP_STATUS]
     u[m - 1] = -1.0
-    points.mem[i, SLIDES] = 1.0
+    points.mem[i, SLIP_STATUS] = 1.0
     call_forces(points.forces[i], (points.p0[b:b + m], u, w, points.par[i], a, points.mem[i], out, H, C))
     H[:] = 0.0
-    points.mem[i, SLIDES] = -1.0
+    points.mem[i, SLIP_STATUS] = -1.0
     call_forces(points.forces[i], (points.p0[b:b + m], u, w, points.par[i], a, points.mem[i], back, H, C))
-    points.mem[i, SLIDES] = kept
+    points.mem[i, SLIP_STATUS] = kept
     for q in range(m - 1):
         out[q] = (back[q] - out[q]) / (2.0 * points.par[i, FRICTION])
     out[m - 1] = 0.0
@@ -221,7 +231,7 @@ def approach_without_contact(p, w, s, end, status, share, approach):  # type: ig
     calls.product(p.calls, (p, w.A, forces, acts))
     for i in range(len(status)):
         if new[i] != 0.0:
-            p.points.mem[i, HELD] = OPEN
+            p.points.mem[i, STATUS] = OPEN
     constraint_matrix(p, w)
     for k in range(n):
         acts[k] *= share * p.coordinate[k]
@@ -231,7 +241,7 @@ def approach_without_contact(p, w, s, end, status, share, approach):  # type: ig
             free[k] = (end.v[k] + acts[k]) * p.coordinate[k]
     for i in range(len(status)):
         if new[i] != 0.0:
-            p.points.mem[i, HELD] = CLOSED
+            p.points.mem[i, STATUS] = CLOSED
     gap_rates(p, w, end.z, free, end.a, g, rate, second)
     for i in range(len(status)):
         if new[i] != 0.0:
@@ -270,12 +280,13 @@ def add_friction_forces(p, w, z, v, a, status):  # type: ignore[no-untyped-def]
 
     Sliding points bear Coulomb's limit against their rate; points at rest bear the force that keeps them there, at most
     the limit (the same problem as for impulses, with second rates). Points that stuck before keep their force. The
-    forces are stored (BEHIND), and friction continues from them when the state is accepted. Signals are in w.amps.
+    forces are stored (AFTER_IMPACT), and friction continues from them when the state is accepted. Signals are in
+    w.amps.
     """
     n, items = len(z), np.zeros(len(status), dtype=np.int64)
     for i in range(len(status)):
         if p.points.restitution[i] >= 0.0 and p.points.par[i, FRICTION] > 0.0:
-            p.points.mem[i, BEHIND] = NONE
+            p.points.mem[i, AFTER_IMPACT] = NO_IMPACT
     count = _closed_with_friction(p, status, items)
     if count == 0:
         return
@@ -292,13 +303,13 @@ def add_friction_forces(p, w, z, v, a, status):  # type: ignore[no-untyped-def]
         pressed[j] = -z[p.place[p.points.multiplier[items[j]]]]
         if abs(rate[j]) > AT_REST * fastest:
             direction[j] = 1.0 if rate[j] > 0.0 else -1.0
-        if p.points.mem[items[j], SLIDES] == 0.0:
+        if p.points.mem[items[j], SLIP_STATUS] == 0.0:
             calls.point_friction(p.calls, (p.points, items[j], w.d, w.v, w.amps, True, sticking))
             if abs(sticking[0]) < p.points.par[items[j], FRICTION] * pressed[j]:
                 found[j], known[j] = sticking[0], True
     _solve_friction(p, items, second, pressed, W, P, direction, known, found)
     for j in range(count):
-        p.points.mem[items[j], BEHIND] = found[j]
+        p.points.mem[items[j], AFTER_IMPACT] = found[j]
         for k in range(n):
             if p.coordinate[k] != 0.0:
                 a[k] += found[j] * responses[j, k]
@@ -318,14 +329,14 @@ def point_friction(points, i, d, v, amps, sticks, out):  # type: ignore[no-untyp
     fields_of_item(points, i, d, u)
     rates_of_item(points, i, v, w)
     amplitude_of(points, i, amps, u, w, a)
-    kept, along, square, rate, power = points.mem[i, SLIDES], 0.0, 0.0, 0.0, 0.0
+    kept, along, square, rate, power = points.mem[i, SLIP_STATUS], 0.0, 0.0, 0.0, 0.0
     if sticks:
         # normal force 0 and STICKS: only the sticking force remains
-        u[m - 1], points.mem[i, SLIDES] = 0.0, STICKS
+        u[m - 1], points.mem[i, SLIP_STATUS] = 0.0, STICKS
     call_forces(points.forces[i], (points.p0[b:b + m], u, w, points.par[i], a, points.mem[i], f, H, C))
-    points.mem[i, SLIDES] = CLOSES
+    points.mem[i, SLIP_STATUS] = CLOSES
     call_forces(points.forces[i], (points.p0[b:b + m], u, w, points.par[i], a, points.mem[i], g, H, C))
-    points.mem[i, SLIDES] = kept
+    points.mem[i, SLIP_STATUS] = kept
     _slip_gradient(points, i, u, w, a, slide)
     for q in range(m - 1):
         along -= (f[q] - g[q]) * slide[q]
@@ -339,9 +350,9 @@ def point_friction(points, i, d, v, amps, sticks, out):  # type: ignore[no-untyp
 @addressed_with_memory
 @seldom
 def start_friction(points, d, amps):  # type: ignore[no-untyped-def]
-    """Start friction of all items from the force stored after an impact (BEHIND) at d (n_full,)."""
+    """Start friction of all items from the force stored after an impact (AFTER_IMPACT) at d (n_full,)."""
     for i in range(len(points.mem)):
-        if points.restitution[i] >= 0.0 and points.par[i, FRICTION] > 0.0 and points.mem[i, BEHIND] != NONE:
+        if points.restitution[i] >= 0.0 and points.par[i, FRICTION] > 0.0 and points.mem[i, AFTER_IMPACT] != NO_IMPACT:
             b, e = points.field[i], points.field[i + 1]
             u, w, a = np.zeros(e - b), np.zeros(e - b), np.zeros(3)
             fields_of_item(points, i, d, u)

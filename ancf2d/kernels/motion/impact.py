@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 
 from ...elements.contact_geometry import (
-    BEHIND,
-    BY_CHOICE,
+    AFTER_IMPACT,
+    BY_FORCE,
     CLOSED,
     CLOSES,
     FRICTION,
-    HELD,
-    NONE,
+    NO_IMPACT,
     OPEN,
-    SLIDES,
+    SLIP_STATUS,
+    STATUS,
 )
 from .. import calls
 from ..lowlevel.arrays import copy
@@ -73,15 +73,15 @@ def _find_active_set(p, w, z, v, status):  # type: ignore[no-untyped-def]
     for i in range(len(status)):
         if p.points.restitution[i] >= 0.0:
             # and discard the friction after the impact of a rejected step
-            p.points.mem[i, HELD], p.points.mem[i, BEHIND] = BY_CHOICE, NONE
+            p.points.mem[i, STATUS], p.points.mem[i, AFTER_IMPACT] = BY_FORCE, NO_IMPACT
     w.other[:] = 0.0
     face_bodies(p, w.d)
     calls.mark_closed_points(p.calls, (p.points, w.d, w.v, w.amps, w.other))
     for i in range(len(status)):
-        status[i] = BY_CHOICE
+        status[i] = BY_FORCE
         if p.points.restitution[i] >= 0.0:
             status[i] = CLOSED if w.other[p.points.multiplier[i]] != 0.0 else OPEN
-            p.points.mem[i, HELD] = status[i]
+            p.points.mem[i, STATUS] = status[i]
 
 
 @inner_with_memory
@@ -100,7 +100,7 @@ def _consistent_without_pull(p, w, z, v, a, t, impulse, status):  # type: ignore
         for i in range(len(status)):
             if status[i] == CLOSED and z[p.place[p.points.multiplier[i]]] > 0.0:
                 status[i] = OPEN
-                p.points.mem[i, HELD] = OPEN
+                p.points.mem[i, STATUS] = OPEN
                 pulls = True
         if not pulls:
             break
@@ -116,9 +116,9 @@ def consistent_start(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
     n = len(p.points.mem)
     status, g, rate, second = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     for i in range(n):
-        if p.points.restitution[i] >= 0.0 and p.points.mem[i, SLIDES] != CLOSES:
+        if p.points.restitution[i] >= 0.0 and p.points.mem[i, SLIP_STATUS] != CLOSES:
             # discard whether it stuck or slid in an equilibrium
-            p.points.mem[i, SLIDES] = 0.0
+            p.points.mem[i, SLIP_STATUS] = 0.0
     signals_at(p, t, w.amps)
     _find_active_set(p, w, z, v, status)
     gap_rates(p, w, z, v, a, g, rate, second)
@@ -127,7 +127,7 @@ def consistent_start(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
     for i in range(n):
         if status[i] == CLOSED and rate[i] > AT_REST * fastest:
             status[i] = OPEN
-            p.points.mem[i, HELD] = OPEN
+            p.points.mem[i, STATUS] = OPEN
         elif status[i] == CLOSED and rate[i] < -AT_REST * fastest:
             k = p.place[p.points.multiplier[i]]
             approach[k], bounce[k] = rate[i], -p.points.restitution[i] * rate[i]
@@ -140,7 +140,7 @@ def consistent_start(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
         calls.start_friction(p.calls, (p.points, w.d, w.amps))
     for i in range(n):
         if p.points.restitution[i] >= 0.0 and p.points.par[i, FRICTION] > 0.0:
-            p.points.mem[i, SLIDES] = 0.0 if status[i] == CLOSED else CLOSES
+            p.points.mem[i, SLIP_STATUS] = 0.0 if status[i] == CLOSED else CLOSES
     return good
 
 
@@ -163,7 +163,7 @@ def after_impact(p, w, z, v, a, t, impulse, approach, status, bounces):  # type:
     for i in range(len(status)):
         if status[i] == CLOSED and kept[p.place[p.points.multiplier[i]]] > 0.0:
             status[i] = OPEN
-            p.points.mem[i, HELD] = OPEN
+            p.points.mem[i, STATUS] = OPEN
     impulse[:] = 0.0
     return good and _consistent_without_pull(p, w, z, v, a, t, impulse, status)
 

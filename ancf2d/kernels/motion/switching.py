@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...elements.contact_geometry import CLOSED, FREE, HELD, OPEN
+from ...elements.contact_geometry import CLOSED, OPEN, PLACEMENT, STATUS
 from .. import calls
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed, inner, seldom
@@ -83,7 +83,7 @@ def _fix_active_set(p, s, held):  # type: ignore[no-untyped-def]
     for i in range(len(held)):
         if p.points.restitution[i] >= 0.0:
             held[i] = CLOSED if s.z[p.place[p.points.multiplier[i]]] < 0.0 else OPEN
-            p.points.mem[i, HELD] = held[i]
+            p.points.mem[i, STATUS] = held[i]
             closes |= held[i] == CLOSED
     return closes
 
@@ -100,13 +100,13 @@ def _distances_to_change(p, w, s, own, t, h, x, out):  # type: ignore[no-untyped
     to_full(p, at.v, w.amps, 1, w.v)
     for i in range(len(out)):
         if p.points.restitution[i] >= 0.0:
-            p.points.mem[i, HELD] = CLOSED
+            p.points.mem[i, STATUS] = CLOSED
             largest = max(largest, abs(at.z[p.place[p.points.multiplier[i]]]))
     w.other[:] = 0.0
     patch_forces(p, w.d, w.v, w.amps, w.other)
     for i in range(len(out)):
         out[i] = np.inf
-        if p.points.restitution[i] >= 0.0 and p.points.mem[i, FREE] >= 0.0:
+        if p.points.restitution[i] >= 0.0 and p.points.mem[i, PLACEMENT] >= 0.0:
             k = p.points.multiplier[i]
             if own.held[i] == CLOSED:
                 out[i] = IGNORED_PULL * largest - at.z[p.place[k]]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...elements.contact_geometry import FREE, SUPPORTED
+from ...elements.contact_geometry import PLACEMENT, SUPPORTED
 from ...errors import ComputationError
 from ...interactions.contact import ContactPoint
 from ...interactions.prismatic import OnAxis
@@ -109,7 +109,7 @@ def _blocked(motion: Any, at: dict[str, Any], near: list[tuple[Any, int]]) -> Co
     model, mem = motion.model, motion.p.points.mem
     into = [(p.pair, p.number)
             for p, rows in zip(model.interactions.points, model.interactions.rows, strict=True)
-            if isinstance(p, ContactPoint) and (mem[rows, FREE] == SUPPORTED).any()]
+            if isinstance(p, ContactPoint) and (mem[rows, PLACEMENT] == SUPPORTED).any()]
     at.pop("coordinate", None)
     return blocked_error(into or near, at)
 

@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from ...case import Probe
-from ...elements.contact_geometry import HELD
+from ...elements.contact_geometry import STATUS
 from ...elements.shape import Array
 from ...errors import ComputationError
 from ...kernels.elements import natural_slope
@@ -239,7 +239,7 @@ class Curve:
         try:
             return self._settled(control, d, t, self._slid)
         except ComputationError:
-            if not any(pair.hard and pair.still for pair in self.model.contacts):
+            if not any(pair.hard and pair.places_move for pair in self.model.contacts):
                 raise
             restore_memory(self.model, touching)
             return self._settled(control, d, t, self._stood)
@@ -273,7 +273,8 @@ class Curve:
             self.correct(FactorControl(t, self.model.numbering.n_unknowns), self.model.displacements(
                 start.d[self.model.numbering.free], t), t)
             apart = any(gap > PENETRATION * self.model.extent for one in self.model.contact_tables if one.pair.hard
-                        for gap, p in zip(one.gaps(start.d, start.t)[0], one.points, strict=True) if p.mem[HELD] > 0.0)
+                        for gap, p in zip(one.gaps(start.d, start.t)[0], one.points, strict=True)
+                        if p.mem[STATUS] > 0.0)
         except ComputationError:
             apart = True
         if apart:
