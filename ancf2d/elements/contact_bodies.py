@@ -64,7 +64,7 @@ def slip_from_anchor(other, mem, place, unit):  # type: ignore[no-untyped-def]
 
 
 def add_friction_between(par, p0, u, w, mem, g, z, nx, ny, pressed, damped, own, work, across, rows, f, H,
-                C):  # type: ignore[no-untyped-def]
+                         C):  # type: ignore[no-untyped-def]
     """Add friction to f, H and C; return its power, and the derivative of its force by the normal force.
 
     Rows 0 to 3 are N, the derivative of the normal force with the sign reversed, B and A; rows 4 and 5 are filled, row

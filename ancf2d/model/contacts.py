@@ -132,7 +132,7 @@ class Contacts:
                 pair.set_back(-gaps[k])
         elif pair.hard and gaps[k] < -OVERLAP * self.extent:
             slight = -gaps[k] < SLIGHT * self.extent
-            where = "a small gap between them" if slight else f"{pair.body} {obstacle.free(pair.other)}"
+            where = "a small gap between them" if slight else f"{pair.body} {obstacle.region(pair.other)}"
             self.problems.append((("contacts", i), f"contacts.{i}: {pair.body} and {pair.other} overlap in the "
                                   f"reference, by up to {-gaps[k]:.4g} at S = {pair.s[k]:.4g}",
                                   f"{where}, or a law"))
