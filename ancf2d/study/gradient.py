@@ -24,7 +24,7 @@ from ..case.numbers import CaseNumber, numbers_at
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
-from ..solvers.contact import stays_behind
+from ..solvers.contact import force_at_fixed_place
 from ..solvers.derivatives.backwards import RecordedMotion, StepLengthError
 from ..solvers.derivatives.differences import Quotient, UnsuitedError, derivative
 from ..solvers.derivatives.load_factors import Growth, Instability
@@ -193,7 +193,7 @@ class DifferentiableRun:
         all_states = getattr(self.function, "all_states", True) and len(states) > 1
         if not reason and self.model.contacts and any(g.limit_point is not None for g in goals or ()):
             reason = "contact changes along the path"
-        if not reason and not self.moves and stays_behind(self.model):
+        if not reason and not self.moves and force_at_fixed_place(self.model):
             reason = "places between nodes that touch are chosen anew in every run"
         if not reason and goals is None and isinstance(self.model.case.solver, Eigen | Buckling):
             reason = "it is not known which modes are read"

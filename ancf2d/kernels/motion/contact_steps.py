@@ -37,12 +37,12 @@ from .dynamics import signals_at, to_full
 # fraction of Coulomb's limit: points with more friction slide
 AT_LIMIT = 0.999
 # gaps whose gradient by a displacement is smaller are held by supports; fraction of the extent: penetration allowed
-MOVES, INTO = 1e-5, 1e-8
+NO_GRADIENT, ALLOWED_PENETRATION = 1e-5, 1e-8
 
 
 @addressed_with_memory
 @seldom
-def point_sides(points, d, v, amps, out):  # type: ignore[no-untyped-def]
+def mark_closed_points(points, d, v, amps, out):  # type: ignore[no-untyped-def]
     """Set out (n_full,) to 1 at the multipliers of one-sided constraints that are closed at d, 0 at open ones."""
     u, w, a, f = np.zeros(MOST_FIELDS), np.zeros(MOST_FIELDS), np.zeros(3), np.zeros(MOST_FIELDS)
     for i in range(len(points.forces)):
@@ -73,7 +73,7 @@ def _has_supports(p, i):  # type: ignore[no-untyped-def]
 
 
 @inner_with_memory
-def _moves(p, i, row):  # type: ignore[no-untyped-def]
+def _gap_can_change(p, i, row):  # type: ignore[no-untyped-def]
     """Return whether any unknown changes the gap of item i, whose gradient by the fields is ``row`` (fields,)."""
     dofs, _ = coordinates_of_item(p.points, i)
     G, out = weights_of_item(p.points, i), np.zeros(len(p.weights))
@@ -88,12 +88,12 @@ def _moves(p, i, row):  # type: ignore[no-untyped-def]
                 out[p.index[j]] += p.value[j] * x
     moves = False
     for k in range(len(out)):
-        moves |= abs(out[k]) > MOVES * p.weights[k]
+        moves |= abs(out[k]) > NO_GRADIENT * p.weights[k]
     return moves
 
 
 @inner
-def _closed_at(p, w, i, arrays):  # type: ignore[no-untyped-def]
+def _evaluate_as_closed(p, w, i, arrays):  # type: ignore[no-untyped-def]
     """Evaluate item i at w.d as if closed with zero multiplier, into the work ``arrays`` (``points.work_arrays``)."""
     u, v, a, f, H, C = arrays
     held, free, k = p.points.mem[i, STATUS], p.points.mem[i, PLACEMENT], p.points.multiplier[i]
@@ -106,7 +106,7 @@ def _closed_at(p, w, i, arrays):  # type: ignore[no-untyped-def]
 
 @addressed_with_memory
 @seldom
-def leave_supported(p, w, z):  # type: ignore[no-untyped-def]
+def deactivate_supported(p, w, z):  # type: ignore[no-untyped-def]
     """Deactivate contact points whose gap no unknown changes at z, with signals in w.amps: supports carry them.
 
     Other points that were deactivated are active again. Points face the elements found in the last force evaluation.
@@ -122,15 +122,15 @@ def leave_supported(p, w, z):  # type: ignore[no-untyped-def]
         if not placed:
             to_full(p, z, w.amps, 0, w.d)
             placed = True
-        _closed_at(p, w, i, arrays)
+        _evaluate_as_closed(p, w, i, arrays)
         m = p.points.field[i + 1] - p.points.field[i]
-        if not _moves(p, i, arrays[4][(m - 1) * m:m * m - 1]):
+        if not _gap_can_change(p, i, arrays[4][(m - 1) * m:m * m - 1]):
             p.points.mem[i, PLACEMENT] = SUPPORTED
 
 
 @addressed
 @seldom
-def leave_dependent(p, w):  # type: ignore[no-untyped-def]
+def deactivate_dependent(p, w):  # type: ignore[no-untyped-def]
     """Deactivate the contact point at whose multiplier a factorisation broke down (row w.y[0]); return whether any.
 
     Its gap is determined by other points, supports and joints.
@@ -144,7 +144,7 @@ def leave_dependent(p, w):  # type: ignore[no-untyped-def]
 
 @addressed_with_memory
 @seldom
-def into_supports(p, w, z):  # type: ignore[no-untyped-def]
+def deactivated_penetrates(p, w, z):  # type: ignore[no-untyped-def]
     """Return whether a deactivated contact point penetrates at z, with the signals in w.amps."""
     arrays, faced = work_arrays(p.points), False
     for i in range(len(p.points.mem)):
@@ -153,14 +153,14 @@ def into_supports(p, w, z):  # type: ignore[no-untyped-def]
                 to_full(p, z, w.amps, 0, w.d)
                 face_bodies(p, w.d)
                 faced = True
-            _closed_at(p, w, i, arrays)
-            if arrays[3][p.points.field[i + 1] - p.points.field[i] - 1] < -INTO * p.extent:
+            _evaluate_as_closed(p, w, i, arrays)
+            if arrays[3][p.points.field[i + 1] - p.points.field[i] - 1] < -ALLOWED_PENETRATION * p.extent:
                 return True
     return False
 
 
 @inner
-def let_rub(p, z):  # type: ignore[no-untyped-def]
+def enable_friction(p, z):  # type: ignore[no-untyped-def]
     """Enable friction in the next step for points that press at z, and disable it for others, which may close in it.
 
     This also resets what a rejected step has set.
@@ -171,7 +171,7 @@ def let_rub(p, z):  # type: ignore[no-untyped-def]
 
 
 @inner
-def no_friction(p):  # type: ignore[no-untyped-def]
+def disable_friction(p):  # type: ignore[no-untyped-def]
     """Disable friction of hard contacts in forces."""
     for i in range(len(p.points.mem)):
         if p.points.restitution[i] >= 0.0 and p.points.par[i, FRICTION] > 0.0:
@@ -179,7 +179,15 @@ def no_friction(p):  # type: ignore[no-untyped-def]
 
 
 @inner
-def let_choose(p):  # type: ignore[no-untyped-def]
+def fix_active_set(p, status):  # type: ignore[no-untyped-def]
+    """Hold hard contact points open or closed, as in status (items,), until ``unfix_active_set``."""
+    for i in range(len(status)):
+        if p.points.restitution[i] >= 0.0:
+            p.points.mem[i, STATUS] = status[i]
+
+
+@inner
+def unfix_active_set(p):  # type: ignore[no-untyped-def]
     """Let Newton's method determine the active set of contact points again."""
     for i in range(len(p.points.mem)):
         if p.points.restitution[i] >= 0.0:
@@ -187,7 +195,7 @@ def let_choose(p):  # type: ignore[no-untyped-def]
 
 
 @inner
-def let_go(p, z):  # type: ignore[no-untyped-def]
+def open_pulling_points(p, z):  # type: ignore[no-untyped-def]
     """Open points that pull at z, until they penetrate; return whether there are any.
 
     If two points have nearly the same gap, such as corners of bodies that lie on a floor at their joint, one may pull.
@@ -202,7 +210,7 @@ def let_go(p, z):  # type: ignore[no-untyped-def]
 
 
 @inner
-def opens(p, before, z):  # type: ignore[no-untyped-def]
+def opened_in_step(p, before, z):  # type: ignore[no-untyped-def]
     """Return whether a point that presses at unknowns ``before`` is open at z."""
     for i in range(len(p.points.mem)):
         if p.points.restitution[i] >= 0.0:
@@ -213,13 +221,13 @@ def opens(p, before, z):  # type: ignore[no-untyped-def]
 
 
 @inner
-def closes(p, s, how, i):  # type: ignore[no-untyped-def]
-    """Return whether item i, which is ``how[i]`` at the end of the step from s, closed in it."""
-    return how[i] == CLOSED and not s.z[p.place[p.points.multiplier[i]]] < 0.0
+def closed_in_step(p, s, status, i):  # type: ignore[no-untyped-def]
+    """Return whether item i, which is ``status[i]`` at the end of the step from s, closed in it."""
+    return status[i] == CLOSED and not s.z[p.place[p.points.multiplier[i]]] < 0.0
 
 
 @inner
-def go_straight(end, s):  # type: ignore[no-untyped-def]
+def interpolate_linearly(end, s):  # type: ignore[no-untyped-def]
     """Interpolate the step from s linearly, so that no state between two touching ones penetrates."""
     for k in range(len(end.dense)):
         for i in range(len(s.z)):
@@ -227,24 +235,24 @@ def go_straight(end, s):  # type: ignore[no-untyped-def]
 
 
 @inner
-def on_the_way(p, s, end, h, touched, at_impact):  # type: ignore[no-untyped-def]
+def interpolate_with_impact(p, s, end, h, touched, at_impact):  # type: ignore[no-untyped-def]
     """Set the interpolation of a step from s with an impact at its end, where items that close have no force.
 
     If the step ends ``at_impact``, it is a parabola with the rates at the start. Otherwise the impact may be anywhere
     in the step, and a straight line ensures that no state penetrates an obstacle that both ends are outside of.
     """
-    go_straight(end, s)
+    interpolate_linearly(end, s)
     for i in range(len(s.z) if at_impact else 0):
         if p.coordinate[i] != 0.0:
             change, rate = end.z[i] - s.z[i], h * s.v[i]
             end.dense[0, i], end.dense[2, i] = rate, 2.0 * change - rate
     for i in range(len(touched)):
-        if closes(p, s, touched, i):
+        if closed_in_step(p, s, touched, i):
             end.dense[:, p.place[p.points.multiplier[i]]] = 0.0
 
 
 @inner
-def to_limits(p, z, friction):  # type: ignore[no-untyped-def]
+def friction_to_limits(p, z, friction):  # type: ignore[no-untyped-def]
     """Set friction (n,) of points that slide at z to Coulomb's limit, which their springs reach only approximately."""
     for i in range(len(p.points.mem)):
         if p.points.restitution[i] >= 0.0 and p.points.par[i, FRICTION] > 0.0:
@@ -292,7 +300,7 @@ def lost_to_friction(m, p, z):  # type: ignore[no-untyped-def]
 
 
 @inner
-def turned_back(p, m, h):  # type: ignore[no-untyped-def]
+def reversal_error(p, m, h):  # type: ignore[no-untyped-def]
     """Return the position error [m] of points whose sliding, and so friction, reverses in a step of size h."""
     largest = 0.0
     for i in range(len(p.points.mem)):
@@ -306,5 +314,6 @@ def turned_back(p, m, h):  # type: ignore[no-untyped-def]
 
 def supported_functions(problem: Any) -> dict[Any, tuple[Any, ...]]:
     """Return the entries for contact points that supports hold, for the table of a model with hard contacts."""
-    return {calls.leave_supported: (leave_supported, problem), calls.leave_dependent: (leave_dependent, problem),
-            calls.into_supports: (into_supports, problem)}
+    return {calls.deactivate_supported: (deactivate_supported, problem),
+            calls.deactivate_dependent: (deactivate_dependent, problem),
+            calls.deactivated_penetrates: (deactivated_penetrates, problem)}
