@@ -26,12 +26,17 @@ from .contact_geometry import (
     NO_IMPACT,
     ON_BEAM,
     OPEN,
+    OPPOSITE,
     OTHER,
     OUTSIDE,
     PLACE,
     PLACEMENT,
+    POLYLINE,
+    POSE_X,
+    POSE_Y,
     RHO,
     ROW,
+    SHAPE,
     SLIDING,
     SLIP_STATUS,
     START_GAP,
@@ -47,7 +52,7 @@ from .contact_geometry import (
     opens_by_force,
     position_at,
 )
-from .contact_layer import accept_layer, accept_layer_at, coulomb_force, layer, layer_at, slip
+from .contact_layer import accept_layer, accept_layer_at, coulomb_force, layer, layer_at, safe_change, slip
 from .contact_sliding import add_sliding_hessian, compliance, gap_at_place, sliding_place
 from .point_laws import APART, PointLaw, match_work, work_matrix, work_vector
 
@@ -109,7 +114,8 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     """Contact without penetration: the last field is the multiplier, minus the force; a point that would pull is open.
 
     Closed points are stationary points of U + lambda g, open ones of U - lambda^2/(2 c) (Alart & Curnier 1991). A point
-    is closed if -lambda - c g > 0, unless the solver prescribes its status (mem[STATUS]).
+    is closed if -lambda - c g > 0, unless the solver prescribes its status (mem[STATUS]). Returns (0, power), or (the
+    result of ``safe_change``, APART) if the point is open by its gap.
     """
     m, c = len(u) - 1, par[AUGMENTATION]
     force = -u[m]
@@ -129,7 +135,7 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     outside = mem[START_GAP] == OUTSIDE
     g -= 0.0 if outside else mem[START_GAP]
     if opens_by_force(par, mem, force, g) or (mem[STATUS] < OPEN and outside and faces_away(par, nx, ny, work)):
-        return 0.0, 0.0
+        return (change_to_touch(par, g - par[TOUCH], work) if stays and outside else 0.0), APART
     soft, slope = 0.0, 0.0
     if mem[PLACEMENT] == SLIDING or mem[PLACEMENT] == ON_BEAM:
         soft, slope, _ = compliance(par, z)
@@ -162,6 +168,14 @@ def add_coulomb_friction(par, mem, z, nx, ny, k, way, ds, force, work, f, H):  #
             # Coulomb's limit grows with the normal force, which is minus the multiplier
             H[p, m] -= sign * par[FRICTION] * work[ROW + p]
     return held
+
+
+def change_to_touch(par, g, work):  # type: ignore[no-untyped-def]
+    """Return a sum of changes of fields below which a point with the gap g, at home, cannot touch, or 0."""
+    if int(par[SHAPE]) == POLYLINE and par[OPPOSITE + 1] <= 0.0:
+        # gaps jump at the ends of open polylines
+        return 0.0
+    return max(safe_change(par, g, 0.0, (work[RHO] - par[POSE_X], work[RHO + 1] - par[POSE_Y])), 0.0)
 
 
 def over_step(law, extra):  # type: ignore[no-untyped-def]

@@ -229,7 +229,7 @@ def _is_supported(fixed, z):  # type: ignore[no-untyped-def]
 def _find_curve(table, points, k, u, z, within, best, room, none, own, across, waiting):  # type: ignore[no-untyped-def]
     """Find the curve that point k faces from position z of its element, whose fields are in u, and store it.
 
-    If nothing is ``within`` this distance, the point is marked as apart.
+    If nothing is ``within`` this distance, the point is marked as far from all.
     """
     i = table.item[k]
     points.apart[i] = 0.0
@@ -237,7 +237,7 @@ def _find_curve(table, points, k, u, z, within, best, room, none, own, across, w
     _position_at(par, points.p0[b:b + m], u, z, own)
     x, y = own[RHO], own[RHO + 1]
     if _distance_squared(table.boxes[table.tree[table.way[k]]], x, y) >= within * within:
-        points.apart[i] = within
+        points.apart[i] = np.inf
         return
     tx, ty = _curve_derivative(par, own, AT_1, 1)
     for q in range(len(room)):
@@ -247,7 +247,7 @@ def _find_curve(table, points, k, u, z, within, best, room, none, own, across, w
     best[0], best[3], best[4] = within * within, mem[SIDE], mem[STATUS]
     c = _nearest(table, table.way[k], par, x, y, tx, ty, best, room, none, own, across, waiting)
     if c < 0 and within < np.inf:
-        points.apart[i] = within
+        points.apart[i] = np.inf
         return
     mem[FOOT], mem[FOOT_KIND] = best[1], best[2]
     if c >= 0 and par[OPPOSITE + SUPPORTED_POINT] != 0.0 and _is_supported(table.curve[c, SUPPORTED_PART], best[1]):
@@ -272,7 +272,7 @@ def _force_range(points, i, d):  # type: ignore[no-untyped-def]
 def face(table, points, d, near):  # type: ignore[no-untyped-def]
     """Find the element that every contact point between bodies faces at d (n_full,), and store it in the point laws.
 
-    ``near`` : only for points close enough to have a force; the others are marked as apart and keep their element.
+    ``near`` : only for points close enough to have a force; others are marked as far from all and keep their element.
     """
     if len(table.item) == 0:
         return

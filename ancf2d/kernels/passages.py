@@ -9,10 +9,9 @@ from ..elements.contact_geometry import BODY, HOME, MOST_FIELDS, PLACEMENT, RHO,
 from . import calls
 from .compiled_laws import part
 from .contact import DEPTH, TOUCHES, is_crossed
-from .curves import is_out_of_reach
 from .lowlevel.jit import addressed_with_memory, inner_with_memory, seldom
 from .motion.dynamics import signals_at, to_full
-from .points import amplitude_of, fields_of_item
+from .points import amplitude_of, does_not_act, fields_of_item
 
 _gap_at, _position_at = part(contact_geometry.gap_at), part(contact_geometry.position_at)
 
@@ -38,12 +37,11 @@ def _meets_obstacle(p, i):  # type: ignore[no-untyped-def]
 
 @inner_with_memory
 def _stays_apart(points, i, before, after):  # type: ignore[no-untyped-def]
-    """Return whether the curve that begins at item i is out of reach all the way between two states.
+    """Return whether the items from i on are out of reach all the way between two states.
 
-    It is if both states are, because the set of states that are out of reach is convex.
+    They are if both states are, because the set of states that are out of reach is convex.
     """
-    return (points.forces_of_run[i] != 0 and points.apart[i] > 0.0 and is_out_of_reach(points, i, before)
-            and is_out_of_reach(points, i, after))
+    return points.apart[i] > 0.0 and does_not_act(points, i, before) and does_not_act(points, i, after)
 
 
 @addressed_with_memory

@@ -26,6 +26,7 @@ from ..patches import face_bodies
 from ..points import (
     amplitude_of,
     coordinates_of_item,
+    does_not_act,
     evaluate_at,
     fields_of_item,
     is_inactive,
@@ -46,7 +47,7 @@ def mark_closed_points(points, d, v, amps, out):  # type: ignore[no-untyped-def]
     """Set out (n_full,) to 1 at the multipliers of one-sided constraints that are closed at d, 0 at open ones."""
     u, w, a, f = np.zeros(MOST_FIELDS), np.zeros(MOST_FIELDS), np.zeros(3), np.zeros(MOST_FIELDS)
     for i in range(len(points.forces)):
-        if points.restitution[i] >= 0.0 and is_inactive(points, i):
+        if points.restitution[i] >= 0.0 and does_not_act(points, i, d):
             out[points.multiplier[i]] = 0.0
         elif points.restitution[i] >= 0.0:
             b, m = points.field[i], points.field[i + 1] - points.field[i]
