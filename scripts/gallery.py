@@ -25,7 +25,7 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 def commands(text: str) -> list[str]:
     """Return the lines of a document's bash blocks and those of its console blocks that are typed, in their order."""
-    out = []
+    out: list[str] = []
     for language, body in re.findall(r"^```(bash|console)\n(.*?)^```$", text, re.M | re.S):
         lines = body.splitlines()
         out += lines if language == "bash" else [line[2:] for line in lines if line.startswith("$ ")]

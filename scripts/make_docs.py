@@ -41,7 +41,7 @@ def elements() -> str:
     rows = []
     for t in registry.ELEMENTS.values():
         offered = [f.name for f in FORMULATIONS.values() if f.refuse(t) is None]
-        offered.sort(key=lambda name, default=t.formulation: name != default)
+        offered = [t.formulation, *(name for name in offered if name != t.formulation)]
         names = ", ".join(dict.fromkeys(c for _, c in t.functionals)) + (", theta" if t.has_theta else "")
         rows.append([f"`{t.name}`", ", ".join(t.basis), f"{names} at {len(t.nodes)} nodes", ", ".join(offered),
                      t.source])

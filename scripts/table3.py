@@ -245,7 +245,7 @@ def page() -> str:
     return "\n".join([
         PAGE_TOP, table(columns, modes_found), PAGE_ANALYTIC, table(names, [[f"{w:.4f}" for _, _, w in analytic()]]),
         PAGE_OTHERS, table(["element", "n", *names], others),
-        PAGE_SPURIOUS, table(["element", *meshes, "falls like"], branch), PAGE_END.rstrip() + "\n"])
+        PAGE_SPURIOUS, table(["element", *map(str, meshes), "falls like"], branch), PAGE_END.rstrip() + "\n"])
 
 
 def _slope(points: Sequence[tuple[int, float]]) -> float:

@@ -9,63 +9,55 @@ from __future__ import annotations
 
 import numpy as np
 
+from .contact_derivatives import add_hessian_by_fields, derivative_along, field_count
 from .contact_geometry import (
+    AFTER_IMPACT,
     ANCHOR,
     AT_HOME,
-    BEHIND,
+    AUGMENTATION,
     BY,
     BY_BY,
-    BY_CHOICE,
+    BY_FORCE,
     CLOSES,
     FEATURE,
-    FREE,
     FRICTION,
-    FROM,
-    HELD,
     HOME,
     MATRIX,
-    NONE,
-    OF_THETA,
+    NO_IMPACT,
+    ON_BEAM,
     OPEN,
+    OPPOSITE,
     OTHER,
     OUTSIDE,
     PLACE,
+    PLACEMENT,
+    POLYLINE,
+    POSE_X,
+    POSE_Y,
     RHO,
     ROW,
-    SECTION,
-    SLIDES,
+    SHAPE,
     SLIDING,
-    STANDING,
+    SLIP_STATUS,
+    START_GAP,
+    STATUS,
     STICK,
     STICKS,
-    STIFFNESS,
-    TERMS,
     TOUCH,
-    VECTOR,
     WORK,
     count_of,
+    faces_away,
     gap_at,
-    is_back,
-    opens_by_choice,
-    pressed_from,
-    spread,
-    spread_both,
-    stand,
+    next_start_gap,
+    opens_by_force,
+    position_at,
 )
-from .contact_layer import drag, layer, layer_at, settle, settle_at, slip
-from .contact_sliding import bent_free, facing, least, yields
+from .contact_layer import accept_layer, accept_layer_at, coulomb_force, layer, layer_at, safe_change, slip
+from .contact_sliding import add_sliding_hessian, compliance, gap_at_place, sliding_place
 from .point_laws import APART, PointLaw, match_work, work_matrix, work_vector
 
 
-def normal(par, z, nx, ny, work, out, add):  # type: ignore[no-untyped-def]
-    """Fill out from index ``add`` on with the derivative (fields,) of rho along (nx, ny)."""
-    body, pose = count_of(par)
-    for a in range(body + pose):
-        work[VECTOR + a] = nx * work[BY + a] + ny * work[BY + 8 + a]
-    spread(par, z, work, VECTOR, 0, out, add)
-
-
-def bent(par, z, nx, ny, k, work, H):  # type: ignore[no-untyped-def]
+def add_gap_hessian(par, z, nx, ny, k, work, H):  # type: ignore[no-untyped-def]
     """Add the Hessian nu.rho_qq + k A A of the gap of a fixed point to H."""
     body, pose = count_of(par)
     n = body + pose
@@ -74,21 +66,21 @@ def bent(par, z, nx, ny, k, work, H):  # type: ignore[no-untyped-def]
         for b in range(n):
             tb = -ny * work[BY + b] + nx * work[BY + 8 + b]
             work[MATRIX + 8 * a + b] = nx * work[BY_BY + 8 * a + b] + ny * work[BY_BY + 64 + 8 * a + b] + k * ta * tb
-    spread_both(par, z, work, H, 0, 1.0)
+    add_hessian_by_fields(par, z, work, H, 0, 1.0)
 
 
-def dragged(par, mem, way, pressed):  # type: ignore[no-untyped-def]
-    """Return (friction force along s for a slip, whether it slides), by Coulomb's law or as mem[SLIDES] says."""
-    if mem[SLIDES] == 0.0:
-        return drag(par, way, pressed)
-    if mem[SLIDES] == STICKS:
+def friction_force(par, mem, way, pressed):  # type: ignore[no-untyped-def]
+    """Return (friction force along s for a slip, whether it slides), by Coulomb's law or as mem[SLIP_STATUS] says."""
+    if mem[SLIP_STATUS] == 0.0:
+        return coulomb_force(par, way, pressed)
+    if mem[SLIP_STATUS] == STICKS:
         return -par[STICK] * way, False
-    if mem[SLIDES] == CLOSES:
+    if mem[SLIP_STATUS] == CLOSES:
         return 0.0, True
-    return mem[SLIDES] * par[FRICTION] * pressed, True
+    return mem[SLIP_STATUS] * par[FRICTION] * pressed, True
 
 
-def rub(par, z, nx, ny, k, ds, force, stiff, work, f, H):  # type: ignore[no-untyped-def]
+def add_friction(par, z, nx, ny, k, ds, force, stiff, work, f, H):  # type: ignore[no-untyped-def]
     """Add a friction force along s to f, and its derivative at constant pressure to H; leave ds/dq in work (ROW)."""
     body, pose = count_of(par)
     n = body + pose
@@ -98,22 +90,16 @@ def rub(par, z, nx, ny, k, ds, force, stiff, work, f, H):  # type: ignore[no-unt
             nb, tb = nx * work[BY + b] + ny * work[BY + 8 + b], -ny * work[BY + b] + nx * work[BY + 8 + b]
             bend = -ny * work[BY_BY + 8 * a + b] + nx * work[BY_BY + 64 + 8 * a + b]
             work[MATRIX + 8 * a + b] = ds * (bend - k * (na * tb + ta * nb))
-    spread_both(par, z, work, H, 0, -force)
-    normal(par, z, -ds * ny, ds * nx, work, work, ROW)
-    m = fields_of(par)
+    add_hessian_by_fields(par, z, work, H, 0, -force)
+    derivative_along(par, z, -ds * ny, ds * nx, work, work, ROW)
+    m = field_count(par)
     for p in range(m):
         f[p] -= force * work[ROW + p]
         for q in range(m):
             H[p, q] += stiff * work[ROW + p] * work[ROW + q]
 
 
-def fields_of(par):  # type: ignore[no-untyped-def]
-    """Return the number of fields of the curve and the obstacle."""
-    _, pose = count_of(par)
-    return (3 if int(par[SECTION]) == OF_THETA else 2) * int(par[TERMS]) + pose
-
-
-def speed(work, w, m):  # type: ignore[no-untyped-def]
+def slip_rate(work, w, m):  # type: ignore[no-untyped-def]
     """Return the slip rate on the obstacle at rates w (m,).
 
     Friction power is the force times this rate, so the small energy in the spring of a sticking point counts as lost.
@@ -128,58 +114,68 @@ def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     """Contact without penetration: the last field is the multiplier, minus the force; a point that would pull is open.
 
     Closed points are stationary points of U + lambda g, open ones of U - lambda^2/(2 c) (Alart & Curnier 1991). A point
-    is closed if -lambda - c g > 0, unless the solver prescribes its state (mem[HELD]).
+    is closed if -lambda - c g > 0, unless the solver prescribes its status (mem[STATUS]). Returns (0, power), or (the
+    result of ``safe_change``, APART) if the point is open by its gap.
     """
-    m, c = len(u) - 1, par[STIFFNESS]
+    m, c = len(u) - 1, par[AUGMENTATION]
     force = -u[m]
     f[m], H[m, m] = force / c, -1.0 / c
-    if mem[FREE] < 0.0 or mem[HELD] == OPEN:
+    if mem[PLACEMENT] < 0.0 or mem[STATUS] == OPEN:
         return 0.0, 0.0
-    work, stays = work_vector(WORK), mem[FREE] == AT_HOME
+    work, stays = work_vector(WORK), mem[PLACEMENT] == AT_HOME
     z, feature = par[HOME] if stays else mem[PLACE], -1.0 if stays else mem[FEATURE]
-    found = least(par, p0, u, mem, force, work) if mem[FREE] == SLIDING else np.nan
+    found = sliding_place(par, p0, u, mem, force, work) if mem[PLACEMENT] == SLIDING else np.nan
     moves = not np.isnan(found)
     if moves:
         z = found
-        g, nx, ny, k, s, ds = facing(par, mem, z, force, work)
+        g, nx, ny, k, s, ds = gap_at_place(par, mem, z, force, work)
     else:
-        stand(par, p0, u, z, work)
+        position_at(par, p0, u, z, work)
         g, nx, ny, k, s, ds = gap_at(par, work[RHO], work[RHO + 1], feature)
-    outside = mem[FROM] == OUTSIDE
-    g -= 0.0 if outside else mem[FROM]
-    if opens_by_choice(par, mem, force, g) or (mem[HELD] < OPEN and outside and is_back(par, nx, ny, work)):
-        return 0.0, 0.0
+    outside = mem[START_GAP] == OUTSIDE
+    g -= 0.0 if outside else mem[START_GAP]
+    if opens_by_force(par, mem, force, g) or (mem[STATUS] < OPEN and outside and faces_away(par, nx, ny, work)):
+        return (change_to_touch(par, g - par[TOUCH], work) if stays and outside else 0.0), APART
     soft, slope = 0.0, 0.0
-    if mem[FREE] == SLIDING or mem[FREE] == STANDING:
-        soft, slope, _ = yields(par, z)
+    if mem[PLACEMENT] == SLIDING or mem[PLACEMENT] == ON_BEAM:
+        soft, slope, _ = compliance(par, z)
     H[m, m], slope = -soft, 0.5 * slope * force
     if moves:
-        H[m, m] += 0.5 * slope * yields(par, z)[1] * bent_free(par, z, nx, ny, k, force, work, H, m)
+        H[m, m] += 0.5 * slope * compliance(par, z)[1] * add_sliding_hessian(par, z, nx, ny, k, force, work, H, m)
     else:
-        bent(par, z, nx, ny, k, work, H)
-    normal(par, z, nx, ny, work, work, ROW)
+        add_gap_hessian(par, z, nx, ny, k, work, H)
+    derivative_along(par, z, nx, ny, work, work, ROW)
     for p in range(m):
         f[p] = -force * work[ROW + p]
         for q in range(m):
             H[p, q] *= -force
         H[p, m] = H[m, p] = work[ROW + p] - (slope * work[OTHER + p] if moves else 0.0)
     f[m] = g + soft * force
-    if par[FRICTION] == 0.0 or moves or mem[SLIDES] == CLOSES or (force <= 0.0 and mem[SLIDES] == 0.0):
+    if par[FRICTION] == 0.0 or moves or mem[SLIP_STATUS] == CLOSES or (force <= 0.0 and mem[SLIP_STATUS] == 0.0):
         return 0.0, 0.0
-    return 0.0, -hold_back(par, mem, z, nx, ny, k, slip(par, s, mem[ANCHOR]), ds, force, work, f, H) * speed(work, w, m)
+    way = slip(par, s, mem[ANCHOR])
+    return 0.0, -add_coulomb_friction(par, mem, z, nx, ny, k, way, ds, force, work, f, H) * slip_rate(work, w, m)
 
 
-def hold_back(par, mem, z, nx, ny, k, way, ds, force, work, f, H):  # type: ignore[no-untyped-def]
+def add_coulomb_friction(par, mem, z, nx, ny, k, way, ds, force, work, f, H):  # type: ignore[no-untyped-def]
     """Add friction under a normal force to f and H; return the friction force, and leave ds/dq in work (ROW)."""
-    held, slides = dragged(par, mem, way, force)
-    rub(par, z, nx, ny, k, ds, held, 0.0 if slides else par[STICK], work, f, H)
+    held, slides = friction_force(par, mem, way, force)
+    add_friction(par, z, nx, ny, k, ds, held, 0.0 if slides else par[STICK], work, f, H)
     if slides:
         # between equilibria, the normal force of a sliding point may pull
-        m, sign = len(f) - 1, 1.0 if (held if mem[SLIDES] == 0.0 else mem[SLIDES]) < 0.0 else -1.0
+        m, sign = len(f) - 1, 1.0 if (held if mem[SLIP_STATUS] == 0.0 else mem[SLIP_STATUS]) < 0.0 else -1.0
         for p in range(m):
             # Coulomb's limit grows with the normal force, which is minus the multiplier
             H[p, m] -= sign * par[FRICTION] * work[ROW + p]
     return held
+
+
+def change_to_touch(par, g, work):  # type: ignore[no-untyped-def]
+    """Return a sum of changes of fields below which a point with the gap g, at home, cannot touch, or 0."""
+    if int(par[SHAPE]) == POLYLINE and par[OPPOSITE + 1] <= 0.0:
+        # gaps jump at the ends of open polylines
+        return 0.0
+    return max(safe_change(par, g, 0.0, (work[RHO] - par[POSE_X], work[RHO + 1] - par[POSE_Y])), 0.0)
 
 
 def over_step(law, extra):  # type: ignore[no-untyped-def]
@@ -220,40 +216,40 @@ def over_step(law, extra):  # type: ignore[no-untyped-def]
     return mean
 
 
-def _settle(par, p0, u, mem, z, pressed):  # type: ignore[no-untyped-def]
+def _update_history(par, p0, u, mem, z, pressed):  # type: ignore[no-untyped-def]
     """Update, at an accepted state, the friction anchor and, in motion, the gap from which the point presses.
     """
     work = work_vector(WORK)
-    stand(par, p0, u, z, work)
+    position_at(par, p0, u, z, work)
     g, nx, ny, _, s, _ = gap_at(par, work[RHO], work[RHO + 1], -1.0)
-    if mem[HELD] == BY_CHOICE:
-        # the gap of a pressing point is its value FROM, up to round-off
-        kept = pressed > 0.0 and mem[FROM] != OUTSIDE
-        mem[FROM] = mem[FROM] if kept else 0.0 if pressed > 0.0 else pressed_from(
-            mem[FROM], g + par[TOUCH], not is_back(par, nx, ny, work))
+    if mem[STATUS] == BY_FORCE:
+        # the gap of a pressing point is START_GAP, up to round-off
+        kept = pressed > 0.0 and mem[START_GAP] != OUTSIDE
+        mem[START_GAP] = mem[START_GAP] if kept else 0.0 if pressed > 0.0 else next_start_gap(
+            mem[START_GAP], g + par[TOUCH], not faces_away(par, nx, ny, work))
     if par[FRICTION] == 0.0:
         return
-    held, slides = dragged(par, mem, slip(par, s, mem[ANCHOR]), pressed)
-    if mem[BEHIND] != NONE:
-        held, slides, mem[BEHIND] = mem[BEHIND], True, NONE
+    held, slides = friction_force(par, mem, slip(par, s, mem[ANCHOR]), pressed)
+    if mem[AFTER_IMPACT] != NO_IMPACT:
+        held, slides, mem[AFTER_IMPACT] = mem[AFTER_IMPACT], True, NO_IMPACT
     if slides or np.isnan(mem[ANCHOR]):
         mem[ANCHOR] = s + held / par[STICK]
 
 
 def accept_hard(p0, u, par, mem):  # type: ignore[no-untyped-def]
     """Update the start of the search for a sliding point, and the friction history, at an accepted state."""
-    if mem[FREE] == SLIDING:
-        z = least(par, p0, u, mem, -u[len(u) - 1], work_vector(WORK))
+    if mem[PLACEMENT] == SLIDING:
+        z = sliding_place(par, p0, u, mem, -u[len(u) - 1], work_vector(WORK))
         if not np.isnan(z):
             mem[PLACE] = z
-    elif mem[FREE] >= AT_HOME and mem[HELD] != OPEN:
+    elif mem[PLACEMENT] >= AT_HOME and mem[STATUS] != OPEN:
         pressed = max(-u[len(u) - 1], 0.0)
-        _settle(par, p0, u, mem, par[HOME] if mem[FREE] == AT_HOME else mem[PLACE], pressed)
-        if mem[HELD] == BY_CHOICE and par[FRICTION] > 0.0:
+        _update_history(par, p0, u, mem, par[HOME] if mem[PLACEMENT] == AT_HOME else mem[PLACE], pressed)
+        if mem[STATUS] == BY_FORCE and par[FRICTION] > 0.0:
             # forces of a step are not impulses: a point that closes in the next step gets the friction of its impact
-            mem[SLIDES] = 0.0 if pressed > 0.0 else CLOSES
+            mem[SLIP_STATUS] = 0.0 if pressed > 0.0 else CLOSES
 
 
-COMPLIANT = PointLaw("compliant_contact", layer_at, over_step(layer_at, 0), accept=settle_at, forces_of_run=layer,
-                     accept_run=settle)
+COMPLIANT = PointLaw("compliant_contact", layer_at, over_step(layer_at, 0), accept=accept_layer_at, forces_of_run=layer,
+                     accept_run=accept_layer)
 HARD = PointLaw("hard_contact", hard, over_step(hard, 1), constraint=True, accept=accept_hard)

@@ -11,78 +11,78 @@ from __future__ import annotations
 import numpy as np
 
 from . import contact
-from .contact import dragged
+from .contact import friction_force
+from .contact_derivatives import add_second_derivative, field_count
 from .contact_gaps import (
-    BOTH,
+    BOTH_SIDES,
     END,
-    FOUND,
+    FOOT_KIND,
     JOINED,
     LOOP,
-    ON,
     SIDE,
+    SURFACE,
     WITHIN,
-    bend,
-    bent_between,
-    beyond,
     curve_at,
+    distance_along,
     gap_between,
+    gap_derivatives,
+    is_past_end,
     place_on,
     place_opposite,
-    size_of,
-    slope_row,
     surface_of,
-    way_between,
+    tangent_row,
 )
 from .contact_geometry import (
+    AFTER_IMPACT,
     ANCHOR,
-    BEHIND,
-    BY_CHOICE,
+    AUGMENTATION,
+    BY_FORCE,
     CLOSED,
     CLOSES,
     DAMPING,
-    FREE,
     FRICTION,
-    HELD,
     HOME,
-    NONE,
+    NO_IMPACT,
     OPEN,
-    ORIGIN,
+    OPPOSITE,
     PLACE,
-    SLIDES,
+    PLACEMENT,
+    SLIP_STATUS,
+    STATUS,
     STICK,
     STIFFNESS,
     WEIGHT,
     WORK,
-    opens_by_choice,
+    opens_by_force,
 )
 from .point_laws import PointLaw, work_matrix, work_vector
 
 
-def slip_on(other, mem, place, unit):  # type: ignore[no-untyped-def]
+def slip_from_anchor(other, mem, place, unit):  # type: ignore[no-untyped-def]
     """Return the slip from the friction anchor to a place, or 0 if the anchor is on another surface."""
-    return unit * way_between(other[LOOP], place, mem[ANCHOR]) if mem[ON] == surface_of(other) else 0.0
+    return unit * distance_along(other[LOOP], place, mem[ANCHOR]) if mem[SURFACE] == surface_of(other) else 0.0
 
 
-def rub_between(par, p0, u, w, mem, g, z, nx, ny, pressed, damped, own, work, across, rows, f, H,
-                C):  # type: ignore[no-untyped-def]
+def add_friction_between(par, p0, u, w, mem, g, z, nx, ny, pressed, damped, own, work, across, rows, f, H,
+                         C):  # type: ignore[no-untyped-def]
     """Add friction to f, H and C; return its power, and the derivative of its force by the normal force.
 
     Rows 0 to 3 are N, the derivative of the normal force with the sign reversed, B and A; rows 4 and 5 are filled, row
     5 with dz/dq. The normal force changes by ``damped`` N with rates. With F = R.t,
     d2z/dq2 = (F_qq + F_qz z_q + z_q F_qz + F_zz z_q z_q)/D; H omits the terms of F that are proportional to the depth.
     """
-    other, m, n = par[ORIGIN:], size_of(par), size_of(par) + size_of(par[ORIGIN:])
+    other, m, n = par[OPPOSITE:], field_count(par), field_count(par) + field_count(par[OPPOSITE:])
     at, turn = z if other[END] == 0.0 else other[END], work_matrix(n, n)
     tx, ty, kx, ky = curve_at(other, p0[m:], u[m:], z, work, across)
     T, b, k = tx * tx + ty * ty, nx * kx + ny * ky, tx * kx + ty * ky
     L, D, rate = np.sqrt(T), T - g * b, 0.0
-    way = slip_on(other, mem, *place_on(other, z, tx, ty))
-    held, slides = dragged(par, mem, way, pressed)
-    bend(par, mem[PLACE] if mem[FREE] > 0.0 else par[HOME], tx, ty, own, turn, 0)
-    bend(other, at, -tx, -ty, work, turn, m)
+    way = slip_from_anchor(other, mem, *place_on(other, z, tx, ty))
+    held, slides = friction_force(par, mem, way, pressed)
+    add_second_derivative(par, mem[PLACE] if mem[PLACEMENT] > 0.0 else par[HOME], tx, ty, own, turn, 0)
+    add_second_derivative(other, at, -tx, -ty, work, turn, m)
     for q in range(n):
         rows[4, q] = 0.0
-    slope_row(other, z, tx, ty, work, across, rows[4][m:])
+    tangent_row(other, z, tx, ty, work, across, rows[4][m:])
     for q in range(n):
         # dz/dq
         rows[5, q] = (rows[3, q] + g * rows[2, q]) / D
@@ -90,9 +90,9 @@ def rub_between(par, p0, u, w, mem, g, z, nx, ny, pressed, damped, own, work, ac
     share, stick = 0.0, 0.0
     if not slides:
         stick = par[STICK] * L
-    elif mem[SLIDES] != 0.0:
+    elif mem[SLIP_STATUS] != 0.0:
         # as the solver prescribes: between equilibria the normal force may pull
-        share = mem[SLIDES] * par[FRICTION]
+        share = mem[SLIP_STATUS] * par[FRICTION]
     else:
         share = par[FRICTION] if held > 0.0 else -par[FRICTION]
     for p in range(n):
@@ -120,7 +120,7 @@ def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     g, nx, ny, z = gap_between(par, p0, u, mem, own, work, across)
     if not g < 0.0:
         return 0.0, 0.0
-    bent_between(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, H)
+    gap_derivatives(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, H)
     rate = 0.0
     for q in range(n):
         rate += rows[0, q] * w[q]
@@ -144,29 +144,29 @@ def compliant(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
             H[p, q] = -weight * pressure * H[p, q] + N * rows[1, q]
             C[p, q] = weight * damping * N * rows[0, q]
     power = weight * damping * rate * rate
-    if par[FRICTION] > 0.0 and mem[FOUND] == WITHIN:
-        power += rub_between(par, p0, u, w, mem, g, z, nx, ny, weight * pressure, weight * damping, own, work, across,
-                             rows, f, H, C)[0]
+    if par[FRICTION] > 0.0 and mem[FOOT_KIND] == WITHIN:
+        power += add_friction_between(par, p0, u, w, mem, g, z, nx, ny, weight * pressure, weight * damping, own, work,
+                                      across, rows, f, H, C)[0]
     return energy, power
 
 
-def press(p0, u, par, mem, f, H, own, work, across, rows):  # type: ignore[no-untyped-def]
+def add_normal_force(p0, u, par, mem, f, H, own, work, across, rows):  # type: ignore[no-untyped-def]
     """Fill f and H of a hard contact point; return gap, its gradient and the foot point, or NaN if the point is open.
 
     A point that the solver holds closed continues along the curve beyond an end of the other body.
     """
-    m, c = len(u) - 1, par[STIFFNESS]
+    m, c = len(u) - 1, par[AUGMENTATION]
     force = -u[m]
     f[m], H[m, m] = force / c, -1.0 / c
-    if mem[FREE] < 0.0 or mem[HELD] == OPEN:
+    if mem[PLACEMENT] < 0.0 or mem[STATUS] == OPEN:
         return np.nan, 0.0, 0.0, 0.0
-    if mem[HELD] == CLOSED and beyond(par[ORIGIN + JOINED], mem[FOUND]):
-        mem[FOUND] = WITHIN
+    if mem[STATUS] == CLOSED and is_past_end(par[OPPOSITE + JOINED], mem[FOOT_KIND]):
+        mem[FOOT_KIND] = WITHIN
     g, nx, ny, z = gap_between(par, p0, u, mem, own, work, across)
-    if np.isnan(g) or opens_by_choice(par, mem, force, g):
+    if np.isnan(g) or opens_by_force(par, mem, force, g):
         return np.nan, 0.0, 0.0, 0.0
     H[m, m] = 0.0
-    bent_between(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, H)
+    gap_derivatives(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, H)
     for p in range(m):
         f[p] = -force * rows[0, p]
         for q in range(m):
@@ -179,7 +179,7 @@ def press(p0, u, par, mem, f, H, own, work, across, rows):  # type: ignore[no-un
 def hard(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     """Contact without penetration: the last field is the multiplier, minus the force; see ``contact.hard``."""
     own, work, across, rows = work_vector(WORK), work_vector(WORK), work_vector(WORK), work_matrix(3, len(u) - 1)
-    press(p0, u, par, mem, f, H, own, work, across, rows)
+    add_normal_force(p0, u, par, mem, f, H, own, work, across, rows)
     return 0.0, 0.0
 
 
@@ -187,24 +187,24 @@ def hard_rough(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     """Contact without penetration, with Coulomb friction along the other curve; none at a kink (fixed foot point)."""
     m, own, work, across = len(u) - 1, work_vector(WORK), work_vector(WORK), work_vector(WORK)
     rows = work_matrix(6, m)
-    g, nx, ny, z = press(p0, u, par, mem, f, H, own, work, across, rows)
-    if np.isnan(g) or par[FRICTION] == 0.0 or mem[FOUND] != WITHIN or mem[SLIDES] == CLOSES or (
-            u[m] >= 0.0 and mem[SLIDES] == 0.0):
+    g, nx, ny, z = add_normal_force(p0, u, par, mem, f, H, own, work, across, rows)
+    if np.isnan(g) or par[FRICTION] == 0.0 or mem[FOOT_KIND] != WITHIN or mem[SLIP_STATUS] == CLOSES or (
+            u[m] >= 0.0 and mem[SLIP_STATUS] == 0.0):
         return 0.0, 0.0
     for p in range(m):
         # the normal force is an unknown, so it does not depend on the coordinates
         rows[3, p], rows[1, p] = rows[1, p], 0.0
-    power, share = rub_between(par, p0, u, w, mem, g, z, nx, ny, -u[m], 0.0, own, work, across, rows, f, H, C)
+    power, share = add_friction_between(par, p0, u, w, mem, g, z, nx, ny, -u[m], 0.0, own, work, across, rows, f, H, C)
     for p in range(m):
         H[p, m] += share * rows[5, p]
     return 0.0, power
 
 
-def take_side(p0, u, par, mem):  # type: ignore[no-untyped-def]
+def update_side(p0, u, par, mem):  # type: ignore[no-untyped-def]
     """Update the side of an axis that the point is on: set when it comes opposite to the axis, 0 beyond its ends."""
-    if par[ORIGIN + BOTH] == 0.0:
+    if par[OPPOSITE + BOTH_SIDES] == 0.0:
         return
-    if mem[FOUND] != WITHIN:
+    if mem[FOOT_KIND] != WITHIN:
         mem[SIDE] = 0.0
     elif mem[SIDE] == 0.0:
         mem[SIDE] = 1.0
@@ -213,48 +213,48 @@ def take_side(p0, u, par, mem):  # type: ignore[no-untyped-def]
             mem[SIDE] = -1.0
 
 
-def take_hold(p0, u, par, mem, pressed):  # type: ignore[no-untyped-def]
+def update_anchor(p0, u, par, mem, pressed):  # type: ignore[no-untyped-def]
     """Update the friction anchor at an accepted state; return the gap. If ``pressed`` is negative, the normal force
     of the layer is used."""
     own, work, across = work_vector(WORK), work_vector(WORK), work_vector(WORK)
-    behind, mem[BEHIND] = mem[BEHIND], NONE
+    behind, mem[AFTER_IMPACT] = mem[AFTER_IMPACT], NO_IMPACT
     g, _, _, z = gap_between(par, p0, u, mem, own, work, across)
-    if np.isnan(g) or mem[FOUND] != WITHIN:
+    if np.isnan(g) or mem[FOOT_KIND] != WITHIN:
         return g
     place, unit, surface = place_opposite(par, p0, u, mem, z, work, across)
     if pressed < 0.0:
         pressed = par[WEIGHT] * par[STIFFNESS] * max(-g, 0.0)
-    held, slides = dragged(par, mem, slip_on(par[ORIGIN:], mem, place, unit), pressed)
-    if behind != NONE:
+    held, slides = friction_force(par, mem, slip_from_anchor(par[OPPOSITE:], mem, place, unit), pressed)
+    if behind != NO_IMPACT:
         held, slides = behind, True
-    if slides or mem[ON] != surface:
+    if slides or mem[SURFACE] != surface:
         mem[ANCHOR] = place + held / (par[STICK] * unit)
-    mem[ON] = surface
+    mem[SURFACE] = surface
     return g
 
 
 def accept(p0, u, par, mem):  # type: ignore[no-untyped-def]
     """Update the side of an axis that the point is on, and the friction anchor of a layer, at an accepted state."""
-    take_side(p0, u, par, mem)
+    update_side(p0, u, par, mem)
     if par[FRICTION] > 0.0:
-        g = take_hold(p0, u, par, mem, -1.0)
-        if np.isnan(g) or (mem[FOUND] != WITHIN and g >= 0.0):
+        g = update_anchor(p0, u, par, mem, -1.0)
+        if np.isnan(g) or (mem[FOOT_KIND] != WITHIN and g >= 0.0):
             # no contact: the anchor is dropped
-            mem[ON] = 0.0
+            mem[SURFACE] = 0.0
 
 
 def accept_rough(p0, u, par, mem):  # type: ignore[no-untyped-def]
     """Update the side of an axis that the point is on, and the friction anchor if the point is closed."""
-    take_side(p0, u, par, mem)
-    if par[FRICTION] > 0.0 and mem[FREE] >= 0.0 and mem[HELD] != OPEN:
+    update_side(p0, u, par, mem)
+    if par[FRICTION] > 0.0 and mem[PLACEMENT] >= 0.0 and mem[STATUS] != OPEN:
         pressed = max(-u[len(u) - 1], 0.0)
-        take_hold(p0, u, par, mem, pressed)
-        if mem[HELD] == BY_CHOICE:
+        update_anchor(p0, u, par, mem, pressed)
+        if mem[STATUS] == BY_FORCE:
             # same as in ``contact.accept_hard``
-            mem[SLIDES] = 0.0 if pressed > 0.0 else CLOSES
+            mem[SLIP_STATUS] = 0.0 if pressed > 0.0 else CLOSES
 
 
 COMPLIANT_BODIES = PointLaw("contact_of_bodies", compliant, contact.over_step(compliant, 0), accept=accept)
-HARD_BODIES = PointLaw("hard_contact_of_bodies", hard, contact.over_step(hard, 1), constraint=True, accept=take_side)
+HARD_BODIES = PointLaw("hard_contact_of_bodies", hard, contact.over_step(hard, 1), constraint=True, accept=update_side)
 ROUGH_BODIES = PointLaw("rough_contact_of_bodies", hard_rough, contact.over_step(hard_rough, 1), constraint=True,
                         accept=accept_rough)

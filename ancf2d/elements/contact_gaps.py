@@ -18,51 +18,44 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .contact_derivatives import add_second_derivative, derivative_along, field_count, slope_derivative_along
 from .contact_geometry import (
     AT,
     AT_1,
     AT_2,
     BY,
-    BY_BY,
-    FREE,
     HOME,
-    MATRIX,
     MEMORY,
-    OF_THETA,
     OFFSET,
-    ORIGIN,
+    OPPOSITE,
     PLACE,
+    PLACEMENT,
     RHO,
-    ROW,
-    SECTION,
-    TERMS,
-    VECTOR,
-    along,
-    count_of,
+    curve_derivative,
+    interpolate,
     offset,
-    spread,
-    spread_both,
-    stand,
-    take,
+    position_at,
 )
 
-# par from ORIGIN on: section, powers and offset of the other curve at SECTION, TERMS and OFFSET, as for the own one;
-# SIGN of its outside (1 left of its direction, -1 right); S [m] where it BEGINS, and its length GOES along the body;
-# which ends are JOINED to another curve (1 the first, 2 the last, 3 both); z of the element if it is an END of the
-# body (0 along the body), with the heights of its MIDDLE and of HALF of it; the part held by supports in a motion
-# (FIXED: 1 its first end, 2 its last one, 4 all)
-SIGN, BEGINS, GOES, JOINED, END, MIDDLE, HALF, FIXED = 3, 4, 5, 6, 7, 8, 9, 11
+# par from OPPOSITE on: section, powers and offset of the other curve at SECTION, TERMS and OFFSET, as for the own one
+# (and POSE, which is STILL); SIGN of its outside (1 left of its direction, -1 right); its START (S in m) and SPAN [m]
+# along the body; which ends are JOINED to another curve (1 the first, 2 the last, 3 both); z of the element if it is an
+# END of the body (0 along the body), with the height of its middle and half of its height (END_MIDDLE, END_HALF); the
+# SUPPORTED_PART, held by supports in a motion (1: its first end, 2: its last one, 4: all)
+SIGN, START, SPAN, JOINED, END, END_MIDDLE, END_HALF, SUPPORTED_PART = 3, 4, 5, 6, 7, 8, 9, 11
 CURVE_SIZE = 12
-# then of the point: its DEEPEST allowed penetration, S [m] of it (OWN) and the length OWN_GOES of its element, the
-# distance APART along the body below which places are too near to touch (with the length ROUND of a closed body), the
-# end whose CORNER it is, whether it touches only places further ONWARD, whether it touches BOTH sides, YIELDS: into
-# how many pieces contact points divide an element to which it leaves contact where it is opposite to one (0: it does
-# not), the length LOOP of the closed body opposite to it (0: open), and whether supports hold it in a motion (RESTS)
-DEEPEST, OWN, OWN_GOES, APART, ROUND, CORNER, ONWARD, BOTH, YIELDS, LOOP, RESTS = range(CURVE_SIZE, CURVE_SIZE + 11)
+# then of the point: its DEEPEST allowed penetration, S [m] of it (POINT_S) and the length POINT_SPAN of its element,
+# the LEAST_DISTANCE along the body below which places are too near to touch (with the length OWN_LOOP of a closed
+# body), the end whose CORNER it is, whether it touches only places further ONWARD, whether it touches BOTH_SIDES, into
+# how many OPPOSITE_INTERVALS contact points divide an element to which it leaves contact where it is opposite to one
+# (0: it does not), the length LOOP of the closed body opposite to it (0: open), and whether supports hold it in a
+# motion (SUPPORTED_POINT)
+(DEEPEST, POINT_S, POINT_SPAN, LEAST_DISTANCE, OWN_LOOP, CORNER, ONWARD, BOTH_SIDES, OPPOSITE_INTERVALS, LOOP,
+ SUPPORTED_POINT) = range(CURVE_SIZE, CURVE_SIZE + 11)
 BODY_SIZE = CURVE_SIZE + 11
-# mem: z of the FOOT point; whether it was FOUND, within the curve or at an end (constants below); the SIDE of an axis
-# that the point is on; and the surface (``surface_of``) that friction holds it ON, at the place ANCHOR
-FOOT, FOUND, SIDE, ON = range(MEMORY, MEMORY + 4)
+# mem: z of the FOOT point; the FOOT_KIND: within the curve or at an end (constants below); the SIDE of an axis that the
+# point is on; and the SURFACE (``surface_of``) that friction holds it on, at the place ANCHOR
+FOOT, FOOT_KIND, SIDE, SURFACE = range(MEMORY, MEMORY + 4)
 BODY_MEMORY = MEMORY + 4
 NOWHERE, WITHIN, AT_FIRST, AT_LAST = 0.0, 1.0, 2.0, 3.0
 # greatest number of iterations for a foot point; steps below _ROUND that no longer shrink are round-off
@@ -95,26 +88,21 @@ class Facing(NamedTuple):
     boxes: Any
 
 
-def size_of(par):  # type: ignore[no-untyped-def]
-    """Return the number of fields of a curve."""
-    return (3 if int(par[SECTION]) == OF_THETA else 2) * int(par[TERMS])
-
-
 def curve_at(par, p0, u, z, work, across):  # type: ignore[no-untyped-def]
     """Fill work at z of a curve; return its derivatives (tx, ty, kx, ky) by z.
 
     Along an end of a body only the height in the section changes; ``across`` then has c' and its derivatives.
     """
     if par[END] == 0.0:
-        stand(par, p0, u, z, work)
-        tx, ty = along(par, work, AT_1, 1)
-        kx, ky = along(par, work, AT_2, 2)
+        position_at(par, p0, u, z, work)
+        tx, ty = curve_derivative(par, work, AT_1, 1)
+        kx, ky = curve_derivative(par, work, AT_2, 2)
         return tx, ty, kx, ky
-    take(par, p0, u, par[END], across)
-    par[OFFSET] = par[HALF]
+    interpolate(par, p0, u, par[END], across)
+    par[OFFSET] = par[END_HALF]
     offset(par, across)
-    take(par, p0, u, par[END], work)
-    par[OFFSET] = par[MIDDLE] + z * par[HALF]
+    interpolate(par, p0, u, par[END], work)
+    par[OFFSET] = par[END_MIDDLE] + z * par[END_HALF]
     offset(par, work)
     across[RHO] -= across[AT]
     across[RHO + 1] -= across[AT + 1]
@@ -123,41 +111,15 @@ def curve_at(par, p0, u, z, work, across):  # type: ignore[no-untyped-def]
     return across[RHO], across[RHO + 1], 0.0, 0.0
 
 
-def row(par, z, vx, vy, work, out):  # type: ignore[no-untyped-def]
-    """Set out (fields,) to the derivative of rho along (vx, vy)."""
-    body, _ = count_of(par)
-    for a in range(body):
-        work[VECTOR + a] = vx * work[BY + a] + vy * work[BY + 8 + a]
-    spread(par, z, work, VECTOR, 0, out, 0)
-
-
-def slope_row(par, z, vx, vy, work, across, out):  # type: ignore[no-untyped-def]
+def tangent_row(par, z, vx, vy, work, across, out):  # type: ignore[no-untyped-def]
     """Set out (fields,) to the derivative of c' along (vx, vy)."""
     if par[END] != 0.0:
-        row(par, par[END], vx, vy, across, out)
-        return
-    body, _ = count_of(par)
-    for a in range(body):
-        v = 0.0
-        for b in range(body):
-            v += (vx * work[BY_BY + 8 * a + b] + vy * work[BY_BY + 64 + 8 * a + b]) * work[AT_1 + b]
-        work[VECTOR + a], work[VECTOR + 8 + a] = v, vx * work[BY + a] + vy * work[BY + 8 + a]
-    spread(par, z, work, VECTOR, 0, out, 0)
-    spread(par, z, work, VECTOR + 8, 1, work, ROW)
-    for q in range(size_of(par)):
-        out[q] += work[ROW + q]
+        derivative_along(par, par[END], vx, vy, across, out, 0)
+    else:
+        slope_derivative_along(par, z, vx, vy, work, out, 0)
 
 
-def bend(par, z, vx, vy, work, H, first):  # type: ignore[no-untyped-def]
-    """Add the second derivative of rho along (vx, vy) to H, in rows and columns from ``first`` on."""
-    body, _ = count_of(par)
-    for a in range(body):
-        for b in range(body):
-            work[MATRIX + 8 * a + b] = vx * work[BY_BY + 8 * a + b] + vy * work[BY_BY + 64 + 8 * a + b]
-    spread_both(par, z, work, H, first, 1.0)
-
-
-def foot_on(par, p0, u, x, y, z, work, across):  # type: ignore[no-untyped-def]
+def foot_point(par, p0, u, x, y, z, work, across):  # type: ignore[no-untyped-def]
     """Return z of the foot point of (x, y) on a curve, by Newton's method from z; work is filled at the last trial."""
     last = 1.0
     for _ in range(_TRIES):
@@ -178,15 +140,15 @@ def gap_between(par, p0, u, mem, own, work, across):  # type: ignore[no-untyped-
 
     ``own`` is filled at the point, ``work`` and ``across`` at the foot point.
     """
-    other, m = par[ORIGIN:], size_of(par)
-    stand(par, p0, u, mem[PLACE] if mem[FREE] > 0.0 else par[HOME], own)
+    other, m = par[OPPOSITE:], field_count(par)
+    position_at(par, p0, u, mem[PLACE] if mem[PLACEMENT] > 0.0 else par[HOME], own)
     x, y = own[RHO], own[RHO + 1]
-    sign = other[SIGN] if other[BOTH] == 0.0 else mem[SIDE]
-    if mem[FOUND] == NOWHERE or sign == 0.0:
+    sign = other[SIGN] if other[BOTH_SIDES] == 0.0 else mem[SIDE]
+    if mem[FOOT_KIND] == NOWHERE or sign == 0.0:
         return np.nan, 0.0, 0.0, 0.0
     z = mem[FOOT]
-    if mem[FOUND] == WITHIN:
-        z = foot_on(other, p0[m:], u[m:], x, y, z, work, across)
+    if mem[FOOT_KIND] == WITHIN:
+        z = foot_point(other, p0[m:], u[m:], x, y, z, work, across)
         tx, ty, _, _ = curve_at(other, p0[m:], u[m:], z, work, across)
         size = sign / np.sqrt(tx * tx + ty * ty)
         nx, ny = -ty * size, tx * size
@@ -201,37 +163,37 @@ def gap_between(par, p0, u, mem, own, work, across):  # type: ignore[no-untyped-
     return turned * distance, turned * rx / distance, turned * ry / distance, z
 
 
-def beyond(joined, found):  # type: ignore[no-untyped-def]
+def is_past_end(joined, found):  # type: ignore[no-untyped-def]
     """Return whether a point is beyond an end of a surface that no curve continues; its corner is a contact point."""
     return (found == AT_FIRST and joined % 2.0 == 0.0) or (found == AT_LAST and joined < 2.0)
 
 
-def rows_between(par, own, work, across, z, mem, vx, vy, out):  # type: ignore[no-untyped-def]
+def relative_row(par, own, work, across, z, mem, vx, vy, out):  # type: ignore[no-untyped-def]
     """Set out (fields of both) to the derivative of R along (vx, vy) at a fixed z."""
-    other, m = par[ORIGIN:], size_of(par)
-    row(par, mem[PLACE] if mem[FREE] > 0.0 else par[HOME], vx, vy, own, out)
-    row(other, z if other[END] == 0.0 else other[END], -vx, -vy, work, out[m:])
+    other, m = par[OPPOSITE:], field_count(par)
+    derivative_along(par, mem[PLACE] if mem[PLACEMENT] > 0.0 else par[HOME], vx, vy, own, out, 0)
+    derivative_along(other, z if other[END] == 0.0 else other[END], -vx, -vy, work, out[m:], 0)
 
 
-def bent_between(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, H):  # type: ignore[no-untyped-def]
+def gap_derivatives(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, H):  # type: ignore[no-untyped-def]
     """Set rows 0 to 2 to N, A and B (fields,), and add the second derivative of the gap to H."""
-    other, m = par[ORIGIN:], size_of(par)
-    n = m + size_of(other)
+    other, m = par[OPPOSITE:], field_count(par)
+    n = m + field_count(other)
     at = z if other[END] == 0.0 else other[END]
     tx, ty, kx, ky = curve_at(other, p0[m:], u[m:], z, work, across)
-    rows_between(par, own, work, across, z, mem, nx, ny, rows[0])
-    bend(par, mem[PLACE] if mem[FREE] > 0.0 else par[HOME], nx, ny, own, H, 0)
-    bend(other, at, -nx, -ny, work, H, m)
+    relative_row(par, own, work, across, z, mem, nx, ny, rows[0])
+    add_second_derivative(par, mem[PLACE] if mem[PLACEMENT] > 0.0 else par[HOME], nx, ny, own, H, 0)
+    add_second_derivative(other, at, -nx, -ny, work, H, m)
     for q in range(n):
         rows[2, q] = 0.0
-    if mem[FOUND] != WITHIN:
-        rows_between(par, own, work, across, z, mem, -ny, nx, rows[1])
+    if mem[FOOT_KIND] != WITHIN:
+        relative_row(par, own, work, across, z, mem, -ny, nx, rows[1])
         for p in range(n):
             for q in range(n):
                 H[p, q] += rows[1, p] * rows[1, q] / g if g != 0.0 else 0.0
         return
-    rows_between(par, own, work, across, z, mem, tx, ty, rows[1])
-    slope_row(other, z, nx, ny, work, across, rows[2][m:])
+    relative_row(par, own, work, across, z, mem, tx, ty, rows[1])
+    tangent_row(other, z, nx, ny, work, across, rows[2][m:])
     T, b = tx * tx + ty * ty, nx * kx + ny * ky
     for p in range(n):
         A, B = rows[1, p], rows[2, p]
@@ -241,7 +203,7 @@ def bent_between(par, p0, u, mem, g, nx, ny, z, own, work, across, rows, H):  # 
 
 def surface_of(other):  # type: ignore[no-untyped-def]
     """Return a number for the surface of a body that a curve belongs to: face (-1, 1), end (-2, 2) or axis (3)."""
-    return 3.0 if other[BOTH] > 0.0 else other[SIGN] if other[END] == 0.0 else 2.0 * other[END]
+    return 3.0 if other[BOTH_SIDES] > 0.0 else other[SIGN] if other[END] == 0.0 else 2.0 * other[END]
 
 
 def place_on(other, z, tx, ty):  # type: ignore[no-untyped-def]
@@ -249,7 +211,7 @@ def place_on(other, z, tx, ty):  # type: ignore[no-untyped-def]
     size = np.sqrt(tx * tx + ty * ty)
     if other[END] != 0.0:
         return z, size
-    return other[BEGINS] + 0.5 * (z + 1.0) * other[GOES], 2.0 * size / other[GOES]
+    return other[START] + 0.5 * (z + 1.0) * other[SPAN], 2.0 * size / other[SPAN]
 
 
 def place_opposite(par, p0, u, mem, z, work, across):  # type: ignore[no-untyped-def]
@@ -257,15 +219,15 @@ def place_opposite(par, p0, u, mem, z, work, across):  # type: ignore[no-untyped
 
     They are NaN at a kink, where the foot point does not move.
     """
-    if mem[FOUND] != WITHIN:
+    if mem[FOOT_KIND] != WITHIN:
         return np.nan, np.nan, np.nan
-    other, m = par[ORIGIN:], size_of(par)
+    other, m = par[OPPOSITE:], field_count(par)
     tx, ty, _, _ = curve_at(other, p0[m:], u[m:], z, work, across)
     place, unit = place_on(other, z, tx, ty)
     return place, unit, surface_of(other)
 
 
-def way_between(loop, place, anchor):  # type: ignore[no-untyped-def]
+def distance_along(loop, place, anchor):  # type: ignore[no-untyped-def]
     """Return the distance from anchor to place along a surface, the shorter way around one of length ``loop``."""
     way = place - anchor
     return way - loop * np.floor(way / loop + 0.5) if loop > 0.0 else way

@@ -23,25 +23,31 @@ STILL, BY_ANGLE, BY_DIRECTION = 0, 1, 2
 # BODY: not an obstacle, but another body (contact_gaps)
 HALF_PLANE, CIRCLE, POLYLINE, BODY = 0, 1, 2, 3
 # par: position on the body, constants of the contact, pose of the obstacle in the reference, compliance of a point
-# between nodes (``contact_sliding``), shape of the obstacle and its numbers
+# between nodes (``contact_sliding``), shape of the obstacle, and what is OPPOSITE: its numbers, or another curve
 (SECTION, TERMS, OFFSET, HOME, WEIGHT, STIFFNESS, DAMPING, FRICTION, STICK, TOUCH, POSE, POSE_X, POSE_Y, LENGTH, FACE,
- BENDS, SHEARS, SHAPE, ORIGIN) = range(19)
-# mem: PLACE: z along the element; FREE: 0 fixed at home, 1 sliding about a corner, 2 fixed at PLACE on the curve of the
-# beam, 3 on that of the element itself, -1 and -2 not in use (on either curve), -3 supports hold its gap; FEATURE: the
-# part of a polyline opposite to it; ANCHOR: the place on the obstacle that friction holds it to; HELD: closed (1), open
-# (0), decided by force and gap (-1), or the same after it has pulled (-2): it then closes only if it is inside; SLIDES:
-# sticks (2), slides with friction of this sign along s (1 or -1), decided by the forces (0), or without friction in the
-# step of a motion in which it closes, where the impact includes it (3); BEHIND: friction force along s just after an
-# impact, inf if there was none; FROM: the gap from which it presses (``pressed_from``)
-PLACE, FREE, FEATURE, ANCHOR, HELD, SLIDES, BEHIND, FROM = range(8)
+ BENDING, SHEAR, SHAPE, OPPOSITE) = range(19)
+# the same places in hard contact: the constant c of ``contact.hard``, and half of the interval, in z, that a point may
+# move in about its HOME
+AUGMENTATION, HALF_INTERVAL = STIFFNESS, DAMPING
+# mem: PLACE: z along the element; PLACEMENT: 0 fixed at home, 1 sliding about a corner, 2 fixed at PLACE on the curve
+# of the beam, 3 on that of the element itself, -1 and -2 not in use (on either curve), -3 supports hold its gap;
+# FEATURE: the part of a polyline opposite to it; ANCHOR: the place on the obstacle that friction holds it to; STATUS:
+# closed (1), open (0), decided by force and gap (-1), or the same after it has pulled (-2): it then closes only if it
+# is inside; SLIP_STATUS: sticks (2), slides with friction of this sign along s (1 or -1), decided by the forces (0), or
+# without friction in the step of a motion in which it closes, where the impact includes it (3); AFTER_IMPACT: friction
+# force along s just after an impact, inf if there was none; START_GAP: the gap from which it presses
+# (``next_start_gap``)
+PLACE, PLACEMENT, FEATURE, ANCHOR, STATUS, SLIP_STATUS, AFTER_IMPACT, START_GAP = range(8)
 MEMORY = 8
-SUPPORTED, UNUSED_OWN, UNUSED, AT_HOME, SLIDING, STANDING, OWN = -3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0
-STICKS, CLOSES, NONE = 2.0, 3.0, np.inf
-PULLED, BY_CHOICE, OPEN, CLOSED = -2.0, -1.0, 0.0, 1.0
+SUPPORTED, UNUSED_ON_ELEMENT, UNUSED, AT_HOME, SLIDING, ON_BEAM, ON_ELEMENT = -3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0
+STICKS, CLOSES, NO_IMPACT = 2.0, 3.0, np.inf
+PULLED, BY_FORCE, OPEN, CLOSED = -2.0, -1.0, 0.0, 1.0
 OUTSIDE, UNTOUCHED = np.inf, -np.inf
 # rows of work: X, X', X'' (8 each), rho (2), its derivatives by X (2, 8) and (2, 8, 8), small vectors and matrices
 AT, AT_1, AT_2, RHO, BY, BY_BY, VECTOR, MATRIX, ROW, OTHER = 0, 8, 16, 24, 26, 42, 170, 226, 290, 330
 WORK = 370
+# most fields of a contact
+MOST_FIELDS = 100
 # cosine of the angle between face normal and gap gradient: a face turned away by more is the back of a thin body
 BACK = 0.7
 
@@ -52,7 +58,7 @@ def count_of(par):  # type: ignore[no-untyped-def]
     return 2 + section, (0 if pose == STILL else 2 + pose)
 
 
-def take(par, p0, u, z, work):  # type: ignore[no-untyped-def]
+def interpolate(par, p0, u, z, work):  # type: ignore[no-untyped-def]
     """Fill X, dX/dz and d2X/dz2 at z from the fields p0 + u."""
     terms, section = int(par[TERMS]), int(par[SECTION])
     sets = 3 if section == OF_THETA else 2
@@ -106,7 +112,7 @@ def offset(par, work):  # type: ignore[no-untyped-def]
                 work[BY_BY + 8 * (2 + j) + 2 + k], work[BY_BY + 64 + 8 * (2 + j) + 2 + k] = -y * f1, y * f0
 
 
-def seen(par, work):  # type: ignore[no-untyped-def]
+def to_obstacle_frame(par, work):  # type: ignore[no-untyped-def]
     """Transform rho and its derivatives to the frame of the obstacle, and add derivatives by its pose."""
     pose = int(par[POSE])
     if pose == STILL:
@@ -147,7 +153,7 @@ def seen(par, work):  # type: ignore[no-untyped-def]
 
 def corner(par, i, x, y):  # type: ignore[no-untyped-def]
     """Return (gap, nu, k, s, ds) of a point opposite to corner i of a polyline."""
-    n, closed, at = int(par[ORIGIN]), par[ORIGIN + 1] > 0.0, ORIGIN + 2
+    n, closed, at = int(par[OPPOSITE]), par[OPPOSITE + 1] > 0.0, OPPOSITE + 2
     vx, vy = par[at + 3 * i], par[at + 3 * i + 1]
     dx, dy = x - vx, y - vy
     D = np.sqrt(dx * dx + dy * dy)
@@ -170,7 +176,7 @@ def corner(par, i, x, y):  # type: ignore[no-untyped-def]
 
 def side_of(par, i, x, y):  # type: ignore[no-untyped-def]
     """Return (gap, nu, k, s, ds) of a point opposite to the line of segment i of a polyline."""
-    n, at = int(par[ORIGIN]), ORIGIN + 2
+    n, at = int(par[OPPOSITE]), OPPOSITE + 2
     j = (i + 1) % n
     ax, ay = par[at + 3 * i], par[at + 3 * i + 1]
     ex, ey = par[at + 3 * j] - ax, par[at + 3 * j + 1] - ay
@@ -181,7 +187,7 @@ def side_of(par, i, x, y):  # type: ignore[no-untyped-def]
 
 def feature_at(par, x, y):  # type: ignore[no-untyped-def]
     """Return the nearest part of a polyline: 2 i for segment i, 2 i + 1 for corner i."""
-    n, closed, at = int(par[ORIGIN]), par[ORIGIN + 1] > 0.0, ORIGIN + 2
+    n, closed, at = int(par[OPPOSITE]), par[OPPOSITE + 1] > 0.0, OPPOSITE + 2
     best, found = np.inf, 0
     for i in range(n if closed else n - 1):
         j = (i + 1) % n
@@ -207,10 +213,10 @@ def distance_at(par, x, y, feature):  # type: ignore[no-untyped-def]
     """
     shape = int(par[SHAPE])
     if shape == HALF_PLANE:
-        nx, ny = par[ORIGIN + 2], par[ORIGIN + 3]
-        return nx * (x - par[ORIGIN]) + ny * (y - par[ORIGIN + 1]), nx, ny, 0.0, 0
+        nx, ny = par[OPPOSITE + 2], par[OPPOSITE + 3]
+        return nx * (x - par[OPPOSITE]) + ny * (y - par[OPPOSITE + 1]), nx, ny, 0.0, 0
     if shape == CIRCLE:
-        dx, dy, R = x - par[ORIGIN], y - par[ORIGIN + 1], par[ORIGIN + 2]
+        dx, dy, R = x - par[OPPOSITE], y - par[OPPOSITE + 1], par[OPPOSITE + 2]
         # a negative radius: the body is inside the circle
         sign = 1.0 if R > 0.0 else -1.0
         D = max(np.sqrt(dx * dx + dy * dy), 1e-12 * abs(R))
@@ -223,11 +229,11 @@ def distance_at(par, x, y, feature):  # type: ignore[no-untyped-def]
 def place_at(par, x, y, part):  # type: ignore[no-untyped-def]
     """Return (s, ds): the arc length on the obstacle opposite to (x, y), and its derivative along (-nu_y, nu_x)."""
     shape = int(par[SHAPE])
-    dx, dy = x - par[ORIGIN], y - par[ORIGIN + 1]
+    dx, dy = x - par[OPPOSITE], y - par[OPPOSITE + 1]
     if shape == HALF_PLANE:
-        return par[ORIGIN + 2] * dy - par[ORIGIN + 3] * dx, 1.0
+        return par[OPPOSITE + 2] * dy - par[OPPOSITE + 3] * dx, 1.0
     if shape == CIRCLE:
-        R = par[ORIGIN + 2]
+        R = par[OPPOSITE + 2]
         return abs(R) * np.arctan2(dy, dx), R / max(np.sqrt(dx * dx + dy * dy), 1e-12 * abs(R))
     _, _, _, _, s, ds = side_of(par, part // 2, x, y) if part % 2 == 0 else corner(par, part // 2, x, y)
     return s, ds
@@ -240,12 +246,12 @@ def gap_at(par, x, y, feature):  # type: ignore[no-untyped-def]
     return g, nx, ny, k, s, ds
 
 
-def reach(par, p0, u, z):  # type: ignore[no-untyped-def]
+def bound_on_distance(par, p0, u, z):  # type: ignore[no-untyped-def]
     """Return a bound on the distance of points of the curve from the point at z, for the obstacle; inf if gaps jump.
 
     It uses |z^j| <= 1. The gap changes by no more than this distance, except at the ends of an open polyline.
     """
-    if int(par[SHAPE]) == POLYLINE and par[ORIGIN + 1] <= 0.0:
+    if int(par[SHAPE]) == POLYLINE and par[OPPOSITE + 1] <= 0.0:
         return np.inf
     terms, square = int(par[TERMS]), 0.0
     for c in range(2):
@@ -263,7 +269,7 @@ def reach(par, p0, u, z):  # type: ignore[no-untyped-def]
     return size
 
 
-def along(par, work, first, order):  # type: ignore[no-untyped-def]
+def curve_derivative(par, work, first, order):  # type: ignore[no-untyped-def]
     """Return drho/dz (order 1) or d2rho/dz2 (order 2), from derivatives of rho by X and X' or X'' (at ``first``)."""
     body, _ = count_of(par)
     rx, ry = 0.0, 0.0
@@ -278,73 +284,24 @@ def along(par, work, first, order):  # type: ignore[no-untyped-def]
     return rx, ry
 
 
-def stand(par, p0, u, z, work):  # type: ignore[no-untyped-def]
+def position_at(par, p0, u, z, work):  # type: ignore[no-untyped-def]
     """Fill X, rho and its derivatives at z."""
-    take(par, p0, u, z, work)
+    interpolate(par, p0, u, z, work)
     offset(par, work)
-    seen(par, work)
+    to_obstacle_frame(par, work)
 
 
-def spread(par, z, work, first, order, out, add):  # type: ignore[no-untyped-def]
-    """Fill out from index ``add`` with derivatives (fields,) by the fields, from those (n,) by X at ``first`` of work.
-
-    With ``order`` 1, the entries of work are derivatives by dX/dz.
-    """
-    terms, section = int(par[TERMS]), int(par[SECTION])
-    body, pose = count_of(par)
-    sets = 3 if section == OF_THETA else 2
-    for c in range(sets):
-        m0, m1, m2 = 1.0, 0.0, 0.0
-        for j in range(terms):
-            v = work[first + c] * (m0 if order == 0 else m1)
-            if section == OF_TANGENT:
-                v += work[first + 2 + c] * (m1 if order == 0 else m2)
-            out[add + c * terms + j] = v
-            m0, m1, m2 = m0 * z, m1 * z + m0, m2 * z + 2.0 * m1
-    for i in range(pose):
-        out[add + sets * terms + i] = work[first + body + i] if order == 0 else 0.0
-
-
-def spread_both(par, z, work, H, first, share):  # type: ignore[no-untyped-def]
-    """Add ``share`` times the matrix (8, 8) by X in work to H by the fields, in rows and columns from ``first`` on."""
-    terms, section = int(par[TERMS]), int(par[SECTION])
-    body, pose = count_of(par)
-    sets = 3 if section == OF_THETA else 2
-    fields = sets * terms + pose
-    for a in range(body + pose):
-        empty = True
-        for b in range(body + pose):
-            work[VECTOR + b] = work[MATRIX + 8 * a + b]
-            if work[VECTOR + b] != 0.0:
-                empty = False
-        if empty:
-            continue
-        spread(par, z, work, VECTOR, 0, work, OTHER)
-        if a >= body:
-            for q in range(fields):
-                H[first + sets * terms + a - body, first + q] += share * work[OTHER + q]
-            continue
-        c, up = (a - 2, 1) if section == OF_TANGENT and a >= 2 else (a, 0)
-        m0, m1 = 1.0, 0.0
-        for j in range(terms):
-            m = share * (m1 if up == 1 else m0)
-            if m != 0.0:
-                for q in range(fields):
-                    H[first + c * terms + j, first + q] += m * work[OTHER + q]
-            m0, m1 = m0 * z, m1 * z + m0
-
-
-def opens_by_choice(par, mem, force, g):  # type: ignore[no-untyped-def]
+def opens_by_force(par, mem, force, g):  # type: ignore[no-untyped-def]
     """Return whether a hard contact point with a free choice is open, given its force and gap.
 
     It is closed if force - c g >= -c TOUCH. A point that has pulled is open at any gap that is 0 up to round-off,
     because the force there would close it and pull again.
     """
-    touch = -par[TOUCH] if mem[HELD] == PULLED else par[TOUCH]
-    return mem[HELD] < OPEN and force < par[STIFFNESS] * (g - touch)
+    touch = -par[TOUCH] if mem[STATUS] == PULLED else par[TOUCH]
+    return mem[STATUS] < OPEN and force < par[AUGMENTATION] * (g - touch)
 
 
-def is_back(par, nx, ny, work):  # type: ignore[no-untyped-def]
+def faces_away(par, nx, ny, work):  # type: ignore[no-untyped-def]
     """Return whether the point is on a face that looks away from the obstacle; that of a thin body overlaps it too."""
     if par[FACE] == 0.0:
         return False
@@ -352,11 +309,11 @@ def is_back(par, nx, ny, work):  # type: ignore[no-untyped-def]
         # normal of the section, which two elements share at a node
         tx, ty = -work[BY + 2] / par[OFFSET], -work[BY + 10] / par[OFFSET]
     else:
-        tx, ty = along(par, work, AT_1, 1)
+        tx, ty = curve_derivative(par, work, AT_1, 1)
     return par[FACE] * (tx * ny - ty * nx) > BACK * np.sqrt(tx * tx + ty * ty)
 
 
-def pressed_from(last, gap, faces):  # type: ignore[no-untyped-def]
+def next_start_gap(last, gap, faces):  # type: ignore[no-untyped-def]
     """Return the gap from which a point presses after an accepted state, given its value before.
 
     It matters whether a point faces the obstacle when it enters. A point from OUTSIDE then presses from gap 0 on. One

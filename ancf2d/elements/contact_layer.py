@@ -23,13 +23,12 @@ from .contact_geometry import (
     DAMPING,
     FACE,
     FRICTION,
-    FROM,
     HOME,
     LENGTH,
     OF_TANGENT,
     OF_THETA,
     OFFSET,
-    ORIGIN,
+    OPPOSITE,
     OUTSIDE,
     POLYLINE,
     POSE,
@@ -37,23 +36,24 @@ from .contact_geometry import (
     POSE_Y,
     SECTION,
     SHAPE,
+    START_GAP,
     STICK,
     STIFFNESS,
     STILL,
     TERMS,
     WEIGHT,
+    bound_on_distance,
     distance_at,
+    next_start_gap,
     place_at,
-    pressed_from,
-    reach,
 )
 from .point_laws import APART, work_matrix
 
 # rows of work: the fields, powers of z and their derivatives, N, T, and other derivatives by the fields
-HERE, POWERS, SLOPES, ACROSS, ALONG, FALL, OTHER = range(7)
+HERE, POWERS, SLOPES, ACROSS, ALONG, RATE, OTHER = range(7)
 ROWS = 7
-# result of ``seen`` for an obstacle that does not rotate
-PLAIN = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+# result of ``to_obstacle_frame`` for an obstacle that does not rotate
+NO_ROTATION = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
 def slip(par, s, anchor):  # type: ignore[no-untyped-def]
@@ -62,15 +62,15 @@ def slip(par, s, anchor):  # type: ignore[no-untyped-def]
         return 0.0
     way = s - anchor
     if int(par[SHAPE]) == CIRCLE:
-        round_ = 2.0 * np.pi * abs(par[ORIGIN + 2])
-    elif int(par[SHAPE]) == POLYLINE and par[ORIGIN + 1] > 0.0:
-        round_ = par[ORIGIN + 1]
+        round_ = 2.0 * np.pi * abs(par[OPPOSITE + 2])
+    elif int(par[SHAPE]) == POLYLINE and par[OPPOSITE + 1] > 0.0:
+        round_ = par[OPPOSITE + 1]
     else:
         return way
     return way - round_ * np.floor(way / round_ + 0.5)
 
 
-def drag(par, way, pressed):  # type: ignore[no-untyped-def]
+def coulomb_force(par, way, pressed):  # type: ignore[no-untyped-def]
     """Return (friction force along s for a slip, whether it slides): elastic up to Coulomb's limit."""
     force, most = -par[STICK] * way, par[FRICTION] * pressed
     if abs(force) <= most:
@@ -84,7 +84,7 @@ def sets_of(par):  # type: ignore[no-untyped-def]
     return sets, sets * int(par[TERMS])
 
 
-def stand(par, work, z):  # type: ignore[no-untyped-def]
+def position_at(par, work, z):  # type: ignore[no-untyped-def]
     """Fill the powers of z; return rho, drho/dz, and the derivatives of rho by the section (theta or tangent).
 
     The latter are those of x and y by theta or by the first component of the tangent, then by its second component.
@@ -113,7 +113,7 @@ def stand(par, work, z):  # type: ignore[no-untyped-def]
     return x, y, x1, y1, a, b, c, d
 
 
-def seen(par, fields, x, y):  # type: ignore[no-untyped-def]
+def to_obstacle_frame(par, fields, x, y):  # type: ignore[no-untyped-def]
     """Return q, the direction (c, s) of the obstacle, and (x, y)/LENGTH, the derivatives of q by this direction."""
     pose = int(par[POSE])
     if pose == BY_ANGLE:
@@ -149,7 +149,7 @@ def row_of(par, work, x, y, bends, q, out):  # type: ignore[no-untyped-def]
         out[at], out[at + 1], out[at + 2], out[at + 3] = -vx, -vy, x * q[4] + y * q[5], x * q[5] - y * q[4]
 
 
-def bent_by(par, work, vx, vy, bends):  # type: ignore[no-untyped-def]
+def second_derivatives_by_section(par, work, vx, vy, bends):  # type: ignore[no-untyped-def]
     """Return the second derivatives of v.rho by the section: by theta, or by the tangent components xx, xy and yy."""
     section, h = int(par[SECTION]), par[OFFSET]
     if section == OF_THETA:
@@ -174,7 +174,7 @@ def bend(par, work, x, y, bends, q, H):  # type: ignore[no-untyped-def]
     terms, pose, m, row = int(par[TERMS]), int(par[POSE]), len(H), work[OTHER]
     sets, at = sets_of(par)
     if int(par[SECTION]) != CURVE:
-        xx, xy, yy = bent_by(par, work, q[2] * x - q[3] * y, q[3] * x + q[2] * y, bends)
+        xx, xy, yy = second_derivatives_by_section(par, work, q[2] * x - q[3] * y, q[3] * x + q[2] * y, bends)
         first, P = (2 * terms, work[POWERS]) if sets == 3 else (0, work[SLOPES])
         for i in range(terms):
             one, two = H[first + i, first:], H[terms + i]
@@ -194,7 +194,7 @@ def bend(par, work, x, y, bends, q, H):  # type: ignore[no-untyped-def]
     elif pose == BY_DIRECTION:
         x, y = x / par[LENGTH], y / par[LENGTH]
         for k in range(at + 2, at + 4):
-            row_of(par, work, x, y, bends, PLAIN, row)
+            row_of(par, work, x, y, bends, NO_ROTATION, row)
             x, y = -y, x
             for j in range(m):
                 H[k, j] += row[j]
@@ -225,7 +225,7 @@ def rates(par, work, w, bends, q):  # type: ignore[no-untyped-def]
     return (x, y, seen_x + moves[2] * q[4] + moves[3] * q[5], seen_y + moves[2] * q[5] - moves[3] * q[4], a, b)
 
 
-def fall(par, work, nx, ny, w, moving, bends, q, out):  # type: ignore[no-untyped-def]
+def rate_derivative(par, work, nx, ny, w, moving, bends, q, out):  # type: ignore[no-untyped-def]
     """Fill out (fields,) with the derivative nu.q_uu w of nu.dq/dt at constant nu."""
     terms, pose = int(par[TERMS]), int(par[POSE])
     sets, at = sets_of(par)
@@ -237,10 +237,10 @@ def fall(par, work, nx, ny, w, moving, bends, q, out):  # type: ignore[no-untype
         out[at + 2] += nx * (q[2] * vy - q[3] * vx) - ny * (q[2] * vx + q[3] * vy)
     elif pose == BY_DIRECTION:
         c, s, L = turns[2], turns[3], par[LENGTH]
-        row_of(par, work, (c * nx - s * ny) / L, (c * ny + s * nx) / L, bends, PLAIN, out)
+        row_of(par, work, (c * nx - s * ny) / L, (c * ny + s * nx) / L, bends, NO_ROTATION, out)
         out[at + 2], out[at + 3] = (nx * vx + ny * vy) / L, (nx * vy - ny * vx) / L
     if int(par[SECTION]) != CURVE:
-        xx, xy, yy = bent_by(par, work, q[2] * nx - q[3] * ny, q[3] * nx + q[2] * ny, bends)
+        xx, xy, yy = second_derivatives_by_section(par, work, q[2] * nx - q[3] * ny, q[3] * nx + q[2] * ny, bends)
         own, P = (out[2 * terms:], work[POWERS]) if sets == 3 else (out, work[SLOPES])
         a, b = xx * moving[4] + xy * moving[5], xy * moving[4] + yy * moving[5]
         for j in range(terms):
@@ -249,10 +249,10 @@ def fall(par, work, nx, ny, w, moving, bends, q, out):  # type: ignore[no-untype
                 own[terms + j] += b * P[j]
 
 
-def stiffen(par, work, force, held, stick, share, k, sheared, H, C):  # type: ignore[no-untyped-def]
-    """Add the derivatives of a point's force to H and C, except for q_uu, from N, T and the result of ``fall``."""
+def add_stiffness(par, work, force, held, stick, share, k, sheared, H, C):  # type: ignore[no-untyped-def]
+    """Add the derivatives of a point's force to H and C, except for q_uu, from N, T and row RATE."""
     weight, m = par[WEIGHT], len(H)
-    N, T, slope = work[ACROSS], work[ALONG], work[FALL]
+    N, T, slope = work[ACROSS], work[ALONG], work[RATE]
     stiff, damping = weight * par[STIFFNESS], weight * par[DAMPING]
     for j in range(m):
         # derivative of the normal force, with the sign reversed
@@ -269,16 +269,16 @@ def stiffen(par, work, force, held, stick, share, k, sheared, H, C):  # type: ig
                 line[j] += row * N[j]
 
 
-def opposite(par, work):  # type: ignore[no-untyped-def]
-    """Return drho/dz (2), its derivatives by the section, the result of ``seen``, and the point for the obstacle."""
-    x, y, x1, y1, a, b, c, d = stand(par, work, par[HOME])
-    q = seen(par, work[HERE, sets_of(par)[1]:], x, y)
+def point_at_home(par, work):  # type: ignore[no-untyped-def]
+    """Return drho/dz, derivatives of rho by the section, the result of ``to_obstacle_frame``, and the point there."""
+    x, y, x1, y1, a, b, c, d = position_at(par, work, par[HOME])
+    q = to_obstacle_frame(par, work[HERE, sets_of(par)[1]:], x, y)
     if int(par[POSE]) == STILL:
         return x1, y1, (a, b, c, d), q, (q[0], q[1])
     return x1, y1, (a, b, c, d), q, (par[POSE_X] + q[0], par[POSE_Y] + q[1])
 
 
-def looks_away(par, x1, y1, nx, ny, bends, q):  # type: ignore[no-untyped-def]
+def faces_away(par, x1, y1, nx, ny, bends, q):  # type: ignore[no-untyped-def]
     """Return whether the point is on a face that looks away from the obstacle; that of a thin body overlaps it too."""
     if par[FACE] == 0.0:
         return False
@@ -288,7 +288,7 @@ def looks_away(par, x1, y1, nx, ny, bends, q):  # type: ignore[no-untyped-def]
     return par[FACE] * (tx * ny - ty * nx) > BACK * np.sqrt(tx * tx + ty * ty)
 
 
-def apart_by(par, gap, length, q):  # type: ignore[no-untyped-def]
+def safe_change(par, gap, length, q):  # type: ignore[no-untyped-def]
     """Return a sum of changes of fields below which a curve cannot touch; ``length`` bounds the distance of its points.
 
     ``gap`` is that of one point. Sections may rotate by any angle, and a rotation of the pose moves a place by its
@@ -301,13 +301,13 @@ def apart_by(par, gap, length, q):  # type: ignore[no-untyped-def]
     return far / max(1.0, distance / par[LENGTH] if pose == BY_DIRECTION else distance)
 
 
-def rubbed(par, place, part, anchor, force):  # type: ignore[no-untyped-def]
+def friction_terms(par, place, part, anchor, force):  # type: ignore[no-untyped-def]
     """Return the friction force along t, its stiffness (sticking) and its ratio to the normal force (sliding)."""
     if par[FRICTION] == 0.0:
         return 0.0, 0.0, 0.0
     s, ds = place_at(par, place[0], place[1], part)
     way = slip(par, s, anchor)
-    held, slides = drag(par, way, force)
+    held, slides = coulomb_force(par, way, force)
     if slides:
         # Coulomb's limit follows the pressure
         return held * ds, 0.0, (par[FRICTION] if way > 0.0 else -par[FRICTION]) * ds
@@ -318,7 +318,7 @@ def layer(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     """Pressure max(0, -k g - c dg/dt) per length at points of a curve, with friction that is elastic up to a limit.
 
     ``par`` and ``mem`` have a row for each point; f, H and C are sums over them. H and C may have size 0. Returns
-    (energy, power), or (the result of ``apart_by``, APART) if no point acts.
+    (energy, power), or (the result of ``safe_change``, APART) if no point acts.
     """
     energy, power, acts, far, m = 0.0, 0.0, False, 0.0, len(u)
     work = work_matrix(ROWS, m)
@@ -327,19 +327,19 @@ def layer(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
         here[j] = p0[j] + u[j]
     for i in range(len(par)):
         one = par[i]
-        x1, y1, bends, q, place = opposite(one, work)
+        x1, y1, bends, q, place = point_at_home(one, work)
         g, nx, ny, k, part = distance_at(one, place[0], place[1], -1.0)
         if g >= 0.0:
             if i == 0:
-                far = apart_by(one, g, reach(one, p0, u, one[HOME]), q)
+                far = safe_change(one, g, bound_on_distance(one, p0, u, one[HOME]), q)
                 if far > 0.0:
                     break
             continue
-        if mem[i, FROM] != OUTSIDE:
-            g -= mem[i, FROM]
+        if mem[i, START_GAP] != OUTSIDE:
+            g -= mem[i, START_GAP]
             if g >= 0.0:
                 continue
-        elif looks_away(one, x1, y1, nx, ny, bends, q):
+        elif faces_away(one, x1, y1, nx, ny, bends, q):
             continue
         acts, weight = True, one[WEIGHT]
         moving = rates(one, work, w, bends, q)
@@ -350,7 +350,7 @@ def layer(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
             power -= weight * one[STIFFNESS] * g * rate
             continue
         force = weight * pressure
-        held, stick, share = rubbed(one, place, part, mem[i, ANCHOR], force)
+        held, stick, share = friction_terms(one, place, part, mem[i, ANCHOR], force)
         power += weight * one[DAMPING] * rate * rate - held * sheared
         px, py = force * nx - held * ny, force * ny + held * nx
         row_of(one, work, px, py, bends, q, row)
@@ -359,8 +359,8 @@ def layer(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
         if len(H) > 0:
             row_of(one, work, nx, ny, bends, q, work[ACROSS])
             row_of(one, work, -ny, nx, bends, q, work[ALONG])
-            fall(one, work, nx, ny, w, moving, bends, q, work[FALL])
-            stiffen(one, work, force, held, stick, share, k, sheared, H, C)
+            rate_derivative(one, work, nx, ny, w, moving, bends, q, work[RATE])
+            add_stiffness(one, work, force, held, stick, share, k, sheared, H, C)
             bend(one, work, -px, -py, bends, q, H)
     return (energy, power) if acts else (far, APART)
 
@@ -371,7 +371,7 @@ def layer_at(p0, u, w, par, a, mem, f, H, C):  # type: ignore[no-untyped-def]
     return (0.0, 0.0) if power == APART else (energy, power)
 
 
-def settle(p0, u, par, mem):  # type: ignore[no-untyped-def]
+def accept_layer(p0, u, par, mem):  # type: ignore[no-untyped-def]
     """Update, at an accepted state, the gap from which each point of a curve presses, and its friction anchor."""
     m = len(u)
     work = work_matrix(ROWS, m)
@@ -380,19 +380,19 @@ def settle(p0, u, par, mem):  # type: ignore[no-untyped-def]
         here[j] = p0[j] + u[j]
     for i in range(len(par)):
         one, anchor = par[i], mem[i, ANCHOR]
-        x1, y1, bends, q, place = opposite(one, work)
+        x1, y1, bends, q, place = point_at_home(one, work)
         g, nx, ny, _, part = distance_at(one, place[0], place[1], -1.0)
-        begin = pressed_from(mem[i, FROM], g, not looks_away(one, x1, y1, nx, ny, bends, q))
-        mem[i, FROM] = begin
+        begin = next_start_gap(mem[i, START_GAP], g, not faces_away(one, x1, y1, nx, ny, bends, q))
+        mem[i, START_GAP] = begin
         if one[FRICTION] == 0.0:
             continue
         s, _ = place_at(one, place[0], place[1], part)
         depth = max(begin - g, 0.0) if g < 0.0 else 0.0
-        held, slides = drag(one, slip(one, s, anchor), one[WEIGHT] * one[STIFFNESS] * depth)
+        held, slides = coulomb_force(one, slip(one, s, anchor), one[WEIGHT] * one[STIFFNESS] * depth)
         if slides or np.isnan(anchor):
             mem[i, ANCHOR] = s + held / one[STICK]
 
 
-def settle_at(p0, u, par, mem):  # type: ignore[no-untyped-def]
-    """Same as ``settle`` for one point."""
-    settle(p0, u, par.reshape((1, len(par))), mem.reshape((1, len(mem))))
+def accept_layer_at(p0, u, par, mem):  # type: ignore[no-untyped-def]
+    """Same as ``accept_layer`` for one point."""
+    accept_layer(p0, u, par.reshape((1, len(par))), mem.reshape((1, len(mem))))

@@ -21,31 +21,25 @@ from __future__ import annotations
 
 import numpy as np
 
+from .contact_derivatives import add_second_derivative, derivative_along, slope_derivative_along
 from .contact_geometry import (
     AT_1,
     AT_2,
-    BENDS,
-    BY,
-    BY_BY,
-    DAMPING,
+    BENDING,
     FEATURE,
+    HALF_INTERVAL,
     HOME,
-    MATRIX,
-    ORIGIN,
+    OPPOSITE,
     OTHER,
     PLACE,
     POLYLINE,
     RHO,
     ROW,
     SHAPE,
-    SHEARS,
-    VECTOR,
-    along,
-    count_of,
+    SHEAR,
+    curve_derivative,
     gap_at,
-    spread,
-    spread_both,
-    stand,
+    position_at,
 )
 
 TRIES = 30
@@ -55,26 +49,26 @@ SETTLED, AT_CORNER = 1e-9, 1e300
 BEYOND = 1.5
 
 
-def yields(par, z):  # type: ignore[no-untyped-def]
+def compliance(par, z):  # type: ignore[no-untyped-def]
     """Return c at z and its first two derivatives by z; 0 outside the interval of the point."""
-    if par[BENDS] == 0.0 or abs(z - par[HOME]) >= par[DAMPING]:
+    if par[BENDING] == 0.0 or abs(z - par[HOME]) >= par[HALF_INTERVAL]:
         return 0.0, 0.0, 0.0
-    half = par[DAMPING]
+    half = par[HALF_INTERVAL]
     x = 0.5 + 0.5 * (z - par[HOME]) / half
     v, d = x * (1.0 - x), 0.5 * (1.0 - 2.0 * x) / half
-    by_v, twice = 3.0 * par[BENDS] * v * v + par[SHEARS], 6.0 * par[BENDS] * v
-    return (par[BENDS] * v * v + par[SHEARS]) * v, by_v * d, twice * d * d - 0.5 * by_v / half**2
+    by_v, twice = 3.0 * par[BENDING] * v * v + par[SHEAR], 6.0 * par[BENDING] * v
+    return (par[BENDING] * v * v + par[SHEAR]) * v, by_v * d, twice * d * d - 0.5 * by_v / half**2
 
 
-def yields_beside(par, z, at):  # type: ignore[no-untyped-def]
+def compliance_between(par, z, at):  # type: ignore[no-untyped-def]
     """Return the additional deflection at z under a unit force at another place ``at`` of the interval."""
-    if par[BENDS] == 0.0 or max(abs(z - par[HOME]), abs(at - par[HOME])) >= par[DAMPING]:
+    if par[BENDING] == 0.0 or max(abs(z - par[HOME]), abs(at - par[HOME])) >= par[HALF_INTERVAL]:
         return 0.0
-    x, a = 0.5 + 0.5 * (z - par[HOME]) / par[DAMPING], 0.5 + 0.5 * (at - par[HOME]) / par[DAMPING]
+    x, a = 0.5 + 0.5 * (z - par[HOME]) / par[HALF_INTERVAL], 0.5 + 0.5 * (at - par[HOME]) / par[HALF_INTERVAL]
     if x > a:
         x, a = 1.0 - x, 1.0 - a
-    bent = 0.5 * par[BENDS] * x * (1.0 - a) * (3.0 * a - x * (1.0 + 2.0 * a))
-    return (bent + par[SHEARS]) * x * (1.0 - a)
+    bent = 0.5 * par[BENDING] * x * (1.0 - a) * (3.0 * a - x * (1.0 + 2.0 * a))
+    return (bent + par[SHEAR]) * x * (1.0 - a)
 
 
 def at_corner(par, feature):  # type: ignore[no-untyped-def]
@@ -84,19 +78,19 @@ def at_corner(par, feature):  # type: ignore[no-untyped-def]
 
 def slopes(par, z, force, nx, ny, k, work):  # type: ignore[no-untyped-def]
     """Return (g_z + c_z p/2, G, T, bend) at z, for the normal nu of the gap; bend is G without the term in k."""
-    _, c1, c2 = yields(par, z)
-    x1, y1 = along(par, work, AT_1, 1)
-    x2, y2 = along(par, work, AT_2, 2)
+    _, c1, c2 = compliance(par, z)
+    x1, y1 = curve_derivative(par, work, AT_1, 1)
+    x2, y2 = curve_derivative(par, work, AT_2, 2)
     T, bend = -ny * x1 + nx * y1, nx * x2 + ny * y2 + 0.5 * c2 * force
     return nx * x1 + ny * y1 + 0.5 * c1 * force, k * T * T + bend, T, bend
 
 
-def least(par, p0, u, mem, force, work):  # type: ignore[no-untyped-def]
+def sliding_place(par, p0, u, mem, force, work):  # type: ignore[no-untyped-def]
     """Return z near mem[PLACE] to which a point slides under a force, or NaN if there is none on its element."""
     z, feature, moved = mem[PLACE], mem[FEATURE], 0.0
     corner = at_corner(par, feature)
     for _ in range(TRIES):
-        stand(par, p0, u, z, work)
+        position_at(par, p0, u, z, work)
         _, nx, ny, k, _, _ = gap_at(par, work[RHO], work[RHO + 1], feature)
         slope, G, _, bend = slopes(par, z, force, nx, ny, k, work)
         if corner and k == 0.0:
@@ -105,7 +99,7 @@ def least(par, p0, u, mem, force, work):  # type: ignore[no-untyped-def]
             break
         if corner:
             # D g_z, and the second derivative of D^2/2, which stays positive far from the solution
-            x1, y1 = along(par, work, AT_1, 1)
+            x1, y1 = curve_derivative(par, work, AT_1, 1)
             slope, G = slope / k, max(x1 * x1 + y1 * y1 + bend / k, 0.1 * (x1 * x1 + y1 * y1))
         elif G <= 0.0:
             return np.nan
@@ -115,21 +109,21 @@ def least(par, p0, u, mem, force, work):  # type: ignore[no-untyped-def]
             return np.nan
         if moved < 1e-13:
             break
-    stand(par, p0, u, z, work)
+    position_at(par, p0, u, z, work)
     return z if moved < SETTLED else np.nan
 
 
-def foot(par, p0, u, z, work):  # type: ignore[no-untyped-def]
+def foot_of_centre(par, p0, u, z, work):  # type: ignore[no-untyped-def]
     """Return the place near z that is nearest to the centre of a circle, or NaN if it is not on the element.
 
     D^2/2 is stationary there. Its second derivative leads there from far away too; that of the gap does so only from
     places no further along the curve than the distance of the centre.
     """
     for _ in range(TRIES):
-        stand(par, p0, u, z, work)
-        x, y = work[RHO] - par[ORIGIN], work[RHO + 1] - par[ORIGIN + 1]
-        x1, y1 = along(par, work, AT_1, 1)
-        x2, y2 = along(par, work, AT_2, 2)
+        position_at(par, p0, u, z, work)
+        x, y = work[RHO] - par[OPPOSITE], work[RHO + 1] - par[OPPOSITE + 1]
+        x1, y1 = curve_derivative(par, work, AT_1, 1)
+        x2, y2 = curve_derivative(par, work, AT_2, 2)
         square = x1 * x1 + y1 * y1
         moved = (x * x1 + y * y1) / max(square + x * x2 + y * y2, 0.1 * square)
         z -= min(max(moved, -0.5), 0.5)
@@ -137,17 +131,17 @@ def foot(par, p0, u, z, work):  # type: ignore[no-untyped-def]
             return np.nan
         if abs(moved) < 1e-13:
             break
-    stand(par, p0, u, z, work)
+    position_at(par, p0, u, z, work)
     return z if abs(moved) < SETTLED else np.nan
 
 
-def facing(par, mem, z, force, work):  # type: ignore[no-untyped-def]
+def gap_at_place(par, mem, z, force, work):  # type: ignore[no-untyped-def]
     """Return (g, nu, k, s, ds) at z; at a corner, where g may be 0, nu follows from the tangent of the curve."""
     g, nx, ny, k, s, ds = gap_at(par, work[RHO], work[RHO + 1], mem[FEATURE])
     if at_corner(par, mem[FEATURE]):
         k = k if k != 0.0 else AT_CORNER
-        _, c1, _ = yields(par, z)
-        tx, ty = along(par, work, AT_1, 1)
+        _, c1, _ = compliance(par, z)
+        tx, ty = curve_derivative(par, work, AT_1, 1)
         L = np.sqrt(tx * tx + ty * ty)
         lean = min(max(0.5 * c1 * force / L, -0.5), 0.5)
         up = np.sqrt(1.0 - lean * lean) * (1.0 if -ty * nx + tx * ny > 0.0 else -1.0)
@@ -155,27 +149,12 @@ def facing(par, mem, z, force, work):  # type: ignore[no-untyped-def]
     return g, nx, ny, k, s, ds
 
 
-def bent_free(par, z, nx, ny, k, force, work, H, m):  # type: ignore[no-untyped-def]
+def add_sliding_hessian(par, z, nx, ny, k, force, work, H, m):  # type: ignore[no-untyped-def]
     """Add g_qq - g_qz v to H (m fields); leave v in work (OTHER) and return 1/G."""
-    body, pose = count_of(par)
-    for a in range(body + pose):
-        for b in range(body + pose):
-            work[MATRIX + 8 * a + b] = nx * work[BY_BY + 8 * a + b] + ny * work[BY_BY + 64 + 8 * a + b]
-    spread_both(par, z, work, H, 0, 1.0)
+    add_second_derivative(par, z, nx, ny, work, H, 0)
     _, _, T, bend = slopes(par, z, force, nx, ny, k, work)
-    # B = nu.(rho_XX X' W + rho_X W')
-    for a in range(body + pose):
-        v = 0.0
-        for b in range(body):
-            v += (nx * work[BY_BY + 8 * a + b] + ny * work[BY_BY + 64 + 8 * a + b]) * work[AT_1 + b]
-        work[VECTOR + a], work[VECTOR + 8 + a] = v, nx * work[BY + a] + ny * work[BY + 8 + a]
-    spread(par, z, work, VECTOR, 0, work, ROW)
-    spread(par, z, work, VECTOR + 8, 1, work, OTHER)
-    for q in range(m):
-        work[OTHER + q] += work[ROW + q]
-    for a in range(body + pose):
-        work[VECTOR + a] = -ny * work[BY + a] + nx * work[BY + 8 + a]
-    spread(par, z, work, VECTOR, 0, work, ROW)
+    slope_derivative_along(par, z, nx, ny, work, work, OTHER)
+    derivative_along(par, z, -ny, nx, work, work, ROW)
     # for k = 0, all terms are divided by D
     D, one = (1.0 / k, 1.0) if k != 0.0 else (1.0, 0.0)
     below = one * T * T + bend * D

@@ -96,12 +96,12 @@ class PointLaw:
 
     ``symmetric``: whether H is symmetric; ``constraint``: whether the last field is a multiplier. ``accept(p0, u, par,
     mem)`` updates ``mem`` at an accepted state. The functions may call other functions of numbers and arrays, and
-    allocate arrays by ``work_vector`` and ``work_matrix``.
+    allocate arrays by ``work_vector`` and ``work_matrix``. If the item does not act, ``forces`` may return the power
+    APART and, instead of the energy, a sum of changes of fields below which it cannot act.
 
     ``forces_of_run`` and ``accept_run`` do the same for many items that share their fields (``Items.runs``); ``par``
     and ``mem`` then have one row per item, and forces and energies are sums. H and C have size 0 if ``forces_of_run``
-    is called for forces only. If no item acts, it returns the power APART and, instead of the energy, a sum of changes
-    of fields below which no item can act. In that case p0 and u of ``accept_run`` have size 0.
+    is called for forces only.
     """
 
     name: str

@@ -14,6 +14,7 @@ from ..elements import contact_gaps as facing
 from ..elements import contact_geometry as geometry
 from ..elements.contact_bodies import COMPLIANT_BODIES, HARD_BODIES, ROUGH_BODIES
 from ..elements.contact_gaps import Facing
+from ..elements.formulations.base import cross
 from ..elements.shape import Array
 from ..model.mesh import BodyMesh, Index
 from .contact import STICK, TOUCH, Contact
@@ -27,38 +28,39 @@ from .contact_curves import (
     moves,
     offset_of,
     pieces_along,
+    place_along,
     spots,
 )
 
 # relative to the mean height of two bodies: a point that is deeper is not in contact, because the far side is nearer
 DEEPEST = 0.75
 # relative to the height of a body: greater depths are reported as a failure (more than half is impossible)
-THROUGH = 0.4
+TOO_DEEP = 0.4
 # relative to a height: parts of a body whose distance along it is less do not touch one another
-APART = 1.0
+SELF_DISTANCE = 1.0
 # relative to a height: step along the bodies when searching overlaps near a joint
-LOOK = 0.05
+SEARCH_STEP = 0.05
 # number of places along each curve for the geometry check in the reference
 STATIONS = 9
 
 
-def _beside(one: BodyMesh, s: float, two: BodyMesh, t: float) -> float:
+def _excluded_length(one: BodyMesh, s: float, two: BodyMesh, t: float) -> float:
     """Return the distance [m] along two bodies, from joined places s and t [m], within which their points never touch.
 
     The bodies overlap there: their axes are less than a height apart in the reference, or will be when they fold.
     At a corner of one body, this applies to its two arms.
     """
     height = _mean_height(one, two)
-    far, step = 0.5 * APART * height, LOOK * height
-    ways = _ways(one, s, step)
-    for way, other in combinations(ways, 2) if one is two and s == t else product(ways, _ways(two, t, step)):
+    far, step = 0.5 * SELF_DISTANCE * height, SEARCH_STEP * height
+    ways = _paths(one, s, step)
+    for way, other in combinations(ways, 2) if one is two and s == t else product(ways, _paths(two, t, step)):
         most = min(len(way), len(other))
         near = np.hypot(*(way[:most] - other[:most]).T) < height
         far = max(far, step * float(most if near.all() else np.argmin(near)))
     return far
 
 
-def _ways(mesh: BodyMesh, s: float, step: float) -> list[Array]:
+def _paths(mesh: BodyMesh, s: float, step: float) -> list[Array]:
     """Return points (k, 2) of a body in the reference, at distances ``step``, in both directions from s [m]."""
     length = mesh.plan.length
     return [np.array([mesh.plan.position((s + way * step * k) / length)[0] for k in range(int(room / step) + 1)])
@@ -103,16 +105,17 @@ def body_pairs(item: Contact, name: str, one: BodyMesh, two: BodyMesh, extent: f
         places += [(s, s) for s in _sharp_corners(one)]
     elif soft:
         rapid, follows = 0.0, {}
-    reach, out = [_beside(one, s, two, t) for s, t in places], []
+    reach, out = [_excluded_length(one, s, two, t) for s, t in places], []
     for k, (mesh, other) in enumerate([(one, two)] if itself else [(one, two), (two, one)]):
         whole = soft or itself or _rank(mesh) < _rank(other)
-        beside = [(at[k], near) for at, near in zip(places, reach, strict=True)]
+        excluded = [(at[k], near) for at, near in zip(places, reach, strict=True)]
         # a point that may move along an interval counts with all of it
         half = 0.5 * mesh.lengths / pieces_along(mesh)
         chosen = [p for p in _spots(item, mesh, whole)
-                  if all(abs(_along(mesh, p) - s) >= near + (half[p.ie] if p.free else 0.0) for s, near in beside)]
+                  if all(abs(place_along(mesh, p) - s) >= near + (half[p.ie] if p.free else 0.0)
+                         for s, near in excluded)]
         if chosen:
-            out.append(BodyPair(item, name, mesh, other, extent, chosen, whole, rapid, follows, beside))
+            out.append(BodyPair(item, name, mesh, other, extent, chosen, whole, rapid, follows, excluded))
     return out
 
 
@@ -135,24 +138,19 @@ def _sharp_corners(mesh: BodyMesh) -> list[float]:
     return out
 
 
-def _along(mesh: BodyMesh, p: Spot) -> float:
-    """Return the position of a spot along its body [m]."""
-    return float(mesh.starts[p.ie] + 0.5 * (p.z + 1.0) * mesh.lengths[p.ie])
-
-
 class BodyPair:
     """Points of a body that may touch another one, or itself, as point laws: see ``contact.ContactPair``.
 
     ``whole``: whether it has points everywhere or only at corners. The coordinates and fields of an item are those of
     its point, followed by those of the curve opposite to it, which changes (``kernels.facing``). ``curves`` are those
-    of the other body, ``reach`` (k, n) all coordinates that an item can ever act on.
+    of the other body, ``all_coordinates`` (k, n) all coordinates that an item can ever act on.
     """
 
     frame, fed, signal, size = None, -1, None, facing.BODY_MEMORY
     # its points touch bodies,
     on_bodies = True
     # stay at their places on their own curve,
-    still = False
+    places_move = False
     # and share no fields, because the curve opposite to each changes
     runs = None
     # no spots are left out because of supports
@@ -160,19 +158,19 @@ class BodyPair:
 
     def __init__(self, item: Contact, name: str, mesh: BodyMesh, other: BodyMesh, extent: float, chosen: list[Spot],
                  whole: bool = True, rapid: float = 0.0, follows: Mapping[int, Any] | None = None,
-                 beside: Sequence[tuple[float, float]] = ()) -> None:
+                 excluded: Sequence[tuple[float, float]] = ()) -> None:
         self.item, self.name, self.mesh, self.against = item, name, mesh, other
         self.hard, self.body, self.other, self.scale = item.law is None, mesh.plan.name, other.plan.name, extent
         self.spots, self.whole, self.rapid, self.follows = chosen, whole, rapid, follows or {}
-        self.beside = list(beside)
+        self.excluded = list(excluded)
         self.law = COMPLIANT_BODIES if not self.hard else ROUGH_BODIES if item.friction else HARD_BODIES
         # the reported force is that on the first body named; a body that touches itself has none
         self.sign = 0.0 if item.between is None else 1.0 if item.between[0] == self.body else -1.0
-        self.s: Array = np.array([_along(mesh, p) / mesh.plan.length for p in self.spots])
+        self.s: Array = np.array([place_along(mesh, p) / mesh.plan.length for p in self.spots])
         self.curves = curves_of(other, item.side, self.follows)
         self._items()
 
-    def at(self, item: Contact, mesh: BodyMesh, chosen: list[Spot]) -> BodyPair:
+    def with_points(self, item: Contact, mesh: BodyMesh, chosen: list[Spot]) -> BodyPair:
         """Return chosen points of one of the two bodies as a pair with the other, under a contact of the same kind."""
         other = self.against if mesh is self.mesh else self.mesh
         return BodyPair(item, self.name, mesh, other, self.scale, chosen)
@@ -196,12 +194,12 @@ class BodyPair:
         same = [geometry.SECTION, geometry.TERMS, geometry.OFFSET]
         self.alike = _alike(self.par[:, same])
         self.alike_curves = _alike(np.array([c.constants for c in self.curves])[
-            :, [*same, facing.END, facing.MIDDLE, facing.HALF]])
+            :, [*same, facing.END, facing.END_MIDDLE, facing.END_HALF]])
         self.mem: Array = np.zeros((len(self.spots), facing.BODY_MEMORY))
         self.mem[:, geometry.PLACE] = [p.z for p in self.spots]
-        self.mem[:, geometry.HELD], self.mem[:, geometry.BEHIND] = -1.0, geometry.NONE
-        self.mem[:, geometry.SLIDES] = geometry.CLOSES if self.hard else 0.0
-        self.mem[:, geometry.FREE] = [-1.0 if p.free else 0.0 for p in self.spots]
+        self.mem[:, geometry.STATUS], self.mem[:, geometry.AFTER_IMPACT] = -1.0, geometry.NO_IMPACT
+        self.mem[:, geometry.SLIP_STATUS] = geometry.CLOSES if self.hard else 0.0
+        self.mem[:, geometry.PLACEMENT] = [-1.0 if p.free else 0.0 for p in self.spots]
         self.own = len(self.p0[0]) - len(opposite.p0), own.shape[1]
         if self.item.side == "axis":
             self.mem[:, facing.SIDE] = self._sides()
@@ -215,7 +213,7 @@ class BodyPair:
         for rows in self.alike:
             # points on curves with the same constants are evaluated together
             work = np.zeros((geometry.WORK, len(rows)))
-            geometry.stand(self.par[rows[0]], self.p0[rows].T, u[rows].T, self.par[rows, geometry.HOME], work)
+            geometry.position_at(self.par[rows[0]], self.p0[rows].T, u[rows].T, self.par[rows, geometry.HOME], work)
             out[rows] = work[[geometry.RHO, geometry.RHO + 1]].T
         return out
 
@@ -223,10 +221,10 @@ class BodyPair:
         """Return the side of the other axis on which each point is in the reference, 0 beyond its ends."""
         (a, b), out = self.segments(), np.zeros(len(self.spots))
         for k, p in enumerate(self._places()):
-            z = np.clip(np.einsum("nc,nc->n", p - a, b - a) / np.einsum("nc,nc->n", b - a, b - a), 0.0, 1.0)
-            n = int(np.argmin(np.hypot(*(p - a - z[:, None] * (b - a)).T)))
+            distance, z = _nearest(p, a, b)
+            n = int(np.argmin(distance))
             beyond = not self.against.plan.closed and ((n == 0 and z[n] == 0.0) or (n == len(z) - 1 and z[n] == 1.0))
-            out[k] = 0.0 if beyond else np.sign(_cross(b[n] - a[n], p - a[n]))
+            out[k] = 0.0 if beyond else np.sign(cross(b[n] - a[n], p - a[n]))
         return out
 
     def segments(self, d: Array | None = None) -> tuple[Array, Array]:
@@ -257,10 +255,10 @@ class BodyPair:
         if self.item.side == "axis":
             return 0.0, 0.0
         if self.against is self.mesh:
-            return self._folded(d)
+            return self._self_overlap(d)
         (a, b), deepest, at = self.segments(d), 0.0, 0.0
         # the distance of a chord from an arc is bounded by the rotation to the next chord
-        turn = np.abs(_cross(b[:-1] - a[:-1], b[1:] - a[1:])) * (np.hypot(*(b[:-1] - a[1:]).T) < 1e-12 * self.scale)
+        turn = np.abs(cross(b[:-1] - a[:-1], b[1:] - a[1:])) * (np.hypot(*(b[:-1] - a[1:]).T) < 1e-12 * self.scale)
         off = float((turn / np.hypot(*(b - a).T)[:-1])[np.arange(1, len(a)) % (STATIONS - 1) > 0].max(initial=0.0))
         low, high = np.minimum(a, b).min(axis=0), np.maximum(a, b).max(axis=0)
         for p, s in zip(self._places(d), self.s.tolist(), strict=True):
@@ -271,13 +269,12 @@ class BodyPair:
                 x = a[:, 0] + (p[1] - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
             if np.count_nonzero(above & (x > p[0])) % 2 == 0:
                 continue
-            z = np.clip(np.einsum("nc,nc->n", p - a, b - a) / np.einsum("nc,nc->n", b - a, b - a), 0.0, 1.0)
-            depth = float(np.hypot(*(p - a - z[:, None] * (b - a)).T).min()) - off
+            depth = float(_nearest(p, a, b)[0].min()) - off
             if depth > deepest:
                 deepest, at = depth, s
         return deepest, at
 
-    def _folded(self, d: Array | None) -> tuple[float, float]:
+    def _self_overlap(self, d: Array | None) -> tuple[float, float]:
         """Return the greatest depth of a body in itself, by distances of places of its axis, and S of one of them."""
         from scipy.spatial import cKDTree
 
@@ -292,7 +289,7 @@ class BodyPair:
         along = np.abs(s[near.row] - s[near.col])
         if mesh.plan.closed:
             along = np.minimum(along, mesh.plan.length - along)
-        for at, far in self.beside:
+        for at, far in self.excluded:
             along[np.abs(s[near.row] - at) < far] = 0.0
         apart = np.flatnonzero(along > np.pi * height)
         if not len(apart):
@@ -306,7 +303,7 @@ class BodyPair:
         The limit is just below half the height: a deeper point is nearer to the far side.
         """
         depth, s = self.overlap(d)
-        if depth <= THROUGH * self.against.plan.section.height:
+        if depth <= TOO_DEEP * self.against.plan.section.height:
             return ""
         return f"{self.name}: {self.body} is pressed {depth:.4g} into {self.other} at S = {s:.4g}"
 
@@ -334,30 +331,31 @@ class BodyPair:
         corner = p.z if _is_end(self.mesh, p) else 0.0
         yields = float(pieces_along(self.against)) if self.hard and (
             corner == 1.0 if itself else not self.whole) else 0.0
-        return [DEEPEST * height, _along(self.mesh, p), float(self.mesh.lengths[p.ie]),
-                APART * height if itself else 0.0, length if itself and self.mesh.plan.closed else 0.0, corner,
+        return [DEEPEST * height, place_along(self.mesh, p), float(self.mesh.lengths[p.ie]),
+                SELF_DISTANCE * height if itself else 0.0, length if itself and self.mesh.plan.closed else 0.0, corner,
                 float(itself and self.hard and corner == 0.0), float(self.item.side == "axis"),
                 yields, self.against.plan.length if self.against.plan.closed else 0.0,
                 float(bool(self.follows) and not moves(self.mesh, p, self.follows))]
 
     @cached_property
-    def reach(self) -> Index:
+    def all_coordinates(self) -> Index:
         """All coordinates that each item can act on (k, n); points refer to rows of it."""
         other = np.unique(self.against.dofs)
         own = self.dofs[:, :self.own[1]]
         return np.hstack([own, np.broadcast_to(other, (len(own), len(other)))])
 
     @property
-    def meetings(self) -> Index:
+    def coordinate_sets(self) -> Index:
         """All sets of coordinates on which an item can act together (k, n): one element of each body."""
         own = np.unique(self.dofs[:, :self.own[1]], axis=0)
         other = self.against.dofs
         return np.hstack([np.repeat(own, len(other), axis=0), np.tile(other, (len(own), 1))])
 
 
-def _cross(a: Array, b: Array) -> Array:
-    out: Array = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return out
+def _nearest(p: Array, a: Array, b: Array) -> tuple[Array, Array]:
+    """Return the distances (n,) of a point from segments from a to b (n, 2), and the nearest places on them, 0 to 1."""
+    z = np.clip(np.einsum("nc,nc->n", p - a, b - a) / np.einsum("nc,nc->n", b - a, b - a), 0.0, 1.0)
+    return np.hypot(*(p - a - z[:, None] * (b - a)).T), z
 
 
 def _is_end(mesh: BodyMesh, p: Spot) -> bool:

@@ -24,14 +24,15 @@ from .contact_curves import (
     BeamCurve,
     Spot,
     beam_curve,
+    compliances_of,
     eta_at,
     face_of,
     is_cubic,
     movable,
     offset_of,
     pieces_along,
+    place_along,
     touching_rows,
-    yields_of,
 )
 from .obstacles import Frame
 
@@ -88,15 +89,15 @@ class ContactPair:
 
     ``dofs`` (m, n), ``G`` (m, fields, n), ``p0`` (m, fields), ``par`` and ``mem`` (m, .): see ``point_patch.Items``;
     ``spots`` (m) and their ``s`` (m,) along the body; ``hard``: whether each has a multiplier after its fields.
-    ``still``: its points may move along elements to where a body lifts off (``contact_curves``). ``follows`` are the
-    coordinates that are not unknowns; ``rapid`` [1/s] is a rate far above those of a motion, which gives the stick
+    ``places_move``: its points may move along elements to where a body lifts off (``contact_curves``). ``follows`` are
+    the coordinates that are not unknowns; ``rapid`` [1/s] is a rate far above those of a motion, which gives the stick
     stiffness of a rigid body.
     """
 
     # whether its points touch bodies
     on_bodies = False
-    # distance of the surface from its given place; see ``draw_back``
-    back = 0.0
+    # distance of the surface from its given place; see ``set_back``
+    setback = 0.0
     # for hard contact in statics: the spots that only supports move, without contact points, and their reference gaps
     # (m,)
     driven: tuple[ContactPair, Array] | None = None
@@ -112,19 +113,18 @@ class ContactPair:
 
     def __init__(self, item: Contact, name: str, mesh: BodyMesh, obstacle: Any, frame: Frame, extent: float,
                  follows: Mapping[int, Any] | None = None, rapid: float = 0.0, chosen: list[Spot] | None = None,
-                 still: bool = False) -> None:
+                 places_move: bool = False) -> None:
         self.obstacle = obstacle
         self.item, self.name, self.mesh, self.frame, self.hard = item, name, mesh, frame, item.law is None
         self.body, self.other, self.law, self.sign = mesh.plan.name, "", COMPLIANT if item.law else HARD, 1.0
-        self.still = still and self.hard
-        self.spots = chosen or movable(mesh, item.side, not self.hard, follows or {}, self.still)
-        self.s: Array = np.array([(mesh.starts[p.ie] + 0.5 * (p.z + 1.0) * mesh.lengths[p.ie]) / mesh.plan.length
-                                  for p in self.spots])
+        self.places_move = places_move and self.hard
+        self.spots = chosen or movable(mesh, item.side, not self.hard, follows or {}, self.places_move)
+        self.s: Array = np.array([place_along(mesh, p) / mesh.plan.length for p in self.spots])
         self.rapid, self.cubic = rapid, is_cubic(mesh)
         coords, rows, p0 = _pose_rows(frame)
         dofs, G, start, par = [], [], [], []
         seen = cache(lambda cls, eta: touching_rows(mesh, int(np.flatnonzero(mesh.cls == cls)[0]), eta, item.side,
-                                                    self.still))
+                                                    self.places_move))
         # element and height of the curve of each spot
         self.on_curve = [(p.ie, eta_at(mesh, p)) for p in self.spots]
         for p, (_, eta) in zip(self.spots, self.on_curve, strict=True):
@@ -135,37 +135,37 @@ class ContactPair:
             start.append(np.concatenate([own @ mesh.e0[mesh.dofs[p.ie] - mesh.first_dof], p0]))
             dofs.append(np.concatenate([mesh.dofs[p.ie], coords]))
             par.append([kind, terms, offset_of(mesh, eta), p.z, p.weight, *self._law(p), TOUCH * extent, frame.kind,
-                        *frame.origin, frame.length, face_of(p, item.side), *yields_of(mesh, p, self.still),
+                        *frame.origin, frame.length, face_of(p, item.side), *compliances_of(mesh, p, self.places_move),
                         *obstacle.shape()])
         self.dofs: Index = np.array(dofs)
         self.G, self.p0, self.par = np.array(G), np.array(start), np.array(par)
         self.mem: Array = np.zeros((len(self.spots), geometry.MEMORY))
         self.mem[:, geometry.PLACE] = self.par[:, geometry.HOME]
-        self.mem[:, geometry.HELD], self.mem[:, geometry.BEHIND] = -1.0, geometry.NONE
-        self.mem[:, geometry.FROM] = geometry.OUTSIDE
-        self.mem[:, geometry.SLIDES] = geometry.CLOSES if self.hard else 0.0
-        self.mem[:, geometry.FREE] = [-1.0 if p.free else 0.0 for p in self.spots]
+        self.mem[:, geometry.STATUS], self.mem[:, geometry.AFTER_IMPACT] = -1.0, geometry.NO_IMPACT
+        self.mem[:, geometry.START_GAP] = geometry.OUTSIDE
+        self.mem[:, geometry.SLIP_STATUS] = geometry.CLOSES if self.hard else 0.0
+        self.mem[:, geometry.PLACEMENT] = [-1.0 if p.free else 0.0 for p in self.spots]
         # with a law, friction holds a point to its place in the first state
         self.mem[:, geometry.ANCHOR] = 0.0 if self.hard else np.nan
         self.fed = tuple(self.G.shape[1] - 3 + k for k in range(3)) if frame.kind == geometry.BY_ANGLE else -1
         self.signal = frame.signals or None
         self.scale, self.size = extent, geometry.MEMORY
 
-    def at(self, item: Contact, mesh: BodyMesh, chosen: list[Spot]) -> ContactPair:
+    def with_points(self, item: Contact, mesh: BodyMesh, chosen: list[Spot]) -> ContactPair:
         """Return chosen points of the body as a pair with the same obstacle, under a contact of the same kind."""
         out = ContactPair(item, self.name, mesh, self.obstacle, self.frame, self.scale, chosen=chosen)
-        if self.back > 0.0:
-            out.draw_back(self.back)
+        if self.setback > 0.0:
+            out.set_back(self.setback)
         return out
 
-    def draw_back(self, back: float) -> None:
+    def set_back(self, setback: float) -> None:
         """Move the surface of a smooth obstacle this distance [m] away from the bodies."""
-        shape = self.obstacle.shape(back)
-        self.par[:, -len(shape):], self.back = shape, back
+        shape = self.obstacle.shape(setback)
+        self.par[:, -len(shape):], self.setback = shape, setback
 
     def beam_at(self, k: int) -> BeamCurve | None:
         """Return the curve of the beam at spot k, or None if it is the curve of the element itself."""
-        return beam_curve(self.mesh, self.spots[k], self.item.side, self.still)
+        return beam_curve(self.mesh, self.spots[k], self.item.side, self.places_move)
 
     def _law(self, p: Spot) -> tuple[float, float, float, float]:
         """Return stiffness, damping (hard contact: range of z), friction and stick stiffness of a spot."""
@@ -173,7 +173,7 @@ class ContactPair:
         if law is not None:
             return law.stiffness, law.damping, mu, law.stiffness * p.weight
         # in place of damping: how far in z a movable point searches its place
-        reach = 1.0 if self.still else 1.0 / pieces_along(self.mesh)
+        reach = 1.0 if self.places_move else 1.0 / pieces_along(self.mesh)
         section, l = self.mesh.plan.section, float(self.mesh.lengths[p.ie])
         if self.mesh.plan.rigid:
             mass = float(section.rhoA) * self.mesh.plan.length
@@ -186,11 +186,11 @@ class ContactPair:
         return ""
 
     @property
-    def meetings(self) -> Index:
+    def coordinate_sets(self) -> Index:
         """All coordinates on which an item acts together (m, n)."""
         return self.dofs
 
-    reach = meetings
+    all_coordinates = coordinate_sets
 
     def gaps(self, d: Array, t: float) -> Array:
         """Return the gap (m,) of each spot at its home place at displacements d (n_full,) and t."""
@@ -200,7 +200,7 @@ class ContactPair:
             u = self.G[i] @ d[self.dofs[i]]
             if given:
                 u[-3:] = given
-            geometry.stand(par, self.p0[i], u, par[geometry.HOME], work)
+            geometry.position_at(par, self.p0[i], u, par[geometry.HOME], work)
             out[i] = geometry.gap_at(par, work[geometry.RHO], work[geometry.RHO + 1], -1.0)[0]
         return out
 
@@ -226,7 +226,7 @@ class CompliantContact:
     ends: tuple[()] = ()
 
     def __init__(self, pair: Any) -> None:
-        self.pair, self.law, self.dofs, self.signal = pair, pair.law, pair.meetings, pair.signal
+        self.pair, self.law, self.dofs, self.signal = pair, pair.law, pair.coordinate_sets, pair.signal
         self.symmetric = pair.item.friction == 0.0
         self.damped = bool(pair.item.law and pair.item.law.damping) or not self.symmetric
         # all points of an elastic body together: see ``point_patch.PointPatch``
@@ -251,10 +251,10 @@ class ContactPoint(PointConstraint):
 
     def __init__(self, pair: Any, i: int) -> None:
         self.law, self.pair, self.number = pair.law, pair, i
-        self.beam = pair.beam_at(i) if pair.still else None
+        self.beam = pair.beam_at(i) if pair.places_move else None
         self.G = np.vstack([pair.G[i], np.zeros(pair.G.shape[2])])
         self.p0 = np.append(pair.p0[i], 0.0)
-        self.par, self.mem, self.dofs = pair.par[i], pair.mem[i], pair.reach[i]
+        self.par, self.mem, self.dofs = pair.par[i], pair.mem[i], pair.all_coordinates[i]
         self.signal, self.fed, self.sections, self.facing = pair.signal, pair.fed, (), None  # type: ignore[assignment]
         self.symmetric = pair.item.friction == 0.0
         self.owner, self.holds, self.scale = pair.name, f"contact at S = {pair.s[i]:.4g}", pair.scale

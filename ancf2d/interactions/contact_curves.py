@@ -54,6 +54,11 @@ def pieces_along(mesh: BodyMesh) -> int:
     return max(len(own) - shared, 1)
 
 
+def place_along(mesh: BodyMesh, spot: Spot) -> float:
+    """Return the position of a spot along its body [m]."""
+    return float(mesh.starts[spot.ie] + 0.5 * (spot.z + 1.0) * mesh.lengths[spot.ie])
+
+
 def levels_of(mesh: BodyMesh, side: str) -> list[float]:
     """Return eta of the curves that may touch: the lower and upper face, or the axis."""
     if side == "axis":
@@ -62,12 +67,12 @@ def levels_of(mesh: BodyMesh, side: str) -> list[float]:
     return [-below, 2.0 - below]
 
 
-def spots(mesh: BodyMesh, side: str, compliant: bool, still: bool) -> list[Spot]:
+def spots(mesh: BodyMesh, side: str, compliant: bool, places_move: bool) -> list[Spot]:
     """Return the spots of a body that may touch.
 
     A compliant contact is integrated over Gauss points of the faces and ends. A hard contact has spots at the ends of
     elements and, in motion, at inner positions (``pieces_along``), and a free one in each interval; in statics
-    (``still``) an element is one interval.
+    (``places_move``) an element is one interval.
     """
     out, count = [], len(mesh.dofs)
     if compliant:
@@ -80,7 +85,7 @@ def spots(mesh: BodyMesh, side: str, compliant: bool, still: bool) -> list[Spot]
             out += [Spot(ie, z, low + (high - low) * a, b * mesh.plan.section.height)
                     for ie, z in ((0, -1.0), (count - 1, 1.0)) for a, b in zip(y.tolist(), w.tolist(), strict=True)]
         return out
-    parts = 1 if still else pieces_along(mesh)
+    parts = 1 if places_move else pieces_along(mesh)
     for eta in levels_of(mesh, side):
         for ie in range(count):
             for i in range(parts):
@@ -94,9 +99,9 @@ def spots(mesh: BodyMesh, side: str, compliant: bool, still: bool) -> list[Spot]
     return out
 
 
-def movable(mesh: BodyMesh, side: str, compliant: bool, follows: Mapping[int, Any], still: bool) -> list[Spot]:
+def movable(mesh: BodyMesh, side: str, compliant: bool, follows: Mapping[int, Any], places_move: bool) -> list[Spot]:
     """Return the spots of a body that may touch, without those that supports keep in place (see ``moves``)."""
-    return _chosen(mesh, spots(mesh, side, compliant, still), follows, True)
+    return _chosen(mesh, spots(mesh, side, compliant, places_move), follows, True)
 
 
 def driven(mesh: BodyMesh, side: str, follows: Mapping[int, Any]) -> list[Spot]:
@@ -160,10 +165,10 @@ def is_cubic(mesh: BodyMesh) -> bool:
     return mesh.plan.element.degree_of_turn > 1
 
 
-def yields_of(mesh: BodyMesh, spot: Spot, still: bool) -> tuple[float, float]:
+def compliances_of(mesh: BodyMesh, spot: Spot, places_move: bool) -> tuple[float, float]:
     """Return l^3/3 EI and l/kGA of the interval of a free spot in statics, else zeros; see ``contact_sliding``."""
     section, l = mesh.plan.section, spot.weight
-    if not (still and spot.free) or mesh.plan.rigid:
+    if not (places_move and spot.free) or mesh.plan.rigid:
         return 0.0, 0.0
     return l**3 / (3.0 * section.EI), 0.0 if mesh.plan.element.section_kind == "tangent" else l / section.kGA
 
@@ -190,11 +195,10 @@ def padded(rows: Array, terms: int, wanted: int) -> Array:
     return out.reshape(-1, rows.shape[1])
 
 
-def touching_rows(mesh: BodyMesh, ie: int, eta: float, side: str, still: bool) -> tuple[Array, int, int]:
-    """Return the same as ``curve_rows`` for the touching curve; in statics (``still``) with at least cubic powers.
-    """
+def touching_rows(mesh: BodyMesh, ie: int, eta: float, side: str, places_move: bool) -> tuple[Array, int, int]:
+    """Return the same as ``curve_rows`` for the touching curve; with ``places_move``, at least up to cubic powers."""
     rows, terms, kind = curve_rows(mesh, ie, eta)
-    if still and not mesh.plan.rigid:
+    if places_move and not mesh.plan.rigid:
         wanted = max(terms, CUBIC)
         rows, terms = padded(rows, terms, wanted), wanted
     # with side axis, the rotation of sections does not matter
@@ -227,10 +231,10 @@ class BeamCurve:
         self.start, self.c0, self.h0 = self.linear @ e, self.chord @ e, bends @ e
 
 
-def beam_curve(mesh: BodyMesh, spot: Spot, side: str, still: bool) -> BeamCurve | None:
+def beam_curve(mesh: BodyMesh, spot: Spot, side: str, places_move: bool) -> BeamCurve | None:
     """Return the beam's curve for a free spot in statics, or None if the spot touches with the curve of the element
     itself."""
-    if not (still and spot.free) or mesh.plan.rigid or mesh.plan.element.section_kind == "tangent":
+    if not (places_move and spot.free) or mesh.plan.rigid or mesh.plan.element.section_kind == "tangent":
         return None
     return BeamCurve(mesh, spot.ie, eta_at(mesh, spot), side)
 
@@ -303,25 +307,25 @@ def curves_of(mesh: BodyMesh, side: str, follows: Mapping[int, Any]) -> list[Cur
             rows, own, kind = curve_rows(mesh, ie, height)
             joined = (1 if ie > 0 or mesh.plan.closed else 0) + (2 if ie < count - 1 or mesh.plan.closed else 0)
             add(ie, padded(rows, own, terms), kind, OFFSET=offset_of(mesh, height), JOINED=joined,
-                SIGN=-1.0 if eta == levels[0] and side == "surface" else 1.0, BEGINS=float(mesh.starts[ie]),
-                GOES=float(mesh.lengths[ie]), FIXED=sum(k for k, z in ((1, -1.0), (2, 1.0))
-                                                    if follows and not moves(mesh, Spot(ie, z, eta, 0.0), follows)))
+                SIGN=-1.0 if eta == levels[0] and side == "surface" else 1.0, START=float(mesh.starts[ie]),
+                SPAN=float(mesh.lengths[ie]), SUPPORTED_PART=sum(
+                    k for k, z in ((1, -1.0), (2, 1.0)) if follows and not moves(mesh, Spot(ie, z, eta, 0.0), follows)))
     if side == "surface" and not mesh.plan.closed:
         for ie, z in ((0, -1.0), (count - 1, 1.0)):
             low, high = (eta_at(mesh, Spot(ie, z, eta, 0.0)) for eta in levels)
             rests = follows and not any(moves(mesh, Spot(ie, z, eta, 0.0), follows) for eta in levels)
-            place = {"SIGN": -z, "BEGINS": 0.0 if z < 0.0 else mesh.plan.length, "FIXED": 4.0 if rests else 0.0}
+            place = {"SIGN": -z, "START": 0.0 if z < 0.0 else mesh.plan.length, "SUPPORTED_PART": 4.0 if rests else 0.0}
             rows, own, kind = curve_rows(mesh, ie, 0.0)
             if kind == geometry.CURVE:
                 add(ie, _across(mesh, ie, z, low, high), kind, **place)
             else:
                 below, above = offset_of(mesh, low), offset_of(mesh, high)
-                add(ie, padded(rows, own, terms), kind, **place, END=z, MIDDLE=0.5 * (below + above),
-                    HALF=0.5 * (above - below))
+                add(ie, padded(rows, own, terms), kind, **place, END=z, END_MIDDLE=0.5 * (below + above),
+                    END_HALF=0.5 * (above - below))
     return out
 
 
-class _Curves:
+class _StackedCurves:
     """Points of a table whose curves have the same numbers of fields and coordinates, stacked for ``BeamCurves``."""
 
     def __init__(self, items: list[int], patches: list[Any]) -> None:
@@ -365,17 +369,17 @@ class BeamCurves:
                 items.append(at)
                 found.append(patch)
             at += len(patch.items().p0)
-        self.groups = [_Curves(*group) for group in groups.values()]
+        self.groups = [_StackedCurves(*group) for group in groups.values()]
 
-    def take(self, points: Any, d: Array, unused: bool) -> None:
+    def write(self, points: Any, d: Array, unused: bool) -> None:
         """Write the curves of points at displacements d (n_full,) to the table (``kernels.points.Points``); those of
         ``unused`` points too, if asked for."""
         for group in self.groups:
-            free = points.mem[group.items, geometry.FREE]
+            free = points.mem[group.items, geometry.PLACEMENT]
             which: Index = np.flatnonzero(unused | (free > 0.0))
             if not len(which):
                 continue
-            own = (free[which] == geometry.OWN) | (free[which] == geometry.UNUSED_OWN)
+            own = (free[which] == geometry.ON_ELEMENT) | (free[which] == geometry.UNUSED_ON_ELEMENT)
             rows, start = group.at(which, own, d)
             items, (wide, n) = group.items[which], rows.shape[1:]
             fields = points.field[items + 1] - points.field[items]

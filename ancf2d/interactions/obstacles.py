@@ -42,7 +42,7 @@ ON_DOC = ("Rigid body that the obstacle is fixed to; the obstacle is given in it
           "ground)")
 
 
-def _held(self: Any) -> Iterator[Issue]:
+def _check_motion(self: Any) -> Iterator[Issue]:
     if self.on is not None and self.motion is not None:
         yield Issue(("motion",), "{}: an obstacle on a body moves with the body", "on or motion")
 
@@ -59,9 +59,9 @@ class Circle:
     inside: bool = key(Flag(), "Whether bodies are inside the circle, as in a pipe", default=False)
     on: str | None = key(Name("the name of a body"), ON_DOC, default=None, refers="bodies")
     motion: Motion | None = key(Record(Motion), MOTION_DOC, default=None)
-    check = _held
+    check = _check_motion
 
-    def free(self, name: str) -> str:
+    def region(self, name: str) -> str:
         """Return the region of the bodies, in words."""
         return f"inside {name}" if self.inside else f"outside {name}"
 
@@ -70,9 +70,9 @@ class Circle:
         """The centre of its rotation."""
         return self.center
 
-    def shape(self, back: float = 0.0) -> list[float]:
+    def shape(self, setback: float = 0.0) -> list[float]:
         """Return the shape and its numbers for the contact law, with the surface moved ``back`` [m] from the bodies."""
-        return [geometry.CIRCLE, *self.center, (-self.radius if self.inside else self.radius) - back]
+        return [geometry.CIRCLE, *self.center, (-self.radius if self.inside else self.radius) - setback]
 
     def outline(self) -> tuple[Array, bool]:
         """Return points (n, 2) of the surface, and whether they form a closed line."""
@@ -92,9 +92,9 @@ class HalfPlane:
                                       example=[0, 1])
     on: str | None = key(Name("the name of a body"), ON_DOC, default=None, refers="bodies")
     motion: Motion | None = key(Record(Motion), MOTION_DOC, default=None)
-    check = _held
+    check = _check_motion
 
-    def free(self, name: str) -> str:
+    def region(self, name: str) -> str:
         """Return the region of the bodies, in words."""
         return f"on the side of {name} that its normal points to"
 
@@ -103,11 +103,11 @@ class HalfPlane:
         """The centre of its rotation."""
         return self.through
 
-    def shape(self, back: float = 0.0) -> list[float]:
+    def shape(self, setback: float = 0.0) -> list[float]:
         """Return the shape and its numbers for the contact law, with the surface moved ``back`` [m] from the bodies."""
         size = math.hypot(*self.normal)
         nx, ny = self.normal[0] / size, self.normal[1] / size
-        return [geometry.HALF_PLANE, self.through[0] - back * nx, self.through[1] - back * ny, nx, ny]
+        return [geometry.HALF_PLANE, self.through[0] - setback * nx, self.through[1] - setback * ny, nx, ny]
 
     def outline(self) -> tuple[Array, bool]:
         """Return two points of the surface (2, 2), one length unit to either side, and False (not closed)."""
@@ -130,7 +130,7 @@ class PolylineObstacle:
 
     def check(self) -> Iterator[Issue]:
         """Yield issues for corners that form no walls."""
-        yield from _held(self)
+        yield from _check_motion(self)
         if self.closed and len(self.points) < 3:
             yield Issue(("points",), "{}.points: a closed polyline has at least 3 corners")
         following = [*self.points[1:], *self.points[:1]] if self.closed else self.points[1:]
@@ -140,7 +140,7 @@ class PolylineObstacle:
         if self.closed and len(self.points) >= 3 and _area(self.points) == 0.0:
             yield Issue(("points",), "{}.points: the corners enclose no area")
 
-    def free(self, name: str) -> str:
+    def region(self, name: str) -> str:
         """Return the region of the bodies, in words."""
         return f"outside {name}" if self.closed else f"to the left of {name}, from its first point to its last"
 

@@ -14,20 +14,20 @@ from ..elements import contact_sliding as sliding
 from ..elements.contact_geometry import (
     AT_HOME,
     CIRCLE,
-    DAMPING,
     FEATURE,
-    FREE,
-    HELD,
+    HALF_INTERVAL,
     HOME,
     MEMORY,
-    ORIGIN,
-    OWN,
+    ON_BEAM,
+    ON_ELEMENT,
+    OPPOSITE,
     PLACE,
+    PLACEMENT,
     POLYLINE,
     RHO,
     SHAPE,
     SLIDING,
-    STANDING,
+    STATUS,
     WORK,
 )
 from .body_passages import bodies_cross
@@ -39,7 +39,7 @@ from .points import amplitude_of, fields_of_item
 
 # samples of an interval between contact points; penetration next to an existing point counts from this fraction of the
 # beam's local deflection there
-SAMPLES, BESIDE = 9, 0.25
+SAMPLES, SHARE_OF_DEFLECTION = 9, 0.25
 # fractions of the extent: a path less deep than this does not pass through an obstacle; depth that counts as touching
 DEPTH, TOUCHES = 1e-3, 1e-9
 # a point has passed through if the cosine between the normals where it enters and leaves is below the first number,
@@ -49,10 +49,11 @@ TURNED, TURNED_DEEP, DEEP = -0.5, 0.5, 2e-2
 # as the one before, with this many midpoints each
 HALVES, PIECES = 12, 4
 
-_feature_at, _gap_at, _is_back, _stand = (part(f) for f in (
-    geometry.feature_at, geometry.gap_at, geometry.is_back, geometry.stand))
-_facing, _foot, _least, _slopes, _yields, _yields_beside = (part(f) for f in (
-    sliding.facing, sliding.foot, sliding.least, sliding.slopes, sliding.yields, sliding.yields_beside))
+_feature_at, _gap_at, _faces_away, _position_at = (part(f) for f in (
+    geometry.feature_at, geometry.gap_at, geometry.faces_away, geometry.position_at))
+_gap_at_place, _foot_of_centre, _sliding_place, _slopes, _compliance, _compliance_between = (part(f) for f in (
+    sliding.gap_at_place, sliding.foot_of_centre, sliding.sliding_place, sliding.slopes, sliding.compliance,
+    sliding.compliance_between))
 
 
 @kernel
@@ -64,13 +65,13 @@ def contact_gaps(points, d, amps, gaps, along, faces):  # type: ignore[no-untype
         b, m = points.field[i], points.field[i + 1] - points.field[i]
         fields_of_item(points, i, d, u)
         amplitude_of(points, i, amps, u, w, a)
-        z = points.par[i, HOME] if points.mem[i, FREE] == AT_HOME else points.mem[i, PLACE]
-        _stand(points.par[i], points.p0[b:b + m], u, z, work)
-        feature = -1.0 if points.mem[i, FREE] == AT_HOME else points.mem[i, FEATURE]
+        z = points.par[i, HOME] if points.mem[i, PLACEMENT] == AT_HOME else points.mem[i, PLACE]
+        _position_at(points.par[i], points.p0[b:b + m], u, z, work)
+        feature = -1.0 if points.mem[i, PLACEMENT] == AT_HOME else points.mem[i, FEATURE]
         gaps[i], nx, ny, _, along[i], _ = _gap_at(points.par[i], work[RHO], work[RHO + 1], feature)
-        if points.mem[i, FREE] == SLIDING or points.mem[i, FREE] == STANDING:
-            gaps[i] -= u[m - 1] * _yields(points.par[i], z)[0]
-        faces[i] = not _is_back(points.par[i], nx, ny, work)
+        if points.mem[i, PLACEMENT] == SLIDING or points.mem[i, PLACEMENT] == ON_BEAM:
+            gaps[i] -= u[m - 1] * _compliance(points.par[i], z)[0]
+        faces[i] = not _faces_away(points.par[i], nx, ny, work)
 
 
 @inner
@@ -88,7 +89,7 @@ def is_crossed(par, x, y, g, dx, dy, depth):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _met(par, x, y, dx, dy, depth):  # type: ignore[no-untyped-def]
+def _entry_normal(par, x, y, dx, dy, depth):  # type: ignore[no-untyped-def]
     """Return the normal of an obstacle where the straight path (dx, dy) from (x, y) first comes within ``depth``."""
     length, s = math.sqrt(dx * dx + dy * dy), 0.0
     g, nx, ny, _, _, _ = _gap_at(par, x, y, -1.0)
@@ -99,21 +100,21 @@ def _met(par, x, y, dx, dy, depth):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _passes(par, p0, u, v, z, extent, work):  # type: ignore[no-untyped-def]
+def _passes_through(par, p0, u, v, z, extent, work):  # type: ignore[no-untyped-def]
     """Return whether place z of a curve passes through an obstacle between fields u and v: see ``obstacle_crossed``."""
     depth, near = DEPTH * extent, TOUCHES * extent
-    _stand(par, p0, u, z, work)
+    _position_at(par, p0, u, z, work)
     x, y = work[RHO], work[RHO + 1]
-    _stand(par, p0, v, z, work)
+    _position_at(par, p0, v, z, work)
     dx, dy = work[RHO] - x, work[RHO + 1] - y
     g = _gap_at(par, x, y, -1.0)[0]
     g_end, mx, my, _, _, _ = _gap_at(par, x + dx, y + dy, -1.0)
     if g <= -near or math.sqrt(dx * dx + dy * dy) <= g + g_end or not is_crossed(par, x, y, g, dx, dy, depth):
         return False
-    nx, ny = _met(par, x, y, dx, dy, depth)
+    nx, ny = _entry_normal(par, x, y, dx, dy, depth)
     if g_end <= -near:
         return nx * mx + ny * my < TURNED
-    mx, my = _met(par, x + dx, y + dy, -dx, -dy, depth)
+    mx, my = _entry_normal(par, x + dx, y + dy, -dx, -dy, depth)
     turned = nx * mx + ny * my
     return turned < TURNED or (turned < TURNED_DEEP and is_crossed(par, x, y, g, dx, dy, DEEP * extent))
 
@@ -130,50 +131,51 @@ def obstacle_crossed(points, free, before, amps_before, d, amps, extent):  # typ
     """
     u, v, w, a, work = vector(200), vector(200), vector(200), vector(3), vector(WORK)
     for i in range(len(points.forces)):
-        if points.mem[i, FREE] != AT_HOME and not free[i]:
+        if points.mem[i, PLACEMENT] != AT_HOME and not free[i]:
             continue
         par, b, m = points.par[i], points.field[i], points.field[i + 1] - points.field[i]
         fields_of_item(points, i, before, u)
         amplitude_of(points, i, amps_before, u, w, a)
         fields_of_item(points, i, d, v)
         amplitude_of(points, i, amps, v, w, a)
-        half = par[DAMPING] if free[i] else 0.0
+        half = par[HALF_INTERVAL] if free[i] else 0.0
         for k in range(SAMPLES if free[i] else 1):
-            if _passes(par, points.p0[b:b + m], u, v, par[HOME] - half + 2.0 * half * k / (SAMPLES - 1), extent, work):
+            z = par[HOME] - half + 2.0 * half * k / (SAMPLES - 1)
+            if _passes_through(par, points.p0[b:b + m], u, v, z, extent, work):
                 return True
     return False
 
 
 @kernel
 @seldom
-def lean(points, d, amps, slope, bend):  # type: ignore[no-untyped-def]
+def gap_slopes(points, d, amps, slope, bend):  # type: ignore[no-untyped-def]
     """Fill slope = g_z and bend = g_zz (n,) of the gap of each point that was placed off its home, at d (n_full,)."""
     u, w, a, work = vector(200), vector(200), vector(3), vector(WORK)
     for i in range(len(points.forces)):
-        if points.mem[i, FREE] <= 0.0:
+        if points.mem[i, PLACEMENT] <= 0.0:
             continue
         par, z, b, m = points.par[i], points.mem[i, PLACE], points.field[i], points.field[i + 1] - points.field[i]
         fields_of_item(points, i, d, u)
         amplitude_of(points, i, amps, u, w, a)
-        _stand(par, points.p0[b:b + m], u, z, work)
+        _position_at(par, points.p0[b:b + m], u, z, work)
         _, nx, ny, k, _, _ = _gap_at(par, work[RHO], work[RHO + 1], points.mem[i, FEATURE])
         slope[i], bend[i], _, _ = _slopes(par, z, 0.0, nx, ny, k, work)
 
 
 @inner
-def _try(par, p0, u, mem, work, z, feature, low, high, about, best):  # type: ignore[no-untyped-def]
+def _try_from(par, p0, u, mem, work, z, feature, low, high, about, best):  # type: ignore[no-untyped-def]
     """Minimise the gap to one ``feature`` of the obstacle from z; store the minimum in ``best`` if it is the deepest.
 
     ``about``: the minimum is found as the foot point of the centre of a circle.
     """
     mem[PLACE], mem[FEATURE] = z, feature
-    found = _foot(par, p0, u, z, work) if about else _least(par, p0, u, mem, 0.0, work)
+    found = _foot_of_centre(par, p0, u, z, work) if about else _sliding_place(par, p0, u, mem, 0.0, work)
     if math.isnan(found) or not low <= found <= high:
         return
-    g, nx, ny, _, _, _ = _facing(par, mem, found, 0.0, work)
+    g, nx, ny, _, _, _ = _gap_at_place(par, mem, found, 0.0, work)
     # the gap to a corner can also be negative outside of the obstacle, behind the corner
     inside = feature < 0.0 or _gap_at(par, work[RHO], work[RHO + 1], -1.0)[0] < 0.0
-    if g < best[0] and inside and not _is_back(par, nx, ny, work):
+    if g < best[0] and inside and not _faces_away(par, nx, ny, work):
         best[0], best[1], best[2] = g, found, feature
 
 
@@ -195,16 +197,16 @@ def deepest(points, free, d, amps, depth, place, feature):  # type: ignore[no-un
         par, p0 = points.par[i], points.p0[b:b + m]
         fields_of_item(points, i, d, u)
         amplitude_of(points, i, amps, u, w, a)
-        low, high = par[HOME] - par[DAMPING], par[HOME] + par[DAMPING]
+        low, high = par[HOME] - par[HALF_INTERVAL], par[HOME] + par[HALF_INTERVAL]
         longest, at = 0.0, 0
-        taken = points.mem[i, HELD] > 0.0 and points.mem[i, FREE] > 0.0
+        taken = points.mem[i, STATUS] > 0.0 and points.mem[i, PLACEMENT] > 0.0
         for k in range(SAMPLES):
             zs[k] = low + (high - low) * k / (SAMPLES - 1)
-            _stand(par, p0, u, zs[k], work)
+            _position_at(par, p0, u, zs[k], work)
             xs[k], ys[k] = work[RHO], work[RHO + 1]
             g[k] = _gap_at(par, xs[k], ys[k], -1.0)[0]
-            if taken and points.mem[i, FREE] != OWN:
-                g[k] -= u[m - 1] * _yields_beside(par, zs[k], points.mem[i, PLACE])
+            if taken and points.mem[i, PLACEMENT] != ON_ELEMENT:
+                g[k] -= u[m - 1] * _compliance_between(par, zs[k], points.mem[i, PLACE])
             if k > 0:
                 longest = max(longest, math.hypot(xs[k] - xs[k - 1], ys[k] - ys[k - 1]))
             if g[k] < g[at]:
@@ -214,14 +216,14 @@ def deepest(points, free, d, amps, depth, place, feature):  # type: ignore[no-un
             continue
         best[0] = 0.0
         if taken:
-            depth[i], place[i], feature[i] = _beside(par, u[m - 1], points.mem[i], xs[at], ys[at], zs[at], g[at])
+            depth[i], place[i], feature[i] = _next_to_point(par, u[m - 1], points.mem[i], xs[at], ys[at], zs[at], g[at])
             continue
         if int(par[SHAPE]) != POLYLINE:
             circle = int(par[SHAPE]) == CIRCLE
-            if not circle or par[ORIGIN + 2] > 0.0 or 0 < at < SAMPLES - 1:
+            if not circle or par[OPPOSITE + 2] > 0.0 or 0 < at < SAMPLES - 1:
                 # a circle whose centre is closer than the samples are to each other
-                small = circle and par[ORIGIN + 2] > 0.0 and par[ORIGIN + 2] + g[at] < longest
-                _try(par, p0, u, mem, work, zs[at], -1.0, low, high, small, best)
+                small = circle and par[OPPOSITE + 2] > 0.0 and par[OPPOSITE + 2] + g[at] < longest
+                _try_from(par, p0, u, mem, work, zs[at], -1.0, low, high, small, best)
         else:
             _try_polyline(par, p0, u, mem, work, zs, xs, ys, g, longest, best)
         depth[i], place[i], feature[i] = -best[0], best[1], best[2]
@@ -240,7 +242,7 @@ def overlaps(points, d, amps, place, x, w, exact, summed):  # type: ignore[no-un
         par, p0 = points.par[i], points.p0[b:b + m]
         fields_of_item(points, i, d, u)
         amplitude_of(points, i, amps, u, v, a)
-        low, length = par[HOME] - par[DAMPING], 2.0 * par[DAMPING]
+        low, length = par[HOME] - par[HALF_INTERVAL], 2.0 * par[HALF_INTERVAL]
         exact[i], summed[i] = 0.0, 0.0
         for k in range(len(x)):
             summed[i] += length * w[k] * _depth(par, p0, u, low + length * x[k], work)
@@ -260,18 +262,18 @@ def overlaps(points, d, amps, place, x, w, exact, summed):  # type: ignore[no-un
 @inner
 def _depth(par, p0, u, z, work):  # type: ignore[no-untyped-def]
     """Return the depth of the curve in the obstacle at z, or 0 if it is the back of the curve."""
-    _stand(par, p0, u, z, work)
+    _position_at(par, p0, u, z, work)
     g, nx, ny, _, _, _ = _gap_at(par, work[RHO], work[RHO + 1], -1.0)
-    return -g if g < 0.0 and not _is_back(par, nx, ny, work) else 0.0
+    return -g if g < 0.0 and not _faces_away(par, nx, ny, work) else 0.0
 
 
 @inner
-def _beside(par, multiplier, mem, x, y, z, g):  # type: ignore[no-untyped-def]
+def _next_to_point(par, multiplier, mem, x, y, z, g):  # type: ignore[no-untyped-def]
     """Return (depth, z, feature) if sample z penetrates another feature than the existing point of the interval, by
     more than a share of the beam's local deflection there; else zeros."""
     what = float(_feature_at(par, x, y)) if int(par[SHAPE]) == POLYLINE else mem[FEATURE]
-    soft = 0.0 if mem[FREE] == OWN else _yields(par, mem[PLACE])[0]
-    if what == mem[FEATURE] or g >= BESIDE * multiplier * soft:
+    soft = 0.0 if mem[PLACEMENT] == ON_ELEMENT else _compliance(par, mem[PLACE])[0]
+    if what == mem[FEATURE] or g >= SHARE_OF_DEFLECTION * multiplier * soft:
         return 0.0, 0.0, 0.0
     return -g, z, what
 
@@ -284,8 +286,8 @@ def _try_polyline(par, p0, u, mem, work, zs, xs, ys, g, longest, best):  # type:
         if g[k] <= longest:
             what = _feature_at(par, xs[k], ys[k])
             if what % 2 == 0:
-                _try(par, p0, u, mem, work, zs[k], float(what), low, high, False, best)
-    n, c = int(par[ORIGIN]), ORIGIN + 2
+                _try_from(par, p0, u, mem, work, zs[k], float(what), low, high, False, best)
+    n, c = int(par[OPPOSITE]), OPPOSITE + 2
     for v in range(n):
         if not _convex(par, v, n):
             continue
@@ -295,14 +297,14 @@ def _try_polyline(par, p0, u, mem, work, zs, xs, ys, g, longest, best):  # type:
             if far > D:
                 near, far = k, D
         if near >= 0:
-            _try(par, p0, u, mem, work, zs[near], 2.0 * v + 1.0, low, high, False, best)
+            _try_from(par, p0, u, mem, work, zs[near], 2.0 * v + 1.0, low, high, False, best)
 
 
 @inner
 def _convex(par, v, n):  # type: ignore[no-untyped-def]
     """Return whether vertex v of a polyline is a convex corner of the solid; ends of an open polyline are not."""
-    c = ORIGIN + 2
-    if par[ORIGIN + 1] < 0.0 and (v == 0 or v == n - 1):
+    c = OPPOSITE + 2
+    if par[OPPOSITE + 1] < 0.0 and (v == 0 or v == n - 1):
         return False
     before, after = (v - 1 + n) % n, (v + 1) % n
     ax, ay = par[c + 3 * v] - par[c + 3 * before], par[c + 3 * v + 1] - par[c + 3 * before + 1]
@@ -328,7 +330,7 @@ def contact_compilations(problem: Any, obstacles: bool, bodies: bool, sided: boo
             out.append(partial(body_deepest.compile, (facing, points, b, x, x, x)))
     if obstacles:
         out += [partial(contact_gaps.compile, (points, x, xx, x, x, b)),
-                partial(lean.compile, (points, x, xx, x, x))]
+                partial(gap_slopes.compile, (points, x, xx, x, x))]
         if not moves:
             out.append(partial(obstacle_crossed.compile, (points, b, x, xx, x, xx, types.float64)))
         if sided or soft:

@@ -12,10 +12,11 @@ from .points import (
     add_to,
     amplitude_of,
     coordinates_of_item,
-    evaluate_item,
+    does_not_act,
     fields_of_item,
-    is_inactive,
     largest_size,
+    law_or_distance,
+    rates_of_item,
     stiffness_of,
     work_arrays,
 )
@@ -49,19 +50,6 @@ def _rows(x, i, count):  # type: ignore[no-untyped-def]
 
 
 @inner
-def is_out_of_reach(points, i, d):  # type: ignore[no-untyped-def]
-    """Return whether the items from i on are still out of reach: the coordinates moved less than the last known
-    distance to acting.
-    """
-    n, first, way = points.dof[i + 1] - points.dof[i], points.dof[i], 0.0
-    dofs, lever = array_at(points.dofs, first, (n,)), array_at(points.lever, first, (n,))
-    there = array_at(points.there, first, (n,))
-    for c in range(n):
-        way += lever[c] * abs(d[dofs[c]] - there[c])
-    return way < points.apart[i]
-
-
-@inner
 def _store_distance(points, i, d, apart):  # type: ignore[no-untyped-def]
     """Store the distance ``apart`` of the items from i on to acting, and d as the point where it holds."""
     points.apart[i] = apart
@@ -80,17 +68,22 @@ def _evaluate_run(points, i, d, v, amps, u, w, a, f, H, C, alone):  # type: igno
     ``alone``: H and C are not needed.
     """
     b, m, run = points.field[i], points.field[i + 1] - points.field[i], points.run[i]
+    if does_not_act(points, i, d):
+        if points.multiplier[i] < 0:
+            return 0.0, 0.0, NOTHING
+        f[m - 1], H[m * m - 1] = d[points.multiplier[i]], 1.0
+        return 0.0, 0.0, MULTIPLIER
     if points.forces_of_run[i] == 0:
-        if is_inactive(points, i):
-            if points.multiplier[i] < 0:
-                return 0.0, 0.0, NOTHING
-            f[m - 1], H[m * m - 1] = d[points.multiplier[i]], 1.0
+        rates_of_item(points, i, v, w)
+        fields_of_item(points, i, d, u)
+        amplitude_of(points, i, amps, u, w, a)
+        energy, power = law_or_distance(points, i, u, w, a, f, H, C, m)
+        if power == APART:
+            _store_distance(points, i, d, 0.0 if points.fed[i, 0] >= 0 else energy)
             return 0.0, 0.0, MULTIPLIER
-        energy, power = evaluate_item(points, i, d, v, amps, u, w, a, f, H, C)
+        points.apart[i] = 0.0
         opens = points.restitution[i] >= 0.0 and H[m * m - 1] != 0.0
         return energy, power, MULTIPLIER if opens else ALL
-    if not points.on[i] or (points.apart[i] > 0.0 and is_out_of_reach(points, i, d)):
-        return 0.0, 0.0, NOTHING
     _both_fields(points, i, d, v, u, w)
     amplitude_of(points, i, amps, u, w, a)
     wide = 0 if alone else m

@@ -12,51 +12,51 @@ import math
 
 import numpy as np
 
-from ..elements import contact_gaps, contact_geometry
+from ..elements import contact_derivatives, contact_gaps, contact_geometry
 from ..elements.contact_gaps import (
-    APART,
     AT_FIRST,
     AT_LAST,
-    BEGINS,
     BODY_SIZE,
-    BOTH,
+    BOTH_SIDES,
     CORNER,
     CURVE_SIZE,
     DEEPEST,
     END,
-    FIXED,
+    END_HALF,
+    END_MIDDLE,
     FOOT,
-    FOUND,
-    GOES,
-    HALF,
+    FOOT_KIND,
     JOINED,
-    MIDDLE,
+    LEAST_DISTANCE,
     NOWHERE,
     ONWARD,
-    OWN,
-    OWN_GOES,
-    RESTS,
-    ROUND,
+    OPPOSITE_INTERVALS,
+    OWN_LOOP,
+    POINT_S,
+    POINT_SPAN,
     SIDE,
     SIGN,
+    SPAN,
+    START,
+    SUPPORTED_PART,
+    SUPPORTED_POINT,
     WITHIN,
-    YIELDS,
 )
 from ..elements.contact_geometry import (
     AT_1,
+    AUGMENTATION,
     CLOSED,
-    DAMPING,
     FACE,
-    FREE,
     FRICTION,
-    HELD,
+    HALF_INTERVAL,
     HOME,
     OFFSET,
     OPEN,
-    ORIGIN,
+    OPPOSITE,
     PLACE,
+    PLACEMENT,
     RHO,
-    STIFFNESS,
+    STATUS,
     TERMS,
     TOUCH,
     WORK,
@@ -67,18 +67,18 @@ from .lowlevel.jit import inner, kernel, seldom
 from .points import fields_of_first, fields_of_item, weights_of_item
 
 # largest cosine between outward normals of faces that may touch; between those of a corner and of a surface
-AGAINST, ASIDE = -0.3, 0.5
+FACE_COSINE, CORNER_COSINE = -0.3, 0.5
 # |z| beyond this is off the end of an element, so that a point between two elements is within both; equal positions
-BESIDE, SAME = 1.0 + 1e-6, 1e-6
+PAST_END, SAME = 1.0 + 1e-6, 1e-6
 # samples of an interval between contact points, and golden sections around the deepest one
 SAMPLES, SECTIONS, GOLDEN = 9, 40, 0.6180339887498949
 # most nodes of the tree that wait during a descent: two for each level
 _DEEP = 128
 
-_beyond, _curve_at, _foot_on, _gap_between, _place_opposite, _size_of = (part(f) for f in (
-    contact_gaps.beyond, contact_gaps.curve_at, contact_gaps.foot_on, contact_gaps.gap_between,
-    contact_gaps.place_opposite, contact_gaps.size_of))
-_along, _stand = part(contact_geometry.along), part(contact_geometry.stand)
+_is_past_end, _curve_at, _foot_point, _gap_between, _place_opposite, _field_count = (part(f) for f in (
+    contact_gaps.is_past_end, contact_gaps.curve_at, contact_gaps.foot_point, contact_gaps.gap_between,
+    contact_gaps.place_opposite, contact_derivatives.field_count))
+_curve_derivative, _position_at = part(contact_geometry.curve_derivative), part(contact_geometry.position_at)
 
 
 @inner
@@ -112,14 +112,14 @@ def _box(par, fields, box):  # type: ignore[no-untyped-def]
         middle, half = fields[c * terms], abs(par[OFFSET])
         if par[END] != 0.0:
             # the straight end of a body
-            half = abs(par[MIDDLE]) + abs(par[HALF])
+            half = abs(par[END_MIDDLE]) + abs(par[END_HALF])
         for j in range(1, terms):
             half += abs(fields[c * terms + j])
         box[c], box[2 + c] = middle - half, middle + half
 
 
 @inner
-def _away(box, x, y):  # type: ignore[no-untyped-def]
+def _distance_squared(box, x, y):  # type: ignore[no-untyped-def]
     """Return the squared distance of (x, y) from a box."""
     dx, dy = max(box[0] - x, 0.0, x - box[2]), max(box[1] - y, 0.0, y - box[3])
     return dx * dx + dy * dy
@@ -128,22 +128,22 @@ def _away(box, x, y):  # type: ignore[no-untyped-def]
 @inner
 def _may_touch(par, other, s, nx, ny, tx, ty):  # type: ignore[no-untyped-def]
     """Return whether a point on a body with tangent (tx, ty) may touch at S = s [m], where the normal is (nx, ny)."""
-    away = abs(s - other[OWN])
-    if other[ROUND] > 0.0:
-        away = min(away, other[ROUND] - away)
-    if away < other[APART] or (other[ONWARD] > 0.0 and s <= other[OWN]):
+    away = abs(s - other[POINT_S])
+    if other[OWN_LOOP] > 0.0:
+        away = min(away, other[OWN_LOOP] - away)
+    if away < other[LEAST_DISTANCE] or (other[ONWARD] > 0.0 and s <= other[POINT_S]):
         return False
-    if other[BOTH] > 0.0:
+    if other[BOTH_SIDES] > 0.0:
         return True
     size = math.sqrt(tx * tx + ty * ty)
     face, end = par[FACE] * (tx * ny - ty * nx) / size, other[CORNER] * (tx * nx + ty * ny) / size
     if par[FACE] != 0.0 and other[CORNER] != 0.0:
-        return face < ASIDE and end < ASIDE
-    return (face if par[FACE] != 0.0 else end) < AGAINST
+        return face < CORNER_COSINE and end < CORNER_COSINE
+    return (face if par[FACE] != 0.0 else end) < FACE_COSINE
 
 
 @inner
-def _try(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: ignore[no-untyped-def]
+def _try_curve(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: ignore[no-untyped-def]
     """Replace ``best`` by the foot point on a curve if it is nearer and may touch; return whether it was replaced.
 
     best : (distance squared, z, kind of foot point, side of the point, whether the point is closed).
@@ -154,16 +154,16 @@ def _try(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: i
     if other[END] == 0.0 and terms > 1:
         cx, cy = fields[1], fields[terms + 1]
         z = ((x - fields[0]) * cx + (y - fields[terms]) * cy) / max(cx * cx + cy * cy, 1e-300)
-    z = _foot_on(other, fields, none, x, y, min(max(z, -1.0), 1.0), work, across)
+    z = _foot_point(other, fields, none, x, y, min(max(z, -1.0), 1.0), work, across)
     found = WITHIN
-    if z < -BESIDE:
+    if z < -PAST_END:
         z, found = -1.0, AT_FIRST
-    elif z > BESIDE:
+    elif z > PAST_END:
         z, found = 1.0, AT_LAST
-    if other[YIELDS] > 0.0 and (best[4] != CLOSED or par[FRICTION] > 0.0):
+    if other[OPPOSITE_INTERVALS] > 0.0 and (best[4] != CLOSED or par[FRICTION] > 0.0):
         # positions with contact points of their own, spaced evenly along the curve, are left to these; closed points
         # without friction slide past them
-        place = 0.5 * (z + 1.0) * (other[YIELDS] if other[GOES] > 0.0 else 1.0)
+        place = 0.5 * (z + 1.0) * (other[OPPOSITE_INTERVALS] if other[SPAN] > 0.0 else 1.0)
         if abs(place - round(place)) < SAME:
             return False
     bx, by, _, _ = _curve_at(other, fields, none, z, work, across)
@@ -174,7 +174,7 @@ def _try(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: i
     sign = other[SIGN]
     nx, ny = -sign * by / size, sign * bx / size
     inside = nx * rx + ny * ry < 0.0
-    if found != WITHIN and inside and other[BOTH] == 0.0 and best[4] != CLOSED:
+    if found != WITHIN and inside and other[BOTH_SIDES] == 0.0 and best[4] != CLOSED:
         # an end as the nearest point from inside a body counts only where the next element joins; other ends are where
         # the body stops, which closed points may slide past
         joined = int(other[JOINED])
@@ -182,7 +182,7 @@ def _try(par, other, fields, none, x, y, tx, ty, best, work, across):  # type: i
             return False
     if inside and other[DEEPEST]**2 < D:
         return False
-    if not _may_touch(par, other, other[BEGINS] + 0.5 * (z + 1.0) * other[GOES], nx, ny, tx, ty):
+    if not _may_touch(par, other, other[START] + 0.5 * (z + 1.0) * other[SPAN], nx, ny, tx, ty):
         return False
     best[0], best[1], best[2] = D, z, found
     return True
@@ -200,18 +200,18 @@ def _nearest(table, way, par, x, y, tx, ty, best, room, none, own, across, waiti
     while count > 0:
         count -= 1
         k = waiting[count]
-        if _away(table.boxes[root + k], x, y) >= best[0]:
+        if _distance_squared(table.boxes[root + k], x, y) >= best[0]:
             continue
         if k >= n - 1:
             c = first + k - (n - 1)
             copy(table.curve[c], room[:CURVE_SIZE])
-            if room[BOTH] > 0.0:
+            if room[BOTH_SIDES] > 0.0:
                 room[SIGN] = best[3]
-            if _try(par, room, table.now[table.at[c, 2]:], none, x, y, tx, ty, best, own, across):
+            if _try_curve(par, room, table.now[table.at[c, 2]:], none, x, y, tx, ty, best, own, across):
                 found = c
             continue
         one, two = 2 * k + 1, 2 * k + 2
-        if _away(table.boxes[root + one], x, y) < _away(table.boxes[root + two], x, y):
+        if _distance_squared(table.boxes[root + one], x, y) < _distance_squared(table.boxes[root + two], x, y):
             one, two = two, one
         # the nearer one is visited first
         waiting[count], waiting[count + 1] = one, two
@@ -220,59 +220,59 @@ def _nearest(table, way, par, x, y, tx, ty, best, room, none, own, across, waiti
 
 
 @inner
-def _rests(fixed, z):  # type: ignore[no-untyped-def]
-    """Return whether supports hold the point z of a curve (``fixed``: FIXED of the curve)."""
+def _is_supported(fixed, z):  # type: ignore[no-untyped-def]
+    """Return whether supports hold the point z of a curve (``fixed``: SUPPORTED_PART of the curve)."""
     return fixed >= 4.0 or (fixed % 2.0 == 1.0 and z < SAME - 1.0) or (fixed >= 2.0 and z > 1.0 - SAME)
 
 
 @inner
-def _find(table, points, k, u, z, within, best, room, none, own, across, waiting):  # type: ignore[no-untyped-def]
+def _find_curve(table, points, k, u, z, within, best, room, none, own, across, waiting):  # type: ignore[no-untyped-def]
     """Find the curve that point k faces from position z of its element, whose fields are in u, and store it.
 
-    If nothing is ``within`` this distance, the point is marked as apart.
+    If nothing is ``within`` this distance, the point is marked as far from all.
     """
     i = table.item[k]
     points.apart[i] = 0.0
-    par, mem, b, m = points.par[i], points.mem[i], points.field[i], _size_of(points.par[i])
-    _stand(par, points.p0[b:b + m], u, z, own)
+    par, mem, b, m = points.par[i], points.mem[i], points.field[i], _field_count(points.par[i])
+    _position_at(par, points.p0[b:b + m], u, z, own)
     x, y = own[RHO], own[RHO + 1]
-    if _away(table.boxes[table.tree[table.way[k]]], x, y) >= within * within:
-        points.apart[i] = within
+    if _distance_squared(table.boxes[table.tree[table.way[k]]], x, y) >= within * within:
+        points.apart[i] = np.inf
         return
-    tx, ty = _along(par, own, AT_1, 1)
+    tx, ty = _curve_derivative(par, own, AT_1, 1)
     for q in range(len(room)):
-        room[q] = par[ORIGIN + q] if CURVE_SIZE <= q < BODY_SIZE else 0.0
+        room[q] = par[OPPOSITE + q] if CURVE_SIZE <= q < BODY_SIZE else 0.0
     # arc length of the point itself on its body
-    room[OWN] += 0.5 * (z - par[HOME]) * room[OWN_GOES]
-    best[0], best[3], best[4] = within * within, mem[SIDE], mem[HELD]
+    room[POINT_S] += 0.5 * (z - par[HOME]) * room[POINT_SPAN]
+    best[0], best[3], best[4] = within * within, mem[SIDE], mem[STATUS]
     c = _nearest(table, table.way[k], par, x, y, tx, ty, best, room, none, own, across, waiting)
     if c < 0 and within < np.inf:
-        points.apart[i] = within
+        points.apart[i] = np.inf
         return
-    mem[FOOT], mem[FOUND] = best[1], best[2]
-    if c >= 0 and par[ORIGIN + RESTS] != 0.0 and _rests(table.curve[c, FIXED], best[1]):
+    mem[FOOT], mem[FOOT_KIND] = best[1], best[2]
+    if c >= 0 and par[OPPOSITE + SUPPORTED_POINT] != 0.0 and _is_supported(table.curve[c, SUPPORTED_PART], best[1]):
         # supports determine the gap, so no contact force can
-        mem[FOUND] = NOWHERE
+        mem[FOOT_KIND] = NOWHERE
     if c >= 0:
-        _put(table, points, k, i, c)
+        _copy_curve(table, points, k, i, c)
 
 
 @inner
-def _reach(points, i, d):  # type: ignore[no-untyped-def]
+def _force_range(points, i, d):  # type: ignore[no-untyped-def]
     """Return the distance beyond which point i has no force at d (n_full,), whatever it faces."""
     par, k = points.par[i], points.multiplier[i]
-    reach = par[ORIGIN + DEEPEST]
-    if k < 0 or points.mem[i, HELD] == OPEN:
+    reach = par[OPPOSITE + DEEPEST]
+    if k < 0 or points.mem[i, STATUS] == OPEN:
         return reach
-    # a hard contact closes if its multiplier exceeds STIFFNESS times the gap; a closed one has no limit
-    return reach if points.mem[i, HELD] != CLOSED and -d[k] < par[STIFFNESS] * (reach - par[TOUCH]) else np.inf
+    # a hard contact closes if its multiplier exceeds AUGMENTATION times the gap; a closed one has no limit
+    return reach if points.mem[i, STATUS] != CLOSED and -d[k] < par[AUGMENTATION] * (reach - par[TOUCH]) else np.inf
 
 
 @kernel
 def face(table, points, d, near):  # type: ignore[no-untyped-def]
     """Find the element that every contact point between bodies faces at d (n_full,), and store it in the point laws.
 
-    ``near`` : only for points close enough to have a force; the others are marked as apart and keep their element.
+    ``near`` : only for points close enough to have a force; others are marked as far from all and keep their element.
     """
     if len(table.item) == 0:
         return
@@ -283,9 +283,9 @@ def face(table, points, d, near):  # type: ignore[no-untyped-def]
     for k in range(len(table.item)):
         i = table.item[k]
         fields_of_first(points, i, table.own[k, 1], d, u)
-        z = points.mem[i, PLACE] if points.mem[i, FREE] > 0.0 else points.par[i, HOME]
-        within = _reach(points, i, d) if near else np.inf
-        _find(table, points, k, u, z, within, best, room, none, own, across, waiting)
+        z = points.mem[i, PLACE] if points.mem[i, PLACEMENT] > 0.0 else points.par[i, HOME]
+        within = _force_range(points, i, d) if near else np.inf
+        _find_curve(table, points, k, u, z, within, best, room, none, own, across, waiting)
 
 
 @kernel
@@ -314,8 +314,8 @@ def _gap_from(table, points, k, d, z, u, best, room, none, own, work, across, wa
     i = table.item[k]
     points.mem[i, PLACE] = z
     fields_of_item(points, i, d, u)
-    _find(table, points, k, u, z, np.inf, best, room, none, own, across, waiting)
-    if _beyond(points.par[i, ORIGIN + JOINED], points.mem[i, FOUND]):
+    _find_curve(table, points, k, u, z, np.inf, best, room, none, own, across, waiting)
+    if _is_past_end(points.par[i, OPPOSITE + JOINED], points.mem[i, FOOT_KIND]):
         return np.inf
     fields_of_item(points, i, d, u)
     b, e = points.field[i], points.field[i + 1]
@@ -340,8 +340,9 @@ def body_deepest(table, points, free, d, depth, place):  # type: ignore[no-untyp
         if not free[i]:
             continue
         copy(points.mem[i], kept)
-        points.mem[i, FREE] = 1.0
-        low, step, at = points.par[i, HOME] - points.par[i, DAMPING], 2.0 * points.par[i, DAMPING] / (SAMPLES - 1), 0
+        points.mem[i, PLACEMENT] = 1.0
+        half, at = points.par[i, HALF_INTERVAL], 0
+        low, step = points.par[i, HOME] - half, 2.0 * half / (SAMPLES - 1)
         for s in range(SAMPLES):
             g[s] = _gap_from(table, points, k, d, low + s * step, u, best, room, none, own, work, across, waiting)
             at = s if g[s] < g[at] else at
@@ -361,7 +362,7 @@ def body_deepest(table, points, free, d, depth, place):  # type: ignore[no-untyp
 
 
 @inner
-def _put(table, points, k, i, c):  # type: ignore[no-untyped-def]
+def _copy_curve(table, points, k, i, c):  # type: ignore[no-untyped-def]
     """Copy coordinates, weights and constants of curve c into item i, after the item's own."""
     m, n = table.sizes[c, 0], table.sizes[c, 1]
     dof, entry, field = table.at[c, 0], table.at[c, 1], table.at[c, 2]
@@ -374,4 +375,4 @@ def _put(table, points, k, i, c):  # type: ignore[no-untyped-def]
         for q in range(n):
             G[coords + q, fields + p] = table.G[entry + p * n + q]
     for q in range(CURVE_SIZE):
-        points.par[i, ORIGIN + q] = table.curve[c, q]
+        points.par[i, OPPOSITE + q] = table.curve[c, q]

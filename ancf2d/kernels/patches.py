@@ -12,9 +12,9 @@ from .lowlevel.arrays import array
 from .lowlevel.jit import addressed, inner, kernel, named, seldom
 from .matrices.symmetric import in_band, in_fronts, places_in
 from .points import (
+    does_not_act,
     evaluate_at,
     evaluate_item,
-    is_inactive,
     point_constraint_rates,
     point_mean_forces,
     weights_of_item,
@@ -39,7 +39,7 @@ def point_violation(points, d, amps):  # type: ignore[no-untyped-def]
         return worst
     u, w, a, f, H, C = work_arrays(points)
     for i in range(len(points.forces)):
-        if points.multiplier[i] >= 0 and not is_inactive(points, i):
+        if points.multiplier[i] >= 0 and not does_not_act(points, i, d):
             evaluate_item(points, i, d, d, amps, u, w, a, f, H, C)
             g = abs(f[points.field[i + 1] - points.field[i] - 1]) / points.scale[i]
             if not g <= worst:
@@ -64,7 +64,7 @@ def point_noise(points, d, out):  # type: ignore[no-untyped-def]
     no_amps = array(signals, 3)
     no_amps[:] = 1.0
     for i in range(len(points.forces)):
-        if points.apart[i] > 0.0 and points.forces_of_run[i] == 0:
+        if does_not_act(points, i, d):
             continue
         w[:] = 0.0
         evaluate_at(points, i, d, no_amps, u, w, a, f, H, C)

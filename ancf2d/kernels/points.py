@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from ..elements.point_laws import APART
 from .compiled_laws import call_forces, call_mean
 from .lowlevel.arrays import vector
 from .lowlevel.jit import inlined, inner, kernel, seldom
@@ -43,9 +46,9 @@ class Points(NamedTuple):
     active (an inactive law has no force, an inactive constraint a zero multiplier); drift : rates of the fields while
     their coordinates are constant; restitution : (n,) coefficient of one-sided constraints, nan: contacts with a law,
     -1: no contact; run : (n,) how many items from here on share fields, coordinates and amplitude, which
-    ``forces_of_run`` evaluates together. apart : (n,) change of the fields below which the run cannot act, measured
-    from the coordinates ``there`` (coordinates,), where a unit of a coordinate counts ``lever`` (coordinates,); for
-    points that face bodies, their current distance, 0 if near (``facing``).
+    ``forces_of_run`` evaluates together. apart : (n,) change of the fields below which the item or run cannot act,
+    from the coordinates ``there`` (coordinates,), where a unit of a coordinate counts ``lever`` (coordinates,);
+    infinite for points far from all bodies that they may face (``facing``).
     """
 
     forces: Any
@@ -166,7 +169,24 @@ def evaluate_at(points, i, d, amps, u, w, a, f, H, C):  # type: ignore[no-untype
 @inner
 def is_inactive(points, i):  # type: ignore[no-untyped-def]
     """Return whether item i is inactive: switched off, or a point with no body nearby."""
-    return not points.on[i] or (points.apart[i] > 0.0 and points.forces_of_run[i] == 0)
+    return not points.on[i] or points.apart[i] == np.inf
+
+
+@inner
+def does_not_act(points, i, d):  # type: ignore[no-untyped-def]
+    """Return whether the items from i on are inactive or still out of reach: the coordinates have moved less than the
+    last known distance to acting, and the multiplier is zero.
+    """
+    if is_inactive(points, i):
+        return True
+    if points.apart[i] <= 0.0 or (points.multiplier[i] >= 0 and d[points.multiplier[i]] != 0.0):
+        return False
+    n, first, way = points.dof[i + 1] - points.dof[i], points.dof[i], 0.0
+    dofs, lever = array_at(points.dofs, first, (n,)), array_at(points.lever, first, (n,))
+    there = array_at(points.there, first, (n,))
+    for c in range(n):
+        way += lever[c] * abs(d[dofs[c]] - there[c])
+    return way < points.apart[i]
 
 
 @inner
@@ -175,6 +195,13 @@ def law_of_item(points, i, u, w, a, f, H, C, wide):  # type: ignore[no-untyped-d
 
     Returns (energy, dissipated power). ``wide`` is m, or 0 if only forces are needed.
     """
+    energy, power = law_or_distance(points, i, u, w, a, f, H, C, wide)
+    return (0.0, 0.0) if power == APART else (energy, power)
+
+
+@inner
+def law_or_distance(points, i, u, w, a, f, H, C, wide):  # type: ignore[no-untyped-def]
+    """Same as ``law_of_item``, but returns (distance to acting, APART) if the law does not act."""
     b, m = points.field[i], points.field[i + 1] - points.field[i]
     f[:m] = 0.0
     H[:wide * m] = 0.0
@@ -320,6 +347,9 @@ def point_constraint_rates(points, d, v, amps, out_velocity, out_acceleration): 
     u, w, a, f, H, C = work_arrays(points)
     for i in range(len(points.forces)):
         if points.multiplier[i] < 0:
+            continue
+        if does_not_act(points, i, d):
+            out_velocity[points.multiplier[i]] = out_acceleration[points.multiplier[i]] = 0.0
             continue
         m = points.field[i + 1] - points.field[i]
         fields_of_item(points, i, d, u)

@@ -70,7 +70,7 @@ class Contacts:
         self.warnings += [f"obstacles.{name}: no contact names this obstacle, so it has no effect"
                           for name in self.case.obstacles if name not in named]
         for i, item in enumerate(self.case.contacts):
-            self._tell_heights(i, item)
+            self._warn_of_assumed_height(i, item)
             for pair in self._pairs(i, item):
                 self.pairs.append(pair)
                 if pair.hard:
@@ -82,28 +82,28 @@ class Contacts:
         body, other = (item.self_, item.self_) if item.between is None else item.between
         name = item.name or f"{body}-{other}"
         # contact points move along elements only in statics without a law
-        still = not isinstance(self.case.solver, Dynamic) and item.law is None
+        places_move = not isinstance(self.case.solver, Dynamic) and item.law is None
         if body in self.case.obstacles:
             body, other = other, body
         if other in self.case.obstacles:
-            if not movable(self.meshes[body], item.side, item.law is not None, self.follows, still):
+            if not movable(self.meshes[body], item.side, item.law is not None, self.follows, places_move):
                 self.problems.append((("contacts", i), f"contacts.{i}: supports hold all of {body}, which cannot touch "
                                       f"{other}", "a body that moves"))
                 return []
             pair = ContactPair(item, name, self.meshes[body], self.case.obstacles[other], self.frames[other],
-                               self.extent, self.follows, rapid_rate(self.case), still=still)
+                               self.extent, self.follows, rapid_rate(self.case), places_move=places_move)
             pair.other = other
             held = driven(self.meshes[body], item.side, self.follows)
             if held and pair.hard:
                 own = ContactPair(item, name, self.meshes[body], self.case.obstacles[other], self.frames[other],
                                   self.extent, chosen=held)
                 own.other, pair.driven = other, (own, own.gaps(np.zeros(len(self.e0)), self.begin))
-            self._look(i, pair)
+            self._check_overlap(i, pair)
             return [pair]
         pairs = body_pairs(item, name, self.meshes[body], self.meshes[other], self.extent, rapid_rate(self.case),
                            self.follows if isinstance(self.case.solver, Dynamic) else {}, self._joined(body, other))
         if pairs:
-            self._look_at_bodies(i, pairs)
+            self._check_overlap_of_bodies(i, pairs)
         else:
             self.problems.append((("contacts", i), f"contacts.{i}: all of {body} and {other} is so near to a joint of "
                                   "both that nothing can touch", "bodies that are longer than they are high"))
@@ -115,29 +115,29 @@ class Contacts:
         return [(p.s * self.meshes[body].plan.length, q.s * self.meshes[other].plan.length)
                 for points in at for p in points for q in points if (p.body, q.body) == (body, other) and p != q]
 
-    def _tell_heights(self, i: int, item: Any) -> None:
+    def _warn_of_assumed_height(self, i: int, item: Any) -> None:
         """Warn if a body without a section touches with its faces, whose distance from the axis is then assumed."""
         bodies = [name for name in item.between or () if name in self.meshes] if item.side == "surface" else []
         self.warnings += [f"contacts.{i}: {name} has no section, so its faces are taken to be "
                           f"{0.5 * self.meshes[name].plan.section.height:.3g} from its axis. Give it a section, or use "
                           "side: axis" for name in bodies if self.case.bodies[name].section is None]
 
-    def _look(self, i: int, pair: ContactPair) -> None:
+    def _check_overlap(self, i: int, pair: ContactPair) -> None:
         """Report a body that overlaps an obstacle in the reference, or that cannot reach it."""
         gaps = pair.gaps(np.zeros(len(self.e0)), self.begin)
         k, obstacle = int(np.argmin(gaps)), self.case.obstacles[pair.other]
-        if self._lies_on_it(pair, -gaps[k]):
+        if self._may_overlap(pair, -gaps[k]):
             # equilibria remove the overlap; a motion must start with it, so the surface is shifted
             if isinstance(self.case.solver, Dynamic):
-                pair.draw_back(-gaps[k])
+                pair.set_back(-gaps[k])
         elif pair.hard and gaps[k] < -OVERLAP * self.extent:
             slight = -gaps[k] < SLIGHT * self.extent
-            where = "a small gap between them" if slight else f"{pair.body} {obstacle.free(pair.other)}"
+            where = "a small gap between them" if slight else f"{pair.body} {obstacle.region(pair.other)}"
             self.problems.append((("contacts", i), f"contacts.{i}: {pair.body} and {pair.other} overlap in the "
                                   f"reference, by up to {-gaps[k]:.4g} at S = {pair.s[k]:.4g}",
                                   f"{where}, or a law"))
         if not pair.hard:
-            self._tell_depth(i, pair, -gaps[k], pair.s[k])
+            self._warn_of_depth(i, pair, -gaps[k], pair.s[k])
         mesh = pair.mesh
         x = np.flatnonzero(mesh.kinds == 0) + mesh.first_dof
         holds = any(c in self.follows and not self.follows[c].terms and c + 1 in self.follows
@@ -147,7 +147,7 @@ class Contacts:
             self.warnings.append(f"contacts.{i}: {pair.body} is held {gaps[k]:.4g} from {pair.other}, more than "
                                  f"{REACH:g} times its length: they touch only if a support moves it there")
 
-    def _lies_on_it(self, pair: ContactPair, depth: float) -> bool:
+    def _may_overlap(self, pair: ContactPair, depth: float) -> bool:
         """Return whether elements may overlap an obstacle by ``depth`` [m], as they only approximate their curve."""
         solver = self.case.solver
         if not (pair.hard and OVERLAP * self.extent < depth < SLIGHT * self.extent
@@ -157,7 +157,7 @@ class Contacts:
             return self.case.obstacles[pair.other].smooth
         return isinstance(solver, Static | QuasiStatic)
 
-    def _tell_depth(self, i: int, pair: ContactPair | BodyPair, depth: float, s: float) -> None:
+    def _warn_of_depth(self, i: int, pair: ContactPair | BodyPair, depth: float, s: float) -> None:
         """Warn if a contact with a law starts with a large overlap."""
         if depth > DEEP * pair.mesh.plan.length:
             other = "itself" if pair.other == pair.body else pair.other
@@ -165,19 +165,19 @@ class Contacts:
                                  f"{depth:.4g} at S = {s:.4g}, so the law pushes them apart from the start. Move them "
                                  "apart unless this is meant")
 
-    def _look_at_bodies(self, i: int, pairs: list[BodyPair]) -> None:
+    def _check_overlap_of_bodies(self, i: int, pairs: list[BodyPair]) -> None:
         """Report bodies that overlap in the reference."""
         found = [(*pair.overlap(), pair) for pair in pairs]
         depth, s, pair = max(found, key=lambda one: one[0])
         if not pair.hard:
-            self._tell_depth(i, pair, depth, s)
+            self._warn_of_depth(i, pair, depth, s)
         elif depth > OVERLAP * self.extent:
             other = "itself" if pair.other == pair.body else pair.other
             self.problems.append((("contacts", i), f"contacts.{i}: {pair.body} is {depth:.4g} deep in {other} in the "
                                   f"reference, at S = {s:.4g}", "bodies that do not overlap, or a law"))
 
 
-def hold_rigid_bodies(model: Any, acts: Interactions) -> None:
+def set_stick_stiffness(model: Any, acts: Interactions) -> None:
     """Set the sticking stiffness of rigid bodies in statics: all loads stretch it by 1e-6 of the extent at most.
 
     It is at least 100 times that of the stiffest spring or element: motions can press without loads, too.

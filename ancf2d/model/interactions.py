@@ -196,7 +196,7 @@ class Batch:
 
     def turn_to(self, d: Array) -> None:
         """Update the curves of contact points, and the elements opposite to them, to d (n_full,)."""
-        self.curves.take(self.table, d, False)
+        self.curves.write(self.table, d, False)
         if len(self.facing.item):
             face(self.facing, self.table, d, False)
 

@@ -279,11 +279,11 @@ class Model:
     @cached_property
     def interactions(self) -> Interactions:
         """Springs, turning and moving loads and constraints in the form that the kernels need (imports numba)."""
-        from .contacts import hold_rigid_bodies
+        from .contacts import set_stick_stiffness
         from .interactions import Interactions
 
         out = Interactions(self.springs, self.loads.patches, self.constraints, self.e0, self.loads.flows)
-        hold_rigid_bodies(self, out)
+        set_stick_stiffness(self, out)
         return out
 
     @cached_property

@@ -19,13 +19,22 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..elements.contact_geometry import FEATURE, FREE, HELD, PLACE, SLIDING, TOUCH
+from ..elements.contact_geometry import FEATURE, PLACE, PLACEMENT, SLIDING, STATUS, TOUCH
 from ..elements.shape import Array
 from ..errors import ComputationError
-from .contact_response import PULL, Response, Spot
-from .friction import hold, turn, wrong_way
-from .friction_response import RoughResponse
-from .lift_off import Course, choose_curves, come_inside, let_go, open_point, slide, stand_at
+from .contact_response import PULL, Candidate, Response
+from .friction import anchor_points, set_friction_states, wrong_states
+from .friction_response import FrictionResponse
+from .lift_off import (
+    PlaceHistory,
+    choose_curves,
+    closed_points,
+    move_inside_zone,
+    move_to_tangency,
+    open_beside_fixed,
+    open_point,
+    place_point,
+)
 
 if TYPE_CHECKING:
     from ..model.contact_tables import ContactTable
@@ -35,18 +44,18 @@ if TYPE_CHECKING:
 # penetration that counts as none, relative to the extent of the scene
 PENETRATION = 5e-9
 # distance in z (-1 to 1) of places along an element that count as equal
-SAME = 1e-9
+SAME_PLACE = 1e-9
 # largest number of equilibria until nothing changes
 ROUNDS = 40
 # share of a gap's gradient on the unknowns below which it is round-off: supports hold the point
-MOVES = 1e-9
+NO_GRADIENT = 1e-9
 # for gradients of gaps: pivots up to which they depend on others; addition to pivots that may be 0
 DEPENDENT_GAPS, NO_PIVOT = 1e-8, 1e-14
 # number of times that neighbours of closed points are closed, too, if a body would buckle between these
-GROWN = 3
+NEIGHBOUR_ROUNDS = 3
 
 
-class Way(NamedTuple):
+class Strategy(NamedTuple):
     """A strategy to find from an equilibrium the points that open and close, stick and slide next.
 
     Friction changes at each equilibrium or, with ``together``, jointly with opening and closing. With ``stuck``,
@@ -60,44 +69,44 @@ class Way(NamedTuple):
 
 
 # the first one is fast; if it cycles, one of the others often does not; without friction, the first three are equal
-WAYS = (Way(), Way(stuck=False), Way(together=True), Way(moves=False), Way(stuck=False, moves=False),
-        Way(together=True, moves=False))
+STRATEGIES = (Strategy(), Strategy(stuck=False), Strategy(together=True), Strategy(moves=False),
+              Strategy(stuck=False, moves=False), Strategy(together=True, moves=False))
 
 
-def begin(system: System, d: Array, t: float) -> None:
+def initialise_active_set(system: System, d: Array, t: float) -> None:
     """Close the contact points that touch in the first state d (n_full,), and open the others."""
     if system.accepted is None:
         system.accepted = d.copy(), t
     first = [one for one in system.model.contact_tables
-             if one.pair.hard and any(p.mem[HELD] < 0.0 for p in one.points)]
+             if one.pair.hard and any(p.mem[STATUS] < 0.0 for p in one.points)]
     closed, rows = [], []
     for one in first:
         gap, faces = one.gaps(d, t)
         dofs, gradients, _ = one.gradients(d, t)
         moves = np.zeros(len(one.points), dtype=bool)
         for k, (point, spot) in enumerate(zip(one.points, one.pair.spots, strict=True)):
-            row, moves[k] = _reduced(system, dofs[k], gradients[k])
+            row, moves[k] = _reduced_gradient(system, dofs[k], gradients[k])
             touches = faces[k] and not spot.free and gap[k] <= point.par[TOUCH]
-            point.mem[HELD] = float(bool(touches and moves[k]))
-            if point.mem[HELD]:
+            point.mem[STATUS] = float(bool(touches and moves[k]))
+            if point.mem[STATUS]:
                 closed.append(point)
                 rows.append((row.nonzero()[0], row[row != 0.0] / np.linalg.norm(row)))
         one.fixed = ~moves & ~one.free
-        one.within = np.where(one.fixed, np.minimum(gap, 0.0), 0.0)
-    for point, needed in zip(closed, _independent(rows), strict=True):
-        point.mem[HELD] = float(needed)
+        one.initial_gaps = np.where(one.fixed, np.minimum(gap, 0.0), 0.0)
+    for point, needed in zip(closed, _independent_gaps(rows), strict=True):
+        point.mem[STATUS] = float(needed)
     for one in first:
         if one.pair.item.friction:
-            hold(one, range(len(one.points)), d, (d, t), t)
+            anchor_points(one, range(len(one.points)), d, (d, t), t)
 
 
-def _reduced(system: System, dofs: Any, gradient: Array) -> tuple[Array, bool]:
+def _reduced_gradient(system: System, dofs: Any, gradient: Array) -> tuple[Array, bool]:
     """Return a gap's gradient by the unknowns (n_unknowns,), and whether it is nonzero: supports may hold the point."""
     num = system.model.numbering
     full = np.zeros(len(num.place))
     np.add.at(full, dofs, gradient)
     row = num.reduce(full)
-    return row, bool(np.abs(row).max(initial=0.0) > MOVES * np.abs(gradient).max(initial=0.0))
+    return row, bool(np.abs(row).max(initial=0.0) > NO_GRADIENT * np.abs(gradient).max(initial=0.0))
 
 
 def check_supports(system: System, d: Array, t: float) -> None:
@@ -106,15 +115,15 @@ def check_supports(system: System, d: Array, t: float) -> None:
     for one in system.model.contact_tables:
         if one.pair.hard and one.fixed.any():
             gap, faces = one.gaps(d, t)
-            deep = np.flatnonzero(one.fixed & faces & (gap < one.within - limit)).tolist()
+            deep = np.flatnonzero(one.fixed & faces & (gap < one.initial_gaps - limit)).tolist()
             dofs, gradients, _ = one.gradients(d, t) if deep else (gap, gap, gap)
-            into += [(one.pair, k) for k in deep if not _reduced(system, dofs[k], gradients[k])[1]]
-    into += driven_into(system.model, d, t, limit)
+            into += [(one.pair, k) for k in deep if not _reduced_gradient(system, dofs[k], gradients[k])[1]]
+    into += driven_points(system.model, d, t, limit)
     if into:
-        raise blocked(into, {"factor": float(f"{t:.6g}")})
+        raise blocked_error(into, {"factor": float(f"{t:.6g}")})
 
 
-def driven_into(model: Model, d: Array, t: float, depth: float) -> list[tuple[Any, int]]:
+def driven_points(model: Model, d: Array, t: float, depth: float) -> list[tuple[Any, int]]:
     """Return (pair, number) of points that only supports move and that are deeper than ``depth`` in an obstacle.
 
     Points that are inside in the reference do not count.
@@ -124,7 +133,7 @@ def driven_into(model: Model, d: Array, t: float, depth: float) -> list[tuple[An
             for k in np.flatnonzero((start >= -depth) & (pair.gaps(d, t) < -depth)).tolist()]
 
 
-def blocked(into: Iterable[tuple[Any, int]], at: dict[str, Any]) -> ComputationError:
+def blocked_error(into: Iterable[tuple[Any, int]], at: dict[str, Any]) -> ComputationError:
     """Return the error for points, given as (pair, number), that supports or joints press into their obstacles."""
     found = [f"{pair.body} into {pair.other} at S = {pair.s[k]:.4g}" for pair, k in into]
     return ComputationError(
@@ -132,7 +141,7 @@ def blocked(into: Iterable[tuple[Any, int]], at: dict[str, Any]) -> ComputationE
         advice="change what moves them, leave a gap, hold the body by springs, or give the contact a law")
 
 
-def _independent(rows: list[tuple[Any, Array]]) -> Any:
+def _independent_gaps(rows: list[tuple[Any, Array]]) -> Any:
     """Return which gaps (m,) are independent, from the unknowns and entries of their unit gradients.
 
     The factors of R R^T + e I have pivots of about e for rows of R that depend on earlier ones.
@@ -142,8 +151,8 @@ def _independent(rows: list[tuple[Any, Array]]) -> Any:
 
     if not rows:
         return np.zeros(0, dtype=bool)
-    places, values = (np.concatenate(part) for part in zip(*rows, strict=True))
-    R = csr_array((values, places, np.cumsum([0, *(len(at) for at, _ in rows)])))
+    columns, values = (np.concatenate(part) for part in zip(*rows, strict=True))
+    R = csr_array((values, columns, np.cumsum([0, *(len(at) for at, _ in rows)])))
     factors = splu((R @ R.T + NO_PIVOT * eye_array(len(rows))).tocsc(), permc_spec="MMD_AT_PLUS_A",
                    diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     return np.abs(factors.U.diagonal())[factors.perm_c] > DEPENDENT_GAPS
@@ -154,11 +163,11 @@ def _depths(one: ContactTable, d: Array, t: float) -> tuple[Array, Array, Array]
     free = one.free
     depth, place, feature = one.deepest(d, t)
     gap, faces = one.gaps(d, t)
-    held = np.array([p.mem[HELD] > 0.0 for p in one.points])
-    home = ~free & ~held & faces
-    depth[home] = np.maximum(-gap[home], 0.0)
+    closed = closed_points(one)
+    may_close = ~free & ~closed & faces
+    depth[may_close] = np.maximum(-gap[may_close], 0.0)
     force = np.array([-d[p.multiplier] for p in one.points])
-    depth[free & (depth <= one.slack(held, force))] = 0.0
+    depth[free & (depth <= one.allowed_penetration(closed, force))] = 0.0
     return depth, place, feature
 
 
@@ -172,27 +181,28 @@ def overlap(model: Model, d: Array, t: float) -> float:
     return max((depth_of(one, d, t) for one in model.contact_tables if one.pair.hard), default=0.0)
 
 
-def _look(one: ContactTable, d: Array, t: float, depths: tuple[Array, Array, Array], home: bool,
-          accepted: tuple[Array, float]) -> list[Spot]:
-    """Return the closed points, the fixed points that may close and, unless ``home``, new places between them."""
+def _candidates(one: ContactTable, d: Array, t: float, depths: tuple[Array, Array, Array], fixed_only: bool,
+                accepted: tuple[Array, float]) -> list[Candidate]:
+    """Return the closed points, the fixed points that may close and, unless ``fixed_only``, new places between them."""
     depth, place, feature = depths
-    free, held = one.free, np.array([p.mem[HELD] > 0.0 for p in one.points])
+    free, closed = one.free, closed_points(one)
     _, faces = one.gaps(d, t)
     dofs, rows, gap = one.gradients(d, t)
-    slopes, ways = _rubs(one, d, t, accepted)
-    out = [Spot(one, k, bool(held[k]), dofs[k], rows[k], float(gap[k]), slope=slopes[k], way=ways[k])
-           for k in np.flatnonzero(held | (~free & faces)).tolist()]
-    if home:
+    slip_gradients, slips = _slips(one, d, t, accepted)
+    out = [Candidate(one, k, bool(closed[k]), dofs[k], rows[k], float(gap[k]), slip_gradient=slip_gradients[k],
+                     slip=slips[k]) for k in np.flatnonzero(closed | (~free & faces)).tolist()]
+    if fixed_only:
         return out
     new = {k: (float(place[k]), float(feature[k])) for k in np.flatnonzero(free & (depth > 0.0)).tolist()
-           if not _there(one, k, place[k], feature[k])}
+           if not _in_use(one, k, place[k], feature[k])}
     dofs, rows, gap = one.gradients(d, t, new)
-    slopes, ways = _rubs(one, d, t, accepted, new)
-    return out + [Spot(one, k, False, dofs[k], rows[k], float(gap[k]), *new[k], slopes[k], ways[k]) for k in new]
+    slip_gradients, slips = _slips(one, d, t, accepted, new)
+    return out + [Candidate(one, k, False, dofs[k], rows[k], float(gap[k]), *new[k], slip_gradients[k], slips[k])
+                  for k in new]
 
 
-def _rubs(one: ContactTable, d: Array, t: float, accepted: tuple[Array, float],
-          at: dict[int, tuple[float, float]] | None = None) -> tuple[Any, Any]:
+def _slips(one: ContactTable, d: Array, t: float, accepted: tuple[Array, float],
+           at: dict[int, tuple[float, float]] | None = None) -> tuple[Any, Any]:
     """Return the gradients of the points' places on the obstacle, and their slips.
 
     The slip is that since the accepted state or, for closed points, from their anchor. Without friction, gradients are
@@ -201,59 +211,62 @@ def _rubs(one: ContactTable, d: Array, t: float, accepted: tuple[Array, float],
     m = len(one.points)
     if not one.pair.item.friction:
         return [None] * m, [0.0] * m
-    now, before = one.stand(d, t, at)[1], one.stand(*accepted, at)[1]
-    from_ = [one.anchor(k) if p.mem[HELD] > 0.0 else before[k] for k, p in enumerate(one.points)]
-    ways = [0.0 if np.isnan(since).any() else one.slip(k, now[k], since) for k, since in enumerate(from_)]
-    return one.slips(d, t, at), ways
+    now, before = one.gaps_and_places(d, t, at)[1], one.gaps_and_places(*accepted, at)[1]
+    start = [one.anchor(k) if p.mem[STATUS] > 0.0 else before[k] for k, p in enumerate(one.points)]
+    slips = [0.0 if np.isnan(place).any() else one.slip(k, now[k], place) for k, place in enumerate(start)]
+    return one.slip_gradients(d, t, at), slips
 
 
-def _beside(one: ContactTable, k: int) -> list[int]:
+def _movable_on_element(one: ContactTable, k: int) -> list[int]:
     """Return the movable points of the same element and curve as point k, that one first."""
     here = one.pair.spots[k]
     return sorted((j for j, p in enumerate(one.pair.spots) if p.free and (p.ie, p.eta) == (here.ie, here.eta)),
                   key=lambda j: j != k)
 
 
-def _there(one: ContactTable, k: int, place: float, feature: float) -> bool:
+def _in_use(one: ContactTable, k: int, place: float, feature: float) -> bool:
     """Return whether a movable point in use is already at a place, or at the same corner."""
-    mems = [one.points[j].mem for j in _beside(one, k) if one.points[j].mem[HELD] > 0.0]
-    return any(mem[FEATURE] == feature if mem[FREE] == SLIDING else abs(mem[PLACE] - place) < SAME for mem in mems)
+    mems = [one.points[j].mem for j in _movable_on_element(one, k) if one.points[j].mem[STATUS] > 0.0]
+    return any(mem[FEATURE] == feature if mem[PLACEMENT] == SLIDING else abs(mem[PLACE] - place) < SAME_PLACE
+               for mem in mems)
 
 
-def exchange(system: System, d: Array, t: float, course: Course, way: Way = WAYS[0]
-             ) -> tuple[int, float]:
+def update_active_set(system: System, d: Array, t: float, history: PlaceHistory, strategy: Strategy = STRATEGIES[0]
+                      ) -> tuple[int, float]:
     """Open and close contact points at an equilibrium d (n_full,), and move d along by the tangent.
 
-    Return the number of changes, and the largest penetration [m]; ``course`` is the state of movable points on the way
+    Return the number of changes, and the largest penetration [m]; ``history`` is the state of movable points on the way
     to this equilibrium. Without changes, d is an equilibrium of bodies and obstacles, however it was reached.
     """
     limit = PENETRATION * system.model.extent
     hard = [one for one in system.model.contact_tables if one.pair.hard]
-    sliding = [one for one in hard if one.pair.still and way.moves]
-    turned = 0
+    sliding = [one for one in hard if one.pair.places_move and strategy.moves]
+    changed = 0
     for one in sliding:
-        one.look_at_supports(d, t, 2.0 * limit)
-        turned += let_go(one, d, course) + choose_curves(one, course)
-    off = sum(_let_off(one, d, t) for one in hard)
+        one.find_supported_ends(d, t, 2.0 * limit)
+        changed += open_beside_fixed(one, d, history) + choose_curves(one, history)
+    opened = sum(_open_past_ends(one, d, t) for one in hard)
     depths = [_depths(one, d, t) for one in hard]
     worst = max((float(depth.max(initial=0.0)) for depth, _, _ in depths), default=0.0)
-    pulls = np.array([d[p.multiplier] for one in hard for p in one.points if p.mem[HELD] > 0.0])
-    rubs = [(one, wrong) for one in hard if one.pair.item.friction and (wrong := wrong_way(one, d, t))]
-    if not way.together:
-        turned += sum(turn(*rub) for rub in rubs)
+    pulls = np.array([d[p.multiplier] for one in hard for p in one.points if p.mem[STATUS] > 0.0])
+    friction = [(one, wrong) for one in hard if one.pair.item.friction and (wrong := wrong_states(one, d, t))]
+    if not strategy.together:
+        changed += sum(set_friction_states(*wrong) for wrong in friction)
     pulled = (pulls > PULL * np.abs(pulls).max(initial=0.0)).any()
-    if not off and not (way.together and rubs) and worst <= limit and not pulled:
-        return turned or slide(system, sliding, d, t, course) or sum(come_inside(one, course) for one in sliding), worst
+    if not opened and not (strategy.together and friction) and worst <= limit and not pulled:
+        changed = changed or move_to_tangency(system, sliding, d, t, history)
+        return changed or sum(move_inside_zone(one, history) for one in sliding), worst
     # fixed points first, as those between depend on them
-    home = any((depth[~one.free] > limit).any() for one, (depth, _, _) in zip(hard, depths, strict=True))
+    fixed_only = any((depth[~one.free] > limit).any() for one, (depth, _, _) in zip(hard, depths, strict=True))
     accepted = system.accepted or (d, t)
-    spots = [s for one, depth in zip(hard, depths, strict=True) for s in _look(one, d, t, depth, home, accepted)]
-    changed = turned + off + _settle(system, d, t, spots, limit, way)
+    candidates = [s for one, depth in zip(hard, depths, strict=True)
+                  for s in _candidates(one, d, t, depth, fixed_only, accepted)]
+    changed += opened + _open_and_close(system, d, t, candidates, limit, strategy)
     # if the tangent leads back to the same set, friction may change; forces just moved are not yet in equilibrium
-    return changed or sum(turn(*rub) for rub in rubs) or int(pulled), worst
+    return changed or sum(set_friction_states(*wrong) for wrong in friction) or int(pulled), worst
 
 
-def unfound(t: float, worst: float) -> ComputationError:
+def not_found(t: float, worst: float) -> ComputationError:
     """Return the error for contact points that keep changing; ``worst`` [m] is the last penetration."""
     found = f"a body is {worst:.3g} deep in an obstacle" if worst > 0.0 else "those that press change again and again"
     return ComputationError(
@@ -261,15 +274,16 @@ def unfound(t: float, worst: float) -> ComputationError:
         advice="more elements in the contact zone, more steps, or obstacles that leave enough room")
 
 
-def _let_off(one: ContactTable, d: Array, t: float) -> int:
+def _open_past_ends(one: ContactTable, d: Array, t: float) -> int:
     """Open points that have slid beyond an end of the other body, whose corner may close instead; return how many."""
-    off = [one.points[k] for k in np.flatnonzero(one.past(d, t)) if one.points[k].mem[HELD] > 0.0]
+    off = [one.points[k] for k in np.flatnonzero(one.past_ends(d, t)) if one.points[k].mem[STATUS] > 0.0]
     for point in off:
         open_point(point, d)
     return len(off)
 
 
-def _settle(system: System, d: Array, t: float, spots: list[Spot], limit: float, way: Way) -> int:
+def _open_and_close(system: System, d: Array, t: float, candidates: list[Candidate], limit: float, strategy: Strategy
+                    ) -> int:
     """Open and close points such that gaps and forces of the linearised state are complementary; return how many.
 
     If that fails, open the point with the largest pull or, if none pulls, close the deepest one.
@@ -278,93 +292,94 @@ def _settle(system: System, d: Array, t: float, spots: list[Spot], limit: float,
     accepted = system.accepted or (d.copy(), t)
     changed = 0
     slides: dict[int, float] = {}
-    answer = _answer(system, d, t, spots, limit, way, accepted)
-    if answer:
-        tried, found, slides = answer
+    solution = _solution(system, d, t, candidates, limit, strategy, accepted)
+    if solution:
+        tried, found, slides = solution
     else:
-        tried, worst = spots, min(range(len(spots)), key=lambda k: (
-            -d[spots[k].point.multiplier] if spots[k].held else 0.0, 0.0 if spots[k].held else spots[k].gap))
-        found = {worst: 0.0}
-        for one in system.model.contact_tables if way.together else ():
+        order = [(-d[s.point.multiplier], 0.0) if s.closed else (0.0, s.gap) for s in candidates]
+        tried, found = candidates, {order.index(min(order)): 0.0}
+        for one in system.model.contact_tables if strategy.together else ():
             if one.pair.hard and one.pair.item.friction:
-                changed += turn(one, wrong_way(one, d, t))
-    closed = [s.held != (k in found) for k, s in enumerate(tried)]
+                changed += set_friction_states(one, wrong_states(one, d, t))
+    closed = [s.closed != (k in found) for k, s in enumerate(tried)]
     for s, now in zip(tried, closed, strict=True):
-        if s.held and not now:
+        if s.closed and not now:
             open_point(s.point, d)
     for k, s in enumerate(tried):
         at = s.k
-        if closed[k] and not s.held:
+        if closed[k] and not s.closed:
             at = _close(s, found[k], d)
-            if s.one.pair.item.friction:
-                hold(s.one, [at], d, accepted, t)
+            if s.contact.pair.item.friction:
+                anchor_points(s.contact, [at], d, accepted, t)
         if closed[k] and k in slides:
-            changed += turn(s.one, {at: slides[k]})
-    return changed + sum(now != s.held for now, s in zip(closed, spots, strict=True))
+            changed += set_friction_states(s.contact, {at: slides[k]})
+    return changed + sum(now != s.closed for now, s in zip(closed, candidates, strict=True))
 
 
-def _answer(system: System, d: Array, t: float, spots: list[Spot], limit: float, way: Way,
-            accepted: tuple[Array, float]) -> tuple[list[Spot], dict[int, float], dict[int, float]] | None:
-    """Return the spots, the openings and forces of those that change, and friction states; move d (n_full,) along.
+def _solution(system: System, d: Array, t: float, candidates: list[Candidate], limit: float, strategy: Strategy,
+              accepted: tuple[Array, float]) -> tuple[list[Candidate], dict[int, float], dict[int, float]] | None:
+    """Return the candidates, the openings and forces of those that change, and friction states; move d (n_full,) along.
 
     If a body would buckle between its closed points, their neighbours are closed first. None if there is no solution.
     """
-    kind, most = (RoughResponse, 0) if way.together else (Response, GROWN)
-    tried = spots
-    grown: set[int] = set()
+    kind, most = (FrictionResponse, 0) if strategy.together else (Response, NEIGHBOUR_ROUNDS)
+    tried = candidates
+    added: set[int] = set()
     for more in range(most + 1):
-        response = kind(system, d, t, tried, way.stuck)
-        found = None if response.unstable and more < most else response.settled(limit)
+        response = kind(system, d, t, tried, strategy.stuck)
+        found = None if response.unstable and more < most else response.complementary_changes(limit)
         # not if the points that were closed open again and nothing else changes
-        if found is not None and (not more or set(found) != grown):
+        if found is not None and (not more or set(found) != added):
             system.model.displacements(d[system.model.numbering.where] + response.step(found), t, out=d)
             return tried, found, response.slides
         if more < most:
-            tried = _grown(tried, d, accepted, t)
-            grown = {k for k, (s, now) in enumerate(zip(spots, tried, strict=True)) if s.held != now.held}
-    for k in grown:
-        spots[k].point.mem[HELD] = 0.0
+            tried = _with_closed_neighbours(tried, d, accepted, t)
+            added = {k for k, (s, now) in enumerate(zip(candidates, tried, strict=True)) if s.closed != now.closed}
+    for k in added:
+        candidates[k].point.mem[STATUS] = 0.0
     return None
 
 
-def _grown(spots: list[Spot], d: Array, accepted: tuple[Array, float], t: float) -> list[Spot]:
-    """Return the spots, with the fixed neighbours of closed ones closed, too."""
+def _with_closed_neighbours(candidates: list[Candidate], d: Array, accepted: tuple[Array, float], t: float
+                            ) -> list[Candidate]:
+    """Return the candidates, with the fixed neighbours of closed ones closed, too."""
     curves: dict[tuple[int, float], list[tuple[float, int]]] = {}
-    for k, s in enumerate(spots):
-        spot = s.one.pair.spots[s.k]
-        if s.held or not spot.free:
+    for k, s in enumerate(candidates):
+        spot = s.contact.pair.spots[s.k]
+        if s.closed or not spot.free:
             z = s.point.mem[PLACE] if spot.free else spot.z
-            curves.setdefault((id(s.one), spot.eta), []).append((spot.ie + 0.5 * (z + 1.0), k))
-    out = list(spots)
+            curves.setdefault((id(s.contact), spot.eta), []).append((spot.ie + 0.5 * (z + 1.0), k))
+    out = list(candidates)
     for curve in curves.values():
         order = [k for _, k in sorted(curve)]
         for k, beside in [*pairwise(order), *pairwise(order[::-1])]:
-            if spots[beside].held and not spots[k].held:
-                out[k] = spots[k]._replace(held=True)
-                spots[k].point.mem[HELD] = 1.0
-                if spots[k].one.pair.item.friction:
-                    hold(spots[k].one, [spots[k].k], d, accepted, t)
+            if candidates[beside].closed and not candidates[k].closed:
+                out[k] = candidates[k]._replace(closed=True)
+                candidates[k].point.mem[STATUS] = 1.0
+                if candidates[k].contact.pair.item.friction:
+                    anchor_points(candidates[k].contact, [candidates[k].k], d, accepted, t)
     return out
 
 
-def _close(s: Spot, force: float, d: Array) -> int:
+def _close(s: Candidate, force: float, d: Array) -> int:
     """Close a point with its force and return its number; between fixed points, use a free point of the element.
 
     If all are in use, the nearest one moves to the resultant of both forces: one point replaces two that approached the
     place of contact from either side. With friction, the one with the smallest force moves to the new place.
     """
-    k, points, place = s.k, s.one.points, s.place
-    if s.one.pair.spots[k].free:
-        beside = _beside(s.one, k)
-        unused = [j for j in beside if points[j].mem[HELD] <= 0.0]
-        rubs = s.one.pair.item.friction > 0.0
+    k, points, place = s.k, s.contact.points, s.place
+    if s.contact.pair.spots[k].free:
+        beside = _movable_on_element(s.contact, k)
+        unused = [j for j in beside if points[j].mem[STATUS] <= 0.0]
+        has_friction = s.contact.pair.item.friction > 0.0
         k = unused[0] if unused else min(
-            beside, key=lambda j: -d[points[j].multiplier] if rubs else abs(points[j].mem[PLACE] - place))
+            beside, key=lambda j: -d[points[j].multiplier] if has_friction else abs(points[j].mem[PLACE] - place))
         mem, more = points[k].mem, -d[points[k].multiplier]
         # a point at a corner has a fixed place, and one with friction an anchor of its own
-        if not (unused or rubs) and force > 0.0 < more and SLIDING not in (mem[FREE], s.one.stands(k, s.feature)):
+        moves = not (unused or has_friction) and SLIDING not in (mem[PLACEMENT], s.contact.placement_at(k, s.feature))
+        if moves and force > 0.0 < more:
             force, place = force + more, (force * place + more * float(mem[PLACE])) / (force + more)
-        stand_at(s.one, k, place, s.feature)
+        place_point(s.contact, k, place, s.feature)
     point = points[k]
-    point.mem[HELD], d[point.multiplier] = 1.0, -force
+    point.mem[STATUS], d[point.multiplier] = 1.0, -force
     return k

@@ -38,7 +38,7 @@ def lemke(M: Array, q: Array) -> Array | None:
         if left == 2 * n:
             break
         entering = left + n if left < n else left - n
-        row = _leaves(T, basis, entering, n)
+        row = _leaving_row(T, basis, entering, n)
         if row < 0:
             return None
     else:
@@ -61,20 +61,20 @@ def lemke_from(M: Array, q: Array, start: Any) -> Array | None:
         to = np.linalg.inv(M[np.ix_(on, on)])
     except np.linalg.LinAlgError:
         return None
-    turned, begin = np.empty_like(M), np.empty_like(q)
-    turned[np.ix_(on, on)], turned[np.ix_(on, off)] = to, -to @ M[np.ix_(on, off)]
-    turned[np.ix_(off, on)] = M[np.ix_(off, on)] @ to
-    turned[np.ix_(off, off)] = M[np.ix_(off, off)] - turned[np.ix_(off, on)] @ M[np.ix_(on, off)]
-    begin[on], begin[off] = -to @ q[on], q[off] - turned[np.ix_(off, on)] @ q[on]
-    other = lemke(turned, begin)
+    pivoted, pivoted_q = np.empty_like(M), np.empty_like(q)
+    pivoted[np.ix_(on, on)], pivoted[np.ix_(on, off)] = to, -to @ M[np.ix_(on, off)]
+    pivoted[np.ix_(off, on)] = M[np.ix_(off, on)] @ to
+    pivoted[np.ix_(off, off)] = M[np.ix_(off, off)] - pivoted[np.ix_(off, on)] @ M[np.ix_(on, off)]
+    pivoted_q[on], pivoted_q[off] = -to @ q[on], q[off] - pivoted[np.ix_(off, on)] @ q[on]
+    other = lemke(pivoted, pivoted_q)
     if other is None:
         return None
     z = other.copy()
-    z[on] = np.maximum(begin[on] + turned[on] @ other, 0.0)
+    z[on] = np.maximum(pivoted_q[on] + pivoted[on] @ other, 0.0)
     return z
 
 
-def _leaves(T: Array, basis: Any, entering: int, n: int) -> int:
+def _leaving_row(T: Array, basis: Any, entering: int, n: int) -> int:
     """Return the row whose variable leaves the basis when ``entering`` enters, or -1 if there is none."""
     column = T[:, entering]
     rows = np.flatnonzero(column > DEPENDENT)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..elements.contact_geometry import FREE, HELD, OWN, SLIDING, STANDING
+from ..elements.contact_geometry import ON_BEAM, ON_ELEMENT, PLACEMENT, SLIDING, STATUS
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..interactions.contact import CompliantContact, ContactPair, ContactPoint
@@ -24,33 +24,34 @@ if TYPE_CHECKING:
 def memory(model: Model) -> list[Array]:
     """Return a copy of the history variables of all contact points."""
     model.interactions  # noqa: B018  this makes the tables that hold them
-    return [np.array([row[:one.size] for row in _remembered(one)]) for one in model.contact_tables]
+    return [np.array([row[:one.size] for row in _memory_views(one)]) for one in model.contact_tables]
 
 
-def recall(model: Model, kept: list[Array], slide: bool = False) -> None:
+def restore_memory(model: Model, saved: list[Array], slide: bool = False) -> None:
     """Restore the history variables of contact points; with ``slide``, points at places of lift-off slide."""
-    for one, mem in zip(model.contact_tables, kept, strict=True):
-        for own, row in zip(_remembered(one), mem, strict=True):
+    for one, mem in zip(model.contact_tables, saved, strict=True):
+        for own, row in zip(_memory_views(one), mem, strict=True):
             own[:len(row)] = row
-            if slide and one.pair.still and own[FREE] == STANDING:
-                own[FREE] = SLIDING
+            if slide and one.pair.places_move and own[PLACEMENT] == ON_BEAM:
+                own[PLACEMENT] = SLIDING
 
 
-def stays_behind(model: Model) -> bool:
+def force_at_fixed_place(model: Model) -> bool:
     """Return whether a force acts at a movable place that is fixed in the equations and chosen only between equilibria.
 
     Such places are where a body penetrates most: on another body, and inside a contact zone.
     """
-    return any(mem[HELD] > 0.0 and (mem[FREE] == OWN or (mem[FREE] == STANDING and not one.pair.still))
-               for one in model.contact_tables if one.pair.hard for mem in _remembered(one))
+    return any(mem[STATUS] > 0.0 and (mem[PLACEMENT] == ON_ELEMENT
+                                      or (mem[PLACEMENT] == ON_BEAM and not one.pair.places_move))
+               for one in model.contact_tables if one.pair.hard for mem in _memory_views(one))
 
 
-def _remembered(one: ContactTable) -> list[Array]:
+def _memory_views(one: ContactTable) -> list[Array]:
     """Return views of the history variables of each point of a contact; points with a law share one table."""
     return [p.mem for p in one.points] if one.points else list(one.pair.mem)
 
 
-def recall_rows(model: Model, rows: Array) -> None:
+def set_memory(model: Model, rows: Array) -> None:
     """Set the history variables of contact points from a table of all point laws (items, numbers)."""
     for patch, at in zip(model.interactions.points, model.interactions.rows, strict=True):
         if isinstance(patch, CompliantContact):
@@ -91,21 +92,21 @@ def touches(model: Model, state: State) -> list[Touch]:
     return [_touch(model, one, state) for one in model.contact_tables]
 
 
-def nodal_forces_of_points(one: ContactTable, state: State, rub: bool = True) -> tuple[Index, Array]:
+def nodal_forces_of_points(one: ContactTable, state: State, friction: bool = True) -> tuple[Index, Array]:
     """Return coordinates (m, n) and forces (m, n) of the points of a contact in a state; see ``ContactTable.nodal``."""
     v = np.zeros(len(state.d))
     if state.v is not None:
         v[:len(state.v)] = state.v
-    return one.nodal(state.d, v, state.side, rub)[:2]
+    return one.nodal_forces(state.d, v, state.side, friction)[:2]
 
 
-def forces_of_points(model: Model, one: ContactTable, state: State, rub: bool = True) -> tuple[Array, Array]:
+def forces_of_points(model: Model, one: ContactTable, state: State, friction: bool = True) -> tuple[Array, Array]:
     """Return the force (m, 2) of each point of a contact on its body, and its moment (m,) about the origin.
 
-    Without ``rub``, friction is left out.
+    Without ``friction``, only normal forces count.
     """
     mesh = one.pair.mesh
-    coords, Q = nodal_forces_of_points(one, state, rub)
+    coords, Q = nodal_forces_of_points(one, state, friction)
     m, own = len(Q), mesh.plan.element.n_dof
     e = model.e0 + state.d[:model.n_q]
     moves = rigid_motion(mesh, coords[:, :own].ravel(), e, np.zeros(2)).reshape(m, own, 3)
@@ -116,17 +117,17 @@ def forces_of_points(model: Model, one: ContactTable, state: State, rub: bool = 
 def _touch(model: Model, one: ContactTable, state: State) -> Touch:
     gap, _ = one.gaps(state.d, state.side)
     force, moment = forces_of_points(model, one, state)
-    table, _ = one.at(state.d, state.side)
-    gap[one.free & ~(table.mem[:, FREE] > 0.0)] = np.nan
-    return Touch(one.pair, one.along(), gap, force, moment, 2.0 * PENETRATION * model.extent)
+    table, _ = one.updated(state.d, state.side)
+    gap[one.free & ~(table.mem[:, PLACEMENT] > 0.0)] = np.nan
+    return Touch(one.pair, one.s_on_first_body(), gap, force, moment, 2.0 * PENETRATION * model.extent)
 
 
-def check_pressed(model: Model, d: Array, at: dict[str, float]) -> None:
+def check_pressed_through(model: Model, d: Array, at: dict[str, float]) -> None:
     """Raise ComputationError if bodies overlap so deeply that contact may let them pass."""
     for pair in model.contacts:
-        if told := pair.pressed_through(d):
+        if found := pair.pressed_through(d):
             law = "more elements where they touch" if pair.hard else "a stiffer law or none"
-            raise ComputationError(f"{told}, where contact may no longer hold it", at=at,
+            raise ComputationError(f"{found}, where contact may no longer hold it", at=at,
                                    advice=f"{law}, smaller steps, or smaller loads")
 
 
@@ -143,16 +144,16 @@ def contact_report(model: Model, state: State) -> list[dict[str, Any]]:
     of: dict[int, list[Touch]] = {}
     for touch in touches(model, state):
         of.setdefault(id(touch.pair.item), []).append(touch)
-    return [_row(parts) for parts in of.values()]
+    return [_report_of(parts) for parts in of.values()]
 
 
-def _row(parts: list[Touch]) -> dict[str, Any]:
+def _report_of(parts: list[Touch]) -> dict[str, Any]:
     """Return the entry of one contact; both bodies may have points."""
     first, last = (np.concatenate(ends) for ends in zip(*map(_stretches, parts), strict=True))
     fx, fy = sum(touch.pair.sign * touch.force.sum(axis=0) for touch in parts)
     return {"name": parts[0].pair.name, "force": [float(fx), float(fy)],
             "moment": float(sum(touch.pair.sign * touch.moment.sum() for touch in parts)),
-            "length": max(_length(touch.pair, touch) for touch in parts if touch.pair.sign >= 0.0 or touch.pair.hard),
+            "length": max(_contact_length(touch) for touch in parts if touch.pair.sign >= 0.0 or touch.pair.hard),
             "from": float(first.min()) if len(first) else None, "to": float(last.max()) if len(last) else None}
 
 
@@ -164,7 +165,7 @@ def _stretches(touch: Touch) -> tuple[Array, Array]:
     """
     pair, first, last = touch.pair, touch.s.copy(), touch.s.copy()
     if not pair.hard and pair.sign >= 0.0:
-        lengths, length = _lengths(pair), pair.mesh.plan.length
+        lengths, length = _represented_lengths(pair), pair.mesh.plan.length
         for ie, eta in {(p.ie, p.eta) for p in pair.spots}:
             here = np.flatnonzero([(p.ie, p.eta) == (ie, eta) for p in pair.spots] & (lengths > 0.0))
             here = here[np.argsort(touch.s[here], kind="stable")]
@@ -173,19 +174,20 @@ def _stretches(touch: Touch) -> tuple[Array, Array]:
     return first[touch.touching], last[touch.touching]
 
 
-def _lengths(pair: ContactPair) -> Array:
+def _represented_lengths(pair: ContactPair) -> Array:
     """Return the length of the axis (m,) that each point with a law represents, 0 on an end."""
     along = levels_of(pair.mesh, pair.item.side)
     return np.array([p.weight if p.eta in along else 0.0 for p in pair.spots])
 
 
-def _length(pair: ContactPair, touch: Touch) -> float:
+def _contact_length(touch: Touch) -> float:
     """Return the length of the reference axis along which a body touches.
 
     Without a law it is the distance between neighbouring points that touch; with a law, points represent lengths.
     """
+    pair = touch.pair
     if not pair.hard:
-        return float(_lengths(pair)[touch.touching].sum())
+        return float(_represented_lengths(pair)[touch.touching].sum())
     total = 0.0
     for eta in {p.eta for p in pair.spots}:
         here = np.array([p.eta == eta for p in pair.spots]) & np.isfinite(touch.gap)

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..elements.contact_geometry import OWN, STIFFNESS
-from ..elements.contact_sliding import yields
+from ..elements.contact_geometry import AUGMENTATION, ON_ELEMENT
+from ..elements.contact_sliding import compliance
 from ..elements.shape import Array
 from .complementarity import DEPENDENT, lemke
 from .friction import sticking
@@ -23,124 +23,125 @@ PULL = 1e-9
 HELD_ALREADY = 1e-10
 
 
-class Spot(NamedTuple):
+class Candidate(NamedTuple):
     """A contact point that is closed or may have to close.
 
-    ``row`` (n,) is the gradient of its gap with respect to ``dofs`` (n,); a movable point is at ``place``. With
-    friction, ``slope`` (n,) is the gradient of its place on the obstacle, and ``way`` its distance from its anchor.
+    ``gradient`` (n,) is that of its gap with respect to ``dofs`` (n,); a movable point is at ``place``. With friction,
+    ``slip_gradient`` (n,) is that of its place on the obstacle, and ``slip`` its distance from its anchor.
     """
 
-    one: ContactTable
+    contact: ContactTable
     k: int
-    held: bool
+    closed: bool
     dofs: Any
-    row: Array
+    gradient: Array
     gap: float
     place: float = 0.0
     feature: float = -1.0
-    slope: Array | None = None
-    way: float = 0.0
+    slip_gradient: Array | None = None
+    slip: float = 0.0
 
     @property
-    def soft(self) -> float:
+    def compliance(self) -> float:
         """Compliance of an open movable point beyond that of its element's polynomial."""
-        if self.held or not self.one.pair.spots[self.k].free or self.one.stands(self.k, self.feature) == OWN:
+        free = self.contact.pair.spots[self.k].free
+        if self.closed or not free or self.contact.placement_at(self.k, self.feature) == ON_ELEMENT:
             return 0.0
-        return yields(self.point.par, self.place)[0]
+        return compliance(self.point.par, self.place)[0]
 
     @property
     def point(self) -> ContactPoint:
         """The point whose multiplier is the force; for a movable place, before a free point is chosen."""
-        return self.one.points[self.k]
+        return self.contact.points[self.k]
 
 
 class Response:
     """Linear response at a state: changes of the forces of closed points and of the gaps of open ones.
 
-    With ``stuck``, sliding points stick in the tangent. ``base`` (n_unknowns,) is the Newton step to balance if nothing
-    opens or closes; ``b`` (m,) are forces and gaps after it.
+    With ``stuck``, sliding points stick in the tangent. ``newton_step`` (n_unknowns,) leads to balance if nothing opens
+    or closes; ``b`` (m,) are forces and gaps after it.
     """
 
-    def __init__(self, system: System, d: Array, t: float, spots: list[Spot], stuck: bool) -> None:
+    def __init__(self, system: System, d: Array, t: float, candidates: list[Candidate], stuck: bool) -> None:
         self.num = system.model.numbering
         with sticking(system.model.contact_tables if stuck else (), d, t):
             balance = system.assemble(d, t)
             pivots = system.factor({"factor": float(f"{t:.6g}")})
         self.solve = system.answers(d, t)
         self.unstable = system.knows_inertia and pivots.negative > self.num.n_multipliers
-        self.base: Array = -self.solve(balance.R.copy())
-        self.held = np.array([s.held for s in spots])
-        self.rows = np.zeros((len(spots), len(self.num.place)))
-        for row, s in zip(self.rows, spots, strict=True):
-            np.add.at(row, s.dofs, s.row)
-        self.at = self.num.place[[s.point.multiplier for s in spots]]
-        self.force = np.array([-d[s.point.multiplier] if s.held else 0.0 for s in spots])
-        self.soft = [s.soft for s in spots]
-        self.stiff = np.array([s.point.par[STIFFNESS] for s in spots])
-        self.b = np.where(self.held, self.force, [s.gap for s in spots]) + self.told(self.base)
+        self.newton_step: Array = -self.solve(balance.R.copy())
+        self.closed = np.array([s.closed for s in candidates])
+        self.gradients = np.zeros((len(candidates), len(self.num.place)))
+        for gradient, s in zip(self.gradients, candidates, strict=True):
+            np.add.at(gradient, s.dofs, s.gradient)
+        self.multiplier_rows = self.num.place[[s.point.multiplier for s in candidates]]
+        self.force = np.array([-d[s.point.multiplier] if s.closed else 0.0 for s in candidates])
+        self.compliance = [s.compliance for s in candidates]
+        self.stiffness = np.array([s.point.par[AUGMENTATION] for s in candidates])
+        self.b = np.where(self.closed, self.force, [s.gap for s in candidates]) + self.changes(self.newton_step)
         self.steps: dict[int, Array] = {}
-        # friction state (slides, with its sign, or sticks) of spots after the change
+        # friction state (slides, with its sign, or sticks) of candidates after the change
         self.slides: dict[int, float] = {}
 
-    def told(self, z: Array) -> Array:
+    def changes(self, z: Array) -> Array:
         """Return the changes of forces of closed points and gaps of open ones (m,) for a change z of the unknowns."""
         full = np.zeros(len(self.num.place))
         self.num.expand(z, full)
-        return np.where(self.held, -z[self.at], self.rows @ full)
+        return np.where(self.closed, -z[self.multiplier_rows], self.gradients @ full)
 
-    def answer(self, k: int) -> Array:
+    def unit_response(self, k: int) -> Array:
         """Return the changes (m,) if the closed point k opens by 1, or if a force of 1 acts on the open point k."""
-        rhs = np.zeros(len(self.base))
-        if self.held[k]:
-            rhs[self.at[k]] = 1.0
+        rhs = np.zeros(len(self.newton_step))
+        if self.closed[k]:
+            rhs[self.multiplier_rows[k]] = 1.0
         else:
-            rhs = self._reduced(self.rows[k])
+            rhs = self._reduced(self.gradients[k])
         self.steps[k] = self.solve(rhs).copy()
-        out = self.told(self.steps[k])
-        out[k] += self.soft[k]
+        out = self.changes(self.steps[k])
+        out[k] += self.compliance[k]
         return out
 
     def _reduced(self, full: Array) -> Array:
         return self.num.reduce(full, np.zeros(len(self.num.place)))
 
-    def settled(self, limit: float) -> dict[int, float] | None:
+    def complementary_changes(self, limit: float) -> dict[int, float] | None:
         """Return, by number, openings of closed points and forces on open ones that make the state complementary.
 
         Start from the points that pull or penetrate by more than ``limit``, and add those that violate the conditions
         then. None if there is no such state nearby.
         """
-        size = np.where(self.held, PULL * np.abs(self.force).max(initial=0.0), limit)
+        size = np.where(self.closed, PULL * np.abs(self.force).max(initial=0.0), limit)
         working: list[int] = []
-        passed: list[int] = []
-        answers = np.zeros((len(self.b), 0))
+        already_held: list[int] = []
+        responses = np.zeros((len(self.b), 0))
         w, z = self.b, np.zeros(0)
-        while new := [k for k in np.flatnonzero(w < -size).tolist() if k not in working + passed]:
+        while new := [k for k in np.flatnonzero(w < -size).tolist() if k not in working + already_held]:
             for k in new:
-                answer = self.answer(k)
-                if not self.held[k] and answer[k] * self.stiff[k] < HELD_ALREADY:
-                    passed.append(k)
+                response = self.unit_response(k)
+                if not self.closed[k] and response[k] * self.stiffness[k] < HELD_ALREADY:
+                    already_held.append(k)
                     continue
-                answers = np.column_stack([answers, answer])
+                responses = np.column_stack([responses, response])
                 working.append(k)
             if working:
-                solved = self._complementary(answers[working], np.array(working))
+                solved = self._solve(responses[working], np.array(working))
                 if solved is None:
                     return None
                 z = solved
-                w = self.b + answers @ z
+                w = self.b + responses @ z
         found = {k: float(a) for k, a in zip(working, z, strict=True) if a > 0.0}
         # a force on an open point that pulls it into the obstacle: no other point holds it
-        pulled_in = any(self.told(self.steps[k])[k] * self.stiff[k] < -HELD_ALREADY for k in passed)
+        pulled_in = any(self.changes(self.steps[k])[k] * self.stiffness[k] < -HELD_ALREADY for k in already_held)
         return None if pulled_in and not found else found
 
-    def _complementary(self, M: Array, working: Any) -> Array | None:
+    def _solve(self, M: Array, working: Any) -> Array | None:
         # stiffnesses and compliances, each relative to the largest of its kind
-        own, closed = np.abs(np.diag(M)), self.held[working]
-        most = np.where(closed, own[closed].max(initial=0.0), own[~closed].max(initial=0.0))
+        own, of_closed = np.abs(np.diag(M)), self.closed[working]
+        most = np.where(of_closed, own[of_closed].max(initial=0.0), own[~of_closed].max(initial=0.0))
         scale: Array = 1.0 / np.sqrt(np.maximum(own, DEPENDENT * most))
         z = lemke(M * np.outer(scale, scale), self.b[working] * scale)
         return None if z is None else scale * z
 
     def step(self, found: dict[int, float]) -> Array:
         """Return the change of the unknowns (n_unknowns,) for these openings and forces."""
-        return self.base + sum((a * self.steps[k] for k, a in found.items()), np.zeros(len(self.base)))
+        return self.newton_step + sum((a * self.steps[k] for k, a in found.items()), np.zeros(len(self.newton_step)))

@@ -186,8 +186,8 @@ def _touching(model: Model, mesh: BodyMesh, state: State) -> Iterator[Inside]:
             continue
         coords, Q = nodal_forces_of_points(one, state)
         own = pair.mesh.plan.element.n_dof
-        parts = [(pair.mesh, one.places(pair.mesh), 0)]
-        parts += [(pair.against, one.opposite(), own)] if pair.on_bodies else []
+        parts = [(pair.mesh, one.s_on_own_body(pair.mesh), 0)]
+        parts += [(pair.against, one.s_on_other_body(), own)] if pair.on_bodies else []
         for body, s, first in parts:
             here = slice(first, first + body.plan.element.n_dof)
             for k in np.flatnonzero(Q[:, here].any(axis=1)) if body is mesh else ():

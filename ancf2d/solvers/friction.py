@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..elements.contact_geometry import FREE, FRICTION, HELD, SLIDES, SLIDING, STICK, STICKS
+from ..elements.contact_geometry import FRICTION, PLACEMENT, SLIDING, SLIP_STATUS, STATUS, STICK, STICKS
 from ..elements.shape import Array
 from ..errors import ComputationError
 
@@ -25,66 +25,66 @@ if TYPE_CHECKING:
 EXCESS, NO_SLIP = 1e-9, 1e-14
 
 
-def hold(one: ContactTable, which: Iterable[int], d: Array, accepted: tuple[Array, float], t: float) -> None:
+def anchor_points(one: ContactTable, which: Iterable[int], d: Array, accepted: tuple[Array, float], t: float) -> None:
     """Anchor points that close at d (n_full,) to their places on the obstacle in the accepted state.
 
     Raises ComputationError at a corner.
     """
-    before, now = one.stand(*accepted)[1], one.stand(d, t)[1]
+    before, now = one.gaps_and_places(*accepted)[1], one.gaps_and_places(d, t)[1]
     for k in which:
         point = one.points[k]
-        if point.mem[HELD] > 0.0 and point.mem[FREE] == SLIDING:
+        if point.mem[STATUS] > 0.0 and point.mem[PLACEMENT] == SLIDING:
             raise ComputationError(f"{one.pair.name}: a body slides over a corner of {one.pair.other}, where friction "
                                    "without a contact law is undefined", at={"factor": float(f"{t:.6g}")},
                                    advice="a circle in place of the corner, or a contact law")
         # a point with nothing opposite before is anchored where it closes
         one.anchor(k, now[k] if np.isnan(before[k]).any() else before[k])
-        point.mem[SLIDES], way = STICKS, one.slip(k, now[k], before[k])
-        if abs(way) > NO_SLIP * point.scale and abs(way) * point.par[STICK] > _limit(point, d):
-            point.mem[SLIDES] = -np.sign(way)
+        point.mem[SLIP_STATUS], slip = STICKS, one.slip(k, now[k], before[k])
+        if abs(slip) > NO_SLIP * point.scale and abs(slip) * point.par[STICK] > _coulomb_limit(point, d):
+            point.mem[SLIP_STATUS] = -np.sign(slip)
 
 
-def _limit(point: Any, d: Array) -> float:
+def _coulomb_limit(point: Any, d: Array) -> float:
     return float(point.par[FRICTION] * max(-d[point.multiplier], 0.0))
 
 
-def wrong_way(one: ContactTable, d: Array, t: float) -> dict[int, float]:
+def wrong_states(one: ContactTable, d: Array, t: float) -> dict[int, float]:
     """Return the closed points that stick beyond their limit at an equilibrium d (n_full,), or slide with their
     friction force, and their right friction state."""
-    now = one.stand(d, t)[1]
-    closed = [k for k, p in enumerate(one.points) if p.mem[HELD] > 0.0]
-    largest = max((_limit(one.points[k], d) for k in closed), default=0.0)
+    now = one.gaps_and_places(d, t)[1]
+    closed = [k for k, p in enumerate(one.points) if p.mem[STATUS] > 0.0]
+    largest = max((_coulomb_limit(one.points[k], d) for k in closed), default=0.0)
     out: dict[int, float] = {}
     for k in closed:
-        point, way = one.points[k], one.slip(k, now[k], one.anchor(k))
-        if point.mem[SLIDES] == STICKS:
-            if point.par[STICK] * abs(way) > _limit(point, d) + EXCESS * largest:
-                out[k] = -float(np.sign(way))
-        elif way * point.mem[SLIDES] + _limit(point, d) / point.par[STICK] > NO_SLIP * point.scale:
+        point, slip = one.points[k], one.slip(k, now[k], one.anchor(k))
+        if point.mem[SLIP_STATUS] == STICKS:
+            if point.par[STICK] * abs(slip) > _coulomb_limit(point, d) + EXCESS * largest:
+                out[k] = -float(np.sign(slip))
+        elif slip * point.mem[SLIP_STATUS] + _coulomb_limit(point, d) / point.par[STICK] > NO_SLIP * point.scale:
             out[k] = STICKS
     return out
 
 
-def turn(one: ContactTable, to: dict[int, float]) -> int:
+def set_friction_states(one: ContactTable, to: dict[int, float]) -> int:
     """Set the friction state of points: sliding with a sign, or sticking; return how many change."""
-    changed = sum(one.points[k].mem[SLIDES] != how for k, how in to.items())
-    for k, how in to.items():
-        one.points[k].mem[SLIDES] = how
+    changed = sum(one.points[k].mem[SLIP_STATUS] != state for k, state in to.items())
+    for k, state in to.items():
+        one.points[k].mem[SLIP_STATUS] = state
     return changed
 
 
 def _sliding(one: ContactTable) -> list[int]:
-    return [k for k, p in enumerate(one.points) if p.mem[HELD] > 0.0 and p.mem[SLIDES] != STICKS]
+    return [k for k, p in enumerate(one.points) if p.mem[STATUS] > 0.0 and p.mem[SLIP_STATUS] != STICKS]
 
 
 def _stick(one: ContactTable, k: int, now: Any, d: Array) -> None:
     """Let a sliding point stick at its place, with the friction force that it has."""
     point = one.points[k]
-    one.anchor(k, one.beside(now, point.mem[SLIDES] * _limit(point, d) / point.par[STICK]))
-    point.mem[SLIDES] = STICKS
+    one.anchor(k, one.place_at_distance(now, point.mem[SLIP_STATUS] * _coulomb_limit(point, d) / point.par[STICK]))
+    point.mem[SLIP_STATUS] = STICKS
 
 
-def stick_one(tables: Iterable[ContactTable], d: Array, t: float, accepted: tuple[Array, float]) -> bool:
+def stick_least_slipping(tables: Iterable[ContactTable], d: Array, t: float, accepted: tuple[Array, float]) -> bool:
     """Let the sliding point with the least slip up to d (n_full,) stick; return whether there is one.
 
     If all touching points slide and nothing else holds a body, no force resists its rigid motion. Friction of two
@@ -93,7 +93,7 @@ def stick_one(tables: Iterable[ContactTable], d: Array, t: float, accepted: tupl
     slid = []
     for one in tables:
         if one.pair.hard and one.pair.item.friction:
-            before, now = one.stand(*accepted)[1], one.stand(d, t)[1]
+            before, now = one.gaps_and_places(*accepted)[1], one.gaps_and_places(d, t)[1]
             slid += [(abs(one.slip(k, now[k], before[k])), one, k, now[k]) for k in _sliding(one)]
     if not slid:
         return False
@@ -108,15 +108,15 @@ def sticking(tables: Iterable[ContactTable], d: Array, t: float) -> Iterator[Non
 
     The tangent is then that of a stable state, whereas sliding friction would push a body further on.
     """
-    kept = []
+    saved = []
     for one in tables:
         if one.pair.hard and one.pair.item.friction and (sliding := _sliding(one)):
-            now = one.stand(d, t)[1]
+            now = one.gaps_and_places(d, t)[1]
             for k in sliding:
-                kept.append((one.points[k].mem, one.points[k].mem.copy()))
+                saved.append((one.points[k].mem, one.points[k].mem.copy()))
                 _stick(one, k, now[k], d)
     try:
         yield
     finally:
-        for mem, before in kept:
+        for mem, before in saved:
             mem[:] = before

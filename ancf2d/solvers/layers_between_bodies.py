@@ -27,16 +27,16 @@ if TYPE_CHECKING:
     from ..interactions.body_contact import BodyPair
 
 # intervals of two Gauss points each over the height of a body; largest number of them along a face
-FINE, MOST = 4, 1024
+INTERVALS, MOST_INTERVALS = 4, 1024
 # exponent of the depth as a function of the force, for round surfaces
 POWER = 2.0 / 3.0
 
 
-def _places(pair: BodyPair) -> list[Spot]:
+def _dense_points(pair: BodyPair) -> list[Spot]:
     """Return many places along the elements of a body that have contact points, and across its ends."""
     mesh, levels, (x, w) = pair.mesh, levels_of(pair.mesh, pair.item.side), gauss(2)
-    step = min(mesh.plan.section.height, pair.against.plan.section.height) / FINE
-    most = max(MOST // len(mesh.dofs), 2)
+    step = min(mesh.plan.section.height, pair.against.plan.section.height) / INTERVALS
+    most = max(MOST_INTERVALS // len(mesh.dofs), 2)
 
     def divided(parts: int) -> Any:
         return zip(((np.arange(parts)[:, None] + x) / parts).ravel().tolist(), np.tile(w / parts, parts).tolist(),
@@ -46,10 +46,10 @@ def _places(pair: BodyPair) -> list[Spot]:
     for ie, eta in sorted({(p.ie, p.eta) for p in pair.spots if abs(p.z) < 1.0}):
         begin, length = float(mesh.starts[ie]), float(mesh.lengths[ie])
         out += [Spot(ie, 2.0 * a - 1.0, eta, b * length) for a, b in divided(min(math.ceil(length / step), most))
-                if all(abs(begin + a * length - s) >= near for s, near in pair.beside)]
+                if all(abs(begin + a * length - s) >= near for s, near in pair.excluded)]
     for ie, z in sorted({(p.ie, p.z) for p in pair.spots if abs(p.z) == 1.0}):
         low, high = levels
-        out += [Spot(ie, z, low + (high - low) * a, b * mesh.plan.section.height) for a, b in divided(4 * FINE)]
+        out += [Spot(ie, z, low + (high - low) * a, b * mesh.plan.section.height) for a, b in divided(4 * INTERVALS)]
     return out
 
 
@@ -59,18 +59,18 @@ class BodyLayer:
     def __init__(self, model: Model, known: list[BodyTable]) -> None:
         self.model = model
         self.system: System | None = None
-        self.few, self.many = known, [BodyTable((), one.pair.at(replace(one.pair.item, friction=0.0), one.pair.mesh,
-                                                                _places(one.pair))) for one in known]
-        self.axes = known[0].pair.item.side == "axis"
+        self.few, self.many = known, [BodyTable((), one.pair.with_points(
+            replace(one.pair.item, friction=0.0), one.pair.mesh, _dense_points(one.pair))) for one in known]
+        self.of_axes = known[0].pair.item.side == "axis"
         for one in self.many:
-            one.near = not self.axes
+            one.near = not self.of_axes
         solver = model.case.solver
         self.balances = not (solver.moves or solver.on_path)
 
-    def off(self, state: State) -> tuple[float, float, float]:
+    def position_error(self, state: State) -> tuple[float, float, float]:
         """Return the position error of bodies in a state, their overlap, and the overlap for their points' forces."""
         force, depth, d, t = np.zeros(2), 0.0, state.d, state.side
-        found = [[one.nodal(d, np.zeros_like(d), t, False, self.balances) for one in tables]
+        found = [[one.nodal_forces(d, np.zeros_like(d), t, False, self.balances) for one in tables]
                  for tables in (self.few, self.many)]
         for k, tables in enumerate((self.few, self.many)):
             for one, (_, _, energy, _) in zip(tables, found[k], strict=True):
@@ -78,14 +78,14 @@ class BodyLayer:
                 stiffness = one.pair.par[:, WEIGHT] * one.pair.par[:, STIFFNESS]
                 force[k] += np.sqrt(2.0 * stiffness * energy).sum()
                 depth = max(depth, float(np.sqrt(2.0 * energy / stiffness).max()))
-        for one in self.many if self.axes else ():
+        for one in self.many if self.of_axes else ():
             one.keep_sides(d, t)
         if depth == 0.0:
             return 0.0, 0.0, 0.0
         yields = depth * float(force[0] / force[1]) ** POWER if force[1] > 0.0 else 0.0
-        return self._moves(state, found) if self.balances else abs(depth - yields), depth, yields
+        return self._displacement(state, found) if self.balances else abs(depth - yields), depth, yields
 
-    def _moves(self, state: State, found: list[list[Any]]) -> float:
+    def _displacement(self, state: State, found: list[list[Any]]) -> float:
         """Return the displacement [m] of the bodies if the forces of many points replace those of the few."""
         model, num, d = self.model, self.model.numbering, state.d
         self.system = system = self.system or System(model)

@@ -106,9 +106,9 @@ class _Body:
         """
         if not self.model.contacts:
             return self._energies(state)
-        from .contact_fields import lying
+        from .contact_fields import touching_at_both_ends
 
-        lies = lying(self.model, self.mesh, state)
+        lies = touching_at_both_ends(self.model, self.mesh, state)
         return self.without(np.flatnonzero(lies))._energies(state) if lies.any() else self._energies(state)
 
     def _energies(self, state: State) -> tuple[float, float]:

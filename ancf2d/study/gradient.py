@@ -24,7 +24,7 @@ from ..case.numbers import CaseNumber, numbers_at
 from ..elements.shape import Array
 from ..errors import ComputationError
 from ..model.model import Model
-from ..solvers.contact import stays_behind
+from ..solvers.contact import force_at_fixed_place
 from ..solvers.derivatives.backwards import RecordedMotion, StepLengthError
 from ..solvers.derivatives.differences import Quotient, UnsuitedError, derivative
 from ..solvers.derivatives.load_factors import Growth, Instability
@@ -193,7 +193,7 @@ class DifferentiableRun:
         all_states = getattr(self.function, "all_states", True) and len(states) > 1
         if not reason and self.model.contacts and any(g.limit_point is not None for g in goals or ()):
             reason = "contact changes along the path"
-        if not reason and not self.moves and stays_behind(self.model):
+        if not reason and not self.moves and force_at_fixed_place(self.model):
             reason = "places between nodes that touch are chosen anew in every run"
         if not reason and goals is None and isinstance(self.model.case.solver, Eigen | Buckling):
             reason = "it is not known which modes are read"
@@ -272,11 +272,11 @@ class DifferentiableRun:
         if any(getattr(one, "readings", None) for one in self.responses or ()):
             return slopes[0]
 
-        def values_near(step: float, model: Model | None = None) -> Array:
+        def values_near(step: float, model: Model | None = None, errors: float = 0.0) -> Array:
             model = model or (at(step) if step else self.model)
             return self.function(model, [
                 s for one, slope in zip(self.responses or (), slopes, strict=True)
-                for s in one.states(model, step * slope.value + abs(step) * slope.kink)])
+                for s in one.states(model, step * (slope.value + errors * slope.error) + abs(step) * slope.kink)])
         if self.middle is None:
             # differs from the values of the run: Newton's iterations go further where steps are differentiated, contact
             # points slide with a lift-off point, and a peak lies between the frequencies of a range
@@ -284,9 +284,10 @@ class DifferentiableRun:
             self.middle = values_near(0.0) if differs else self.values
         found = derivative(values_near, min(slope.h for slope in slopes), self._weights(), middle=self.middle)
         # relative errors of the states count as far as the values change with the states, not with the number itself
-        share = max(_share(slope) for slope in slopes)
-        by_states = np.abs(values_near(found.h, self.model) - self.middle) / found.h
-        return Quotient(found.value, found.error + share * by_states, found.h)
+        share, moved = max(_share(slope) for slope in slopes), values_near(found.h, self.model)
+        by_states = np.abs(moved - self.middle) / found.h
+        by_errors = np.abs(values_near(found.h, self.model, 1.0) - moved) / found.h
+        return Quotient(found.value, found.error + np.maximum(share * by_states, by_errors), found.h)
 
     def _differences(self, variable: CaseNumber, h: float) -> Quotient:
         """Return the derivative by a number from runs at other values. Raises ComputationError if meshes differ."""

@@ -66,14 +66,14 @@ class Recorder:
     """Records of a run; with a ``writer``, they are also stored in its result file."""
 
     def __init__(self, model: Model, writer: Any, progress: Progress, warnings: list[str]) -> None:
-        from ..solvers.contact_between import Between
+        from ..solvers.between_contact_points import ErrorsBetweenPoints
         from ..solvers.fields import FieldReader
         from ..solvers.post import Observer
         from ..solvers.resolution import Resolution
 
         self.model, self.case, self.writer, self.progress, self.warnings = model, model.case, writer, progress, warnings
         self.observer, self.resolution = Observer(model), Resolution(model)
-        self.between = Between(model)
+        self.between = ErrorsBetweenPoints(model)
         self.fields = FieldReader(model) if writer is not None else None
         self.end = run_end(self.case)
         self.moves = self.case.solver.moves
@@ -98,7 +98,7 @@ class Recorder:
             self.probes = self.observer.observe(state)
         self._warn(state.warnings)
         self.report.update(state.report)
-        self.between.take(state)
+        self.between.check(state)
         if self.moves:
             self.windows.record(state, self.probes, self._reactions)
             self._take_motion(state)
@@ -111,7 +111,7 @@ class Recorder:
         from ..model.element_limits import coarse_warnings
 
         self._warn(map(str, self.worst.values()))
-        if self.between.looks:
+        if self.between.checks:
             self.report["contact_error"] = self.between.error
         if self.state is not None and not self.reads_all:
             self.probes = self.observer.observe(self.state)
@@ -221,7 +221,7 @@ class Recorder:
         notes = {"totals": dict(self.totals), "report": dict(self.report),
                  "warnings": list(self.warnings), "worst": [[w, w.kind, w.size] for w in self.worst.values()],
                  "wall_s": self.clock.seconds, "resolution": self.resolution.checkpoint_data(),
-                 "windows": self.windows.checkpoint_data(), "between": self.between.kept()}
+                 "windows": self.windows.checkpoint_data(), "between": self.between.checkpoint_data()}
         return Checkpoint(state.t, state.checkpoint, notes)
 
     def restore(self, found: Checkpoint) -> None:
@@ -234,4 +234,4 @@ class Recorder:
         self.clock.seconds = notes["wall_s"]
         self.resolution.restore(notes["resolution"])
         self.windows.restore(notes["windows"])
-        self.between.go_on(notes["between"])
+        self.between.restore(notes["between"])

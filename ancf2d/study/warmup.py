@@ -241,7 +241,7 @@ def _drivers(model: Model, matrix: Any) -> list[Callable[[], object]]:
 def _touch_motion(model: Model, spec: Dynamic, new: bool) -> None:
     """Solve the first moment of a motion; problems of the case are left for the run itself to report."""
     from ..model.interactions import of_interactions
-    from ..solvers.contact import memory, recall
+    from ..solvers.contact import memory, restore_memory
     from ..solvers.motion.problem import empty_problem, motion_compilations
     from ..solvers.motion.schemes import INTEGRATORS, default_method
     from ..solvers.registry import SOLVERS
@@ -256,7 +256,7 @@ def _touch_motion(model: Model, spec: Dynamic, new: bool) -> None:
         for _ in SOLVERS[Dynamic](model, replace(spec, t_end=moment, dt=None if spec.dt is None else moment)):
             pass
     # restore the contact memory: friction holds nothing when the run starts
-    recall(model, contacts)
+    restore_memory(model, contacts)
 
 
 def _touch_matrix(kind: type) -> None:

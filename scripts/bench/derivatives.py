@@ -80,8 +80,9 @@ def timed(do: Callable[[], Any]) -> float:
 def measure(motion: tuple[str, int, int], repeat: int) -> dict[str, Any]:
     """Return the time of a run, and the medians of the ratios of derivatives to it, by number and way."""
     loaded = ancf2d.load(case(*motion))
+    assert loaded.case.goal is not None
     read = GoalValues((loaded.case.goal,))
-    ways = {"adjoint": read, "direct": Forwards(read)}
+    ways: dict[str, Callable[[Any, Any], Any]] = {"adjoint": read, "direct": Forwards(read)}
     runs, ratios = list[float](), dict[tuple[str, int], list[float]]()
     for watch in ways.values():
         # compiled on first use

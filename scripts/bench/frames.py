@@ -23,12 +23,13 @@ Scene = dict[str, Any]
 
 def scene(members: list[tuple[Place, Place]], count: int, element: str, held: Place, loaded: Place) -> Scene:
     """Return a frame of straight members, welded where they meet, clamped at one place and loaded at another."""
-    bodies, meeting = {}, {}
+    bodies: Scene = {}
+    meeting: dict[Place, list[str]] = {}
     for k, ends in enumerate(members):
         bodies[f"m{k}"] = {"geometry": {"type": "line", "start": list(ends[0]), "end": list(ends[1])},
                            "section": SECTION, "material": STEEL, "element": {"type": element, "count": count}}
         for s, place in enumerate(ends):
-            meeting.setdefault(tuple(round(x, 9) for x in place), []).append(f"m{k}@{s}")
+            meeting.setdefault((round(place[0], 9), round(place[1], 9)), []).append(f"m{k}@{s}")
     at = {place: found[0] for place, found in meeting.items()}
     return {"bodies": bodies, "joints": [{"type": "weld", "between": f} for f in meeting.values() if len(f) > 1],
             "boundary_conditions": [{"type": "clamp", "at": at[held]}],
@@ -93,7 +94,8 @@ def build(data: Scene, fronts: bool) -> Any:
 
 def times(system: Any, repeat: int) -> dict[str, float]:
     """Return medians [s] of the parts of an iteration."""
-    d, parts = np.zeros(len(system.model.numbering.place)), {"assembly": [], "factor": [], "solve": []}
+    d = np.zeros(len(system.model.numbering.place))
+    parts: dict[str, list[float]] = {"assembly": [], "factor": [], "solve": []}
     for _ in range(repeat + 1):
         stamps = [time.process_time()]
         R = system.assemble(d, 1.0).R

@@ -18,6 +18,7 @@ of one free element beyond the rigid ones that strain no point; the time of forc
 from __future__ import annotations
 
 import statistics
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -164,11 +165,13 @@ def kernel(element: str, machine: float, repeat: int) -> dict[str, Any]:
     model, d = bent(element, ELEMENTS)
     group, Q = model.groups[0], np.zeros(len(d))
     n = group.dofs.shape[1]
-    Qe, Ke, times = np.zeros((ELEMENTS, n)), np.zeros((ELEMENTS, n, n)), {}
-    for name, call in (("force", lambda: force(group, d, Q)),
-                       ("tangent", lambda: element_matrices(group, d, Qe, Ke))):
-        call()
-        times[name] = statistics.median(seconds(lambda call=call: [call() for _ in range(20)], repeat)) / 20 / ELEMENTS
+    Qe, Ke = np.zeros((ELEMENTS, n)), np.zeros((ELEMENTS, n, n))
+
+    def repeated(call: Callable[..., Any], *arguments: Any) -> float:
+        call(*arguments)
+        return statistics.median(seconds(lambda: [call(*arguments) for _ in range(20)], repeat)) / 20 / ELEMENTS
+
+    times = {"force": repeated(force, group, d, Q), "tangent": repeated(element_matrices, group, d, Qe, Ke)}
     (mesh,) = model.meshes.values()
     counts = operations(mesh.plan.formulation.law, group)
     return {"element": element, **counts,
@@ -183,7 +186,8 @@ def iteration(element: str, count: int, repeat: int) -> dict[str, Any]:
     bent(element, 8)
     model = model_of(element, count)
     d = model.displacements(np.zeros(model.numbering.n_unknowns), 0.0)
-    system, parts = System(model), {"force, tangent, assembly": [], "factor": [], "solve": []}
+    system = System(model)
+    parts: dict[str, list[float]] = {"force, tangent, assembly": [], "factor": [], "solve": []}
     R = system.assemble(d, 0.1).R
     for _ in range(repeat):
         parts["force, tangent, assembly"] += seconds(lambda: system.assemble(d, 0.1), 1)

@@ -57,7 +57,7 @@ def static_table(found: Found) -> str:
 
 def scaling_table(found: Found) -> str:
     """Return cost against size."""
-    rows: Found = {}
+    rows: dict[tuple[str, int], dict[str, str]] = {}
     for r in found["scaling"]["rows"]:
         line = rows.setdefault((r["element"], r["elements"]), {"memory": "", "each": "", "one": "", "all": ""})
         if "error" in r:
@@ -300,9 +300,9 @@ def static_aims(found: Found) -> Iterator[Aim]:
             yield ("fixed" if low else "exponent",
                    f"exponent of time over elements with `{e['element']}`, from 1000 on: 0.95 to 1.05",
                    f"{e['exponent']:.2f}", 0.95 <= round(e["exponent"], 2) <= 1.05)
-    for element, limit in (("reissner2", 0.3), ("2d2n", 1.0), ("vallejo", 1.0)):
+    for element, most in (("reissner2", 0.3), ("2d2n", 1.0), ("vallejo", 1.0)):
         r = _first(found["arithmetic"]["iterations"], element=element)
-        yield from _at_most("iteration", f"one Newton iteration of 100 000 elements `{element}`, per element", limit,
+        yield from _at_most("iteration", f"one Newton iteration of 100 000 elements `{element}`, per element", most,
                             r.get("all"), "us")
 
 

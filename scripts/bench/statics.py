@@ -62,6 +62,7 @@ def bend(element: str, count: int) -> dict[str, Any]:
     for state in solve_static(model, STEPS):
         iterations += int(state.history["iterations"])
     seconds, wall = time.process_time() - built, time.perf_counter() - began
+    assert state is not None
     tip = Observer(model).observe(state)["tip"]
     return {"u": [tip["ux"], tip["uy"]], "build_s": built - start, "solve_s": seconds, "wall_s": wall,
             "iterations": iterations, "memory_mb": peak_mb() - base, "peak_mb": peak_mb()}

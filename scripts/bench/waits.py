@@ -13,14 +13,15 @@ MATERIAL = {"E": 1e7, "nu": 0.3, "rho": 1000.0}
 STATIC = {"type": "static", "steps": 2}
 MOTION = {"type": "dynamic", "t_end": 1e-3, "tolerance": 1e-2, "estimate": False}
 ALPHA = {"type": "dynamic", "t_end": 1e-3, "dt": 1e-4, "method": "generalized_alpha", "estimate": False}
-SPRING = {"springs": [{"type": "translational", "between": ["a@1", [1, 1]], "stiffness": 10.0}]}
-TENDON = {"loads": [{"type": "tendon", "on": "a", "y": 0.01, "tension": 1}]}
-FLOOR = {"obstacles": {"floor": {"type": "half_plane", "through": [0, -0.03], "normal": [0, 1]}}}
-TOUCHES = {"between": ["a", "floor"]}
+SPRING: dict[str, Any] = {"springs": [{"type": "translational", "between": ["a@1", [1, 1]], "stiffness": 10.0}]}
+TENDON: dict[str, Any] = {"loads": [{"type": "tendon", "on": "a", "y": 0.01, "tension": 1}]}
+FLOOR: dict[str, Any] = {"obstacles": {"floor": {"type": "half_plane", "through": [0, -0.03], "normal": [0, 1]}}}
+TOUCHES: dict[str, Any] = {"between": ["a", "floor"]}
 BODIES = {"between": ["a", "b"]}
 LAW = {"law": {"stiffness": 1e5, "damping": 1.0}}
-PID = {"controllers": {"motor": {"type": "pid", "input": "1 - tip.theta", "kp": 3, "kd": 0.1, "filter": 1e-3}},
-       "loads": [{"type": "moment", "at": "a@1", "value": 1, "amplitude": {"type": "expression", "value": "motor"}}]}
+PID: dict[str, Any] = {
+    "controllers": {"motor": {"type": "pid", "input": "1 - tip.theta", "kp": 3, "kd": 0.1, "filter": 1e-3}},
+    "loads": [{"type": "moment", "at": "a@1", "value": 1, "amplitude": {"type": "expression", "value": "motor"}}]}
 
 
 def kinds() -> dict[str, dict[str, Any]]:

@@ -27,9 +27,9 @@ class Point:
         self.law, self.hard = law, law.constraint
         curve = np.zeros(gaps.BODY_SIZE)
         curve[[geometry.SECTION, geometry.TERMS, geometry.OFFSET]] = other, others, 0.07
-        curve[gaps.SIGN], curve[gaps.GOES] = 1.0, 1.0
+        curve[gaps.SIGN], curve[gaps.SPAN] = 1.0, 1.0
         if place == "end" and two != "curve":
-            curve[[gaps.END, gaps.MIDDLE, gaps.HALF, gaps.SIGN]] = 1.0, 0.01, 0.08, -1.0
+            curve[[gaps.END, gaps.END_MIDDLE, gaps.END_HALF, gaps.SIGN]] = 1.0, 0.01, 0.08, -1.0
         self.par = np.array([kind, terms, 0.1, 0.3, 0.7, 100.0, damping, 0.0, 1.0, 1e-12, geometry.STILL, 0.0, 0.0, 1.0,
                              0.0, 0.0, 0.0, 0.0, *curve])
 
@@ -42,7 +42,7 @@ class Point:
         self.p0 = np.concatenate([bent(one, terms).ravel(), bent(two, others).ravel(), *([[0.0]] if self.hard else [])])
         self.u, self.w = np.zeros(len(self.p0)), np.zeros(len(self.p0))
         self.mem = np.zeros(gaps.BODY_MEMORY)
-        self.mem[geometry.HELD], self.mem[gaps.FOUND] = -1.0, PLACES[place]
+        self.mem[geometry.STATUS], self.mem[gaps.FOOT_KIND] = -1.0, PLACES[place]
         self.mem[gaps.FOOT] = 1.0 if place == "kink" else 0.2
         self._move_to_depth(depth)
         if self.hard:
@@ -54,12 +54,12 @@ class Point:
         """Move the point to so deep below the place that it is opposite to."""
         own, work, across = (np.zeros(geometry.WORK) for _ in range(3))
         m = self.sizes[0]
-        other = self.par[geometry.ORIGIN:]
+        other = self.par[geometry.OPPOSITE:]
         tx, ty, _, _ = gaps.curve_at(other, self.p0[m:], self.u[m:], self.mem[gaps.FOOT], work, across)
-        geometry.stand(self.par, self.p0, self.u, 0.3, own)
+        geometry.position_at(self.par, self.p0, self.u, 0.3, own)
         n = other[gaps.SIGN] * np.array([-ty, tx]) / np.hypot(tx, ty)
         # beside a kink the straight way to it is not normal to the curve
-        aside = 0.3 * depth * np.array([tx, ty]) / np.hypot(tx, ty) * (self.mem[gaps.FOUND] == gaps.AT_LAST)
+        aside = 0.3 * depth * np.array([tx, ty]) / np.hypot(tx, ty) * (self.mem[gaps.FOOT_KIND] == gaps.AT_LAST)
         step = work[[geometry.RHO, geometry.RHO + 1]] - depth * n + aside - own[[geometry.RHO, geometry.RHO + 1]]
         terms = int(self.par[geometry.TERMS])
         self.p0[0] += step[0]
@@ -96,15 +96,15 @@ def test_stiffness_and_damping_are_the_derivatives_of_the_forces(kind, one, two,
 def rubbing(one, two, place, slides, depth, law=laws.COMPLIANT_BODIES):
     """Return a point that friction holds, or that slides; without a law as whoever solves says."""
     point = Point(law, one, two, place, 0.4, depth)
-    other, m = point.par[geometry.ORIGIN:], point.sizes[0]
+    other, m = point.par[geometry.OPPOSITE:], point.sizes[0]
     own, work, across = (np.zeros(geometry.WORK) for _ in range(3))
     z = gaps.gap_between(point.par, point.p0, point.u, point.mem, own, work, across)[3]
     tx, ty, _, _ = gaps.curve_at(other, point.p0[m:], point.u[m:], z, work, across)
     spot, unit = gaps.place_on(other, z, tx, ty)
-    point.mem[[gaps.ON, geometry.ANCHOR]] = gaps.surface_of(other), spot - (0.5 if slides else 0.005) / unit
+    point.mem[[gaps.SURFACE, geometry.ANCHOR]] = gaps.surface_of(other), spot - (0.5 if slides else 0.005) / unit
     point.par[[geometry.FRICTION, geometry.STICK, geometry.STIFFNESS]] = 0.3, 20.0, 1.0 / depth
     if law.constraint:
-        point.mem[[geometry.HELD, geometry.SLIDES]] = geometry.CLOSED, -1.0 if slides else geometry.STICKS
+        point.mem[[geometry.STATUS, geometry.SLIP_STATUS]] = geometry.CLOSED, -1.0 if slides else geometry.STICKS
         point.u[-1] = -0.7
     return point
 
@@ -169,5 +169,5 @@ def test_nothing_acts_where_bodies_are_apart_or_nothing_is_opposite():
         apart[4] += 0.1
         assert not point(apart, point.w)[1][:8].any()
         assert point(point.u, point.w)[1].any()
-        point.mem[gaps.FOUND] = gaps.NOWHERE
+        point.mem[gaps.FOOT_KIND] = gaps.NOWHERE
         assert not point(point.u, point.w)[1].any()

@@ -46,9 +46,9 @@ class Point:
         elif damping:
             self.w[:] = 0.3 * rng.standard_normal(len(self.w))
         self.mem = np.zeros(geometry.MEMORY)
-        self.mem[geometry.FREE] = float(free)
-        self.mem[geometry.PLACE], self.mem[geometry.FROM] = 0.1, geometry.OUTSIDE
-        self.mem[geometry.HELD] = geometry.BY_CHOICE
+        self.mem[geometry.PLACEMENT] = float(free)
+        self.mem[geometry.PLACE], self.mem[geometry.START_GAP] = 0.1, geometry.OUTSIDE
+        self.mem[geometry.STATUS] = geometry.BY_FORCE
         # the corner of the polyline
         self.mem[geometry.FEATURE] = 3.0 if shape == "polyline" else 0.0
 
@@ -82,7 +82,7 @@ def test_stiffness_and_damping_are_the_derivatives_of_the_forces(contact, sectio
     law, friction, damping, free, *bends = CONTACTS[contact]
     point = Point(law, section, pose, shape, friction, free, damping, *bends)
     if law is HARD:
-        point.mem[geometry.HELD] = geometry.CLOSED
+        point.mem[geometry.STATUS] = geometry.CLOSED
     _, f, H, C = point(point.u, point.w)
     size = 1.0 + np.abs(H).max()
     # a layer in a pipe may be apart from it
@@ -99,15 +99,15 @@ def test_stiffness_and_damping_are_the_derivatives_of_the_forces(contact, sectio
 def test_a_point_slides_to_where_the_gap_is_least_beside_what_the_beam_yields(shape, force):
     point = Point(HARD, "curve", "still", shape, free=1, damping=1.1, bends=0.1)
     work = np.zeros(geometry.WORK)
-    z = sliding.least(point.par, point.p0, point.u, point.mem, force, work)
+    z = sliding.sliding_place(point.par, point.p0, point.u, point.mem, force, work)
 
     def least(z):
-        geometry.stand(point.par, point.p0, point.u, z, work)
+        geometry.position_at(point.par, point.p0, point.u, z, work)
         to, radius = ((0.1, -0.6), 1.0) if shape == "circle" else ((0.2, 0.4), 0.0)
         gap = np.hypot(work[geometry.RHO] - to[0], work[geometry.RHO + 1] - to[1]) - radius
         if shape == "polyline" and work[geometry.RHO + 1] < 0.4:
             gap = -gap
-        return gap + 0.5 * force * sliding.yields(point.par, z)[0]
+        return gap + 0.5 * force * sliding.compliance(point.par, z)[0]
 
     assert abs(z) < 1.0
     slopes = [least(z + h) - least(z - h) for h in (1e-4, 1e-3)]
@@ -121,7 +121,7 @@ def test_a_point_that_stands_on_a_corner_presses_across_the_curve():
     # a straight curve from the left to the right through (0.2, 0.4), where z is 0.5
     point.p0[:4], point.p0[4:8] = [0.0, 0.4, 0.0, 0.0], [0.4, 0.0, 0.0, 0.0]
     point.mem[geometry.PLACE] = -0.6
-    assert sliding.least(point.par, point.p0, point.u, point.mem, 3.0, work) == pytest.approx(0.5, abs=1e-12)
+    assert sliding.sliding_place(point.par, point.p0, point.u, point.mem, 3.0, work) == pytest.approx(0.5, abs=1e-12)
     found = []
     for up in (0.0, 1e-9):
         point.p0[4] = 0.4 + up
@@ -144,9 +144,9 @@ def test_a_beam_yields_between_two_places_as_one_that_is_clamped_there():
         return b * b * x * x * (3.0 * a * length - 3.0 * a * x - b * x) / (6.0 * EI * length**3)
 
     for x, a in ((0.2, 0.7), (0.5, 0.5), (0.9, 0.3), (0.35, 0.35)):
-        found = sliding.yields_beside(point.par, home + x - 0.5, home + a - 0.5)
+        found = sliding.compliance_between(point.par, home + x - 0.5, home + a - 0.5)
         assert found == pytest.approx(deflection(x, a), rel=1e-12)
-    assert sliding.yields(point.par, home + 0.15)[0] == pytest.approx(deflection(0.65, 0.65), rel=1e-12)
+    assert sliding.compliance(point.par, home + 0.15)[0] == pytest.approx(deflection(0.65, 0.65), rel=1e-12)
 
 
 def test_nothing_acts_on_a_point_that_is_away_and_nothing_pulls():
@@ -172,7 +172,7 @@ def test_the_back_of_a_body_does_not_touch():
 def gap_of(point):
     """Return the gap of a point where it is."""
     work = np.zeros(geometry.WORK)
-    geometry.stand(point.par, point.p0, point.u, point.par[geometry.HOME], work)
+    geometry.position_at(point.par, point.p0, point.u, point.par[geometry.HOME], work)
     return geometry.gap_at(point.par, work[geometry.RHO], work[geometry.RHO + 1], -1.0)[0]
 
 
@@ -186,7 +186,7 @@ def test_what_comes_in_with_its_back_presses_from_the_gap_on_at_which_it_turns(l
 
     def accept():
         law.accept(point.p0, point.u, point.par, point.mem)
-        return point.mem[geometry.FROM]
+        return point.mem[geometry.START_GAP]
 
     def touches():
         energy, f, _, _ = point(point.u, point.w)
@@ -219,7 +219,7 @@ def test_what_presses_goes_on_pressing_when_its_face_turns_away(law):
     point = Point(law, "curve", "still", "circle")
     point.par[geometry.FACE] = -1.0
     law.accept(point.p0, point.u, point.par, point.mem)
-    assert point.mem[geometry.FROM] == 0.0
+    assert point.mem[geometry.START_GAP] == 0.0
     before = point(point.u, point.w)
     point.par[geometry.FACE] = 1.0
     for one, other in zip(before, point(point.u, point.w), strict=True):
@@ -251,7 +251,7 @@ def test_points_of_a_curve_together_are_the_sum_of_each(section, pose, shape, ho
     terms = SECTIONS[section][1]
     if shape == "polyline":
         # closed
-        point.par[geometry.ORIGIN + 1] = 3.0
+        point.par[geometry.OPPOSITE + 1] = 3.0
     places = [home, *np.linspace(-1.0, 1.0, 9)]
     par, mem = np.tile(point.par, (len(places), 1)), np.tile(point.mem, (len(places), 1))
     par[:, geometry.HOME] = places
@@ -280,4 +280,4 @@ def test_nothing_is_told_of_the_curve_beside_an_open_polyline():
     point = Point(COMPLIANT, "curve", "still", "polyline")
     point.u[4] = 50.0
     assert point(point.u, point.w)[0] == 0.0
-    assert geometry.reach(point.par, point.p0, point.u, 0.3) == np.inf
+    assert geometry.bound_on_distance(point.par, point.p0, point.u, 0.3) == np.inf

@@ -9,7 +9,7 @@ from scipy.sparse import csr_matrix, identity
 from test_points import DYNAMIC, tangent
 
 from ancf2d.elements import contact_geometry as geometry
-from ancf2d.elements.contact_gaps import FOUND, WITHIN
+from ancf2d.elements.contact_gaps import FOOT_KIND, WITHIN
 from ancf2d.interactions.body_contact import facing_table
 from ancf2d.interactions.contact import ContactPoint
 from ancf2d.interactions.obstacles import PolylineObstacle
@@ -109,14 +109,14 @@ def test_what_friction_between_bodies_makes_unsymmetric_is_kept_whatever_a_point
     bar = model.meshes["bar"].dofs.ravel()
     z[num.place[bar]] += moved[bar]
     z[num.place[points.multiplier]] = -5.0
-    points.mem[:, geometry.SLIDES] = rng.choice([-1.0, 1.0], len(points.mem))
-    points.mem[:, geometry.HELD] = geometry.CLOSED
+    points.mem[:, geometry.SLIP_STATUS] = rng.choice([-1.0, 1.0], len(points.mem))
+    points.mem[:, geometry.STATUS] = geometry.CLOSED
     K, Q, ends = SymBand(np.zeros((n, n))), np.zeros(len(num.place)), np.zeros((2, n))
     maps = num.places
     v, x, h = np.zeros(len(num.place)), rng.standard_normal(n), 1e-6
     face(table, points, model_T @ z, False)
     tangent(points, model_T @ z, v, none, 0.0, Q, K, maps)
-    assert (points.mem[:, FOUND] == WITHIN).sum() > 3
+    assert (points.mem[:, FOOT_KIND] == WITHIN).sum() > 3
     lower = np.array([[K.values[i, n - 1 + j - i] if j <= i else 0.0 for j in range(n)] for i in range(n)])
     y = (lower + np.tril(lower, -1).T) @ x
     symmetric = y.copy()
@@ -193,7 +193,7 @@ def test_corners_that_stick_out_do_so_wherever_the_obstacle_is(place, turn):
     corners = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
     for closed in (True, False):
         shape = PolylineObstacle(tuple((x + place[0], y + place[1]) for x, y in corners[::turn]), closed).shape()
-        par = np.array([0.0] * geometry.ORIGIN + shape[1:])
+        par = np.array([0.0] * geometry.OPPOSITE + shape[1:])
         points = np.array(shape[3:]).reshape(-1, 3)[:, :2] - place
         found = {tuple(points[v].tolist()) for v in range(6) if _convex.py_func(par, v, 6)}
         ends = set() if closed else {corners[0], corners[-1]}

@@ -49,7 +49,7 @@ def test_in_motion_the_drum_is_smaller_by_what_the_elements_overlap() -> None:
     model = helpers.build(**case)
     (pair,) = model.contacts
     gaps = pair.gaps(np.zeros(len(model.e0)), 0.0)
-    assert 0.0 < pair.back < 1e-5 * RADIUS
+    assert 0.0 < pair.setback < 1e-5 * RADIUS
     assert gaps.min() == pytest.approx(0.0, abs=1e-15)
     energies = {name: values[-1] for name, values in ancf2d.solve(case).energies.items()}
     assert 0.0 < energies["kinetic"] + energies["strain"] + energies["dissipated"] <= 1.01 * energies["work"]
@@ -59,8 +59,8 @@ def test_gaps_elsewhere_along_the_rope_are_those_to_the_smaller_drum() -> None:
     model = helpers.build(**rope({"type": "vallejo", "count": 20}, {"type": "dynamic", "t_end": 1e-4}))
     (pair,) = model.contacts
     d = np.zeros(len(model.e0))
-    assert pair.back > 0.0
-    np.testing.assert_array_equal(pair.at(pair.item, pair.mesh, pair.spots).gaps(d, 0.0), pair.gaps(d, 0.0))
+    assert pair.setback > 0.0
+    np.testing.assert_array_equal(pair.with_points(pair.item, pair.mesh, pair.spots).gaps(d, 0.0), pair.gaps(d, 0.0))
 
 
 @pytest.mark.slow

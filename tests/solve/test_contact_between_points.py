@@ -10,7 +10,7 @@ import pytest
 from numpy.polynomial.legendre import leggauss
 
 import ancf2d
-from ancf2d.solvers.contact_between import Between
+from ancf2d.solvers.between_contact_points import ErrorsBetweenPoints
 from ancf2d.solvers.state import State
 
 LAW = {"stiffness": 1e7}
@@ -45,9 +45,9 @@ def test_a_straight_rod_in_a_disc_is_off_by_what_its_gauss_points_miss(x: float,
         "obstacles": {"disc": {"type": "circle", "center": [x, 0.0], "radius": R}},
         "contacts": [{"between": ["rod", "disc"], "law": LAW}],
         "solver": {"type": "dynamic", "t_end": 1e-9, "dt": 1e-9, "estimate": False}}, states=False)
-    between = Between(solved.model)
+    between = ErrorsBetweenPoints(solved.model)
     zero = np.zeros(len(solved.model.numbering.place))
-    between.take(State(0.0, zero, zero, zero, 0.0))
+    between.check(State(0.0, zero, zero, zero, 0.0))
     h = R - depth
     a = math.sqrt(R * R - h * h)
 
@@ -59,7 +59,7 @@ def test_a_straight_rod_in_a_disc_is_off_by_what_its_gauss_points_miss(x: float,
     summed = 0.5 * w @ np.maximum(R - np.hypot(h, 0.5 * (1.0 + z) - x), 0.0)
     depth = R - math.hypot(h, max(x - 1.0, 0.0))
     yields = depth * (summed / (integral(1.0 - x) - integral(-x))) ** (2.0 / 3.0)
-    assert between.most[1:3] == pytest.approx([depth, yields], rel=5e-3)
+    assert between.worst[1:3] == pytest.approx([depth, yields], rel=5e-3)
 
 
 @pytest.mark.parametrize("solver", [{"type": "static"}, {"type": "static", "method": "arc_length"},
@@ -108,12 +108,12 @@ def test_the_end_of_a_rod_in_another_is_off_by_what_the_points_of_both_miss(x: f
         "bodies": {"rod": rod({"type": "rigid"}), "post": upright({"type": "rigid"}, x, 0.01 - depth, 0.3)},
         "contacts": [{"between": names, "law": LAW}],
         "solver": {"type": "dynamic", "t_end": 1e-9, "dt": 1e-9, "estimate": False}}, states=False)
-    between = Between(solved.model)
+    between = ErrorsBetweenPoints(solved.model)
     zero = np.zeros(len(solved.model.numbering.place))
-    between.take(State(0.0, zero, zero, zero, 0.0))
+    between.check(State(0.0, zero, zero, zero, 0.0))
     z, w = leggauss(4)
     weight = 0.5 * w @ (np.abs(0.5 * (1.0 + z) - x) < 0.5 * h)
-    assert between.most[1:3] == pytest.approx([depth, depth * (0.5 + 0.5 * weight / h) ** (2.0 / 3.0)], rel=1e-2)
+    assert between.worst[1:3] == pytest.approx([depth, depth * (0.5 + 0.5 * weight / h) ** (2.0 / 3.0)], rel=1e-2)
 
 
 def short_post(count: int, flipped: bool = False) -> ancf2d.Solution:

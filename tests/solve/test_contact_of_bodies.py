@@ -14,7 +14,7 @@ from motions import ride, rigid
 import ancf2d
 from ancf2d.errors import CaseError, ComputationError
 from ancf2d.interactions.body_contact import BodyPair
-from ancf2d.solvers.contact import check_pressed, contact_report, touches
+from ancf2d.solvers.contact import check_pressed_through, contact_report, touches
 from ancf2d.solvers.fields import FieldReader
 from ancf2d.solvers.motion.schemes import method_problems
 
@@ -45,7 +45,7 @@ def check_balance(solution: Any) -> None:
     model, d = solution.model, solution.state.d
     e = model.e0 + d[:model.n_q]
     for pair, table in zip(model.contacts, model.contact_tables, strict=True):
-        points, _ = table.at(d, 1.0)
+        points, _ = table.updated(d, 1.0)
         from ancf2d.kernels.points import point_matrices
         from ancf2d.model.determinacy import rigid_motion
 
@@ -387,7 +387,7 @@ def test_bodies_pressed_into_one_another_are_told_what_helps(hard: bool, advice:
     """What has no law is not told to have none."""
     pair = SimpleNamespace(hard=hard, pressed_through=lambda d: "a is 0.01 m deep in b")
     with pytest.raises(ComputationError, match="where contact may no longer hold it") as found:
-        check_pressed(SimpleNamespace(contacts=[pair]), np.zeros(1), {"t": 0.1})
+        check_pressed_through(SimpleNamespace(contacts=[pair]), np.zeros(1), {"t": 0.1})
     assert found.value.failure.advice.startswith(advice)
 
 

@@ -14,7 +14,7 @@ from instruments.references.statics import Beam
 
 import ancf2d
 from ancf2d.case import template
-from ancf2d.elements.contact_geometry import HELD
+from ancf2d.elements.contact_geometry import STATUS
 from ancf2d.errors import CaseError, ComputationError
 from ancf2d.results import open_results
 from ancf2d.results.obstacles import obstacles_of
@@ -261,7 +261,7 @@ def test_points_of_a_load_step_that_is_cut_are_open_again(monkeypatch: pytest.Mo
             raise ComputationError("refused")
 
     def begun(system, *how):
-        touched.append(sum(p.mem[HELD] > 0.0 for one in system.model.contact_tables for p in one.points))
+        touched.append(sum(p.mem[STATUS] > 0.0 for one in system.model.contact_tables for p in one.points))
         return newton(system, *how)
 
     newton = static.newton

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from test_contact_statics import CLAMP, STIFF, fields_of, strip
 
 from ancf2d.case import Point
-from ancf2d.elements.contact_geometry import FRICTION, HELD, SLIDES, STICK, STICKS
+from ancf2d.elements.contact_geometry import FRICTION, SLIP_STATUS, STATUS, STICK, STICKS
 from ancf2d.errors import CaseError
 from ancf2d.solvers.active_set import PENETRATION, overlap
 from ancf2d.solvers.contact import contact_report
@@ -180,17 +180,17 @@ def _obeys_coulomb(model, before, state) -> None:
     """Points without a law press, no body is in an obstacle, and friction is below its limit, or against slip."""
     assert overlap(model, state.d, state.t) <= 2.0 * PENETRATION * model.extent
     for one in model.contact_tables:
-        held = [k for k, point in enumerate(one.points) if point.mem[HELD] > 0.0]
-        was, now = one.stand(before.d, before.t)[1], one.stand(state.d, state.t)[1]
+        held = [k for k, point in enumerate(one.points) if point.mem[STATUS] > 0.0]
+        was, now = one.gaps_and_places(before.d, before.t)[1], one.gaps_and_places(state.d, state.t)[1]
         force = np.array([-state.d[one.points[k].multiplier] for k in held])
         assert np.all(force >= -1e-8 * np.abs(force).max(initial=0.0))
         for k, N in zip(held, force, strict=True):
             point = one.points[k]
-            if point.mem[SLIDES] == STICKS:
+            if point.mem[SLIP_STATUS] == STICKS:
                 T = point.par[STICK] * one.slip(k, now[k], one.anchor(k))
                 assert abs(T) <= point.par[FRICTION] * N + 1e-8 * force.max()
             else:
-                assert one.slip(k, now[k], was[k]) * point.mem[SLIDES] <= 1e-12 * model.extent
+                assert one.slip(k, now[k], was[k]) * point.mem[SLIP_STATUS] <= 1e-12 * model.extent
 
 
 def ring(kind: str, friction: float, ends: str, pressed: float, count: int = 24, steps: int = 3,

@@ -45,7 +45,7 @@ BENT_OVER = {"bodies": {"beam": {"geometry": {"type": "line", "start": [0, 0], "
     ({"solver": {"type": "eigen", "about": "static", "modes": 1}, "goal": {"kind": "bending", "number": 1}}, 11)])
 def test_a_beam_over_a_disc(monkeypatch, more, count):
     """Derivatives are those of differences of runs whose places of contact settle; with the law, near an edge of it."""
-    monkeypatch.setattr(lift_off, "SETTLED", 1e-9)
+    monkeypatch.setattr(lift_off, "STEP_TOLERANCE", 1e-9)
     beam = {**BENT_OVER["bodies"]["beam"], "element": {"type": "reissner2", "count": count}}
     case = {**BENT_OVER, "bodies": {"beam": beam}, **more}
     values = {"bodies.beam.geometry.end.0": 1.0, "obstacles.disc.radius": 0.22}

@@ -244,3 +244,23 @@ def test_section_forces_of_responses_about_a_bent_state():
     assert E + rho + bend == pytest.approx(0.0, abs=3e-4)
     assert E + rho == pytest.approx(width, abs=3e-4)
     assert all(abs(row.error * row.value) < 1e-3 * abs(study.goal) for row in study.rows)
+
+
+def test_round_off_of_a_stiff_state_is_part_of_the_error():
+    """A chain of given EA/(rhoA g L), EI/(rhoA g L^3) swings at c sqrt(g/L): powers of g, EA and EI add up to 1/2.
+
+    The last digits of its state are forces of 1e-8, which change with g as much as the weight does over short steps.
+    """
+    case = {"bodies": {"chain": {"geometry": {"type": "line", "start": [0, 0], "end": [1, 0]},
+                                 "section": {"EA": 1e8, "kGA": 1e8, "EI": 1e-6, "rhoA": 1},
+                                 "element": {"type": "cable", "count": 16}}},
+            "boundary_conditions": [{"type": "pin", "at": "chain@0"}],
+            "loads": [{"type": "gravity", "value": [0, -9.81]}],
+            "solver": {"type": "eigen", "about": "static", "modes": 1}, "goal": {"kind": "bending", "number": 1}}
+    rows = ancf2d.sensitivity(case, ["loads.0.value.1", "bodies.chain.section.EA", "bodies.chain.section.EI"]).rows
+    found = {row.path.split(".")[-1]: row for row in rows}
+    omega = ancf2d.solve(case).summary["frequencies"][0]["omega"]
+    assert found["1"].error <= 1e-6 * found["1"].derivative * -1.0
+    unknown = sum(row.error * abs(row.value) for row in rows) / omega
+    assert abs(sum(row.elasticity for row in rows) - 0.5) <= 5 * unknown
+    assert found["1"].elasticity == pytest.approx(0.5 - found["EI"].elasticity, abs=1e-6)

@@ -10,7 +10,7 @@ from ..lowlevel.arrays import copy, copy_rows
 from ..lowlevel.jit import inner, seldom, shared
 from ..lowlevel.records import array_at
 from ..patches import accept_patches, violation
-from .contact_steps import let_rub, no_friction, opens
+from .contact_steps import disable_friction, enable_friction, opened_in_step
 from .dynamics import norm, signals_at, to_full
 from .events import NONE, aim_at_event, interpolate
 from .impact import HIT
@@ -127,10 +127,10 @@ def _work_of_step(m, p, w, s, at, t, h):  # type: ignore[no-untyped-def]
 def _work_within(m, p, w, s, at, t, h, x):  # type: ignore[no-untyped-def]
     """Return (work, loss) up to the fraction x of a step, friction of hard contacts included."""
     if p.sided:
-        no_friction(p)
+        disable_friction(p)
     work, lost = calls.work(m.calls, (p, w, s, m, at, t, h, x))
     if p.sided:
-        let_rub(p, s.z)
+        enable_friction(p, s.z)
     return work, lost + x * s.numbers[FRICTION_LOSS]
 
 
@@ -202,13 +202,13 @@ def _try_step(m, p, w, s, at, t, h, adaptive):  # type: ignore[no-untyped-def]
     s.numbers[BACKWARD] = 1.0 if s.numbers[NEXT_EULER] > 0.0 else 0.0
     outcome, iterations, error, contraction = calls.step(m.calls, (p, w, s, m.own, t, h))
     looks = outcome == DONE and p.sided and not m.switches
-    if (adaptive and looks and s.numbers[STARTS_CONSISTENT] == 0.0 and opens(p, s.z, m.end.z)
+    if (adaptive and looks and s.numbers[STARTS_CONSISTENT] == 0.0 and opened_in_step(p, s.z, m.end.z)
             and calls.make_consistent(p.calls, (p, w, s, t))):
         # rates violate constraints by O(h^2), which would act as forces in a much shorter step
         calls.restart(m.calls, (s, m.own))
         outcome, more, error, contraction = calls.step(m.calls, (p, w, s, m.own, t, h))
         iterations += more
-    if outcome == DONE and p.sided and not m.switches and opens(p, s.z, m.end.z):
+    if outcome == DONE and p.sided and not m.switches and opened_in_step(p, s.z, m.end.z):
         # contact forces at the start of the step would still press on points that have opened
         s.numbers[BACKWARD] = 1.0
         outcome, more, error, contraction = calls.step(m.calls, (p, w, s, m.own, t, h))

@@ -41,7 +41,7 @@ def factored_constraints(p, w, factors):  # type: ignore[no-untyped-def]
     Contact points whose gaps depend on other constraints are deactivated, and the matrix (w.A too) is formed again.
     """
     while not calls.factor(p.calls, (p, factors, w.y)):
-        if not p.sided or not calls.leave_dependent(p.calls, (p, w)):
+        if not p.sided or not calls.deactivate_dependent(p.calls, (p, w)):
             return False
         constraint_matrix(p, w)
         copy(w.A, factors)
@@ -93,7 +93,7 @@ def allowed_rates(p, w, z, v, impulse, rhs):  # type: ignore[no-untyped-def]
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
     if p.sided:
-        calls.leave_supported(p.calls, (p, w, z))
+        calls.deactivate_supported(p.calls, (p, w, z))
     constraint_matrix(p, w)
     factors = w.A.copy()
     regular = factored_constraints(p, w, factors)
@@ -159,7 +159,7 @@ def consistent(p, w, z, v, a, t, impulse):  # type: ignore[no-untyped-def]
 def gap_rates(p, w, z, v, a, g, rate, second):  # type: ignore[no-untyped-def]
     """Fill gaps, their rates and second rates (items,) of items that are held closed at z, with signals in w.amps."""
     velocity, acceleration, y = np.zeros(len(w.d)), np.zeros(len(w.d)), np.zeros(len(z))
-    calls.leave_supported(p.calls, (p, w, z))
+    calls.deactivate_supported(p.calls, (p, w, z))
     to_full(p, z, w.amps, 0, w.d)
     to_full(p, v, w.amps, 1, w.v)
     w.other[:] = 0.0
@@ -184,7 +184,7 @@ def _touches(p, w, z, v):  # type: ignore[no-untyped-def]
     to_full(p, v, w.amps, 1, w.v)
     w.other[:] = 0.0
     face_bodies(p, w.d)
-    calls.point_sides(p.calls, (p.points, w.d, w.v, w.amps, w.other))
+    calls.mark_closed_points(p.calls, (p.points, w.d, w.v, w.amps, w.other))
     for i in range(len(p.points.restitution)):
         if p.points.restitution[i] >= 0.0 and w.other[p.points.multiplier[i]] != 0.0:
             return True

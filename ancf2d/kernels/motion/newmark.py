@@ -10,10 +10,17 @@ from .. import calls
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed, inner, seldom
 from ..moving import add_moving_product
-from .contact_steps import let_choose, let_go, let_rub, lost_to_friction, to_limits, turned_back
+from .contact_steps import (
+    enable_friction,
+    friction_to_limits,
+    lost_to_friction,
+    open_pulling_points,
+    reversal_error,
+    unfix_active_set,
+)
 from .dynamics import add_mass, factor, has_converged, norm, record_increment, residual, signals_at, solve_with
 from .feedback import weigh_state
-from .friction import rubs
+from .friction import has_friction
 from .state import (
     BACKWARD,
     CONTRACTION,
@@ -192,13 +199,13 @@ def _go_to(m, p, s, h, share):  # type: ignore[no-untyped-def]
 def _factored(p, w, end, ca, cv):  # type: ignore[no-untyped-def]
     """Fill w.A with the factors of the tangent at the end of a step; return whether it is regular."""
     if p.sided:
-        calls.leave_supported(p.calls, (p, w, end.z))
+        calls.deactivate_supported(p.calls, (p, w, end.z))
     while True:
         calls.forces_tangent(p.calls, (p, w, end.z, end.v, cv))
         add_mass(p, ca + p.alpha * cv, w.A)
         if factor(p, w, w.A):
             return True
-        if not p.sided or not calls.leave_dependent(p.calls, (p, w)):
+        if not p.sided or not calls.deactivate_dependent(p.calls, (p, w)):
             return False
 
 
@@ -238,7 +245,7 @@ def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
             else:
                 end.z[i] += w.x[i]
         _move(m, p, s, h)
-        pulls = p.sided and let_go(p, end.z)
+        pulls = p.sided and open_pulling_points(p, end.z)
         last, iteration = step, iteration + 1
         expected = rate if iteration > 1 else min(max(rate, 1e-2), 0.5)
         if iteration >= p.least_iterations and not pulls and has_converged(step, expected, wanted, p, w, end.z, w.amps):
@@ -246,7 +253,7 @@ def _iterate(m, p, w, s, h, ca):  # type: ignore[no-untyped-def]
         # the active set changes during the iteration, so the first increments need not shrink
         if iteration >= m.max_iterations or (rate > 2.0 and iteration > 2 and not p.sided):
             return NOT_CONVERGED, iteration, rate
-    if p.sided and calls.into_supports(p.calls, (p, w, end.z)):
+    if p.sided and calls.deactivated_penetrates(p.calls, (p, w, end.z)):
         return INTO_SUPPORTS, iteration, rate
     return DONE, iteration, rate
 
@@ -266,12 +273,12 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
     m = _of_step(own, s.numbers[BACKWARD] > 0.0)
     end, ca = m.end, (1.0 - m.am) / ((1.0 - m.af) * m.beta * h * h)
     if p.sided:
-        let_rub(p, s.z)
+        enable_friction(p, s.z)
         m.before[:] = 0.0
-        if rubs(p):
+        if has_friction(p):
             calls.friction_forces(p.calls, (p, w, s.z, s.v, t, m.before))
             if s.numbers[STARTS_CONSISTENT] > 0.0:
-                to_limits(p, s.z, m.before[0])
+                friction_to_limits(p, s.z, m.before[0])
                 copy(m.before[0], m.before[2])
             else:
                 copy(s.extra[1], m.before[0])
@@ -284,19 +291,19 @@ def newmark_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
     outcome, iterations, rate = _iterate(m, p, w, s, h, ca)
     if outcome == NOT_CONVERGED and p.sided:
         # a sticking point may have been predicted to slide, so that the iteration alternates between both directions
-        let_choose(p)
+        unfix_active_set(p)
         _go_to(m, p, s, h, 0.0)
         outcome, more, rate = _iterate(m, p, w, s, h, ca)
         iterations += more
     if p.sided:
-        let_choose(p)
+        unfix_active_set(p)
     if outcome != DONE:
         return outcome, iterations, 0.0, rate
     error = _error(m, p, w, s, h, ca)
     if p.sided:
-        if rubs(p):
+        if has_friction(p):
             calls.friction_forces(p.calls, (p, w, end.z, end.v, t + h, m.after))
-            error = max(error, turned_back(p, m, h))
+            error = max(error, reversal_error(p, m, h))
         s.numbers[FRICTION_LOSS] = h * lost_to_friction(m, p, end.z)
     dense = end.dense
     for i in range(len(m.alg)):

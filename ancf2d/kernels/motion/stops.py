@@ -9,12 +9,11 @@ from __future__ import annotations
 from typing import Any
 
 from .. import calls
-from ..curves import is_out_of_reach
 from ..lowlevel.arrays import vector
 from ..lowlevel.jit import addressed, inner, kernel, seldom
 from ..moving import place_moving
 from ..patches import face_bodies
-from ..points import amplitude_of, fields_of_item, law_of_item, rates_of_item, work_arrays
+from ..points import amplitude_of, does_not_act, fields_of_item, law_of_item, rates_of_item, work_arrays
 from .dynamics import signals_at, to_full
 from .events import NOWHERE, SAMPLES, interpolate
 from .state import ENGAGED_STEP, OLD_STEP, RATE_ERRORS
@@ -60,7 +59,7 @@ def _fill_acting(p, w, z, v, t, room, out):  # type: ignore[no-untyped-def]
         # usually the item that acted last still does
         out[k], i = 1.0 if _item_acts(p.points, p.stops[k, 2], w, room) else 0.0, p.stops[k, 0]
         while i < p.stops[k, 1] and out[k] == 0.0:
-            if p.points.forces_of_run[i] != 0 and p.points.apart[i] > 0.0 and is_out_of_reach(p.points, i, w.d):
+            if does_not_act(p.points, i, w.d):
                 i += p.points.run[i]
                 continue
             if _item_acts(p.points, i, w, room):

@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...elements.contact_geometry import CLOSED, FREE, HELD, OPEN
+from ...elements.contact_geometry import CLOSED, OPEN, PLACEMENT, STATUS
 from .. import calls
 from ..lowlevel.arrays import copy
 from ..lowlevel.jit import addressed, inner, seldom
 from ..patches import patch_forces
-from .contact_steps import go_straight, let_choose
+from .contact_steps import interpolate_linearly, unfix_active_set
 from .dynamics import norm, signals_at, to_full
 from .events import NOWHERE, interpolate
 from .newmark import newmark_inside
@@ -42,15 +42,15 @@ from .state import (
 )
 
 # samples of a step, and halvings of the interval in which a point opens or closes
-LOOKS, HALVINGS = 8, 40
+SAMPLES, HALVINGS = 8, 40
 # fraction of the extent: smaller penetrations are ignored; of the largest contact force: smaller pulls are ignored
-GRAZES, PULLS = 1e-11, 1e-9
+IGNORED_PENETRATION, IGNORED_PULL = 1e-11, 1e-9
 # largest gap at the end of a step before a point closes: this fraction of the tolerance, and at least of the extent
-NEAR, NEAREST = 0.1, 1e-10
+GAP_SHARE, LEAST_GAP = 0.1, 1e-10
 # fixed steps: fraction of the step for the first backward Euler step, and largest gap before it [size of the motion]
-PART, FIXED = 1e-2, 1e-9
+FIRST_EULER, FIXED_STEP_GAP = 1e-2, 1e-9
 # fraction of a step for the difference quotient of a gap
-BESIDE = 1e-3
+DIFFERENCE = 1e-3
 
 
 class Switched(NamedTuple):
@@ -76,20 +76,20 @@ class Switched(NamedTuple):
 
 
 @inner
-def _hold(p, s, held):  # type: ignore[no-untyped-def]
+def _fix_active_set(p, s, held):  # type: ignore[no-untyped-def]
     """Fix the active set of a step: points that press at s are closed, the others open; return whether any is closed.
     """
     closes = False
     for i in range(len(held)):
         if p.points.restitution[i] >= 0.0:
             held[i] = CLOSED if s.z[p.place[p.points.multiplier[i]]] < 0.0 else OPEN
-            p.points.mem[i, HELD] = held[i]
+            p.points.mem[i, STATUS] = held[i]
             closes |= held[i] == CLOSED
     return closes
 
 
 @inner
-def _look(p, w, s, own, t, h, x, out):  # type: ignore[no-untyped-def]
+def _distances_to_change(p, w, s, own, t, h, x, out):  # type: ignore[no-untyped-def]
     """Fill out (items,) with the distance of points to a change at the fraction x of the step: force of closed points,
     gap of open ones, inf for others; return whether one is below 0, so that the point must change.
     """
@@ -100,26 +100,26 @@ def _look(p, w, s, own, t, h, x, out):  # type: ignore[no-untyped-def]
     to_full(p, at.v, w.amps, 1, w.v)
     for i in range(len(out)):
         if p.points.restitution[i] >= 0.0:
-            p.points.mem[i, HELD] = CLOSED
+            p.points.mem[i, STATUS] = CLOSED
             largest = max(largest, abs(at.z[p.place[p.points.multiplier[i]]]))
     w.other[:] = 0.0
     patch_forces(p, w.d, w.v, w.amps, w.other)
     for i in range(len(out)):
         out[i] = np.inf
-        if p.points.restitution[i] >= 0.0 and p.points.mem[i, FREE] >= 0.0:
+        if p.points.restitution[i] >= 0.0 and p.points.mem[i, PLACEMENT] >= 0.0:
             k = p.points.multiplier[i]
             if own.held[i] == CLOSED:
-                out[i] = PULLS * largest - at.z[p.place[k]]
+                out[i] = IGNORED_PULL * largest - at.z[p.place[k]]
             elif w.other[k] != 0.0:
                 # a gap of exactly 0 means that the point faces nothing
-                out[i] = w.other[k] + GRAZES * p.extent
+                out[i] = w.other[k] + IGNORED_PENETRATION * p.extent
             changes |= out[i] < 0.0
     if not changes:
         return False
     # a negative gap counts only if the point closes there by its own choice, e.g. not at the back of an obstacle
-    let_choose(p)
+    unfix_active_set(p)
     w.other[:] = 0.0
-    calls.point_sides(p.calls, (p.points, w.d, w.v, w.amps, w.other))
+    calls.mark_closed_points(p.calls, (p.points, w.d, w.v, w.amps, w.other))
     changes = False
     for i in range(len(out)):
         if out[i] < 0.0:
@@ -130,7 +130,7 @@ def _look(p, w, s, own, t, h, x, out):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _lowest(own, x):  # type: ignore[no-untyped-def]
+def _negative_minimum(own, x):  # type: ignore[no-untyped-def]
     """Return where the parabola through a point's last three samples, the last at x, has a negative minimum.
 
     NOWHERE if there is none.
@@ -140,47 +140,47 @@ def _lowest(own, x):  # type: ignore[no-untyped-def]
         if b <= a and b <= c and c < np.inf and a < np.inf and a + c > 2.0 * b:
             slope, bend = 0.5 * (c - a), a - 2.0 * b + c
             if b - 0.5 * slope * slope / bend < 0.0:
-                return x - (1.0 + slope / bend) / LOOKS
+                return x - (1.0 + slope / bend) / SAMPLES
     return NOWHERE
 
 
 @inner
-def _first(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
+def _first_change(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
     """Return the fraction of the step at which the first point changes, to round-off, or NOWHERE.
 
     looks[2] is the sample there.
     """
     low, high = 0.0, NOWHERE
     own.looks[:] = np.inf
-    for n in range(LOOKS + 1):
+    for n in range(SAMPLES + 1):
         copy(own.looks[1], own.looks[0])
         copy(own.looks[2], own.looks[1])
-        if _look(p, w, s, own, t, h, n / LOOKS, own.looks[2]) and n > 0:
-            high = n / LOOKS
+        if _distances_to_change(p, w, s, own, t, h, n / SAMPLES, own.looks[2]) and n > 0:
+            high = n / SAMPLES
             break
-        lowest = _lowest(own, n / LOOKS) if n > 1 else NOWHERE
-        if lowest != NOWHERE and _look(p, w, s, own, t, h, lowest, own.looks[0]):
-            high, low = lowest, (n - 2) / LOOKS
+        lowest = _negative_minimum(own, n / SAMPLES) if n > 1 else NOWHERE
+        if lowest != NOWHERE and _distances_to_change(p, w, s, own, t, h, lowest, own.looks[0]):
+            high, low = lowest, (n - 2) / SAMPLES
             break
         if n > 0:
-            low = (n - 1) / LOOKS
+            low = (n - 1) / SAMPLES
     if high == NOWHERE:
         return NOWHERE
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        if _look(p, w, s, own, t, h, middle, own.looks[2]):
+        if _distances_to_change(p, w, s, own, t, h, middle, own.looks[2]):
             high = middle
         else:
             low = middle
-    _look(p, w, s, own, t, h, high, own.looks[2])
+    _distances_to_change(p, w, s, own, t, h, high, own.looks[2])
     return high
 
 
 @inner
-def _euler_length(p, s, own, h):  # type: ignore[no-untyped-def]
+def _euler_step_size(p, s, own, h):  # type: ignore[no-untyped-def]
     """Return the size of a backward Euler step that meets the tolerance, estimated from its error h^2 a/2 at first."""
     if own.tolerance == 0.0:
-        return max(s.numbers[GOOD_EULER], PART * max(s.numbers[STEP_SIZE], s.numbers[UNCUT_RADAU]))
+        return max(s.numbers[GOOD_EULER], FIRST_EULER * max(s.numbers[STEP_SIZE], s.numbers[UNCUT_RADAU]))
     if s.numbers[GOOD_EULER] > 0.0:
         return s.numbers[GOOD_EULER]
     pull = norm(p, s.a)
@@ -192,9 +192,9 @@ def _closing_time(p, w, s, own, t, h, x):  # type: ignore[no-untyped-def]
     """Return the time in which points that close at the fraction x of the step move by the gap allowed before closing.
     """
     size = max(s.numbers[SIZE], 1e-3 * p.extent)
-    allowed = max((NEAR * own.tolerance if own.tolerance > 0.0 else FIXED) * size, NEAREST * p.extent)
-    before, time = max(0.0, x - BESIDE), np.inf
-    _look(p, w, s, own, t, h, before, own.looks[1])
+    allowed = max((GAP_SHARE * own.tolerance if own.tolerance > 0.0 else FIXED_STEP_GAP) * size, LEAST_GAP * p.extent)
+    before, time = max(0.0, x - DIFFERENCE), np.inf
+    _distances_to_change(p, w, s, own, t, h, before, own.looks[1])
     for i in range(len(own.held)):
         if own.held[i] == OPEN and own.looks[2, i] < 0.0:
             fallen = own.looks[1, i] - own.looks[2, i]
@@ -204,12 +204,12 @@ def _closing_time(p, w, s, own, t, h, x):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _switches(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
+def _must_switch(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
     """Return whether a point changes in the step; it must then be repeated with the new STEP_SIZE or NEXT_EULER."""
-    x = _first(p, w, s, own, t, h)
+    x = _first_change(p, w, s, own, t, h)
     if x == NOWHERE:
         return False
-    euler = _euler_length(p, s, own, h)
+    euler = _euler_step_size(p, s, own, h)
     near = min(_closing_time(p, w, s, own, t, h, x), euler)
     # end further before the change after every failed try
     sooner = x * h - 0.5 * near * 2.0 ** s.numbers[TRIES]
@@ -229,24 +229,24 @@ def switched_step(p, w, s, own, t, h):  # type: ignore[no-untyped-def]
     if s.numbers[NEXT_EULER] > 0.0:
         s.numbers[STARTS_CONSISTENT] = 1.0
         outcome, iterations, error, rate = calls.euler_step(own.calls, (p, w, s, own.euler, t, h))
-        go_straight(own.end, s)
+        interpolate_linearly(own.end, s)
         return outcome, iterations, error, rate
     signals_at(p, t, w.amps)
-    calls.leave_supported(p.calls, (p, w, s.z))
-    closes = _hold(p, s, own.held)
+    calls.deactivate_supported(p.calls, (p, w, s.z))
+    closes = _fix_active_set(p, s, own.held)
     outcome, iterations, error, rate = calls.radau_step(own.calls, (p, w, s, own.radau, t, h))
     if outcome != DONE:
         # if no point is closed, contact is not the cause: a shorter step helps
-        if closes and not h > 2.0 * _euler_length(p, s, own, h):
+        if closes and not h > 2.0 * _euler_step_size(p, s, own, h):
             s.numbers[NEXT_EULER], outcome = h, SWITCHES
     else:
         # a step that exceeds the tolerance is repeated anyway
         fine = own.tolerance == 0.0 or error <= own.tolerance * max(s.numbers[SIZE], norm(p, own.end.z))
-        if fine and _switches(p, w, s, own, t, h):
+        if fine and _must_switch(p, w, s, own, t, h):
             outcome = SWITCHES
-        elif calls.into_supports(p.calls, (p, w, own.end.z)):
+        elif calls.deactivated_penetrates(p.calls, (p, w, own.end.z)):
             outcome = INTO_SUPPORTS
-    let_choose(p)
+    unfix_active_set(p)
     return outcome, iterations, error, rate
 
 

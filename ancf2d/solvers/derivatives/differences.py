@@ -39,25 +39,44 @@ class Quotient:
 
 
 def derivative(f: Callable[[float], Array], h: float, weights: Array | None = None, unknown: float = 0.0,
-               middle: Array | None = None) -> Quotient:
+               middle: Array | None = None, round_off: Array | float = 0.0) -> Quotient:
     """Return f'(0) of fourth order of a smooth f with values (m,), by differences with steps near h > 0.
 
     The differences are central, unless f raises CaseError on one side; then they are one-sided. Steps are shortened
     where differences of lower order show that f is not smooth over them, unless round-off would then exceed the present
-    error. Exceptions of f on both sides are passed on. Values are compared through ``weights`` (m,); ``unknown`` is
-    their uncertainty, so weighted, in addition to round-off. If ``middle``, f(0), is given, half of the jump of f'
-    there is part of the error. If several steps were tried, the error is at most the difference of their derivatives.
+    error, and lengthened where ``round_off`` (m,), the absolute round-off of f, dominates the error. Exceptions of f on
+    both sides are passed on. Values are compared through ``weights`` (m,); ``unknown`` is their uncertainty, so
+    weighted, in addition to round-off. If ``middle``, f(0), is given, half of the jump of f' there is part of the
+    error. If several steps were tried, the error is at most the difference of their derivatives.
     """
     tried: list[Quotient] = []
     for _ in range(TRIES):
-        tried.append(_at(f, h, middle))
+        tried.append(_at(f, h, middle, round_off))
         best = min(tried, key=lambda found: _worst(found, weights, unknown))
         if _worst(best, weights, 0.0) <= SMOOTH**2 or _at_round_off(tried[-1], weights):
             break
         h *= SHORTER
     others = [np.abs(best.value - other.value) for other in tried if other is not best]
     error = np.minimum(best.error, np.max(others, axis=0)) if others else best.error
-    return replace(best, error=error + best.kink, kink=0.0)
+    best = replace(best, error=np.maximum(error, round_off / best.h) + best.kink, kink=0.0)
+    return _lengthened(f, best, weights, middle, round_off) if np.any(round_off) else best
+
+
+def _lengthened(f: Callable[[float], Array], best: Quotient, weights: Array | None, middle: Array | None,
+                round_off: Array | float) -> Quotient:
+    """Return the derivative with steps as long as they reduce the total error of one found with shorter steps."""
+    for _ in range(TRIES):
+        noise = replace(best, error=np.asarray(best.noise))
+        if _worst(noise, weights, 0.0) < 0.5 * _worst(best, weights, 0.0):
+            break
+        try:
+            longer = _at(f, best.h / SHORTER, middle, round_off)
+        except CaseError:
+            break
+        if _worst(longer, weights, 0.0) >= _worst(best, weights, 0.0):
+            break
+        best = replace(longer, error=longer.error + longer.kink, kink=0.0)
+    return best
 
 
 def _worst(found: Quotient, weights: Array | None, unknown: float) -> float:
@@ -74,16 +93,16 @@ def _at_round_off(found: Quotient, weights: Array | None) -> bool:
     return _worst(shorter, weights, 0.0) >= _worst(found, weights, 0.0) > 0.0
 
 
-def _at(f: Callable[[float], Array], h: float, middle: Array | None) -> Quotient:
+def _at(f: Callable[[float], Array], h: float, middle: Array | None, round_off: Array | float) -> Quotient:
     try:
         below = [f(-h), f(-2 * h)]
     except CaseError:
-        return _one_sided(f, h)
+        return _one_sided(f, h, round_off)
     try:
         above = [f(h), f(2 * h)]
     except CaseError:
-        return _one_sided(f, -h, below)
-    found = central(above, below, h)
+        return _one_sided(f, -h, round_off, below)
+    found = central(above, below, h, round_off)
     if middle is not None:
         # the second difference is proportional to h at a kink, else to its square
         near, far = (above[k] + below[k] - 2 * middle for k in (0, 1))
@@ -91,24 +110,26 @@ def _at(f: Callable[[float], Array], h: float, middle: Array | None) -> Quotient
     return found
 
 
-def central(above: list[Array], below: list[Array], h: float) -> Quotient:
+def central(above: list[Array], below: list[Array], h: float, round_off: Array | float = 0.0) -> Quotient:
     """Return f'(0) from f at h, 2 h and at -h, -2 h.
 
     With D2 and D4 of second and fourth order, the truncation error is estimated as |D4 - D2|^2/|D4|, the next term of
-    the series if terms decrease at a constant ratio. The round-off of f divided by h is added.
+    the series if terms decrease at a constant ratio. The round-off of f divided by h is added, ``round_off`` (m,) in
+    addition to that of its last digits.
     """
     near, far = (above[0] - below[0]) / (2 * h), (above[1] - below[1]) / (4 * h)
     value = near + (near - far) / 3.0
     size = np.maximum(np.abs(above[1]), np.abs(below[1]))
-    noise = NOISE * size / abs(h)
+    noise = (NOISE * size + round_off) / abs(h)
     return Quotient(value, error_of(value, near) + noise, abs(h), noise=noise)
 
 
-def _one_sided(f: Callable[[float], Array], h: float, known: list[Array] | None = None) -> Quotient:
+def _one_sided(f: Callable[[float], Array], h: float, round_off: Array | float,
+               known: list[Array] | None = None) -> Quotient:
     values = np.array([f(0.0), *(known or [f(h), f(2 * h)]), f(3 * h), f(4 * h)])
     value, other = FORWARD @ values / h, LOWER @ values / h
     # the polynomial of lower order has third order already, so the difference itself is the estimate
-    noise = NOISE * np.abs(values).max(0) / abs(h)
+    noise = (NOISE * np.abs(values).max(0) + round_off) / abs(h)
     return Quotient(value, np.abs(value - other) * 0.1 + noise, abs(h), noise=noise)
 
 

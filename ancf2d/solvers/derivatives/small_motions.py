@@ -38,6 +38,8 @@ ITERATIONS = 3
 EQUAL, BESIDE = 1e-6, 1e-7
 # y^T dT/ds x of equal eigenvalues, for vectors of size 1, below which they have too few eigenvectors
 DEFECTIVE = 1e-6
+# relative change of the last digit of a number
+EPS = float(np.finfo(float).eps)
 # tolerance of a peak, and step of differences around it, relative to the distance of frequencies
 PEAK, AROUND = 1e-9, 0.02
 
@@ -47,6 +49,7 @@ class SmallMotions(OneByOne):
 
     def __init__(self, model: Model, state: State, about: str, damped: bool) -> None:
         self.model, self.state, self.damped = model, state, damped
+        self.noise: Array | None = None
         self.loaded = about == "static" or model.case.steady_rotation is not None
         self.rest = Equilibrium(model, state) if self.loaded else None
         self.z = state.d[model.numbering.free] if self.rest is None else self.rest.z
@@ -71,6 +74,19 @@ class SmallMotions(OneByOne):
             return lambda step: self.problem_at(at(step), self.z), Quotient(np.zeros(0), np.zeros(0), h)
         rest = self.rest.slope(at, h)
         return lambda step: self.problem_at(at(step), self.z + step * rest.value), rest
+
+    def round_off(self, f: Callable[[Quadratic], Array], rest: Quotient) -> Array | float:
+        """Return the change of f(matrices) when the unknowns of the state change in their last digits.
+
+        Stiff bodies turn these digits into forces, so that differences along a small change of the state, ``rest``,
+        need longer steps.
+        """
+        if not rest.value.any():
+            return 0.0
+        if self.noise is None:
+            z = self.z * (1.0 + EPS * np.random.default_rng(0).choice([-1.0, 1.0], len(self.z)))
+            self.noise = np.abs(f(self.problem_at(self.model, z)) - f(self.problem))
+        return self.noise
 
     def unknowns_and_rest(self, change: Array) -> tuple[Array, Array]:
         """Return the unknowns (n,) of the state changed by the first part of ``change``, and the rest of that."""
@@ -147,11 +163,10 @@ class Vibration(SmallMotions):
         """
         problem, rest = self.varied_matrices(at, h)
 
-        def forms(step: float) -> Array:
-            p = problem(step)
+        def forms(p: Quadratic) -> Array:
             return np.concatenate([parts(-(c.y.T @ np.array([p.action(c.s, x) for x in c.x.T]).T).ravel())
                                    for c in self.clusters])
-        found = derivative(forms, h)
+        found = derivative(lambda step: forms(problem(step)), h, round_off=self.round_off(forms, rest))
         out, n = [replace(rest, kink=np.zeros_like(rest.value))], 0
         for c in self.clusters:
             m = len(c.entries)
@@ -236,15 +251,15 @@ class ForcedVibration(SmallMotions):
         """Return dz/dp (n,) of the state, if it is an equilibrium, then dx/dp (frequencies, inputs, n, 2)."""
         problem, rest = self.varied_matrices(at, h)
 
-        def changes(step: float) -> Array:
-            p, out = problem(step), []
-            inputs, _ = self._read(p)
+        def changes(p: Quadratic) -> Array:
+            inputs, out = self._read(p)[0], []
             for (_, hz, _), X, factors in zip(self.at, self.x, self.factors, strict=True):
                 s = 2j * math.pi * hz
                 out += [refined_response(self.problem, factors, p.force(one, s) - p.action(s, x), s)
                         for x, one in zip(X, inputs, strict=True)]
             return parts(np.concatenate(out)) if out else np.zeros(0)
-        found = derivative(changes, h, np.tile(np.repeat(self.problem.weights, 2), len(self.at) * len(self.inputs)))
+        weights = np.tile(np.repeat(self.problem.weights, 2), len(self.at) * len(self.inputs))
+        found = derivative(lambda step: changes(problem(step)), h, weights, round_off=self.round_off(changes, rest))
         return Quotient(np.append(rest.value, found.value), np.append(rest.error, found.error), found.h)
 
     def states(self, model: Model, change: Array) -> list[State]:

@@ -17,7 +17,7 @@ import numpy as np
 from ...case import LimitPoints, LoadFactor, Static
 from ...elements.shape import Array
 from ...model.model import Model
-from ..contact import memory, recall
+from ..contact import memory, restore_memory
 from ..post import Observer
 from ..refine import refined
 from ..small_motions.factors import Factors
@@ -91,7 +91,7 @@ class Equilibrium(OneByOne):
         system = System(model)
         system.count_from(self.turns)
         if self.contacts is not None:
-            recall(model, self.contacts, slide=True)
+            restore_memory(model, self.contacts, slide=True)
         return system
 
     def _solved(self, b: Array) -> Array:

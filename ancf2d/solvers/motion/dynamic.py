@@ -20,7 +20,7 @@ from ...model.breakpoints import instants
 from ...model.element_limits import any_inverted, inverted
 from ...model.model import Model
 from ...pace import Pace
-from ..contact import check_pressed, recall_rows
+from ..contact import check_pressed_through, set_memory
 from ..energy import Energies, constant_loads, extra_energy, is_constant
 from ..state import State, check_checkpoint
 from ..system import least_motion
@@ -89,7 +89,7 @@ class Balance:
         model.states[:] = row.states
         model.set_natural(row.side)
         if model.contacts:
-            recall_rows(model, row.turns)
+            set_memory(model, row.turns)
         if model.springs:
             d_q = d[:model.n_q]
             model.turns.set_spring_angles(model.springs, model.e0 + d_q, d_q, model.turns.at(d, row.turned))
@@ -262,7 +262,7 @@ class Run:
         controllers = self.stepper.answers.update_model(row)
         energies = self.balance.evaluate(row)
         if self.model.contacts:
-            check_pressed(self.model, d, {"t": float(f"{row.t:.6g}")})
+            check_pressed_through(self.model, d, {"t": float(f"{row.t:.6g}")})
         F = self.balance.external(row.side)
         Q = self.stepper.forces(row) + F
         blocks = {name: row.log[:, k] for k, name in enumerate(LOG)}

@@ -13,7 +13,7 @@ from ...elements.shape import Array
 from ...errors import ComputationError
 from ...kernels.motion.advance import CHECK
 from ...kernels.motion.state import COUNT, SWITCHED
-from ...kernels.motion.switching import FIXED
+from ...kernels.motion.switching import FIXED_STEP_GAP
 from ...model.mesh import Index
 from ...model.model import Model
 from ...model.rotation import CoordinateKinds
@@ -198,17 +198,17 @@ class Estimate:
         # part of the error in locating contacts that open and close is the same at all levels
         located = float(self.stepper.s.numbers[SWITCHED]) if self.factor == DOUBLE else 0.0
         if fine == 0.0:
-            return FIXED * located, None
+            return FIXED_STEP_GAP * located, None
         power = float(np.log(rough / fine) / np.log(self.factor)) if rough > 0.0 else 0.0
         own = self.stepper.t / self.stepper.s.numbers[COUNT]
         first, second = (float(length / own) for length in self._lengths())
         largest = LARGEST[self.factor]
         if first - 1.0 < 1.0 / largest:
-            return SAFETY * largest * max(fine, rough) + FIXED * located, power
+            return SAFETY * largest * max(fine, rough) + FIXED_STEP_GAP * located, power
         order = 1.0
         if self.levels == LEVELS and rough >= FALLS * fine and second > first and located == 0.0:
             order = _order(rough / fine, first, second, self.stepper.method.order)
-        return SAFETY * fine * min(largest, 1.0 / (first ** order - 1.0)) + FIXED * located, power
+        return SAFETY * fine * min(largest, 1.0 / (first ** order - 1.0)) + FIXED_STEP_GAP * located, power
 
     def _alike(self) -> bool:
         """Return whether longer fixed steps were cut, or are so few, that they equal those of the motion itself."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...elements.contact_geometry import FREE, SUPPORTED
+from ...elements.contact_geometry import PLACEMENT, SUPPORTED
 from ...errors import ComputationError
 from ...interactions.contact import ContactPoint
 from ...interactions.prismatic import OnAxis
@@ -23,7 +23,7 @@ from ...kernels.motion.state import (
 )
 from ...kernels.sliding import sliding_check
 from ...model.point_patch import check_facing
-from ..active_set import blocked, driven_into
+from ..active_set import blocked_error, driven_points
 from ..state import Row
 
 # multiple of a model's size; farther away, round-off of positions hides the strains
@@ -101,7 +101,7 @@ def _driven_near(motion: Any) -> list[tuple[Any, int]]:
     p, d = motion.p, np.zeros(len(motion.p.place))
     signals_at(p, motion.t, motion.w.amps)
     fill_full(p, motion.s.z, motion.w.amps, 0, d)
-    return driven_into(motion.model, d, motion.t, -NEAR * float(p.extent))
+    return driven_points(motion.model, d, motion.t, -NEAR * float(p.extent))
 
 
 def _blocked(motion: Any, at: dict[str, Any], near: list[tuple[Any, int]]) -> ComputationError:
@@ -109,9 +109,9 @@ def _blocked(motion: Any, at: dict[str, Any], near: list[tuple[Any, int]]) -> Co
     model, mem = motion.model, motion.p.points.mem
     into = [(p.pair, p.number)
             for p, rows in zip(model.interactions.points, model.interactions.rows, strict=True)
-            if isinstance(p, ContactPoint) and (mem[rows, FREE] == SUPPORTED).any()]
+            if isinstance(p, ContactPoint) and (mem[rows, PLACEMENT] == SUPPORTED).any()]
     at.pop("coordinate", None)
-    return blocked(into or near, at)
+    return blocked_error(into or near, at)
 
 
 @np.errstate(all="ignore")

@@ -31,7 +31,7 @@ from ...kernels.motion.consistent import consistent, constraint_functions, kinet
 from ...kernels.motion.dynamics import Problem, dynamic_functions, signals_at
 from ...kernels.motion.events import check_conditions, event_functions
 from ...kernels.motion.feedback import Feedback, feedback_accept, feedback_functions, no_feedback, tail_size
-from ...kernels.motion.impact import begin, impact_functions
+from ...kernels.motion.impact import consistent_start, impact_functions
 from ...kernels.motion.many_states import read_states
 from ...kernels.motion.ode import ode_functions
 from ...kernels.motion.state import Turning, count_turns, fill_full, method_of, motion, scratch
@@ -289,7 +289,7 @@ def _called_from_python(P: Any, own: bool, slides: bool, sided: bool) -> list[Co
         signals_at: (P, _f, _xx), count_turns: (P.place["turning"][1], _x, _x, _f, _x, _x),
         read_states: (P, W, _x, _n, *[_xx] * 3, *[types.float64[:, :, ::1]] * 2, *[_xx] * 6)}
     if sided:
-        signatures[begin] = signatures[consistent]
+        signatures[consistent_start] = signatures[consistent]
     if slides:
         signatures[sliding_check] = P.place["sliding"][1], _x
     if own:

@@ -14,7 +14,7 @@ from ...kernels.lowlevel.records import Record
 from ...kernels.motion import advance as kernels
 from ...kernels.motion.consistent import consistent, kinetic
 from ...kernels.motion.dynamics import forces, signals_at
-from ...kernels.motion.impact import begin
+from ...kernels.motion.impact import consistent_start
 from ...kernels.motion.many_states import AS_IS, FORCES_ALONE, POSITIONS, RATES, read_states
 from ...kernels.motion.state import (
     LOST,
@@ -163,7 +163,7 @@ class Stepper:
             self.p.points.mem[rows, :mem.shape[1]] = mem
 
     def consistent(self, t: float, impulse: Array) -> None:
-        make = begin if self.p.sided else consistent
+        make = consistent_start if self.p.sided else consistent
         if not make(self.p, self.w, self.s.z, self.s.v, self.s.a, t, impulse):
             raise ComputationError(
                 "the mass matrix is singular, or joints hold the same motion twice", at={"t": t},

@@ -16,7 +16,7 @@ from ...interactions.forces import LoadSet
 from ...kernels.elements import viscous_force
 from ...model.mesh import Index
 from ...model.model import Model
-from ..contact import memory, recall
+from ..contact import memory, restore_memory
 from ..ldl import SymmetricBand
 from ..linear import (
     GeneralBand,
@@ -89,7 +89,7 @@ def _equilibrium(model: Model) -> Base:
     assert state is not None
     state.history["iterations"], state.warnings = iterations, warnings
     # where bodies lift off, contact points move along with the lift-off point: otherwise bodies would pivot about them
-    recall(model, memory(model), slide=True)
+    restore_memory(model, memory(model), slide=True)
     return Base(model, state, True)
 
 

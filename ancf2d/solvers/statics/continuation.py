@@ -15,16 +15,16 @@ from typing import Protocol
 import numpy as np
 
 from ...case import Probe
-from ...elements.contact_geometry import HELD
+from ...elements.contact_geometry import STATUS
 from ...elements.shape import Array
 from ...errors import ComputationError
 from ...kernels.elements import natural_slope
 from ...model.model import Model
 from ...model.points import PointRef
 from ...model.rotation import Rotation
-from ..active_set import PENETRATION, ROUNDS, begin, exchange, unfound
-from ..contact import memory, recall
-from ..lift_off import Course, released, stand_still
+from ..active_set import PENETRATION, ROUNDS, initialise_active_set, not_found, update_active_set
+from ..contact import memory, restore_memory
+from ..lift_off import PlaceHistory, fix_places, release_places
 from ..linear import GeneralSparse
 from ..post import position_of
 from ..system import UNIT_ROUNDOFF, Balance, System
@@ -239,25 +239,25 @@ class Curve:
         try:
             return self._settled(control, d, t, self._slid)
         except ComputationError:
-            if not any(pair.hard and pair.still for pair in self.model.contacts):
+            if not any(pair.hard and pair.places_move for pair in self.model.contacts):
                 raise
-            recall(self.model, touching)
+            restore_memory(self.model, touching)
             return self._settled(control, d, t, self._stood)
 
-    def _settled(self, control: Control, d: Array, t: float, find: Callable[[Control, Array, float, Course], Found]
-                 ) -> Found:
+    def _settled(self, control: Control, d: Array, t: float,
+                 find: Callable[[Control, Array, float, PlaceHistory], Found]) -> Found:
         """Same as ``correct``, with ``find`` as the solver for fixed contacts, until no contact point changes."""
         self.system.count_from(self.turns)
-        course = Course()
-        found = find(control, d, t, course)
+        history = PlaceHistory()
+        found = find(control, d, t, history)
         self.system.along = partial(self._answers, control)
         for _ in range(ROUNDS):
-            changed, worst = exchange(self.system, found.d, found.t, course)
+            changed, worst = update_active_set(self.system, found.d, found.t, history)
             if not changed:
                 return found
-            again = find(control, found.d, found.t, course)
+            again = find(control, found.d, found.t, history)
             found = replace(again, iterations=max(found.iterations, again.iterations))
-        raise unfound(found.t, worst)
+        raise not_found(found.t, worst)
 
     def touch(self, start: Found, way: float) -> None:
         """Set the contacts at the start of a path to those just after it, with the load factor changing one ``way``.
@@ -266,18 +266,19 @@ class Curve:
         """
         if not any(pair.hard for pair in self.model.contacts):
             return
-        begin(self.system, start.d, start.t)
+        initialise_active_set(self.system, start.d, start.t)
         touching = memory(self.model)
         try:
             t = start.t + way * SMALL
             self.correct(FactorControl(t, self.model.numbering.n_unknowns), self.model.displacements(
                 start.d[self.model.numbering.free], t), t)
             apart = any(gap > PENETRATION * self.model.extent for one in self.model.contact_tables if one.pair.hard
-                        for gap, p in zip(one.gaps(start.d, start.t)[0], one.points, strict=True) if p.mem[HELD] > 0.0)
+                        for gap, p in zip(one.gaps(start.d, start.t)[0], one.points, strict=True)
+                        if p.mem[STATUS] > 0.0)
         except ComputationError:
             apart = True
         if apart:
-            recall(self.model, touching)
+            restore_memory(self.model, touching)
 
     def _answers(self, control: Control, d: Array, t: float) -> Callable[[Array], Array]:
         """Return the function that gives the response to forces while the load factor follows the control."""
@@ -291,15 +292,15 @@ class Curve:
             return np.asarray(z - float(gradient @ z) / slope * by_load)
         return answer
 
-    def _stood(self, control: Control, d: Array, t: float, course: Course) -> Found:
+    def _stood(self, control: Control, d: Array, t: float, history: PlaceHistory) -> Found:
         """Same as ``_corrected``, with all contact places fixed."""
         return self._corrected(control, d, t)
 
-    def _slid(self, control: Control, d: Array, t: float, course: Course) -> Found:
+    def _slid(self, control: Control, d: Array, t: float, history: PlaceHistory) -> Found:
         """Same as ``_corrected``, with the places of lift-off moving along."""
-        slid = released([one for one in self.model.contact_tables if one.pair.hard], course)
+        slid = release_places([one for one in self.model.contact_tables if one.pair.hard], history)
         found = self._corrected(control, d, t)
-        stand_still(slid, found.d, found.t)
+        fix_places(slid, found.d, found.t)
         if slid and self.knows_inertia and self.pivots < self.model.numbering.n_multipliers:
             # the beam would turn about this place rather than lift off
             raise ComputationError("a place of lift-off is not the one that bears", at={"factor": float(f"{t:.6g}")})
@@ -354,14 +355,14 @@ class Curve:
         touching = memory(self.model)
         # places of lift-off move along the path, unless they would meet other points
         for slide in (True, False):
-            recall(self.model, touching, slide)
+            restore_memory(self.model, touching, slide)
             balance = self.system.assemble(found.d, found.t)
             pivots = self.system.factor({"factor": float(f"{found.t:.6g}")})
             if not self.knows_inertia or pivots.negative >= self.model.numbering.n_multipliers:
                 break
         self.system.check_tangent(found.d, found.t, pivots)
         by_load = -self.system.matrix.solve(self.load_rate(found.d, found.t))
-        recall(self.model, touching)
+        restore_memory(self.model, touching)
         if touching:
             # with fixed places, since the state is not balanced for places beyond their interval
             balance = self.system.forces(found.d, found.t)

@@ -17,9 +17,9 @@ import numpy as np
 from ...elements.shape import Array
 from ...errors import ComputationError, SingularTangentError
 from ...model.model import Model
-from ..active_set import ROUNDS, begin, exchange
-from ..contact import check_crossed, memory, recall
-from ..lift_off import Course
+from ..active_set import ROUNDS, initialise_active_set, update_active_set
+from ..contact import check_crossed, memory, restore_memory
+from ..lift_off import PlaceHistory
 from ..linear import assemble_mass, make_matrix
 from ..state import State
 from ..system import STILL, Balance, System
@@ -114,7 +114,7 @@ class _Relaxation:
         self.M: Array = mass.target.values
         self.start = self.d = d
         self.hard = any(pair.hard for pair in self.model.contacts)
-        begin(system, d, factors[0])
+        initialise_active_set(system, d, factors[0])
         g = max((float(np.hypot(*load.acceleration)) for load in self.model.case.loads
                  if load.acceleration is not None), default=0.0)
         self.extent = self.model.extent
@@ -197,7 +197,7 @@ class _Relaxation:
 
         Raises ComputationError.
         """
-        kept, iterations, course = memory(self.model), 0, Course()
+        kept, iterations, history = memory(self.model), 0, PlaceHistory()
         z0 = self.d[self.model.numbering.where].copy()
         medium = _Medium(self.system, self.M, z0, 1.0 / self.h)
         d = self.model.displacements(z0, t)
@@ -205,12 +205,12 @@ class _Relaxation:
             for _ in range(ROUNDS if self.hard else 1):
                 d, count = self._balance(medium, d, t)
                 iterations = max(iterations, count)
-                if not self.hard or not exchange(cast(System, medium), d, t, course)[0]:
+                if not self.hard or not update_active_set(cast(System, medium), d, t, history)[0]:
                     check_crossed(self.model, d, (self.d, t), t)
                     return d, iterations
             raise ComputationError("the contact points were not found", at={"factor": float(f"{t:.6g}")})
         except ComputationError:
-            recall(self.model, kept)
+            restore_memory(self.model, kept)
             raise
 
     def _balance(self, medium: _Medium, d: Array, t: float) -> tuple[Array, int]:

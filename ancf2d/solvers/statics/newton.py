@@ -13,10 +13,19 @@ from ...interactions.prismatic import check_ends
 from ...model.element_limits import check_inverted
 from ...model.model import Model
 from ...model.point_patch import check_facing
-from ..active_set import PENETRATION, ROUNDS, WAYS, Way, begin, check_supports, exchange, unfound
-from ..contact import check_crossed, check_pressed, memory, recall
-from ..friction import stick_one
-from ..lift_off import Course
+from ..active_set import (
+    PENETRATION,
+    ROUNDS,
+    STRATEGIES,
+    Strategy,
+    check_supports,
+    initialise_active_set,
+    not_found,
+    update_active_set,
+)
+from ..contact import check_crossed, check_pressed_through, memory, restore_memory
+from ..friction import stick_least_slipping
+from ..lift_off import PlaceHistory
 from ..state import Graded, State
 from ..system import STILL, UNIT_ROUNDOFF, Balance, System, sticks
 from ..threads import chunks, largest
@@ -65,24 +74,24 @@ def newton(system: System, d: Array, t_old: float, t: float, tolerance: float, m
     """
     if not any(pair.hard for pair in system.model.contacts):
         result = _newton(system, d, t_old, t, tolerance, max_iterations)
-        check_pressed(system.model, result.d, {"factor": float(f"{t:.6g}")})
+        check_pressed_through(system.model, result.d, {"factor": float(f"{t:.6g}")})
         return result
     kept = memory(system.model)
     rough = any(pair.hard and pair.item.friction for pair in system.model.contacts)
-    begin(system, d, t_old)
+    initialise_active_set(system, d, t_old)
     try:
         first = _held(system, d, t_old, t, tolerance, max_iterations)
         check_supports(system, first.d, t)
         touching = memory(system.model)
-        *others, last = WAYS if rough else WAYS[:1]
-        for way in others:
+        *others, last = STRATEGIES if rough else STRATEGIES[:1]
+        for strategy in others:
             try:
-                return _settled(system, replace(first, d=first.d.copy()), t, tolerance, max_iterations, way)
+                return _settled(system, replace(first, d=first.d.copy()), t, tolerance, max_iterations, strategy)
             except ComputationError:
-                recall(system.model, touching)
+                restore_memory(system.model, touching)
         return _settled(system, first, t, tolerance, max_iterations, last)
     except ComputationError:
-        recall(system.model, kept)
+        restore_memory(system.model, kept)
         raise
 
 
@@ -92,24 +101,24 @@ def _held(system: System, d: Array, t_old: float, t: float, tolerance: float, ma
         try:
             return _newton(system, d, t_old, t, tolerance, max_iterations)
         except SingularTangentError:
-            if not stick_one(system.model.contact_tables, d, t, system.accepted or (d, t)):
+            if not stick_least_slipping(system.model.contact_tables, d, t, system.accepted or (d, t)):
                 raise
 
 
-def _settled(system: System, result: NewtonResult, t: float, tolerance: float, max_iterations: int, way: Way
+def _settled(system: System, result: NewtonResult, t: float, tolerance: float, max_iterations: int, strategy: Strategy
              ) -> NewtonResult:
     """Return the equilibrium at which no contact point opens, closes, sticks or slides any more, from a first one."""
-    course = Course()
+    history = PlaceHistory()
     iterations, worst = 0, 0.0
     for _ in range(ROUNDS):
         iterations += result.iterations
-        changed, worst = exchange(system, result.d, t, course, way)
+        changed, worst = update_active_set(system, result.d, t, history, strategy)
         if not changed:
             result.iterations, result.overlap = iterations, worst
-            check_pressed(system.model, result.d, {"factor": float(f"{t:.6g}")})
+            check_pressed_through(system.model, result.d, {"factor": float(f"{t:.6g}")})
             return result
         result = _held(system, result.d, t, t, tolerance, max_iterations)
-    raise unfound(t, worst)
+    raise not_found(t, worst)
 
 
 def _newton(system: System, d: Array, t_old: float, t: float, tolerance: float, max_iterations: int) -> NewtonResult:
@@ -286,12 +295,12 @@ def equilibrium_near(system: System, start: Start, t: float, tolerance: float, m
         check_sound(system.model, result.d, None, t)
     except ComputationError:
         system.count_from(turns)
-        recall(system.model, touched)
+        restore_memory(system.model, touched)
         return None
     strayed = system.distance(result.d, guess) > NEAR * system.norm(guess[free])
     crossed = system.knows_inertia and negative_pivots(system, result.d, t) != start.negative_pivots
     if strayed or crossed:
         system.count_from(turns)
-        recall(system.model, touched)
+        restore_memory(system.model, touched)
         return None
     return result

@@ -14,7 +14,7 @@ from ...elements.shape import Array
 from ...errors import ComputationError
 from ...model.model import Model
 from ..active_set import check_supports, overlap
-from ..contact import check_crossed, check_pressed, memory, recall
+from ..contact import check_crossed, check_pressed_through, memory, restore_memory
 from ..state import State
 from ..system import System
 from .continuation import Curve, Found, PathPoint
@@ -118,7 +118,7 @@ class Follower:
 
     def _settle(self, d: Array, t: float, turned: Array | None = None) -> None:
         """Accept an equilibrium: update history variables and count turns from it."""
-        check_pressed(self.model, d, {"factor": float(f"{t:.6g}")})
+        check_pressed_through(self.model, d, {"factor": float(f"{t:.6g}")})
         self.curve.system.accept(d, t)
         turned = self.curve.system.count(d, t) if turned is None else turned
         self.curve.turns = d, turned
@@ -155,7 +155,7 @@ class Follower:
         if guess is None:
             t = a.t + h * a.rate
             guess = self.model.displacements(a.d[free] + h * a.z, t), t
-        recall(self.model, a.touching)
+        restore_memory(self.model, a.touching)
         found = curve.correct(self.steps.control(a, h), *guess)
         check_crossed(self.model, found.d, (a.d, a.t), found.t)
         check_supports(curve.system, found.d, found.t)
@@ -251,7 +251,7 @@ class Follower:
         size = self.curve.system.norm(point.d[self.model.numbering.free])
         if point.uncertainty > POOR * size:
             warnings = [*warnings, inexact(f"factor {point.t:.6g}", point.uncertainty / size)]
-        recall(self.model, point.touching)
+        restore_memory(self.model, point.touching)
         depth = overlap(self.model, point.d, point.t)
         warnings = warnings + too_deep(self.model, f"factor {point.t:.6g}", depth)
         state = self._plain(point)

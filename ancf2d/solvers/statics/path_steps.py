@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from ...case.schema.solvers import LARGEST_STEP, LOAD_STEPS
-from ...elements.contact_geometry import HELD
+from ...elements.contact_geometry import STATUS
 from ...elements.shape import Array
 from ...errors import ComputationError
 from .continuation import ArcLength, Control, Curve, Found, PathPoint, ProbeControl
@@ -30,7 +30,7 @@ Scale = Callable[[Array, Array], float]
 
 def others_touch(a: PathPoint, b: PathPoint) -> bool:
     """Return whether the sets of closed contact points at two points of a path differ."""
-    return any((one[:, HELD] != two[:, HELD]).any() for one, two in zip(a.touching, b.touching, strict=True))
+    return any((one[:, STATUS] != two[:, STATUS]).any() for one, two in zip(a.touching, b.touching, strict=True))
 
 
 class Steps(Protocol):

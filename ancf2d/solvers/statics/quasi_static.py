@@ -13,7 +13,7 @@ from ...elements.shape import Array
 from ...errors import ComputationError
 from ...model.breakpoints import SMOOTH, case_stops, instants
 from ...model.model import Model
-from ..contact import memory, recall
+from ..contact import memory, restore_memory
 from ..state import State, check_checkpoint
 from ..system import UNIT_ROUNDOFF, System, Turned
 from .newton import MAX_ITERATIONS, TOLERANCE, NewtonResult, check_sound, negative_pivots, newton, state_of
@@ -120,7 +120,7 @@ class Course:
         self.system.count_from((kept["turns/0"], kept["turns/1"]))
         self.system.accepted = next(((row[:-1], float(row[-1])) for row in kept["accepted"]), None)
         self.model.states[:] = kept["states"]
-        recall(self.model, [kept[f"contact/{k}"] for k in range(len(self.model.contact_tables))])
+        restore_memory(self.model, [kept[f"contact/{k}"] for k in range(len(self.model.contact_tables))])
 
     def _at_rest(self, iterations: int, warnings: list[str]) -> State:
         """Return the state at the current equilibrium."""
@@ -241,7 +241,7 @@ class Course:
 
     def _restore(self, kept: _Kept) -> None:
         self.model.states[:] = kept.states
-        recall(self.model, kept.contacts)
+        restore_memory(self.model, kept.contacts)
         self.system.count_from(kept.turns)
         self.system.accepted = kept.accepted
 

@@ -14,7 +14,7 @@ from ...model.breakpoints import case_stops
 from ...model.build import can_hang
 from ...model.model import Model
 from ...model.timing import PathTiming
-from ..contact import memory, recall
+from ..contact import memory, restore_memory
 from ..refine import refined
 from ..state import State
 from ..system import System, Turned
@@ -300,12 +300,12 @@ class March:
                 if changed:
                     result.negative_pivots = negative_pivots(self.system, result.d, new.factor)
             except ComputationError as error:
-                recall(self.model, touched)
+                restore_memory(self.model, touched)
                 if not stride.cut(target, isinstance(error, SingularTangentError)) and not self.jumps.accept(error):
                     raise self._stuck(error, old.factor, number) from error
                 continue
             if changed and self._bends_away(path, result, old.factor) and stride.corner(target):
-                recall(self.model, touched)
+                restore_memory(self.model, touched)
                 continue
             number += 1
             self.system.count_from(turns)
