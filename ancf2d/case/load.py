@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -153,11 +154,17 @@ def _labels(root: MapNode) -> tuple[str, str, str]:
 def _set_names(root: MapNode, binder: Binder) -> None:
     """Give a binder the parameters, probes and controllers of a case, before the case is read."""
     parameters = _entries(root, "parameters")
-    binder.numbers = {name: float(node.value) for name, node in parameters.items()
-                      if isinstance(node, Scalar) and node.shape == "number"}
+    binder.numbers = {name: _number(node) for name, node in parameters.items()}
     output = root.entries.get("output")
     binder.probes = tuple(_entries(output.node, "probes") if output is not None else ())
     binder.controllers = tuple(_entries(root, "controllers"))
+
+
+def _number(node: Node) -> float:
+    """Return the value of a parameter; 1 if it is no number, which is not a problem of each expression that uses it."""
+    if isinstance(node, Scalar) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
+        return float(node.value) if math.isfinite(node.value) else 1.0
+    return 1.0
 
 
 def _entries(node: Node, name: str) -> dict[str, Node]:

@@ -68,7 +68,12 @@ def _resistance(meshes: list[BodyMesh], rows: list[Row], constraints: list[Const
         each = coefs[part][:, None] * rigid_motion(meshes[b - 1], coords[part], e0, centres[b - 1])
         each[:, 2] /= sizes[b - 1]
         np.add.at(out[:, 3 * b - 3:3 * b], equation[part], each)
+        # a component of a gradient counts with the length of the gradient: its own rate may be round-off
+        kinds = meshes[b - 1].kinds[coords[part] - meshes[b - 1].first_dof]
+        partner = coords[part] + (kinds == 3) - (kinds == 4)
+        length = np.where(kinds >= 3, np.hypot(e0[coords[part]], e0[partner]), 0.0)
         np.maximum.at(terms, equation[part], np.abs(each).max(axis=1))
+        np.maximum.at(terms, equation[part], np.abs(coefs[part]) * length / sizes[b - 1])
     norm = np.abs(out).max(axis=1)
     # terms that cancel, as for a rigid length or a spring within a body, resist no motion; only round-off is left
     some = norm > 1e-12 * terms

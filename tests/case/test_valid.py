@@ -223,3 +223,14 @@ def test_what_the_comments_of_a_template_offer_works(text: str) -> None:
     """Uncommented, each line makes a case that is solved; motions for a short time."""
     solution = ancf2d.solve(text, ["solver.t_end=0.02"] if "t_end" in text else [], states=False)
     assert solution.status == "converged"
+
+
+def test_a_component_of_a_line_load_may_be_a_number_in_quotes(vocabulary, validator):
+    """["0", "-2*vy"] are two expressions; a number in quotes is one, too."""
+    text = (Path(__file__).parent / "valid" / "feedback.yaml").read_text(encoding="utf-8")
+    text = re.sub(r'value: \["-drag.*', 'value: ["0", "-2*vy"]}', text)
+    loaded = load_case_text(text, vocabulary=vocabulary)
+    across, along = loaded.case.loads[1].value
+    assert (across.value(0.3), str(along.written())) == (0.0, "-2*vy")
+    assert load_case_text(loaded.completed, vocabulary=vocabulary).case == loaded.case
+    validator.validate(data_of(text))

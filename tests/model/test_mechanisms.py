@@ -108,3 +108,12 @@ def test_a_torsion_spring_within_a_rigid_body_holds_nothing(end: list[float]) ->
     spring = {"type": "rotational", "between": ["a@0.25", "a@0.5"], "stiffness": 0.015}
     with pytest.raises(CaseError, match="'a' is free to turn about"):
         helpers.build({"a": bar}, "static", bc=[PIN0], springs=[spring])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_closing_a_ring_resists_no_rotation(name):
+    # where a gradient of the closing section has a component of zero, the rate of the other one is round-off alone
+    circle = {"type": "curve", "x": "cos(2*pi*s)", "y": "sin(2*pi*s)", "closed": True}
+    bodies = {"a": helpers.body(circle, helpers.element(name, 16))}
+    with pytest.raises(CaseError, match=r"'a' is free to turn about \(1, 0\)"):
+        helpers.build(bodies, "static", bc=[PIN0])

@@ -125,7 +125,7 @@ class PointExpression(Expression):
 
 
 class _Formula(ExpressionText):
-    """The kind of an expression in s that is not just a number in quotes."""
+    """The kind of an expression in s; one in s alone is not just a number in quotes."""
 
     pattern = r"^\s*[A-Za-z_]\w*\s*$|\b(s|pi)\b|[-+*/^(]"
 
@@ -133,7 +133,7 @@ class _Formula(ExpressionText):
         super().__init__("s", local)
 
     def schema(self, book: Book) -> JsonSchema:
-        return {"type": "string", "pattern": self.pattern}
+        return {"type": "string", "pattern": self.pattern + (r"|^\s*[\d.]+(e\d+)?\s*$" if self.local else "")}
 
 
 class ProfileOf(ByShape):
@@ -177,7 +177,8 @@ class ProfileOf(ByShape):
         if text.strip() in (known.variable, *known.numbers, *known.quantities):
             return True
         try:
-            return not isinstance(syntax(text, known), Constant)
+            # where motion counts, a component that is zero may be written like the other one: ["0", "-k*vy"]
+            return bool(self.local) or not isinstance(syntax(text, known), Constant)
         except ExpressionError:
             return re.search(r"\b(s|pi)\b|[-+*/^(]", text) is not None
 
