@@ -170,7 +170,7 @@ class _Body:
         return float(np.einsum("ek,ekc->", self.ds, 0.5 * forces**2 * self.compliance))
 
     def _large_strain_error(self, energy: float) -> float:
-        """Return the relative error of the larger of U and U* due to large Green-Lagrange strains, from the mean strain.
+        """Return the relative error of the larger of U and U* due to large Green-Lagrange strains, by the mean strain.
 
         A stretched neo-Hookean bar stores much less than N^2/EA ds/2.
         """
