@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -167,20 +167,25 @@ class _Body:
         mesh, old = self.mesh, self.states[element, station][:, None]
         plan, chosen = mesh.plan, np.ix_(self.strains, self.strains)
         n = plan.formulation.law.strains
-        _, refs, _ = plan.formulation.sample(mesh.classes[mesh.cls[element]].sampler, plan.rule)
+        sampler = mesh.classes[mesh.cls[element]].sampler
+        if (profile := sampler.profile) is not None:
+            # of the section at the end of the element
+            at = 0.0 if station == 0 else 1.0
+            sampler = replace(sampler, profile=lambda xi: profile(np.full_like(xi, at)))
+        _, refs, _ = plan.formulation.sample(sampler, plan.rule)
         ref = refs[self.xi.shape[1] + station if station < 0 else station][:, None]
         A, C, B = ref[int(ref[-2, 0]) - 3:int(ref[-2, 0]), 0]
         compliance, scale = np.array([[A, C], [C, B]]), np.array([1.0, math.sqrt(A / B)])
-        eps, new, slope = np.zeros((n, 1)), old.copy(), np.zeros((n, n, 1))
+        eps, new, slope = np.zeros((n, 1)), np.empty_like(old), np.zeros((n, n, 1))
         eps[self.strains, 0] = old[self.strains, 0] + compliance @ old[self.forces, 0]
         # of the strains; the state has the magnitudes of the internal ones
         size = scale @ np.maximum(old[n + np.array(self.strains), 0], np.abs(compliance @ target))
         for _ in range(ITERATIONS):
+            internal(ref, eps, old, new, slope, 1)
             lack = compliance @ (target - new[self.forces, 0])
             if scale @ np.abs(lack) <= CONVERGED * size:
                 return np.asarray(new[self.strains, 0])
             eps[self.strains, 0] += np.linalg.solve(np.eye(2) - slope[chosen][..., 0], lack)
-            internal(ref, eps, old, new, slope, 1)
         return None
 
 
@@ -189,19 +194,26 @@ def _integrals(s: Array, values: Array, ends: list[Array | None], nodes: Array) 
 
     Where nodes are beyond s, the value at the end is the larger of that given and that continued from inside.
     """
-    for side, (given, node) in enumerate(zip(ends, (nodes[0], nodes[-1]), strict=True)):
-        near, far = (0, min(1, len(s) - 1)) if side == 0 else (-1, max(-2, -len(s)))
-        if abs(node - s[near]) <= SAME * (nodes[-1] - nodes[0]):
-            continue
-        end = values[near]
-        if s[near] != s[far]:
-            end = end + (node - s[near]) / (s[near] - s[far]) * (values[near] - values[far])
-        given = BEYOND * end if given is None else given
-        end = np.where(np.abs(given) > np.abs(end), given, end)
-        s, values = (np.insert(s, 0, node), np.insert(values, 0, end, axis=0)) if side == 0 else (
-            np.append(s, node), np.append(values, end[None], axis=0))
+    same, stations = SAME * (nodes[-1] - nodes[0]), len(s)
+    if nodes[-1] - s[-1] > same:
+        last = _end(nodes[-1], s[::-1], values[::-1], ends[1])
+        s, values = np.append(s, nodes[-1]), np.append(values, last[None], axis=0)
+    if s[0] - nodes[0] > same:
+        # not continued from the end on the other side
+        first = _end(nodes[0], s[:stations], values[:stations], ends[0])
+        s, values = np.append(nodes[:1], s), np.append(first[None], values, axis=0)
     steps = np.diff(s)
     total = np.concatenate([np.zeros((1, 2)), np.cumsum(0.5 * steps[:, None] * (values[1:] + values[:-1]), axis=0)])
     k: Index = np.clip(np.searchsorted(s, nodes, side="right") - 1, 0, len(s) - 2)
     x = (nodes - s[k])[:, None]
     return np.diff(total[k] + x * values[k] + 0.5 * x**2 * (values[k + 1] - values[k]) / steps[k, None], axis=0)
+
+
+def _end(node: float, s: Array, values: Array, given: Array | None) -> Array:
+    """Return the values (2,) at a node: those given, or those continued from the two stations nearest to it, first in s
+    (k,), whichever are larger."""
+    end = values[0]
+    if len(s) > 1:
+        end = end + (node - s[0]) / (s[0] - s[1]) * (values[0] - values[1])
+    given = BEYOND * end if given is None else given
+    return np.where(np.abs(given) > np.abs(end), given, end)

@@ -75,6 +75,27 @@ def test_a_zone_that_no_station_reaches_is_told() -> None:
     assert told(cantilever("reissner2", 2, "none", {**load, "value": [0, -0.95 * FIRST]})) is None
 
 
+@pytest.mark.parametrize(("height", "force", "zone"), [("0.1 - 0.05*s", (1.04 * 0.05 * WIDTH * YIELD, 0), True),
+                                                      ("0.1 - 0.05*s", (0.96 * 0.05 * WIDTH * YIELD, 0), False),
+                                                      ("0.05 + 0.05*s", (0, -0.3 * FIRST), True),
+                                                      ("0.1 - 0.05*s", (0, -0.9 * FIRST), False)])
+def test_ends_yield_as_their_own_sections_do(height: str, force: tuple[float, float], zone: bool) -> None:
+    """The section at the end of a body differs from that of its stations: beam of two elements, pulled or bent."""
+    beam = {**rod("reissner2", 2, "isotropic"), "section": {"height": height, "width": WIDTH}}
+    done = ancf2d.solve(h.load({"beam": beam}, {"type": "static", "steps": 4}, bc=CLAMP, output=TIP,
+                               loads=[{"type": "force", "at": "beam@1", "value": [*force]}]))
+    assert (told(done) is not None) == zone
+
+
+def test_a_stretch_of_one_element_is_not_continued_from_its_other_end() -> None:
+    """A force at a third of a body of two elements, where it is divided: only the clamp yields."""
+    beam = rod("reissner2", 2, "isotropic")
+    beam["element"]["nodes"] = "acting"
+    load = {"type": "force", "at": "beam@0.33", "value": [0, -1.4 / 0.33 * FIRST]}
+    done = ancf2d.solve(h.load({"beam": beam}, {"type": "static", "steps": 4}, bc=CLAMP, output=TIP, loads=[load]))
+    assert told(done) > 0.1
+
+
 def test_the_error_is_told_where_most_of_it_is_with_a_count_that_suffices() -> None:
     load = {"type": "force", "at": "beam@1", "value": [0, -1.4 * FIRST]}
     (warning,) = [w for w in cantilever("reissner3", 4, "none", load).warnings if "yields" in w]
