@@ -23,7 +23,7 @@ class Progress:
 
     ``state`` is called with each state, ``warn`` with each new warning, ``note`` with remarks, ``built`` with the model
     before it is solved, ``compiling`` with a remark when kernels have to be compiled first. ``checks_mesh``: check
-    whether the mesh is fine enough, and warn if not.
+    whether the mesh is fine enough, and warn if not; ``checks_zones``: where bodies yield, too.
     """
 
     state: Callable[[State], None] = lambda state: None
@@ -32,6 +32,7 @@ class Progress:
     built: Callable[[Model], None] = lambda model: None
     compiling: Callable[[str], None] = lambda text: None
     checks_mesh: bool = True
+    checks_zones: bool = True
 
 
 class Clock:
@@ -68,11 +69,12 @@ class Recorder:
     def __init__(self, model: Model, writer: Any, progress: Progress, warnings: list[str]) -> None:
         from ..solvers.between_contact_points import ErrorsBetweenPoints
         from ..solvers.fields import FieldReader
+        from ..solvers.plastic_zones import PlasticZones
         from ..solvers.post import Observer
         from ..solvers.resolution import Resolution
 
         self.model, self.case, self.writer, self.progress, self.warnings = model, model.case, writer, progress, warnings
-        self.observer, self.resolution = Observer(model), Resolution(model)
+        self.observer, self.resolution, self.zones = Observer(model), Resolution(model), PlasticZones(model)
         self.between = ErrorsBetweenPoints(model)
         self.fields = FieldReader(model) if writer is not None else None
         self.end = run_end(self.case)
@@ -121,6 +123,8 @@ class Recorder:
             self._warn(coarse_warnings(self.model, self.state.d))
         self._warn(self.between.warnings())
         self._warn(self.resolution.warnings(self.state))
+        if self.progress.checks_zones:
+            self._warn(self.zones.warnings(self.state))
 
     def _warn(self, texts: Iterable[str]) -> None:
         for text in texts:
@@ -165,6 +169,7 @@ class Recorder:
     def _take_equilibrium(self, state: State) -> None:
         self.totals["iterations"] += int(state.history["iterations"])
         self.totals["steps"] += 1
+        self.zones.follow(state)
         if self.writer is None:
             return
         self._write_once(state)
