@@ -187,7 +187,8 @@ class Estimate:
 
     def _most(self, level: int) -> float:
         """Return the largest number of steps of the next run: the second level may be abandoned after a few steps."""
-        return SEEN / 4 if level == LEVELS - 1 and self.made[level, 1] < 2 * SEEN else math.inf
+        undecided = self.factor != DOUBLE and level == LEVELS - 1 and self.made[level, 1] < 2 * SEEN
+        return SEEN / 4 if undecided else math.inf
 
     def _go_on(self, level: int) -> None:
         """Append the states of the next run of a coarser motion, or store why it failed."""
