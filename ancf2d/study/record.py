@@ -205,12 +205,12 @@ class Recorder:
     def _count(self, steps: dict[str, Any]) -> None:
         if not len(steps.get("dt", ())):
             return
-        totals, dt = self.totals, steps["dt"]
+        # few steps lie between two states: lists are faster than arrays
+        totals, dt = self.totals, steps["dt"].tolist()
         totals["steps"] += len(dt)
-        totals["iterations"] += int(steps["iterations"].sum())
-        totals["rejected"] = totals.get("rejected", 0) + int(steps["rejected"].sum())
-        smallest, largest = totals.get("dt", (float("inf"), 0.0))
-        totals["dt"] = [min(smallest, float(dt.min())), max(largest, float(dt.max()))]
+        totals["iterations"] += int(sum(steps["iterations"].tolist()))
+        totals["rejected"] = totals.get("rejected", 0) + int(sum(steps["rejected"].tolist()))
+        totals["dt"] = [pick([*totals.get("dt", dt), *dt]) for pick in (min, max)]
 
     # ------------------------------------------------------------------ interruptions
 
