@@ -318,10 +318,12 @@ def _coupled(law: Law) -> Index:
 def _vectors(law: Law, nc: int) -> Index:
     """Return the pairs of fields (v, 2) that are x and y of a vector: the same functions of the x and y coordinates."""
     x, y = law.B[..., 0::nc], law.B[..., 1::nc]
+    # few pairs are equal in the first class
+    alike = (x[0][:, None] == y[0][None]).all(axis=(2, 3))
     left, found = set(range(law.B.shape[1])), []
     for i in range(law.B.shape[1]):
         point = range(i // law.fields * law.fields, (i // law.fields + 1) * law.fields)
-        same = [j for j in point if j in left and x[:, i].any() and np.array_equal(x[:, i], y[:, j])]
+        same = [j for j in point if j in left and alike[i, j] and x[:, i].any() and np.array_equal(x[:, i], y[:, j])]
         if same:
             found.append((i, same[0]))
             left -= {i, same[0]}

@@ -76,11 +76,11 @@ class Recorder:
         self.model, self.case, self.writer, self.progress, self.warnings = model, model.case, writer, progress, warnings
         self.observer, self.resolution, self.zones = Observer(model), Resolution(model), PlasticZones(model)
         self.between = ErrorsBetweenPoints(model)
-        self.fields = FieldReader(model) if writer is not None else None
+        # a keeper of checkpoints stores nothing else
+        self.stores = writer is not None and writer.stores
+        self.fields = FieldReader(model) if self.stores else None
         self.end = run_end(self.case)
         self.moves = self.case.solver.moves
-        # without a result file, only the last of the equilibria is reported
-        self.reads_all = self.moves or writer is not None
         self.state: State | None = None
         self.last_reactions: tuple[State | None, dict[str, dict[str, float]]] = (None, {})
         self.probes: dict[str, dict[str, float]] = {}
@@ -88,12 +88,14 @@ class Recorder:
         self.report: dict[str, Any] = {}
         self.worst: dict[str, Graded] = {}
         self.clock, self.windows = Clock(iter(())), Windows(model)
+        # only the last state's probes are reported; earlier ones are for a result file or goals over a window of time
+        self.reads_all = self.stores or bool(self.windows.goals)
         # history variables of the elements before the first step
         self.unloaded = model.states.copy() if model.remembers else None
 
     def record(self, state: State) -> None:
         """Record the next state."""
-        if self.writer is not None and self.totals["steps"] == 0 and isinstance(self.case.solver, Static):
+        if self.stores and self.totals["steps"] == 0 and isinstance(self.case.solver, Static):
             self._reference()
         self.state = state
         if self.reads_all:
@@ -106,6 +108,8 @@ class Recorder:
             self._take_motion(state)
         else:
             self._take_equilibrium(state)
+        if self.writer is not None and not self.stores:
+            self.writer.keep(self._checkpoint(state))
         self.progress.state(state)
 
     def conclude(self) -> None:
@@ -143,8 +147,6 @@ class Recorder:
 
     def _over_time(self, state: State, probes: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
         """Return the values to store for a state: probes, moving points and obstacles, the goal's reaction."""
-        if self.writer is None:
-            return probes
         # no name of a probe contains a dot
         places = self.case.places_over_time(state.side)
         probes = {**probes, **places}
@@ -170,7 +172,7 @@ class Recorder:
         self.totals["iterations"] += int(state.history["iterations"])
         self.totals["steps"] += 1
         self.zones.follow(state)
-        if self.writer is None:
+        if not self.stores:
             return
         self._write_once(state)
         if self.case.output.stores(self.totals["steps"], state.t) or state.t >= self.end or state.last:
@@ -189,7 +191,7 @@ class Recorder:
         self._count(state.blocks)
         if self.progress.checks_mesh:
             self.resolution.check(state)
-        if self.writer is None:
+        if not self.stores:
             return
         self._write_once(state)
         v = None if state.v is None else state.v[:self.model.n_q]
@@ -208,12 +210,12 @@ class Recorder:
     def _count(self, steps: dict[str, Any]) -> None:
         if not len(steps.get("dt", ())):
             return
-        totals, dt = self.totals, steps["dt"]
+        # few steps lie between two states: lists are faster than arrays
+        totals, dt = self.totals, steps["dt"].tolist()
         totals["steps"] += len(dt)
-        totals["iterations"] += int(steps["iterations"].sum())
-        totals["rejected"] = totals.get("rejected", 0) + int(steps["rejected"].sum())
-        smallest, largest = totals.get("dt", (float("inf"), 0.0))
-        totals["dt"] = [min(smallest, float(dt.min())), max(largest, float(dt.max()))]
+        totals["iterations"] += int(sum(steps["iterations"].tolist()))
+        totals["rejected"] = totals.get("rejected", 0) + int(sum(steps["rejected"].tolist()))
+        totals["dt"] = [pick([*totals.get("dt", dt), *dt]) for pick in (min, max)]
 
     # ------------------------------------------------------------------ interruptions
 

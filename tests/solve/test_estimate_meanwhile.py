@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ancf2d.kernels.motion.state import COUNT
 from ancf2d.solvers.motion import estimate, stepping
 from ancf2d.solvers.motion.dynamic import Run
 from tests import helpers as h
@@ -105,3 +106,31 @@ def test_a_motion_that_goes_on_from_its_middle_has_the_same_estimate_in_threads(
     assert later.estimate is not None
     assert later.estimate.pool is not None
     assert later.estimate.report() == run.estimate.report()
+
+
+def test_an_estimate_does_not_depend_on_how_far_calls_get(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = []
+    for seconds in (1e-9, 10.0):
+        monkeypatch.setattr(stepping, "CHUNK_SECONDS", seconds)
+        run = run_of("prescribed", tolerance=1e-6)
+        found.append([len(list(run.states()))])
+        assert run.estimate is not None
+        found[-1] += [run.estimate.report(), run.estimate.largest.tobytes(), run.estimate.made.tobytes()]
+    assert found[0][0] == 21
+    assert found[0] == found[1]
+
+
+def test_a_second_coarser_motion_whose_steps_are_no_longer_goes_no_further() -> None:
+    """Newton's method limits the steps of a slender pendulum: the second coarser motion is given up at once."""
+    slender = h.body(h.line(1.8), h.element("reissner3", 4), {"height": 0.004, "width": 0.03},
+                     {"E": 2e11, "nu": 0.3, "rho": 2700.0})
+    model = h.build({"rod": slender}, {"type": "dynamic", "t_end": 0.8, "tolerance": 1e-4}, loads=[GRAVITY],
+                    boundary_conditions=[{"type": "pin", "at": "rod@0"}], output={"probes": {"tip": "rod@1"}})
+    run = Run(model, model.case.solver)
+    for _ in run.states():
+        pass
+    assert run.estimate is not None
+    first, second = (int(motion.s.numbers[COUNT]) for motion in run.estimate.coarse)
+    assert run.estimate.levels == 1
+    assert first > 1.8 * estimate.SEEN
+    assert estimate.SEEN <= second < 1.5 * estimate.SEEN

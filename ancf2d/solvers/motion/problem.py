@@ -287,7 +287,7 @@ def _called_from_python(P: Any, own: bool, slides: bool, sided: bool) -> list[Co
     signatures: dict[Any, tuple[Any, ...]] = {
         consistent: (P, W, _x, _x, _x, _f, _x), kinetic: (P, W, M, _f), fill_full: (P, _x, _xx, _i, _x),
         signals_at: (P, _f, _xx), count_turns: (P.place["turning"][1], _x, _x, _f, _x, _x),
-        read_states: (P, W, _x, _n, *[_xx] * 3, *[types.float64[:, :, ::1]] * 2, *[_xx] * 6)}
+        read_states: (P, W, types.boolean, _x, _n, *[_xx] * 3, *[types.float64[:, :, ::1]] * 2, *[_xx] * 6)}
     if sided:
         signatures[consistent_start] = signatures[consistent]
     if slides:
