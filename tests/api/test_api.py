@@ -314,7 +314,8 @@ def test_fields_motions_and_modes_as_data_sets(tmp_path: Path) -> None:
 def test_responses_linear_models_and_tables_as_data_sets() -> None:
     """C (i omega - A)^-1 B + D of one is the response of the other."""
     pytest.importorskip("xarray")
-    more: dict[str, Any] = {"loads.0.name": "push", "bodies.beam.material.damping": {"kelvin_voigt": 1e-3}, "goal": None}
+    more: dict[str, Any] = {"loads.0.name": "push", "goal": None,
+                            "bodies.beam.material.damping": {"kelvin_voigt": 1e-3}}
     response = ancf2d.solve(TEXT, more | {
         "solver": {"type": "frequency_response", "inputs": ["push"], "frequencies": [1, 5]}}).to_xarray()
     assert response["push.tip.uy"].dims == ("hz",)
