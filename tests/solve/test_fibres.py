@@ -139,8 +139,8 @@ def test_the_fields_of_layers_make_their_section_forces(kind: tuple[str, str | N
                                                 (("vallejo", "structural"), 2), (("omar", "structural"), 3)])
 def test_only_stations_that_bear_normal_force_and_moment_remember(kind: tuple[str, str | None], stations: int) -> None:
     """Those of the stretch of a section, at Lobatto points of ANCF types, have no fibres that could yield."""
-    body = {"geometry": h.line(1.0), "element": h.element(kind[0], 3, kind[1]), "section": {"height": 0.1, "width": 0.1},
-            "material": {"E": 2e11, "nu": 0.3, "yield": 2.5e8}}
+    body = {"geometry": h.line(1.0), "element": h.element(kind[0], 3, kind[1]), "material": STEEL,
+            "section": {"height": HEIGHT, "width": WIDTH}}
     model = build_model(h.load({"beam": body}, {"type": "static"}, bc=[{"type": "clamp", "at": "beam@0"}]))
     law = model.meshes["beam"].plan.formulation.law
     assert model.states.size == 3 * stations * law.state
