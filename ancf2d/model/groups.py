@@ -163,6 +163,10 @@ def _memory(law: Law, point: StrainLaw, parts: int, elements: int) -> Memory:
     if not law.state or point.elastic:
         return no_memory()
     stations, points = parts * law.B.shape[2], law.B.shape[1] // law.fields
+    if point.inelastic:
+        # stations come last that only bear shear, or the stretch of sections
+        bears = np.any(law.D[:, list(point.inelastic)] != 0.0, axis=(1, 2)).reshape(-1, stations).any(axis=0)
+        stations = 1 + int(np.flatnonzero(bears)[-1])
     states = np.zeros((elements, stations, points * law.state))
     if point.timed:
         states[:, :, law.state - 1::law.state] = np.inf

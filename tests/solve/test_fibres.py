@@ -135,6 +135,18 @@ def test_the_fields_of_layers_make_their_section_forces(kind: tuple[str, str | N
         np.testing.assert_allclose(-(stress @ (w * y))[some], M[some], rtol=1e-9 if exact else 0.15)
 
 
+@pytest.mark.parametrize(("kind", "stations"), [(("reissner3", None), 2), (("cable", None), 3),
+                                                (("vallejo", "structural"), 2), (("omar", "structural"), 3)])
+def test_only_stations_that_bear_normal_force_and_moment_remember(kind: tuple[str, str | None], stations: int) -> None:
+    """Those of the stretch of a section, at Lobatto points of ANCF types, have no fibres that could yield."""
+    body = {"geometry": h.line(1.0), "element": h.element(kind[0], 3, kind[1]), "material": STEEL,
+            "section": {"height": HEIGHT, "width": WIDTH}}
+    model = build_model(h.load({"beam": body}, {"type": "static"}, bc=[{"type": "clamp", "at": "beam@0"}]))
+    law = model.meshes["beam"].plan.formulation.law
+    assert model.states.size == 3 * stations * law.state
+    assert law.state == 2 * law.strains + 2 * 16 + 3
+
+
 def test_the_sum_over_fibres_converges_with_their_number() -> None:
     for count in (4, 8, 12, 16, 20):
         for ratio in (1.5, 2.0, 4.0, 8.0):
