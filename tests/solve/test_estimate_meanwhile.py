@@ -105,3 +105,28 @@ def test_a_motion_that_goes_on_from_its_middle_has_the_same_estimate_in_threads(
     assert later.estimate is not None
     assert later.estimate.pool is not None
     assert later.estimate.report() == run.estimate.report()
+
+
+def test_a_level_whose_steps_are_divided_into_many_is_abandoned() -> None:
+    """A motion that longer steps make unstable may need a hundred times as many of them."""
+    run = run_of("amplitude", dt=1e-3)
+    judge = run.estimate
+    assert judge is not None
+    for _ in run.states():
+        pass
+    assert (judge.own, judge.levels, judge.failed) == (200, 2, "")
+    order = judge.report()["order"]
+    judge.made[1, 1] = 600
+    judge._give_up()
+    assert judge.levels == 1
+    assert order is not None
+    report = judge.report()
+    assert report["estimate"] > 0.0
+    assert report["order"] is None
+    judge.made[0, 1] = 900
+    judge._give_up()
+    assert "divided" in judge.warnings()[0]
+    assert judge.report()["estimate"] is None
+    judge.failed = ""
+    judge.resume(judge.checkpoint())
+    assert "divided" in judge.failed

@@ -272,7 +272,7 @@ class Run:
         state = State(row.t, d, Q, F, energies["strain"], turned, history=energies, v=v, a=a, blocks=blocks,
                       side=row.side, controllers=controllers)
         if self.estimate is not None:
-            self.estimate.take(row.t, d)
+            self.estimate.take(row.t, d, int(row.log[-1, 0]) if len(row.log) else 0)
         if keep:
             state.checkpoint = self.checkpoint()
         if time.monotonic() > self.time_left[1] + ESTIMATE_INTERVAL:

@@ -42,6 +42,8 @@ ASYMPTOTIC = 2.0**0.5
 ALIKE, TELLING = 0.8, 1e-9
 # steps of the second level after which it is abandoned if they are no longer than those of the first
 SEEN = 40
+# a level of fixed steps is abandoned with more steps than this, and than this multiple of the next finer level's
+MANY, DIVIDED = 500, 4.0
 # multiple of the tolerance above which errors cause a warning
 MISSED = 10.0
 # with fewer steps than this between two breaks, steps of twice the length are cut to the same length
@@ -71,7 +73,7 @@ class Estimate:
         self.largest = np.zeros((LEVELS, len(columns) // 2))
         self.moved = np.zeros(len(columns) // 2)
         self.failed = ""
-        self.levels, self.made = LEVELS, np.zeros((LEVELS, 2))
+        self.levels, self.made, self.own = LEVELS, np.zeros((LEVELS, 2)), 0
         # states of coarser motions not compared yet: time, number of steps, displacements of probes; their step counts
         self.queues: list[list[tuple[float, int, Array]]] = [[] for _ in range(LEVELS)]
         self.counts = [0] * LEVELS
@@ -108,8 +110,12 @@ class Estimate:
             if level not in self.ahead and not stepper.done and stepper.failed is None:
                 self.ahead[level] = self.pool.submit(stepper.run), stepper.t
 
-    def take(self, t: float, d: Array) -> None:
-        """Compare with a state of the motion at t; skip the start and times that coarser motions do not store."""
+    def take(self, t: float, d: Array, steps: int) -> None:
+        """Compare with a state of the motion at t; skip the start and times that coarser motions do not store.
+
+        ``steps``: those of the motion up to t, or 0 if none was made since the last state.
+        """
+        self.own = max(self.own, steps)
         if t == 0.0 or self.failed:
             return
         here = self._places(d)
@@ -123,13 +129,28 @@ class Estimate:
         self._give_up()
 
     def _give_up(self) -> None:
-        """Abandon the second level if its steps are no longer and its differences no larger than those of the first."""
-        if self.factor == DOUBLE or self.levels < LEVELS:
+        """Abandon the second level if its steps are no longer and its differences no larger than those of the first.
+
+        Abandon levels of fixed steps that are divided so often that there are many more of them than of finer ones.
+        """
+        if self.factor == DOUBLE:
+            steps = [self.own, *self.made[:self.levels, 1]]
+            divided = [k for k in range(self.levels) if steps[k + 1] > max(MANY, DIVIDED * steps[k])]
+            self.levels = min(divided, default=self.levels)
+            self._check_left()
+            return
+        if self.levels < LEVELS:
             return
         longer, longest = self._lengths()
         fine, rough = self._differences()
         if self.made[-1, 1] >= SEEN and longer > ALIKE * longest and rough < FALLS * fine:
             self.levels = 1
+
+    def _check_left(self) -> None:
+        """Fail if no level is left."""
+        if self.levels == 0:
+            self.failed = (f"steps of {self.coarse[0].dt:g} s had to be divided into many more steps than those of "
+                           f"{self.stepper.dt:g} s")
 
     def _lengths(self) -> list[float]:
         """Return the mean step length of each level."""
@@ -199,7 +220,9 @@ class Estimate:
         located = float(self.stepper.s.numbers[SWITCHED]) if self.factor == DOUBLE else 0.0
         if fine == 0.0:
             return FIXED_STEP_GAP * located, None
-        power = float(np.log(rough / fine) / np.log(self.factor)) if rough > 0.0 else 0.0
+        power: float | None = float(np.log(rough / fine) / np.log(self.factor)) if rough > 0.0 else 0.0
+        if self.factor == DOUBLE and self.levels < LEVELS:
+            power = None
         own = self.stepper.t / self.stepper.s.numbers[COUNT]
         first, second = (float(length / own) for length in self._lengths())
         largest = LARGEST[self.factor]
@@ -229,9 +252,12 @@ class Estimate:
         if self.failed:
             return [f"no error estimate: {self.failed}. Use {self._finer}"]
         estimate, order = self._richardson()
-        if self.factor == DOUBLE and estimate and order is not None and estimate > 1e-3 and order < 0.5 * self.order:
-            return ["the steps are too large for this motion: differences from runs with longer steps show order "
-                    f"{order:.1f} instead of {self.order}; the error may be as large as {100 * estimate:.2g} %"]
+        if self.factor == DOUBLE and estimate and estimate > 1e-3:
+            why = "longer steps had to be divided" if self.levels < LEVELS else ""
+            if order is not None and order < 0.5 * self.order:
+                why = f"differences from runs with longer steps show order {order:.1f} instead of {self.order}"
+            return [f"the steps are too large for this motion: {why}; the error may be as large as "
+                    f"{100 * estimate:.2g} %"] if why else []
         return [] if self.factor == DOUBLE or not estimate else self._missed(estimate, order or 0.0)
 
     def _missed(self, estimate: float, order: float) -> list[str]:
@@ -304,6 +330,7 @@ class Estimate:
         self.largest[:], self.moved[:] = kept["estimate_largest"], kept["estimate_moved"]
         self.made[:] = kept["estimate_made"]
         self.levels, *self.counts = map(int, kept["estimate_counts"])
+        self._check_left()
         for k, stepper in enumerate(self.coarse):
             head = f"coarse{k}_"
             stepper.resume({name[len(head):]: v for name, v in kept.items() if name.startswith(head)})
