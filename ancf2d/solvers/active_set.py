@@ -90,10 +90,11 @@ def initialise_active_set(system: System, d: Array, t: float) -> None:
             point.mem[STATUS] = float(bool(touches and moves[k]))
             if point.mem[STATUS]:
                 closed.append(point)
-                rows.append((row.nonzero()[0], row[row != 0.0] / np.linalg.norm(row)))
+                rows.append(_unit(row))
         one.fixed = ~moves & ~one.free
         one.initial_gaps = np.where(one.fixed, np.minimum(gap, 0.0), 0.0)
-    for point, needed in zip(closed, _independent_gaps(rows), strict=True):
+    held = _constraint_gradients(system, d, t) if closed else []
+    for point, needed in zip(closed, _independent_rows(held + rows)[len(held):], strict=True):
         point.mem[STATUS] = float(needed)
     for one in first:
         if one.pair.item.friction:
@@ -141,8 +142,22 @@ def blocked_error(into: Iterable[tuple[Any, int]], at: dict[str, Any]) -> Comput
         advice="change what moves them, leave a gap, hold the body by springs, or give the contact a law")
 
 
-def _independent_gaps(rows: list[tuple[Any, Array]]) -> Any:
-    """Return which gaps (m,) are independent, from the unknowns and entries of their unit gradients.
+def _unit(row: Array) -> tuple[Any, Array]:
+    """Return the unknowns and entries of a gradient (n_unknowns,), divided by its length."""
+    return row.nonzero()[0], row[row != 0.0] / np.linalg.norm(row)
+
+
+def _constraint_gradients(system: System, d: Array, t: float) -> list[tuple[Any, Array]]:
+    """Return the unit gradients of all constraints with multipliers other than those of contact points."""
+    model = system.model
+    contacts = {p.multiplier - model.n_q for one in model.contact_tables for p in one.points}
+    found = enumerate(model.interactions.gradients(d, t))
+    rows = [_reduced_gradient(system, dofs, gradient) for k, (_, dofs, gradient) in found if k not in contacts]
+    return [_unit(row) for row, moves in rows if moves]
+
+
+def _independent_rows(rows: list[tuple[Any, Array]]) -> Any:
+    """Return which of m unit gradients are independent of those before them.
 
     The factors of R R^T + e I have pivots of about e for rows of R that depend on earlier ones.
     """
@@ -153,7 +168,7 @@ def _independent_gaps(rows: list[tuple[Any, Array]]) -> Any:
         return np.zeros(0, dtype=bool)
     columns, values = (np.concatenate(part) for part in zip(*rows, strict=True))
     R = csr_array((values, columns, np.cumsum([0, *(len(at) for at, _ in rows)])))
-    factors = splu((R @ R.T + NO_PIVOT * eye_array(len(rows))).tocsc(), permc_spec="MMD_AT_PLUS_A",
+    factors = splu((R @ R.T + NO_PIVOT * eye_array(len(rows))).tocsc(), permc_spec="NATURAL",
                    diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     return np.abs(factors.U.diagonal())[factors.perm_c] > DEPENDENT_GAPS
 

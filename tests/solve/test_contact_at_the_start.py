@@ -187,3 +187,27 @@ def test_faces_of_a_body_that_tapers_are_half_its_height_from_its_axis(kind: str
     s = np.array([mesh.starts[p.ie] + 0.5 * (p.z + 1.0) * mesh.lengths[p.ie] for p in pair.spots])
     half = 0.5 * (0.2 - 0.1 * s) * [p.eta for p in pair.spots]
     np.testing.assert_allclose(pair.gaps(np.zeros(mesh.n_dofs), 0.0), 0.3 + half, atol=1e-12)
+
+
+@pytest.mark.parametrize("drive", ["prescribed", "clamp"])
+def test_a_flat_follower_rests_on_a_cam_with_both_corners(drive: str) -> None:
+    """A guided rigid bar can only move up and down, and the supports move the cam: two contacts, one unknown."""
+    angle, height, stiffness = 0.3 if drive == "prescribed" else 0.0, 0.02, 50.0
+    turn = {"x": 0, "y": 0, "angle": {"type": "ramp", "scale": angle}} if drive == "prescribed" else {}
+
+    def rigid(start: list[float], end: list[float]) -> dict[str, Any]:
+        return {"geometry": {"type": "line", "start": start, "end": end}, "section": {"height": height, "width": 0.02},
+                "element": {"type": "rigid", "mass": 1, "inertia": 0.1}}
+
+    case = {"bodies": {"crank": rigid([0, 0], [1, 0]), "bar": rigid([0.5, 0.5], [0.5, 1])},
+            "boundary_conditions": [{"type": drive, "at": "crank@0", **turn}, *(
+                {"type": "roller", "at": f"bar@{s}", "fixed": "x"} for s in (0.4, 1))],
+            "springs": [{"type": "translational", "between": ["bar@1", [0.5, 2]], "stiffness": stiffness,
+                         "length": 1.1}],
+            "obstacles": {"cam": {"type": "polyline", "points": [[-1, 0.5], [2, 0.5]], "on": "crank"}},
+            "contacts": [{"between": ["bar", "cam"]}], "solver": {"type": "static"}}
+    # the corner on the higher side stands on the line 0.5 above the crank's axis
+    rise = (0.5 + (0.5 + height / 2) * np.sin(angle)) / np.cos(angle) - 0.5
+    push = stiffness * (1.1 - (1.0 - rise))
+    force = ancf2d.solve(case).summary["contacts"][0]["force"]
+    assert force == pytest.approx([-push * np.tan(angle), push], rel=1e-9)

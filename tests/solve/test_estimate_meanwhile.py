@@ -134,3 +134,35 @@ def test_a_second_coarser_motion_whose_steps_are_no_longer_goes_no_further() -> 
     assert run.estimate.levels == 1
     assert first > 1.8 * estimate.SEEN
     assert estimate.SEEN <= second < 1.5 * estimate.SEEN
+
+
+def test_a_level_whose_steps_are_divided_into_many_is_abandoned(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A motion that longer steps make unstable may need a hundred times as many of them."""
+    run = run_of("amplitude", dt=1e-3)
+    judge = run.estimate
+    assert judge is not None
+    for _ in run.states():
+        pass
+    assert (judge.own, judge.levels, judge.failed) == (200, 2, "")
+    made, nothing = np.zeros((2, 1, 2)), np.zeros(0)
+    for first, second, vain in ((100, 50, [False, False]), (100, 600, [False, True]), (900, 450, [True, False])):
+        made[:, 0, 1] = first, second
+        assert judge._is_vain(made, np.array([200.0]), nothing, nothing)[:, 0].tolist() == vain
+    assert judge.report()["order"] is not None
+    judge.levels = 1
+    assert judge.report()["estimate"] > 0.0
+    assert judge.report()["order"] is None
+
+    monkeypatch.setattr(estimate, "MANY", 0)
+    monkeypatch.setattr(estimate, "DIVIDED", 0.4)
+    run = run_of("amplitude", dt=1e-3)
+    judge = run.estimate
+    assert judge is not None
+    for _ in run.states():
+        pass
+    assert judge.levels == 0
+    assert "divided" in judge.warnings()[0]
+    assert judge.report()["estimate"] is None
+    judge.failed = ""
+    judge.resume(judge.checkpoint())
+    assert "divided" in judge.failed

@@ -224,7 +224,8 @@ class Run:
         # if any element is inverted, the states are searched one by one
         self.intact = self.inverted is None and not any_inverted(self.model, d)
         if self.estimate is not None:
-            self.estimate.take(np.array([row.t for row in rows]), d)
+            steps = [row.log[-1, 0] if len(row.log) else 0.0 for row in rows]
+            self.estimate.take(np.array([row.t for row in rows]), d, np.array(steps))
 
     def _seconds_left(self) -> float | None:
         """Return the remaining seconds, with each part continuing at its own pace, or None if unknown."""

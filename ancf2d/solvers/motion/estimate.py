@@ -18,13 +18,12 @@ from ...kernels.motion.switching import FIXED_STEP_GAP
 from ...model.mesh import Index
 from ...model.model import Model
 from ...model.rotation import CoordinateKinds
-from ...model.timing import rates_of
 from ...pace import Pace
 from ...processors import threads
 from ..state import Row
 from ..system import least_motion, least_size, sticks
-from .schemes import INTEGRATORS, default_method
 from .stepping import Stepper
+from .tolerance_warning import missed_tolerance
 
 LEVELS = 2
 # factor between levels: of fixed steps, or of the tolerance of adaptive steps
@@ -36,15 +35,13 @@ FALLS = 3.0
 # bound on the error, as a multiple of the difference, if steps are hardly longer, as where Newton's method limits them;
 # smaller for fixed steps, because each level cuts these at other places, so that errors of levels differ more
 LARGEST = {DOUBLE: 2.0, TENFOLD: 4.0}
-# if ten times the tolerance changes the error by less than this factor, the error does not depend on it
-ASYMPTOTIC = 2.0**0.5
 # two levels have the same steps if those of the finer one are longer than this share of the coarser one's; differences
 # between such levels mean nothing if they are below this share of the displacements
 ALIKE, TELLING = 0.8, 1e-9
 # steps of the second level after which it is abandoned if they are no longer than those of the first
 SEEN = 40
-# multiple of the tolerance above which errors cause a warning
-MISSED = 10.0
+# a level of fixed steps is abandoned with more steps than this, and than this multiple of the next finer level's
+MANY, DIVIDED = 500, 4.0
 # with fewer steps than this between two breaks, steps of twice the length are cut to the same length
 BROKEN = 4
 
@@ -72,7 +69,7 @@ class Estimate:
         self.largest = np.zeros((LEVELS, len(columns) // 2))
         self.moved = np.zeros(len(columns) // 2)
         self.failed = ""
-        self.levels, self.made = LEVELS, np.zeros((LEVELS, 2))
+        self.levels, self.made, self.own = LEVELS, np.zeros((LEVELS, 2)), 0.0
         # states of coarser motions since the last one compared (m, 2 + 2 probes): time, number of steps, displacements
         # of probes; their step counts
         self.queues = [np.zeros((0, 2 + len(columns))) for _ in range(LEVELS)]
@@ -112,11 +109,13 @@ class Estimate:
             if level not in self.ahead and not stepper.done and stepper.failed is None:
                 self.ahead[level] = self.pool.submit(stepper.run, self._most(level)), stepper.t
 
-    def take(self, times: Array, d: Array) -> None:
+    def take(self, times: Array, d: Array, steps: Array) -> None:
         """Compare with states of the motion, displacements d (m, n_full) at ``times`` (m,).
 
-        The start is skipped, and times that coarser motions do not store.
+        ``steps`` (m,) : those of the motion up to then, or 0 if none was made since the state before. The start is
+        skipped, and times that coarser motions do not store.
         """
+        own = np.maximum.accumulate(np.maximum(steps, self.own))[times > 0.0]
         d, times = d[times > 0.0], times[times > 0.0]
         here = self._places(d)
         while len(times) and not self.failed:
@@ -127,14 +126,13 @@ class Estimate:
                 zip(self.coarse[:self.levels], self.queues, strict=False))]
             count = int(np.searchsorted(times, min(ends), side="right"))
             if not self.failed:
-                self._compare(times[:count], here[:count])
-            times, here = times[count:], here[count:]
+                self._compare(times[:count], here[:count], own[:count])
+            times, here, own = times[count:], here[count:], own[count:]
 
-    def _compare(self, times: Array, here: Array) -> None:
-        """Compare with places (m, 2 probes) at times that all motions have passed.
+    def _compare(self, times: Array, here: Array, own: Array) -> None:
+        """Compare with places (m, 2 probes) at times that all motions have passed, with ``own`` (m,) steps until then.
 
-        The second level is abandoned at the first state after SEEN steps where its steps are no longer, and its
-        differences no larger, than those of the first.
+        A level is abandoned at the first state where it is of no use.
         """
         stored, finer, made = np.ones(len(times), dtype=bool), here, np.zeros((self.levels, len(times), 2))
         gaps = np.zeros((self.levels, len(times), len(self.moved)))
@@ -149,21 +147,43 @@ class Estimate:
         moved = np.maximum.accumulate(np.vstack([self.moved, _sizes(here)]))[1:]
         largest = np.maximum.accumulate(np.concatenate([self.largest[:self.levels, None], gaps], axis=1), axis=1)[:, 1:]
         last = [len(times) - 1] * self.levels
-        if self.factor != DOUBLE and self.levels == LEVELS:
-            longer, longest = made[..., 0] / np.maximum(made[..., 1], 1.0)
-            fine, rough = self._differences(moved, largest)
-            vain = stored & (made[-1, :, 1] >= SEEN) & (longer > ALIKE * longest) & (rough < FALLS * fine)
-            if vain.any():
-                self.levels, last[-1] = 1, int(np.argmax(vain))
+        vain = stored & self._is_vain(made, own, moved, largest)
+        if vain.any():
+            k = int(np.argmax(vain.any(axis=0)))
+            self.levels = int(np.argmax(vain[:, k]))
+            last[self.levels:] = [k] * (len(last) - self.levels)
+            self._check_left()
+        self.own = float(own[-1])
         self.moved = moved[-1]
         for level, k in enumerate(last):
             self.largest[level] = largest[level, k]
             if stored[:k + 1].any():
                 self.made[level] = made[level, np.flatnonzero(stored[:k + 1])[-1]]
 
+    def _is_vain(self, made: Array, own: Array, moved: Array, largest: Array) -> Array:
+        """Return whether levels are of no use (levels, m) after the times and steps ``made`` (levels, m, 2).
+
+        Fixed steps: they are divided so often that there are many more of them than of finer ones. Adaptive steps: SEEN
+        of the second level are no longer, and its differences no larger, than those of the first.
+        """
+        steps, found = made[..., 1], np.zeros(made.shape[:2], dtype=bool)
+        if self.factor == DOUBLE:
+            return np.asarray(steps > np.maximum(MANY, DIVIDED * np.vstack([own, steps[:-1]])))
+        if self.levels == LEVELS:
+            longer, longest = made[..., 0] / np.maximum(steps, 1.0)
+            fine, rough = self._differences(moved, largest)
+            found[-1] = (steps[-1] >= SEEN) & (longer > ALIKE * longest) & (rough < FALLS * fine)
+        return found
+
     def _near(self, level: int) -> float:
         """Return the difference of times [s] that are the same."""
         return 1e-9 * self.coarse[level].dt or 1e-12 * self.stepper.spec.t_end
+
+    def _check_left(self) -> None:
+        """Fail if no level is left."""
+        if self.levels == 0:
+            self.failed = (f"steps of {self.coarse[0].dt:g} s had to be divided into many more steps than those of "
+                           f"{self.stepper.dt:g} s")
 
     def _lengths(self) -> list[float]:
         """Return the mean step length of each level."""
@@ -237,7 +257,9 @@ class Estimate:
         located = float(self.stepper.s.numbers[SWITCHED]) if self.factor == DOUBLE else 0.0
         if fine == 0.0:
             return FIXED_STEP_GAP * located, None
-        power = float(np.log(rough / fine) / np.log(self.factor)) if rough > 0.0 else 0.0
+        power: float | None = float(np.log(rough / fine) / np.log(self.factor)) if rough > 0.0 else 0.0
+        if self.factor == DOUBLE and self.levels < LEVELS:
+            power = None
         own = self.stepper.t / self.stepper.s.numbers[COUNT]
         first, second = (float(length / own) for length in self._lengths())
         largest = LARGEST[self.factor]
@@ -265,60 +287,16 @@ class Estimate:
             return ["no error estimate: longer steps had to be divided into the same steps, or there are too few "
                     "steps. Use smaller steps"]
         if self.failed:
-            return [f"no error estimate: {self.failed}. Use {self._finer}"]
+            finer = "smaller steps" if self.factor == DOUBLE else "a smaller tolerance"
+            return [f"no error estimate: {self.failed}. Use {finer}"]
         estimate, order = self._richardson()
-        if self.factor == DOUBLE and estimate and order is not None and estimate > 1e-3 and order < 0.5 * self.order:
-            return ["the steps are too large for this motion: differences from runs with longer steps show order "
-                    f"{order:.1f} instead of {self.order}; the error may be as large as {100 * estimate:.2g} %"]
-        return [] if self.factor == DOUBLE or not estimate else self._missed(estimate, order or 0.0)
-
-    def _missed(self, estimate: float, order: float) -> list[str]:
-        """Return a warning that the error is far above the tolerance, and whether steps or motion cause it.
-
-        ``order``: the observed power of the tolerance with which errors grow.
-        """
-        case, tolerance, count = self.stepper.model.case, self.stepper.tolerance, int(self.stepper.s.numbers[COUNT])
-        # no warning for the default tolerance, nor where the accuracy control judges the runs itself
-        asked = getattr(case.solver, "tolerance", None) is not None and case.accuracy is None
-        if estimate <= MISSED * tolerance or not asked:
-            return []
-        said = (f"the tolerance is missed: the estimated error is {estimate:.2g} of the largest displacements, "
-                f"{estimate / tolerance:.0f} times the tolerance {tolerance:g}. ")
-        if estimate <= count * tolerance and self.factor ** order < ASYMPTOTIC:
-            return [said + "Ten times the tolerance gives about the same error: the steps skip fast vibrations, which "
-                    "only a much smaller tolerance resolves. If these vibrations do not matter, use a larger tolerance"
-                    + self._better() + self._jump()]
-        if estimate <= count * tolerance:
-            # a tolerance between half and the range of the levels, over which the power was observed
-            share = (MISSED * tolerance / estimate) ** (1.0 / min(order, self.order))
-            share = max(min(share, 0.5), self.factor ** -LEVELS)
-            return [said + "Each step meets the tolerance, but the errors add up. Use a tolerance of about "
-                    f"{share * tolerance:.1g}" + self._better() + self._jump()]
-        # errors that do not grow add up to at most the number of steps times the tolerance
-        return [said + "The errors grow, because the motion is sensitive to its initial state, like chaotic motions. A "
-                "smaller tolerance only postpones the time from which the motion is unreliable; its statistics may "
-                "still be right"]
-
-    def _better(self) -> str:
-        """Return advice to use the recommended method if its order is higher: it errs less with fewer steps."""
-        best = INTEGRATORS[default_method(self.stepper.model)]
-        better = best.order > self.stepper.method.order
-        return f". Method {best.name} has a smaller error with fewer steps" if better else ""
-
-    def _jump(self) -> str:
-        """Return a hint if a prescribed motion starts a model at rest with a jump of velocity, like an impact."""
-        model = self.stepper.model
-        # moving obstacles move nothing before they touch
-        obstacles = [s for pair in model.contacts for s in pair.signal or ()]
-        signals = [self.stepper.signals[k] for k in self.stepper.driving]
-        if model.case.initial is not None or not any(rates_of(s, 0.0)[0] for s in signals if s not in obstacles):
-            return ""
-        return (". A prescribed motion begins at full speed, which excites vibrations like an impact. Let it begin "
-                "gradually, or give initial velocities")
-
-    @property
-    def _finer(self) -> str:
-        return "smaller steps" if self.factor == DOUBLE else "a smaller tolerance"
+        if self.factor == DOUBLE and estimate and estimate > 1e-3:
+            why = "longer steps had to be divided" if self.levels < LEVELS else ""
+            if order is not None and order < 0.5 * self.order:
+                why = f"differences from runs with longer steps show order {order:.1f} instead of {self.order}"
+            return [f"the steps are too large for this motion: {why}; the error may be as large as "
+                    f"{100 * estimate:.2g} %"] if why else []
+        return [] if self.factor == DOUBLE or not estimate else missed_tolerance(self.stepper, estimate, order or 0.0)
 
     # ------------------------------------------------------------------ checkpoints
 
@@ -341,6 +319,7 @@ class Estimate:
         self.largest[:], self.moved[:] = kept["estimate_largest"], kept["estimate_moved"]
         self.made[:] = kept["estimate_made"]
         self.levels, *self.counts = map(int, kept["estimate_counts"])
+        self._check_left()
         for k, stepper in enumerate(self.coarse):
             head = f"coarse{k}_"
             stepper.resume({name[len(head):]: v for name, v in kept.items() if name.startswith(head)})
