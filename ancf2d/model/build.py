@@ -325,9 +325,11 @@ class _Builder:
             idle = [f"springs.{k}" for (k, item), spring in
                     zip(self.case.resting_springs.items(), self.springs, strict=True)
                     if item.breaks and not spring.reference_stiffness().any()]
-            more = f" ({', '.join(idle)}: inactive in the reference)" if idle else ""
-            self.report(("boundary_conditions",), f"{motion}, so there is no static solution{more}",
-                        "a support, joint or spring that prevents this")
+            # loads may make these springs act, but load steps begin in the reference
+            so = (f"so no static solution can be reached from the reference ({', '.join(idle)}: inactive in the "
+                  "reference)") if idle else "so there is no static solution"
+            self.report(("boundary_conditions",), f"{motion}, {so}", "a support, joint or spring that prevents this"
+                        + (", such as a weak spring that always acts" if idle else ""))
 
 
 def build_model(loaded: LoadedCase, moving: bool = False, like: Model | None = None,

@@ -144,6 +144,16 @@ def test_kelvin_voigt_and_rayleigh_damping_are_exact_functions_of_undamped_frequ
     assert any("damping has no effect" in w for w in undamped["warnings"])
 
 
+def test_kelvin_voigt_damping_is_as_exact_where_bodies_have_constraints_inside() -> None:
+    """A mass divides a cable, whose halves keep one direction by a constraint: its multiplier belongs to no motion."""
+    mass = "masses: [{at: beam@0.5, mass: 0.1}]"
+    omega, tau = eigenvalues(found(mass)).imag, 2e-3
+    summary = found(mass, more=f"material: {{damping: {{kelvin_voigt: {tau}}}}}")
+    s = eigenvalues(summary)
+    np.testing.assert_allclose(s**2 + omega**2 * (1 + tau * s), 0.0, atol=1e-9 * omega[-1] ** 2)
+    assert not summary["warnings"]
+
+
 def test_fewer_pairs_than_asked_for_where_the_rest_is_overdamped() -> None:
     """Kelvin-Voigt: pairs have omega < 2/tau, everything else is real."""
     tau = 0.04

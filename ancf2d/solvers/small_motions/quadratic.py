@@ -91,12 +91,9 @@ class Search:
         if self.factors.singular:
             raise ComputationError("the matrix K + s C + s^2 M is singular for every s",
                                    advice="a mass or a stiffness for everything that can move")
-        self._fulfilled = within_constraints(problem)
+        # without multipliers, which do no work, but would grow with the space and cost all digits
+        self._within = within_constraints(problem)
         self.space = Space(problem, self._within)
-
-    def _within(self, x: Array) -> Array:
-        """Return x (n,) projected on the constraints, keeping its multipliers, so that stiff forces cost no digits."""
-        return np.where(self.problem.is_coordinate, self._fulfilled(x), x)
 
     def _inverse(self, b: Array) -> Array:
         return self.factors.solve(b)
