@@ -32,7 +32,7 @@ from ...model.breakpoints import MotionPiece, motion_pieces, piece_at
 from ...model.model import Model
 from ...model.point_patch import PointConstraint
 from ...model.timing import Signal
-from ..state import MEMORIES, Row
+from ..state import MEMORIES, Row, with_rows
 from ..system import least_size
 from .breaks import MovingPoints, impulse_of_dependents, pass_break
 from .events import Events
@@ -286,19 +286,19 @@ class Stepper:
     def _collect(self, found: list[Row], stored: int, logged: int) -> None:
         """Append the states of a call, each with the log of the steps up to it."""
         log, first, rows, piece = self.impacts.take(self.rows.log[:logged]), 0, [], self.pieces[self.piece]
-        log = np.vstack([self.pending, log])
+        log = with_rows(self.pending, log)
         t, number, kind, z, v, a, work, *memory = (x[:stored].copy() for x in self.rows.values[2:-1])
         side = np.clip(t, piece.first, piece.last)
         for k, end in enumerate((len(self.pending) + number + 1).tolist()):
             last = first if kind[k] == kernels.CHECK else max(min(end, len(log)), first)
             rows.append(Row(float(t[k]), float(side[k]), int(kind[k]), z[k], v[k], a[k], *work[k].tolist(),
-                            *(x[k] for x in memory), log[first:last]))  # type: ignore[call-arg]
+                            *(x[k] for x in memory), log[first:last].copy()))  # type: ignore[call-arg]
             first = last
         if rows and not self.answers.counts_angles:
             self._switch_items(self.evaluation_problem, piece)
             self._read(self.reads_forces, rows, side, kind, z, v, a, *memory[:3])
         found += [row for row in rows if self.keeps_checks or row.kind != kernels.CHECK]
-        self.pending = log[first:]
+        self.pending = log[first:].copy() if first else log
         self.next_wanted += 0 if self.every else int(np.count_nonzero(kind != kernels.CHECK))
 
     def _read(self, every: bool, rows: list[Row], side: Array, kind: Array, *columns: Array) -> None:
@@ -341,7 +341,7 @@ class Stepper:
 
     def last(self) -> Row:
         """Return the state at the time reached, with the rest of the log."""
-        row, self.pending = self.current_row(), self.pending[:0]
+        row, self.pending = self.current_row(), self.pending[:0].copy()
         return row
 
     def full(self, row: Row, orders: int = 3) -> list[Array]:
@@ -384,7 +384,7 @@ class Stepper:
         """Restore the motion from a checkpoint."""
         for name, value in zip(Motion._fields, self.s.values, strict=True):
             value[:] = checkpoint[name]
-        self.pending = checkpoint["log"].reshape(-1, len(LOG))
+        self.pending = checkpoint["log"].reshape(-1, len(LOG)).copy()
         self.next_wanted = int(checkpoint["places"][0])
         self.events.resume(checkpoint)
         self.impacts.resume(checkpoint)
