@@ -74,7 +74,7 @@ class StepPlan(NamedTuple):
 
     smallest, largest : step sizes; fastest : rate [m/s] above which the motion counts as failed; tracks : whether
     loads, prescribed motion or dampers do work that must be summed; lands : whether steps end at the times of stored
-    states.
+    states; checks : whether ends of steps with states inside are stored, too.
     """
 
     t0: float
@@ -86,6 +86,7 @@ class StepPlan(NamedTuple):
     fastest: float
     tracks: bool
     lands: bool
+    checks: bool
 
 
 class Rows(NamedTuple):
@@ -346,7 +347,8 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             shorten(m, s, plan, NOT_CONVERGED, h, relative)
             continue
         inside, at_end = wanted_inside(rows, next_wanted, end, NEAR * h)
-        needed, left = inside + 1 if at_end or inside > 0 else 0, len(rows.t) - stored
+        ends = at_end or (inside > 0 and plan.checks)
+        needed, left = inside + 1 if ends else inside, len(rows.t) - stored
         if needed > left and stored > 0:
             # the next call repeats this step, with room for its (further) states
             return FULL, stored, logged, outcome, iterations
@@ -371,8 +373,8 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
         set_size(s, plan, h, relative, following)
         _log(s, rows.log[logged], end, h, iterations, relative, worst)
         logged += 1
-        if needed > 0 or (rows.every > 0 and s.numbers[COUNT] % rows.every == 0):
-            kind = CHECK if needed > 0 and not at_end else END
+        if ends or (rows.every > 0 and s.numbers[COUNT] % rows.every == 0):
+            kind = CHECK if ends and not at_end else END
             time = rows.wanted[next_wanted] if at_end else end
             _store(p, rows, stored, time, logged - 1, kind, s, s.numbers[WORK], s.numbers[LOST])
             stored, next_wanted = stored + 1, next_wanted + (1 if at_end else 0)
