@@ -347,16 +347,15 @@ def advance(m, p, w, s, at, plan, rows, wanted_from, steps):  # type: ignore[no-
             shorten(m, s, plan, NOT_CONVERGED, h, relative)
             continue
         inside, at_end = wanted_inside(rows, next_wanted, end, NEAR * h)
-        ends = at_end or (inside > 0 and plan.checks)
-        needed, left = inside + 1 if ends else inside, len(rows.t) - stored
-        if needed > left and stored > 0:
+        ends, left = at_end or (inside > 0 and plan.checks), len(rows.t) - stored
+        if inside + ends > left and stored > 0:
             # the next call repeats this step, with room for its (further) states
             return FULL, stored, logged, outcome, iterations
         for _ in range(min(inside, left)):
             _store_inside(m, p, w, s, at, plan, rows, stored, rows.wanted[next_wanted], t, h, logged)
             stored, next_wanted = stored + 1, next_wanted + 1
         set_history(m, p, h, 0.0)
-        if needed > left:
+        if inside + ends > left:
             return FULL, stored, logged, outcome, iterations
         s.numbers[WORK] += work
         s.numbers[LOST] += lost
