@@ -294,7 +294,7 @@ def _called_from_python(P: Any, own: bool, slides: bool, sided: bool) -> list[Co
         signatures[sliding_check] = P.place["sliding"][1], _x
     if own:
         rows, method = type_of(_no_rows()), type_of(method_of(0, np.zeros((0, 0)), 0))
-        plan = type_of(StepPlan(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, False))
+        plan = type_of(StepPlan(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, False, False, False))
         signatures[advance] = method, P, W, M, M, plan, rows, _i, _i
     else:
         signatures |= {

@@ -270,7 +270,7 @@ class Stepper:
         assert self.m is not None
         stop, end = self.pieces[self.piece].stop, self.spec.t_end
         plan = kernels.StepPlan(0.0, stop, self.dt, self.tolerance, 1e-13 * end, self._largest(), fastest(self),
-                            self.tracks_work, self.ends_at_states)
+                            self.tracks_work, self.ends_at_states, self.keeps_checks)
         self._plan = self._plan if self._plan is not None and self._plan.values == plan else Record(plan)
         why, stored, logged, outcome, _ = kernels.advance(
             self.m.record, self.p, self.w, self.s, self._at, self._plan, self.rows, self.next_wanted, steps)
@@ -297,7 +297,7 @@ class Stepper:
         if rows and not self.answers.counts_angles:
             self._switch_items(self.evaluation_problem, piece)
             self._read(self.reads_forces, rows, side, kind, z, v, a, *memory[:3])
-        found += [row for row in rows if self.keeps_checks or row.kind != kernels.CHECK]
+        found += rows
         self.pending = log[first:].copy() if first else log
         self.next_wanted += 0 if self.every else int(np.count_nonzero(kind != kernels.CHECK))
 
