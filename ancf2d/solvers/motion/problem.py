@@ -219,7 +219,7 @@ def with_own_tables(problem: Record, model: Model) -> Record:
     if len(p.facing.item):
         # contact points write the element that they are opposite to
         points = with_own(points, "dofs", "G", "p0", "par")
-        changes["facing"] = with_own(p.facing, "now", "boxes")
+        changes["facing"] = with_own(p.facing, "now", "chords", "boxes")
     feedback = with_own(p.feedback, "last_angle", "scale", "values", "slopes", "rates", "full", "column", "watched")
     return problem.replaced(
         groups, **changes, groups=addresses(groups), states=states, prescribed=prescribed, slopes=slopes,
