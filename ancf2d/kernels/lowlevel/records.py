@@ -328,8 +328,6 @@ def _replace(words: Any, at: int, kind: Any, new: Any, old: Any) -> None:
 
 # size of an entry of an array in a record by its kind; others have 8 bytes
 _SIZES = {"b": 1, "c": 16}
-# NumPy's arrays begin, like all objects, with a head, and then the address of their data
-_word_at, _HEAD = ctypes.c_ssize_t.from_address, object.__basicsize__
 
 
 def _words(values: Any, out: list[int]) -> list[int]:
@@ -338,8 +336,7 @@ def _words(values: Any, out: list[int]) -> list[int]:
         if isinstance(value, np.ndarray):
             if not value.flags.c_contiguous or value.itemsize != _SIZES.get(value.dtype.kind, 8):
                 raise ValueError(f"an array {value.dtype} {value.strides} cannot be part of a record")
-            # __array_interface__ and ctypes.data take ten times as long
-            out.append(_word_at(id(value) + _HEAD).value)
+            out.append(value.__array_interface__["data"][0])
             out += value.shape
         elif isinstance(value, tuple):
             _words(value, out)
